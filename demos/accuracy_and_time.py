@@ -1,15 +1,16 @@
 # %% [markdown]
 # # What accuracy costs
 #
-# How large is the error of a result, and what would the next accuracy cost? A nested iteration solves on coarser meshes
-# anyway, and their solutions give an estimate. For the contact pressure it is derived from the difference between
-# successive meshes,
+# How large is the error of a result, and what would the next accuracy cost? A nested iteration
+# solves on coarser meshes anyway, and their solutions give an estimate. For the contact pressure it
+# is derived from the difference between successive meshes,
 #
 # $$\frac{\|\lambda - \lambda_h\|}{\|\lambda\|} \approx \eta_h ,$$
 #
-# see [theory](../docs/theory.md#error-estimates). Here it is compared with the true error, that is, with a
-# solution on a much finer mesh, for Example 1 of the paper with Coulomb friction. Then an accuracy is requested, and
-# the result is checked in the same way.
+# see [theory](../docs/theory.md#error-estimates). Here it is compared with the true error, that is,
+# with a
+# solution on a much finer mesh, for Example 1 of the paper with Coulomb friction. Then an accuracy
+# is requested, and the result is checked in the same way.
 
 # %%
 import os
@@ -70,22 +71,30 @@ for count in cells:
     seconds.append(sum(row.seconds for row in solution.convergence_table if not row.predicted))
     if MPI.COMM_WORLD.rank == 0:
         print(
-            f"{count:4d} cells: {price.dofs:6d} unknowns, error of the pressure {estimated[-1]:.4f} estimated, "
-            f"{true[-1]:.4f} true; the next mesh: {following.dofs} unknowns, {following.seconds:.2g} s predicted"
+            f"{count:4d} cells: {price.dofs:6d} unknowns, error of the pressure "
+            f"{estimated[-1]:.4f} estimated, "
+            f"{true[-1]:.4f} true; the next mesh: {following.dofs} unknowns, "
+            f"{following.seconds:.2g} s predicted"
         )
 write_results(solution, RESULTS)
 
 # %% [markdown]
 # ## Requesting an accuracy
 #
-# Now the meshes are chosen by the package, which stops as soon as twice the estimate meets the target.
+# Now the meshes are chosen by the package, which stops as soon as twice the estimate meets the
+# target.
 
 # %%
 TARGET = 0.05
-asked = solve(on_mesh(CELLS, 1).model_copy(update={"accuracy": Accuracy(target=TARGET, of="pressure")}))
+asked = solve(
+    on_mesh(CELLS, 1).model_copy(update={"accuracy": Accuracy(target=TARGET, of="pressure")})
+)
 reached = true_error(asked.table.columns)
 if MPI.COMM_WORLD.rank == 0:
-    print(f"asked for {TARGET}: reached {reached:.4f} with {asked.convergence_table[-2].dofs} unknowns")
+    print(
+        f"asked for {TARGET}: reached {reached:.4f} with {asked.convergence_table[-2].dofs} "
+        "unknowns"
+    )
     figure, axes = plt.subplots(figsize=(6, 3.6), layout="constrained")
     axes.loglog(seconds, true, "ko-", label="true")
     axes.loglog(seconds, estimated, "k^--", label="estimated")

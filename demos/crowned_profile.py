@@ -1,9 +1,10 @@
 # %% [markdown]
 # # A crowned profile that evens the pressure
 #
-# The edges of a flat punch press hard. A crown that recedes by $g(s)$ at the place $-1 \le s \le 1$ of the punch evens
-# the pressure: here $g(s) = c_1 s^2 + c_2 s^4 + c_3 s^{16}$. The force is prescribed, so that the largest pressure
-# cannot be below the mean one, $P / 2a$, where the mesh adds half a cell to each end. Its smooth form is minimised:
+# The edges of a flat punch press hard. A crown that recedes by $g(s)$ at the place $-1 \le s \le 1$
+# of the punch evens the pressure: here $g(s) = c_1 s^2 + c_2 s^4 + c_3 s^{16}$. The force is
+# prescribed, so that the largest pressure cannot be below the mean one, $P / 2a$, where the mesh
+# adds half a cell to each end. Its smooth form is minimised:
 #
 # $$\min_c \; \Bigl( \frac{1}{|\Gamma|} \int_\Gamma \lambda^{20} \Bigr)^{1/20}.$$
 #
@@ -32,7 +33,8 @@ UNIT = LOAD / YOUNG  # of the parameters
 # %% [markdown]
 # ## The block
 #
-# It is 3 wide and 1 high, guided at its sides, and pressed from above onto the punch below its middle.
+# It is 3 wide and 1 high, guided at its sides, and pressed from above onto the punch below its
+# middle.
 
 # %%
 corners, cells = [np.array([0.0, 0.0]), np.array([3.0, 1.0])], [CELLS, CELLS // 3]
@@ -56,9 +58,14 @@ def strain(v):
 
 a = ufl.inner(2 * mu * strain(y) + lam * ufl.tr(strain(y)) * ufl.Identity(2), strain(z)) * ufl.dx
 top = np.sort(side(1, 1.0))
-ds = ufl.Measure("ds", mesh, subdomain_data=dmesh.meshtags(mesh, 1, top, np.ones(top.size, dtype=np.int32)))
+ds = ufl.Measure(
+    "ds", mesh, subdomain_data=dmesh.meshtags(mesh, 1, top, np.ones(top.size, dtype=np.int32))
+)
 guided = space.sub(0)
-bcs = [fem.dirichletbc(0.0, fem.locate_dofs_topological(guided, 1, side(0, at)), guided) for at in (0.0, 3.0)]
+bcs = [
+    fem.dirichletbc(0.0, fem.locate_dofs_topological(guided, 1, side(0, at)), guided)
+    for at in (0.0, 3.0)
+]
 
 parameters = [fem.Constant(mesh, 0.0) for _ in range(3)]
 s = (x[0] - 1.5) / HALF
@@ -83,7 +90,9 @@ def pressed(values):
 
 
 def profile():
-    """Place, pressure over the mean one, and crown over its unit at the contact points, in order."""
+    """Place, pressure over the mean one, and crown over its unit at the contact points, in
+    order.
+    """
     state = problem.state
     depth = sum(
         c.value * np.abs((state.boundary.x[:, 0] - 1.5) / HALF) ** q

@@ -1,8 +1,9 @@
 # %% [markdown]
 # # The friction coefficient from measured slip
 #
-# How far the points of a contact slip depends on the friction coefficient $F$ in $|\mu| \le F \lambda$. Here $F$ is
-# found from noisy measurements $m_i$ of the slip $u_i$ at a few points, by least squares:
+# How far the points of a contact slip depends on the friction coefficient $F$ in $|\mu| \le F
+# \lambda$. Here $F$ is found from noisy measurements $m_i$ of the slip $u_i$ at a few points, by
+# least squares:
 #
 # $$\min_F \; \sum_i \frac{(u_i(F) - m_i)^2}{2 \sigma^2}, \qquad
 # \mathrm{sd}(F) = \frac{\sigma}{\sqrt{\sum_i (du_i / dF)^2}}.$$
@@ -32,7 +33,9 @@ TRUE, NOISE = 0.3, 2e-6
 def scene(coefficient):
     """A block that is pressed on a plane and pushed along it."""
     return Scene(
-        mesh=MeshGenerator(generator="rectangle", parameters={"length": 3.0, "nx": CELLS, "ny": CELLS // 3}),
+        mesh=MeshGenerator(
+            generator="rectangle", parameters={"length": 3.0, "nx": CELLS, "ny": CELLS // 3}
+        ),
         material=LinearElastic(young=5000.0, poisson=0.3),
         displacement=PrescribedDisplacement(boundary="left", x=0.0),
         traction=SurfaceTraction(boundary="top", x=4.0, y=-20.0),
@@ -76,7 +79,10 @@ def fit(data):
     """The coefficient that fits the data, its standard deviation, and the solves that it took."""
     known.clear()
     found = least_squares(
-        lambda f: (at(f)[0] - data) / NOISE, 0.15, jac=lambda f: at(f)[1][:, None] / NOISE, bounds=(0.01, 1.0)
+        lambda f: (at(f)[0] - data) / NOISE,
+        0.15,
+        jac=lambda f: at(f)[1][:, None] / NOISE,
+        bounds=(0.01, 1.0),
     )
     return float(found.x[0]), 1 / float(np.linalg.norm(found.jac)), len(known)
 
@@ -85,4 +91,7 @@ without_noise, _, solves = fit(exact)
 coefficient, deviation, _ = fit(measured)
 if MPI.COMM_WORLD.rank == 0:
     print(f"without noise F = {without_noise:.6f} after {solves} solves")
-    print(f"F = {coefficient:.5f}, between {coefficient - 2 * deviation:.5f} and {coefficient + 2 * deviation:.5f}")
+    print(
+        f"F = {coefficient:.5f}, between {coefficient - 2 * deviation:.5f} and "
+        f"{coefficient + 2 * deviation:.5f}"
+    )

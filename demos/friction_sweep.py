@@ -1,9 +1,10 @@
 # %% [markdown]
 # # From no friction to stick: a sweep over the coefficient
 #
-# How does the coefficient $F$ in $|\mu| \le F \lambda$ change the contact of Example 1 of the paper? Only the data on
-# the contact boundary change with it. The elastic body is assembled and factorised once, and each value starts from
-# the active sets of the one before, so that twenty values cost little more than one.
+# How does the coefficient $F$ in $|\mu| \le F \lambda$ change the contact of Example 1 of the
+# paper? Only the data on the contact boundary change with it. The elastic body is assembled and
+# factorised once, and each value starts from the active sets of the one before, so that twenty
+# values cost little more than one.
 
 # %%
 import os
@@ -22,12 +23,15 @@ RESULTS = Path("results/demos/friction_sweep")
 
 scene = read_scene(Path(__file__).parent / "scenes" / "example1_coulomb.toml")
 parameters = {**scene.mesh.parameters, "nx": CELLS, "ny": CELLS // 3}
-scene = scene.model_copy(update={"mesh": MeshGenerator(generator=scene.mesh.generator, parameters=parameters)})
+scene = scene.model_copy(
+    update={"mesh": MeshGenerator(generator=scene.mesh.generator, parameters=parameters)}
+)
 
 # %% [markdown]
 # ## Twenty coefficients
 #
-# The share of the contact that sticks, the friction force of the right half, and the largest pressure:
+# The share of the contact that sticks, the friction force of the right half, and the largest
+# pressure:
 
 # %%
 coefficients = np.linspace(0.05, 1.0, 20)
@@ -45,8 +49,8 @@ for solution in sweep(scene, "contact.friction.coefficient", coefficients):
     solves.append(solution.history.linear_solves)
 
 # %% [markdown]
-# The stick zone grows with $F$, and with it the friction force. Beyond some $F$ nothing changes any more except at the
-# very ends of the contact zone, where the pressure tends to zero.
+# The stick zone grows with $F$, and with it the friction force. Beyond some $F$ nothing changes any
+# more except at the very ends of the contact zone, where the pressure tends to zero.
 
 # %%
 if MPI.COMM_WORLD.rank == 0:

@@ -1,15 +1,17 @@
 # %% [markdown]
 # # Hertz's line contact, with and without friction
 #
-# A cylinder of radius $R$ is pressed onto a rigid plane with the force $P$ per unit thickness. While the contact is
-# narrow, $a \ll R$, and there is no friction, it has the half-width $a$ and the pressure
+# A cylinder of radius $R$ is pressed onto a rigid plane with the force $P$ per unit thickness.
+# While the contact is narrow, $a \ll R$, and there is no friction, it has the half-width $a$ and
+# the pressure
 #
-# $$a^2 = \frac{4 P R}{\pi E^*}, \qquad \lambda(x) = p_0 \sqrt{1 - x^2/a^2}, \qquad p_0 = \frac{2 P}{\pi a},
+# $$a^2 = \frac{4 P R}{\pi E^*}, \qquad \lambda(x) = p_0 \sqrt{1 - x^2/a^2}, \qquad p_0 = \frac{2
+# P}{\pi a},
 #   \qquad E^* = \frac{E}{1 - \nu^2}.$$
 #
-# By symmetry half of the lower half disk is enough. With friction there is no formula: the plane is rigid, so the
-# surface of the cylinder, which would move inwards, is held back. This makes the contact narrower and its peak pressure
-# higher.
+# By symmetry half of the lower half disk is enough. With friction there is no formula: the plane is
+# rigid, so the surface of the cylinder, which would move inwards, is held back. This makes the
+# contact narrower and its peak pressure higher.
 
 # %%
 import os
@@ -48,8 +50,8 @@ peak = 2 * force / (np.pi * HALF_WIDTH)
 # %% [markdown]
 # ## Scene
 #
-# The gap is the height of the circle over the plane, measured downwards. The mesh follows the circle (`order = 2`), and
-# so does the displacement (degree 2).
+# The gap is the height of the circle over the plane, measured downwards. The mesh follows the
+# circle (`order = 2`), and so does the displacement (degree 2).
 
 
 # %%
@@ -73,7 +75,10 @@ def pressed(friction):
         displacement=PrescribedDisplacement(boundary="symmetry", normal=0.0),
         traction=SurfaceTraction(boundary="top", pressure=force / (2 * RADIUS)),
         contact=UnilateralContact(
-            boundary="arc", gap="x[1]", direction=(0.0, -1.0), friction=Coulomb(coefficient=friction)
+            boundary="arc",
+            gap="x[1]",
+            direction=(0.0, -1.0),
+            friction=Coulomb(coefficient=friction),
         ),
     )
 
@@ -95,13 +100,15 @@ for friction in (0.0, 0.1, 0.3):
     widths[friction] = half_width(columns) / HALF_WIDTH
     peaks[friction] = columns["pressure"].max() / peak
     if MPI.COMM_WORLD.rank == 0:
-        print(f"F = {friction:g}: half-width {widths[friction]:.4f} a, peak {peaks[friction]:.4f} p0")
+        print(
+            f"F = {friction:g}: half-width {widths[friction]:.4f} a, peak {peaks[friction]:.4f} p0"
+        )
 
 write_results(solution, RESULTS)  # of the last one
 
 # %% [markdown]
-# Without friction half-width and peak are Hertz's to a few tenths of a percent, which is what the formula itself is
-# good for here, $a/R = 0.05$.
+# Without friction half-width and peak are Hertz's to a few tenths of a percent, which is what the
+# formula itself is good for here, $a/R = 0.05$.
 
 # %%
 if MPI.COMM_WORLD.rank == 0:

@@ -1,17 +1,20 @@
 # %% [markdown]
 # # The joint diagram of preloaded bolts
 #
-# A row of bolts clamps two plates, each with the preload $F_V$; then a working load $F_A$ pulls the plates apart. Bolt
-# and plates are springs with the compliances $\delta_S$ and $\delta_P$. As long as the joint is closed, the bolt takes
-# the share $\Phi$ of the working load, and the joint is relieved of the rest:
+# A row of bolts clamps two plates, each with the preload $F_V$; then a working load $F_A$ pulls the
+# plates apart. Bolt and plates are springs with the compliances $\delta_S$ and $\delta_P$. As long
+# as the joint is closed, the bolt takes the share $\Phi$ of the working load, and the joint is
+# relieved of the rest:
 #
-# $$F_S = F_V + \Phi F_A, \qquad F_K = F_V - (1 - \Phi) F_A, \qquad \Phi = n \, \frac{\delta_P}{\delta_P + \delta_S}.$$
+# $$F_S = F_V + \Phi F_A, \qquad F_K = F_V - (1 - \Phi) F_A, \qquad \Phi = n \,
+# \frac{\delta_P}{\delta_P + \delta_S}.$$
 #
-# The factor $n$ says where in the plates the load acts (VDI 2230). Once the joint is open, the bolt takes all of it:
-# $F_S = F_A$.
+# The factor $n$ says where in the plates the load acts (VDI 2230). Once the joint is open, the bolt
+# takes all of it: $F_S = F_A$.
 #
-# In plane strain and with its planes of symmetry, a quarter is enough: half of a bolt's upper half, and the upper plate
-# as far as halfway to the next bolt. Forces are those of the quarter, per length.
+# In plane strain and with its planes of symmetry, a quarter is enough: half of a bolt's upper half,
+# and the upper plate as far as halfway to the next bolt. Forces are those of the quarter, per
+# length.
 
 # %%
 import os
@@ -35,7 +38,12 @@ STEEL, ALUMINIUM = {"young": 210e3, "poisson": 0.3}, {"young": 70e3, "poisson": 
 
 def block(name, width, height, shift):
     """A rectangle with its lower left corner at ``shift``."""
-    size = {"length": width, "height": height, "nx": round(CELLS * width), "ny": round(CELLS * height)}
+    size = {
+        "length": width,
+        "height": height,
+        "nx": round(CELLS * width),
+        "ny": round(CELLS * height),
+    }
     return {"name": name, "mesh": {"generator": "rectangle", "parameters": size}, "shift": shift}
 
 
@@ -53,23 +61,40 @@ def scene(bodies, displacement=(), **given):
     names = [one["name"] for one in bodies]
     material = [{"region": name, **(ALUMINIUM if name == "plate" else STEEL)} for name in names]
     held = [*(HELD[name] for name in names), *displacement]
-    return parse_scene({"body": bodies, "element": {"degree": 2}, "material": material, "displacement": held, **given})
+    return parse_scene(
+        {
+            "body": bodies,
+            "element": {"degree": 2},
+            "material": material,
+            "displacement": held,
+            **given,
+        }
+    )
 
 
 # %% [markdown]
 # ## The bolt is tightened, then the load is applied
 #
-# `[[preload]]` tightens a section across the shank by the force $F_V$ in the first load step, and keeps the length that
-# it has led to. Head and shank are bonded.
+# `[[preload]]` tightens a section across the shank by the force $F_V$ in the first load step, and
+# keeps the length that it has led to. Head and shank are bonded.
 
 # %%
 solution = solve(
     scene(
         [PLATE, *BOLT],
         [MIDDLE],
-        preload={"region": "shank", "point": [0.0, THICK / 2], "axis": [0.0, 1.0], "force": PRELOAD},
+        preload={
+            "region": "shank",
+            "point": [0.0, THICK / 2],
+            "axis": [0.0, 1.0],
+            "force": PRELOAD,
+        },
         force=WORKING | {"factors": (LOADS / LOADS[-1]).tolist()},
-        contact=[{"boundary": "plate.bottom"}, {"boundary": "plate.top", "against": "head.bottom"}, WELD],
+        contact=[
+            {"boundary": "plate.bottom"},
+            {"boundary": "plate.top", "against": "head.bottom"},
+            WELD,
+        ],
     )
 )
 write_results(solution, RESULTS)
@@ -80,9 +105,10 @@ clamp = np.array([one.resultants.of("plate.bottom").force[1] for one in at])
 # %% [markdown]
 # ## The springs
 #
-# Bolt and plate are solved alone, with a uniform pressure under the head, of the force $F$: $\delta = 2 U / F^2$ with
-# the strain energy $U$. The energy of both loads of the plate together, without that of each, is the work of the
-# pressure on what the working load moves: over $F F_A$ this is $n \, \delta_P$.
+# Bolt and plate are solved alone, with a uniform pressure under the head, of the force $F$: $\delta
+# = 2 U / F^2$ with the strain energy $U$. The energy of both loads of the plate together, without
+# that of each, is the work of the pressure on what the working load moves: over $F F_A$ this is $n
+# \, \delta_P$.
 
 # %%
 AREA = HEAD - HOLE
@@ -105,12 +131,16 @@ moved = -(of_both - of_plate - of_load) / (AREA * LOADS[-1])
 share = moved / (delta_plate + delta_bolt)
 found = (bolt[1] - bolt[0]) / LOADS[1]
 if MPI.COMM_WORLD.rank == 0:
-    print(f"share of the bolt: {found:.3f}; by the springs {share:.3f}, with n = {moved / delta_plate:.2f}")
+    print(
+        f"share of the bolt: {found:.3f}; by the springs {share:.3f}, with n = "
+        f"{moved / delta_plate:.2f}"
+    )
 
 # %% [markdown]
 # ## The diagram
 #
-# The joint begins to open at its edge before all of it is without pressure, which the springs do not know.
+# The joint begins to open at its edge before all of it is without pressure, which the springs do
+# not know.
 
 # %%
 if MPI.COMM_WORLD.rank == 0:

@@ -1,18 +1,19 @@
 # %% [markdown]
 # # An effect of your own, in a few lines
 #
-# An effect that the package does not have can often be expressed by those that it has, without a change of its code:
-# here a load made of UFL. ([Friction laws](own_friction.py) are classes.)
+# An effect that the package does not have can often be expressed by those that it has, without a
+# change of its code: here a load made of UFL. ([Friction laws](own_friction.py) are classes.)
 #
-# Heat is an effect of the package, `[[temperature]]`, which makes it a good example: the results can be compared. A
-# body heated by $T$ wants to grow by the strain $\alpha T$ in all directions. In plane strain the stress is $\sigma
-# = C \varepsilon(y) - \beta T\, I$ with $\beta = E \alpha / (1 - 2\nu)$, and the work of the new term is a load,
+# Heat is an effect of the package, `[[temperature]]`, which makes it a good example: the results
+# can be compared. A body heated by $T$ wants to grow by the strain $\alpha T$ in all directions. In
+# plane strain the stress is $\sigma = C \varepsilon(y) - \beta T\, I$ with $\beta = E \alpha / (1 -
+# 2\nu)$, and the work of the new term is a load,
 #
 # $$L_T(z) = \int_\Omega \beta T \operatorname{div} z
 #   = \int_{\partial\Omega} \beta T\, n \cdot z - \int_\Omega \nabla(\beta T) \cdot z :$$
 #
-# a suction $\beta T$ on the whole boundary and a body force. Tractions and body forces may be UFL expressions, so this
-# function adds heat to any scene:
+# a suction $\beta T$ on the whole boundary and a body force. Tractions and body forces may be UFL
+# expressions, so this function adds heat to any scene:
 
 # %%
 import os
@@ -42,7 +43,9 @@ def heated(scene, temperature, expansion):
     """The scene with a temperature, a UFL expression or a number; ``expansion`` is alpha."""
     (material,) = scene.material
     stress = material.young * expansion / (1 - 2 * material.poisson) * temperature
-    suction = tuple(SurfaceTraction(boundary=name, pressure=-stress) for name in scene.mesh.boundaries)
+    suction = tuple(
+        SurfaceTraction(boundary=name, pressure=-stress) for name in scene.mesh.boundaries
+    )
     force = {}
     if not isinstance(stress, float):
         force = {"body_force": BodyForce(x=-stress.dx(0), y=-stress.dx(1))}
@@ -50,14 +53,16 @@ def heated(scene, temperature, expansion):
 
 
 # %% [markdown]
-# A block of height $h$ stands $d$ above the floor, its head held, its sides free. Heated by $T$ it touches down; with
-# $\sigma_{xx} = 0$ and $\varepsilon_{yy} = d/h$ the pressure is
+# A block of height $h$ stands $d$ above the floor, its head held, its sides free. Heated by $T$ it
+# touches down; with $\sigma_{xx} = 0$ and $\varepsilon_{yy} = d/h$ the pressure is
 #
 # $$\lambda = \frac{E}{1 - \nu^2}\Bigl( (1 + \nu)\, \alpha T - \frac{d}{h} \Bigr).$$
 
 # %%
 YOUNG, POISSON, ALPHA, GAP = 210000.0, 0.3, 1.2e-5, 5e-4
-tagged = generate_mesh("rectangle", {"length": 3.0, "height": 1.0, "nx": CELLS, "ny": CELLS // 3}, MPI.COMM_WORLD)
+tagged = generate_mesh(
+    "rectangle", {"length": 3.0, "height": 1.0, "nx": CELLS, "ny": CELLS // 3}, MPI.COMM_WORLD
+)
 cold = Scene(
     title="A block between head and floor",
     mesh=tagged,
@@ -66,7 +71,9 @@ cold = Scene(
     contact=UnilateralContact(boundary="bottom", gap=GAP),
     solver={"algorithm": "alm"},
 )
-held = cold.model_copy(update={"displacement": (*cold.displacement, PrescribedDisplacement(boundary="left", x=0.0))})
+held = cold.model_copy(
+    update={"displacement": (*cold.displacement, PrescribedDisplacement(boundary="left", x=0.0))}
+)
 uniform = solve(heated(held, 100.0, ALPHA))
 pressure = uniform.table.columns["pressure"]
 formula = YOUNG / (1 - POISSON**2) * ((1 + POISSON) * ALPHA * 100.0 - GAP)
@@ -75,8 +82,8 @@ if MPI.COMM_WORLD.rank == 0:
     print(f"uniformly heated: pressure {pressure.mean():.3f}, by the formula {formula:.3f}")
 
 # %% [markdown]
-# A hot spot touches down in its middle only. (The stress in the results is $C\varepsilon(y)$; the part $-\beta T\, I$
-# is known to this script only.)
+# A hot spot touches down in its middle only. (The stress in the results is $C\varepsilon(y)$; the
+# part $-\beta T\, I$ is known to this script only.)
 
 # %%
 x = ufl.SpatialCoordinate(tagged.mesh)

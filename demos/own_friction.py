@@ -1,14 +1,14 @@
 # %% [markdown]
 # # A friction law of your own
 #
-# The shear cannot grow without limit with the pressure: metals yield at some $k$. A smooth law between Coulomb's and a
-# constant shear is
+# The shear cannot grow without limit with the pressure: metals yield at some $k$. A smooth law
+# between Coulomb's and a constant shear is
 #
 # $$|\mu| \le g(\lambda) = k \bigl(1 - e^{-F \lambda / k}\bigr) .$$
 #
-# A law is a class: its parameters, the bound, and its derivative. `concave` says that $g$ is below its tangent at zero
-# and below its limit, which is what statics uses. All that a law says is tried at pressures up to the modulus of the
-# body before anything is solved.
+# A law is a class: its parameters, the bound, and its derivative. `concave` says that $g$ is below
+# its tangent at zero and below its limit, which is what statics uses. All that a law says is tried
+# at pressures up to the modulus of the body before anything is solved.
 
 # %%
 import os
@@ -35,20 +35,33 @@ class Saturating(FrictionLaw):
 
 
 # %% [markdown]
-# It stands where `Coulomb` may stand: in the `contact` of a scene, as here, in `Foundation(..., friction=...)` and in
-# `Pair(..., friction=...)`. Its parameters have derivatives. Scene files know it by its name, with an
-# entry point of your package.
+# It stands where `Coulomb` may stand: in the `contact` of a scene, as here, in `Foundation(...,
+# friction=...)` and in `Pair(..., friction=...)`. Its parameters have derivatives. Scene files know
+# it by its name, with an entry point of your package.
 
 # %%
 cells = int(os.environ.get("CELLS", "60"))
 scene = Scene(
-    mesh={"generator": "rectangle", "parameters": {"length": 3.0, "height": 1.0, "nx": cells, "ny": cells // 3}},
+    mesh={
+        "generator": "rectangle",
+        "parameters": {"length": 3.0, "height": 1.0, "nx": cells, "ny": cells // 3},
+    },
     material={"young": 5000.0, "poisson": 0.4},
     displacement=[{"boundary": side, "x": 0.0} for side in ("left", "right")],
-    traction={"boundary": "top", "x": "10 if 1 <= x[0] <= 2 else 0", "y": "-20 if 1 <= x[0] <= 2 else 0"},
-    contact={"boundary": "bottom", "gap": "0.003*(x[0] - 1.5)**2 + 0.001", "friction": Saturating(0.3, 3.0)},
+    traction={
+        "boundary": "top",
+        "x": "10 if 1 <= x[0] <= 2 else 0",
+        "y": "-20 if 1 <= x[0] <= 2 else 0",
+    },
+    contact={
+        "boundary": "bottom",
+        "gap": "0.003*(x[0] - 1.5)**2 + 0.001",
+        "friction": Saturating(0.3, 3.0),
+    },
 )
 solution = solve(scene)
-found = sensitivity(scene, "force bottom x", ["contact.friction.coefficient", "contact.friction.largest"])
+found = sensitivity(
+    scene, "force bottom x", ["contact.friction.coefficient", "contact.friction.largest"]
+)
 write_results(solution, "results/demos/own_friction")
 print(f"{solution.certificate}; d(force)/dF, dk: {found}")

@@ -1,16 +1,17 @@
 # %% [markdown]
 # # Press and slide: a friction loop
 #
-# A block is pressed onto a rough foundation, then its top is pushed to the right and pulled back, twice. With load
-# steps the friction law acts on what a step adds to the tangential displacement,
+# A block is pressed onto a rough foundation, then its top is pushed to the right and pulled back,
+# twice. With load steps the friction law acts on what a step adds to the tangential displacement,
 #
 # $$|\mu| \le F \lambda, \qquad |\mu| < F\lambda \Rightarrow \Delta\tau_T y = 0, \qquad
 #   |\mu| = F\lambda \Rightarrow \mu \text{ has the direction of } \Delta\tau_T y,$$
 #
-# so the result depends on the load path. Over a closed loop the work of the push equals the work that friction
-# dissipates,
+# so the result depends on the load path. Over a closed loop the work of the push equals the work
+# that friction dissipates,
 #
-# $$\oint T \,\mathrm{d}u_{\mathrm{top}} = \sum_{\text{steps}} \int_{\Gamma_c} \mu\, \Delta\tau_T y .$$
+# $$\oint T \,\mathrm{d}u_{\mathrm{top}} = \sum_{\text{steps}} \int_{\Gamma_c} \mu\, \Delta\tau_T y
+# .$$
 
 # %%
 import os
@@ -34,7 +35,9 @@ RESULTS = Path("results/demos/press_and_slide")
 
 # %%
 scene = read_scene(Path(__file__).parent / "scenes" / "press_and_slide.toml")
-mesh = MeshGenerator(generator="rectangle", parameters={**scene.mesh.parameters, "nx": CELLS, "ny": CELLS // 3})
+mesh = MeshGenerator(
+    generator="rectangle", parameters={**scene.mesh.parameters, "nx": CELLS, "ny": CELLS // 3}
+)
 scene = scene.model_copy(update={"mesh": mesh})
 (push,) = (load for load in scene.displacement if load.factors)
 top = push.x * np.array(push.factors)
@@ -45,15 +48,17 @@ top = push.x * np.array(push.factors)
 # %%
 solution = solve(scene)
 write_results(solution, RESULTS)
-force = np.array([-step.contact.forces[1][0] for step in solution.steps])  # what must be pushed with
+force = np.array(
+    [-step.contact.forces[1][0] for step in solution.steps]
+)  # what must be pushed with
 work = np.array([step.contact.friction_work for step in solution.steps])
 
 # %% [markdown]
 # ## The loop
 #
-# The second loop, from step 20 to step 36, repeats the first. Its area, computed by the trapezoidal rule, is the work
-# of friction in these steps; the rule is exact only where the force is linear within a step, so they agree to a few
-# percent.
+# The second loop, from step 20 to step 36, repeats the first. Its area, computed by the trapezoidal
+# rule, is the work of friction in these steps; the rule is exact only where the force is linear
+# within a step, so they agree to a few percent.
 
 # %%
 LOOP = slice(20, 37)
@@ -61,7 +66,9 @@ area = np.trapezoid(force[LOOP], top[LOOP])
 lost = work[21:37].sum()
 closing = abs(force[36] - force[20]) / force.max()
 if MPI.COMM_WORLD.rank == 0:
-    print(f"largest force {force.max():.4f}, area of the loop {area:.6f}, work of friction {lost:.6f}")
+    print(
+        f"largest force {force.max():.4f}, area of the loop {area:.6f}, work of friction {lost:.6f}"
+    )
     figure, axes = plt.subplots(figsize=(6, 3.6), layout="constrained")
     axes.plot(top[:5], force[:5], "k:", label="first push")
     axes.plot(top[4:21], force[4:21], color="0.75", linewidth=4, label="first loop")

@@ -1,14 +1,15 @@
 # %% [markdown]
 # # A sphere pressed on a plane and pushed sideways
 #
-# A sphere of radius $R$ is pressed onto a rigid plane with the force $P$. Without friction the contact is a disc of
-# radius $a$ with the pressure of Hertz,
+# A sphere of radius $R$ is pressed onto a rigid plane with the force $P$. Without friction the
+# contact is a disc of radius $a$ with the pressure of Hertz,
 #
-# $$a^3 = \frac{3 P R}{4 E^*}, \qquad \lambda(r) = p_0 \sqrt{1 - r^2/a^2}, \qquad p_0 = \frac{3 P}{2 \pi a^2},
+# $$a^3 = \frac{3 P R}{4 E^*}, \qquad \lambda(r) = p_0 \sqrt{1 - r^2/a^2}, \qquad p_0 = \frac{3 P}{2
+# \pi a^2},
 #   \qquad E^* = \frac{E}{1 - \nu^2}.$$
 #
-# Then it is pushed along the plane with $Q < F P$. Cattaneo (1938) and Mindlin (1949) found that a ring slips from the
-# rim inwards, and that the disc of radius $c$ within still sticks:
+# Then it is pushed along the plane with $Q < F P$. Cattaneo (1938) and Mindlin (1949) found that a
+# ring slips from the rim inwards, and that the disc of radius $c$ within still sticks:
 #
 # $$\frac{c}{a} = \Bigl(1 - \frac{Q}{F P}\Bigr)^{1/3}, \qquad
 #   |\mu(r)| = F p_0 \Bigl( \sqrt{1 - r^2/a^2} - \frac{c}{a} \sqrt{1 - r^2/c^2} \Bigr),$$
@@ -18,16 +19,16 @@
 # $$\delta = \frac{3 (2 - \nu) F P}{16\, G a} \Bigl( 1 - \Bigl(1 - \frac{Q}{F P}\Bigr)^{2/3} \Bigr),
 #   \qquad G = \frac{E}{2 (1 + \nu)} .$$
 #
-# **A common pitfall.** They assume that pressing causes no shear and that the push does not change the pressure. That
-# holds for two equal bodies. On a rigid plane friction holds back the surface of the sphere, which would move inwards
-# when it is pressed. Dundurs' constant
+# **A common pitfall.** They assume that pressing causes no shear and that the push does not change
+# the pressure. That holds for two equal bodies. On a rigid plane friction holds back the surface of
+# the sphere, which would move inwards when it is pressed. Dundurs' constant
 #
 # $$\beta = \frac{1 - 2\nu}{2 (1 - \nu)}$$
 #
-# measures this effect. It is 0.29 for $\nu = 0.3$: there pressing alone makes two thirds of the contact slip before the
-# push begins, and the formulae fail. It is 0.02 for $\nu = 0.49$, for which they are compared here. They also assume
-# that every point slips along the push, which is not quite true for any $\nu > 0$. So this is a check to 5 %, not a
-# benchmark.
+# measures this effect. It is 0.29 for $\nu = 0.3$: there pressing alone makes two thirds of the
+# contact slip before the push begins, and the formulae fail. It is 0.02 for $\nu = 0.49$, for which
+# they are compared here. They also assume that every point slips along the push, which is not quite
+# true for any $\nu > 0$. So this is a check to 5 %, not a benchmark.
 
 # %%
 import os
@@ -58,14 +59,22 @@ YOUNG, RADIUS, FRICTION = 200.0, 8.0, 0.3
 # %% [markdown]
 # ## Scene
 #
-# By symmetry half of the lower half of the sphere is enough. Its flat top is moved, down and then sideways, so that it
-# cannot tilt. Curved hexahedra follow the sphere, the gap is the height over the plane. The displacement of the top is
-# not compared with anything: the approach of a body of finite size is not Hertz's. The force is computed, and radius
-# and pressure are those of the formulae for this force.
+# By symmetry half of the lower half of the sphere is enough. Its flat top is moved, down and then
+# sideways, so that it cannot tilt. Curved hexahedra follow the sphere, the gap is the height over
+# the plane. The displacement of the top is not compared with anything: the approach of a body of
+# finite size is not Hertz's. The force is computed, and radius and pressure are those of the
+# formulae for this force.
 
 # %%
 ABOUT = 0.8  # approximate radius of contact
-PUSH = (0.0, 0.25, 0.5, 0.75, 0.9, 1.1)  # of the approximate displacement at which all of the contact slips
+PUSH = (
+    0.0,
+    0.25,
+    0.5,
+    0.75,
+    0.9,
+    1.1,
+)  # of the approximate displacement at which all of the contact slips
 
 
 def pushed(poisson):
@@ -79,7 +88,9 @@ def pushed(poisson):
             generator="half_sphere",
             parameters={
                 "radius": RADIUS,
-                "contact_size": 2 * ABOUT / CELLS,  # of tetrahedra, each of which becomes four hexahedra
+                "contact_size": 2
+                * ABOUT
+                / CELLS,  # of tetrahedra, each of which becomes four hexahedra
                 "contact_zone": 1.3 * ABOUT,
                 "size": RADIUS / 2,
                 "part": "half",
@@ -95,7 +106,10 @@ def pushed(poisson):
             PrescribedDisplacement(boundary="top", x=slipping, y=0.0, factors=PUSH),
         ],
         contact=UnilateralContact(
-            boundary="sphere", gap="x[2]", direction=(0.0, 0.0, -1.0), friction=Coulomb(coefficient=FRICTION)
+            boundary="sphere",
+            gap="x[2]",
+            direction=(0.0, 0.0, -1.0),
+            friction=Coulomb(coefficient=FRICTION),
         ),
         solver={"coulomb": "newton"},
     )
@@ -104,21 +118,31 @@ def pushed(poisson):
 # %% [markdown]
 # ## What is compared
 #
-# The mean distance of Hertz's pressure from the axis is $3\pi a/16$. The friction that is still free,
-# $F\lambda - \mu \cdot e_x$, is by the formula a Hertz pressure of radius $c$, so its mean distance gives $c$. Both are
-# finer than a count of nodes; the area of the nodes that stick gives $c$ in a second way.
+# The mean distance of Hertz's pressure from the axis is $3\pi a/16$. The friction that is still
+# free,
+# $F\lambda - \mu \cdot e_x$, is by the formula a Hertz pressure of radius $c$, so its mean distance
+# gives $c$. Both are finer than a count of nodes; the area of the nodes that stick gives $c$ in a
+# second way.
 
 
 # %%
 def measure(step, poisson):
     """One step as numbers: P, Q and what they give by the formulae and by the mean distances."""
     columns = contact_table(step.contact, ["sphere"]).columns
-    radius, weight, pressure = np.hypot(columns["x"], columns["y"]), columns["weight"], columns["pressure"]
+    radius, weight, pressure = (
+        np.hypot(columns["x"], columns["y"]),
+        columns["weight"],
+        columns["pressure"],
+    )
     free = FRICTION * pressure - columns["shear_x"]
     modulus = YOUNG / (1 - poisson**2)
     force, push = 2 * weight @ pressure, 2 * weight @ columns["shear_x"]
     a = (3 * force * RADIUS / (4 * modulus)) ** (1 / 3)
-    mean = 16 / (3 * np.pi) * np.array([np.average(radius, weights=weight * share) for share in (pressure, free)])
+    mean = (
+        16
+        / (3 * np.pi)
+        * np.array([np.average(radius, weights=weight * share) for share in (pressure, free)])
+    )
     return {
         "P": force,
         "Q/FP": push / (FRICTION * force),
@@ -147,15 +171,18 @@ write_results(solution, RESULTS)
 # %% [markdown]
 # ## Force against displacement
 #
-# The top moves by the $\delta$ of the formula and by the deformation of the body between top and contact, which is
-# proportional to $Q$. This flexibility is the only number that is fitted, to the first push; the others are a check.
+# The top moves by the $\delta$ of the formula and by the deformation of the body between top and
+# contact, which is proportional to $Q$. This flexibility is the only number that is fitted, to the
+# first push; the others are a check.
 
 # %%
 load = solution.statement.displacement[-1]
 moved = load.x * np.array(PUSH)
 share, force = found["Q/FP"], found["P"]
 shear_modulus = YOUNG / (2 * 1.49)
-slip = 3 * 1.51 * FRICTION * force / (16 * shear_modulus * found["a"]) * (1 - (1 - share) ** (2 / 3))
+slip = (
+    3 * 1.51 * FRICTION * force / (16 * shear_modulus * found["a"]) * (1 - (1 - share) ** (2 / 3))
+)
 push = share * FRICTION * force
 flexibility = (moved[1] - slip[1]) / push[1]
 predicted = slip + flexibility * push
@@ -168,13 +195,25 @@ if MPI.COMM_WORLD.rank == 0:
     for poisson, columns in table.items():
         beta = (1 - 2 * poisson) / (2 * (1 - poisson))
         print(f"nu = {poisson:g}, beta = {beta:.3f}")
-        print("   P       a: Hertz  computed   p0: Hertz  computed    Q/FP    c/a: formula  computed  by area")
-        names = ("P", "a", "a computed", "p0", "p0 computed", "Q/FP", "c/a", "c/a computed", "c/a by area")
+        print(
+            "   P       a: Hertz  computed   p0: Hertz  computed    Q/FP    c/a: formula  "
+            "computed  by area"
+        )
+        names = (
+            "P",
+            "a",
+            "a computed",
+            "p0",
+            "p0 computed",
+            "Q/FP",
+            "c/a",
+            "c/a computed",
+            "c/a by area",
+        )
         for row in zip(*(columns[name] for name in names), strict=True):
             print(
-                "{:7.3f}   {:.4f}   {:.4f}     {:7.3f}   {:7.3f}    {:6.3f}      {:.3f}    {:.3f}    {:.3f}".format(
-                    *row
-                )
+                "{:7.3f}   {:.4f}   {:.4f}     {:7.3f}   {:7.3f}    {:6.3f}      {:.3f}    {:.3f} "
+                "   {:.3f}".format(*row)
             )
     print("displacement of the top: prescribed, by the formula")
     for row in zip(moved[1:], predicted[1:], strict=True):
@@ -184,7 +223,9 @@ if MPI.COMM_WORLD.rank == 0:
     left.plot(at, (1 - at) ** (1 / 3), color="0.75", linewidth=3, label="Cattaneo and Mindlin")
     for poisson, style in ((0.49, "k."), (0.3, "kx")):
         columns = table[poisson]
-        left.plot(columns["Q/FP"], columns["c/a by area"], style, label=rf"computed, $\nu$ = {poisson:g}")
+        left.plot(
+            columns["Q/FP"], columns["c/a by area"], style, label=rf"computed, $\nu$ = {poisson:g}"
+        )
     left.set(xlabel="$Q / (F P)$", ylabel="$c / a$", xlim=(0, 1), ylim=(0, 1.05))
     right.plot(predicted, push, color="0.75", linewidth=3, label="Cattaneo and Mindlin")
     right.plot(moved, push, "k.", label="computed")

@@ -1,4 +1,6 @@
-"""How Sphinx makes HTML of README, CONTRIBUTING, CHANGELOG, docs/, the demos and the docstrings: make docs."""
+"""How Sphinx makes HTML of README, CONTRIBUTING, CHANGELOG, docs/, the demos and the docstrings:
+make docs.
+"""
 
 from __future__ import annotations
 
@@ -71,7 +73,9 @@ nitpick_ignore_regex = [(r"py:.*", r".*")]  # names of other packages in docstri
 
 
 class DemoParser(MystParser):
-    """Shows a demo as a page: its text, its code, the outputs of its notebook and its pictures from the gallery."""
+    """Shows a demo as a page: its text, its code, the outputs of its notebook and its pictures from
+    the gallery.
+    """
 
     supported = ("percent",)
 
@@ -79,15 +83,23 @@ class DemoParser(MystParser):
         """Parse the Markdown that the script makes."""
         name = Path(document["source"]).stem
         gallery = _ROOT / "docs" / "images" / "gallery"
-        shown = (f"{name}_body.png", f"{name}.png") if Path(document["source"]).parent == _ROOT / "demos" else ()
+        shown = (
+            (f"{name}_body.png", f"{name}.png")
+            if Path(document["source"]).parent == _ROOT / "demos"
+            else ()
+        )
         drawn = [one for one in shown if (gallery / one).exists()]
         pictures = "".join(f"\n![Result](../docs/images/gallery/{one})\n" for one in drawn)
         shown = as_markdown(inputstring, Path(document["source"]).with_suffix(".ipynb"))
         super().parse(shown + pictures, document)
 
 
-def _escape(_app: Any, _what: str, _name: str, _object: Any, _options: Any, lines: list[str]) -> None:
-    """|x| is an absolute value in docstrings, not a substitution, and what is indented below a sentence is code."""
+def _escape(
+    _app: Any, _what: str, _name: str, _object: Any, _options: Any, lines: list[str]
+) -> None:
+    """|x| is an absolute value in docstrings, not a substitution, and what is indented below a
+    sentence is code.
+    """
     shown = list[str]()
     for k, line in enumerate(lines):
         above = lines[k - 2] if k >= 2 and not lines[k - 1] else ""
@@ -97,12 +109,18 @@ def _escape(_app: Any, _what: str, _name: str, _object: Any, _options: Any, line
 
 
 def _parameters(_app: Any, _page: str, text: list[str]) -> None:
-    """What comments of a page ask for: docstrings of mesh generators, and the table of quantities."""
+    """What comments of a page ask for: docstrings of mesh generators, and the table of
+    quantities.
+    """
     names = sorted(path.stem for path in (_ROOT / "meshes").glob("[a-z]*.py"))
-    shown = "".join(f".. automodule:: signorini_fx.meshes.{name}\n   :members: generate\n" for name in names)
+    shown = "".join(
+        f".. automodule:: signorini_fx.meshes.{name}\n   :members: generate\n" for name in names
+    )
     comment = "<!-- the parameters of all generators -->"
     if comment in text[0]:
-        links = re.sub(r"\[(\w+)\]\(\.\./meshes/\w+\.py\)", r"{py:mod}`\1 <signorini_fx.meshes.\1>`", text[0])
+        links = re.sub(
+            r"\[(\w+)\]\(\.\./meshes/\w+\.py\)", r"{py:mod}`\1 <signorini_fx.meshes.\1>`", text[0]
+        )
         text[0] = links.replace(comment, f"```{{eval-rst}}\n{shown}```")
     text[0] = text[0].replace("<!-- the table of all quantities -->", markdown())
 
@@ -112,15 +130,21 @@ _DATA = ("Parameter",)
 
 
 def _api_pages(_app: Any) -> None:
-    """A page in docs/api for each name that a block of docs/api.md lists, with its members where the block says so."""
+    """A page in docs/api for each name that a block of docs/api.md lists, with its members where
+    the block says so.
+    """
     folder = _ROOT / "docs" / "api"
     folder.mkdir(exist_ok=True)
     for old in folder.glob("*.md"):
         old.unlink()
-    for line in "".join(_API.findall((_ROOT / "docs" / "api.md").read_text(encoding="utf-8"))).splitlines():
+    for line in "".join(
+        _API.findall((_ROOT / "docs" / "api.md").read_text(encoding="utf-8"))
+    ).splitlines():
         path, _, asked = line.partition(": members")
         name = path.rpartition(".")[2]
-        kind = "exception" if name.endswith("Error") else "class" if name[0].isupper() else "function"
+        kind = (
+            "exception" if name.endswith("Error") else "class" if name[0].isupper() else "function"
+        )
         members, _, excluded = asked.replace(" undocumented", "").partition(" but ")
         options = [f"   :members: {members}".rstrip()] if ": members" in line else []
         options += [f"   :exclude-members: {excluded}"] if excluded else []
@@ -140,16 +164,25 @@ def _links(block: re.Match[str]) -> str:
     paths = [line.partition(":")[0] for line in block[1].splitlines()]
     names = [path.rpartition(".")[2] for path in paths]
     tree = "\n".join(("```{toctree}", ":hidden:", "", *(f"api/{name}" for name in names), "```"))
-    rows = [f"- [`{name}`](api/{name}.md): {_sentence(path)}" for name, path in zip(names, paths, strict=True)]
+    rows = [
+        f"- [`{name}`](api/{name}.md): {_sentence(path)}"
+        for name, path in zip(names, paths, strict=True)
+    ]
     return "\n".join((*rows, "", tree))
 
 
 def _sentence(path: str) -> str:
     """The first one that the source says of a name of the package."""
     module, _, name = path.rpartition(".")
-    add_ons = tomllib.loads((_ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["entry-points"][ADD_ONS]
+    add_ons = tomllib.loads((_ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"][
+        "entry-points"
+    ][ADD_ONS]
     if not module:
-        where = add_ons[name] if name in signorini_fx._ADDED else f"{signorini_fx._MODULE_OF[name]}:{name}"
+        where = (
+            add_ons[name]
+            if name in signorini_fx._ADDED
+            else f"{signorini_fx._MODULE_OF[name]}:{name}"
+        )
         module, _, name = where.removeprefix("signorini_fx.").partition(":")
     source = (_ROOT / "signorini_fx" / f"{module.replace('.', '/')}.py").read_text(encoding="utf-8")
     for node in ast.parse(source).body:
@@ -183,7 +216,8 @@ def _files(_app: Any, _page: str, text: list[str]) -> None:
 
 
 def _broad(_app: Any, tree: nodes.document, page: str) -> None:
-    """Plots whose letters a telephone would make too small are marked, see narrow.css; bodies have larger letters.
+    """Plots whose letters a telephone would make too small are marked, see narrow.css; bodies have
+    larger letters.
 
     The table of the gallery is marked, too.
     """
@@ -193,7 +227,11 @@ def _broad(_app: Any, tree: nodes.document, page: str) -> None:
         return
     for image in () if page in ("README", "docs/index") else tree.findall(nodes.image):
         file = _ROOT / image["uri"]
-        if file.suffix == ".png" and file.exists() and not file.stem.endswith(("_body", "foot", "setup")):
+        if (
+            file.suffix == ".png"
+            and file.exists()
+            and not file.stem.endswith(("_body", "foot", "setup"))
+        ):
             width = int.from_bytes(file.read_bytes()[16:20], "big")
             image["classes"] += ["broad"] if width >= 900 else []
 
@@ -206,7 +244,9 @@ def _hints(of: Any, *args: Any, **options: Any) -> dict[str, Any]:
     if not isinstance(of, type):  # a module, of which data are shown
         return _get_type_hints(of, *args, **options)
     written = {
-        name: hint for one in reversed(of.__mro__) for name, hint in vars(one).get("__annotations__", {}).items()
+        name: hint
+        for one in reversed(of.__mro__)
+        for name, hint in vars(one).get("__annotations__", {}).items()
     }
     known = written if is_dataclass(of) else _get_type_hints(of, *args, **options)
     values = {
@@ -220,7 +260,9 @@ def _hints(of: Any, *args: Any, **options: Any) -> dict[str, Any]:
 def _readable(annotation: Any, *args: Any, **options: Any) -> str:
     """A type without the modules of the package, and without what numpy's types are made of."""
     text = re.sub(r"~?\bsignorini_fx\.(?:\w+\.)*", "", _stringify(annotation, *args, **options))
-    text = re.sub(r"(?:~?numpy\.)?ndarray\[tuple\[[^\]]*\], (?:~?numpy\.)?dtype\[[^\]]*\]\]", "ndarray", text)
+    text = re.sub(
+        r"(?:~?numpy\.)?ndarray\[tuple\[[^\]]*\], (?:~?numpy\.)?dtype\[[^\]]*\]\]", "ndarray", text
+    )
     text = re.sub(r"_Buffer \|.*?\bstr\]", "ArrayLike", text)
     return re.sub(r"npt\.NDArray\[[^\]]*\]|\b(?:Array|Floats|Nodal)\b", "ndarray", text)
 
@@ -242,10 +284,14 @@ def _formula(writer: Any, node: nodes.Element) -> None:
     try:
         formula = tex2mathml(node.astext(), as_block=block)
     except MathError as error:
-        logging.getLogger(__name__).warning("this formula cannot be shown: %s", error, location=node)
+        logging.getLogger(__name__).warning(
+            "this formula cannot be shown: %s", error, location=node
+        )
         raise nodes.SkipNode from None
     writer.body.append(
-        f'<div class="math" style="overflow-x: auto; padding: 0.6em 0">{formula}</div>' if block else formula
+        f'<div class="math" style="overflow-x: auto; padding: 0.6em 0">{formula}</div>'
+        if block
+        else formula
     )
     raise nodes.SkipNode
 

@@ -1,7 +1,8 @@
-"""Scripts that are divided into cells by lines ``# %%``: as Markdown for these pages, and as notebooks.
+"""Scripts that are divided into cells by lines ``# %%``: as Markdown for these pages, and as
+notebooks.
 
-``./env python3 docs/percent.py demos/tutorial.py`` runs the script as a notebook and writes ``demos/tutorial.ipynb``
-with its outputs, which the page of the script shows too.
+``./env python3 docs/percent.py demos/tutorial.py`` runs the script as a notebook and writes
+``demos/tutorial.ipynb`` with its outputs, which the page of the script shows too.
 """
 
 from __future__ import annotations
@@ -60,7 +61,9 @@ def _shown(output: dict[str, Any]) -> str:
     if "image/png" in data:
         return f'<img alt="Output" src="data:image/png;base64,{data["image/png"].strip()}">'
     if "text/html" in data:
-        table = re.sub(r"\n\s*\n", "\n", data["text/html"])  # a blank line would end the block of HTML
+        table = re.sub(
+            r"\n\s*\n", "\n", data["text/html"]
+        )  # a blank line would end the block of HTML
         return f'<div style="overflow-x: auto">{table}</div>'
     text = "".join(output.get("text", "")) or data.get("text/plain", "")
     text = re.sub(r"\n\s*\n", "\n", text)
@@ -73,7 +76,10 @@ def as_notebook(script: str) -> str:
     from nbformat import v4
 
     make = {"markdown": v4.new_markdown_cell, "code": v4.new_code_cell}
-    made = [make[kind](text, id=f"cell-{number}") for number, (kind, text) in enumerate(cells(script), 1)]
+    made = [
+        make[kind](text, id=f"cell-{number}")
+        for number, (kind, text) in enumerate(cells(script), 1)
+    ]
     kernel = {"kernelspec": {"display_name": "Python 3", "language": "python", "name": "python3"}}
     notebook = v4.new_notebook(cells=made, metadata=kernel)
     nbformat.validate(notebook)
@@ -92,7 +98,9 @@ def executed(notebook: str) -> str:
     os.environ.pop("MPLBACKEND", None)  # a notebook shows figures
     run = nbformat.reads(notebook, as_version=4)
     with tempfile.TemporaryDirectory() as folder:
-        NotebookClient(run, kernel_name="python3", timeout=600, record_timing=False).execute(cwd=folder)
+        NotebookClient(run, kernel_name="python3", timeout=600, record_timing=False).execute(
+            cwd=folder
+        )
     run.metadata.pop("language_info", None)
     return str(nbformat.writes(run, version=4)) + "\n"
 

@@ -10,7 +10,9 @@ from signorini_fx.quantities.summary import Row, Run, Summary, own_quantities
 def markdown() -> str:
     """A row of the documentation for each result, those of others included."""
     rows = [("key", "unit", "what"), ("---", "---", "---")]
-    for key in [key for key in Summary.model_fields if key not in Run.model_fields and key != "steps"]:
+    for key in [
+        key for key in Summary.model_fields if key not in Run.model_fields and key != "steps"
+    ]:
         field = Summary.model_fields[key]
         inner = _keys_of(field.annotation)
         what = (field.description or "").rstrip(".")
@@ -26,6 +28,8 @@ def _keys_of(annotation: Any) -> list[str]:
 
 
 def _unit_of(key: str) -> str:
-    """What a figure of the summary is measured in, a word of ``units.names_of``; "": it has no unit, or several."""
+    """What a figure of the summary is measured in, a word of ``units.names_of``; "": it has no
+    unit, or several.
+    """
     extra = Summary.model_fields[key].json_schema_extra
     return str(extra["unit"]) if isinstance(extra, dict) else ""

@@ -20,9 +20,20 @@ FLOOR = 0.0
 
 
 def _arrow(
-    axes: Any, start: tuple[float, float], end: tuple[float, float], color: str = "k", style: str = "-|>"
+    axes: Any,
+    start: tuple[float, float],
+    end: tuple[float, float],
+    color: str = "k",
+    style: str = "-|>",
 ) -> None:
-    shape = {"arrowstyle": style, "color": color, "lw": 1.4, "shrinkA": 0, "shrinkB": 0, "mutation_scale": 11}
+    shape = {
+        "arrowstyle": style,
+        "color": color,
+        "lw": 1.4,
+        "shrinkA": 0,
+        "shrinkB": 0,
+        "mutation_scale": 11,
+    }
     axes.annotate("", end, start, arrowprops=shape)
 
 
@@ -79,7 +90,14 @@ def _after(axes: Any) -> None:
         _arrow(axes, (place, FLOOR - 0.62), (place, FLOOR), FORCE)
     axes.text(1.35, -0.5, "pressure > 0\non the body", va="center", color=FORCE)
     _arrow(axes, (0.3, -0.36), (-0.55, -0.36), FORCE)
-    axes.text(-0.65, -0.5, "shear > 0: the foundation\nholds the body back", ha="right", va="center", color=FORCE)
+    axes.text(
+        -0.65,
+        -0.5,
+        "shear > 0: the foundation\nholds the body back",
+        ha="right",
+        va="center",
+        color=FORCE,
+    )
     axes.set_title("after: what the foundation does to the body")
 
 

@@ -34,7 +34,9 @@ def sentences(page: Path) -> list[str]:
     found = [
         " ".join(sentence.split())
         for paragraph in re.split(r"\n\s*\n", text)
-        for sentence in re.split(r"(?<=[.!?])[)*\"]*\s+(?=[\"(*]*(?![a-z]{2})\w)", paragraph.strip())
+        for sentence in re.split(
+            r"(?<=[.!?])[)*\"]*\s+(?=[\"(*]*(?![a-z]{2})\w)", paragraph.strip()
+        )
     ]
     return [sentence for sentence in found if len(sentence.split()) > 1]
 
@@ -49,5 +51,8 @@ if __name__ == "__main__":
         print(*long_sentences(Path(sys.argv[-1])), sep="\n\n")
     else:
         for one in pages():
-            print(f"{words(one):6} {len(long_sentences(one)) / max(len(sentences(one)), 1):6.1%}  {one.name}")
+            print(
+                f"{words(one):6} {len(long_sentences(one)) / max(len(sentences(one)), 1):6.1%}  "
+                f"{one.name}"
+            )
         print(f"{sum(map(words, pages())):6} words")

@@ -15,19 +15,24 @@ from signorini_fx.tuned import DIGITS_OF_FILES
 
 # A function of points of shape (3, n) that says which of them are on a surface.
 Surface = Callable[[npt.NDArray[np.float64]], npt.NDArray[np.bool_]]
-# More facets than this along the zone of small cells, or along the body, are a mistake in the input.
+# More facets than this along the zone of small cells, or along the body, are a mistake in the
+# input.
 _MOST_FACETS = 5000
 
 
 @dataclass(frozen=True)
 class Drawing:
-    """A scaled gmsh model: the tolerances of gmsh are absolute, so the numbers should be the same in all units."""
+    """A scaled gmsh model: the tolerances of gmsh are absolute, so the numbers should be the same
+    in all units.
+    """
 
     gmsh: Any  # the initialised module
     unit: float  # length of the model's unit
 
     def length(self, length: float) -> float:
-        """A length in the model's unit, the same number in all units of the scene: a mesh depends on every last bit."""
+        """A length in the model's unit, the same number in all units of the scene: a mesh depends
+        on every last bit.
+        """
         return float(f"{length / self.unit:.12g}")
 
     def point(self, x: float, y: float) -> int:
@@ -38,7 +43,9 @@ class Drawing:
 
 @dataclass(frozen=True)
 class Sizes:
-    """The length of facets: ``near`` up to the distance ``zone`` from the places, growing to ``far`` at ``reach``."""
+    """The length of facets: ``near`` up to the distance ``zone`` from the places, growing to
+    ``far`` at ``reach``.
+    """
 
     near: float
     far: float
@@ -79,7 +86,8 @@ def mesh_surface(
         points: where they are small.
         curves: where they are small.
         cell: ``triangle`` or ``quadrilateral``.
-        order: degree of the geometry; 2: facets and cells have nodes between, which are on the arcs.
+        order: degree of the geometry; 2: facets and cells have nodes between, which are on the
+            arcs.
 
     Raises:
         SceneError: the facets are so short that no machine could mesh the body.
@@ -111,7 +119,8 @@ def mesh_surface(
         gmsh.option.setNumber(f"Mesh.{option}", 0)
     if cell == "quadrilateral":
         gmsh.option.setNumber("Mesh.SubdivisionAlgorithm", 1)
-        # Triangles stay until then where the quadrilateral would be flat, as in the rounding of a fillet.
+        # Triangles stay until then where the quadrilateral would be flat, as in the rounding of a
+        # fillet.
         gmsh.option.setNumber("Mesh.RecombineMinimumQuality", 0.3)
     gmsh.model.addPhysicalGroup(2, list(bodies), name="body")
     for name, tags in boundaries.items():
@@ -121,7 +130,7 @@ def mesh_surface(
         gmsh.model.mesh.setOrder(order)
 
 
-# --- bodies in 3D -------------------------------------------------------------------------------------------------
+# --- bodies in 3D ---------------------------------------------------------------------------------
 
 
 def plane(axis: int, at: float) -> Surface:
@@ -130,7 +139,9 @@ def plane(axis: int, at: float) -> Surface:
 
 
 def around(radius: float, centre: float = 0.0) -> Surface:
-    """The points at a distance from a line along x[2], at ``centre`` on x[0], in units of the drawing."""
+    """The points at a distance from a line along x[2], at ``centre`` on x[0], in units of the
+    drawing.
+    """
     return lambda x: np.abs(np.hypot(x[0] - centre, x[1]) - radius) < 1e-5
 
 
@@ -147,10 +158,13 @@ def mesh_solid(
 
     Args:
         drawing: the model, not yet synchronised.
-        boundaries: name -> which points are on it, in units of the drawing; of several the first counts.
+        boundaries: name -> which points are on it, in units of the drawing; of several the first
+            counts.
         sizes: lengths of the edges, in units of the scene.
-        distance: distance of a position from the places where they are small, in units of the drawing.
-        cell: ``tetrahedron``, or ``hexahedron``: tetrahedra of twice the size, each divided into four hexahedra.
+        distance: distance of a position from the places where they are small, in units of the
+            drawing.
+        cell: ``tetrahedron``, or ``hexahedron``: tetrahedra of twice the size, each divided into
+            four hexahedra.
         order: degree of the geometry; 2: edges have nodes between, which are on the surfaces.
 
     Raises:
@@ -159,7 +173,9 @@ def mesh_solid(
     _refuse_short(sizes, sizes.zone)
     gmsh, stretch = drawing.gmsh, 2.0 if cell == "hexahedron" else 1.0
     gmsh.model.occ.synchronize()
-    drawn = Sizes(*(drawing.length(value) for value in (sizes.near, sizes.far, sizes.zone, sizes.reach)))
+    drawn = Sizes(
+        *(drawing.length(value) for value in (sizes.near, sizes.far, sizes.zone, sizes.reach))
+    )
 
     def size(_dim: int, _tag: int, x: float, y: float, z: float, wanted: float) -> float:
         return min(wanted, stretch * float(drawn.at(distance(x, y, z))))
@@ -208,11 +224,20 @@ def mesh_extruded(
         geo.mesh.setTransfiniteSurface(section)
         if cell == "hexahedron":
             geo.mesh.setRecombine(2, section)
-    geo.extrude([(2, section) for section in sections], 0.0, 0.0, up, [layers], recombine=cell == "hexahedron")
+    geo.extrude(
+        [(2, section) for section in sections],
+        0.0,
+        0.0,
+        up,
+        [layers],
+        recombine=cell == "hexahedron",
+    )
     geo.synchronize()
     # Centres of arcs would become nodes without a cell, which dolfinx cannot distribute.
     points = gmsh.model.getEntities(0)
-    gmsh.model.removeEntities([point for point in points if not len(gmsh.model.getAdjacencies(*point)[0])])
+    gmsh.model.removeEntities(
+        [point for point in points if not len(gmsh.model.getAdjacencies(*point)[0])]
+    )
     gmsh.model.mesh.generate(3)
     if order > 1:
         set_order(gmsh, order)
@@ -220,7 +245,9 @@ def mesh_extruded(
 
 
 def _name_solids(gmsh: Any, boundaries: Mapping[str, Surface]) -> None:
-    """Name surfaces by their nodes, of several names the first counts, and all solids together ``body``."""
+    """Name surfaces by their nodes, of several names the first counts, and all solids together
+    ``body``.
+    """
     named: dict[str, list[int]] = {}
     for _, tag in gmsh.model.getEntities(2):
         _, x, _ = gmsh.model.mesh.getNodes(2, tag, includeBoundary=True)

@@ -1,4 +1,5 @@
-"""A rectangular block, meshed by gmsh: structured, graded or unstructured, triangles or quadrilaterals.
+"""A rectangular block, meshed by gmsh: structured, graded or unstructured, triangles or
+quadrilaterals.
 
 ::
 
@@ -49,9 +50,11 @@ def generate(
         nx: facets along x[0].
         ny: facets along x[1].
         cell: shape of the cells.
-        layout: a regular grid; a grid that is finest at the middle of the bottom, with an even number of facets along
-            it (an odd number above one is reduced by one); or gmsh's unstructured mesh for the divisions of the sides.
-        grading: graded: ratio of the last facet to the first, counted from there, in both directions.
+        layout: a regular grid; a grid that is finest at the middle of the bottom, with an even
+            number of facets along it (an odd number above one is reduced by one); or gmsh's
+            unstructured mesh for the divisions of the sides.
+        grading: graded: ratio of the last facet to the first, counted from there, in both
+            directions.
 
     Returns:
         The mesh with the boundaries left, right, bottom, top.
@@ -64,7 +67,10 @@ def generate(
         if layout == "graded":
             _draw_graded(gmsh, _DRAWN_LENGTH, up, nx, ny, grading, cell)
             return
-        corners = [geo.addPoint(x, y, 0.0) for x, y in ((0, 0), (_DRAWN_LENGTH, 0), (_DRAWN_LENGTH, up), (0, up))]
+        corners = [
+            geo.addPoint(x, y, 0.0)
+            for x, y in ((0, 0), (_DRAWN_LENGTH, 0), (_DRAWN_LENGTH, up), (0, up))
+        ]
         sides = [geo.addLine(a, b) for a, b in zip(corners, corners[1:] + corners[:1], strict=True)]
         body = geo.addPlaneSurface([geo.addCurveLoop(sides)])
         for side, count in zip(sides, (nx, ny, nx, ny), strict=True):
@@ -75,7 +81,8 @@ def generate(
             geo.mesh.setRecombine(2, body)
         geo.synchronize()
         if cell == "quadrilateral" and layout == "unstructured":
-            # Blossom leaves some triangles; a subdivision of all cells makes a pure quadrilateral mesh, so the
+            # Blossom leaves some triangles; a subdivision of all cells makes a pure quadrilateral
+            # mesh, so the
             # sides are first divided into half as many facets.
             for side, count in zip(sides, (nx, ny, nx, ny), strict=True):
                 gmsh.model.mesh.setTransfiniteCurve(side, max(count // 2, 1) + 1)
@@ -89,16 +96,24 @@ def generate(
     return gmsh_mesh(comm, draw, name="block", unit=unit)
 
 
-def _draw_graded(gmsh: Any, length: float, height: float, nx: int, ny: int, grading: float, cell: str) -> None:
-    """Two grids side by side, their lines in geometric progression from the middle and from the bottom."""
+def _draw_graded(
+    gmsh: Any, length: float, height: float, nx: int, ny: int, grading: float, cell: str
+) -> None:
+    """Two grids side by side, their lines in geometric progression from the middle and from the
+    bottom.
+    """
     geo = gmsh.model.geo
     across, up = max(nx // 2, 1), ny
-    low, high = ([geo.addPoint(x, y, 0.0) for x in (0.0, length / 2, length)] for y in (0.0, height))
+    low, high = (
+        [geo.addPoint(x, y, 0.0) for x in (0.0, length / 2, length)] for y in (0.0, height)
+    )
     bottom, top = ([geo.addLine(row[1], row[end]) for end in (0, 2)] for row in (low, high))
     uprights = [geo.addLine(a, b) for a, b in zip(low, high, strict=True)]
     for lines, count in ((bottom + top, across), (uprights, up)):
         for line in lines:
-            geo.mesh.setTransfiniteCurve(line, count + 1, "Progression", grading ** (1 / max(count - 1, 1)))
+            geo.mesh.setTransfiniteCurve(
+                line, count + 1, "Progression", grading ** (1 / max(count - 1, 1))
+            )
     left, middle, right = uprights
     loops = [[left, -top[0], -middle, bottom[0]], [bottom[1], right, -top[1], -middle]]
     body = [geo.addPlaneSurface([geo.addCurveLoop(loop)]) for loop in loops]

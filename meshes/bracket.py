@@ -14,8 +14,9 @@ r"""An angle bracket with a bolt hole, meshed by gmsh, with small cells around t
              +-----------------------+
           (0,0,0)     foot        length
 
-The middle of its width is at x[1] = 0; the foot lies on the foundation, x[2] = 0, and the head of the bolt on the seat.
-If it is symmetric, it ends at x[1] = 0, where its boundary is symmetry instead of front.
+The middle of its width is at x[1] = 0; the foot lies on the foundation, x[2] = 0, and the head of
+the bolt on the seat. If it is symmetric, it ends at x[1] = 0, where its boundary is symmetry
+instead of front.
 """
 
 from __future__ import annotations
@@ -66,26 +67,34 @@ def generate(
         contact_zone: distance from the seat up to which cells are of that size.
         symmetric: only its half with x[1] >= 0.
         cell: shape of the cells; hexahedra are divided tetrahedra, whose shape is not as good.
-        order: degree of the geometry: 1: the facets of round surfaces are plane, only their corners are on them.
+        order: degree of the geometry: 1: the facets of round surfaces are plane, only their corners
+            are on them.
 
     Returns:
-        The mesh with the boundaries foot, heel, toe, top, inside (the upper face of the foot, the fillet and the leg's
-        face over the foot), back, hole, seat, and front or, if it is symmetric, symmetry.
+        The mesh with the boundaries foot, heel, toe, top, inside (the upper face of the foot, the
+        fillet and the leg's face over the foot), back, hole, seat, and front or, if it is
+        symmetric, symmetry.
     """
     flat = length - thickness - fillet
     if thickness + fillet >= min(length, height):
         refuse("thickness", "thickness and fillet together must be less than length and height")
     if 2 * seat_radius >= min(width, flat):
-        refuse("seat_radius", f"the seat does not fit: 2 seat_radius must be less than {min(width, flat):g}")
+        refuse(
+            "seat_radius",
+            f"the seat does not fit: 2 seat_radius must be less than {min(width, flat):g}",
+        )
     if radius >= seat_radius:
-        refuse("radius", f"radius must be less than seat_radius, got {radius:g} and {seat_radius:g}")
+        refuse(
+            "radius", f"radius must be less than seat_radius, got {radius:g} and {seat_radius:g}"
+        )
 
     unit = length / 6.0  # the gmsh model measures a few units
 
     def draw(gmsh: Any) -> None:
         drawing, occ = Drawing(gmsh, unit), gmsh.model.occ
         long, wide, high, thick, bend, hole, seat = (
-            drawing.length(value) for value in (length, width, height, thickness, fillet, radius, seat_radius)
+            drawing.length(value)
+            for value in (length, width, height, thickness, fillet, radius, seat_radius)
         )
         centre = (thick + bend + long) / 2
         low = 0.0 if symmetric else -wide / 2
@@ -101,12 +110,16 @@ def generate(
             )
         )
         ((_, body),) = occ.fillet([body], [edge], [bend])
-        ((_, body),) = occ.cut([(3, body)], [(3, occ.addCylinder(centre, 0.0, -thick, 0.0, 0.0, 3 * thick, hole))])[0]
+        ((_, body),) = occ.cut(
+            [(3, body)], [(3, occ.addCylinder(centre, 0.0, -thick, 0.0, 0.0, 3 * thick, hole))]
+        )[0]
         # The rim of the seat is drawn on the foot, so that facets end at it.
         rim = occ.addCircle(centre, 0.0, thick, seat)
         occ.fragment([(3, body)], [(1, rim)])
         if symmetric:
-            outside = [entity for entity in occ.getEntities(1) if occ.getCenterOfMass(*entity)[1] < -_NEAR]
+            outside = [
+                entity for entity in occ.getEntities(1) if occ.getCenterOfMass(*entity)[1] < -_NEAR
+            ]
             occ.remove(outside)
 
         def away(x: Any, y: Any) -> Any:

@@ -26,7 +26,8 @@ from signorini_fx.mechanics.mesh.tagged import gmsh_mesh
 from signorini_fx.meshes import Count, Length, generator, refuse_too_large
 from signorini_fx.meshes._drawing import Drawing, around, mesh_extruded
 
-# Corners of the core, as a share of the radius: cells in the core and around it are of one size there.
+# Corners of the core, as a share of the radius: cells in the core and around it are of one size
+# there.
 _CORE = 0.55
 
 
@@ -53,7 +54,8 @@ def generate(
         nt: cells along each quarter of the circle.
         nz: cells along x[2].
         cell: shape of the cells.
-        order: degree of the geometry: 1: the facets of the side are plane, only their corners are on the cylinder.
+        order: degree of the geometry: 1: the facets of the side are plane, only their corners are
+            on the cylinder.
 
     Returns:
         The mesh with the boundaries bottom, side, top.
@@ -66,7 +68,8 @@ def generate(
         turns = [math.radians(45 + 90 * k) for k in range(4)]
         centre = drawing.point(0.0, 0.0)
         inner, outer = (
-            [drawing.point(r * math.cos(turn), r * math.sin(turn)) for turn in turns] for r in (_CORE * radius, radius)
+            [drawing.point(r * math.cos(turn), r * math.sin(turn)) for turn in turns]
+            for r in (_CORE * radius, radius)
         )
         after = [1, 2, 3, 0]
         core = [geo.addLine(inner[k], inner[after[k]]) for k in range(4)]

@@ -1,4 +1,5 @@
-r"""The lower half of a disk that stands on the origin, meshed by gmsh, with small cells at the point of first contact.
+r"""The lower half of a disk that stands on the origin, meshed by gmsh, with small cells at the
+point of first contact.
 
 ::
 
@@ -47,7 +48,8 @@ def generate(
         contact_zone: distance from the origin up to which cells are of that size.
         symmetric: only the right half of it.
         cell: shape of the cells.
-        order: degree of the geometry: 1: the facets of the arc are straight, only their ends are on the circle.
+        order: degree of the geometry: 1: the facets of the arc are straight, only their ends are on
+            the circle.
 
     Returns:
         The mesh with the boundaries arc, top and, if it is symmetric, symmetry.
@@ -57,7 +59,9 @@ def generate(
     def draw(gmsh: Any) -> None:
         drawing = Drawing(gmsh, unit)
         geo = gmsh.model.geo
-        lowest, centre, right = (drawing.point(x, y) for x, y in ((0.0, 0.0), (0.0, radius), (radius, radius)))
+        lowest, centre, right = (
+            drawing.point(x, y) for x, y in ((0.0, 0.0), (0.0, radius), (radius, radius))
+        )
         arcs = [geo.addCircleArc(lowest, centre, right)]
         if symmetric:
             top = [geo.addLine(right, centre)]

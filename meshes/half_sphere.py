@@ -1,4 +1,5 @@
-r"""The lower half of a sphere that stands on the origin, meshed by gmsh, with small cells where contact begins.
+r"""The lower half of a sphere that stands on the origin, meshed by gmsh, with small cells where
+contact begins.
 
 ::
 
@@ -12,7 +13,8 @@ r"""The lower half of a sphere that stands on the origin, meshed by gmsh, with s
 
             whole, or half                   quarter
 
-Half of it has x[1] >= 0 and ends at symmetry_y; a quarter has x[0] >= 0 as well and ends at symmetry_x too.
+Half of it has x[1] >= 0 and ends at symmetry_y; a quarter has x[0] >= 0 as well and ends at
+symmetry_x too.
 """
 
 from __future__ import annotations
@@ -51,10 +53,12 @@ def generate(
         contact_zone: distance from the origin up to which cells are of that size.
         part: all of it, its half with x[1] >= 0, or its quarter with x[0] >= 0 as well.
         cell: shape of the cells; hexahedra are divided tetrahedra, whose shape is not as good.
-        order: degree of the geometry: 1: the facets of the sphere are plane, only their corners are on it.
+        order: degree of the geometry: 1: the facets of the sphere are plane, only their corners are
+            on it.
 
     Returns:
-        The mesh with the boundaries sphere, top, and where it is cut symmetry_y (at x[1] = 0) and symmetry_x.
+        The mesh with the boundaries sphere, top, and where it is cut symmetry_y (at x[1] = 0) and
+        symmetry_x.
     """
     unit = radius / 8.0  # the gmsh model has the size of the default body
 
@@ -76,9 +80,18 @@ def generate(
         if part == "whole":
             lowest = occ.addPoint(0.0, 0.0, 0.0)
             occ.synchronize()
-            (bowl,) = (tag for _, tag in gmsh.model.getEntities(2) if gmsh.model.getType(2, tag) != "Plane")
+            (bowl,) = (
+                tag for _, tag in gmsh.model.getEntities(2) if gmsh.model.getType(2, tag) != "Plane"
+            )
             gmsh.model.mesh.embed(0, [lowest], 2, bowl)
-        mesh_solid(drawing, names, sizes, lambda x, y, z: math.sqrt(x * x + y * y + z * z), cell=cell, order=order)
+        mesh_solid(
+            drawing,
+            names,
+            sizes,
+            lambda x, y, z: math.sqrt(x * x + y * y + z * z),
+            cell=cell,
+            order=order,
+        )
 
     sizes = Sizes(contact_size, size, zone=min(contact_zone, 0.99 * radius), reach=radius)
     return gmsh_mesh(comm, draw, name="half_sphere", unit=unit)

@@ -1,4 +1,5 @@
-r"""A plate with a round hole, for a pin or a shaft in it, meshed by gmsh, with small cells along the hole.
+r"""A plate with a round hole, for a pin or a shaft in it, meshed by gmsh, with small cells along
+the hole.
 
 ::
 
@@ -51,13 +52,19 @@ def generate(
         contact_zone: distance from the hole up to which cells are of that size.
         symmetric: only the upper half of it.
         cell: shape of the cells.
-        order: degree of the geometry: 1: the facets of the hole are straight, only their ends are on the circle.
+        order: degree of the geometry: 1: the facets of the hole are straight, only their ends are
+            on the circle.
 
     Returns:
-        The mesh with the boundaries hole, right, top, left, and bottom or, if it is symmetric, symmetry.
+        The mesh with the boundaries hole, right, top, left, and bottom or, if it is symmetric,
+        symmetry.
     """
     if 2 * radius >= min(length, height):
-        refuse("radius", f"the hole does not fit: radius must be less than half of length and height, got {radius:g}")
+        refuse(
+            "radius",
+            "the hole does not fit: radius must be less than half of length and height, got "
+            f"{radius:g}",
+        )
 
     unit = radius  # the gmsh model has the size of the default body
 
@@ -68,7 +75,9 @@ def generate(
         low = 0.0 if symmetric else -y
         corners = [drawing.point(*position) for position in ((-x, low), (x, low), (x, y), (-x, y))]
         centre = drawing.point(0.0, 0.0)
-        around = [(-radius, 0.0), (0.0, radius), (radius, 0.0), (0.0, -radius)][: 3 if symmetric else 4]
+        around = [(-radius, 0.0), (0.0, radius), (radius, 0.0), (0.0, -radius)][
+            : 3 if symmetric else 4
+        ]
         rim = [drawing.point(*position) for position in around]
         nexts = rim[1:] if symmetric else rim[1:] + rim[:1]
         hole = [geo.addCircleArc(a, centre, b) for a, b in zip(rim, nexts, strict=False)]
@@ -82,6 +91,8 @@ def generate(
         names = {"hole": hole, "right": [right], "top": [top], "left": [left]}
         names["symmetry" if symmetric else "bottom"] = flat
         sizes = Sizes(contact_size, size, zone=contact_zone, reach=max(length, height) / 2)
-        mesh_surface(drawing, [geo.addPlaneSurface(loops)], names, sizes, curves=hole, cell=cell, order=order)
+        mesh_surface(
+            drawing, [geo.addPlaneSurface(loops)], names, sizes, curves=hole, cell=cell, order=order
+        )
 
     return gmsh_mesh(comm, draw, name="plate_with_hole", unit=unit)

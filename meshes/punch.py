@@ -1,4 +1,5 @@
-r"""A punch with a flat foot and rounded edges, meshed by gmsh, with small cells where the edges begin to rise.
+r"""A punch with a flat foot and rounded edges, meshed by gmsh, with small cells where the edges
+begin to rise.
 
 ::
 
@@ -56,7 +57,8 @@ def generate(
         contact_zone: distance from there up to which cells are of that size.
         symmetric: only the right half of it.
         cell: shape of the cells.
-        order: degree of the geometry: 1: the facets of the roundings are straight, only their ends are on the arcs.
+        order: degree of the geometry: 1: the facets of the roundings are straight, only their ends
+            are on the arcs.
 
     Returns:
         The mesh with the boundaries foot, right, top, and left or, if it is symmetric, symmetry.
@@ -73,7 +75,9 @@ def generate(
         up = rounding / math.tan(math.pi / 4)
 
         def edge(*places: tuple[float, float]) -> tuple[int, int, int]:
-            """The arc around the first place, from the second to the third, and before and after it its ends."""
+            """The arc around the first place, from the second to the third, and before and after it
+            its ends.
+            """
             centre, first, last = (drawing.point(x, y) for x, y in places)
             return first, geo.addCircleArc(first, centre, last), last
 
@@ -84,7 +88,9 @@ def generate(
             start, arc, low = edge((-end, rounding), (-width / 2, up), (-end, 0.0))
             arcs.append(arc)
         right, arc, side = edge((end, rounding), (end, 0.0), (width / 2, up))
-        high, last = (drawing.point(x, height) for x in (width / 2, 0.0 if symmetric else -width / 2))
+        high, last = (
+            drawing.point(x, height) for x in (width / 2, 0.0 if symmetric else -width / 2)
+        )
         ends = ((low, right), (side, high), (high, last), (last, start))
         flat, *others = (geo.addLine(*points) for points in ends)
         foot = [*arcs, flat, arc]

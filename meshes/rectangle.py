@@ -52,17 +52,25 @@ def generate(
         diagonal: how a quadrilateral is cut into triangles.
 
     Returns:
-        The mesh with the boundaries left, right, bottom, top; what is below left and right has no name.
+        The mesh with the boundaries left, right, bottom, top; what is below left and right has no
+        name.
 
     Raises:
-        SceneError: left and right would begin elsewhere than at ``lower``, so that the body would be held elsewhere.
+        SceneError: left and right would begin elsewhere than at ``lower``, so that the body would
+            be held elsewhere.
     """
     row, near = round(lower / height * ny), 1e-9 * max(length, height)
     if not row < ny or abs(lower - row * height / ny) > near:
-        refuse("lower", f"there are no nodes at {lower:g}: with ny = {ny} it must be a multiple of {height / ny:g}")
+        refuse(
+            "lower",
+            f"there are no nodes at {lower:g}: with ny = {ny} it must be a multiple of "
+            f"{height / ny:g}",
+        )
     refuse_too_large(comm, nx * ny, cell)
     corners = [np.zeros(2), np.array([length, height])]
-    mesh = dmesh.create_rectangle(comm, corners, [nx, ny], dmesh.CellType[cell], diagonal=dmesh.DiagonalType[diagonal])
+    mesh = dmesh.create_rectangle(
+        comm, corners, [nx, ny], dmesh.CellType[cell], diagonal=dmesh.DiagonalType[diagonal]
+    )
     return tag_boundaries(
         mesh,
         {

@@ -52,13 +52,17 @@ def generate(
         nt: cells along each quarter of the ring, at least 2.
         nz: cells along x[2].
         cell: shape of the cells.
-        order: degree of the geometry: 1: the facets of the round sides are plane, only their corners are on them.
+        order: degree of the geometry: 1: the facets of the round sides are plane, only their
+            corners are on them.
 
     Returns:
         The mesh with the boundaries bottom, inner, outer, top.
     """
     if inner_radius >= radius:
-        refuse("inner_radius", f"inner_radius must be less than radius, got {inner_radius:g} and {radius:g}")
+        refuse(
+            "inner_radius",
+            f"inner_radius must be less than radius, got {inner_radius:g} and {radius:g}",
+        )
 
     unit = radius / 2.0  # the gmsh model has the size of the default body
 
@@ -69,7 +73,9 @@ def generate(
         corners = ((1, 0), (0, 1), (-1, 0), (0, -1))
         rims = [[drawing.point(r * x, r * y) for x, y in corners] for r in (inner_radius, radius)]
         after = [1, 2, 3, 0]
-        inner, outer = ([geo.addCircleArc(rim[k], centre, rim[after[k]]) for k in range(4)] for rim in rims)
+        inner, outer = (
+            [geo.addCircleArc(rim[k], centre, rim[after[k]]) for k in range(4)] for rim in rims
+        )
         spokes = [geo.addLine(a, b) for a, b in zip(*rims, strict=True)]
         loops = [[spokes[k], outer[k], -spokes[after[k]], -inner[k]] for k in range(4)]
         sections = [geo.addPlaneSurface([geo.addCurveLoop(loop)]) for loop in loops]

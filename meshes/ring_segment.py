@@ -75,15 +75,24 @@ def generate(
         def ray(at: float) -> tuple[int, int]:
             """Its outer and inner point."""
             radii = (radius, radius - thickness)
-            outer, inner = (drawing.point(r * math.sin(at), radius - r * math.cos(at)) for r in radii)
+            outer, inner = (
+                drawing.point(r * math.sin(at), radius - r * math.cos(at)) for r in radii
+            )
             return outer, inner
 
         rays = [ray(at) for at in ((0.0, turn) if symmetric else (-turn, 0.0, turn))]
         outer = [geo.addCircleArc(a[0], centre, b[0]) for a, b in pairwise(rays)]
         inner = [geo.addCircleArc(a[1], centre, b[1]) for a, b in pairwise(rays)]
         left, right = (geo.addLine(*ends) for ends in (rays[0], rays[-1]))
-        body = geo.addPlaneSurface([geo.addCurveLoop([*outer, right, *(-arc for arc in reversed(inner)), -left])])
-        names = {"outer": outer, "inner": inner, "right": [right], "symmetry" if symmetric else "left": [left]}
+        body = geo.addPlaneSurface(
+            [geo.addCurveLoop([*outer, right, *(-arc for arc in reversed(inner)), -left])]
+        )
+        names = {
+            "outer": outer,
+            "inner": inner,
+            "right": [right],
+            "symmetry" if symmetric else "left": [left],
+        }
         sizes = Sizes(contact_size, size, zone=contact_zone, reach=radius)
         lowest = rays[0 if symmetric else 1][0]
         mesh_surface(drawing, [body], names, sizes, points=[lowest], cell=cell, order=order)

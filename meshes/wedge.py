@@ -44,8 +44,8 @@ def generate(
         comm: the ranks that share the mesh.
         tip: width of the tip.
         height: extent along x[1], from 0.
-        angle: of each flank, from the vertical, degrees; with friction in a groove the wedge sticks by itself where
-            its tangent is less than the coefficient.
+        angle: of each flank, from the vertical, degrees; with friction in a groove the wedge sticks
+            by itself where its tangent is less than the coefficient.
         nx: facets along tip and top.
         ny: facets along the flanks.
         cell: shape of the cells.
@@ -58,7 +58,9 @@ def generate(
     def draw(gmsh: Any) -> None:
         drawing, geo = Drawing(gmsh, unit), gmsh.model.geo
         low, high = tip / 2, tip / 2 + height * math.tan(math.radians(angle))
-        corners = [drawing.point(x, y) for x, y in ((-low, 0), (low, 0), (high, height), (-high, height))]
+        corners = [
+            drawing.point(x, y) for x, y in ((-low, 0), (low, 0), (high, height), (-high, height))
+        ]
         sides = [geo.addLine(a, b) for a, b in zip(corners, corners[1:] + corners[:1], strict=True)]
         body = geo.addPlaneSurface([geo.addCurveLoop(sides)])
         for side, count in zip(sides, (nx, ny, nx, ny), strict=True):

@@ -1,6 +1,8 @@
-"""Signorini contact with Tresca and Coulomb friction on FEniCSx, by the semi-smooth Newton method of Kunisch & Stadler.
+"""Signorini contact with Tresca and Coulomb friction on FEniCSx, by the semi-smooth Newton method
+of Kunisch & Stadler.
 
-``from signorini_fx import Scene, read_scene, solve``.  dolfinx is imported when it is first needed, not before.
+``from signorini_fx import Scene, read_scene, solve``.  dolfinx is imported when it is first needed,
+not before.
 """
 
 from __future__ import annotations
@@ -46,12 +48,23 @@ _PUBLIC = {
     "mechanics.laws.coulomb": ("Coulomb", "NoFriction", "Tresca"),
     "mechanics.laws.protocol": ("FrictionLaw", "Parameter"),
     "mechanics.materials.isotropic": ("LinearElastic",),
-    "mechanics.materials.hyperelastic": ("MooneyRivlin", "NeoHooke", "Ogden", "SaintVenantKirchhoff"),
+    "mechanics.materials.hyperelastic": (
+        "MooneyRivlin",
+        "NeoHooke",
+        "Ogden",
+        "SaintVenantKirchhoff",
+    ),
     "mechanics.materials.nonlinear": ("Hyperelastic", "PathDependent"),
     "mechanics.materials.orthotropic": ("DirectedMaterial", "OrthotropicElastic"),
     "mechanics.materials.path_dependent": ("J2", "Maxwell"),
     "mechanics.materials.protocol": ("Material",),
-    "mechanics.mesh.tagged": ("TaggedMesh", "generate_mesh", "read_mesh", "section_in_space", "tag_boundaries"),
+    "mechanics.mesh.tagged": (
+        "TaggedMesh",
+        "generate_mesh",
+        "read_mesh",
+        "section_in_space",
+        "tag_boundaries",
+    ),
     "forms.nonlinear.problem": ("NonlinearContactProblem",),
     "mechanics.loads.follower_pressure": ("follower_pressure",),
     "quantities.summary": ("Quantity", "read_results"),
@@ -91,8 +104,12 @@ def __getattr__(name: str) -> Any:
 
         check_fenicsx()
         raise failure
-    if not name.startswith("_") and (removal := import_module("signorini_fx.removed").removal(name)):
-        raise ImportError(f"{__name__}.{name} {removal}")  # an AttributeError has no message after "from ... import"
+    if not name.startswith("_") and (
+        removal := import_module("signorini_fx.removed").removal(name)
+    ):
+        raise ImportError(
+            f"{__name__}.{name} {removal}"
+        )  # an AttributeError has no message after "from ... import"
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 

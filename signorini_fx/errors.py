@@ -15,14 +15,18 @@ class SceneError(SignoriniError):
     """The scene is wrong.
 
     Attributes:
-        problems: every error found, as (path of the key in the scene, what is wrong and what is allowed).
+        problems: every error found, as (path of the key in the scene, what is wrong and what is
+            allowed).
     """
 
     def __init__(self, problems: list[tuple[str, str]], source: str = "scene") -> None:
         self.problems = problems
         self.source = source
         super().__init__(
-            "\n".join(f"{': '.join(dict.fromkeys((source, path)))}: {message}" for path, message in problems)
+            "\n".join(
+                f"{': '.join(dict.fromkeys((source, path)))}: {message}"
+                for path, message in problems
+            )
         )
 
     def of(self, source: object) -> SceneError:
@@ -63,7 +67,9 @@ class OptionsError(SignoriniError):
 
 
 class MachineError(SignoriniError):
-    """The machine lacks what every solve needs: a C compiler, memory, a folder that can be written."""
+    """The machine lacks what every solve needs: a C compiler, memory, a folder that can be
+    written.
+    """
 
 
 class OutputError(SignoriniError):
@@ -97,25 +103,31 @@ class MissingPackageError(InstallationError):
     """An add-on needs a package that is not installed."""
 
 
-# --- what is installed ------------------------------------------------------------------------------------------------
+# --- what is installed ----------------------------------------------------------------------------
 
 FENICSX = ("mpi4py", "petsc4py", "ufl", "basix", "dolfinx")
 
 
 def check_fenicsx() -> None:
-    """Raise ``InstallationError`` if a part of FEniCSx is not installed; ``compat`` checks its version."""
+    """Raise ``InstallationError`` if a part of FEniCSx is not installed; ``compat`` checks its
+    version.
+    """
     missing = [name for name in FENICSX if find_spec(name) is None]
     if missing:
         raise needs_fenicsx(f"{', '.join(missing)} cannot be imported")
 
 
 _WAYS = """\
-    apt install python3-dolfinx python3-gmsh                              (Debian 13 or later, Python of the system)
-    pip install '.[fenicsx]'                    (checkout, Python 3.12 or later on Linux, x86-64; not by FEniCS)
-    conda install -c conda-forge fenics-dolfinx mpich python-gmsh         (not tried)
-    docker build -t signorini-fx .                                        (in the checkout, or use its ./env)"""
+    apt install python3-dolfinx python3-gmsh              (Debian 13 or later, its own Python)
+    pip install '.[fenicsx]'                (checkout, Python 3.12 or later on Linux, x86-64)
+    conda install -c conda-forge fenics-dolfinx mpich python-gmsh                 (not tried)
+    docker build -t signorini-fx .                    (in the checkout, or use its ./env)"""
 
 
 def needs_fenicsx(message: str) -> InstallationError:
-    """The error of an installation whose FEniCSx is missing, too old, or lacks something; it says where to get it."""
-    return InstallationError(f"{message}: FEniCSx with dolfinx >= 0.9 is needed. Install it by one of\n{_WAYS}")
+    """The error of an installation whose FEniCSx is missing, too old, or lacks something; it says
+    where to get it.
+    """
+    return InstallationError(
+        f"{message}: FEniCSx with dolfinx >= 0.9 is needed. Install it by one of\n{_WAYS}"
+    )

@@ -1,6 +1,8 @@
-"""What other packages add to this one: objects that they name as entry points, or that a program registers.
+"""What other packages add to this one: objects that they name as entry points, or that a program
+registers.
 
-The add-ons of this package, which the rest of it works without, are such a group of entry points, too.
+The add-ons of this package, which the rest of it works without, are such a group of entry points,
+too.
 """
 
 from __future__ import annotations
@@ -25,7 +27,17 @@ LINEAR_SOLVERS = "signorini_fx.linear_solvers"
 MATERIALS = "signorini_fx.materials"
 QUANTITIES = "signorini_fx.quantities"
 SHAPES = "signorini_fx.shapes"
-GROUPS = (ADD_ONS, EFFECTS, GENERATORS, KINEMATICS, LAWS, LINEAR_SOLVERS, MATERIALS, QUANTITIES, SHAPES)
+GROUPS = (
+    ADD_ONS,
+    EFFECTS,
+    GENERATORS,
+    KINEMATICS,
+    LAWS,
+    LINEAR_SOLVERS,
+    MATERIALS,
+    QUANTITIES,
+    SHAPES,
+)
 _CHECKOUT = Path(__file__).parents[1] / "pyproject.toml"
 _registered: dict[str, dict[str, Any]] = {}
 # What has to know of each name that a program registers in a group.
@@ -33,7 +45,8 @@ _listeners: dict[str, list[Callable[[str], None]]] = {}
 
 
 def register(group: str, name: str, extension: Any) -> None:
-    """Make an object of this program known under a name, as an entry point of an installed package would be.
+    """Make an object of this program known under a name, as an entry point of an installed package
+    would be.
 
     Args:
         group: such as ``"signorini_fx.linear_solvers"``.
@@ -70,15 +83,21 @@ def load(group: str, name: str) -> Any:
         return entry.load()
     except Exception as error:
         package = "" if entry.dist is None else f" of {entry.dist.name}"
-        raise InstallationError(f"{name!r}, {entry.value}{package}, cannot be imported: {error}") from error
+        raise InstallationError(
+            f"{name!r}, {entry.value}{package}, cannot be imported: {error}"
+        ) from error
 
 
 def load_class(group: str, name: str, base: type) -> type:
-    """The class of a name in ``names_of``, which must have a base class of this package; else InstallationError."""
+    """The class of a name in ``names_of``, which must have a base class of this package; else
+    InstallationError.
+    """
     extension = load(group, name)
     if not (isinstance(extension, type) and issubclass(extension, base)):
         article = "an" if base.__name__[0] in "AEIOU" else "a"
-        raise InstallationError(f"{name!r}, which another package adds, is not {article} {base.__name__}")
+        raise InstallationError(
+            f"{name!r}, which another package adds, is not {article} {base.__name__}"
+        )
     return extension
 
 
@@ -88,24 +107,32 @@ def is_of_package(kind: type) -> bool:
 
 
 def add_on(name: str) -> Any:
-    """What an add-on of this package does, by its name in pyproject.toml; InstallationError: it, or a package that it
-    needs, is not installed.
+    """What an add-on of this package does, by its name in pyproject.toml; InstallationError: it, or
+    a package that it needs, is not installed.
     """
     entry = _installed(tuple(sys.path))[ADD_ONS].get(name)
     if entry is None:
-        raise InstallationError(f"{name!r} {removal(name) or 'is an add-on of signorini_fx that is not installed'}")
+        raise InstallationError(
+            f"{name!r} {removal(name) or 'is an add-on of signorini_fx that is not installed'}"
+        )
     try:
         return entry.load()
     except ModuleNotFoundError as error:
         if str(error.name).startswith("signorini_fx."):
-            raise InstallationError(f"{name!r} needs {error.name}, an add-on that is not installed") from None
+            raise InstallationError(
+                f"{name!r} needs {error.name}, an add-on that is not installed"
+            ) from None
         package = str(error.name).partition(".")[0]
-        raise MissingPackageError(f"{name!r} needs {package}, which is not installed: pip install {package}") from None
+        raise MissingPackageError(
+            f"{name!r} needs {package}, which is not installed: pip install {package}"
+        ) from None
 
 
 @cache
 def _installed(_path: tuple[str, ...]) -> dict[str, dict[str, Any]]:
-    """Those on the path of Python by group, which takes milliseconds, once; ours also where it is not installed."""
+    """Those on the path of Python by group, which takes milliseconds, once; ours also where it is
+    not installed.
+    """
     stated = tomllib.loads(_CHECKOUT.read_text(encoding="utf-8")) if _CHECKOUT.is_file() else {}
     own: dict[str, dict[str, str]] = stated.get("project", {}).get("entry-points", {})
     found, installed = dict[str, dict[str, Any]](), entry_points()

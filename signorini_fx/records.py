@@ -70,105 +70,143 @@ class Status(Enum):
         return _ADVICE[self]
 
 
-_LESS_ACCURATE = "this is a certified solution on the last mesh that has one, less accurate than required"
+_LESS_ACCURATE = (
+    "this is a certified solution on the last mesh that has one, less accurate than required"
+)
 _ADVICE = {
     Status.CONVERGED: "the active sets repeat and the residual is small",
-    Status.MAX_ITERATIONS: "raise solver.max_iterations, or lower solver.gamma_n and solver.gamma_t",
+    Status.MAX_ITERATIONS: "raise solver.max_iterations, or lower solver.gamma_n and "
+    "solver.gamma_t",
     Status.OUTER_MAX_ITERATIONS: (
-        "raise solver.max_outer_iterations; a fixed point may not contract where the friction coefficient is above the "
+        "raise solver.max_outer_iterations; a fixed point may not contract where the friction "
+        "coefficient is above the "
         "uniqueness bound: set solver.coulomb = 'newton', or lower loads that friction cannot hold"
     ),
-    Status.CYCLING: "set solver.sigma = 'auto' (a node then passes through stick), or lower solver.gamma_n, gamma_t",
-    Status.NOT_HELD: "neither supports nor contact resist a rigid motion: prescribe a displacement or add friction",
+    Status.CYCLING: "set solver.sigma = 'auto' (a node then passes through stick), or lower "
+    "solver.gamma_n, gamma_t",
+    Status.NOT_HELD: "neither supports nor contact resist a rigid motion: prescribe a "
+    "displacement or add friction",
     Status.OPEN: (
-        "the load moves the body off its foundation and nothing else holds it: check the direction of the loads and "
+        "the load moves the body off its foundation and nothing else holds it: check the "
+        "direction of the loads and "
         "the gap, or prescribe a displacement"
     ),
     Status.TIPS: (
-        "the load turns the body about the edge of its contact, which no friction can prevent: lower the load, let it "
+        "the load turns the body about the edge of its contact, which no friction can prevent: "
+        "lower the load, let it "
         "act closer to the contact, or prescribe a displacement"
     ),
     Status.SLIDES: (
-        "friction cannot balance the tangential load, the whole contact slips: lower the load, raise the friction, or "
+        "friction cannot balance the tangential load, the whole contact slips: lower the load, "
+        "raise the friction, or "
         "prescribe a displacement"
     ),
     Status.SLIDES_AT_PRESSURES: (
-        "friction at the contact pressures that were found cannot carry the loads (events say which share; nothing is "
-        "proved of other pressures): lower the load, raise friction or pressure, or find the limit by load_steps"
+        "friction at the contact pressures that were found cannot carry the loads (events say "
+        "which share; nothing is "
+        "proved of other pressures): lower the load, raise friction or pressure, or find the "
+        "limit by load_steps"
     ),
-    Status.SINGULAR: "check that supports and contact hold the body, and that no cell of the mesh is degenerate",
-    Status.NOT_FINITE: "matrix or forces contain infinite or undefined numbers: check expressions, units, flat cells",
+    Status.SINGULAR: "check that supports and contact hold the body, and that no cell of the mesh "
+    "is degenerate",
+    Status.NOT_FINITE: "matrix or forces contain infinite or undefined numbers: check "
+    "expressions, units, flat cells",
     Status.LINEAR_SOLVER: (
-        "the Krylov method did not converge: set solver.linear_algebra = 'full', which takes the memory for a factor, "
+        "the Krylov method did not converge: set solver.linear_algebra = 'full', which takes the "
+        "memory for a factor, "
         "or look with -- -sfx_ksp_monitor -sfx_ksp_converged_reason"
     ),
     Status.NO_MEMORY: (
-        "the memory was used up by the factor of the matrix: use a larger machine, a coarser mesh, or in 3D "
-        "solver.linear_algebra = 'krylov'; ulimit -a shows limits, and signorini-fx check what a scene needs"
+        "the memory was used up by the factor of the matrix: use a larger machine, a coarser "
+        "mesh, or in 3D "
+        "solver.linear_algebra = 'krylov'; ulimit -a shows limits, and signorini-fx check what a "
+        "scene needs"
     ),
     Status.TOO_LARGE: (
-        "strains, rotations or displacements are too large for small strains: check the units of E, of the "
+        "strains, rotations or displacements are too large for small strains: check the units of "
+        "E, of the "
         "loads and of the lengths, the gap, the supports, and whether friction can hold the body; "
         "solver.largest_deformation is the limit"
     ),
     Status.INVERTED: (
-        "the residual of the body is not finite at the displacement that was tried: take smaller steps, a finer mesh "
+        "the residual of the body is not finite at the displacement that was tried: take smaller "
+        "steps, a finer mesh "
         "where it is squeezed, or an energy that grows without limit as the volume vanishes"
     ),
     Status.UNSTABLE: (
-        "the residual vanishes, but a displacement that contact admits lowers the energy: the body would leave this "
-        "state. Round off a sharp corner where it begins; give a slender body an imperfection, such as a small "
-        "traction across it; take a material that keeps its stiffness; prescribe a displacement in place of a force"
+        "the residual vanishes, but a displacement that contact admits lowers the energy: the "
+        "body would leave this "
+        "state. Round off a sharp corner where it begins; give a slender body an imperfection, "
+        "such as a small "
+        "traction across it; take a material that keeps its stiffness; prescribe a displacement "
+        "in place of a force"
     ),
     Status.INSIDE: (
-        "a rigid shape is inside the body, or has passed through it: begin where it is outside (the body is on the "
-        "left of a line of points), move it in smaller steps, and take facets that are not wider than the shape"
+        "a rigid shape is inside the body, or has passed through it: begin where it is outside "
+        "(the body is on the "
+        "left of a line of points), move it in smaller steps, and take facets that are not wider "
+        "than the shape"
     ),
     Status.PASSED: (
-        "a body is inside another one, or has passed through it, where contact does not see it: begin where they are "
+        "a body is inside another one, or has passed through it, where contact does not see it: "
+        "begin where they are "
         "apart, move them in smaller steps, name all sides that may touch, and give a larger reach"
     ),
-    Status.FOLDED: "the other side folds, so that a point sees it twice: take smaller steps, or give a smaller reach",
+    Status.FOLDED: "the other side folds, so that a point sees it twice: take smaller steps, or "
+    "give a smaller reach",
     Status.AT_END: (
-        "no point of contact that cannot open sees the other side any more: end the way where they still meet, take "
+        "no point of contact that cannot open sees the other side any more: end the way where "
+        "they still meet, take "
         "smaller steps, or name more of the other side"
     ),
     Status.STABILITY_UNKNOWN: (
-        "the result is an equilibrium, but whether it is stable cannot be told: J is not the derivative of F, loads "
-        "that follow the body have no energy, or the memory is too small for a factor of J. Give the derivative of F "
+        "the result is an equilibrium, but whether it is stable cannot be told: J is not the "
+        "derivative of F, loads "
+        "that follow the body have no energy, or the memory is too small for a factor of J. Give "
+        "the derivative of F "
         "as J, or set stability=False"
     ),
     Status.LIMIT: (
-        "where a force acts prescribe its displacement, to follow the body beyond a limit point; else refine the mesh, "
-        "allow a smaller step, or take a material that keeps its stiffness under compression, as neo-Hooke does"
+        "where a force acts prescribe its displacement, to follow the body beyond a limit point; "
+        "else refine the mesh, "
+        "allow a smaller step, or take a material that keeps its stiffness under compression, as "
+        "neo-Hooke does"
     ),
     Status.NOT_SOLVED: (
-        "Newton's method fails, which does not prove that there is no solution: take smaller load steps, prescribe a "
-        "displacement instead of a force, or refine the mesh; of your own forms raise max_newton, or give the "
+        "Newton's method fails, which does not prove that there is no solution: take smaller load "
+        "steps, prescribe a "
+        "displacement instead of a force, or refine the mesh; of your own forms raise max_newton, "
+        "or give the "
         "derivative of F as J"
     ),
     Status.NO_DIGIT: (
-        "round-off of the residual is as large as what loads do: evaluate strains from grad u, without the difference "
+        "round-off of the residual is as large as what loads do: evaluate strains from grad u, "
+        "without the difference "
         "of numbers near one such as I + grad u, or take a linear body"
     ),
     Status.NOT_CERTIFIED: (
-        "the check after the solve found that conditions of the problem are violated: see the certificate in the "
-        "summary; lower solver.gamma_n and solver.gamma_t, with Coulomb friction solver.tolerance, or mend flat cells"
+        "the check after the solve found that conditions of the problem are violated: see the "
+        "certificate in the "
+        "summary; lower solver.gamma_n and solver.gamma_t, with Coulomb friction "
+        "solver.tolerance, or mend flat cells"
     ),
     Status.BUDGET: f"raise the budget, or require less: {_LESS_ACCURATE}",
     Status.MEMORY: f"use a larger machine, or require less: {_LESS_ACCURATE}",
     Status.OUT_OF_REACH: (
-        f"require less, or the accuracy of the energy or of a force: no finer mesh would help; {_LESS_ACCURATE}"
+        "require less, or the accuracy of the energy or of a force: no finer mesh would help; "
+        f"{_LESS_ACCURATE}"
     ),
-    Status.COARSER: f"remove what keeps the finer mesh from a solution, or require less: {_LESS_ACCURATE}",
-    Status.ROUND_OFF: "gamma is too large for double precision: lower solver.gamma_n and solver.gamma_t",
+    Status.COARSER: "remove what keeps the finer mesh from a solution, or require less: "
+    f"{_LESS_ACCURATE}",
+    Status.ROUND_OFF: "gamma is too large for double precision: lower solver.gamma_n and "
+    "solver.gamma_t",
 }
 
 
 # The outcomes of a certified solution that is less accurate than required.
 SHORT_OF_ACCURACY = (Status.BUDGET, Status.MEMORY, Status.OUT_OF_REACH, Status.COARSER)
-# What the finer mesh says of the body, not of its solve: statics excludes a solution, or there is one that is too
-# large.  A coarser mesh does not refute this.
+# What the finer mesh says of the body, not of its solve: statics excludes a solution, or there is
+# one that is too large.  A coarser mesh does not refute this.
 OF_THE_BODY = (Status.NOT_HELD, Status.OPEN, Status.TIPS, Status.SLIDES, Status.TOO_LARGE)
 
 
@@ -185,7 +223,8 @@ class IterationRecord:
         slip_plus: number of nodes in A_f,+ of this solve.
         slip_minus: number of nodes in A_f,- of this solve.
         changed: number of nodes whose state changes in this solve, i.e. between sets k and k + 1.
-        residual: Euclidean norm of the residual after this solve with the new sets, relative to the acting forces.
+        residual: Euclidean norm of the residual after this solve with the new sets, relative to the
+            acting forces.
         factorised: whether the matrix had to be factorised again for it.
         seconds: wall time since the solve began, on this rank.
     """
@@ -212,8 +251,8 @@ class OuterRecord:
         outer: running number from 0.
         linear_solves: inner linear solves that it took.
         gamma_n: gamma_1 of the problem, stress per length; infinite where it is not regularised.
-        change: the quantity in the stopping criterion of the outer algorithm (FP: d_g of section 7), None while
-            undefined.
+        change: the quantity in the stopping criterion of the outer algorithm (FP: d_g of section
+            7), None while undefined.
         status: how the inner solve ended.
     """
 
@@ -229,7 +268,9 @@ class OuterRecord:
 class Timings:
     """Wall seconds by phase, on this rank, of this run and of the one that it goes on from."""
 
-    seconds: dict[str, float] = field(default_factory=dict)  # ``parallel.largest_timings`` reduces them
+    seconds: dict[str, float] = field(
+        default_factory=dict
+    )  # ``parallel.largest_timings`` reduces them
 
     @contextmanager
     def phase(self, name: str) -> Iterator[None]:
@@ -256,7 +297,9 @@ class StepRecord:
     time: float
 
     def __str__(self) -> str:
-        return f"load step {self.step} ({self.name + ', ' if self.name else ''}time {self.time:.6g})"
+        return (
+            f"load step {self.step} ({self.name + ', ' if self.name else ''}time {self.time:.6g})"
+        )
 
 
 Record = IterationRecord | OuterRecord | StepRecord | str
@@ -271,9 +314,11 @@ class History:
         iterations: one record per linear solve.
         outer: one record per regularised problem.
         events: decisions that a user should know about, such as a fall-back.
-        observers: called with each new record or event, and when a load step begins, to show progress.
+        observers: called with each new record or event, and when a load step begins, to show
+            progress.
         limit: the number of linear solves at which all methods end; infinite: none.
-        is_late: whether the time that the solve may take has passed, the same on all ranks; collective.
+        is_late: whether the time that the solve may take has passed, the same on all ranks;
+            collective.
         late: whether it was found to have passed; then all methods end as well.
         step: number of the load step that the solve is at, from 1.
     """
@@ -304,7 +349,9 @@ class History:
 
     @contextmanager
     def at_most(self, solves: float) -> Iterator[None]:
-        """Allow this many linear solves inside the ``with`` block, and no more than a block around it allows."""
+        """Allow this many linear solves inside the ``with`` block, and no more than a block around
+        it allows.
+        """
         outer = self.limit
         self.limit = min(outer, self.linear_solves + solves)
         try:

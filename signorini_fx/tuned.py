@@ -1,156 +1,188 @@
 """Constants that were tuned: what each does, and where it comes from.
 
-Coefficients of a formula are in the formula, and the styles of lines where they are used.  No constant here is a
-length, a stress or a time: each is a share, a factor, a power or a count, except in the estimate of costs, which
-describes a machine, and where a unit is given.
+Coefficients of a formula are in the formula, and the styles of lines where they are used.  No
+constant here is a length, a stress or a time: each is a share, a factor, a power or a count, except
+in the estimate of costs, which describes a machine, and where a unit is given.
 
-*Choice* means that a value follows from reasoning alone; *no record* means that whoever changes it has to measure.
-Unless it says otherwise a constant was tuned in 2D, on Examples 1 and 2 of Kunisch & Stadler (2005) and Hertz's problem
-(``demos/scenes``), and on random scenes (``demos/studies/random_scenes.py`` at 3c905269); those of Krylov methods were
-tuned in 3D.
+*Choice* means that a value follows from reasoning alone; *no record* means that whoever changes it
+has to measure. Unless it says otherwise a constant was tuned in 2D, on Examples 1 and 2 of Kunisch
+& Stadler (2005) and Hertz's problem (``demos/scenes``), and on random scenes
+(``demos/studies/random_scenes.py`` at 3c905269); those of Krylov methods were tuned in 3D.
 """
 
 from __future__ import annotations
 
-# --- gamma: the regularisation ---------------------------------------------------------------------------------------
+# --- gamma: the regularisation --------------------------------------------------------------------
 
 # Natural gamma = this times E / size of the body: penetration is about 1e-5 of the displacements.
 # Source: docs/theory.md, "γ"; docs/evidence/stability.csv.
 AUTOMATIC_GAMMA = 1e5
-# gamma above this times E / size loses the last digits of contact pressures.  Source: docs/evidence/stability.csv.
+# gamma above this times E / size loses the last digits of contact pressures.  Source:
+# docs/evidence/stability.csv.
 LARGEST_GAMMA = 1e9
-# Path-following begins at this times E / size, where the penetration is a hundredth of the displacements.  Choice.
+# Path-following begins at this times E / size, where the penetration is a hundredth of the
+# displacements.  Choice.
 START_GAMMA = 100.0
-# Continuation, and augmentation as a fall-back, begin at this share of the last gamma.  Source: Table 4 of the paper.
+# Continuation, and augmentation as a fall-back, begin at this share of the last gamma.  Source:
+# Table 4 of the paper.
 CONTINUATION_SHARE = 1e-4
-# The regularisation error of path-following, relative to the estimated discretisation error, by degree.
-# Source: docs/evidence/effectivity.csv; with degree 2 the model of the path is wrong by a factor of two.
+# The regularisation error of path-following, relative to the estimated discretisation error, by
+# degree.
+# Source: docs/evidence/effectivity.csv; with degree 2 the model of the path is wrong by a factor of
+# two.
 PATH_ERROR_SHARE = {1: 1.0, 2: 1 / 3}
 
-# --- fall-backs and the augmented Lagrangian method ------------------------------------------------------------------
+# --- fall-backs and the augmented Lagrangian method -----------------------------------------------
 
-# Linear solves of a load step with all fall-backs at most, as of so many problems up to their last iteration.  Choice.
+# Linear solves of a load step with all fall-backs at most, as of so many problems up to their last
+# iteration.  Choice.
 PROBLEMS_PER_STEP = 40
-# A load step of a ramp takes at most this many times the linear solves of the last one with a solution before a smaller
-# increment is tried, and the last attempt this many times those.  Choice.
+# A load step of a ramp takes at most this many times the linear solves of the last one with a
+# solution before a smaller increment is tried, and the last attempt this many times those.  Choice.
 FAILED_STEP = 3
 
-# Factor by which gamma is increased from one problem to the next, by which both gammas may differ, and which gamma is
-# at most over the stiffness at the contact nodes.  No record; see test_augmentation.py.
+# Factor by which gamma is increased from one problem to the next, by which both gammas may differ,
+# and which gamma is at most over the stiffness at the contact nodes.  No record; see
+# test_augmentation.py.
 GAMMA_GROWTH = 10.0
 
-# --- linear algebra and nested iteration -----------------------------------------------------------------------------
+# --- linear algebra and nested iteration ----------------------------------------------------------
 
-# With fewer unknowns factorisations cost no more than to condense; docs/evidence/linear_algebra_in_space.csv.
+# With fewer unknowns factorisations cost no more than to condense;
+# docs/evidence/linear_algebra_in_space.csv.
 FEWEST_CONDENSED_UNKNOWNS = 1_500
 # Three dense matrices of this many unknowns take 0.6 GB, on each rank.
 MOST_CONDENSED_UNKNOWNS = 5_000
-# Of a nonlinear body in 3D contact points are condensed onto that are nearer to their shapes than this many times the
-# largest motion to be expected; answers do not depend on it.  Source: docs/evidence/nonlinear_costs.csv.
+# Of a nonlinear body in 3D contact points are condensed onto that are nearer to their shapes than
+# this many times the largest motion to be expected; answers do not depend on it.  Source:
+# docs/evidence/nonlinear_costs.csv.
 RETAINED_REACH = 0.5
-# From this number of unknowns on a Krylov method is taken in 3D; the second where the system can be condensed.
-# Source: docs/evidence/linear_algebra_in_space.csv.
+# From this number of unknowns on a Krylov method is taken in 3D; the second where the system can be
+# condensed. Source: docs/evidence/linear_algebra_in_space.csv.
 FEWEST_KRYLOV_UNKNOWNS, FEWEST_KRYLOV_UNKNOWNS_IF_CONDENSED = 20_000, 40_000
-# From this number of unknowns on a body with a Krylov method is assembled by blocks, and a coarsest mesh with more is
-# coarsened further by aggregation.  Choice.
+# From this number of unknowns on a body with a Krylov method is assembled by blocks, and a coarsest
+# mesh with more is coarsened further by aggregation.  Choice.
 FEWEST_BLOCK_UNKNOWNS = 3_000
-# How far ahead of their use entries of blocks are asked for, in bytes; from 1,100 to 7,200 times differ by a tenth.
+# How far ahead of their use entries of blocks are asked for, in bytes; from 1,100 to 7,200 times
+# differ by a tenth.
 PREFETCHED_BYTES = 3_600
-# Above this Poisson's ratio a factorisation is taken: multigrid takes three times as many steps as for 0.4.
+# Above this Poisson's ratio a factorisation is taken: multigrid takes three times as many steps as
+# for 0.4.
 LARGEST_MULTIGRID_POISSON = 0.49
-# Left by a Krylov solve of its residual while the sets change.  Source: docs/evidence/whole_solves_in_space.csv.
+# Left by a Krylov solve of its residual while the sets change.  Source:
+# docs/evidence/whole_solves_in_space.csv.
 INEXACT_TOLERANCE = 0.03
 # Steps of a Krylov method at most: ten times as many as it was seen to take.  Choice.
 KRYLOV_STEPS = 1000
-# A mesh is a level of multigrid for another one whose cells are between these many times smaller.  Choice.
+# A mesh is a level of multigrid for another one whose cells are between these many times smaller.
+# Choice.
 FINER_LEVELS = (1.5, 3.0)
 
-# A node is in the middle between two coarse ones if the farther is at most this times farther away.  Choice.
+# A node is in the middle between two coarse ones if the farther is at most this times farther away.
+# Choice.
 MIDDLE_RATIO = 1.5
 
-# --- error estimates -------------------------------------------------------------------------------------------------
+# --- error estimates ------------------------------------------------------------------------------
 
-# The squared error of a linear interpolant is h^3 [p']^2 / 120 per node where p is smooth, and nearly four times that
-# where it ends like a square root.  Tuned on the scenes of docs/evidence/effectivity.csv, within [0.5, 2].
+# The squared error of a linear interpolant is h^3 [p']^2 / 120 per node where p is smooth, and
+# nearly four times that where it ends like a square root.  Tuned on the scenes of
+# docs/evidence/effectivity.csv, within [0.5, 2].
 KINK_SHARE = 1 / 33
-# At a corner where the pressure is convex it is about this times h^3 [p']^2 in the last interval: of projected powers
-# r^-a with a from 0.1 to 0.48 the estimate is 2.6 to 0.52 times the error.
+# At a corner where the pressure is convex it is about this times h^3 [p']^2 in the last interval:
+# of projected powers r^-a with a from 0.1 to 0.48 the estimate is 2.6 to 0.52 times the error.
 CORNER_SHARE = 0.5
-# Normals that turn by more than this (radians) from one interval to the next make a corner of the body.
+# Normals that turn by more than this (radians) from one interval to the next make a corner of the
+# body.
 CORNER_ANGLE = 0.4
-# Share of the squared residual on the boundary, times h over the stiffness, that is added to the squared error.  Tuned
-# on random scenes: with 0.05 and 0.1 some estimates were 0.63 and 0.67 of the error.
+# Share of the squared residual on the boundary, times h over the stiffness, that is added to the
+# squared error.  Tuned on random scenes: with 0.05 and 0.1 some estimates were 0.63 and 0.67 of the
+# error.
 BOUNDARY_RESIDUAL_SHARE = 0.2
-# An error in the body reaches the contact pressure with its square, times about this: on divided meshes 6.5 to 8.
+# An error in the body reaches the contact pressure with its square, times about this: on divided
+# meshes 6.5 to 8.
 POLLUTION = 6.0
-# The same of the largest pressure.  Tuned on half disks and spheres (tests/accuracy/test_remade_meshes.py).
+# The same of the largest pressure.  Tuned on half disks and spheres
+# (tests/accuracy/test_remade_meshes.py).
 POLLUTION_OF_PEAK = 2.0
-# --- convergence table: errors and costs from mesh to mesh ------------------------------------------------------------
+# --- convergence table: errors and costs from mesh to mesh ----------------------------------------
 
-# How errors decrease with h; the ends of the contact zone limit all but the peak.  Tuned on Example 1; observed rates
-# scatter too much.
+# How errors decrease with h; the ends of the contact zone limit all but the peak.  Tuned on Example
+# 1; observed rates scatter too much.
 EXPECTED_RATES = {"pressure": 1.25, "force": 2.0, "zone": 1.0, "peak": 1.5}
 # The rate of the displacement is the observed one, within these limits.  Choice.
 ENERGY_RATES = (0.5, 2.0)
 # Number of previous changes between meshes that an estimate uses.  Choice.
 CHANGES_USED = 3
-# The error that a polygon causes in each quantity, over ``LevelResult.polygon``; that of forces is the square of that
-# of the pressure.  Tuned on a round lip pressed onto a plane, with 1 to 39 nodes in contact.
+# The error that a polygon causes in each quantity, over ``LevelResult.polygon``; that of forces is
+# the square of that of the pressure.  Tuned on a round lip pressed onto a plane, with 1 to 39 nodes
+# in contact.
 POLYGON_SHARES = {"energy": 0.04, "pressure": 0.15, "peak": 0.5}
-# The error of a force over the squared one of the displacement, at least, on divided meshes.  In 3D 0.09 to 0.29.
+# The error of a force over the squared one of the displacement, at least, on divided meshes.  In 3D
+# 0.09 to 0.29.
 FORCE_OF_ENERGY = 0.12
-# The largest pressure has no limit if it grows like h^-GROWTH_POWER or faster on this many successive meshes, and
-# hardly less (this share) on the last.  Fixed on random scenes.
+# The largest pressure has no limit if it grows like h^-GROWTH_POWER or faster on this many
+# successive meshes, and hardly less (this share) on the last.  Fixed on random scenes.
 GROWING_MESHES, GROWTH_POWER, LASTING_SHARE = 2, 0.05, 0.6
-# An error that decreases by less than this from mesh to mesh is taken not to decrease at all.  Choice.
+# An error that decreases by less than this from mesh to mesh is taken not to decrease at all.
+# Choice.
 SLOWEST_DECREASE = 0.95
-# Powers of the unknowns that time and memory of factors grow with.  Tuned on docs/evidence/prediction.csv.
+# Powers of the unknowns that time and memory of factors grow with.  Tuned on
+# docs/evidence/prediction.csv.
 TIME_POWER = {2: 1.2, 3: 1.6}
 MEMORY_POWER = {2: 1.1, 3: 1.3}
-# At least this share of the time is taken to grow: the previous mesh may have had a cold start.  Tuned by the same.
+# At least this share of the time is taken to grow: the previous mesh may have had a cold start.
+# Tuned by the same.
 LEAST_GROWING_TIME = 0.25
 # The forecast of what a smaller error costs is for this share of the error.  Choice.
 NEXT_ERROR = {2: 0.1, 3: 1 / 3}
 # The error of the stress decreases like h to this power where all cells become smaller.
 # Source: docs/evidence/forecasts.csv: 0.69 to 0.91 in 3D; rubber and metal in 2D: 0.72 to 1.04.
 UNIFORM_RATE = 0.8
-# A solve takes as long as if it had so many unknowns more, by dimension.  Tuned like the next three on 46 runs of 36
-# problems of demos/studies/forecast_problems.py (f2e60129).
+# A solve takes as long as if it had so many unknowns more, by dimension.  Tuned like the next three
+# on 46 runs of 36 problems of demos/studies/forecast_problems.py (f2e60129).
 FIXED_UNKNOWNS = {2: 2300.0, 3: 400.0}
-# Meshes that are divided where the error is: unknowns of the first one, growth from each to the next, and those of the
-# mesh with the error of a uniform one, over the square root of the unknowns of that, by dimension.
+# Meshes that are divided where the error is: unknowns of the first one, growth from each to the
+# next, and those of the mesh with the error of a uniform one, over the square root of the unknowns
+# of that, by dimension.
 FIRST_UNKNOWNS, LOCAL_GROWTH = 300.0, 1.7
 LAST_UNKNOWNS = {2: 14.0, 3: 38.0}
-# Meshes on the way take this many times as long as their solves.  Tuned on the problems of docs/evidence/forecasts.csv.
+# Meshes on the way take this many times as long as their solves.  Tuned on the problems of
+# docs/evidence/forecasts.csv.
 MESHES_TIMES = 1.8
-# Seconds foretold are known within these factors, in 3D within the second one: see docs/evidence/forecasts.csv.
+# Seconds foretold are known within these factors, in 3D within the second one: see
+# docs/evidence/forecasts.csv.
 LOCAL_SPREAD, UNIFORM_SPREAD = 2.0, 3.1
-# --- solution to a given accuracy ------------------------------------------------------------------------------------
+# --- solution to a given accuracy -----------------------------------------------------------------
 
-# Generated meshes begin with cells this many times as large as those of the scene, by degree.  Choice.
+# Generated meshes begin with cells this many times as large as those of the scene, by degree.
+# Choice.
 COARSER_START = {1: 4, 2: 8}
 # Estimates are multiplied by this, that of the displacement, by degree, by the second.
-# Source: docs/evidence/effectivity.csv, where they are, displacement 0.79 to 1.14, pressure 0.50 to 1.85.
+# Source: docs/evidence/effectivity.csv, where they are, displacement 0.79 to 1.14, pressure 0.50 to
+# 1.85.
 MARGIN = 2.0
 MARGIN_OF_ENERGY = {1: 1.7, 2: 1.4}
 # Share of the allowed error that the regularisation may take.  Choice.
 REGULARISATION_SHARE = 0.2
-# By dimension: a mesh is at most this many times finer than the previous one; where meshes are compared at least the
-# second.  No record.
+# By dimension: a mesh is at most this many times finer than the previous one; where meshes are
+# compared at least the second.  No record.
 LARGEST_JUMP = {2: 4.0, 3: 2.0}
 SMALLEST_JUMP = 1.5
 # Share of the squared error that is refined (Doerfler), from and to.  No record.
 BULK = (0.5, 0.75)
 
-# --- check: what a solve will cost -----------------------------------------------------------------------------------
+# --- check: what a solve will cost ----------------------------------------------------------------
 
-# Linear solves of one load step per log2 of the number of contact nodes, from and to; twice as many with friction that
-# follows the pressure.  Tuned on a sweep over Example 1 with 25 to 241 contact nodes.
+# Linear solves of one load step per log2 of the number of contact nodes, from and to; twice as many
+# with friction that follows the pressure.  Tuned on a sweep over Example 1 with 25 to 241 contact
+# nodes.
 SOLVES_PER_DOUBLING = (0.7, 3.0)
-# Linear solves that start from the sets of the previous load step, or of the coarser mesh, from and to.  No record.
+# Linear solves that start from the sets of the previous load step, or of the coarser mesh, from and
+# to.  No record.
 SOLVES_OF_START = (2, 5)
-# Entries of a sparse factor by dimension, over n log2 n, in 3D over n^(4/3).  Seconds of the factorisation over n^1.5,
-# in 3D n^2, and of what else there is over n.  Tuned with CHOLMOD and MUMPS on one core; see test_cost_model.py.
+# Entries of a sparse factor by dimension, over n log2 n, in 3D over n^(4/3).  Seconds of the
+# factorisation over n^1.5, in 3D n^2, and of what else there is over n.  Tuned with CHOLMOD and
+# MUMPS on one core; see test_cost_model.py.
 FACTOR_ENTRIES = {2: 5.0, 3: 9.0}
 FACTOR_SECONDS = {2: 3e-9, 3: 4e-10}
 SOLVE_SECONDS = 1e-6
@@ -159,201 +191,232 @@ DENSE_SPEED = 2e10
 # Seconds per unknown to set up multigrid, and of a solve, of which few are exact; see
 # docs/evidence/multigrid_levels.csv.
 KRYLOV_SECONDS = 5e-6
-# Bytes of a process before it has a mesh; per unknown what mesh, forms and vectors need at least.  No record.
+# Bytes of a process before it has a mesh; per unknown what mesh, forms and vectors need at least.
+# No record.
 BASE_BYTES, BYTES_PER_DOF = 1.4e8, 1.0e3
-# Bytes more for each contact node against another body: peaks of solves with 1,764 to 40,804 of them, 1,502 in 2D.
+# Bytes more for each contact node against another body: peaks of solves with 1,764 to 40,804 of
+# them, 1,502 in 2D.
 PAIRED_BYTES = {2: 1.7e4, 3: 2.0e5}
 # Share of the machine's memory above which check warns, and no finer mesh is begun.  Choice.
 MEMORY_SHARE = 0.8
 
-# --- load steps -------------------------------------------------------------------------------------------------------
+# --- load steps -----------------------------------------------------------------------------------
 
-# A load step of a ramp with at most so many linear solves is easy: near the limit it takes 15 and more.  Two easy ones
-# double the increment, up to the second times the one that was asked for.
+# A load step of a ramp with at most so many linear solves is easy: near the limit it takes 15 and
+# more.  Two easy ones double the increment, up to the second times the one that was asked for.
 EASY_STEP = 12
 LARGEST_INCREMENT = 2.0
-# Where a ramp ends without a solution, its last increment is no larger than this share of the load since the last
-# factor, or, if nothing was reached, the second share of the increment that was asked for.
+# Where a ramp ends without a solution, its last increment is no larger than this share of the load
+# since the last factor, or, if nothing was reached, the second share of the increment that was
+# asked for.
 ENCLOSED = 0.005
 SMALLEST_INCREMENT = 1e-5
 
-# --- what is the same but for round-off ------------------------------------------------------------------------------
+# --- what is the same but for round-off -----------------------------------------------------------
 
-# A share whose square is round-off: components of unit vectors along a direction that they do not have, distances of
-# places that are one, over the size of the body, resistance to a motion that nothing holds.  Choice.
+# A share whose square is round-off: components of unit vectors along a direction that they do not
+# have, distances of places that are one, over the size of the body, resistance to a motion that
+# nothing holds.  Choice.
 ROOT_OF_EPS = 1e-8
-# What assemblies, linear solves and sums over a mesh leave of what should vanish, as a share of the largest one or of
-# the forces.  Choice: ten times what direct solves leave; docs/evidence/whole_solves_in_space.csv.
+# What assemblies, linear solves and sums over a mesh leave of what should vanish, as a share of the
+# largest one or of the forces.  Choice: ten times what direct solves leave;
+# docs/evidence/whole_solves_in_space.csv.
 LEFT_BY_SOLVES = 1e-11
 # A share that three digits do not show.  Choice.
 NEGLIGIBLE = 1e-3
-# A share that is notable in a result: strains, rotations and displacements that linear elasticity neglects, facets off
-# a curve, forces beyond the end of a side.  Choice.
+# A share that is notable in a result: strains, rotations and displacements that linear elasticity
+# neglects, facets off a curve, forces beyond the end of a side.  Choice.
 NOTABLE = 0.1
 
-# Components of a unit vector and entries of a projection below this are round-off, without a sum.  Choice: 45 units.
+# Components of a unit vector and entries of a projection below this are round-off, without a sum.
+# Choice: 45 units.
 ZERO_COMPONENT = 1e-14
-# Numbers that differ by less than this share of their size are equal, and sums, components and sines below this share
-# of their terms are zero.  Choice: a thousand units of round-off for each of a few terms.
+# Numbers that differ by less than this share of their size are equal, and sums, components and
+# sines below this share of their terms are zero.  Choice: a thousand units of round-off for each of
+# a few terms.
 SAME_NUMBER = 1e-12
-# Lengths and distances, as shares of the size of the body, the facet or the edge that they belong to, and places on a
-# load path, that are equal although they were computed in different ways.  Choice.
+# Lengths and distances, as shares of the size of the body, the facet or the edge that they belong
+# to, and places on a load path, that are equal although they were computed in different ways.
+# Choice.
 SAME_LENGTH = 1e-9
-# What is computed from a solution (forces, pressures, displacements, normals of facets) below this share of the largest
-# one is round-off.  Choice: solves leave up to 1e-10 of the forces.
+# What is computed from a solution (forces, pressures, displacements, normals of facets) below this
+# share of the largest one is round-off.  Choice: solves leave up to 1e-10 of the forces.
 ZERO_IN_SOLUTION = 1e-9
 
-# What a projection, an assembly or an elimination leaves below this share of the largest one is round-off: entries,
-# pivots and eigenvalues of matrices, parts of facets and cells, motions and loads.  Choice.
+# What a projection, an assembly or an elimination leaves below this share of the largest one is
+# round-off: entries, pivots and eigenvalues of matrices, parts of facets and cells, motions and
+# loads.  Choice.
 NOTHING_LEFT = 1e-10
-# Forces are round-off below this share of all loads, of stiffness times displacement, or of those of the largest piece,
-# and Newton's method ends at a residual as large.  Choice.
+# Forces are round-off below this share of all loads, of stiffness times displacement, or of those
+# of the largest piece, and Newton's method ends at a residual as large.  Choice.
 NO_FORCE = 1e-8
-# Points of drawings and files are one, faces plane and directions parallel within this share of their size or this
-# angle in radians.  Choice: single precision.
+# Points of drawings and files are one, faces plane and directions parallel within this share of
+# their size or this angle in radians.  Choice: single precision.
 DIGITS_OF_FILES = 1e-6
-# Numbers of a scene are between this and its inverse, in any units, or energies and forces overflow.  Choice.
+# Numbers of a scene are between this and its inverse, in any units, or energies and forces
+# overflow.  Choice.
 LARGEST_NUMBER = 1e60
 
-# Steps at most of iterations that end long before: Newton's, and by projections, for places on curves and in cells, for
-# balances and for chi, and meshes until an accuracy is reached.  Choice.
+# Steps at most of iterations that end long before: Newton's, and by projections, for places on
+# curves and in cells, for balances and for chi, and meshes until an accuracy is reached.  Choice.
 MANY_STEPS = 50
 
-# --- algorithms ------------------------------------------------------------------------------------------------------
+# --- algorithms -----------------------------------------------------------------------------------
 
-# Interior points are asked for sets after the first number of full steps, if the sets do not settle: in the last three
-# the contact set has changed its size, at least ``DECIDED`` as many points have changed as in the three before, and
-# full steps would take more than the second number; else after that number.  Tuned on 400 random compact problems.
+# Interior points are asked for sets after the first number of full steps, if the sets do not
+# settle: in the last three the contact set has changed its size, at least ``DECIDED`` as many
+# points have changed as in the three before, and full steps would take more than the second number;
+# else after that number.  Tuned on 400 random compact problems.
 SLOW_STEPS, SLOWEST_STEPS = 7, 25
-# They propose sets once their products are NEGLIGIBLE beside the first ones, a step has gone at least this share of its
-# way, and the sets of at most one point still change.
+# They propose sets once their products are NEGLIGIBLE beside the first ones, a step has gone at
+# least this share of its way, and the sets of at most one point still change.
 DECIDED = 0.7
-# Residuals are measured by forces that are at least this share of stiffness times displacement, of which NO_FORCE is
-# still above round-off.  Choice.
+# Residuals are measured by forces that are at least this share of stiffness times displacement, of
+# which NO_FORCE is still above round-off.  Choice.
 ATTAINABLE_SHARE = 1e-7
 
-# --- assembly, contact boundaries and supports -----------------------------------------------------------------------
+# --- assembly, contact boundaries and supports ----------------------------------------------------
 
 # Two bodies are as stiff as each other, and their facets as large, within these ratios.  No record.
 STIFFER_BODY, COARSER_FACETS = 2.0, 1.25
-# Nodes of a finer mesh are looked for this share of a cell outside the coarser one: curved boundaries.  Choice.
+# Nodes of a finer mesh are looked for this share of a cell outside the coarser one: curved
+# boundaries.  Choice.
 OUTSIDE_COARSER_MESH = 0.25
-# Largest component across a plane of symmetry of the mean normal over one half of a smooth surface.  Choice.
+# Largest component across a plane of symmetry of the mean normal over one half of a smooth surface.
+# Choice.
 ASKEW_NORMAL = 0.2
 # Above this Poisson's ratio fully integrated elements lock visibly, and check says so.  Choice.
 LOCKING_POISSON = 0.45
 
-# --- statics, limit loads and sections with a preload ----------------------------------------------------------------
+# --- statics, limit loads and sections with a preload ---------------------------------------------
 
-# Contact forces beyond so many times the loads balance nothing; Coulomb friction above it counts as unlimited.  Choice.
+# Contact forces beyond so many times the loads balance nothing; Coulomb friction above it counts as
+# unlimited.  Choice.
 LARGEST_BALANCING_FORCE = 1e4
-# A section that holds less than its force over this is shortened by at most this many times more.  No record.
+# A section that holds less than its force over this is shortened by at most this many times more.
+# No record.
 SHORTENED_AT_MOST = 30.0
 
-# --- bounds of the error ---------------------------------------------------------------------------------------------
+# --- bounds of the error --------------------------------------------------------------------------
 
-# Of tractions between facets that do not match: parts along the edges of a facet.  Tuned on random scenes of two bodies
-# in 3D.
+# Of tractions between facets that do not match: parts along the edges of a facet.  Tuned on random
+# scenes of two bodies in 3D.
 PARTS_OF_EDGE = 3
-# Round-off of forms per unit of eps, of the ratio of the moduli, and of the fourth power of the condition of a
-# tetrahedron.  Source: tests/bounds/test_lifted_tractions.py at 730724ff: those of turned ones differ by a third of
-# this at most.
+# Round-off of forms per unit of eps, of the ratio of the moduli, and of the fourth power of the
+# condition of a tetrahedron.  Source: tests/bounds/test_lifted_tractions.py at 730724ff: those of
+# turned ones differ by a third of this at most.
 ROUNDED_FORMS = 1e3
 
-# --- check and drafts: what they warn of -----------------------------------------------------------------------------
+# --- check and drafts: what they warn of ----------------------------------------------------------
 
-# A gap is far if it is this many times larger than prescribed displacements; above so many times the yield stress a
-# share is no longer told in per cent.  Choice.
+# A gap is far if it is this many times larger than prescribed displacements; above so many times
+# the yield stress a share is no longer told in per cent.  Choice.
 FAR_GAP = 10.0
-# Contact that is stiffer than this times E over the size of the body is hard to four digits: a draft says so.  Choice.
+# Contact that is stiffer than this times E over the size of the body is hard to four digits: a
+# draft says so.  Choice.
 HARD_CONTACT = 1e4
-# --- derivatives and friction laws of users --------------------------------------------------------------------------
+# --- derivatives and friction laws of users -------------------------------------------------------
 
-# Change of a datum for a difference of residuals, relative to it or to its natural unit; strain for a difference of
-# energies; share of displacement and tractions for one of a quantity, and of the size of the body for one of distances.
-# Choice: the cube root of the unit of round-off is best for central differences.
+# Change of a datum for a difference of residuals, relative to it or to its natural unit; strain for
+# a difference of energies; share of displacement and tractions for one of a quantity, and of the
+# size of the body for one of distances. Choice: the cube root of the unit of round-off is best for
+# central differences.
 DIFFERENCE_STEP = 1e-5
-# Constants of forms: half widths from which the limit is extrapolated.  Choice: smooth data settle after three to five
-# widths; narrow differences of slender bodies are wrong by 1e-5 to 7e-4.
+# Constants of forms: half widths from which the limit is extrapolated.  Choice: smooth data settle
+# after three to five widths; narrow differences of slender bodies are wrong by 1e-5 to 7e-4.
 WIDEST_DIFFERENCE, WIDTHS_OF_DIFFERENCE = 1e-2, 6
 # A displacement that would be magnified by no more than this is drawn as it is.  Choice.
 SEEN_AS_IT_IS = 2.5
-# What a law of a user's own says of itself is tried at about so many of its points, from this power of ten of the
-# modulus up to the modulus, at so many pressures in each decade.  It may be wrong by the last share, and by so much
-# less a distance of a shape may grow along its normals.  Choice.
+# What a law of a user's own says of itself is tried at about so many of its points, from this power
+# of ten of the modulus up to the modulus, at so many pressures in each decade.  It may be wrong by
+# the last share, and by so much less a distance of a shape may grow along its normals.  Choice.
 TRIED_POINTS, SMALLEST_PRESSURE, PRESSURES_PER_DECADE = 50, -9, 32
 WRONG_SLOPE = 1e-2
 
-# --- limits of time and memory ---------------------------------------------------------------------------------------
+# --- limits of time and memory --------------------------------------------------------------------
 
 # Seconds until a rank that may have an error later has it.  Choice.
 ERROR_PATIENCE = 30.0
-# Seconds between two changes of progress, two attempts to get a lock, and until the first rank ends another.  Choice.
+# Seconds between two changes of progress, two attempts to get a lock, and until the first rank ends
+# another.  Choice.
 PROGRESS_PAUSE = 0.2
-# --- meshes and points in them ---------------------------------------------------------------------------------------
+# --- meshes and points in them --------------------------------------------------------------------
 
 # Cells become longer by this much per length away from facets of a given length.  Choice.
 SIZE_GROWTH = 0.25
-# Of a mesh that is made anew cells are at least this share of their length on the last one.  Choice.
+# Of a mesh that is made anew cells are at least this share of their length on the last one.
+# Choice.
 SHORTEST_CHILD = 0.25
-# Half of the facets may not be longer than this times what was asked for.  Choice: longest edges of gmsh are 1.2 times.
+# Half of the facets may not be longer than this times what was asked for.  Choice: longest edges of
+# gmsh are 1.2 times.
 LONGEST_FACET = 1.4
-# A point outside the hull of a table is moved towards its middle by this share: curved boundaries.  Choice.
+# A point outside the hull of a table is moved towards its middle by this share: curved boundaries.
+# Choice.
 OUTSIDE_HULL = 0.02
 
-# --- contact between two bodies --------------------------------------------------------------------------------------
+# --- contact between two bodies -------------------------------------------------------------------
 
-# Share of the size of a side by which bodies may overlap, and facets be apart beyond the smallest distance.  Choice.
+# Share of the size of a side by which bodies may overlap, and facets be apart beyond the smallest
+# distance.  Choice.
 DEEPEST_OVERLAP = 0.2
 # Share of its weight that a function must keep to carry a point.  No record.
 KEPT_WEIGHT = 0.03
-# Share of its weight from which a function of sides that slide is all its own: below it turns evenly into a mean of
-# those beside it, which it is at the share above.  Choice.
+# Share of its weight from which a function of sides that slide is all its own: below it turns
+# evenly into a mean of those beside it, which it is at the share above.  Choice.
 WHOLE_WEIGHT = 0.15
 # Of two sides that face each other the product of the normals is below this.  Choice: 102 degrees.
 FACING_SIDES = -0.2
-# How many facets points of two nonlinear bodies that keep their partners may move along the other side without a
-# warning.  Choice: forces of blocks with some facets over the contact were off by 9 % after one.
+# How many facets points of two nonlinear bodies that keep their partners may move along the other
+# side without a warning.  Choice: forces of blocks with some facets over the contact were off by 9
+# % after one.
 FACETS_OF_KEPT_PARTNERS = 0.5
 
-# --- certificate and statements on results ---------------------------------------------------------------------------
+# --- certificate and statements on results --------------------------------------------------------
 
-# The certificate does not hold if a violation exceeds this share of the solution's own scale; gaps, motions, forces and
-# vectors below it are none, and points as near to the border of two sets are between them.  No record.
+# The certificate does not hold if a violation exceeds this share of the solution's own scale; gaps,
+# motions, forces and vectors below it are none, and points as near to the border of two sets are
+# between them.  No record.
 CERTIFICATE_TOLERANCE = 1e-6
-# With fewer nodes in contact neither the ends of the zone nor the largest pressure are reliable.  No record.
+# With fewer nodes in contact neither the ends of the zone nor the largest pressure are reliable.
+# No record.
 FEW_NODES = 8
-# Units in the last place of displacements and loads that an evaluation of their nodal forces may lose.  Choice.
+# Units in the last place of displacements and loads that an evaluation of their nodal forces may
+# lose.  Choice.
 LOST_UNITS = 100.0
-# Units in the last place of the largest coordinate that distances and sides may lose.  Choice: they lost two.
+# Units in the last place of the largest coordinate that distances and sides may lose.  Choice: they
+# lost two.
 UNITS_OF_PLACES = 10.0
-# A boundary is closed if the sum of its normals, by their areas, is a smaller share of its area.  Choice.
+# A boundary is closed if the sum of its normals, by their areas, is a smaller share of its area.
+# Choice.
 CLOSED_BOUNDARY = 0.01
 # Angles within a body that differ by less than these degrees are equal.  Choice.
 SAME_ANGLE = 1.0
 
-# --- pictures: sizes and when a thing is drawn -----------------------------------------------------------------------
+# --- pictures: sizes and when a thing is drawn ----------------------------------------------------
 
 # Choices by eye, on the pictures of demos/scenes.
 # Width over height from which on a picture of a report is not made smaller than it can be read.
 BROAD_PICTURE = 1.6
-# Width and height of a body at most, and of the narrowest picture, for its lettering, inches.  Pixels per inch in 3D.
+# Width and height of a body at most, and of the narrowest picture, for its lettering, inches.
+# Pixels per inch in 3D.
 BODY_INCHES, NARROWEST = 4.8, 3.4
 PIXELS_PER_INCH = 240.0
-# How far a foundation is drawn beside the body, over its longest side, and on a grid of how many lines along that, in
-# 2D and in 3D; a round one whose diameter is at most about this share of that side is drawn whole.
+# How far a foundation is drawn beside the body, over its longest side, and on a grid of how many
+# lines along that, in 2D and in 3D; a round one whose diameter is at most about this share of that
+# side is drawn whole.
 FOUNDATION_BESIDE, FOUNDATION_GRID, FOUNDATION_GRID_IN_SPACE, WHOLE_FOUNDATION = 0.25, 300, 40, 0.7
 # Margin around a contact boundary, over its longer side.
 SURFACE_MARGIN = 0.08
-# If the surroundings of the contact are less than this share of a boundary, only they are drawn; contact on less than
-# this share of the diagonal of the body is enlarged.
+# If the surroundings of the contact are less than this share of a boundary, only they are drawn;
+# contact on less than this share of the diagonal of the body is enlarged.
 SMALL_PART, SMALL_ZONE = 0.5, 0.2
 # Length of a mean normal below which a boundary is drawn as a closed one.
 CLOSED_IN_PICTURE = 0.3
 # Sizes from which on the edges of a cell in 2D and of a facet in 3D are drawn, in 1/72 inch.
 VISIBLE_CELL, VISIBLE_FACET = 5.0, 9.0
-# Length of the longest arrow, over the longer side: of a contact surface, of a set-up.  A load of less than the last
-# share of the largest one has no arrow; arrows along the boundary are so far beside the body, over its size.
+# Length of the longest arrow, over the longer side: of a contact surface, of a set-up.  A load of
+# less than the last share of the largest one has no arrow; arrows along the boundary are so far
+# beside the body, over its size.
 LONGEST_ARROW, LONGEST_ARROW_OF_SETUP, SMALLEST_ARROW = 0.06, 0.13, 0.02
 # How far arrows are around the picture of a body, over its longer side.
 ARROWS_AROUND = 0.05
@@ -363,8 +426,8 @@ MOST_ARROWS, MOST_STROKES = 22.0, 50.0
 COLOURS_ABOVE = 5e-4
 # Share of the light that comes from everywhere; the rest comes from the viewer.
 AMBIENT_LIGHT = 0.5
-# Facets that turn by more than these degrees meet in an edge; a foundation whose direction the magnified gap turns by
-# more is another one.
+# Facets that turn by more than these degrees meet in an edge; a foundation whose direction the
+# magnified gap turns by more is another one.
 SHARP_EDGE = 40.0
 # How much more of the field another view must show to be preferred to the usual one.
 PREFERRED_GAIN = 1.15
@@ -373,47 +436,56 @@ USUAL_COLOURS = 0.99
 # Above this cosine a direction is taken for that of the nearest coordinate axis.
 ALONG_AXIS = 0.99
 
-# --- nonlinear bodies -------------------------------------------------------------------------------------------------
+# --- nonlinear bodies -----------------------------------------------------------------------------
 
-# After an increment below these shares of the largest displacement and of the last one the tangent stays.  Choice.
+# After an increment below these shares of the largest displacement and of the last one the tangent
+# stays.  Choice.
 KEPT_TANGENT = 3e-5, 0.1
 # Share of the first slope up to which an increment is accepted.  Source: a disc with J2 plasticity.
 WHOLE_SLOPE = 0.5
 # Evaluations of the residual in a line search.  Choice.
 LINE_SEARCH_STEPS = 12
-# Linear solves of a load step of a nonlinear body, from and to, of rubber and metal, with and without friction.
+# Linear solves of a load step of a nonlinear body, from and to, of rubber and metal, with and
+# without friction.
 NEWTON_SOLVES = (5, 18)
 # A ramp takes a step twice as large after one of at most as many iterations.  Choice.
 FEW_NEWTON_ITERATIONS = 6
-# What a slip loses, as a share, as its tangent plane turns by the way to a hollow shape, at most.  Choice.
+# What a slip loses, as a share, as its tangent plane turns by the way to a hollow shape, at most.
+# Choice.
 MOST_TURNED = -0.5
-# Below this relative difference of two stretches squared a series takes the place of powers of both.  Choice, from the
-# errors of both.
+# Below this relative difference of two stretches squared a series takes the place of powers of
+# both.  Choice, from the errors of both.
 EQUAL_STRETCHES = 0.01
-# Below this distance from one a series takes the place of powers and logarithms less tangents.  Choice, as above.
+# Below this distance from one a series takes the place of powers and logarithms less tangents.
+# Choice, as above.
 NEAR_ONE = 1e-3
-# What holds a contact point where the inertia of a tangent is looked at, over its largest diagonal entry.  Choice.
+# What holds a contact point where the inertia of a tangent is looked at, over its largest diagonal
+# entry.  Choice.
 HOLDING_STIFFNESS = 1e4
-# A tangent is tried by differences of the residual over these strains, and is its derivative if both differ by less
-# than the last number, as a share of the norm, over one of them.  Choice: the first is far below the strain at which
-# metals yield; the second is for a cell that is so near to its yield stress that the first one leads across.
+# A tangent is tried by differences of the residual over these strains, and is its derivative if
+# both differ by less than the last number, as a share of the norm, over one of them.  Choice: the
+# first is far below the strain at which metals yield; the second is for a cell that is so near to
+# its yield stress that the first one leads across.
 DIFFERENCE_STRAINS, SAME_TANGENT = (1e-7, 1e-9), 1e-6
-# Forces up to so many units of the round-off of a residual are no load: of bodies at rest they have one.  Choice.
+# Forces up to so many units of the round-off of a residual are no load: of bodies at rest they have
+# one.  Choice.
 UNITS_OF_NO_LOAD = 4.0
-# The strain, in units of round-off, over which a second difference of a residual is round-off.  Choice.
+# The strain, in units of round-off, over which a second difference of a residual is round-off.
+# Choice.
 UNITS_OF_DIFFERENCE = 500.0
-# Share of the radius of a cell, and of that of the largest ball in a rigid shape, beyond which the shape lies inside
-# the body; it is moved by half of it at a time to see its way.  Choice: a chord between two nodes cuts a circle whose
-# radius is six tenths of its length to less than that.
+# Share of the radius of a cell, and of that of the largest ball in a rigid shape, beyond which the
+# shape lies inside the body; it is moved by half of it at a time to see its way.  Choice: a chord
+# between two nodes cuts a circle whose radius is six tenths of its length to less than that.
 SHAPE_INSIDE = 0.5
 # Places on its way at most.  Choice: a search of all cells for each of them.
 MOST_PLACES = 400
-# Points along each axis of the grid on which the middle of the largest ball is sought: an odd number.  Choice.
+# Points along each axis of the grid on which the middle of the largest ball is sought: an odd
+# number.  Choice.
 INRADIUS_GRID = 9
 # Share of the radius of the largest ball in a rigid shape at which its middle is.  Choice.
 SHAPE_MIDDLE = 0.9
 
-# --- judge: thresholds for results of other programs -----------------------------------------------------------------
+# --- judge: thresholds for results of other programs ----------------------------------------------
 
 # Nodes of a result are those of the problem up to this share of its size: print of six digits.
 JUDGED_SAME_PLACE = 1e-5
@@ -421,10 +493,12 @@ JUDGED_SAME_PLACE = 1e-5
 JUDGED_DIGITS = 4
 # Factors of units in powers of ten: a thousand, but no load or modulus that is tried.
 JUDGED_UNITS = 2.5
-# Numbers on the next mesh up to which it is solved for the error on the mesh of a result: half a minute in 3D.
+# Numbers on the next mesh up to which it is solved for the error on the mesh of a result: half a
+# minute in 3D.
 JUDGED_FINEST = 60_000
-# So many increments with friction are solved, and values of a number tried.  Choice: CalculiX takes ten at most.
+# So many increments with friction are solved, and values of a number tried.  Choice: CalculiX takes
+# ten at most.
 JUDGED_INCREMENTS = 8
-# Another problem explains a result if it leaves at most this share of its distance; ``NOTABLE`` if that is within the
-# error of the mesh.  Of 34 good results the best one leaves .56.
+# Another problem explains a result if it leaves at most this share of its distance; ``NOTABLE`` if
+# that is within the error of the mesh.  Of 34 good results the best one leaves .56.
 JUDGED_LEFT = 0.45

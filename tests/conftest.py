@@ -1,4 +1,6 @@
-"""One report for all ranks: rank 0 prints it, a failure on any rank is a failure on all, and none waits for ever."""
+"""One report for all ranks: rank 0 prints it, a failure on any rank is a failure on all, and none
+waits for ever.
+"""
 
 from __future__ import annotations
 
@@ -14,8 +16,12 @@ import time
 # Read where MPI starts: ranks that wait let others have the core.
 os.environ.setdefault("OMPI_MCA_mpi_yield_when_idle", "1")
 
-if (3, 13) <= sys.version_info < (3, 13, 3):  # where a method that is chosen by a type keeps meshes of UFL for ever
-    functools.singledispatchmethod.__set_name__ = lambda method, *_: setattr(method, "_method_cache", None)
+if (
+    (3, 13) <= sys.version_info < (3, 13, 3)
+):  # where a method that is chosen by a type keeps meshes of UFL for ever
+    functools.singledispatchmethod.__set_name__ = lambda method, *_: setattr(
+        method, "_method_cache", None
+    )
 
 from mpi4py import MPI  # first, see signorini_fx.mechanics.body
 
@@ -30,13 +36,16 @@ from hypothesis.strategies import none
 if os.environ.get("SFX_WITHOUT_ADD_ONS"):
     pytest_plugins = ["without_add_ons"]
 
-# A shell ignores Ctrl-C in what it starts in the background; programs hand that on to those that the tests interrupt.
+# A shell ignores Ctrl-C in what it starts in the background; programs hand that on to those that
+# the tests interrupt.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # The report's own communicator: its messages never meet those of a test.
 COMM = MPI.COMM_WORLD.Dup()
-PATIENCE = 120.0  # seconds that a rank waits for the others at the end of a test before it ends them all
+PATIENCE = (
+    120.0  # seconds that a rank waits for the others at the end of a test before it ends them all
+)
 LIMIT = 300.0  # seconds that a test may take on several ranks
 
 # Where tests run side by side, one process may wait for the other one's compiler.
@@ -57,15 +66,17 @@ def pytest_configure(config):
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items):
-    """Of a function marked ``one_quick``, and on several ranks of every function, the first set of parameters that is
-    not slow is quick, and the others are slow.
+    """Of a function marked ``one_quick``, and on several ranks of every function, the first set of
+    parameters that is not slow is quick, and the others are slow.
     """
     quick = set()
     for item in items:
         function = item.nodeid.partition("[")[0]
         on_ranks = item.get_closest_marker("mpi") if COMM.size > 1 else None
         one_alone = on_ranks is not None or item.get_closest_marker("one_quick") is not None
-        if (one_alone and function in quick) or (on_ranks is not None and on_ranks.kwargs.get("slow")):
+        if (one_alone and function in quick) or (
+            on_ranks is not None and on_ranks.kwargs.get("slow")
+        ):
             item.add_marker("slow")
         elif not item.get_closest_marker("slow"):
             quick.add(function)
@@ -74,7 +85,9 @@ def pytest_collection_modifyitems(items):
 
 
 def pytest_collection_finish():
-    """The garbage collector need not visit libraries and tests, most of all objects that there are, again and again."""
+    """The garbage collector need not visit libraries and tests, most of all objects that there are,
+    again and again.
+    """
     given(none())(
         lambda _: None
     )()  # hypothesis makes its generator of random numbers, and asks the collector who has it
@@ -84,8 +97,9 @@ def pytest_collection_finish():
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_protocol(item, nextitem):
-    """Where a test hangs inside MPI, PETSc or dolfinx, neither a signal nor another Python thread is served: a thread
-    of faulthandler, which needs no interpreter, shows where each rank is and ends it; mpirun then ends the others.
+    """Where a test hangs inside MPI, PETSc or dolfinx, neither a signal nor another Python thread
+    is served: a thread of faulthandler, which needs no interpreter, shows where each rank is and
+    ends it; mpirun then ends the others.
     """
     if COMM.size > 1:
         shown = item.config.stash[fault_handler_stderr_fd_key]
@@ -109,12 +123,18 @@ def pytest_runtest_makereport(item, call):
 
 
 def gather(text, name):
-    """The texts of all ranks; if one of them does not come, it is stuck in the test, and all are ended."""
+    """The texts of all ranks; if one of them does not come, it is stuck in the test, and all are
+    ended.
+    """
     request = COMM.Ibarrier()
     deadline = time.monotonic() + PATIENCE
     while not request.Test():
         if time.monotonic() > deadline:
-            print(f"{name}: rank {COMM.rank} waits in vain for the others\n{text}", file=sys.__stderr__, flush=True)
+            print(
+                f"{name}: rank {COMM.rank} waits in vain for the others\n{text}",
+                file=sys.__stderr__,
+                flush=True,
+            )
             MPI.COMM_WORLD.Abort(1)
         time.sleep(0.001)
     return COMM.allgather(text)

@@ -23,9 +23,11 @@ class ContactForces:
 
     Attributes:
         points: shape (m, d).
-        weights: areas that belong to them, of a revolution where the body is axisymmetric, shape (m,).
+        weights: areas that belong to them, of a revolution where the body is axisymmetric, shape
+        (m,).
         normal: of the foundation, or the other body, pushing the body off, shape (m,).
-        friction: of the foundation, or the other body, on the body, along the surface, shape (m, d).
+        friction: of the foundation, or the other body, on the body, along the surface, shape (m,
+        d).
     """
 
     points: Floats
@@ -62,7 +64,9 @@ class Answer:
 
 def measured(problem: Problem, grid: Grid, answer: Answer) -> dict[str, float]:
     """The quantities of a problem that the program gives, by their names."""
-    given = [q for q in problem.quantities if q.measure != "strain energy" or answer.energy is not None]
+    given = [
+        q for q in problem.quantities if q.measure != "strain energy" or answer.energy is not None
+    ]
     return {quantity.name: _measure(problem, grid, answer, quantity) for quantity in given}
 
 

@@ -18,7 +18,18 @@ from benchmarks.contactbench.problem import Problem, ProblemError, problem_names
 
 # What a row says instead of yes or no, and how much of an error.
 SKIPPED, FAILED, LONGEST = "skipped", "failed", 120
-COLUMNS = ("problem", "program", "level", "quantity", "value", "error", "meets", "unknowns", "seconds", "note")
+COLUMNS = (
+    "problem",
+    "program",
+    "level",
+    "quantity",
+    "value",
+    "error",
+    "meets",
+    "unknowns",
+    "seconds",
+    "note",
+)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -31,7 +42,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="contactbench", description="Contact problems with references.")
+    parser = argparse.ArgumentParser(
+        prog="contactbench", description="Contact problems with references."
+    )
     parts = parser.add_subparsers(dest="command", required=True)
     mesh = parts.add_parser("mesh", help="write meshes as .msh and .inp")
     mesh.add_argument("problem", nargs="*", help="none: all")
@@ -44,7 +57,9 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument("problem", nargs="*", help="none: all")
     run.add_argument("--program", action="append", choices=sorted(ADAPTERS), help="none: all")
     run.add_argument("--levels", type=int, default=1)
-    run.add_argument("--seconds", type=float, default=60.0, help="no finer mesh where one took longer")
+    run.add_argument(
+        "--seconds", type=float, default=60.0, help="no finer mesh where one took longer"
+    )
     run.add_argument("--csv", type=Path, help="append the rows to this file")
     return parser
 
@@ -90,7 +105,10 @@ def _run_programs(given: argparse.Namespace) -> int:
             continue
         for name in given.problem or problem_names():
             rows = list(_solved(program, solve, read_problem(name), given.levels, given.seconds))
-            failed |= any(row["meets"] == FAILED or (row["level"] == 0 and row["meets"] == "no") for row in rows)
+            failed |= any(
+                row["meets"] == FAILED or (row["level"] == 0 and row["meets"] == "no")
+                for row in rows
+            )
             if given.csv:
                 _append(given.csv, rows)
     return int(failed)
@@ -106,9 +124,15 @@ def _append(path: Path, rows: list[dict[str, object]]) -> None:
 
 
 def _solved(
-    program: str, solve: Callable[[Problem, Grid], Answer], problem: Problem, levels: int, limit: float
+    program: str,
+    solve: Callable[[Problem, Grid], Answer],
+    problem: Problem,
+    levels: int,
+    limit: float,
 ) -> Iterator[dict[str, object]]:
-    """A row for each quantity on each mesh; one without a quantity where the program cannot, or fails."""
+    """A row for each quantity on each mesh; one without a quantity where the program cannot, or
+    fails.
+    """
     level = -1
     while (level := level + 1) < levels:
         where = f"{program}, {problem.name}, level {level}"

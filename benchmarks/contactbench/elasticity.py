@@ -9,7 +9,8 @@ from benchmarks.contactbench.grids import Grid
 from benchmarks.contactbench.problem import Problem
 
 Floats = npt.NDArray[np.float64]
-# Points of Gauss on a facet: loads of the problems are singular at worst like 1/sqrt(r) off the boundary.
+# Points of Gauss on a facet: loads of the problems are singular at worst like 1/sqrt(r) off the
+# boundary.
 _POINTS = 8
 
 
@@ -20,11 +21,15 @@ def coordinates(points: Floats) -> dict[str, Floats]:
 
 def values_at(problem: Problem, formula: str | float, points: Floats) -> Floats:
     """A formula at points, shape (...)."""
-    return np.broadcast_to(np.asarray(problem.at(formula, coordinates(points)), dtype=float), points.shape[:-1])
+    return np.broadcast_to(
+        np.asarray(problem.at(formula, coordinates(points)), dtype=float), points.shape[:-1]
+    )
 
 
 def _on_facets(grid: Grid, boundary: str, axisymmetric: bool) -> tuple[Floats, Floats, Floats]:
-    """Positions (f, q, d), shape functions (q, corners), and weights (f, q) of quadrature, times 2 pi r."""
+    """Positions (f, q, d), shape functions (q, corners), and weights (f, q) of quadrature, times 2
+    pi r.
+    """
     x = grid.points[grid.facets[boundary]]
     g, w = np.polynomial.legendre.leggauss(_POINTS)
     g, w = (1 + g) / 2, w / 2
@@ -44,7 +49,9 @@ def _on_facets(grid: Grid, boundary: str, axisymmetric: bool) -> tuple[Floats, F
 
 
 def nodal_weights(problem: Problem, grid: Grid, boundary: str) -> Floats:
-    """Integrals of the shape functions over a boundary (axisymmetric: of the revolution), shape (nodes,)."""
+    """Integrals of the shape functions over a boundary (axisymmetric: of the revolution), shape
+    (nodes,).
+    """
     _, shape, weight = _on_facets(grid, boundary, problem.hypothesis == "axisymmetric")
     found = np.zeros(len(grid.points))
     np.add.at(found, grid.facets[boundary], weight @ shape)
@@ -55,7 +62,9 @@ def nodal_loads(problem: Problem, grid: Grid) -> Floats:
     """Forces at the nodes that do the work of all tractions, shape (nodes, d)."""
     found = np.zeros_like(grid.points)
     for traction in problem.tractions:
-        at, shape, weight = _on_facets(grid, traction.boundary, problem.hypothesis == "axisymmetric")
+        at, shape, weight = _on_facets(
+            grid, traction.boundary, problem.hypothesis == "axisymmetric"
+        )
         for k, formula in traction.components.items():
             force = (weight * values_at(problem, formula, at)) @ shape
             np.add.at(found[:, k], grid.facets[traction.boundary], force)
@@ -72,5 +81,7 @@ def prescribed(problem: Problem, grid: Grid) -> dict[tuple[int, int], float]:
             nodes = grid.nodes(support.boundary)
         for k, formula in support.components.items():
             values = values_at(problem, formula, grid.points[nodes])
-            found |= {(int(node), k): float(value) for node, value in zip(nodes, values, strict=True)}
+            found |= {
+                (int(node), k): float(value) for node, value in zip(nodes, values, strict=True)
+            }
     return found

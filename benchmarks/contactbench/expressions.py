@@ -45,7 +45,8 @@ def evaluate(text: str | float, values: Mapping[str, Any]) -> Any:
 
     Args:
         text: the formula, or a number.
-        values: what its names stand for: numbers, arrays, or formulas, which are evaluated where they are named.
+        values: what its names stand for: numbers, arrays, or formulas, which are evaluated where
+        they are named.
 
     Raises:
         ExpressionError: it is none, or a name is not known.
@@ -63,7 +64,9 @@ def _compiled(text: str | float) -> Any:
 def _value(text: str | float, values: dict[str, Any]) -> Any:
     for name in names(text):
         if name not in values:
-            raise ExpressionError(f"{name!r} in {str(text)!r} is not known: known are {', '.join(sorted(values))}")
+            raise ExpressionError(
+                f"{name!r} in {str(text)!r} is not known: known are {', '.join(sorted(values))}"
+            )
         if isinstance(values[name], str):
             # Evaluated once; a formula that names itself finds no name.
             formula = values.pop(name)

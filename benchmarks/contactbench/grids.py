@@ -20,7 +20,8 @@ class Grid:
 
     Attributes:
         points: positions of the nodes, shape (n, 2) or (n, 3).
-        cells: nodes of the cells, counter-clockwise; of hexahedra the four of the bottom first, shape (c, 4 or 8).
+        cells: nodes of the cells, counter-clockwise; of hexahedra the four of the bottom first,
+        shape (c, 4 or 8).
         body: number of the body of each cell, shape (c,).
         facets: for each name of a boundary the nodes of its facets, shape (f, 2 or 4).
         names: of the bodies.
@@ -77,11 +78,15 @@ def make_grid(problem: Problem, level: int = 0) -> Grid:
         start += len(x)
     every, owner = np.concatenate(cells), np.concatenate(body)
     named = {name: np.concatenate(parts) for name, parts in facets.items()}
-    return Grid(np.concatenate(points), every, owner, named, tuple(part.name for part in problem.bodies))
+    return Grid(
+        np.concatenate(points), every, owner, named, tuple(part.name for part in problem.bodies)
+    )
 
 
 def _line(segments: list[tuple[float, float, int, float]], times: int) -> Floats:
-    """Points of a line; those of segments with a ratio grow as a geometric sequence, whatever their number."""
+    """Points of a line; those of segments with a ratio grow as a geometric sequence, whatever their
+    number.
+    """
     found = [np.array([segments[0][0]])]
     for low, high, count, ratio in segments:
         s = np.arange(1, count * times + 1) / (count * times)
@@ -123,7 +128,9 @@ def _mapped(body: Body, at: list[Floats]) -> Floats:
         return np.stack(at, axis=-1)
     radius, angle = at[0], np.deg2rad(at[1])
     exact = [np.where(np.abs(f) < 1e-15, 0.0, f) for f in (np.cos(angle), np.sin(angle))]
-    return np.stack([body.centre[0] + radius * exact[0], body.centre[1] + radius * exact[1]], axis=-1)
+    return np.stack(
+        [body.centre[0] + radius * exact[0], body.centre[1] + radius * exact[1]], axis=-1
+    )
 
 
 def _bilinear(coarse: Floats, at: list[Floats]) -> Floats:
@@ -135,7 +142,9 @@ def _bilinear(coarse: Floats, at: list[Floats]) -> Floats:
     (i, s), (j, t) = parts
     s, t = s[:, None, None], t[None, :, None]
     corner = [coarse[np.ix_(i + a, j + b)] for a in (0, 1) for b in (0, 1)]
-    return (1 - s) * ((1 - t) * corner[0] + t * corner[1]) + s * ((1 - t) * corner[2] + t * corner[3])
+    return (1 - s) * ((1 - t) * corner[0] + t * corner[1]) + s * (
+        (1 - t) * corner[2] + t * corner[3]
+    )
 
 
 def _cells(numbers: Ints) -> Ints:
@@ -145,12 +154,18 @@ def _cells(numbers: Ints) -> Ints:
     around = []
     for up in (slice(None, -1), slice(1, None)):
         low, high = slice(None, -1), slice(1, None)
-        around += [numbers[a, b, up] for a, b in ((low, low), (high, low), (high, high), (low, high))]
+        around += [
+            numbers[a, b, up] for a, b in ((low, low), (high, low), (high, high), (low, high))
+        ]
     return np.stack([part.ravel() for part in around], axis=1)
 
 
-def _named(body: Body, side: str, surface: Ints, others: list[int], times: int) -> list[tuple[str, Ints]]:
-    """Facets of a side; where it has several names they are those of the segments of its first coordinate."""
+def _named(
+    body: Body, side: str, surface: Ints, others: list[int], times: int
+) -> list[tuple[str, Ints]]:
+    """Facets of a side; where it has several names they are those of the segments of its first
+    coordinate.
+    """
     names = body.sides[side]
     segments = body.lines[SHAPES[body.shape][others[0]]]
     counts = [count * times for _, _, count, _ in segments]

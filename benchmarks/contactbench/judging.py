@@ -31,7 +31,8 @@ class Verdict:
     Attributes:
         result: the row.
         quantity: with its reference.
-        error: distance from the reference over the scale; zero within an interval or between two values.
+        error: distance from the reference over the scale; zero within an interval or between two
+        values.
         meets: whether the error is at most the tolerance.
         text: one sentence.
     """
@@ -63,7 +64,10 @@ def read_results(path: Path, problem: Problem) -> list[Result]:
 def _rows(name: str, rows: csv._reader, problem: Problem) -> list[Result]:  # type: ignore[name-defined]
     head = [cell.strip().lower() for cell in next(rows, [])]
     if any(head.count(column) != 1 for column in COLUMNS):
-        raise ResultError(f"{name}, line 1: the columns must be {','.join(COLUMNS)}, not {','.join(head) or 'nothing'}")
+        raise ResultError(
+            f"{name}, line 1: the columns must be {','.join(COLUMNS)}, not "
+            f"{','.join(head) or 'nothing'}"
+        )
     known, found = {quantity.name for quantity in problem.quantities}, list[Result]()
     for row in rows:
         where = f"{name}, line {rows.line_num}"
@@ -74,7 +78,9 @@ def _rows(name: str, rows: csv._reader, problem: Problem) -> list[Result]:  # ty
         quantity, value = (row[head.index(column)].strip() for column in COLUMNS)
         if quantity not in known:
             names = ", ".join(sorted(known))
-            raise ResultError(f"{where}: {problem.name} has no quantity {quantity!r}: it has {names}")
+            raise ResultError(
+                f"{where}: {problem.name} has no quantity {quantity!r}: it has {names}"
+            )
         try:
             number = float(value)
         except ValueError:
@@ -102,7 +108,9 @@ def judge(problem: Problem, results: list[Result]) -> list[Verdict]:
         quantity = problem.quantity(result.quantity)
         error = distance(quantity, result.value)
         meets = error <= quantity.tolerance
-        found.append(Verdict(result, quantity, error, meets, _text(quantity, result.value, error, meets)))
+        found.append(
+            Verdict(result, quantity, error, meets, _text(quantity, result.value, error, meets))
+        )
     return found
 
 

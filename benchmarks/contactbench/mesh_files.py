@@ -30,10 +30,14 @@ def write_msh(grid: Grid, path: Path) -> None:
     blocks += [(kinds[1], grid.cells[grid.body == number]) for number in range(len(grid.names))]
     tags = [np.full(len(nodes), tag) for tag, (_, nodes) in enumerate(blocks, 1)]
     names = {name: np.array([tag, grid.dimension - 1]) for tag, name in enumerate(grid.facets, 1)}
-    names |= {name: np.array([tag, grid.dimension]) for tag, name in enumerate(grid.names, len(names) + 1)}
+    names |= {
+        name: np.array([tag, grid.dimension]) for tag, name in enumerate(grid.names, len(names) + 1)
+    }
     points = np.pad(grid.points, ((0, 0), (0, 3 - grid.dimension)))
     data = {"gmsh:physical": tags, "gmsh:geometrical": tags}
-    meshio.Mesh(points, blocks, cell_data=data, field_data=names).write(path, file_format="gmsh22", binary=False)
+    meshio.Mesh(points, blocks, cell_data=data, field_data=names).write(
+        path, file_format="gmsh22", binary=False
+    )
 
 
 def field(number: float) -> str:
@@ -44,12 +48,16 @@ def field(number: float) -> str:
 def inp_lines(grid: Grid, hypothesis: str) -> list[str]:
     """Nodes, elements, node sets (N_ and the name) and surfaces (S_ and the name) of a deck."""
     lines = ["*NODE"]
-    lines += [f"{n}, {', '.join(map(field, point))}" for n, point in enumerate(grid.points.tolist(), 1)]
+    lines += [
+        f"{n}, {', '.join(map(field, point))}" for n, point in enumerate(grid.points.tolist(), 1)
+    ]
     element = ABAQUS[hypothesis, grid.cells.shape[1]]
     for number, name in enumerate(grid.names):
         lines.append(f"*ELEMENT, TYPE={element}, ELSET={name.upper()}")
         own = [k for k, body in enumerate(grid.body.tolist()) if body == number]
-        lines += [f"{k + 1}, {', '.join(str(node + 1) for node in grid.cells[k].tolist())}" for k in own]
+        lines += [
+            f"{k + 1}, {', '.join(str(node + 1) for node in grid.cells[k].tolist())}" for k in own
+        ]
     faces = {
         frozenset(row[list(face)].tolist()): (number, side)
         for number, row in enumerate(grid.cells, 1)

@@ -1,4 +1,6 @@
-"""Problems as they stand in ``problems/*.toml``: what the keys are, and what a file may not miss."""
+"""Problems as they stand in ``problems/*.toml``: what the keys are, and what a file may not
+miss.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +34,13 @@ MEASURES = {
     "displacement": {"point", "axis"},
     "strain energy": set[str](),
 }
-ON_BOUNDARY = {"normal force", "friction force", "pressure at", "largest pressure", "pressure moment"}
+ON_BOUNDARY = {
+    "normal force",
+    "friction force",
+    "pressure at",
+    "largest pressure",
+    "pressure moment",
+}
 ON_BOUNDARY |= {"pressure mean square"}
 REFERENCES = ("exact", "interval", "values")
 
@@ -43,7 +51,9 @@ class ProblemError(ValueError):
 
 @dataclass(frozen=True)
 class Body:
-    """A body: its shape with the lines of its mesh, the names of its sides, and its material; see README.md."""
+    """A body: its shape with the lines of its mesh, the names of its sides, and its material; see
+    README.md.
+    """
 
     name: str
     young: float
@@ -62,7 +72,9 @@ class Body:
 
 @dataclass(frozen=True)
 class Support:
-    """Prescribed displacements: of a boundary, or of the node at a point; components that are not named are free."""
+    """Prescribed displacements: of a boundary, or of the node at a point; components that are not
+    named are free.
+    """
 
     boundary: str
     at: tuple[Formula, ...]
@@ -177,7 +189,9 @@ def read_problem(name: str | Path) -> Problem:
     try:
         data = tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError:
-        raise ProblemError(f"there is no problem {str(name)!r}; there are: {', '.join(problem_names())}") from None
+        raise ProblemError(
+            f"there is no problem {str(name)!r}; there are: {', '.join(problem_names())}"
+        ) from None
     except tomllib.TOMLDecodeError as error:
         raise ProblemError(f"{path.name}: {error}") from None
     try:
@@ -209,7 +223,9 @@ def _problem(name: str, data: dict[str, Any]) -> Problem:
             rows = [[number(value) for value in row] for row in table[key]]
             lines[key] = [(low, high, int(n), ratio) for low, high, n, ratio in rows]
         sides = {side: table.get(side, "") for pair in SIDES[shape] for side in pair}
-        names = {side: [value] if isinstance(value, str) else value for side, value in sides.items()}
+        names = {
+            side: [value] if isinstance(value, str) else value for side, value in sides.items()
+        }
         material = number(table["young"]), number(table["poisson"])
         more = {key: table[key] for key in ("centre", "straight") if key in table}
         return Body(table["name"], *material, shape, lines, names, **more)
@@ -218,7 +234,9 @@ def _problem(name: str, data: dict[str, Any]) -> Problem:
         direction = () if table["direction"] == "normal" else tuple(table["direction"])
         law = table["law"]
         bounds = {key: table[key] if key in LAWS[law] else 0.0 for key in ("bound", "coefficient")}
-        return Contact(table["boundary"], table.get("against", ""), table["gap"], direction, law, **bounds)
+        return Contact(
+            table["boundary"], table.get("against", ""), table["gap"], direction, law, **bounds
+        )
 
     def quantity(table: dict[str, Any]) -> Quantity:
         measure, kind = table["measure"], next(kind for kind in REFERENCES if kind in table)
@@ -246,7 +264,10 @@ def _problem(name: str, data: dict[str, Any]) -> Problem:
         constants,
         data.get("fields", {}),
         tuple(map(body, data["body"])),
-        tuple(Support(t.get("boundary", ""), tuple(t.get("at", ())), components(t)) for t in data.get("support", [])),
+        tuple(
+            Support(t.get("boundary", ""), tuple(t.get("at", ())), components(t))
+            for t in data.get("support", [])
+        ),
         tuple(Traction(table["boundary"], components(table)) for table in data.get("traction", [])),
         tuple(map(contact, data["contact"])),
         tuple(map(quantity, data["quantity"])),

@@ -1,6 +1,8 @@
-"""One linear elastic solve of the size of Example 1 by dolfinx and PETSc: the unit of this benchmark.
+"""One linear elastic solve of the size of Example 1 by dolfinx and PETSc: the unit of this
+benchmark.
 
-The body is held at the bottom instead of touching a foundation there; the pattern of the matrix is the same.
+The body is held at the bottom instead of touching a foundation there; the pattern of the matrix is
+the same.
 """
 
 from __future__ import annotations
@@ -37,7 +39,10 @@ def petsc_options(options: dict[str, str]) -> Iterator[None]:
 def elastic_terms(space: fem.FunctionSpace, y: Any, z: Any) -> Any:
     """a(y, z) of section 2.1."""
     mesh = space.mesh
-    lame = fem.Constant(mesh, example1.YOUNG * example1.POISSON / (1 + example1.POISSON) / (1 - 2 * example1.POISSON))
+    lame = fem.Constant(
+        mesh,
+        example1.YOUNG * example1.POISSON / (1 + example1.POISSON) / (1 - 2 * example1.POISSON),
+    )
     mu = fem.Constant(mesh, example1.YOUNG / 2 / (1 + example1.POISSON))
     strain, test = ufl.sym(ufl.grad(y)), ufl.sym(ufl.grad(z))
     return ufl.inner(lame * ufl.tr(strain) * ufl.Identity(2) + 2 * mu * strain, test) * ufl.dx

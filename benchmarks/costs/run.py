@@ -1,13 +1,15 @@
 """Compare the package with one linear solve, and measure growth and memory.
 
-    ./env python3 benchmarks/costs/run.py [--quick] [--only GROUP,...] [--out FILE]        (make bench)
+    ./env python3 benchmarks/costs/run.py [--quick] [--only GROUP,...] [--out FILE]        (make
+    bench)
 
-plane: Example 1 of the paper over one linear solve of its size, with the same mesh in memory.  memory: the peak of a
-process for each of them.
-space: whole solves of a block over one linear solve by CG with GAMG.  growth: the same on finer and finer meshes.
+plane: Example 1 of the paper over one linear solve of its size, with the same mesh in memory.
+memory: the peak of a process for each of them.
+space: whole solves of a block over one linear solve by CG with GAMG.  growth: the same on finer and
+finer meshes.
 
-Runs are interleaved, a ratio is taken within each round, and the median of the rounds counts.  Forms are compiled
-before.  Set OMP_NUM_THREADS to 1.
+Runs are interleaved, a ratio is taken within each round, and the median of the rounds counts.
+Forms are compiled before.  Set OMP_NUM_THREADS to 1.
 """
 
 from __future__ import annotations
@@ -81,7 +83,10 @@ class Row:
         value = float(np.median(self.measured))
         verdict = must_be = ""
         if self.limit is not None:
-            verdict, must_be = "reached" if value <= self.limit else "NOT REACHED", f"at most {self.limit:g}"
+            verdict, must_be = (
+                "reached" if value <= self.limit else "NOT REACHED",
+                f"at most {self.limit:g}",
+            )
         return {
             "group": self.group,
             "what": self.what,
@@ -105,7 +110,12 @@ def swept(tagged: TaggedMesh) -> None:
     Raises:
         RuntimeError: one has no certificate.
     """
-    points = sweep(example1.scene("coulomb", tagged), "contact.friction.coefficient", COEFFICIENTS, MPI.COMM_SELF)
+    points = sweep(
+        example1.scene("coulomb", tagged),
+        "contact.friction.coefficient",
+        COEFFICIENTS,
+        MPI.COMM_SELF,
+    )
     if not all(point.certificate.holds for point in points):
         raise RuntimeError("a point of the sweep has no certificate")
 
@@ -134,7 +144,14 @@ def plane(sizes: Sizes) -> Iterator[Row]:
                 seconds[name].append(time.perf_counter() - start)
         for name, over, limit in RATIOS:
             note = f"{np.median(seconds[name]):.3g} s over {np.median(seconds[over]):.3g} s"
-            yield Row("plane", f"{name} over {over}", nx, np.divide(seconds[name], seconds[over]), limit, note)
+            yield Row(
+                "plane",
+                f"{name} over {over}",
+                nx,
+                np.divide(seconds[name], seconds[over]),
+                limit,
+                note,
+            )
 
 
 def memory(sizes: Sizes) -> Iterator[Row]:
@@ -144,7 +161,9 @@ def memory(sizes: Sizes) -> Iterator[Row]:
     for name in ("tresca", "coulomb"):
         note = f"{peaks[name]:.0f} MB over {peaks['mumps']:.0f} MB"
         what = f"peak memory, {name} over mumps"
-        yield Row("memory", what, nx, [peaks[name] / peaks["mumps"]], limit=MEMORY_OVER_MUMPS, note=note)
+        yield Row(
+            "memory", what, nx, [peaks[name] / peaks["mumps"]], limit=MEMORY_OVER_MUMPS, note=note
+        )
 
 
 def in_space(sizes: Sizes) -> Iterator[Row]:
@@ -162,18 +181,25 @@ def in_space(sizes: Sizes) -> Iterator[Row]:
             pairs = list(zip(runs[law], runs["linear"], strict=True))
             ratios = [run.cpu / unit.cpu if run.converged else np.inf for run, unit in pairs]
             run, unit = pairs[0]
-            note = f"{run.dofs} unknowns, {run.cpu:.3g} s, {run.note}, over {unit.cpu:.3g} s, {unit.note}"
+            note = (
+                f"{run.dofs} unknowns, {run.cpu:.3g} s, {run.note}, over {unit.cpu:.3g} s, "
+                f"{unit.note}"
+            )
             limit = OVER_GAMG[law] if nx == sizes.space[-1] else None
             yield Row("space", f"{law} over CG with GAMG", nx, ratios, limit=limit, note=note)
 
 
 def growth(sizes: Sizes) -> Iterator[Row]:
-    """CPU seconds and peak memory of the block with Coulomb friction, each mesh in a process; the last takes 7 GB."""
+    """CPU seconds and peak memory of the block with Coulomb friction, each mesh in a process; the
+    last takes 7 GB.
+    """
     for nx in sizes.growth:
         found = alone("space", nx)
         dofs = found["dofs"]
         note = f"{dofs} unknowns, {dofs / found['cpu']:.0f} a second, {found['note']}"
-        yield Row("growth", "CPU seconds", nx, [found["cpu"] if found["converged"] else np.inf], note=note)
+        yield Row(
+            "growth", "CPU seconds", nx, [found["cpu"] if found["converged"] else np.inf], note=note
+        )
         note = f"{found['peak'] * 2**20 / dofs:.0f} bytes per unknown"
         yield Row("growth", "peak memory, MB", nx, [found["peak"]], note=note)
 
@@ -203,8 +229,12 @@ GROUPS = {"plane": plane, "memory": memory, "space": in_space, "growth": growth}
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Measure, print and write."""
-    parser = argparse.ArgumentParser(prog="benchmarks/costs/run.py", description=(__doc__ or "").split("\n\n")[0])
-    parser.add_argument("--quick", action="store_true", help="small meshes, one round: the limits mean little there")
+    parser = argparse.ArgumentParser(
+        prog="benchmarks/costs/run.py", description=(__doc__ or "").split("\n\n")[0]
+    )
+    parser.add_argument(
+        "--quick", action="store_true", help="small meshes, one round: the limits mean little there"
+    )
     parser.add_argument("--only", metavar="GROUP,...", help=f"some of {', '.join(GROUPS)}")
     parser.add_argument("--out", type=Path, default=Path("results/bench.csv"), metavar="FILE")
     parser.add_argument("--once", nargs=2, metavar=("NAME", "CELLS"), help=argparse.SUPPRESS)

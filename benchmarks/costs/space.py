@@ -1,6 +1,8 @@
-"""The block in 3D: the package with multigrid, and one linear solve by CG with GAMG as users of dolfinx write it.
+"""The block in 3D: the package with multigrid, and one linear solve by CG with GAMG as users of
+dolfinx write it.
 
-The linear solve is the same body held at the bottom, to the residual at which the package ends its own solves.
+The linear solve is the same body held at the bottom, to the residual at which the package ends its
+own solves.
 """
 
 from __future__ import annotations
@@ -51,7 +53,15 @@ class Run:
 
 def parameters(nx: int) -> dict[str, Any]:
     """The generator's parameters for hexahedra."""
-    return {"length": 3.0, "width": 1.0, "height": 1.0, "nx": nx, "ny": nx // 3, "nz": nx // 3, "cell": "hexahedron"}
+    return {
+        "length": 3.0,
+        "width": 1.0,
+        "height": 1.0,
+        "nx": nx,
+        "ny": nx // 3,
+        "nz": nx // 3,
+        "cell": "hexahedron",
+    }
 
 
 def levels(nx: int) -> int:
@@ -60,8 +70,12 @@ def levels(nx: int) -> int:
 
 
 def scene(law: str, nx: int) -> Scene:
-    """The block 3 x 1 x 1 over a paraboloid, pressed in the middle of its top and pulled along x[1]."""
-    loaded = {component: f"{value} if 1 <= x[0] <= 2 else 0" for component, value in TRACTION.items()}
+    """The block 3 x 1 x 1 over a paraboloid, pressed in the middle of its top and pulled along
+    x[1].
+    """
+    loaded = {
+        component: f"{value} if 1 <= x[0] <= 2 else 0" for component, value in TRACTION.items()
+    }
     return parse_scene(
         {
             "mesh": {"generator": "box", "parameters": parameters(nx)},
@@ -73,7 +87,12 @@ def scene(law: str, nx: int) -> Scene:
                 "gap": "0.003 * ((x[0] - 1.5)**2 + (x[1] - 0.5)**2) + 0.001",
                 "friction": LAWS[law],
             },
-            "solver": {"gamma_n": GAMMA, "gamma_t": GAMMA, "linear_algebra": "krylov", "levels": levels(nx)},
+            "solver": {
+                "gamma_n": GAMMA,
+                "gamma_t": GAMMA,
+                "linear_algebra": "krylov",
+                "levels": levels(nx),
+            },
         }
     )
 
@@ -101,11 +120,17 @@ def linear(nx: int) -> Run:
     x = load.duplicate()
     ksp.solve(load, x)
     cpu = time.process_time() - start
-    return Run(cpu, load.getSize(), f"{ksp.getIterationNumber()} steps", ksp.getConvergedReason() > 0)
+    return Run(
+        cpu, load.getSize(), f"{ksp.getIterationNumber()} steps", ksp.getConvergedReason() > 0
+    )
 
 
-def assemble(tagged: TaggedMesh, held: dict[str, tuple[int, ...]]) -> tuple[fem.FunctionSpace, PETSc.Mat, PETSc.Vec]:
-    """Function space, which keeps the communicator, stiffness with the rigid motions as near null space, and load."""
+def assemble(
+    tagged: TaggedMesh, held: dict[str, tuple[int, ...]]
+) -> tuple[fem.FunctionSpace, PETSc.Mat, PETSc.Vec]:
+    """Function space, which keeps the communicator, stiffness with the rigid motions as near null
+    space, and load.
+    """
     mesh = tagged.mesh
     space = fem.functionspace(mesh, ("Lagrange", 1, (3,)))
     y, z = ufl.TrialFunction(space), ufl.TestFunction(space)
@@ -113,7 +138,9 @@ def assemble(tagged: TaggedMesh, held: dict[str, tuple[int, ...]]) -> tuple[fem.
     mu = fem.Constant(mesh, YOUNG / 2 / (1 + POISSON))
     strain, test = ufl.sym(ufl.grad(y)), ufl.sym(ufl.grad(z))
     stiffness = ufl.inner(lame * ufl.tr(strain) * ufl.Identity(3) + 2 * mu * strain, test) * ufl.dx
-    ds = ufl.Measure("ds", domain=mesh, subdomain_data=tagged.facet_tags, metadata={"quadrature_degree": 4})
+    ds = ufl.Measure(
+        "ds", domain=mesh, subdomain_data=tagged.facet_tags, metadata={"quadrature_degree": 4}
+    )
     x = ufl.SpatialCoordinate(mesh)
     middle = ufl.conditional(ufl.And(ufl.ge(x[0], 1.0), ufl.le(x[0], 2.0)), 1.0, 0.0)
     force = ufl.as_vector((0.0, TRACTION["y"], TRACTION["z"]))

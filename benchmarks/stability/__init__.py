@@ -1,1 +1,3 @@
-"""Programs that search for failures: random scenes under independent checks, spoilt input, drawn mistakes."""
+"""Programs that search for failures: random scenes under independent checks, spoilt input, drawn
+mistakes.
+"""

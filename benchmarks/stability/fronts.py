@@ -1,11 +1,13 @@
-"""Random problems that are stated twice or three times: as a scene, as forms, and as a residual; by seed.
+"""Random problems that are stated twice or three times: as a scene, as forms, and as a residual; by
+seed.
 
     ./env python3 -m benchmarks.stability.fronts 200 [FIRST]
 
-The fronts share the core, and nothing else that is compared here is shared: a scene finds facets by names, integrates
-its loads and supports by effects and has its contact as entries; forms have UFL, DirichletBCs and Foundations; of a
-residual with a linear F there are a Newton iteration and a certificate of its own.  Status, load steps, sets, forces,
-displacements, pressures, states, the contact table, quantities and the estimated error have to agree.
+The fronts share the core, and nothing else that is compared here is shared: a scene finds facets by
+names, integrates its loads and supports by effects and has its contact as entries; forms have UFL,
+DirichletBCs and Foundations; of a residual with a linear F there are a Newton iteration and a
+certificate of its own.  Status, load steps, sets, forces, displacements, pressures, states, the
+contact table, quantities and the estimated error have to agree.
 """
 
 from __future__ import annotations
@@ -55,7 +57,9 @@ EXPANSION = 1e-5
 
 
 class Levelling(FrictionLaw):
-    """Friction of a user's own: k (1 - exp(-F lambda / k)), with F the coefficient and k the largest shear."""
+    """Friction of a user's own: k (1 - exp(-F lambda / k)), with F the coefficient and k the
+    largest shear.
+    """
 
     law: Literal["own"] = "own"
     coefficient: Parameter
@@ -80,15 +84,16 @@ QUANTITIES = (
 )
 # Those of energies, which forms know without what heat strains, and that of the stress.
 ENERGIES, STRESS = ("strain_energy",), ("stress",)
-# By how much two fronts may differ, relative to the largest value of all load steps: two assemblies of one problem
-# differ by round-off, which gamma = 1e5 moduli makes 1e5 times as large where a pressure is a penetration.
+# By how much two fronts may differ, relative to the largest value of all load steps: two assemblies
+# of one problem differ by round-off, which gamma = 1e5 moduli makes 1e5 times as large where a
+# pressure is a penetration.
 SAME = 1e-8
 
 
 @dataclass(frozen=True)
 class RandomProblem:
-    """A rectangle, a body of revolution or a box over a floor, another rectangle, or a rigid circle or sphere that may
-    move with the time, or by a force.
+    """A rectangle, a body of revolution or a box over a floor, another rectangle, or a rigid circle
+    or sphere that may move with the time, or by a force.
     """
 
     kind: str  # *plane strain*, *axisymmetric* or *space*
@@ -106,17 +111,19 @@ class RandomProblem:
     wall: float | None  # the gap of a wall on the right; None: there is none
     velocity: Array | None  # of the circle, length per time, shape (d,); None: it stands still
     push: float | None  # the force on the circle towards the body, which moves it; None: none does
-    # counts of cells along each axis of another rectangle or box that it lies on, as long as twice its length; None:
-    # there is none
+    # counts of cells along each axis of another rectangle or box that it lies on, as long as twice
+    # its length; None: there is none
     below: tuple[int, ...] | None
     law: tuple[str, float]  # of friction, with its bound or coefficient
     factors: tuple[float, ...]  # of the loads, by load step
     times: tuple[float, ...]  # of the load steps
     ramp: int | None  # increments of a ramp between two load steps; None: there is none
     settings: dict[str, Any]  # of the solver
-    # the free thermal strain at the origin at the load factor 1, and its slope along x[0]; None: there is none
+    # the free thermal strain at the origin at the load factor 1, and its slope along x[0]; None:
+    # there is none
     heat: tuple[float, float] | None
-    tells_stress: bool  # whether forms are given the stress beside the energy, where it is linear in the strain
+    # whether forms are given the stress beside the energy, where it is linear in the strain
+    tells_stress: bool
 
     @classmethod
     def drawn(cls, seed: int) -> RandomProblem:
@@ -159,10 +166,15 @@ class RandomProblem:
             push = strain * young * sizes[0] * float(rng.uniform(0.05, 0.2))
         if name != "none" and own < 0.25:
             name, size = "own", strain * young * 0.3
-        # Draws of their own, so that the problems of a seed are what they were before there were these.
+        # Draws of their own, so that the problems of a seed are what they were before there were
+        # these.
         further = np.random.default_rng([57, seed, 1])
         hot, warm, onto, by_force, _ = further.random(5)
-        heat = (float(strain * warm), float(strain * further.uniform(-0.3, 0.3))) if hot < 0.3 else None
+        heat = (
+            (float(strain * warm), float(strain * further.uniform(-0.3, 0.3)))
+            if hot < 0.3
+            else None
+        )
         if dim == 3 and not circle and onto < 0.4:
             below = tuple(further.integers([4, 3, 2], [9, 7, 4]).tolist())
         elif dim == 3 and circle and velocity is None and by_force < 0.7:
@@ -208,7 +220,11 @@ class RandomProblem:
         name = "sphere" if self.kind == "space" else "circle"
         described: dict[str, Any] = {"shape": name, "centre": centre, "radius": self.radius}
         if self.push is not None:
-            turns = ("rotation",) if len(self.sizes) == 2 else ("rotation_x", "rotation_y", "rotation_z")
+            turns = (
+                ("rotation",)
+                if len(self.sizes) == 2
+                else ("rotation_x", "rotation_y", "rotation_z")
+            )
             aside = dict.fromkeys((*self.axes[:-1], *turns), 0.0)
             force = [0.0] * (len(self.sizes) - 1) + [self.push]
             described |= {"pivot": centre, "force": force, "prescribed": aside}
@@ -230,7 +246,10 @@ class RandomProblem:
 
     def stated(self) -> dict[str, Any]:
         """The scene as TOML has it."""
-        in_space, sides = self.kind == "space", ("length", "width", "height") if self.kind == "space" else ()
+        in_space, sides = (
+            self.kind == "space",
+            ("length", "width", "height") if self.kind == "space" else (),
+        )
         names, numbers = sides or ("length", "height"), ("nx", "ny", "nz")[: len(self.sizes)]
         parameters: dict[str, Any] = dict(zip(names, self.sizes, strict=True))
         parameters |= dict(zip(numbers, self.counts, strict=True)) | {"cell": self.cell}
@@ -246,8 +265,15 @@ class RandomProblem:
         elif self.shape is None:
             contact["gap"] = f"{self.gap[0]!r} + ({self.gap[1]!r}) * x[0]"
         else:
-            shift = None if self.velocity is None else [f"({rate!r}) * t" for rate in self.velocity.tolist()]
-            contact |= {"gap": self.gap[0], "foundation": self.shape | ({} if shift is None else {"shift": shift})}
+            shift = (
+                None
+                if self.velocity is None
+                else [f"({rate!r}) * t" for rate in self.velocity.tolist()]
+            )
+            contact |= {
+                "gap": self.gap[0],
+                "foundation": self.shape | ({} if shift is None else {"shift": shift}),
+            }
         contacts = [contact]
         if self.wall is not None:
             contacts.append({"boundary": self.named("right"), "gap": self.wall, "friction": law})
@@ -270,15 +296,31 @@ class RandomProblem:
         steps: dict[str, Any] = {"times": self.times} if len(self.times) > 1 else {}
         if self.ramp is not None:
             steps["steps"] = self.ramp
-        mesh: dict[str, Any] = {"generator": "box" if in_space else "rectangle", "parameters": parameters}
+        mesh: dict[str, Any] = {
+            "generator": "box" if in_space else "rectangle",
+            "parameters": parameters,
+        }
         bodies: dict[str, Any] = {"mesh": mesh}
         if self.below is not None:
-            supports.append({"boundary": "low.bottom", **dict.fromkeys(self.axes, 0.0), "factors": factors})
-            extent = dict(zip(names, (*(2 * size for size in self.sizes[:-1]), 0.7 * self.sizes[-1]), strict=True))
+            supports.append(
+                {"boundary": "low.bottom", **dict.fromkeys(self.axes, 0.0), "factors": factors}
+            )
+            extent = dict(
+                zip(
+                    names,
+                    (*(2 * size for size in self.sizes[:-1]), 0.7 * self.sizes[-1]),
+                    strict=True,
+                )
+            )
             cells = dict(zip(numbers, self.below, strict=True)) | {"cell": self.cell}
             under = {"generator": mesh["generator"], "parameters": extent | cells}
             shift = [*(0.5 * size for size in self.sizes[:-1]), extent["height"]]
-            bodies = {"body": [{"name": "low", "mesh": under}, {"name": "high", "mesh": mesh, "shift": shift}]}
+            bodies = {
+                "body": [
+                    {"name": "low", "mesh": under},
+                    {"name": "high", "mesh": mesh, "shift": shift},
+                ]
+            }
         heated: dict[str, Any] = {}
         if self.heat is not None:
             material["expansion"] = EXPANSION
@@ -311,7 +353,9 @@ class RandomProblem:
                 return ufl.sym(gradient)
             ring = y[0] / x[0] if measure is not None else 0
             shear = (gradient[0, 1] + gradient[1, 0]) / 2
-            return ufl.as_matrix([[gradient[0, 0], shear, 0], [shear, gradient[1, 1], 0], [0, 0, ring]])
+            return ufl.as_matrix(
+                [[gradient[0, 0], shear, 0], [shear, gradient[1, 1], 0], [0, 0, ring]]
+            )
 
         def stress(y: Any) -> Any:
             lame = self.poisson / (1 - 2 * self.poisson) * ufl.tr(strain(y))
@@ -327,12 +371,17 @@ class RandomProblem:
         # The quadrature of UFL for y[0] / r is not that of the package.
         rule = {} if measure is None else {"quadrature_degree": strain_degree(V, AXISYMMETRIC)}
         if self.heat is not None:
-            free, three_bulk = self.heat[0] + self.heat[1] * x[0], self.young / (1 - 2 * self.poisson)
+            free, three_bulk = (
+                self.heat[0] + self.heat[1] * x[0],
+                self.young / (1 - 2 * self.poisson),
+            )
             L += factor * around * three_bulk * free * ufl.tr(strain(v)) * ufl.dx(metadata=rule)
         bcs, moved = [], fem.Function(V)
         if self.held:
             bcs.append(
-                fem.dirichletbc(moved, fem.locate_dofs_topological(V, dim - 1, tagged.facets(self.named("top"))))
+                fem.dirichletbc(
+                    moved, fem.locate_dofs_topological(V, dim - 1, tagged.facets(self.named("top")))
+                )
             )
         if measure is not None:
             dofs = fem.locate_dofs_topological(V.sub(0), dim - 1, tagged.facets("left"))
@@ -341,15 +390,21 @@ class RandomProblem:
             held = fem.locate_dofs_topological(V, dim - 1, tagged.facets("low.bottom"))
             bcs.append(fem.dirichletbc(np.zeros(dim), held, V))
         law = self.friction
-        common: dict[str, Any] = {"friction": law} | ({} if measure is None else {"measure": measure})
+        common: dict[str, Any] = {"friction": law} | (
+            {} if measure is None else {"measure": measure}
+        )
         floor: Foundation | Pair
         if self.below is not None:
             sides = tagged.facets(self.named("bottom")), tagged.facets("low.top")
             floor = Pair(*sides, gap=abs(self.gap[0]), friction=law)
         elif self.shape is None:
-            floor = Foundation(tagged.facets(self.named("bottom")), gap=self.gap[0] + self.gap[1] * x[0], **common)
+            floor = Foundation(
+                tagged.facets(self.named("bottom")), gap=self.gap[0] + self.gap[1] * x[0], **common
+            )
         else:
-            floor = Foundation(tagged.facets(self.named("bottom")), gap=self.gap[0], shape=self.shape, **common)
+            floor = Foundation(
+                tagged.facets(self.named("bottom")), gap=self.gap[0], shape=self.shape, **common
+            )
         contact: list[Foundation | Pair] = [floor]
         if self.wall is not None:
             contact.append(Foundation(tagged.facets(self.named("right")), gap=self.wall, **common))
@@ -362,7 +417,13 @@ class RandomProblem:
         # A stress of forms is linear in the strain, without what heat would strain a free body by.
         given = stress if self.tells_stress and measure is None and self.heat is None else None
         return Forms(
-            lambda y: ufl.inner(stress(y), strain(v)) * around * ufl.dx(metadata=rule), L, bcs, contact, given, at, V
+            lambda y: ufl.inner(stress(y), strain(v)) * around * ufl.dx(metadata=rule),
+            L,
+            bcs,
+            contact,
+            given,
+            at,
+            V,
         )
 
 
@@ -382,7 +443,9 @@ class Forms:
 def by_forms(drawn: RandomProblem, forms: Forms) -> Solution:
     """Solve the forms at the load steps."""
     a = forms.inner(ufl.TrialFunction(forms.space))
-    problem = ContactProblem(a, forms.L, forms.bcs, forms.contact, stress=forms.stress, **drawn.settings)
+    problem = ContactProblem(
+        a, forms.L, forms.bcs, forms.contact, stress=forms.stress, **drawn.settings
+    )
 
     def at(time: float) -> None:
         forms.at(time)
@@ -396,7 +459,9 @@ def by_forms(drawn: RandomProblem, forms: Forms) -> Solution:
 
 
 def by_residual(drawn: RandomProblem, forms: Forms) -> list[tuple[Array, Any]]:
-    """Solve the residual step by step: displacements and contact forces of each, up to the last that has a solution."""
+    """Solve the residual step by step: displacements and contact forces of each, up to the last
+    that has a solution.
+    """
     u, steps = fem.Function(forms.space), []
     F = forms.inner(u) - forms.L
     problem = NonlinearContactProblem(F, u, bcs=forms.bcs, contact=forms.contact, **drawn.settings)
@@ -435,7 +500,9 @@ class Sizes:
         return cls(
             max(_largest(comm, step.displacement.x.array) for step in steps),
             max(_largest(comm, _forces(step)) for step in steps),
-            max(_largest(comm, step.contact.pressure) for step in steps if step.contact is not None),
+            max(
+                _largest(comm, step.contact.pressure) for step in steps if step.contact is not None
+            ),
         )
 
 
@@ -461,13 +528,20 @@ class Differences:
             assert b.contact is not None
             self.look(f"step {number}: time", a.time, b.time, 1.0)
             self.look(
-                f"step {number}: displacement", a.displacement.x.array, b.displacement.x.array, sizes.displacement
+                f"step {number}: displacement",
+                a.displacement.x.array,
+                b.displacement.x.array,
+                sizes.displacement,
             )
             self.look(f"step {number}: force", _forces(a), _forces(b), sizes.force)
-            self.look(f"step {number}: pressure", a.contact.pressure, b.contact.pressure, sizes.pressure)
+            self.look(
+                f"step {number}: pressure", a.contact.pressure, b.contact.pressure, sizes.pressure
+            )
             self.look(f"step {number}: states", a.contact.in_contact, b.contact.in_contact, 1.0)
 
-    def look_at_tables(self, name: str, ours: ContactTable, theirs: ContactTable, sizes: Sizes) -> None:
+    def look_at_tables(
+        self, name: str, ours: ContactTable, theirs: ContactTable, sizes: Sizes
+    ) -> None:
         """At all columns of two contact tables; collective."""
         if (a := list(ours.columns)) != (b := list(theirs.columns)):
             self.found.append(f"{name}: columns {a} and {b}")
@@ -479,35 +553,52 @@ class Differences:
                     self.found.append(f"{name}: {key} of {apart} nodes")
                 continue
             stress = key in ("pressure", "bound") or key.startswith("shear")
-            scale = max(sizes.pressure if stress else sizes.displacement, np.abs(column).max(initial=0.0))
+            scale = max(
+                sizes.pressure if stress else sizes.displacement, np.abs(column).max(initial=0.0)
+            )
             self.look(f"{name}: {key}", column, theirs.columns[key], scale)
 
-    def look_at_quantities(self, scene: Solution, forms: Solution, keys: Collection[str], sizes: Sizes) -> None:
-        """At quantities, relative to the largest number of each, of forces and moments no less than that of all
-        contacts; collective.
+    def look_at_quantities(
+        self, scene: Solution, forms: Solution, keys: Collection[str], sizes: Sizes
+    ) -> None:
+        """At quantities, relative to the largest number of each, of forces and moments no less than
+        that of all contacts; collective.
         """
         arm, dimension = scene.model.tagged.size, scene.model.dimension
-        # The energy of a body that only moves as a whole is round-off of that of a body which is strained as much.
-        unstrained = SAME * scene.model.statement.young * sizes.displacement**2 * arm ** (dimension - 2)
+        # The energy of a body that only moves as a whole is round-off of that of a body which is
+        # strained as much.
+        unstrained = (
+            SAME * scene.model.statement.young * sizes.displacement**2 * arm ** (dimension - 2)
+        )
         floors = {
             "force": sizes.force,
             "moment": sizes.force * arm,
             "energy": unstrained,
         }
-        values_of_scene, values_of_forms = (of_results(solution) | of_fields(solution) for solution in (scene, forms))
+        values_of_scene, values_of_forms = (
+            of_results(solution) | of_fields(solution) for solution in (scene, forms)
+        )
         for key in [key for key in keys if key in values_of_scene]:
-            ours, theirs = (np.array(numbers_in(values.get(key))) for values in (values_of_scene, values_of_forms))
+            ours, theirs = (
+                np.array(numbers_in(values.get(key)))
+                for values in (values_of_scene, values_of_forms)
+            )
             floor = floors.get(key.rsplit("_", 1)[-1], 0.0)
             self.look(key, ours, theirs, max(floor, np.abs(ours).max(initial=0.0)))
 
     def look_at_estimate(self, scene: Solution, forms: Solution) -> None:
         """At the estimated error; collective."""
-        self.look("estimated error", scene.stress.error or 0.0, forms.stress.error or 0.0, scene.stress.error or 1.0)
+        self.look(
+            "estimated error",
+            scene.stress.error or 0.0,
+            forms.stress.error or 0.0,
+            scene.stress.error or 1.0,
+        )
 
 
 def iterations(solution: Solution) -> list[tuple[int, ...]]:
-    """What each linear solve has begun and ended with: load step, number, points in contact and slipping either way,
-    and those that change.
+    """What each linear solve has begun and ended with: load step, number, points in contact and
+    slipping either way, and those that change.
     """
     return [
         (one.step, one.iteration, one.active_contact, one.slip_plus, one.slip_minus, one.changed)
@@ -516,9 +607,13 @@ def iterations(solution: Solution) -> list[tuple[int, ...]]:
 
 
 def numbers_in(value: Any) -> list[float]:
-    """Those of a value of JSON, but where it has its largest one: another place may have one that is as large."""
+    """Those of a value of JSON, but where it has its largest one: another place may have one that
+    is as large.
+    """
     if isinstance(value, dict):
-        return [number for key, part in value.items() if key != "place" for number in numbers_in(part)]
+        return [
+            number for key, part in value.items() if key != "place" for number in numbers_in(part)
+        ]
     if isinstance(value, list | tuple):
         return [number for part in value for number in numbers_in(part)]
     return [float(value)] if isinstance(value, int | float) else []
@@ -529,14 +624,22 @@ def compared(drawn: RandomProblem, comm: MPI.Comm = MPI.COMM_SELF) -> tuple[Stat
     scene = solve(parse_scene(drawn.stated()), comm, check=False)
     forms = drawn.forms(scene.model.tagged)
     other = by_forms(drawn, forms)
-    ends = [f"{solution.status.value}, {len(solution.steps)} load steps" for solution in (scene, other)]
+    ends = [
+        f"{solution.status.value}, {len(solution.steps)} load steps" for solution in (scene, other)
+    ]
     if ends[0] != ends[1]:
         return scene.status, [f"{ends[0]}; forms: {ends[1]}"]
     differences = Differences(comm, [])
     # An iteration without a solution to go to is one of round-off.
     if scene.converged and (ours := iterations(scene)) != (theirs := iterations(other)):
-        differences.found.append(f"iterations: {len(ours)} and {len(theirs)} linear solves, or other sets")
-    solved = [(a, b) for a, b in zip(scene.steps, other.steps, strict=True) if a.status is Status.CONVERGED]
+        differences.found.append(
+            f"iterations: {len(ours)} and {len(theirs)} linear solves, or other sets"
+        )
+    solved = [
+        (a, b)
+        for a, b in zip(scene.steps, other.steps, strict=True)
+        if a.status is Status.CONVERGED
+    ]
     if not solved:
         return scene.status, differences.found
     sizes = Sizes.of([a for a, _ in solved], comm)
@@ -544,18 +647,28 @@ def compared(drawn: RandomProblem, comm: MPI.Comm = MPI.COMM_SELF) -> tuple[Stat
     if scene.converged:
         differences.look_at_tables("table", scene.table, other.table, sizes)
     if scene.converged:
-        keys = [*QUANTITIES, *(ENERGIES if drawn.heat is None else ()), *(() if forms.stress is None else STRESS)]
+        keys = [
+            *QUANTITIES,
+            *(ENERGIES if drawn.heat is None else ()),
+            *(() if forms.stress is None else STRESS),
+        ]
         differences.look_at_quantities(scene, other, keys, sizes)
     if scene.converged and forms.stress is not None:
         differences.look_at_estimate(scene, other)
-    # A residual does not say what its modulus is, the scale of gamma, and has shapes at the displaced points.
+    # A residual does not say what its modulus is, the scale of gamma, and has shapes at the
+    # displaced points.
     alone = drawn.shape is None and drawn.below is None and drawn.kind != "axisymmetric"
     if alone and drawn.ramp is None and "gamma_n" in drawn.settings:
         third = by_residual(drawn, forms)
         if len(third) != len(solved):
             differences.found.append(f"residual: {len(third)} of {len(solved)} load steps")
         for number, ((a, _), (u, forces)) in enumerate(zip(solved, third, strict=False), 1):
-            differences.look(f"residual, step {number}: displacement", a.displacement.x.array, u, sizes.displacement)
+            differences.look(
+                f"residual, step {number}: displacement",
+                a.displacement.x.array,
+                u,
+                sizes.displacement,
+            )
             differences.look(f"residual, step {number}: force", _forces(a), forces, sizes.force)
     return scene.status, differences.found
 
@@ -569,7 +682,11 @@ def main(count: int, first: int = 0) -> int:
         ends[status.value] += 1
         wrong += bool(found)
         if found and comm.rank == 0:
-            print(f"seed {seed}: {drawn.kind}, {drawn.law[0]}, {drawn.settings}: {'; '.join(found[:6])}", flush=True)
+            print(
+                f"seed {seed}: {drawn.kind}, {drawn.law[0]}, {drawn.settings}: "
+                f"{'; '.join(found[:6])}",
+                flush=True,
+            )
     if comm.rank == 0:
         counts = ", ".join(f"{number} {end}" for end, number in ends.most_common())
         print(f"{count} problems on {comm.size} ranks, {wrong} with a difference; {counts}")

@@ -1,14 +1,16 @@
-"""Random scenes with nonlinear materials under rigid foundations, on one rank or several, judged by another program.
+"""Random scenes with nonlinear materials under rigid foundations, on one rank or several, judged by
+another program.
 
     ./env python3 -m benchmarks.stability.nonlinear_scenes 300 [FIRST]
     ./env mpirun -n 2 python3 -m benchmarks.stability.nonlinear_scenes 100 [FIRST]
 
-The judge is in NumPy and shares nothing with the package but the mesh and the displacements that it looks at.  Its
-elastic bodies have energies of the three principal stretches, whose stresses are U diag(dW/dl) V^T of the singular
-value decomposition of F and derivatives by a complex step, after division of the stretches by those of a temperature;
-its metal is integrated along the load steps that are there, by bisection of the yield condition.  Of each load step
-that is called converged it looks at equilibrium, gaps, signs, friction and its direction, whether forces that are
-reported are those that it finds, whether a tool that a force moves is in balance, and of elastic bodies without
+The judge is in NumPy and shares nothing with the package but the mesh and the displacements that it
+looks at.  Its elastic bodies have energies of the three principal stretches, whose stresses are U
+diag(dW/dl) V^T of the singular value decomposition of F and derivatives by a complex step, after
+division of the stretches by those of a temperature; its metal is integrated along the load steps
+that are there, by bisection of the yield condition.  Of each load step that is called converged it
+looks at equilibrium, gaps, signs, friction and its direction, whether forces that are reported are
+those that it finds, whether a tool that a force moves is in balance, and of elastic bodies without
 friction whether the second derivative of the energy is positive.
 """
 
@@ -22,7 +24,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
-# Ranks that wait for each other leave a core to the others, of which there may be fewer: read as MPI begins.
+# Ranks that wait for each other leave a core to the others, of which there may be fewer: read as
+# MPI begins.
 os.environ.setdefault("OMPI_MCA_mpi_yield_when_idle", "1")
 
 import basix
@@ -36,8 +39,8 @@ from signorini_fx.errors import SignoriniError
 from signorini_fx.scenes.reading import parse_scene
 
 Array = npt.NDArray[np.float64]
-# Degrees of the quadrature of the package: of energies, and of those of the volume where they are reduced.  They belong
-# to the discrete problem, as what is integrated is no polynomial.
+# Degrees of the quadrature of the package: of energies, and of those of the volume where they are
+# reduced.  They belong to the discrete problem, as what is integrated is no polynomial.
 _DEGREES = {
     ("triangle", 1): (1, 1),
     ("triangle", 2): (2, 1),
@@ -46,9 +49,15 @@ _DEGREES = {
     ("tetrahedron", 1): (1, 1),
     ("hexahedron", 1): (2, 1),
 }
-_DEGREES_OF_REVOLUTION = {("triangle", 1): 2, ("triangle", 2): 4, ("quadrilateral", 1): 6, ("quadrilateral", 2): 8}
-# Penetration and slip relative to the size: of augmentation, and of a regularised law, whose gamma is 1e5 moduli over
-# the size, below pressures of ten moduli.  Forces are relative to the largest one.
+_DEGREES_OF_REVOLUTION = {
+    ("triangle", 1): 2,
+    ("triangle", 2): 4,
+    ("quadrilateral", 1): 6,
+    ("quadrilateral", 2): 8,
+}
+# Penetration and slip relative to the size: of augmentation, and of a regularised law, whose gamma
+# is 1e5 moduli over the size, below pressures of ten moduli.  Forces are relative to the largest
+# one.
 _NEAR, _SMALL = {"alm": 1e-6, "auto": 1e-4}, 1e-6
 _SIDES = 600  # unknowns up to which the second derivative is looked at
 _EXPANSION = 2e-5  # per temperature
@@ -64,20 +73,23 @@ class RandomScene:
     degree: int  # of the displacement
     sizes: Array  # of the block, length
     counts: tuple[int, ...]  # of cells
-    rollers: bool  # whether the bottom may slide, and the left side is on rollers; otherwise the bottom is held
+    # whether the bottom may slide, and the left side is on rollers; otherwise the bottom is held
+    rollers: bool
     shape: str  # of the foundation, without its motion: *circle*, *sphere* or *plane*
     centre: Array  # of it; of a plane a point, length
     radius: float  # length
     normal: Array  # of a plane
     ways: Array  # where it has moved to at each load step, length, shape (steps, d)
-    push: Array | None  # the force towards the body that moves it, at each load step; None: ``ways`` do
+    push: (
+        Array | None
+    )  # the force towards the body that moves it, at each load step; None: ``ways`` do
     times: tuple[float, ...]  # of the load steps
     friction: dict[str, Any]  # a law, as a scene has it
     pull: Array  # dead traction on the right side at the last step, stress, shape (d,)
     volumetric: str  # how the energy of the volume is integrated
     algorithm: str  # of the solver
-    # free expansion at each load step at the origin, and its growth along each axis over the size of the block, shape
-    # (steps, 1 + d); zeros: the temperature stays
+    # free expansion at each load step at the origin, and its growth along each axis over the size
+    # of the block, shape (steps, 1 + d); zeros: the temperature stays
     warmth: Array
 
     @classmethod
@@ -89,10 +101,16 @@ class RandomScene:
         unit, stress = 10.0 ** rng.integers(-6, 4), 10.0 ** rng.choice([0, 3, 6, 11])
         law = _drawn_law(rng, kind, stress)
         small = law["law"] == "j2"
-        cell = str(rng.choice(["tetrahedron", "hexahedron"] if dim == 3 else ["triangle", "quadrilateral"]))
+        cell = str(
+            rng.choice(["tetrahedron", "hexahedron"] if dim == 3 else ["triangle", "quadrilateral"])
+        )
         degree = int(rng.choice([1, 2])) if dim == 2 else 1
         sizes = unit * rng.uniform(0.6, 2.0, dim)
-        counts = (4, 3, 3) if dim == 3 else tuple(int(n) for n in rng.integers([4, 3], [11, 7]) // degree + 1)
+        counts = (
+            (4, 3, 3)
+            if dim == 3
+            else tuple(int(n) for n in rng.integers([4, 3], [11, 7]) // degree + 1)
+        )
         rollers = kind == "axisymmetric" or bool(rng.random() < 0.3)
         shape = str(rng.choice(["plane", "sphere" if dim == 3 else "circle"], p=[0.3, 0.7]))
         radius = float(rng.uniform(0.3, 2.0) * sizes[0])
@@ -104,7 +122,12 @@ class RandomScene:
         centre[-1] = sizes[-1] + clear + (radius if shape != "plane" else 0.0)
         depth = sizes[-1] * (10 ** rng.uniform(-4, -2) if small else 10 ** rng.uniform(-3, -0.5))
         path = str(rng.choice(["at once", "in steps", "and back", "along"]))
-        shares = {"at once": [1.0], "in steps": [0.3, 0.7, 1.0], "and back": [0.5, 1.0, 0.4], "along": [1.0] * 4}[path]
+        shares = {
+            "at once": [1.0],
+            "in steps": [0.3, 0.7, 1.0],
+            "and back": [0.5, 1.0, 0.4],
+            "along": [1.0] * 4,
+        }[path]
         ways = np.zeros((len(shares), dim))
         ways[:, -1] = -clear - depth * np.array(shares)
         if path == "along" and kind != "axisymmetric":
@@ -122,14 +145,27 @@ class RandomScene:
         if kind == "axisymmetric" or rollers:
             pull[1:] = 0.0
         linear_simplex = degree == 1 and cell in ("triangle", "tetrahedron")
-        reduced = not linear_simplex and law["law"] != "saint-venant-kirchhoff" and rng.random() < 0.3
+        reduced = (
+            not linear_simplex and law["law"] != "saint-venant-kirchhoff" and rng.random() < 0.3
+        )
         begin, algorithm = float(rng.choice([0.4, 1.0, 7.0])), str(rng.choice(["alm", "auto"]))
-        warmth, heated = np.zeros((len(shares), 1 + dim)), rng.random() < 0.35  # drawn last: others stay what they were
+        warmth, heated = (
+            np.zeros((len(shares), 1 + dim)),
+            rng.random() < 0.35,
+        )  # drawn last: others stay what they were
         if heated:
             paths = [shares, np.linspace(0, 1, len(shares) + 1)[1:], np.ones(len(shares))]
-            warmth[:] = np.outer(paths[rng.integers(3)], rng.uniform(-0.1, 0.1, 1 + dim) * (0.02 if small else 1.0))
-        block, above = (kind, law, cell, degree, sizes, counts, rollers), (shape, centre, radius, normal, ways, push)
-        times, volumetric = tuple((begin + np.arange(len(shares))).tolist()), "reduced" if reduced else "full"
+            warmth[:] = np.outer(
+                paths[rng.integers(3)], rng.uniform(-0.1, 0.1, 1 + dim) * (0.02 if small else 1.0)
+            )
+        block, above = (
+            (kind, law, cell, degree, sizes, counts, rollers),
+            (shape, centre, radius, normal, ways, push),
+        )
+        times, volumetric = (
+            tuple((begin + np.arange(len(shares))).tolist()),
+            "reduced" if reduced else "full",
+        )
         return cls(*block, *above, times, friction, pull, volumetric, algorithm, warmth)
 
     @property
@@ -154,7 +190,10 @@ class RandomScene:
             turns = ("rotation",) if dim == 2 else ("rotation_x", "rotation_y", "rotation_z")
             held = () if self.kind == "axisymmetric" else (*self.axes[:-1], *turns)
             force = [*(["0.0"] * (dim - 1)), self._of_time(-self.push)]
-            foundation |= {"pivot": self.centre.tolist(), "force": [0.0, force[-1]] if not held else force}
+            foundation |= {
+                "pivot": self.centre.tolist(),
+                "force": [0.0, force[-1]] if not held else force,
+            }
             foundation["prescribed"] = dict.fromkeys(held, 0.0)
         supports: list[dict[str, Any]] = [{"boundary": "bottom"} | dict.fromkeys(self.axes, 0.0)]
         if self.rollers:
@@ -162,14 +201,22 @@ class RandomScene:
             if dim == 3:
                 supports.append({"boundary": "front", "y": 0.0})
         factors = np.linspace(0, 1, len(self.times) + 1)[1:].tolist()
-        tractions = [{"boundary": "right", **dict(zip(self.axes, self.pull.tolist(), strict=True)), "factors": factors}]
+        tractions = [
+            {
+                "boundary": "right",
+                **dict(zip(self.axes, self.pull.tolist(), strict=True)),
+                "factors": factors,
+            }
+        ]
         law = self.law if dim == 3 else self.law | {"hypothesis": self.kind}
         heat: dict[str, Any] = {}
         if self.warmth.any():
             law = law | {"expansion": _EXPANSION}
             terms = [f"({self._of_time(self.warmth[:, 0] / _EXPANSION)})"]
             for axis, size in enumerate(self.sizes.tolist()):
-                terms.append(f"({self._of_time(self.warmth[:, 1 + axis] / _EXPANSION / size)}) * x[{axis}]")
+                terms.append(
+                    f"({self._of_time(self.warmth[:, 1 + axis] / _EXPANSION / size)}) * x[{axis}]"
+                )
             heat = {"temperature": {"change": " + ".join(terms)}}
         return heat | {
             "mesh": {"generator": "box" if dim == 3 else "rectangle", "parameters": parameters},
@@ -183,7 +230,9 @@ class RandomScene:
         }
 
     def _of_time(self, values: Array) -> str:
-        """Values at the times as an expression of t, linear between them and from zero at time 0."""
+        """Values at the times as an expression of t, linear between them and from zero at time
+        0.
+        """
         at, before, words = 0.0, 0.0, "0.0"
         for instant, value in zip(self.times, values.tolist(), strict=True):
             slope = (value - before) / (instant - at)
@@ -206,7 +255,12 @@ def _drawn_law(rng: np.random.Generator, kind: str, stress: float) -> dict[str, 
     elastic = {"young": float(stress), "poisson": poisson}
     if name == "mooney-rivlin":
         share = rng.uniform(0, 1)
-        return {"law": name, "c10": 0.2 * stress * (1 - share), "c01": 0.2 * stress * share, "bulk": bulk}
+        return {
+            "law": name,
+            "c10": 0.2 * stress * (1 - share),
+            "c01": 0.2 * stress * share,
+            "bulk": bulk,
+        }
     if name == "ogden":
         return {
             "law": name,
@@ -224,11 +278,13 @@ def _drawn_law(rng: np.random.Generator, kind: str, stress: float) -> dict[str, 
     )
 
 
-# --- the judge --------------------------------------------------------------------------------------------------------
+# --- the judge ------------------------------------------------------------------------------------
 
 
 def shape_energy(law: dict[str, Any], stretches: npt.NDArray[Any]) -> Any:
-    """The energy of the principal stretches, shape (..., 3), per undeformed volume, without that of the volume."""
+    """The energy of the principal stretches, shape (..., 3), per undeformed volume, without that of
+    the volume.
+    """
     volume = stretches.prod(axis=-1)
     even = stretches / volume[..., None] ** (1 / 3)
     name = law["law"]
@@ -263,9 +319,14 @@ def volume_energy(law: dict[str, Any], stretches: npt.NDArray[Any]) -> Any:
 
 
 def stress_of(
-    energy: Callable[[dict[str, Any], Any], Any], law: dict[str, Any], gradient: Array, free: Array | float = 0.0
+    energy: Callable[[dict[str, Any], Any], Any],
+    law: dict[str, Any],
+    gradient: Array,
+    free: Array | float = 0.0,
 ) -> Array:
-    """The first Piola-Kirchhoff stress, shape (..., 3, 3), from a gradient and the free expansion, shape (...)."""
+    """The first Piola-Kirchhoff stress, shape (..., 3, 3), from a gradient and the free expansion,
+    shape (...).
+    """
     left, stretches, right = np.linalg.svd(gradient)
     grown = np.asarray(1.0 + free)[..., None]
     slopes = np.zeros_like(stretches)
@@ -295,7 +356,11 @@ class Metal:
     def deviator(self, strain: Array) -> tuple[Array, Metal]:
         """The deviatoric stress of a strain, and the state that it leaves."""
         mu = self.law["young"] / 2 / (1 + self.law["poisson"])
-        trial = strain - np.trace(strain, axis1=1, axis2=2)[:, None, None] * np.eye(3) / 3 - self.plastic
+        trial = (
+            strain
+            - np.trace(strain, axis1=1, axis2=2)[:, None, None] * np.eye(3) / 3
+            - self.plastic
+        )
         mises = 2 * mu * np.sqrt(1.5 * (trial**2).sum(axis=(1, 2)))
         low, high = np.zeros_like(mises), mises / (3 * mu)
         for _ in range(80):
@@ -315,7 +380,9 @@ class Judge:
     scene: RandomScene  # it
     x: Array  # the nodes, length, shape (n, d)
     cells: npt.NDArray[np.int64]  # their nodes, shape (c, k)
-    _rules: list[tuple[Array, Array, Array]] = field(init=False)  # weights, gradients and values, by rule
+    _rules: list[tuple[Array, Array, Array]] = field(
+        init=False
+    )  # weights, gradients and values, by rule
     _metal: Metal | None = field(init=False)
 
     def __post_init__(self) -> None:
@@ -323,7 +390,10 @@ class Judge:
         full, reduced = _DEGREES[scene.cell, scene.degree]
         if scene.kind == "axisymmetric":
             full = _DEGREES_OF_REVOLUTION[scene.cell, scene.degree]
-        self._rules = [self._rule(full), self._rule(reduced if scene.volumetric == "reduced" else full)]
+        self._rules = [
+            self._rule(full),
+            self._rule(reduced if scene.volumetric == "reduced" else full),
+        ]
         count = self._rules[0][0].size
         metal = scene.law["law"] == "j2"
         self._metal = Metal(scene.law, np.zeros((count, 3, 3)), np.zeros(count)) if metal else None
@@ -367,19 +437,28 @@ class Judge:
         return float(np.linalg.det(np.eye(3) + self._gradient(u, self._rules[0])).min())
 
     def expansion(self, warmth: Array, rule: tuple[Array, Array, Array]) -> Array:
-        """The free expansion at the points of a rule, shape (c, q); ``warmth``: of now, see ``RandomScene``."""
+        """The free expansion at the points of a rule, shape (c, q); ``warmth``: of now, see
+        ``RandomScene``.
+        """
         places = np.einsum("cqk,cki->cqi", rule[2], self.x[self.cells])
         return np.asarray(warmth[0] + places / self.scene.sizes @ warmth[1:])
 
     def internal(self, u: Array, warmth: Array) -> tuple[Array, Metal | None]:
-        """Forces of the body, shape (n, d), and the state of a metal afterwards; ``warmth``: see ``expansion``."""
+        """Forces of the body, shape (n, d), and the state of a metal afterwards; ``warmth``: see
+        ``expansion``.
+        """
         law, (full, other) = self.scene.law, self._rules
         changes = [self._gradient(u, rule) for rule in (full, other)]
         free = [self.expansion(warmth, rule) for rule in (full, other)]
         if self._metal is None:
             parts = zip((shape_energy, volume_energy), changes, free, (full, other), strict=True)
-            return sum(self._work(stress_of(w, law, np.eye(3) + change, s), rule) for w, change, s, rule in parts), None
-        changes = [change - s[..., None, None] * np.eye(3) for change, s in zip(changes, free, strict=True)]
+            return sum(
+                self._work(stress_of(w, law, np.eye(3) + change, s), rule)
+                for w, change, s, rule in parts
+            ), None
+        changes = [
+            change - s[..., None, None] * np.eye(3) for change, s in zip(changes, free, strict=True)
+        ]
         strain = ((changes[0] + changes[0].swapaxes(2, 3)) / 2).reshape(-1, 3, 3)
         deviator, state = self._metal.deviator(strain)
         bulk = law["young"] / 3 / (1 - 2 * law["poisson"])
@@ -400,15 +479,21 @@ class Judge:
             if dim == 2 and len(nodes) == scene.degree + 1:
                 nodes = nodes[np.argsort(self.x[nodes, 1])]
                 size = np.ptp(self.x[nodes, 1])
-                shares = np.array([1 / 6, 2 / 3, 1 / 6]) if scene.degree == 2 else np.array([0.5, 0.5])
+                shares = (
+                    np.array([1 / 6, 2 / 3, 1 / 6]) if scene.degree == 2 else np.array([0.5, 0.5])
+                )
                 forces[nodes] += around * size * shares[:, None] * scene.pull
             elif dim == 3 and len(nodes) == (3 if scene.cell == "tetrahedron" else 4):
-                spread = np.ptp(self.x[nodes, 1:], axis=0).prod() / (2 if scene.cell == "tetrahedron" else 1)
+                spread = np.ptp(self.x[nodes, 1:], axis=0).prod() / (
+                    2 if scene.cell == "tetrahedron" else 1
+                )
                 forces[nodes] += spread / len(nodes) * scene.pull
         return share * forces
 
     def away(self, u: Array, moved: Array) -> tuple[Array, Array]:
-        """Distances from the foundation, shape (n,), and the normals from it into the body, shape (n, d)."""
+        """Distances from the foundation, shape (n,), and the normals from it into the body, shape
+        (n, d).
+        """
         scene = self.scene
         arms = self.x + u - (scene.centre + moved)
         if scene.shape == "plane":
@@ -446,7 +531,9 @@ class Judge:
             top &= ~axis | (scene.degree == 1)
             forces[axis, 0], fixed[axis, 0] = 0.0, False  # no force along x is possible there
         modulus = scene.law.get("young", scene.law.get("bulk", 0.0))
-        least = 1e-9 * modulus * size ** (1 if scene.kind == "plane strain" else 2)  # where nothing loads the body
+        least = (
+            1e-9 * modulus * size ** (1 if scene.kind == "plane strain" else 2)
+        )  # where nothing loads the body
         scale = max(float(np.abs(inner).max()), least)
         near = _NEAR[scene.algorithm] * size
         if (gap[top] < -near).any():
@@ -458,7 +545,8 @@ class Judge:
             free[top & fixed.any(axis=1)] = 0.0
         if (wrong := np.abs(free[~touching]).max(initial=0.0)) > _SMALL * scale:
             faults.append(f"out of balance by {wrong / scale:.1e}")
-        # Where a support holds a component, what the foundation adds is not known; elsewhere all forces are its own.
+        # Where a support holds a component, what the foundation adds is not known; elsewhere all
+        # forces are its own.
         known = touching & ~fixed.any(axis=1)
         pressing = np.einsum("ni,ni->n", forces, normal)
         shear = forces - pressing[:, None] * normal
@@ -497,11 +585,16 @@ class Judge:
         return None
 
     def _slips(self, step: Step, before: Step, at: tuple[Any, ...]) -> list[str]:
-        """Friction below its bound at nodes that slip, or along their slip, of nodes that touch at both ends."""
+        """Friction below its bound at nodes that slip, or along their slip, of nodes that touch at
+        both ends.
+        """
         known, normal, shear, bound, pressing = at
         way = (step.u - step.moved) - (before.u - before.moved)
         way -= np.einsum("ni,ni->n", way, normal)[:, None] * normal
-        slip, near = np.linalg.norm(way, axis=1), _NEAR[self.scene.algorithm] * self.scene.sizes.max()
+        slip, near = (
+            np.linalg.norm(way, axis=1),
+            _NEAR[self.scene.algorithm] * self.scene.sizes.max(),
+        )
         far = np.linalg.norm(step.moved - before.moved) + np.abs(step.u - before.u).max()
         gap, _ = self.away(before.u, before.moved)
         pressed = known & (pressing > 1e-3 * pressing[known].max(initial=0.0)) & (gap < near)
@@ -519,8 +612,12 @@ class Judge:
                 faults.append(f"friction along the slip: cosine {cosine.max():.2f}")
         return faults
 
-    def _unstable(self, u: Array, warmth: Array, at: tuple[Any, ...], gap: Array, scale: float) -> list[str]:
-        """Whether the energy has no minimum on the displacements that contact and supports leave, without friction."""
+    def _unstable(
+        self, u: Array, warmth: Array, at: tuple[Any, ...], gap: Array, scale: float
+    ) -> list[str]:
+        """Whether the energy has no minimum on the displacements that contact and supports leave,
+        without friction.
+        """
         known, normal, pressing = at
         pressed = np.flatnonzero(known & (pressing > 1e-5 * scale))
         count, dim = self.x.shape
@@ -529,7 +626,9 @@ class Judge:
         for column in range(count * dim):
             aside = np.zeros(count * dim)
             aside[column] = step
-            ahead, behind = (self.internal(u + sign * aside.reshape(-1, dim), warmth)[0] for sign in (1, -1))
+            ahead, behind = (
+                self.internal(u + sign * aside.reshape(-1, dim), warmth)[0] for sign in (1, -1)
+            )
             matrix[:, column] = (ahead - behind).ravel() / (2 * step)
         if self.scene.shape != "plane":
             for node in pressed:  # the force turns with the foundation's normal
@@ -559,7 +658,9 @@ class Step:
     force: Array  # of contact on the body, as it is reported, shape (d,)
 
 
-def gathered(solution: Solution, comm: MPI.Comm) -> tuple[Array, npt.NDArray[np.int64], list[Array]]:
+def gathered(
+    solution: Solution, comm: MPI.Comm
+) -> tuple[Array, npt.NDArray[np.int64], list[Array]]:
     """Nodes, cells and displacements of all load steps of all ranks; collective."""
     space = solution.model.space
     dim, index = space.mesh.geometry.dim, space.dofmap.index_map
@@ -572,7 +673,9 @@ def gathered(solution: Solution, comm: MPI.Comm) -> tuple[Array, npt.NDArray[np.
 
 
 def ended(scene: RandomScene, comm: MPI.Comm) -> tuple[str, Solution | None, str]:
-    """How a scene ends, with its solution if there is one, and what is said of the end; collective."""
+    """How a scene ends, with its solution if there is one, and what is said of the end;
+    collective.
+    """
     try:
         solution = solve(parse_scene(scene.stated()), comm, check=False)
     except ConvergenceError as error:
@@ -583,8 +686,8 @@ def ended(scene: RandomScene, comm: MPI.Comm) -> tuple[str, Solution | None, str
 
 
 def tried(seed: int, comm: MPI.Comm = MPI.COMM_SELF) -> tuple[str, list[str], str]:
-    """How the scene of a seed ends, what is wrong with what is called converged, and what is said of the end;
-    collective.
+    """How the scene of a seed ends, what is wrong with what is called converged, and what is said
+    of the end; collective.
     """
     scene = RandomScene.drawn(seed)
     end, solution, said = ended(scene, comm)
@@ -603,7 +706,11 @@ def judged(scene: RandomScene, solution: Solution, comm: MPI.Comm) -> list[str]:
             break
         assert step.contact is not None
         force = np.sum(step.contact.forces, axis=0)
-        moved = step.tools[0].translation if scene.push is not None else scene.between(step.time, scene.ways)
+        moved = (
+            step.tools[0].translation
+            if scene.push is not None
+            else scene.between(step.time, scene.ways)
+        )
         now = Step(step.time, u, moved, force)
         faults += [f"at {step.time:g}: {fault}" for fault in judge.faults(now, before)]
         before = now
@@ -624,7 +731,10 @@ def main(count: int, first: int = 0) -> int:
             kind += ", heated" * bool(scene.warmth.any())
             print(f"seed {seed}: {kind}: {end}: {'; '.join(faults[:3])} {said}", flush=True)
     if comm.rank == 0:
-        print(f"{count} scenes on {comm.size} ranks, {wrong.total()} wrong, {time.process_time() - begun:.0f} s")
+        print(
+            f"{count} scenes on {comm.size} ranks, {wrong.total()} wrong, "
+            f"{time.process_time() - begun:.0f} s"
+        )
         for (law, end), number in sorted(ends.items()):
             print(f"{law:24}{end:40}{number:>5}")
     return int(wrong.total() > 0)

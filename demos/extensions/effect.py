@@ -1,4 +1,6 @@
-"""An effect of one's own: a magnet pulls a boundary down, the more the closer it is. Scenes have [[magnet]]."""
+"""An effect of one's own: a magnet pulls a boundary down, the more the closer it is. Scenes have
+[[magnet]].
+"""
 
 from pathlib import Path
 
@@ -21,7 +23,11 @@ class Magnet(Force):
 
     def density(self, on):
         way = [c - x for c, x in zip(self.centre, on.position, strict=True)]
-        return on.value(self.strength) / (1 + sum(w * w for w in way) / self.radius**2) * on.vector((0.0, -1.0, 0.0))
+        return (
+            on.value(self.strength)
+            / (1 + sum(w * w for w in way) / self.radius**2)
+            * on.vector((0.0, -1.0, 0.0))
+        )
 
 
 register("signorini_fx.effects", "magnet", Magnet)

@@ -19,12 +19,17 @@ class Smooth(FrictionLaw):
         return self.largest * np.tanh(self.coefficient * pressure / self.largest)
 
     def derivative(self, pressure):
-        return self.coefficient / np.cosh(np.minimum(self.coefficient * pressure / self.largest, 300.0)) ** 2
+        return (
+            self.coefficient
+            / np.cosh(np.minimum(self.coefficient * pressure / self.largest, 300.0)) ** 2
+        )
 
 
 register("signorini_fx.laws", "smooth", Smooth)
 if __name__ == "__main__":
     scene = read_scene(Path(__file__).parents[1] / "scenes" / "example1_coulomb.toml")
     gap = scene.contact[0].gap
-    contact = UnilateralContact(boundary="bottom", gap=gap, friction=Smooth(coefficient=0.3, largest=3.0))
+    contact = UnilateralContact(
+        boundary="bottom", gap=gap, friction=Smooth(coefficient=0.3, largest=3.0)
+    )
     print(solve(scene.model_copy(update={"contact": contact})))

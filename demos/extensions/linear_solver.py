@@ -1,6 +1,8 @@
-"""A linear solver of one's own: MUMPS with its factor compressed (block low-rank), which takes less memory.
+"""A linear solver of one's own: MUMPS with its factor compressed (block low-rank), which takes less
+memory.
 
-The factor is not exact; FGMRES makes up for the rest, and the certificate judges the result as always.
+The factor is not exact; FGMRES makes up for the rest, and the certificate judges the result as
+always.
 """
 
 from pathlib import Path

@@ -13,8 +13,13 @@ class MeanPressureRight(Quantity):
         if (contact := solution.contact) is None:
             return None
         boundary = contact.boundary
-        right = boundary.centre[:, 0] > 1.5 + 1e-6  # round-off, which depends on the ranks, does not decide
-        force, area = (boundary.comm.allreduce(boundary.weight[right] @ of[right]) for of in (contact.pressure, right))
+        right = (
+            boundary.centre[:, 0] > 1.5 + 1e-6
+        )  # round-off, which depends on the ranks, does not decide
+        force, area = (
+            boundary.comm.allreduce(boundary.weight[right] @ of[right])
+            for of in (contact.pressure, right)
+        )
         return float(force / area)
 
 

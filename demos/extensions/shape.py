@@ -1,4 +1,4 @@
-"""A rigid shape of one's own: a box with round corners in 2D.  Scenes have it as shape = "rounded box"."""
+"""A rigid shape of one's own: a box with round corners in 2D, ``shape = "rounded box"``."""
 
 from pathlib import Path
 from typing import Literal
@@ -24,17 +24,17 @@ class RoundedBox(Shape):
 
     def initial(self, x):
         away = x - np.array(self.centre)
-        sign, beyond = np.where(away < 0, -1, 1), np.abs(away) - np.array(self.half)
-        outside = np.maximum(beyond, 0.0)
-        far, nearest = np.linalg.norm(outside, axis=1), beyond.max(axis=1)
-        side = np.eye(2)[beyond.argmax(axis=1)]  # of points inside
-        normal = np.where(far[:, None] > 0, outside / np.maximum(far, 1e-300)[:, None], side)
-        return far + np.minimum(nearest, 0.0) - self.radius, sign * normal
+        beyond = np.abs(away) - np.array(self.half)
+        far = np.linalg.norm(np.maximum(beyond, 0.0), axis=1)
+        normal = np.maximum(beyond, 0.0) / np.maximum(far, 1e-300)[:, None]
+        normal[far == 0] = np.eye(2)[beyond.argmax(axis=1)][far == 0]  # of points inside
+        return far + np.minimum(beyond.max(axis=1), 0.0) - self.radius, np.copysign(normal, away)
 
 
 register("signorini_fx.shapes", "rounded box", RoundedBox)
 if __name__ == "__main__":
     scene = read_scene(Path(__file__).parents[1] / "scenes" / "example1_tresca.toml")
     box = {"shape": "rounded box", "centre": [1.5, -0.502], "half": [0.6, 0.3], "radius": 0.2}
-    contact = UnilateralContact(boundary="bottom", foundation=box, friction={"law": "coulomb", "coefficient": 0.3})
+    friction = {"law": "coulomb", "coefficient": 0.3}
+    contact = UnilateralContact(boundary="bottom", foundation=box, friction=friction)
     print(solve(scene.model_copy(update={"contact": contact})))

@@ -1,9 +1,10 @@
 # %% [markdown]
 # # Three lines for a program that you have
 #
-# A body as in the elasticity demo of dolfinx: a box that rotates, held on two sides, with compiled forms `a` and `L`, a
-# condition `bc` and a Function `uh`. The last three lines of code are what contact adds; they do the same after the
-# last line of dolfinx's own `demo_elasticity.py`, which has these names too.
+# A body as in the elasticity demo of dolfinx: a box that rotates, held on two sides, with compiled
+# forms `a` and `L`, a condition `bc` and a Function `uh`. The last three lines of code are what
+# contact adds; they do the same after the last line of dolfinx's own `demo_elasticity.py`, which
+# has these names too.
 
 # %%
 import numpy as np

@@ -1,8 +1,9 @@
 # %% [markdown]
 # # A limit load
 #
-# A block that only friction holds is pushed harder and harder. Load steps without a solution are tried again with half
-# the increment, until the force is enclosed at which the block slides: friction times the weight on it.
+# A block that only friction holds is pushed harder and harder. Load steps without a solution are
+# tried again with half the increment, until the force is enclosed at which the block slides:
+# friction times the weight on it.
 
 # %%
 import numpy as np

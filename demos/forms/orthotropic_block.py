@@ -22,7 +22,10 @@ V = functionspace(mesh, ("Lagrange", 1, (2,)))
 u, v = ufl.TrialFunction(V), ufl.TestFunction(V)
 e, z = ufl.sym(ufl.grad(u)), ufl.sym(ufl.grad(v))
 stress = ufl.as_matrix(
-    [[C11 * e[0, 0] + C12 * e[1, 1], 2 * C66 * e[0, 1]], [2 * C66 * e[0, 1], C12 * e[0, 0] + C22 * e[1, 1]]]
+    [
+        [C11 * e[0, 0] + C12 * e[1, 1], 2 * C66 * e[0, 1]],
+        [2 * C66 * e[0, 1], C12 * e[0, 0] + C22 * e[1, 1]],
+    ]
 )
 left, bottom, top = (
     locate_entities_boundary(mesh, 1, lambda x, k=k, at=at: np.isclose(x[k], at))

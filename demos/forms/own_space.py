@@ -1,9 +1,9 @@
 # %% [markdown]
 # # Quadratic elements and a displacement that varies
 #
-# A space of degree 2, and a DirichletBC with a Function on one of its components: the top is pressed down by a curved
-# stamp that it sticks to vertically. Friction has a coefficient that varies, as UFL. The same problem as a scene gives
-# the same displacement.
+# A space of degree 2, and a DirichletBC with a Function on one of its components: the top is
+# pressed down by a curved stamp that it sticks to vertically. Friction has a coefficient that
+# varies, as UFL. The same problem as a scene gives the same displacement.
 
 # %%
 import numpy as np
@@ -20,7 +20,9 @@ V = functionspace(mesh, ("Lagrange", 2, (2,)))
 u, v, x = ufl.TrialFunction(V), ufl.TestFunction(V), ufl.SpatialCoordinate(mesh)
 e = ufl.sym(ufl.grad(u))
 stress = E / (1 + NU) * (e + NU / (1 - 2 * NU) * ufl.tr(e) * ufl.Identity(2))
-bottom, top = (locate_entities_boundary(mesh, 1, lambda x, at=at: np.isclose(x[1], at)) for at in (0.0, 1.0))
+bottom, top = (
+    locate_entities_boundary(mesh, 1, lambda x, at=at: np.isclose(x[1], at)) for at in (0.0, 1.0)
+)
 vertical, _ = V.sub(1).collapse()
 stamp = Function(vertical)
 stamp.interpolate(lambda x: -0.004 - 0.002 * np.sin(x[0]))

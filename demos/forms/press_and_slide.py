@@ -1,9 +1,9 @@
 # %% [markdown]
 # # A time loop of your own
 #
-# The block of the demo [press and slide](../press_and_slide.py): pressed down, then pushed to and fro. `advance` ends a
-# step, after which friction acts on what the next step adds to the slip. It takes the stiffness that is there: only
-# the prescribed displacement changes.
+# The block of the demo [press and slide](../press_and_slide.py): pressed down, then pushed to and
+# fro. `advance` ends a step, after which friction acts on what the next step adds to the slip. It
+# takes the stiffness that is there: only the prescribed displacement changes.
 
 # %%
 import numpy as np
@@ -20,7 +20,9 @@ V = functionspace(mesh, ("Lagrange", 1, (2,)))
 u, v = ufl.TrialFunction(V), ufl.TestFunction(V)
 e = ufl.sym(ufl.grad(u))
 stress = E / (1 + NU) * (e + NU / (1 - 2 * NU) * ufl.tr(e) * ufl.Identity(2))
-bottom, top = (locate_entities_boundary(mesh, 1, lambda x, at=at: np.isclose(x[1], at)) for at in (0.0, 1.0))
+bottom, top = (
+    locate_entities_boundary(mesh, 1, lambda x, at=at: np.isclose(x[1], at)) for at in (0.0, 1.0)
+)
 aside, nothing = Constant(mesh, 0.0), ufl.inner(Constant(mesh, (0.0, 0.0)), v) * ufl.dx
 bcs = [
     dirichletbc(-0.003, locate_dofs_topological(V.sub(1), 1, top), V.sub(1)),

@@ -1,8 +1,8 @@
 # %% [markdown]
 # # A modulus that varies
 #
-# Young's modulus is a `Function`, one value per layer, and the layers become softer from solve to solve. Without
-# lateral contraction each column is a chain of springs,
+# Young's modulus is a `Function`, one value per layer, and the layers become softer from solve to
+# solve. Without lateral contraction each column is a chain of springs,
 #
 # $$\lambda = d \Bigl( \int_0^h \frac{\mathrm{d}y}{E(y)} \Bigr)^{-1} .$$
 
@@ -16,7 +16,9 @@ from dolfinx.mesh import CellType, create_rectangle, locate_entities_boundary
 from signorini_fx import ContactProblem, Foundation
 
 LAYERS, DOWN = 6, 0.01
-mesh = create_rectangle(MPI.COMM_WORLD, [[0.0, 0.0], [2.0, 1.0]], [8, LAYERS], CellType.quadrilateral)
+mesh = create_rectangle(
+    MPI.COMM_WORLD, [[0.0, 0.0], [2.0, 1.0]], [8, LAYERS], CellType.quadrilateral
+)
 V = functionspace(mesh, ("Lagrange", 1, (2,)))
 u, v, modulus = ufl.TrialFunction(V), ufl.TestFunction(V), Function(functionspace(mesh, ("DG", 0)))
 left, bottom, top = (

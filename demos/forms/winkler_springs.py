@@ -1,9 +1,9 @@
 # %% [markdown]
 # # Springs under a block
 #
-# A block of height $h$ stands on springs of stiffness $k$ per area and is pressed by a plate that comes down by $d$:
-# the springs are one more term of the form. They hold the block without any Dirichlet condition on its displacement
-# along them. With free sides,
+# A block of height $h$ stands on springs of stiffness $k$ per area and is pressed by a plate that
+# comes down by $d$: the springs are one more term of the form. They hold the block without any
+# Dirichlet condition on its displacement along them. With free sides,
 #
 # $$\lambda = d \Bigl( \frac{1}{k} + \frac{h (1 - \nu^2)}{E} \Bigr)^{-1} .$$
 
@@ -26,7 +26,10 @@ left, bottom, top = (
     locate_entities_boundary(mesh, 1, lambda x, k=k, at=at: np.isclose(x[k], at))
     for k, at in ((0, 0.0), (1, 0.0), (1, 1.0))
 )
-ds = ufl.ds(domain=mesh, subdomain_data=meshtags(mesh, 1, np.sort(bottom), np.full(bottom.size, 1, dtype=np.int32)))
+ds = ufl.ds(
+    domain=mesh,
+    subdomain_data=meshtags(mesh, 1, np.sort(bottom), np.full(bottom.size, 1, dtype=np.int32)),
+)
 a = ufl.inner(stress, ufl.grad(v)) * ufl.dx + SPRINGS * u[1] * v[1] * ds(1)
 symmetric = dirichletbc(0.0, locate_dofs_topological(V.sub(0), 1, left), V.sub(0))
 nothing = ufl.inner(Constant(mesh, (0.0, 0.0)), v) * ufl.dx

@@ -46,7 +46,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if everything or number in (options.figures or []):
             for name, scene in scenes().items():
                 progress(f"figure {number}: {name}")
-                write_results(lab.solved(scene), folder / f"figure{number}" / name, fields=False, pdf=True)
+                write_results(
+                    lab.solved(scene), folder / f"figure{number}" / name, fields=False, pdf=True
+                )
     if everything:
         _write_json(folder / "numbers.json", numbers)
     if options.json:
@@ -59,13 +61,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         prog="paper.py",
-        description="Recompute the numerical results of Kunisch & Stadler (2005); without --tables and --figures all "
+        description="Recompute the numerical results of Kunisch & Stadler (2005); without "
+        "--tables and --figures all "
         "of them.",
     )
     parser.add_argument("--tables", type=int, nargs="+", choices=TABLES, help="only these tables")
-    parser.add_argument("--figures", type=int, nargs="+", choices=FIGURES, help="only these figures")
-    parser.add_argument("--json", metavar="FILE", type=Path, help="write the numbers in the layout of printed.json")
-    parser.add_argument("--out", metavar="DIR", type=Path, default=ROOT / "results" / "paper", help="where to write")
+    parser.add_argument(
+        "--figures", type=int, nargs="+", choices=FIGURES, help="only these figures"
+    )
+    parser.add_argument(
+        "--json", metavar="FILE", type=Path, help="write the numbers in the layout of printed.json"
+    )
+    parser.add_argument(
+        "--out", metavar="DIR", type=Path, default=ROOT / "results" / "paper", help="where to write"
+    )
     return parser.parse_args(arguments)
 
 

@@ -16,5 +16,7 @@ FIGURES: dict[int, Callable[[], dict[str, Scene]]] = {
     6: lambda: {"g=1": example2(tresca(1.0))},
     7: lambda: {"g=1": example2(tresca(1.0))},
     8: lambda: {f"g={value:g}": example2(tresca(value)) for value in (0.0, 1.0, 5.0)},
-    9: lambda: {f"F={value:g}": example2(coulomb(value), algorithm="alm") for value in (2.0, 5.0, 10.0)},
+    9: lambda: {
+        f"F={value:g}": example2(coulomb(value), algorithm="alm") for value in (2.0, 5.0, 10.0)
+    },
 }

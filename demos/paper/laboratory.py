@@ -42,10 +42,12 @@ def solves_per_problem(solution: Solution) -> list[int]:
 
 
 def counted(solves: int) -> int:
-    """Iterations as the paper seems to count them where an iteration starts from the solution of another problem.
+    """Iterations as the paper seems to count them where an iteration starts from the solution of
+    another problem.
 
-    Tables 4 and 5 and the totals given for (ALM) are met by one rule: the pass through step 2 that takes the first sets
-    from that solution counts, too.  Where the first sets are prescribed (Tables 1 and 3) there is no such pass.
+    Tables 4 and 5 and the totals given for (ALM) are met by one rule: the pass through step 2 that
+    takes the first sets from that solution counts, too.  Where the first sets are prescribed
+    (Tables 1 and 3) there is no such pass.
     """
     return solves + 1
 
@@ -60,7 +62,9 @@ def iterates(scene: Scene) -> list[Solution]:
 
 def outer_iterates(scene: Scene, count: int) -> list[Solution]:
     """What (ALM) has after 1, 2, ..., count regularised problems."""
-    return [solved(scene, check=False, max_outer_iterations=problems + 1) for problems in range(count)]
+    return [
+        solved(scene, check=False, max_outer_iterations=problems + 1) for problems in range(count)
+    ]
 
 
 def energy_norm(solution: Solution, other: Solution) -> float:
@@ -82,11 +86,14 @@ def quotients(errors: list[Any]) -> list[Any]:
     return [np.asarray(b) / np.asarray(a) for a, b in pairwise(errors)]
 
 
-def inexact_alm(scene: Scene, most_solves: int, growth: float) -> Iterator[tuple[int, Nodal, Nodal]]:
-    """(ALM) with at most ``most_solves`` linear solves for each problem, as section 7.1 describes it.
+def inexact_alm(
+    scene: Scene, most_solves: int, growth: float
+) -> Iterator[tuple[int, Nodal, Nodal]]:
+    """(ALM) with at most ``most_solves`` linear solves for each problem, as section 7.1 describes
+    it.
 
-    The dual variables are projected before the update.  Where an inner iteration is cut off, it goes on in the next
-    problem with the sets that follow from its last iterate.
+    The dual variables are projected before the update.  Where an inner iteration is cut off, it
+    goes on in the next problem with the sets that follow from its last iterate.
 
     Yields:
         For each problem the number of linear solves, and the projected pressure and shear.
@@ -99,7 +106,11 @@ def inexact_alm(scene: Scene, most_solves: int, growth: float) -> Iterator[tuple
         pressure, shear = project(*newton.multipliers(), data)
         yield newton.history.outer[-1].linear_solves, pressure, shear
         updated = replace(
-            data, lambda_hat=pressure, mu_hat=shear, gamma_n=growth * data.gamma_n, gamma_t=growth * data.gamma_t
+            data,
+            lambda_hat=pressure,
+            mu_hat=shear,
+            gamma_n=growth * data.gamma_n,
+            gamma_t=growth * data.gamma_t,
         )
         sets = newton.continued_sets(updated if status is Status.CONVERGED else data)
         data = updated

@@ -91,7 +91,10 @@ class Table:
     @property
     def entries(self) -> list[list[Entry]]:
         """The rows without their labels."""
-        return [[item if isinstance(item, Entry) else Entry(item) for item in row[1:]] for row in self.rows]
+        return [
+            [item if isinstance(item, Entry) else Entry(item) for item in row[1:]]
+            for row in self.rows
+        ]
 
     @property
     def comparable(self) -> list[Entry]:
@@ -100,14 +103,24 @@ class Table:
 
     def text(self) -> str:
         """The table for a terminal; a printed number that is another one follows in parentheses."""
-        cells = [[f"{e.text} ({e.printed_text})" if e.differs else e.text for e in row] for row in self.entries]
-        rows = [list(self.columns), *([str(row[0]), *items] for row, items in zip(self.rows, cells, strict=True))]
+        cells = [
+            [f"{e.text} ({e.printed_text})" if e.differs else e.text for e in row]
+            for row in self.entries
+        ]
+        rows = [
+            list(self.columns),
+            *([str(row[0]), *items] for row, items in zip(self.rows, cells, strict=True)),
+        ]
         widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
         body = ["  ".join(map(str.ljust, row, widths)).rstrip() for row in rows]
         lines = [self.title, *textwrap.wrap(self.caption, _WIDTH), "", *body]
         if self.comparable:
             equal = sum(not entry.differs for entry in self.comparable)
-            lines += ["", f"{equal} of {len(self.comparable)} printed numbers equal; others follow in parentheses"]
+            lines += [
+                "",
+                f"{equal} of {len(self.comparable)} printed numbers equal; others follow in "
+                "parentheses",
+            ]
         for note in self.notes:
             lines += textwrap.wrap(note, _WIDTH, initial_indent="- ", subsequent_indent="  ")
         return "\n".join(lines) + "\n"

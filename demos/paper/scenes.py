@@ -13,7 +13,8 @@ from signorini_fx.scenes.reading import parse_scene
 
 COMM = MPI.COMM_SELF
 GRID = (120, 40)
-# Where tau_N y = d is forced at the start: the standard one of section 7.1, and the non-symmetric one of Table 3.
+# Where tau_N y = d is forced at the start: the standard one of section 7.1, and the non-symmetric
+# one of Table 3.
 STARTS = {"symmetric": "1.25 <= x[0] <= 1.75", "nonsymmetric": "x[0] <= 0.5"}
 GAP1 = "0.003*(x[0] - 1.5)**2 + 0.001"
 GAP2 = f"max(0.0015, {GAP1})"
@@ -29,8 +30,12 @@ def coulomb(coefficient: float) -> Coulomb:
     return Coulomb(coefficient=coefficient)
 
 
-def example1(friction: Any, *, poisson: float = 0.4, grid: tuple[int, int] = GRID, **solver: Any) -> Scene:
-    """Section 7.1: a block, pressed in the middle of its top, free to move vertically but for the contact."""
+def example1(
+    friction: Any, *, poisson: float = 0.4, grid: tuple[int, int] = GRID, **solver: Any
+) -> Scene:
+    """Section 7.1: a block, pressed in the middle of its top, free to move vertically but for the
+    contact.
+    """
     return _scene(
         mesh=_example1_mesh(*grid),
         material={"young": 5000.0, "poisson": poisson},
@@ -42,7 +47,9 @@ def example1(friction: Any, *, poisson: float = 0.4, grid: tuple[int, int] = GRI
 
 
 def example2(friction: Any, *, grid: tuple[int, int] = GRID, **solver: Any) -> Scene:
-    """Section 7.2: the same block, its sides pushed downwards and together, over a foundation with two kinks."""
+    """Section 7.2: the same block, its sides pushed downwards and together, over a foundation with
+    two kinks.
+    """
     return _scene(
         mesh=_example2_mesh(*grid),
         material={"young": 10000.0, "poisson": 0.45},
@@ -58,9 +65,17 @@ def example2(friction: Any, *, grid: tuple[int, int] = GRID, **solver: Any) -> S
 def _settings(
     *, start: Any, gamma: float | tuple[float, float] = 1e8, sigma: Any = 1.0, **others: Any
 ) -> dict[str, Any]:
-    """Solver settings in the paper's terms; ``start``: the part of Gamma_c that the first solve has in contact."""
+    """Solver settings in the paper's terms; ``start``: the part of Gamma_c that the first solve has
+    in contact.
+    """
     gamma_n, gamma_t = gamma if isinstance(gamma, tuple) else (gamma, gamma)
-    return {"gamma_n": gamma_n, "gamma_t": gamma_t, "sigma": sigma, "initial_contact": start, **others}
+    return {
+        "gamma_n": gamma_n,
+        "gamma_t": gamma_t,
+        "sigma": sigma,
+        "initial_contact": start,
+        **others,
+    }
 
 
 def _scene(**data: Any) -> Scene:

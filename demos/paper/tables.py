@@ -16,12 +16,15 @@ from . import laboratory as lab
 from .report import Entry, Table, power, progress, shown
 from .scenes import GRID, STARTS, example1, tresca
 
-PRINTED: dict[str, Any] = json.loads((Path(__file__).parent / "printed.json").read_text(encoding="utf-8"))
+PRINTED: dict[str, Any] = json.loads(
+    (Path(__file__).parent / "printed.json").read_text(encoding="utf-8")
+)
 GRIDS = {"60x20": (60, 20), "120x40": (120, 40), "240x80": (240, 80)}
 # The problem of Tables 3 to 5.
 STIFF = {"friction": tresca(2.5), "poisson": 0.49}
 COUNTING = (
-    "An iteration that starts from the solution of another problem is counted with one more than its linear solves: "
+    "An iteration that starts from the solution of another problem is counted with one more than "
+    "its linear solves: "
     "the pass that takes its first sets from that solution."
 )
 
@@ -32,10 +35,17 @@ def table1() -> list[Table]:
     found = []
     for gamma_n in printed["gamma_1"]:
         progress(f"table 1: gamma_1 = {power(gamma_n)}")
-        found.append([lab.linear_solves(example1(tresca(1.5), gamma=(gamma_n, gamma))) for gamma in printed["gamma_2"]])
+        found.append(
+            [
+                lab.linear_solves(example1(tresca(1.5), gamma=(gamma_n, gamma)))
+                for gamma in printed["gamma_2"]
+            ]
+        )
     rows = [
         [power(gamma), *map(Entry, ours, theirs)]
-        for gamma, ours, theirs in zip(printed["gamma_1"], found, printed["iterations"], strict=True)
+        for gamma, ours, theirs in zip(
+            printed["gamma_1"], found, printed["iterations"], strict=True
+        )
     ]
     return [
         Table(
@@ -43,12 +53,20 @@ def table1() -> list[Table]:
             "Table 1: iterations of (SSN) for pairs of regularisation parameters",
             ["gamma_1 \\ gamma_2", *map(power, printed["gamma_2"])],
             rows,
-            "Example 1, nu = 0.4, g = 1.5, start from contact on [1.25, 1.75].  An iteration is a linear solve.",
+            "Example 1, nu = 0.4, g = 1.5, start from contact on [1.25, 1.75].  An iteration is a "
+            "linear solve.",
             [
-                "The text of the paper gives 9 iterations for gamma_1 = gamma_2 = 1e8 where its table has "
+                "The text of the paper gives 9 iterations for gamma_1 = gamma_2 = 1e8 where its "
+                "table has "
                 f"{printed['iterations'][4][4]}."
             ],
-            {"table1": {"gamma_1": printed["gamma_1"], "gamma_2": printed["gamma_2"], "iterations": found}},
+            {
+                "table1": {
+                    "gamma_1": printed["gamma_1"],
+                    "gamma_2": printed["gamma_2"],
+                    "iterations": found,
+                }
+            },
         )
     ]
 
@@ -60,7 +78,11 @@ def table2() -> list[Table]:
     parts = error_quotients(lab.iterates(example1(tresca(1.5), gamma=1e4)))
     q = [float(part.sum()) for part in parts]
     rows = [
-        [str(k + 1), *(Entry(float(p), None, ".2e") for p in part), Entry(q[k], _nth(printed, k), ".2e")]
+        [
+            str(k + 1),
+            *(Entry(float(p), None, ".2e") for p in part),
+            Entry(q[k], _nth(printed, k), ".2e"),
+        ]
         for k, part in enumerate(parts)
     ]
     return [
@@ -69,12 +91,17 @@ def table2() -> list[Table]:
             "Table 2: speed of convergence of (SSN)",
             ["k", "y in energy norm", "lambda in L2", "mu in L2", "q^k, their sum"],
             rows,
-            "Example 1, nu = 0.4, g = 1.5, gamma_1 = gamma_2 = 1e4: errors of iterate k + 1 over those of iterate k.",
+            "Example 1, nu = 0.4, g = 1.5, gamma_1 = gamma_2 = 1e4: errors of iterate k + 1 over "
+            "those of iterate k.",
             [
-                "The quotients fall monotonically to 0 as in the paper, but not through the same values.  Table 1 "
-                f"gives {len(parts) + 1} iterations for this problem, hence {len(parts)} quotients, and the paper "
-                f"prints {len(printed)}: its iterates come from another start, or are counted from another one.  No "
-                "start, shift of k or choice of norms that we tried gives the printed values; a start from contact "
+                "The quotients fall monotonically to 0 as in the paper, but not through the same "
+                "values.  Table 1 "
+                f"gives {len(parts) + 1} iterations for this problem, hence {len(parts)} "
+                "quotients, and the paper "
+                f"prints {len(printed)}: its iterates come from another start, or are counted "
+                "from another one.  No "
+                "start, shift of k or choice of norms that we tried gives the printed values; a "
+                "start from contact "
                 "on [1, 2] gives as many.",
             ],
             {"table2": {"q": q}},
@@ -99,7 +126,8 @@ def table3() -> list[Table]:
         for start, patch in STARTS.items():
             progress(f"table 3: {name}, {start} start")
             found = [
-                lab.linear_solves(example1(**STIFF, grid=grid, start=patch, gamma=gamma)) for gamma in printed["gamma"]
+                lab.linear_solves(example1(**STIFF, grid=grid, start=patch, gamma=gamma))
+                for gamma in printed["gamma"]
             ]
             numbers[name][start] = found
             rows.append([f"{name}, {start}", *map(Entry, found, printed[name][start])])
@@ -109,7 +137,8 @@ def table3() -> list[Table]:
             "Table 3: iterations of (SSN) on three grids",
             ["grid, start \\ gamma", *map(power, printed["gamma"])],
             rows,
-            "Example 1, nu = 0.49, g = 2.5, gamma_1 = gamma_2; start from contact on [1.25, 1.75] (symmetric) or on "
+            "Example 1, nu = 0.49, g = 2.5, gamma_1 = gamma_2; start from contact on [1.25, 1.75] "
+            "(symmetric) or on "
             "[0, 0.5] (nonsymmetric; in parentheses in the paper).",
             numbers={"table3": numbers},
         )
@@ -146,20 +175,32 @@ def table4() -> list[Table]:
                 ]
             )
     wrong = [
-        name for name in GRIDS if [f + printed[name]["second"] for f in printed[name]["first"]] != printed[name]["sum"]
+        name
+        for name in GRIDS
+        if [f + printed[name]["second"] for f in printed[name]["first"]] != printed[name]["sum"]
     ]
     return [
         Table(
             "table4",
             "Table 4: continuation from gamma = 1e5 to 1e9",
-            ["grid, start", "1e5", "to 1e9: solves", "to 1e9: counted", "sum (counted)", "1e9 at once"],
+            [
+                "grid, start",
+                "1e5",
+                "to 1e9: solves",
+                "to 1e9: counted",
+                "sum (counted)",
+                "1e9 at once",
+            ],
             rows,
-            "Example 1, nu = 0.49, g = 2.5: iterations of (SSN) for gamma = 1e5, from there to 1e9, their sum, and for "
+            "Example 1, nu = 0.49, g = 2.5: iterations of (SSN) for gamma = 1e5, from there to "
+            "1e9, their sum, and for "
             "1e9 without continuation.",
             [
-                f"{COUNTING}  So counted, the second stage takes what the paper prints on all grids; its linear "
+                f"{COUNTING}  So counted, the second stage takes what the paper prints on all "
+                "grids; its linear "
                 "solves are one less.",
-                f"Where a sum differs ({', '.join(wrong)}), the printed numbers of that row do not add up themselves.",
+                f"Where a sum differs ({', '.join(wrong)}), the printed numbers of that row do "
+                "not add up themselves.",
             ],
             {"table4": numbers},
         )
@@ -202,8 +243,14 @@ def _inexact(distance: Distance, literal_distance: Distance, off: float) -> Tabl
         inner = list(map(lab.counted, solves))
         d = list(map(distance, pressures, shears))
         literal = list(map(literal_distance, pressures, shears))
-        distances = [Entry(ours, theirs, ".2e") for ours, theirs in zip(d, printed["d"], strict=True)]
-        differing += [(name, number, entry) for number, entry in enumerate(distances, start=1) if entry.differs]
+        distances = [
+            Entry(ours, theirs, ".2e") for ours, theirs in zip(d, printed["d"], strict=True)
+        ]
+        differing += [
+            (name, number, entry)
+            for number, entry in enumerate(distances, start=1)
+            if entry.differs
+        ]
         empty = [""] * (len(columns) - 1 - len(solves))
         rows += [
             [f"{name}: #iter", *map(Entry, inner, printed["inner"]), *empty],
@@ -222,18 +269,26 @@ def _inexact(distance: Distance, literal_distance: Distance, off: float) -> Tabl
         "Table 5: inexact augmented Lagrangian method",
         columns,
         rows,
-        "Example 1, nu = 0.49, g = 2.5, start from contact on [1.25, 1.75]: #iter of (SSN) spent on problem l, and the "
+        "Example 1, nu = 0.49, g = 2.5, start from contact on [1.25, 1.75]: #iter of (SSN) spent "
+        "on problem l, and the "
         "distance d of the multipliers to those of the solution afterwards.",
         [
-            "The paper does not say all that these numbers depend on; four conventions, the same for all rows, were "
-            "found by trying which ones give them: (i) its '4 iterations' determine the sets four times and solve "
-            "three times; (ii) an iteration that is cut off goes on, after the update, with the sets that follow "
-            "from its last iterate; (iii) the norm is h times the Euclidean one, sqrt(h) times that of L2(Gamma_c); "
-            f"(iv) the reference is the unregularised solution: the one with gamma = 1e10 is {shown(off, '.0e')} away "
+            "The paper does not say all that these numbers depend on; four conventions, the same "
+            "for all rows, were "
+            "found by trying which ones give them: (i) its '4 iterations' determine the sets four "
+            "times and solve "
+            "three times; (ii) an iteration that is cut off goes on, after the update, with the "
+            "sets that follow "
+            "from its last iterate; (iii) the norm is h times the Euclidean one, sqrt(h) times "
+            "that of L2(Gamma_c); "
+            "(iv) the reference is the unregularised solution: the one with gamma = 1e10 is "
+            f"{shown(off, '.0e')} away "
             "from it, more than the last printed d.",
-            f"The distances that differ: {'; '.join(map(_difference, differing))}.  Where it is more than one "
+            f"The distances that differ: {'; '.join(map(_difference, differing))}.  Where it is "
+            "more than one "
             "percent, one or two digits are others: perhaps misprints.",
-            "'d as in (7.1)' is the distance in L2(Gamma_c) to the solution with gamma = 1e10, as the text defines "
+            "'d as in (7.1)' is the distance in L2(Gamma_c) to the solution with gamma = 1e10, as "
+            "the text defines "
             "it: the same trend, until it stalls at the distance of that solution from the limit.",
         ],
         {"table5": numbers},
@@ -252,7 +307,9 @@ def _exact(distance: Distance) -> Table:
     for name, (gamma, growth) in variants.items():
         progress(f"table 5: {name}")
         printed = PRINTED["table5"][name]
-        runs = lab.outer_iterates(example1(**STIFF, gamma=gamma, algorithm="alm", gamma_factor=growth), 6)
+        runs = lab.outer_iterates(
+            example1(**STIFF, gamma=gamma, algorithm="alm", gamma_factor=growth), 6
+        )
         d = [distance(run.contact.pressure, run.contact.shear) for run in runs]
         problems = 1 + next(k for k, value in enumerate(d) if value < 1e-4)
         solves = lab.solves_per_problem(runs[-1])[:problems]
@@ -278,12 +335,21 @@ def _exact(distance: Distance) -> Table:
         ["", "solves", "updates", "counted", "d"],
         rows,
         "The same problem; (ALM) ends as soon as d < 1e-4, d as in the rows 'd' of Table 5.",
-        [f"{COUNTING}  '2 (ALM)-iterations' are two updates of the multipliers, hence three regularised problems."],
+        [
+            f"{COUNTING}  '2 (ALM)-iterations' are two updates of the multipliers, hence three "
+            "regularised problems."
+        ],
         {"table5": numbers},
     )
 
 
-TABLES: dict[int, Callable[[], list[Table]]] = {1: table1, 2: table2, 3: table3, 4: table4, 5: table5}
+TABLES: dict[int, Callable[[], list[Table]]] = {
+    1: table1,
+    2: table2,
+    3: table3,
+    4: table4,
+    5: table5,
+}
 
 
 def _nth(values: Sequence[Any], k: int) -> Any:

@@ -1,11 +1,13 @@
-"""Whether an accuracy that is asked for is met in 2D, and at what cost: asked, estimated and true error, and the price.
+"""Whether an accuracy that is asked for is met in 2D, and at what cost: asked, estimated and true
+error, and the price.
 
     ./env python3 demos/studies/asked_accuracy.py --out docs/evidence/asked_accuracy.csv
 
-Scenes are asked for 10, 1 and 0.1 % of displacement and contact pressure.  True errors are measured against references
-of much higher accuracy (see ``effectivity``).  The price is over that of the cheapest of other ways, on meshes of many
-sizes, that meet the same target, which is known only afterwards: by work, which is linear solves times unknowns summed
-over all meshes, and by seconds of the processor.
+Scenes are asked for 10, 1 and 0.1 % of displacement and contact pressure.  True errors are measured
+against references of much higher accuracy (see ``effectivity``).  The price is over that of the
+cheapest of other ways, on meshes of many sizes, that meet the same target, which is known only
+afterwards: by work, which is linear solves times unknowns summed over all meshes, and by seconds of
+the processor.
 """
 
 from __future__ import annotations
@@ -31,8 +33,8 @@ SCENES = ("example1_tresca", "example1_coulomb", "hertz_degree2", "hertz")
 TARGETS = (1e-1, 1e-2, 1e-3)
 # What a run may take: linear elements of Hertz would need millions of unknowns for the last digit.
 BUDGET = 60.0
-# The other ways: uniform meshes of these sizes, relative to those of the scene, by one solve or nested, and divided
-# triangles asked for these accuracies.
+# The other ways: uniform meshes of these sizes, relative to those of the scene, by one solve or
+# nested, and divided triangles asked for these accuracies.
 FACTORS = (8.0, 4.0, 2.0, 1.0, 0.5, 0.25)
 ASKED = {"P1": (0.2, 0.1, 0.05, 0.02), "P2": (0.2, 0.1, 0.05, 0.02, 0.01, 5e-3, 2e-3, 1e-3, 6e-4)}
 ELEMENTS = ("P1", "Q1", "P2", "Q2")
@@ -58,19 +60,24 @@ def timed(scene: Any) -> tuple[Any, dict[str, float]]:
 def ways(name: str, *, straight: bool) -> list[tuple[str, Any]]:
     """Other ways and their scenes.
 
-    Triangles that are divided would leave a curved boundary the polygon that it was, and quadrilaterals cannot be
-    evaluated at points of the reference that are outside theirs.
+    Triangles that are divided would leave a curved boundary the polygon that it was, and
+    quadrilaterals cannot be evaluated at points of the reference that are outside theirs.
     """
     scene, listed = scene_of(name), []
     for element in ELEMENTS if straight else ("P1", "P2"):
         factors = FACTORS[: len(FACTORS) - (element[1] == "2")]
         listed += [(element, varied(scene, factor, element, LIMIT)) for factor in factors]
         if element[0] == "Q":
-            listed += [(f"{element}, nested", varied(scene, factor, element, NESTED)) for factor in factors]
+            listed += [
+                (f"{element}, nested", varied(scene, factor, element, NESTED)) for factor in factors
+            ]
         elif straight:
             plain = varied(scene, 1.0, element, LIMIT)
             goals = [Accuracy(target=target, refinement="adaptive") for target in ASKED[element]]
-            listed += [(f"{element}, adaptive", plain.model_copy(update={"accuracy": goal})) for goal in goals]
+            listed += [
+                (f"{element}, adaptive", plain.model_copy(update={"accuracy": goal}))
+                for goal in goals
+            ]
     return listed
 
 
@@ -83,13 +90,19 @@ def others(name: str, reference: Any, *, straight: bool) -> list[dict[str, Any]]
         except SignoriniError:
             continue
         if solution.converged:
-            found.append({"way": f"{way}, {solution.model.dofs}", **price, **reference.errors(solution)})
+            found.append(
+                {"way": f"{way}, {solution.model.dofs}", **price, **reference.errors(solution)}
+            )
     return found
 
 
 def asked(name: str) -> list[dict[str, Any]]:
     """One row for each quantity and target."""
-    scene, (reference, _), straight = scene_of(name), reference_of(name), not name.startswith("hertz")
+    scene, (reference, _), straight = (
+        scene_of(name),
+        reference_of(name),
+        not name.startswith("hertz"),
+    )
     known, rows = others(name if straight else "hertz_degree2", reference, straight=straight), []
     for of in ("energy", "pressure"):
         for target in TARGETS:
@@ -97,22 +110,30 @@ def asked(name: str) -> list[dict[str, Any]]:
             solution, price = timed(scene.model_copy(update={"accuracy": goal}))
             true = reference.errors(solution)[of]
             enough = [other for other in known if other[of] is not None and other[of] <= target]
-            cheapest = {key: min(enough, key=lambda other: other[key], default=None) for key in price}
-            ratio = {key: f"{price[key] / least[key]:.1f}" if least else "-" for key, least in cheapest.items()}
+            cheapest = {
+                key: min(enough, key=lambda other: other[key], default=None) for key in price
+            }
+            ratio = {
+                key: f"{price[key] / least[key]:.1f}" if least else "-"
+                for key, least in cheapest.items()
+            }
             estimated = f"{getattr(solution.convergence_table[-2], of):.1e}"
             rows.append(
                 {
                     "scene": name,
                     "of": of,
                     "asked": target,
-                    "estimated": estimated + ("" if solution.converged else f" ({solution.status.value})"),
+                    "estimated": estimated
+                    + ("" if solution.converged else f" ({solution.status.value})"),
                     "true": f"{true:.1e}{'' if true <= target else ' not met'}",
                     "unknowns": solution.model.dofs,
                     "work": f"{price['work']:.1e}",
                     "work ratio": ratio["work"],
                     "seconds": f"{price['seconds']:.2f}",
                     "seconds ratio": ratio["seconds"],
-                    "cheapest work": cheapest["work"]["way"] if cheapest["work"] else "none meets it",
+                    "cheapest work": cheapest["work"]["way"]
+                    if cheapest["work"]
+                    else "none meets it",
                 }
             )
             print(*rows[-1].values(), sep=" | ", flush=True)
@@ -132,7 +153,11 @@ def main() -> None:
     print(f"met: {met} of {len(rows)}", end="")
     for cost in ("work", "seconds"):
         known = [float(row[f"{cost} ratio"]) for row in rows if row[f"{cost} ratio"] != "-"]
-        print(f"; at most 3 times the cheapest {cost}: {sum(ratio <= 3 for ratio in known)} of {len(known)}", end="")
+        print(
+            f"; at most 3 times the cheapest {cost}: {sum(ratio <= 3 for ratio in known)} of "
+            f"{len(known)}",
+            end="",
+        )
     print()
 
 

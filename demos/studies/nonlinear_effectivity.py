@@ -1,11 +1,14 @@
-"""Bodies of rubber and metal: estimated over true errors, and whether an accuracy that is asked for is reached.
+"""Bodies of rubber and metal: estimated over true errors, and whether an accuracy that is asked for
+is reached.
 
-    ./env python3 demos/studies/nonlinear_effectivity.py --out docs/evidence/effectivity_nonlinear.csv
+    ./env python3 demos/studies/nonlinear_effectivity.py --out
+    docs/evidence/effectivity_nonlinear.csv
 
-Each scene is solved on meshes with cells half as large as those before, and with a requested accuracy.  Errors of the
-stress P in L2, of the pressure and of the force are measured against a finer mesh of degree 2.  The table has estimated
-over true error (true error); * is outside of 1/2 to 2, ~ a true error that is less than three times the distance of the
-reference to that on cells twice as large.
+Each scene is solved on meshes with cells half as large as those before, and with a requested
+accuracy.  Errors of the stress P in L2, of the pressure and of the force are measured against a
+finer mesh of degree 2.  The table has estimated over true error (true error); * is outside of 1/2
+to 2, ~ a true error that is less than three times the distance of the reference to that on cells
+twice as large.
 """
 
 from __future__ import annotations
@@ -48,11 +51,16 @@ STEPS = {"times": [0.25, 0.5, 0.75, 1.0]}
 
 def rectangle(length: float, nx: int, ny: int, **more: Any) -> dict[str, Any]:
     """The mesh of a rectangle with the height 1."""
-    return {"generator": "rectangle", "parameters": {"length": length, "height": 1.0, "nx": nx, "ny": ny, **more}}
+    return {
+        "generator": "rectangle",
+        "parameters": {"length": length, "height": 1.0, "nx": nx, "ny": ny, **more},
+    }
 
 
 def punch() -> dict[str, Any]:
-    """A flat punch with edges in the half of a metal block: its foundation ends with a step of the gap."""
+    """A flat punch with edges in the half of a metal block: its foundation ends with a step of the
+    gap.
+    """
     return {
         "mesh": rectangle(2.0, 16, 8),
         "element": {"volumetric": "reduced"},
@@ -83,7 +91,10 @@ def blocks() -> dict[str, Any]:
 
 def cube() -> dict[str, Any]:
     """A quarter of a block of rubber that is pressed on a bowl, in 3D."""
-    sides, counts = dict.fromkeys(("length", "width", "height"), 1.0), dict.fromkeys(("nx", "ny", "nz"), 4)
+    sides, counts = (
+        dict.fromkeys(("length", "width", "height"), 1.0),
+        dict.fromkeys(("nx", "ny", "nz"), 4),
+    )
     return {
         "mesh": {"generator": "box", "parameters": {**sides, **counts, "cell": "hexahedron"}},
         "material": RUBBER,
@@ -97,7 +108,8 @@ def cube() -> dict[str, Any]:
     }
 
 
-# Scenes, the finest mesh that is judged and the reference, as halvings of the first one, and what is asked for.
+# Scenes, the finest mesh that is judged and the reference, as halvings of the first one, and what
+# is asked for.
 SCENES = {
     "punch in metal": (lambda: parse_scene(punch()), 1, 3, 0.08),
     "two blocks of rubber": (lambda: parse_scene(blocks()), 1, 2, 0.03),
@@ -109,9 +121,13 @@ SCENES = {
 def on(scene: Any, halvings: int, degree: int | None = None) -> Any:
     """The scene with cells halved so many times."""
     if degree is not None:
-        scene = scene.model_copy(update={"element": scene.element.model_copy(update={"degree": degree})})
+        scene = scene.model_copy(
+            update={"element": scene.element.model_copy(update={"degree": degree})}
+        )
     if isinstance(scene.mesh, MeshFile):
-        return scene_with(scene, load_file(scene.mesh, MPI.COMM_SELF, halvings, scene.element.degree))
+        return scene_with(
+            scene, load_file(scene.mesh, MPI.COMM_SELF, halvings, scene.element.degree)
+        )
     return scene_on(scene, 0.5**halvings)
 
 
@@ -130,16 +146,24 @@ class Fine:
     def __init__(self, scene: Any) -> None:
         self.solution, stress, _ = solved(scene)
         mesh = stress.function_space.mesh
-        points, weights = basix.make_quadrature(getattr(basix.CellType, mesh.topology.cell_name()), 2)
+        points, weights = basix.make_quadrature(
+            getattr(basix.CellType, mesh.topology.cell_name()), 2
+        )
         cells = np.arange(mesh.topology.index_map(mesh.topology.dim).size_local, dtype=np.int32)
 
         def at_points(expression: Any) -> Any:
-            return fem.Expression(expression, points).eval(mesh, cells).reshape(cells.size * len(points), -1)
+            return (
+                fem.Expression(expression, points)
+                .eval(mesh, cells)
+                .reshape(cells.size * len(points), -1)
+            )
 
         x = at_points(ufl.SpatialCoordinate(mesh))
         self.points = np.zeros((len(x), 3))
         self.points[:, : x.shape[1]] = x
-        self.weights = np.abs(at_points(ufl.JacobianDeterminant(mesh))[:, 0]) * np.tile(weights, cells.size)
+        self.weights = np.abs(at_points(ufl.JacobianDeterminant(mesh))[:, 0]) * np.tile(
+            weights, cells.size
+        )
         self.stress = at_points(stress)
 
     def errors(self, solution: Any, stress: fem.Function) -> dict[str, float]:
@@ -149,13 +173,21 @@ class Fine:
         shares = space.element.basix_element.tabulate(0, places)[0, :, :, 0]
         values = stress.x.array.reshape(-1, self.stress.shape[1])
         there = np.einsum("nk,nkc->nc", shares, values[space.dofmap.list[cells]])
-        sizes = [np.sqrt(self.weights @ (f**2).sum(axis=1)) for f in (there - self.stress, self.stress)]
+        sizes = [
+            np.sqrt(self.weights @ (f**2).sum(axis=1)) for f in (there - self.stress, self.stress)
+        ]
         fine = self.solution.table.columns
         away = interpolated(solution.table, self.solution.table, "pressure") - fine["pressure"]
         pressures = [np.sqrt(fine["weight"] @ f**2) for f in (away, fine["pressure"])]
         forces = [one.contact.forces_of_each for one in (solution, self.solution)]
         force = np.linalg.norm(forces[0] - forces[1]) / np.linalg.norm(forces[1])
-        return dict(zip(COLUMNS, (sizes[0] / sizes[1], pressures[0] / pressures[1], float(force)), strict=True))
+        return dict(
+            zip(
+                COLUMNS,
+                (sizes[0] / sizes[1], pressures[0] / pressures[1], float(force)),
+                strict=True,
+            )
+        )
 
 
 def row_of(name: str, mesh: str, scene: Any, fine: Fine, known: dict[str, float]) -> dict[str, Any]:
@@ -173,7 +205,9 @@ def row_of(name: str, mesh: str, scene: Any, fine: Fine, known: dict[str, float]
 def main() -> None:
     """Measure, print and write."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("--out", type=Path, default=Path("results/effectivity_nonlinear.csv"), help="file")
+    parser.add_argument(
+        "--out", type=Path, default=Path("results/effectivity_nonlinear.csv"), help="file"
+    )
     parser.add_argument("--scene", choices=SCENES, action="append", help="only this one")
     options = parser.parse_args()
     time.perf_counter = time.process_time  # other programs take no part of the budget
@@ -186,11 +220,16 @@ def main() -> None:
         print(name, "reference", fine.solution.model.dofs, known, flush=True)
         rows += [row_of(name, str(k), on(scene, k), fine, known) for k in range(finest + 1)]
         if target is not None:
-            found = solve(scene.model_copy(update={"accuracy": Accuracy(target=target, seconds=60.0)}), check=False)
+            found = solve(
+                scene.model_copy(update={"accuracy": Accuracy(target=target, seconds=60.0)}),
+                check=False,
+            )
             print(name, found.status, [level.dofs for level in found.levels], flush=True)
             element = scene.element.model_copy(update={"degree": found.statement.element.degree})
             last = scene_with(scene.model_copy(update={"element": element}), found.model.tagged)
-            rows.append(row_of(name, f"asked for {target:g}: {found.status.value}", last, fine, known))
+            rows.append(
+                row_of(name, f"asked for {target:g}: {found.status.value}", last, fine, known)
+            )
         write_csv(options.out, rows)
 
 

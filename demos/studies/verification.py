@@ -2,9 +2,9 @@
 
     ./env python3 demos/studies/verification.py [--write]     # prints the rows; writes the file
 
-References are formulae, balances of forces, or numbers of an independent program (tests/support/oracle.py: NumPy alone,
-no line shared with the package).  The exit code is 1 if a number is further from its reference than the tolerance says.
-One rank, some seconds.
+References are formulae, balances of forces, or numbers of an independent program
+(tests/support/oracle.py: NumPy alone, no line shared with the package).  The exit code is 1 if a
+number is further from its reference than the tolerance says. One rank, some seconds.
 """
 
 from __future__ import annotations
@@ -27,7 +27,12 @@ from signorini_fx.scenes.solver import solve
 
 SCENES = Path(__file__).resolve().parents[1] / "scenes"
 TABLE = SCENES.parents[1] / "docs" / "evidence" / "benchmarks.csv"
-ELEMENTS = {"P1": ("triangle", 1), "Q1": ("quadrilateral", 1), "P2": ("triangle", 2), "Q2": ("quadrilateral", 2)}
+ELEMENTS = {
+    "P1": ("triangle", 1),
+    "Q1": ("quadrilateral", 1),
+    "P2": ("triangle", 2),
+    "Q2": ("quadrilateral", 2),
+}
 
 
 @dataclass(frozen=True)
@@ -68,7 +73,7 @@ def alone(scene: Scene, *, check: bool = True) -> Solution:
     return solve(scene, MPI.COMM_SELF, check=check)
 
 
-# --- states of constant stress ---------------------------------------------------------------------------------------
+# --- states of constant stress --------------------------------------------------------------------
 
 YOUNG, POISSON, PRESSED, SHEAR = 200.0, 0.3, 5.0, 2.0
 GAMMA_N, GAMMA_T = 4e5, 3e5  # part of the exact solution: the body sinks in by pressure / gamma_n
@@ -85,7 +90,10 @@ def patch(cell: str, degree: int, **effects: object) -> Scene:
             "mesh": {"generator": "block", "parameters": size},
             "element": {"degree": degree},
             "material": {"young": YOUNG, "poisson": POISSON},
-            "contact": {"boundary": "bottom", "friction": {"law": "coulomb", "coefficient": SHEAR / PRESSED}},
+            "contact": {
+                "boundary": "bottom",
+                "friction": {"law": "coulomb", "coefficient": SHEAR / PRESSED},
+            },
             "solver": {"gamma_n": GAMMA_N, "gamma_t": GAMMA_T, "tolerance": 1e-12},
             **effects,
         }
@@ -120,7 +128,11 @@ def patch_tests() -> Iterator[Row]:
         ),
         "slip": (
             {
-                "displacement": {"boundary": "top", "x": moved, "y": -SHORTENING - PRESSED / GAMMA_N},
+                "displacement": {
+                    "boundary": "top",
+                    "x": moved,
+                    "y": -SHORTENING - PRESSED / GAMMA_N,
+                },
                 "traction": sides(SHEAR),
             },
             lambda y: moved - SHEAR * (1 - y) / MU,
@@ -133,7 +145,10 @@ def patch_tests() -> Iterator[Row]:
             solution = alone(patch(*element, **effects))
             x = solution.model.space.tabulate_dof_coordinates()
             exact = np.column_stack((across(x[:, 1]), -SHORTENING * x[:, 1] - PRESSED / GAMMA_N))
-            wrong = [np.abs(solution.displacement.x.array.reshape(-1, 2) - exact).max() / np.abs(exact).max()]
+            wrong = [
+                np.abs(solution.displacement.x.array.reshape(-1, 2) - exact).max()
+                / np.abs(exact).max()
+            ]
             wrong += [np.abs(solution.contact.pressure - PRESSED).max() / PRESSED]
             wrong += [np.abs(solution.contact.shear[:, 0] - shear).max() / PRESSED]
             worst = float(np.max([worst, *wrong]))
@@ -141,7 +156,7 @@ def patch_tests() -> Iterator[Row]:
         yield Row(f"Patch test, {state}", quantity, "exact", 0.0, worst, 1e-9, ".0e")
 
 
-# --- Hertz -----------------------------------------------------------------------------------------------------------
+# --- Hertz ----------------------------------------------------------------------------------------
 
 RADIUS = 8.0
 MODULUS = YOUNG / (1 - POISSON**2)
@@ -153,7 +168,9 @@ def half_width_of(load: float) -> float:
 
 
 def moment_width(x: np.ndarray, pressure: np.ndarray, weight: np.ndarray) -> float:
-    """a from the mean of x^2, which is a^2 / 4 for an ellipse: it does not depend on where the last node is."""
+    """a from the mean of x^2, which is a^2 / 4 for an ellipse: it does not depend on where the last
+    node is.
+    """
     return float(2 * np.sqrt(np.dot(weight, pressure * x**2) / np.dot(weight, pressure)))
 
 
@@ -164,11 +181,28 @@ def hertz() -> Iterator[Row]:
     columns = alone(read_scene(SCENES / "hertz.toml")).table.columns
     x, pressure, weight = columns["x"], columns["pressure"], columns["weight"]
     name, formula = "Hertz, half a disk on a plane", "Hertz's formula; (a/R)^2 = 0.25 %"
-    yield Row(name, "contact force", "balance of forces", load / 2, float(np.dot(weight, pressure)), 1e-8, ".8g")
+    yield Row(
+        name,
+        "contact force",
+        "balance of forces",
+        load / 2,
+        float(np.dot(weight, pressure)),
+        1e-8,
+        ".8g",
+    )
     yield Row(name, "half-width a", formula, width, moment_width(x, pressure, weight), 5e-3)
-    yield Row(name, "largest pressure", formula, 2 * load / (math.pi * width), float(pressure.max()), 5e-3)
+    yield Row(
+        name, "largest pressure", formula, 2 * load / (math.pi * width), float(pressure.max()), 5e-3
+    )
 
-    block = {"length": 10.0, "height": 5.0, "nx": 120, "ny": 60, "layout": "graded", "grading": 40.0}
+    block = {
+        "length": 10.0,
+        "height": 5.0,
+        "nx": 120,
+        "ny": 60,
+        "layout": "graded",
+        "grading": 40.0,
+    }
     solution = alone(
         parse_scene(
             {
@@ -189,11 +223,13 @@ def hertz() -> Iterator[Row]:
     yield Row(name, "half-width a", formula, width, moment_width(x, pressure, weight), 8e-3)
 
 
-# --- the paper's first example ---------------------------------------------------------------------------------------
+# --- the paper's first example --------------------------------------------------------------------
 
 
 def example1() -> Iterator[Row]:
-    """Example 1 on 120 x 40, gamma = 1e8, F = 0.3 or g = 1.5; the numbers of tests/support/oracle.py."""
+    """Example 1 on 120 x 40, gamma = 1e8, F = 0.3 or g = 1.5; the numbers of
+    tests/support/oracle.py.
+    """
     known = {
         "tresca": (20.1121, 0.0231870, -0.00382157, ("friction", [0.95, 2.05])),
         "coulomb": (20.1810, 0.0234108, -0.00384852, ("state", [1.0, 2.0])),
@@ -208,7 +244,14 @@ def example1() -> Iterator[Row]:
         yield Row(name, "strain energy", oracle, energy, solution.steps[-1].strain_energy, 3e-6)
         x = solution.model.space.tabulate_dof_coordinates()
         middle = int(np.argmin(np.hypot(x[:, 0] - 1.5, x[:, 1] - 1.0)))
-        yield Row(name, "u_2(1.5, 1)", oracle, u_2, float(solution.displacement.x.array[2 * middle + 1]), 2e-6)
+        yield Row(
+            name,
+            "u_2(1.5, 1)",
+            oracle,
+            u_2,
+            float(solution.displacement.x.array[2 * middle + 1]),
+            2e-6,
+        )
         zone = columns["x"][columns["state"] != "open"]
         for which, at, wanted in (("first", zone.min(), 0.85), ("last", zone.max(), 2.15)):
             yield Row(name, f"{which} node in contact", oracle, wanted, float(at), 1e-9)
@@ -218,7 +261,7 @@ def example1() -> Iterator[Row]:
             yield Row(name, f"inner end of slip{sign}", oracle, wanted, float(at), 1e-9)
 
 
-# --- friction --------------------------------------------------------------------------------------------------------
+# --- friction -------------------------------------------------------------------------------------
 
 FRICTION, LOAD = 0.3, 20.0
 
@@ -229,7 +272,10 @@ def block(loads: dict[str, object]) -> Scene:
         {
             "mesh": {"generator": "rectangle", "parameters": {"length": 3.0, "nx": 60, "ny": 20}},
             "material": {"young": 5000.0, "poisson": 0.3},
-            "contact": {"boundary": "bottom", "friction": {"law": "coulomb", "coefficient": FRICTION}},
+            "contact": {
+                "boundary": "bottom",
+                "friction": {"law": "coulomb", "coefficient": FRICTION},
+            },
             **loads,
         }
     )
@@ -244,22 +290,51 @@ def friction() -> Iterator[Row]:
         solution = alone(scene, check=False)
         if solution.converged:
             ours = -float(solution.contact.forces[1][0]) / limit
-            yield Row("Limit of friction F N", f"pushed with {share} F N", "balance of forces", wanted, ours, 1e-8)
+            yield Row(
+                "Limit of friction F N",
+                f"pushed with {share} F N",
+                "balance of forces",
+                wanted,
+                ours,
+                1e-8,
+            )
         else:
             slides = float(solution.status.name == "SLIDES")
-            yield Row("Limit of friction F N", f"pushed with {share} F N: 'slides'", "F N < push", 1.0, slides, 0.0)
+            yield Row(
+                "Limit of friction F N",
+                f"pushed with {share} F N: 'slides'",
+                "F N < push",
+                1.0,
+                slides,
+                0.0,
+            )
     steps = alone(read_scene(SCENES / "press_and_slide.toml")).steps
     forces = np.array([step.contact.forces[1][0] for step in steps])
     apart = float(np.abs(forces[-16:] - forces[-32:-16]).max() / np.abs(forces).max())
-    yield Row("Press, push and pull back", "second loop less the first", "the loop closes", 0.0, apart, 1e-6, ".0e")
+    yield Row(
+        "Press, push and pull back",
+        "second loop less the first",
+        "the loop closes",
+        0.0,
+        apart,
+        1e-6,
+        ".0e",
+    )
     factors = [0.0, 1.0, 2.0, 3.0]
     pushed = [{"boundary": "top", "y": -0.003}, {"boundary": "top", "x": 0.02, "factors": factors}]
     contact = alone(block({"displacement": pushed})).steps[-1].contact
     work, source = FRICTION * float(contact.forces[0][1]) * 0.02, "F N times its length"
-    yield Row("A block that slides", "work of friction of one step", source, work, contact.friction_work, 1e-6)
+    yield Row(
+        "A block that slides",
+        "work of friction of one step",
+        source,
+        work,
+        contact.friction_work,
+        1e-6,
+    )
 
 
-# --- near incompressibility ------------------------------------------------------------------------------------------
+# --- near incompressibility -----------------------------------------------------------------------
 
 
 def incompressible() -> Iterator[Row]:
@@ -282,12 +357,17 @@ def incompressible() -> Iterator[Row]:
         reference = sinking(poisson, "Q2", 90)
         for name in ("Q1", "P2"):
             ours = sinking(poisson, name, 30)
-            benchmark, quantity = f"Example 1, nu = {poisson}, reduced", f"u_2(1.5, 1), {name} on 30 x 10"
+            benchmark, quantity = (
+                f"Example 1, nu = {poisson}, reduced",
+                f"u_2(1.5, 1), {name} on 30 x 10",
+            )
             yield Row(benchmark, quantity, "Q2 on 90 x 30", reference, ours, 5e-3)
 
 
 def stresses() -> Iterator[Row]:
-    """A quarter of a cylinder in plane strain under internal pressure: the extremes of Lame's stress, at the bore."""
+    """A quarter of a cylinder in plane strain under internal pressure: the extremes of Lame's
+    stress, at the bore.
+    """
     outer, inner, pressure, poisson = 3.0, 1.5, 2.0, 0.3
     parameters = {"radius": outer, "thickness": outer - inner, "angle": 90.0, "symmetric": True}
     parameters |= {"size": 0.1, "contact_size": 0.1, "order": 2}
@@ -297,7 +377,9 @@ def stresses() -> Iterator[Row]:
                 "mesh": {"generator": "ring_segment", "parameters": parameters},
                 "element": {"degree": 2},
                 "material": {"young": 1000.0, "poisson": poisson},
-                "displacement": [{"boundary": name, "normal": 0.0} for name in ("symmetry", "right")],
+                "displacement": [
+                    {"boundary": name, "normal": 0.0} for name in ("symmetry", "right")
+                ],
                 "traction": {"boundary": "inner", "pressure": pressure},
             }
         )
@@ -312,11 +394,18 @@ def stresses() -> Iterator[Row]:
         ("smallest principal stress", radial, found.smallest().value),
         ("largest stress out of the plane", out, found.largest("zz").value),
     ):
-        yield Row("Cylinder under pressure, P2", f"{name}, recovered", "Lame's formula", exact, ours, 2e-3)
+        yield Row(
+            "Cylinder under pressure, P2", f"{name}, recovered", "Lame's formula", exact, ours, 2e-3
+        )
     # Half of the body: the pressure on the cut of the bore.
     held = solution.resultants.of("symmetry")
     yield Row(
-        "Cylinder under pressure, P2", "force on the cut", "statics", pressure * inner, float(-held.force[0]), 1e-9
+        "Cylinder under pressure, P2",
+        "force on the cut",
+        "statics",
+        pressure * inner,
+        float(-held.force[0]),
+        1e-9,
     )
 
 
@@ -343,7 +432,13 @@ def table(found: list[Row]) -> list[list[str]]:
     for row in found:
         reference = f"{row.reference:{row.form}}" if row.reference else "0"
         tolerance = f"{row.tolerance:.0e}" if row.holds else f"{row.tolerance:.0e} missed"
-        numbers = [reference, row.source, f"{row.ours:{row.form}}", f"{row.difference:.0e}", tolerance]
+        numbers = [
+            reference,
+            row.source,
+            f"{row.ours:{row.form}}",
+            f"{row.difference:.0e}",
+            tolerance,
+        ]
         lines.append([row.benchmark, row.quantity, *numbers])
     return lines
 

@@ -1,7 +1,8 @@
 """The method: contact problems given by matrices, and the algorithms that solve them.
 
-Contact laws at points, the regularised problem and its active sets, outer algorithms, and linear algebra.  This layer
-sees matrices and values at contact points.  It must not know forms, meshes, materials or scenes.
+Contact laws at points, the regularised problem and its active sets, outer algorithms, and linear
+algebra.  This layer sees matrices and values at contact points.  It must not know forms, meshes,
+materials or scenes.
 """
 
 from __future__ import annotations
@@ -13,13 +14,17 @@ from signorini_fx.tuned import PROBLEMS_PER_STEP
 
 
 def step_limit(max_iterations: int) -> int:
-    """Linear solves that all attempts at a load step together may take; ``max_iterations``: those for one problem."""
+    """Linear solves that all attempts at a load step together may take; ``max_iterations``: those
+    for one problem.
+    """
     return PROBLEMS_PER_STEP * max_iterations
 
 
 @dataclass(frozen=True)
 class Settings:
-    """Algorithms, their parameters and limits; ``statement.settings.SolverSettings`` explains them."""
+    """Algorithms, their parameters and limits; ``statement.settings.SolverSettings`` explains
+    them.
+    """
 
     algorithm: Literal["auto", "ssn", "continuation", "path-following", "alm"] = "auto"
     coulomb: Literal["auto", "fp", "newton"] = "auto"
@@ -40,5 +45,7 @@ class Settings:
         return cls(**{field.name: getattr(source, field.name) for field in fields(cls)})
 
     def limited(self, name: Literal["max_iterations", "max_outer_iterations"]) -> bool:
-        """Whether a limit is lower than its default: then the user has set it, and reaching it is not a failure."""
+        """Whether a limit is lower than its default: then the user has set it, and reaching it is
+        not a failure.
+        """
         return bool(getattr(self, name) < getattr(type(self), name))

@@ -1,8 +1,9 @@
-"""The regularised contact problem (3.3) as SNES callbacks: residual, and active-set Jacobian A + B^T D B.
+"""The regularised contact problem (3.3) as SNES callbacks: residual, and active-set Jacobian A +
+B^T D B.
 
 (3.3b), the contact pressure, is in ``algebra.contact.complementarity``, (3.3c), the friction, in
-``algebra.contact.active_sets``.  A problem must not know which kind of elastic system it is given, or which algorithm
-evaluates its residual.
+``algebra.contact.active_sets``.  A problem must not know which kind of elastic system it is given,
+or which algorithm evaluates its residual.
 """
 
 from __future__ import annotations
@@ -12,7 +13,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
-import mpi4py.MPI  # noqa: F401  # first: PETSc and dolfinx from PyPI find the library of MPI where it is loaded
+# First: PETSc and dolfinx from PyPI find the library of MPI where it is loaded.
+import mpi4py.MPI  # noqa: F401
 import numpy as np
 from petsc4py import PETSc
 
@@ -43,8 +45,9 @@ from signorini_fx.tuned import ATTAINABLE_SHARE, NO_FORCE
 
 @dataclass(frozen=True)
 class NextSets:
-    """The active sets of the next linear solve, and those that follow from the iterate, from which they differ,
-    ``repaired``, if these would not hold the body; ``escapes``: the status if it moves away whatever the sets are.
+    """The active sets of the next linear solve, and those that follow from the iterate, from which
+    they differ, ``repaired``, if these would not hold the body; ``escapes``: the status if it moves
+    away whatever the sets are.
     """
 
     sets: ActiveSets
@@ -54,9 +57,9 @@ class NextSets:
 
 
 class ContactTangent:
-    """The Jacobians of one problem, by their handles: ``inserted`` blocks D, and those of the last factorisation. Of A,
-    by blocks or with a pattern that has that of B^T D B (``ContactMap.admitted``), only the entries that contact adds
-    to are set.
+    """The Jacobians of one problem, by their handles: ``inserted`` blocks D, and those of the last
+    factorisation. Of A, by blocks or with a pattern that has that of B^T D B
+    (``ContactMap.admitted``), only the entries that contact adds to are set.
     """
 
     def __init__(self, matrix: PETSc.Mat, contact: ContactMap) -> None:
@@ -73,17 +76,23 @@ class ContactTangent:
         return with_added(self._matrix, added)
 
     def insert(self, matrix: PETSc.Mat, blocks: Nodal) -> bool:
-        """Put A + B^T D B into a matrix that ``create`` made, or a copy of A, if it is not there; D: stress per length,
-        shape (n, d, d); whether it is that of the last factorisation; collective.
+        """Put A + B^T D B into a matrix that ``create`` made, or a copy of A, if it is not there;
+        D: stress per length, shape (n, d, d); whether it is that of the last factorisation;
+        collective.
         """
         points = self._contact.points
         earlier_blocks = [table.get(matrix.handle) for table in (self.inserted, self.factorised)]
         differ = [old is None or bool((old != blocks).any()) for old in earlier_blocks]
-        changed, since = [int(count) for count in parallel.global_sum(points.comm, np.array(differ, dtype=np.int64))]
+        changed, since = [
+            int(count)
+            for count in parallel.global_sum(points.comm, np.array(differ, dtype=np.int64))
+        ]
         if changed > 0:
             self.inserted[matrix.handle] = blocks
             operator, law, half, product = self._contact.products
-            self._contact.law(points.weight[:, None, None] * blocks, law).matMult(operator, result=half)
+            self._contact.law(points.weight[:, None, None] * blocks, law).matMult(
+                operator, result=half
+            )
             operator.transposeMatMult(half, result=product)
             if is_by_blocks(matrix):
                 change_added(matrix, product)
@@ -94,25 +103,29 @@ class ContactTangent:
 
 
 class RegularisedProblem:
-    """R(x) = A x - b + (lambda, tau_N .) + (mu, tau_T .) with lambda and mu of the current active sets (3.3a).
+    """R(x) = A x - b + (lambda, tau_N .) + (mu, tau_T .) with lambda and mu of the current active
+    sets (3.3a).
 
     For fixed sets R is affine, so that a full Newton step solves step 4 of Algorithm (SSN) exactly.
 
-    ``sets`` are those of the last linear solve; evaluating the residual finds the next ones (``next``) without changing
-    ``sets``, so that SNES may evaluate it any number of times; assembling the Jacobian makes the next sets current.
+    ``sets`` are those of the last linear solve; evaluating the residual finds the next ones
+    (``next``) without changing ``sets``, so that SNES may evaluate it any number of times;
+    assembling the Jacobian makes the next sets current.
 
     Attributes:
         tangent: what inserts tangents of contact into Jacobians.
         groups: which contact points are judged together.
-        springs: at all contact points, beside contact: stress per length, and the relative displacement (tau_N y,
-            tau_T y) at which they are without stress, length, shape (n, d); None: there are none.
+        springs: at all contact points, beside contact: stress per length, and the relative
+            displacement (tau_N y, tau_T y) at which they are without stress, length, shape (n, d);
+            None: there are none.
         data: the data that outer algorithms change.
-        affine: whether the residual is affine for fixed sets and directions, so that repeated sets mean a solution, and
-            sets that come back mean a cycle: not in 3D, where the direction of slip changes, nor where a friction
-            bound follows the pressure along a curve.
+        affine: whether the residual is affine for fixed sets and directions, so that repeated sets
+            mean a solution, and sets that come back mean a cycle: not in 3D, where the direction of
+            slip changes, nor where a friction bound follows the pressure along a curve.
         sets: active sets of the last linear solve.
         next: active sets of the last residual.
-        force_scale: size of the forces on the unknowns that are not prescribed, in the last residual.
+        force_scale: size of the forces on the unknowns that are not prescribed, in the last
+            residual.
         unchanged: whether the blocks in the Jacobian are those of its last factorisation.
     """
 
@@ -130,11 +143,13 @@ class RegularisedProblem:
         self._motions = motions
         self._forced_first = False
         self._definite: set[int] = set()
-        self._stiffness = parallel.largest(system.comm, system.matrix.getDiagonal().getArray(readonly=True))
+        self._stiffness = parallel.largest(
+            system.comm, system.matrix.getDiagonal().getArray(readonly=True)
+        )
 
     def set_data(self, data: RegularisedData, first_sets: ActiveSets | None = None) -> None:
-        """Begin a new problem; ``first_sets``: of the first linear solve, None: from the iterate and the sets of the
-        previous problem.
+        """Begin a new problem; ``first_sets``: of the first linear solve, None: from the iterate
+        and the sets of the previous problem.
         """
         self.data = data
         curved = data.follows is not None and not data.follows.affine
@@ -145,7 +160,9 @@ class RegularisedProblem:
         self._load_size = self._acting(self.system.load)
         self._escaping: tuple[Escape | None] | None = None
         self._forced_first = first_sets is not None
-        if data.bound is not None:  # sets of the previous problem may slip where this one has no limit
+        if (
+            data.bound is not None
+        ):  # sets of the previous problem may slip where this one has no limit
             self.sets = self.sets.sticking(np.isinf(data.bound))
         if first_sets is not None:
             first = release(first_sets, data)
@@ -158,7 +175,9 @@ class RegularisedProblem:
     def friction_bounds(self, x: PETSc.Vec) -> tuple[Nodal, Nodal]:
         """The friction bounds of the current and the next sets."""
         trial = trial_pressure(self.system.contact.traces(x)[0], self.data)
-        return self.data.friction_bound(np.where(self.sets.contact, trial, 0.0)), self.data.friction_bound(trial)
+        return self.data.friction_bound(
+            np.where(self.sets.contact, trial, 0.0)
+        ), self.data.friction_bound(trial)
 
     @called_back
     def residual(self, snes: PETSc.SNES | None, x: PETSc.Vec, f: PETSc.Vec) -> None:
@@ -166,7 +185,10 @@ class RegularisedProblem:
         u_n, u_t = self.system.contact.traces(x)
         trial = self.next.trial if self._forced_first else classify(self.sets, u_n, u_t, self.data)
         if self.data.follows is not None:
-            trial = replace(trial, line=self.data.follows.line(trial_pressure(u_n, self.data), self.data.bilateral))
+            trial = replace(
+                trial,
+                line=self.data.follows.line(trial_pressure(u_n, self.data), self.data.bilateral),
+            )
         self._hold(trial, lambda: multipliers(self.sets, u_n, u_t, self.data))
         self.imbalance(x, *multipliers(self.next.sets, u_n, u_t, self.data), f)
 
@@ -177,17 +199,21 @@ class RegularisedProblem:
             pulled = stiffness * (np.column_stack(self.system.contact.traces(x)) - position)
             pressure, shear = pressure + pulled[:, 0], shear + pulled[:, 1:]
         self.system.matrix.mult(x, f)
-        # The forces are the scale of the residual.  A prescribed row has the value times any factor, no force; beside
-        # it only what is no rigid motion acts.
+        # The forces are the scale of the residual.  A prescribed row has the value times any
+        # factor, no force; beside it only what is no rigid motion acts.
         acting = [self._acting(f), self._load_size, ATTAINABLE_SHARE * self._stiffness * x.norm()]
         if self.system.contact.paired:
-            area = float(np.sqrt(parallel.global_sum(self.points.comm, np.sum(self.points.weight**2))))
+            area = float(
+                np.sqrt(parallel.global_sum(self.points.comm, np.sum(self.points.weight**2)))
+            )
             acting.append(area * self._least_traction(x))
         self.force_scale = max(acting)
         f.axpy(-1.0, self.system.load)
         self.system.contact.add_forces(pressure, shear, f)
 
-    def assemble_jacobian(self, snes: PETSc.SNES | None, x: PETSc.Vec, jacobian: PETSc.Mat, _: Any = None) -> None:
+    def assemble_jacobian(
+        self, snes: PETSc.SNES | None, x: PETSc.Vec, jacobian: PETSc.Mat, _: Any = None
+    ) -> None:
         """The Jacobian with the sets of the last residual, which become the current ones."""
         self.sets = self.next.sets
         self._forced_first = False
@@ -200,7 +226,8 @@ class RegularisedProblem:
             blocks = blocks + self.springs[0] * np.eye(blocks.shape[1])
         self.unchanged = self.tangent.insert(jacobian, blocks)
         if jacobian.handle in self._definite:
-            # PETSc forgets it at every assembly, and LAPACK's Cholesky is three times as fast as its LDL^T.
+            # PETSc forgets it at every assembly, and LAPACK's Cholesky is three times as fast as
+            # its LDL^T.
             jacobian.setOption(PETSc.Mat.Option.SPD, True)
 
     def factorised(self, jacobian: PETSc.Mat) -> None:
@@ -208,16 +235,18 @@ class RegularisedProblem:
         self.tangent.factorised[jacobian.handle] = self.tangent.inserted[jacobian.handle]
 
     def law_residual(self, x: PETSc.Vec) -> float:
-        """Largest distance of mu from the projection (3.4), relative to the largest bound or shear that the body feels,
-        of each group of points its own; collective.
+        """Largest distance of mu from the projection (3.4), relative to the largest bound or shear
+        that the body feels, of each group of points its own; collective.
         """
         bound, _ = self.friction_bounds(x)
         pressure, shear = self.multipliers(x, self.sets)
         alone, felt = self.points.felt(shear), self.points.felt(shear, pressure)
         felt_ratio = np.divide(felt, alone, out=np.ones_like(felt), where=alone > 0)
-        # What follows the pressure of nodes that supports press into the foundation is no scale for others, nor is
-        # what a pressure and a shear undo in each other.
-        felt = np.maximum(felt_ratio * self.points.felt(np.where(np.isfinite(bound), bound, 0.0)), felt)
+        # What follows the pressure of nodes that supports press into the foundation is no scale for
+        # others, nor is what a pressure and a shear undo in each other.
+        felt = np.maximum(
+            felt_ratio * self.points.felt(np.where(np.isfinite(bound), bound, 0.0)), felt
+        )
         distance = law_residual(self.sets, *self.system.contact.traces(x), self.data)
         away, size = map(self.groups.largest, (distance, felt))
         size = self.scales(size, x)
@@ -226,31 +255,45 @@ class RegularisedProblem:
         return float(shares(away, size, away).max())
 
     def scales(self, sizes: Nodal, x: PETSc.Vec) -> Nodal:
-        """What tractions of each group are judged by, see ``PointGroups.scales``: of several groups no less than what
-        the penalty makes of the round-off of displacements, stress, shape (groups,); collective.
+        """What tractions of each group are judged by, see ``PointGroups.scales``: of several groups
+        no less than what the penalty makes of the round-off of displacements, stress, shape
+        (groups,); collective.
         """
         scales = self.groups.scales(sizes)
         if self.groups.count == 1:
             return scales
         floors = self.groups.largest(self.round_off(x))
-        # Where no group carries more than that, nothing is pressed, and only a change tells round-off from convergence.
-        return np.asarray(np.maximum(scales, floors)) if np.any(scales > floors) or self.bonds_alone else scales
+        # Where no group carries more than that, nothing is pressed, and only a change tells
+        # round-off from convergence.
+        return (
+            np.asarray(np.maximum(scales, floors))
+            if np.any(scales > floors) or self.bonds_alone
+            else scales
+        )
 
     @property
     def bonds_alone(self) -> bool:
-        """Whether nothing is in contact but what cannot open, and this holds all bodies: none is loose; collective."""
+        """Whether nothing is in contact but what cannot open, and this holds all bodies: none is
+        loose; collective.
+        """
         opens = self.sets.contact & ~self.data.bilateral
-        return not parallel.any_rank(self.points.comm, bool(opens.any())) and self.holds(self.sets, self.data)
+        return not parallel.any_rank(self.points.comm, bool(opens.any())) and self.holds(
+            self.sets, self.data
+        )
 
     def round_off(self, x: PETSc.Vec) -> Nodal:
-        """What the penalty makes of the round-off of displacements, a stress at each point, shape (n,); collective."""
+        """What the penalty makes of the round-off of displacements, a stress at each point, shape
+        (n,); collective.
+        """
         unsigned = x.copy()
         unsigned.abs()
         terms = length(np.column_stack(self._unsigned.traces(unsigned)))
         return np.asarray(NO_FORCE * max(self.data.gamma_n, self.data.gamma_t) * terms)
 
     def least_share(self, x: PETSc.Vec) -> float:
-        """The tractions of the group with the smallest ones as a share of the largest; collective."""
+        """The tractions of the group with the smallest ones as a share of the largest;
+        collective.
+        """
         if self.groups.count == 1:
             return 1.0
         pressure, shear = self.multipliers(x, self.sets)
@@ -267,7 +310,9 @@ class RegularisedProblem:
         return replace(self.system.contact, operator=operator)
 
     def accept(self, x: PETSc.Vec, sets: ActiveSets, tolerance: float) -> bool:
-        """Accept these sets as those of the solution if the residual is at most a share of the forces; collective."""
+        """Accept these sets as those of the solution if the residual is at most a share of the
+        forces; collective.
+        """
         force = x.duplicate()
         self.imbalance(x, *self.multipliers(x, sets), force)
         if not force.norm() <= tolerance * self.force_scale:
@@ -281,10 +326,14 @@ class RegularisedProblem:
         return holds(sets, data, self._motions)
 
     def lost_to_round_off(self, x: PETSc.Vec, tolerance: float) -> bool:
-        """Whether the round-off of the penalty is above a share of the forces in the last residual; collective."""
+        """Whether the round-off of the penalty is above a share of the forces in the last residual;
+        collective.
+        """
         data = self.data
         u_n, u_t = self.system.contact.traces(x)
-        far = 2 * x.norm(PETSc.NormType.NORM_INFINITY) if self.system.contact.paired else np.abs(u_n)
+        far = (
+            2 * x.norm(PETSc.NormType.NORM_INFINITY) if self.system.contact.paired else np.abs(u_n)
+        )
         pressed = self.sets.contact | self.next.sets.contact
         stretch = np.where(pressed, data.gamma_n * np.maximum(far, np.abs(data.gap)), 0.0)
         if data.bound is not None:
@@ -300,13 +349,17 @@ class RegularisedProblem:
         return jacobian
 
     def _hold(self, trial: ActiveSets, multipliers: Callable[[], tuple[Nodal, Nodal]]) -> None:
-        """Choose next sets that hold the body, or note that it moves away; ``multipliers``: see ``hold``."""
+        """Choose next sets that hold the body, or note that it moves away; ``multipliers``: see
+        ``hold``.
+        """
         points, motions, resultant = self.points, self._motions, self.system.resultant
 
         def escaping() -> Status | None:
             if self._escaping is None:  # until the data change
                 data = self.data
-                law = data.follows or as_given(np.zeros(points.size) if data.bound is None else data.bound)
+                law = data.follows or as_given(
+                    np.zeros(points.size) if data.bound is None else data.bound
+                )
                 # Strains change the gaps: without a load there are none.
                 at_rest = self.system.load.norm() == 0.0 and self.system.start.norm() == 0.0
                 gap = data.gap if at_rest else None
@@ -326,9 +379,15 @@ class RegularisedProblem:
         return float(free.norm())
 
     def _least_traction(self, x: PETSc.Vec) -> float:
-        """What the penalty makes of a small share of the largest displacements of two bodies, stress."""
-        # What is prescribed is none of a body that follows: a tool that is driven far would be a scale of its friction.
+        """What the penalty makes of a small share of the largest displacements of two bodies,
+        stress.
+        """
+        # What is prescribed is none of a body that follows: a tool that is driven far would be a
+        # scale of its friction.
         free = x.copy()
         free.getArray()[self.system.contact.fixed] = 0.0
-        gamma, far = max(self.data.gamma_n, self.data.gamma_t), free.norm(PETSc.NormType.NORM_INFINITY)
+        gamma, far = (
+            max(self.data.gamma_n, self.data.gamma_t),
+            free.norm(PETSc.NormType.NORM_INFINITY),
+        )
         return float(2 * ATTAINABLE_SHARE * gamma * far)

@@ -1,4 +1,5 @@
-"""Contact for anybody's forms: ``ContactProblem`` in the idiom of dolfinx, and what it needs of forms and conditions.
+"""Contact for anybody's forms: ``ContactProblem`` in the idiom of dolfinx, and what it needs of
+forms and conditions.
 
 It knows UFL forms, function spaces and Dirichlet conditions.  It must not know materials or scenes.
 """

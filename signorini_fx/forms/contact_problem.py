@@ -1,4 +1,6 @@
-"""``ContactProblem``: contact and friction for anybody's symmetric form, in the idiom of ``dolfinx.fem.petsc``."""
+"""``ContactProblem``: contact and friction for anybody's symmetric form, in the idiom of
+``dolfinx.fem.petsc``.
+"""
 
 from __future__ import annotations
 
@@ -38,11 +40,14 @@ class ProblemOfForms:
     assembled: FormSolver
     _ended: Any  # what knows how the last solve has ended
     _titled: Callable[[str], Solution]  # ``solution`` with a title; collective
-    # What each owned cell of a solution has of the squared error, and the strain energy, see ``combined``; collective.
+    # What each owned cell of a solution has of the squared error, and the strain energy, see
+    # ``combined``; collective.
     _errors_in_body: Callable[[Solution], tuple[Any, float]]
-    # What gives the named model, the last solution as ``SolvedStep.of`` takes it, and its data; collective.
+    # What gives the named model, the last solution as ``SolvedStep.of`` takes it, and its data;
+    # collective.
     _differentiated: Callable[[], tuple[Any, ...]]
-    # The solution of a run with a path, clock and checkpoint of ``begun_path`` and ``on_step``; collective.
+    # The solution of a run with a path, clock and checkpoint of ``begun_path`` and ``on_step``;
+    # collective.
     _through: Callable[..., Solution]
 
     def __repr__(self) -> str:
@@ -72,8 +77,8 @@ class ProblemOfForms:
 
     @property
     def certificate(self) -> Certificate | None:
-        """The check of the last solution against the conditions of the problem, of a nonlinear body against F and the
-        shapes; None before the first solve.
+        """The check of the last solution against the conditions of the problem, of a nonlinear body
+        against F and the shapes; None before the first solve.
         """
         return self._ended.certificate
 
@@ -84,13 +89,15 @@ class ProblemOfForms:
 
     @property
     def state(self) -> ContactState:
-        """The contact points of this rank after the last solve, with forces and areas of the undeformed boundary."""
+        """The contact points of this rank after the last solve, with forces and areas of the
+        undeformed boundary.
+        """
         return self.assembled.state
 
     @property
     def solution(self) -> Solution:
-        """The last solution, or of a ``ContactProblem`` the last iterate, with the values that the forms have now;
-        after ``run`` with all load steps; collective.
+        """The last solution, or of a ``ContactProblem`` the last iterate, with the values that the
+        forms have now; after ``run`` with all load steps; collective.
 
         Raises:
             RuntimeError: there is none so far.
@@ -99,14 +106,15 @@ class ProblemOfForms:
 
     @property
     def errors(self) -> Errors:
-        """Estimated errors of the last solution, relative: of the displacement in the energy norm, or of a nonlinear
-        body of the stress, and of contact pressure and contact force; collective.
+        """Estimated errors of the last solution, relative: of the displacement in the energy norm,
+        or of a nonlinear body of the stress, and of contact pressure and contact force; collective.
 
         What the mesh does not resolve of loads, gap and friction is not among them.
 
         Raises:
             RuntimeError: there is no solution so far, or no stress of it.
-            FormError: there is no contact; of a ``ContactProblem`` see ``stress``, or a measure multiplies the forms.
+            FormError: there is no contact; of a ``ContactProblem`` see ``stress``, or a measure
+                multiplies the forms.
         """
         from signorini_fx.results.accuracy.error_estimates import combined
 
@@ -117,15 +125,17 @@ class ProblemOfForms:
         return combined(solution.model, solution.table, *self._errors_in_body(solution))
 
     def place(self, number: int, **placement: Any) -> None:
-        """Turn and move a foundation that has a shape, or change what drives it, for the next solve and those after it.
+        """Turn and move a foundation that has a shape, or change what drives it, for the next solve
+        and those after it.
 
-        Gap and normals are those of the new place.  After ``advance`` friction acts on the slip relative to the
-        foundation, which moves with its points.
+        Gap and normals are those of the new place.  After ``advance`` friction acts on the slip
+        relative to the foundation, which moves with its points.
 
         Args:
             number: of the foundation in ``contact``.
-            placement: its shift, rotation and pivot, or of one that forces move its force, moment, prescribed
-                components and spring, see ``statement.rigid_shape.Shape``; what is left out stays.
+            placement: its shift, rotation and pivot, or of one that forces move its force, moment,
+                prescribed components and spring, see ``statement.rigid_shape.Shape``; what is left
+                out stays.
 
         Raises:
             FormError: it has no shape that can be placed, or the placement is wrong.
@@ -133,9 +143,9 @@ class ProblemOfForms:
         self.assembled.foundations.place(number, placement)
 
     def advance(self) -> None:
-        """End a step of an own time loop: friction acts on what the next solve adds to the slip, from the shear of the
-        last one, which turns with directions that change; a material goes on from its state.  Solves before the next
-        call start from here, whatever was tried between.
+        """End a step of an own time loop: friction acts on what the next solve adds to the slip,
+        from the shear of the last one, which turns with directions that change; a material goes on
+        from its state.  Solves before the next call start from here, whatever was tried between.
 
         Raises:
             RuntimeError: the last solve has no solution.
@@ -153,56 +163,69 @@ class ProblemOfForms:
     ) -> Solution:
         """Solve load steps, with ``advance`` between them; collective.
 
-        A ramp takes smaller increments where there is no solution.  With a nonlinear body any step is halved, the first
-        one from time 0, and whatever ends the path, the problem is left at the last step that has a solution.  A
-        ``ContactProblem`` is left at the last load step, from which another run goes on after ``advance``.
+        A ramp takes smaller increments where there is no solution.  With a nonlinear body any step
+        is halved, the first one from time 0, and whatever ends the path, the problem is left at the
+        last step that has a solution.  A ``ContactProblem`` is left at the last load step, from
+        which another run goes on after ``advance``.
 
         Args:
             path: the times, one load step each, or a ``LoadPath``, which may be a ramp.
-            at: changes the problem to what it is at a time, which may also be an earlier one than the last; or a
-                Constant that takes the time.
-            folder: in which every load step is stored as soon as it is complete, each run in one of its own; None:
-                nowhere.
-            restart: go on from what an earlier run of the same program has stored there, on any number of ranks; the
-                ``commit`` of a nonlinear body is called at the end of each of its load steps again.
+            at: changes the problem to what it is at a time, which may also be an earlier one than
+                the last; or a Constant that takes the time.
+            folder: in which every load step is stored as soon as it is complete, each run in one of
+                its own; None: nowhere.
+            restart: go on from what an earlier run of the same program has stored there, on any
+                number of ranks; the ``commit`` of a nonlinear body is called at the end of each of
+                its load steps again.
             on_step: called with the result of each load step that has a solution.
 
         Raises:
-            ConvergenceError: a load step has no solution; the ``solution`` of the error has those before it.  Of a
-                nonlinear body the step cannot be shortened: ``status`` is ``LIMIT`` where the tangent or the
-                displacement says that there is no equilibrium, otherwise how the smallest step ends; or an equilibrium
-                is unstable, or its stability is not known.
-            FormError: see ``solve``; or an argument is wrong, or the folder is that of another problem or run; or the
-                smallest step ends with one, such as one of ``update``.
+            ConvergenceError: a load step has no solution; the ``solution`` of the error has those
+                before it.  Of a nonlinear body the step cannot be shortened: ``status`` is
+                ``LIMIT`` where the tangent or the displacement says that there is no equilibrium,
+                otherwise how the smallest step ends; or an equilibrium is unstable, or its
+                stability is not known.
+            FormError: see ``solve``; or an argument is wrong, or the folder is that of another
+                problem or run; or the smallest step ends with one, such as one of ``update``.
         """
         from signorini_fx.forms.steps import begun_path
 
-        return self._through(*begun_path(self.assembled, path, at, folder, restart=restart), on_step)
+        return self._through(
+            *begun_path(self.assembled, path, at, folder, restart=restart), on_step
+        )
 
     def gradient(self, of: Any, by: Any) -> Gradient:
-        """Derivatives of a result of the last solve by Constants of the problem, by one adjoint solve; collective.
+        """Derivatives of a result of the last solve by Constants of the problem, by one adjoint
+        solve; collective.
 
             problem.gradient(of=u[1] * ds(top), by=[young, friction])
 
-        Contact forces on a nonlinear body turn with the displacement, and so do derivatives of theirs.
+        Contact forces on a nonlinear body turn with the displacement, and so do derivatives of
+        theirs.
 
         Args:
-            of: a UFL form of ``u`` without arguments; or a quantity as scenes have it, of a contact by name or number:
-                ``"force 0 y"``, ``"moment 0 z"``, ``"pressure 0 8"``, ``"mean top y"``.
+            of: a UFL form of ``u`` without arguments; or a quantity as scenes have it, of a contact
+                by name or number: ``"force 0 y"``, ``"moment 0 z"``, ``"pressure 0 8"``, ``"mean
+                top y"``.
             by: Constants with one value in the forms, the conditions, or the foundations.
 
         Raises:
-            RuntimeError: there is no solution; or the result depends on what was there before ``advance``, or of a
-                nonlinear body before the last step, as it does with friction, or a state of the material.
-            FormError: an argument is wrong; there is no contact; forces move a foundation; or two nonlinear bodies
-                touch.
+            RuntimeError: there is no solution; or the result depends on what was there before
+                ``advance``, or of a nonlinear body before the last step, as it does with friction,
+                or a state of the material.
+            FormError: an argument is wrong; there is no contact; forces move a foundation; or two
+                nonlinear bodies touch.
         """
         if self.status is not Status.CONVERGED:
             raise RuntimeError("there is no solution to differentiate")
         if not self.contact:
-            raise FormError([("contact", "there is none: derivatives are those of contact problems")])
+            raise FormError(
+                [("contact", "there is none: derivatives are those of contact problems")]
+            )
         if self.assembled.rigid.bodies:
-            raise FormError([("contact", "derivatives are not possible yet where forces move a foundation")])
+            raise FormError(
+                [("contact", "derivatives are not possible yet where forces move a foundation")]
+            )
         return add_on("gradient")(of, by, *self._differentiated())
 
     def write(
@@ -242,17 +265,20 @@ class ProblemOfForms:
 
 
 class ContactProblem(ProblemOfForms):
-    """Find y with a(y, z) = L(z) for all z, and contact with rigid foundations on parts of the boundary.
+    """Find y with a(y, z) = L(z) for all z, and contact with rigid foundations on parts of the
+    boundary.
 
-        problem = ContactProblem(a, L, bcs, contact=[Foundation(facets, gap=0.01, friction=Coulomb(0.3))])
+        problem = ContactProblem(a, L, bcs, contact=[Foundation(facets, gap=0.01,
+        friction=Coulomb(0.3))])
         y = problem.solve()
 
-    Constants and Functions in the forms, in the conditions and in the foundations may change between two solves: what
-    has not changed is neither assembled nor factorised again.  An own time loop calls ``advance`` after each step.
+    Constants and Functions in the forms, in the conditions and in the foundations may change
+    between two solves: what has not changed is neither assembled nor factorised again.  An own time
+    loop calls ``advance`` after each step.
 
     Args:
-        a: a symmetric bilinear form on a vector Lagrange space of degree 1 or 2, UFL or compiled; on a mesh of plane
-            cells in 3D, a section, too.
+        a: a symmetric bilinear form on a vector Lagrange space of degree 1 or 2, UFL or compiled;
+            on a mesh of plane cells in 3D, a section, too.
         L: a linear form on the same space.
         bcs: Dirichlet conditions as dolfinx makes them; where two meet the later one applies.
         contact: the foundations, and the pairs of bodies that can touch; none: the body alone.
@@ -260,10 +286,13 @@ class ContactProblem(ProblemOfForms):
         petsc_options_prefix: of the options of this problem in PETSc's database.
         petsc_options: options without that prefix, for the SNES, its KSP and PC.
         form_compiler_options, jit_options: see ``dolfinx.fem.form``.
-        stress: of the displacement, linear in its strain: a function of it that returns UFL, or UFL of ``u`` or of
-            the trial function, shape (d, d), or in 2D (3, 3); None: there are no stresses.
-        materials: tags on all cells; the stress may jump where they change.  None: it does not jump.
-        boundaries: names of parts of the boundary for results, each with its facets, as a ``Foundation`` takes them.
+        stress: of the displacement, linear in its strain: a function of it that returns UFL, or UFL
+            of ``u`` or of the trial function, shape (d, d), or in 2D (3, 3); None: there are no
+            stresses.
+        materials: tags on all cells; the stress may jump where they change.  None: it does not
+            jump.
+        boundaries: names of parts of the boundary for results, each with its facets, as a
+            ``Foundation`` takes them.
         settings: algorithm, coulomb, gamma_n, ..., see ``SolverSettings``.
 
     Attributes:
@@ -307,8 +336,15 @@ class ContactProblem(ProblemOfForms):
         options_of_petsc = petsc_options_prefix, dict(petsc_options or {})
         self.assembled = self._ended = FormSolver(forms, self.u, bcs, settings, options_of_petsc)
         fields = self.assembled.fields
-        self.pressure, self.shear, self.gap, self.slip = fields.pressure, fields.shear, fields.gap, fields.slip
-        self._stresses: tuple[Outcome | None, RawStresses] | None = None  # of the last solution that was asked for them
+        self.pressure, self.shear, self.gap, self.slip = (
+            fields.pressure,
+            fields.shear,
+            fields.gap,
+            fields.slip,
+        )
+        self._stresses: tuple[Outcome | None, RawStresses] | None = (
+            None  # of the last solution that was asked for them
+        )
         self._ran: StepProgress | None = None  # the last ``run``, until the next solve
 
     @property
@@ -318,8 +354,8 @@ class ContactProblem(ProblemOfForms):
 
     @property
     def stress(self) -> RawStresses:
-        """The stress of the last solution, raw and recovered, with the estimate of its error, see ``RawStresses``;
-        collective.
+        """The stress of the last solution, raw and recovered, with the estimate of its error, see
+        ``RawStresses``; collective.
 
         Raises:
             RuntimeError: the problem was given no ``stress``, or there is no solution so far.
@@ -347,7 +383,9 @@ class ContactProblem(ProblemOfForms):
 
     @property
     def solver(self) -> PETSc.SNES:
-        """The SNES of the semi-smooth Newton method, for monitors and options; set up if it is not yet; collective."""
+        """The SNES of the semi-smooth Newton method, for monitors and options; set up if it is not
+        yet; collective.
+        """
         solver = self.assembled
         with options_applied(*solver.options):
             if not solver.set_up:
@@ -361,7 +399,8 @@ class ContactProblem(ProblemOfForms):
             ``u``.
 
         Raises:
-            ConvergenceError: no solution was reached; ``status`` says why, and ``u`` is the last iterate.
+            ConvergenceError: no solution was reached; ``status`` says why, and ``u`` is the last
+                iterate.
             FormError: a value is not finite, or cannot be evaluated.
         """
         self._ran = None
@@ -381,5 +420,13 @@ class ContactProblem(ProblemOfForms):
         solver = self.assembled
         if solver.outcome is None:
             raise RuntimeError("there is no solution to differentiate")
-        solved = solver.elastic, solver.task, solver.outcome, solver.begun, self.state, self.u, solver.begun.law
+        solved = (
+            solver.elastic,
+            solver.task,
+            solver.outcome,
+            solver.begun,
+            self.state,
+            self.u,
+            solver.begun.law,
+        )
         return solver.model, solved, solver.data_now

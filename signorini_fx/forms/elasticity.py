@@ -1,7 +1,8 @@
-"""What forms say of a body: its stiffness, moduli and scales, its stresses, and what its certificate judges.
+"""What forms say of a body: its stiffness, moduli and scales, its stresses, and what its
+certificate judges.
 
-Equilibrium is that of the user's forms: the action of ``a`` on the displacement and ``L`` are assembled anew, without
-the matrix.
+Equilibrium is that of the user's forms: the action of ``a`` on the displacement and ``L`` are
+assembled anew, without the matrix.
 """
 
 from __future__ import annotations
@@ -23,7 +24,13 @@ from signorini_fx.errors import FormError
 from signorini_fx.forms.given_forms import Facets, GivenForms, Law
 from signorini_fx.machine import compat, parallel
 from signorini_fx.machine.compilation import compiling
-from signorini_fx.mechanics.assembly.mesh_entities import action, assemble, facet_entities, facet_nodes, marked_nodes
+from signorini_fx.mechanics.assembly.mesh_entities import (
+    action,
+    assemble,
+    facet_entities,
+    facet_nodes,
+    marked_nodes,
+)
 from signorini_fx.mechanics.assembly.pieces import find_pieces
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.elasticity.elastic_law import ElementStress, cellwise_stress
@@ -47,8 +54,13 @@ Array = npt.NDArray[np.float64]
 
 
 def digest(form: fem.Form, *arrays: npt.NDArray[Any]) -> tuple[int, ...]:
-    """Hashes, by the key of this process, of what a form is assembled from on this rank, and of other arrays."""
-    return tuple(hash(values.tobytes()) for values in (*compat.form_data(form), form.mesh.geometry.x, *arrays))
+    """Hashes, by the key of this process, of what a form is assembled from on this rank, and of
+    other arrays.
+    """
+    return tuple(
+        hash(values.tobytes())
+        for values in (*compat.form_data(form), form.mesh.geometry.x, *arrays)
+    )
 
 
 def elastic_body(
@@ -60,7 +72,9 @@ def elastic_body(
     settings: SolverSettings,
     **more: Any,
 ) -> ElasticBody:
-    """The elastic body of a user's form, assembled unless ``more`` has that, see ``ElasticBody``; collective."""
+    """The elastic body of a user's form, assembled unless ``more`` has that, see ``ElasticBody``;
+    collective.
+    """
     body = ElasticBody(
         space=space,
         terms=lambda: (a,),
@@ -93,9 +107,11 @@ class MatrixError(FormError):
         return self.problems[0][1]
 
 
-def check_energy(matrix: PETSc.Mat, owned: int, *, definite: bool = True, symmetric: bool = True) -> None:
-    """Raise a MatrixError unless a(x, y) = a(y, x) for two random vectors, and a(z, z) > 0 for each basis function z of
-    the ``owned`` unknowns of the body; collective.
+def check_energy(
+    matrix: PETSc.Mat, owned: int, *, definite: bool = True, symmetric: bool = True
+) -> None:
+    """Raise a MatrixError unless a(x, y) = a(y, x) for two random vectors, and a(z, z) > 0 for each
+    basis function z of the ``owned`` unknowns of the body; collective.
     """
     x, y = matrix.createVecs()
     generator = np.random.default_rng(matrix.comm.rank)
@@ -114,21 +130,28 @@ def check_energy(matrix: PETSc.Mat, owned: int, *, definite: bool = True, symmet
         raise MatrixError([("a", NOT_POSITIVE)])
 
 
-def modulus_of(body: ElasticBody, boundary: ContactBoundary, facets: Sequence[npt.NDArray[np.int32]]) -> float:
+def modulus_of(
+    body: ElasticBody, boundary: ContactBoundary, facets: Sequence[npt.NDArray[np.int32]]
+) -> float:
     """The modulus of a body, the scale of gamma, by its stiffness; collective.
 
-    Without contact it is a geometric mean of what nodes meet that move alone, E h^(d - 2); else that of the stiffness
-    near the contact points.  A point that moves alone strains cells, of the size l along the boundary and h across it:
-    per area it meets about E (1 / h + h / l^2).
+    Without contact it is a geometric mean of what nodes meet that move alone, E h^(d - 2); else
+    that of the stiffness near the contact points.  A point that moves alone strains cells, of the
+    size l along the boundary and h across it: per area it meets about E (1 / h + h / l^2).
     """
     space, diagonal = body.space, body.stiffness.getDiagonal()
-    if body.relative is not None:  # what turning normals do to rigid bodies is no stiffness of the body
+    if (
+        body.relative is not None
+    ):  # what turning normals do to rigid bodies is no stiffness of the body
         diagonal.getArray()[body.fixed.size :] = 0.0
     mesh, dim = space.mesh, space.mesh.topology.dim
     if body.boundary is None:
-        # Of logarithms: a few entries of a penalty would make an arithmetic mean that of the penalty.
+        # Of logarithms: a few entries of a penalty would make an arithmetic mean that of the
+        # penalty.
         free = np.abs(diagonal.getArray(readonly=True)[~body.prescribed])
-        units = mesh.h(dim, np.arange(mesh.topology.index_map(dim).size_local, dtype=np.int32)) ** (dim - 2)
+        units = mesh.h(dim, np.arange(mesh.topology.index_map(dim).size_local, dtype=np.int32)) ** (
+            dim - 2
+        )
         logarithms = [np.log(values[values > 0]) for values in (free, units)]
         totals = parallel.global_sum(
             boundary.comm, np.array([(values.sum(), values.size) for values in logarithms]).ravel()
@@ -145,11 +168,17 @@ def modulus_of(body: ElasticBody, boundary: ContactBoundary, facets: Sequence[np
     return float(weights / compliance)
 
 
-def _met_at_nodes(space: fem.FunctionSpace, boundary: ContactBoundary, facets: npt.NDArray[np.int32]) -> Array:
-    """Degree times mean of 1 / h + h / l^2 of the facets around each node of this rank, nan without any; collective."""
+def _met_at_nodes(
+    space: fem.FunctionSpace, boundary: ContactBoundary, facets: npt.NDArray[np.int32]
+) -> Array:
+    """Degree times mean of 1 / h + h / l^2 of the facets around each node of this rank, nan without
+    any; collective.
+    """
     mesh, dim, sums = space.mesh, space.mesh.topology.dim, fem.Function(space)
     cells = facet_entities(mesh, facets)[:, 0]
-    across = 2 * (dmesh.compute_midpoints(mesh, dim, cells) - dmesh.compute_midpoints(mesh, dim - 1, facets))
+    across = 2 * (
+        dmesh.compute_midpoints(mesh, dim, cells) - dmesh.compute_midpoints(mesh, dim - 1, facets)
+    )
     along, across = mesh.h(dim - 1, facets), np.linalg.norm(across, axis=1)
     inverse = 1 / across + across / along**2
     array = sums.x.array.reshape(-1, mesh.geometry.dim)
@@ -161,19 +190,27 @@ def _met_at_nodes(space: fem.FunctionSpace, boundary: ContactBoundary, facets: n
         return np.asarray(space.element.basix_element.degree * array[:, 0] / array[:, 1])
 
 
-# --- what results are made of -----------------------------------------------------------------------------------------
+# --- what results are made of ---------------------------------------------------------------------
 
 
 @dataclass(frozen=True, kw_only=True)
 class FormBody(SolidBody):
-    """A body that forms say all of; what depends on values in them is that of their present ones."""
+    """A body that forms say all of; what depends on values in them is that of their present
+    ones.
+    """
 
-    no_bounds: ClassVar[str] = "a guaranteed bound is for scenes, which state their loads and supports"
+    no_bounds: ClassVar[str] = (
+        "a guaranteed bound is for scenes, which state their loads and supports"
+    )
 
     user_forms: GivenForms  # what is assembled
-    prescribed_dofs: tuple[npt.NDArray[np.bool_], Array]  # which dofs of this rank, with ghosts, and to what
+    prescribed_dofs: tuple[
+        npt.NDArray[np.bool_], Array
+    ]  # which dofs of this rank, with ghosts, and to what
     form_scales: Scales  # of lengths and stresses
-    settled: bool = True  # whether the forms are of the results, not of a later load step that failed
+    settled: bool = (
+        True  # whether the forms are of the results, not of a later load step that failed
+    )
 
     @property
     def scales(self) -> Scales:
@@ -186,13 +223,19 @@ class FormBody(SolidBody):
 
     def balance(self, y: fem.Function, step: float) -> Balance:
         """Of the present values of the forms, wherever ``step`` is."""
-        (a, L), (fixed, values), scales = self.user_forms.compiled, self.prescribed_dofs, self.form_scales
+        (a, L), (fixed, values), scales = (
+            self.user_forms.compiled,
+            self.prescribed_dofs,
+            self.form_scales,
+        )
         dim = self.dimension
         nodes = np.arange(values.size // dim, dtype=np.int32)
         internal = action((a,), y, nodes).reshape(-1, dim)
         supports = prescribed_nodes(fixed, values, y.function_space)
         external, nothing = assemble(L).reshape(-1, dim), np.zeros_like(internal)
-        return Balance(RigidPart(y.function_space), internal, external, supports, scales, scales, nothing)
+        return Balance(
+            RigidPart(y.function_space), internal, external, supports, scales, scales, nothing
+        )
 
     def stress(self, y: fem.Function, step: float) -> RawStresses | str:
         from signorini_fx.results.stresses import RawStresses
@@ -225,8 +268,9 @@ class FormBody(SolidBody):
 
 
 def loads_of(forms: GivenForms, tagged: TaggedMesh, y: fem.Function) -> Iterator[NamedForces]:
-    """The loads of UFL forms, and what resists the displacement on the boundary, see ``ActingForces``: each belongs to
-    the parts of the boundary that hold all facets of its integral; collective.
+    """The loads of UFL forms, and what resists the displacement on the boundary, see
+    ``ActingForces``: each belongs to the parts of the boundary that hold all facets of its
+    integral; collective.
     """
     comm, dim = forms.mesh.comm, forms.mesh.geometry.dim
     nodes = np.arange(y.x.array.size // dim, dtype=np.int32)
@@ -258,34 +302,49 @@ def acting_on(
     *,
     displaced: bool = False,
 ) -> ActingForces:
-    """What acts on a body whose supports are parts of its boundary: those at all of whose nodes the same components are
-    prescribed; at a node of two of them a component belongs to the later one; collective.
+    """What acts on a body whose supports are parts of its boundary: those at all of whose nodes the
+    same components are prescribed; at a node of two of them a component belongs to the later one;
+    collective.
     """
     from signorini_fx.results.resultants import ActingForces
 
     space, supports = balance.pieces.space, list[str | None]()
-    by = np.full((fixed.size // space.dofmap.index_map_bs, space.dofmap.index_map_bs), -1, dtype=np.int64)
+    by = np.full(
+        (fixed.size // space.dofmap.index_map_bs, space.dofmap.index_map_bs), -1, dtype=np.int64
+    )
     for number, (name, facets) in enumerate(boundaries.items()):
         nodes = facet_nodes(space, facets)
         free = ~fixed.reshape(by.shape)[nodes].all(axis=(0, 1))
         held = parallel.global_sum(space.mesh.comm, free.astype(np.float64)) == 0
         supports.append(name if held.any() else None)
-        by[marked_nodes(space, nodes.ravel())[:, None] & held] = number  # the owner of a node need not have the facet
-    balance, loads = replace(balance, supports=replace(balance.supports, by=by[: len(balance.external)])), list(loads)
+        by[marked_nodes(space, nodes.ravel())[:, None] & held] = (
+            number  # the owner of a node need not have the facet
+        )
+    balance, loads = (
+        replace(balance, supports=replace(balance.supports, by=by[: len(balance.external)])),
+        list(loads),
+    )
     acted_on = {*supports, *(where for where, *_ in loads)}
-    return ActingForces(balance, supports, loads, [name for name in boundaries if name in acted_on], displaced)
+    return ActingForces(
+        balance, supports, loads, [name for name in boundaries if name in acted_on], displaced
+    )
 
 
-def prescribed_nodes(fixed: npt.NDArray[np.bool_], values: Array, space: fem.FunctionSpace) -> PrescribedNodes:
-    """As certificates take it: which dofs of this rank, with ghosts, are prescribed, and to what, shapes (dofs,)."""
+def prescribed_nodes(
+    fixed: npt.NDArray[np.bool_], values: Array, space: fem.FunctionSpace
+) -> PrescribedNodes:
+    """As certificates take it: which dofs of this rank, with ghosts, are prescribed, and to what,
+    shapes (dofs,).
+    """
     dim, owned = space.mesh.geometry.dim, space.dofmap.index_map.size_local
     here = fixed.reshape(-1, dim)[:owned]
     return PrescribedNodes(here, values.reshape(-1, dim)[:owned], np.where(here, 0, -1))
 
 
 def stress_of(law: Law, y: fem.Function, parts: Sequence[npt.NDArray[np.int32]]) -> ElementStress:
-    """The stress of a displacement by a law that gives it as UFL, shape (d, d), or in 2D (3, 3), linear in the strain
-    but for a stress without strain, with the moduli at the middle of each cell; a FormError says why not; collective.
+    """The stress of a displacement by a law that gives it as UFL, shape (d, d), or in 2D (3, 3),
+    linear in the strain but for a stress without strain, with the moduli at the middle of each
+    cell; a FormError says why not; collective.
     """
     mesh = y.function_space.mesh
     dim, full_stress = mesh.geometry.dim, law(y)
@@ -293,7 +352,14 @@ def stress_of(law: Law, y: fem.Function, parts: Sequence[npt.NDArray[np.int32]])
         shape = getattr(full_stress, "ufl_shape", "none")
         raise FormError([("stress", f"has the shape {shape}; ({dim}, {dim}) or (3, 3) is needed")])
     if _by_quadrature(full_stress):
-        raise FormError([("stress", "has a Function of a quadrature element, which has no values at other points")])
+        raise FormError(
+            [
+                (
+                    "stress",
+                    "has a Function of a quadrature element, which has no values at other points",
+                )
+            ]
+        )
     known = full_stress.ufl_shape[0] == 3  # else that out of the plane is not
     kinematics = CARTESIAN[dim] if known else PLANE_STRESS
     sigma = padded(full_stress, dim, full_stress[2, 2] if known else 0)
@@ -305,12 +371,17 @@ def stress_of(law: Law, y: fem.Function, parts: Sequence[npt.NDArray[np.int32]])
             shear_modulus.x.array[:] = lame[1]
         return replace(cellwise_stress(y, kinematics, sigma, moduli, shear_modulus), parts=parts)
     except np.linalg.LinAlgError:
-        raise FormError([("stress", "is zero for some strain: nothing can be measured in its energy")]) from None
+        raise FormError(
+            [("stress", "is zero for some strain: nothing can be measured in its energy")]
+        ) from None
 
 
-def cellwise_moduli(energy: Callable[[Any, Any], Any], space: fem.FunctionSpace) -> npt.NDArray[np.float64]:
-    """The components of the stress over those of the strain in the middle of each cell, shape (cells, m, m), from the
-    energy of two fields with one strain each, which are zero there, so that no hoop strain adds to theirs; collective.
+def cellwise_moduli(
+    energy: Callable[[Any, Any], Any], space: fem.FunctionSpace
+) -> npt.NDArray[np.float64]:
+    """The components of the stress over those of the strain in the middle of each cell, shape
+    (cells, m, m), from the energy of two fields with one strain each, which are zero there, so that
+    no hoop strain adds to theirs; collective.
     """
     mesh, kinematics = space.mesh, CARTESIAN[space.mesh.geometry.dim]
     dim, x = kinematics.dimension, ufl.SpatialCoordinate(mesh)
@@ -320,7 +391,9 @@ def cellwise_moduli(energy: Callable[[Any, Any], Any], space: fem.FunctionSpace)
         function.interpolate(lambda points, k=k: points[k])
     x = x - ufl.as_vector(middle)
     axes = [ufl.unit_vector(k, dim) for k in range(dim)]
-    strained = [(x[i] * axes[j] + x[j] * axes[i]) / 2 for i, j in kinematics.pairs]  # one strain, or twice a shear
+    strained = [
+        (x[i] * axes[j] + x[j] * axes[i]) / 2 for i, j in kinematics.pairs
+    ]  # one strain, or twice a shear
     # One expression, which constants make that of each pair of fields.
     factors = [fem.Constant(mesh, np.zeros(len(strained))) for _ in range(2)]
     fields = [sum(factor[k] * field for k, field in enumerate(strained)) for factor in factors]
@@ -348,26 +421,35 @@ def _energy_by(law: Law, at_rest: Any) -> Callable[[Any, Any], Any]:
 def isotropic_moduli(
     moduli: npt.NDArray[np.float64], dim: int, mesh: dmesh.Mesh
 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]] | None:
-    """Both parameters of Lame in each cell from ``cellwise_moduli``; None: some cell is not isotropic; collective."""
+    """Both parameters of Lame in each cell from ``cellwise_moduli``; None: some cell is not
+    isotropic; collective.
+    """
     mu, lame = moduli[:, -1, -1], moduli[:, 0, 1]
     isotropic = np.zeros_like(moduli)
     isotropic[:, :dim, :dim] = lame[:, None, None]
     diagonal = np.arange(moduli.shape[2])
     isotropic[:, diagonal, diagonal] += np.where(diagonal < dim, 2.0, 1.0) * mu[:, None]
-    apart = np.abs(moduli - isotropic).max(initial=0.0) > NOTHING_LEFT * np.abs(moduli).max(initial=0.0)
+    apart = np.abs(moduli - isotropic).max(initial=0.0) > NOTHING_LEFT * np.abs(moduli).max(
+        initial=0.0
+    )
     if parallel.any_rank(mesh.comm, bool(apart)):
         return None
     return lame, mu
 
 
-def natural_modulus(law: Law | None, a: Any, measures: set[Any], space: fem.FunctionSpace) -> float | None:
-    """Young's modulus of the stiffest cell, the natural unit of stress: from the stress, or from the form, divided by
-    the UFL that contact is multiplied by; None: it is not isotropic, or cannot be evaluated; collective.
+def natural_modulus(
+    law: Law | None, a: Any, measures: set[Any], space: fem.FunctionSpace
+) -> float | None:
+    """Young's modulus of the stiffest cell, the natural unit of stress: from the stress, or from
+    the form, divided by the UFL that contact is multiplied by; None: it is not isotropic, or cannot
+    be evaluated; collective.
     """
     mesh, dim = space.mesh, space.mesh.geometry.dim
     if law is not None and not measures:
         at_rest = law(fem.Function(space))
-        if getattr(at_rest, "ufl_shape", None) not in ((dim, dim), (3, 3)) or _by_quadrature(at_rest):
+        if getattr(at_rest, "ufl_shape", None) not in ((dim, dim), (3, 3)) or _by_quadrature(
+            at_rest
+        ):
             return None
         energy = _energy_by(law, at_rest)
     else:
@@ -394,14 +476,21 @@ def natural_modulus(law: Law | None, a: Any, measures: set[Any], space: fem.Func
 
 
 def _by_quadrature(expression: Any) -> bool:
-    """Whether it has a Function of a quadrature element, which has no values in the middle of a cell."""
+    """Whether it has a Function of a quadrature element, which has no values in the middle of a
+    cell.
+    """
     coefficients = ufl.algorithms.extract_coefficients(expression)
-    return any(getattr(function.ufl_element(), "has_custom_quadrature", False) for function in coefficients)
+    return any(
+        getattr(function.ufl_element(), "has_custom_quadrature", False) for function in coefficients
+    )
 
 
-def residual_of(stress: ElementStress, forms: GivenForms, fixed: npt.NDArray[np.bool_], z: Any) -> Any:
-    """The squared residual of the traction that UFL forms prescribe, off the contact and in components that are not
-    prescribed, see ``squared_residual``; ``z``: a test function, constant in each cell; collective.
+def residual_of(
+    stress: ElementStress, forms: GivenForms, fixed: npt.NDArray[np.bool_], z: Any
+) -> Any:
+    """The squared residual of the traction that UFL forms prescribe, off the contact and in
+    components that are not prescribed, see ``squared_residual``; ``z``: a test function, constant
+    in each cell; collective.
     """
     from signorini_fx.results.accuracy.stress_recovery import squared_residual
 
@@ -411,7 +500,9 @@ def residual_of(stress: ElementStress, forms: GivenForms, fixed: npt.NDArray[np.
     exterior = dmesh.exterior_facet_indices(mesh.topology)
     traction_facets = np.setdiff1d(exterior, touching).astype(np.int32)
     held = fixed.reshape(-1, dim)[facet_nodes(space, traction_facets)].all(axis=1)
-    integrals = [integral for form in forms.original for integral in form.integrals_by_type("exterior_facet")]
+    integrals = [
+        integral for form in forms.original for integral in form.integrals_by_type("exterior_facet")
+    ]
     on = [np.isin(traction_facets, exterior_facets(integral, mesh)) for integral in integrals]
 
     def of(numbers: npt.NDArray[np.int64], residual: Any) -> tuple[Any, list[Any], bool]:
@@ -427,10 +518,17 @@ def residual_of(stress: ElementStress, forms: GivenForms, fixed: npt.NDArray[np.
 
 
 def _traction(integrand: Any, y: fem.Function) -> Any:
-    """What an integral over the boundary prescribes, as a vector: of L with its sign, of a(y, .) minus that."""
-    *trial, test = sorted(ufl.algorithms.extract_arguments(integrand), key=lambda argument: -int(argument.number()))
+    """What an integral over the boundary prescribes, as a vector: of L with its sign, of a(y, .)
+    minus that.
+    """
+    *trial, test = sorted(
+        ufl.algorithms.extract_arguments(integrand), key=lambda argument: -int(argument.number())
+    )
     dim = len(y)
-    parts = [ufl.replace(integrand, {test: ufl.unit_vector(k, dim), **dict.fromkeys(trial, y)}) for k in range(dim)]
+    parts = [
+        ufl.replace(integrand, {test: ufl.unit_vector(k, dim), **dict.fromkeys(trial, y)})
+        for k in range(dim)
+    ]
     return (-1 if trial else 1) * ufl.as_vector(parts)
 
 
@@ -442,7 +540,9 @@ def exterior_facets(integral: Any, mesh: dmesh.Mesh) -> Facets:
         return np.asarray(dmesh.exterior_facet_indices(mesh.topology))
     if hasattr(data, "values"):
         return np.asarray(data.indices[np.isin(data.values, wanted)])
-    pairs = np.concatenate([np.empty(0, int), *(entities for number, entities in data if number in wanted)])
+    pairs = np.concatenate(
+        [np.empty(0, int), *(entities for number, entities in data if number in wanted)]
+    )
     dim = mesh.topology.dim
     mesh.topology.create_connectivity(dim, dim - 1)
     of_cell = mesh.topology.connectivity(dim, dim - 1)

@@ -1,5 +1,5 @@
-"""What a ``ContactProblem`` is given: its forms, what they say of stresses, its contact with its facets, and what it
-knows by name: parts of its boundary, and its contact as the entries of a scene.
+"""What a ``ContactProblem`` is given: its forms, what they say of stresses, its contact with its
+facets, and what it knows by name: parts of its boundary, and its contact as the entries of a scene.
 """
 
 from __future__ import annotations
@@ -52,7 +52,9 @@ class GivenForms:
     contact: tuple[Foundation | Pair, ...]
     facets: Sequence[Facets]  # of each contact
     masters: Mapping[int, Facets]  # of the other side of each pair, by its number
-    boundaries: Mapping[str, Facets]  # the facets of each part of the boundary that was given a name
+    boundaries: Mapping[
+        str, Facets
+    ]  # the facets of each part of the boundary that was given a name
 
     @property
     def mesh(self) -> dmesh.Mesh:
@@ -80,7 +82,10 @@ def given_forms(
     space, entries = space_of(a, L, u), foundations_of(contact)
     facets, masters = facets_of(entries, space.mesh)
     with compiling():
-        compiled = [form if isinstance(form, fem.Form) else fem.form(form, **compiler_options) for form in (a, L)]
+        compiled = [
+            form if isinstance(form, fem.Form) else fem.form(form, **compiler_options)
+            for form in (a, L)
+        ]
     solution = fem.Function(space, name="displacement") if u is None else u
     forms = GivenForms(
         space,
@@ -99,7 +104,11 @@ def given_forms(
 def contact_entry(entry: Foundation | Pair, name: str, against: str | None) -> Contact:
     """A foundation or a pair as a scene lists it."""
     kind = "bonded" if entry.bonded else "bilateral" if entry.bilateral else "unilateral"
-    described: dict[str, Any] = {"boundary": name, "friction": entry.friction or NoFriction(), "kind": kind}
+    described: dict[str, Any] = {
+        "boundary": name,
+        "friction": entry.friction or NoFriction(),
+        "kind": kind,
+    }
     if isinstance(entry, Pair):
         by_geometry = isinstance(entry.gap, str)
         described |= {"against": against, "gap": entry.allowance if by_geometry else entry.gap}
@@ -114,10 +123,12 @@ def contact_entry(entry: Foundation | Pair, name: str, against: str | None) -> C
 def named_parts(
     forms: GivenForms, settings: SolverSettings, arguments: Sequence[str] = ()
 ) -> tuple[Statement, TaggedMesh]:
-    """What is known of forms by name, whatever their Constants are: contact and settings, with a single load step, and
-    the mesh with the names of its boundaries; ``arguments``: what they were stated by, else the forms; collective.
+    """What is known of forms by name, whatever their Constants are: contact and settings, with a
+    single load step, and the mesh with the names of its boundaries; ``arguments``: what they were
+    stated by, else the forms; collective.
 
-    A contact, or the other side of a pair, has the name of the part of the boundary with the same facets, or a number.
+    A contact, or the other side of a pair, has the name of the part of the boundary with the same
+    facets, or a number.
     """
 
     def name(part: Facets, otherwise: str) -> str:
@@ -131,8 +142,15 @@ def named_parts(
     parts = {**forms.boundaries, **dict(zip(names, forms.facets, strict=True))}
     parts |= {name: forms.masters[k] for k, name in opposite.items()}
     entries = zip(forms.contact, names, strict=True)
-    contact = [contact_entry(entry, name, opposite.get(k)) for k, (entry, name) in enumerate(entries)]
-    listed = ["a", "L", *(["stress"] * (forms.stress is not None)), *(["materials"] * (len(forms.parts) > 1))]
+    contact = [
+        contact_entry(entry, name, opposite.get(k)) for k, (entry, name) in enumerate(entries)
+    ]
+    listed = [
+        "a",
+        "L",
+        *(["stress"] * (forms.stress is not None)),
+        *(["materials"] * (len(forms.parts) > 1)),
+    ]
     tagged = tagged_mesh(forms.mesh, parts)
     statement = Statement(
         title="",
@@ -156,9 +174,15 @@ def model_of(
     pairs: Mapping[int, PairedSides],
     rigid: RigidBodies,
 ) -> Model:
-    """An elastic body of forms that are known by name, with load steps, and with a title of results."""
+    """An elastic body of forms that are known by name, with load steps, and with a title of
+    results.
+    """
     statement, tagged = named
-    steps = LoadSteps(times=path.times, names=path.names or None, steps=path.steps) if path.several else LoadSteps()
+    steps = (
+        LoadSteps(times=path.times, names=path.names or None, steps=path.steps)
+        if path.several
+        else LoadSteps()
+    )
     count, settings = len(steps.times or (1.0,)), elastic.settings
     statement = replace(statement, title=title, load_steps=steps, steps=count, solver=settings)
     body = {field.name: getattr(elastic, field.name) for field in fields(elastic)}
@@ -166,7 +190,8 @@ def model_of(
 
 
 _NOT_A_SETTING = "is no setting of a contact problem"
-# Settings of a scene that concern its meshes, or its first load step, and arguments of dolfinx's problems.
+# Settings of a scene that concern its meshes, or its first load step, and arguments of dolfinx's
+# problems.
 _NOT_HERE = {
     "levels": _NOT_A_SETTING,
     "initial_contact": _NOT_A_SETTING,
@@ -179,10 +204,14 @@ _NOT_HERE = {
 def law_of(stress: Any, u: fem.Function) -> Law | None:
     """What ``ContactProblem`` is given, as a function of the displacement."""
     if stress is not None and is_section(u.function_space.mesh):
-        raise FormError([("stress", "stresses and their estimates are not possible yet on a plane mesh in 3D")])
+        raise FormError(
+            [("stress", "stresses and their estimates are not possible yet on a plane mesh in 3D")]
+        )
     if stress is None or (callable(stress) and not hasattr(stress, "ufl_shape")):
         return stress
-    return lambda y: ufl.replace(stress, {u: y, **dict.fromkeys(ufl.algorithms.extract_arguments(stress), y)})
+    return lambda y: ufl.replace(
+        stress, {u: y, **dict.fromkeys(ufl.algorithms.extract_arguments(stress), y)}
+    )
 
 
 def space_of(a: Any, L: Any, u: fem.Function | None) -> fem.FunctionSpace:
@@ -198,36 +227,67 @@ def space_of(a: Any, L: Any, u: fem.Function | None) -> fem.FunctionSpace:
         of_ufl = isinstance(form, ufl.Form)
         if of_ufl and not form.arguments():
             raise FormError([(name, "is zero: nothing is left of it to integrate")])
-        of_form = [one.ufl_function_space() for one in form.arguments()] if of_ufl else form.function_spaces
+        of_form = (
+            [one.ufl_function_space() for one in form.arguments()]
+            if of_ufl
+            else form.function_spaces
+        )
         if len(of_form) != rank:
-            raise FormError([(name, f"must have {rank} argument{'s' * (rank > 1)}, not {len(of_form)}")])
+            raise FormError(
+                [(name, f"must have {rank} argument{'s' * (rank > 1)}, not {len(of_form)}")]
+            )
         spaces += [(name, space) for space in of_form]
     known = [space for _, space in spaces if isinstance(space, fem.FunctionSpace)]
     if u is not None:
         known.insert(0, u.function_space)
     elif not known:
-        raise FormError([("u", "must be given where both forms are compiled: their space is that of this Function")])
+        raise FormError(
+            [
+                (
+                    "u",
+                    "must be given where both forms are compiled: their space is that of this "
+                    "Function",
+                )
+            ]
+        )
     space = supported(known[0], "a")
     for name, candidate in spaces:
         inner = compat.wrapped(candidate) if isinstance(candidate, fem.FunctionSpace) else candidate
         if inner != compat.wrapped(space):
-            raise FormError([(name, "its arguments are on another space than those of a" + " or u" * (u is not None))])
+            raise FormError(
+                [
+                    (
+                        name,
+                        "its arguments are on another space than those of a"
+                        + " or u" * (u is not None),
+                    )
+                ]
+            )
     return space
 
 
 def supported(space: fem.FunctionSpace, name: str) -> fem.FunctionSpace:
     """The space, if contact is possible in it; ``name``: of the argument that has it."""
-    mesh, wanted = space.mesh, "a vector Lagrange space of degree 1 or 2 is needed, with one component per coordinate"
+    mesh, wanted = (
+        space.mesh,
+        "a vector Lagrange space of degree 1 or 2 is needed, with one component per coordinate",
+    )
     dim = mesh.topology.dim
     try:
         element = space.element.basix_element
-        fits = element.family == basix.ElementFamily.P and not element.discontinuous and element.degree in (1, 2)
+        fits = (
+            element.family == basix.ElementFamily.P
+            and not element.discontinuous
+            and element.degree in (1, 2)
+        )
     except RuntimeError:  # one made of several
         fits = False
     if not fits or dim not in (2, 3) or space.dofmap.index_map_bs != mesh.geometry.dim:
         raise FormError([(name, f"its space is {space.ufl_element()}: {wanted}")])
     if mesh.topology.cell_name() not in ("triangle", "quadrilateral", "tetrahedron", "hexahedron"):
-        raise FormError([(name, f"its mesh has {mesh.topology.cell_name()} cells, which are not supported")])
+        raise FormError(
+            [(name, f"its mesh has {mesh.topology.cell_name()} cells, which are not supported")]
+        )
     if is_section(mesh) and parallel.any_rank(mesh.comm, bool(mesh.geometry.x[:, 2].any())):
         raise FormError([(name, "its mesh of plane cells in 3D must lie in 2D x[2] = 0")])
     return space
@@ -238,15 +298,21 @@ def conditions_of(bcs: Any, space: fem.FunctionSpace) -> list[fem.DirichletBC]:
     bcs = [bcs] if isinstance(bcs, fem.DirichletBC) else bcs or []
     for k, condition in enumerate(bcs):
         if not isinstance(condition, fem.DirichletBC):
-            raise FormError([(f"bcs[{k}]", f"must be a DirichletBC of dolfinx, not {kind_of(condition)}")])
+            raise FormError(
+                [(f"bcs[{k}]", f"must be a DirichletBC of dolfinx, not {kind_of(condition)}")]
+            )
         if not compat.wrapped(space).contains(condition.function_space):
-            raise FormError([(f"bcs[{k}]", "is on another space than a, and on none of its components")])
+            raise FormError(
+                [(f"bcs[{k}]", "is on another space than a, and on none of its components")]
+            )
     return list(bcs)
 
 
 def settings_of(options: dict[str, Any]) -> SolverSettings:
     """The settings of the solver."""
-    known = {name: value for name, value in options.items() if value is not None or name not in _NOT_HERE}
+    known = {
+        name: value for name, value in options.items() if value is not None or name not in _NOT_HERE
+    }
     if wrong := [(name, reason) for name, reason in _NOT_HERE.items() if name in known]:
         raise FormError(wrong)
     try:
@@ -255,7 +321,12 @@ def settings_of(options: dict[str, Any]) -> SolverSettings:
         raise FormError(error.problems) from None
     if (settings.algorithm, settings.regularisation_error) == ("path-following", "auto"):
         raise FormError(
-            [("regularisation_error", "must be a number: there is no estimate of the discretisation error")]
+            [
+                (
+                    "regularisation_error",
+                    "must be a number: there is no estimate of the discretisation error",
+                )
+            ]
         )
     return settings
 
@@ -266,23 +337,37 @@ def foundations_of(contact: Any) -> tuple[Foundation | Pair, ...]:
     problems = list[tuple[str, str]]()
     for k, entry in enumerate(contacts):
         if not isinstance(entry, Foundation | Pair):
-            problems.append((f"contact[{k}]", f"must be a Foundation or a Pair, not {kind_of(entry)}"))
+            problems.append(
+                (f"contact[{k}]", f"must be a Foundation or a Pair, not {kind_of(entry)}")
+            )
             continue
         if isinstance(entry, Pair) and isinstance(entry.gap, str) and entry.gap != "geometry":
-            problems.append((f"contact[{k}].gap", f'must be "geometry" or values, not {entry.gap!r}'))
+            problems.append(
+                (f"contact[{k}].gap", f'must be "geometry" or values, not {entry.gap!r}')
+            )
         if not isinstance(entry.friction, FrictionLaw | None):
-            wrong = f"must be Coulomb(...), Tresca(...), a law of your own or None, not {kind_of(entry.friction)}"
+            wrong = (
+                "must be Coulomb(...), Tresca(...), a law of your own or None, not "
+                f"{kind_of(entry.friction)}"
+            )
             problems.append((f"contact[{k}].friction", wrong))
         elif entry.friction is not None and entry.friction.timed:
-            problems.append((f"contact[{k}].friction", "depends on t: give numbers, and change them between steps"))
+            problems.append(
+                (
+                    f"contact[{k}].friction",
+                    "depends on t: give numbers, and change them between steps",
+                )
+            )
     if problems:
         raise FormError(problems)
     return tuple(contacts)
 
 
-def facets_of(contact: Sequence[Foundation | Pair], mesh: dmesh.Mesh) -> tuple[list[Facets], dict[int, Facets]]:
-    """The exterior facets of each contact that this rank owns, ascending, and those of the masters of pairs by the
-    number of the contact, each given on any rank that has it; collective.
+def facets_of(
+    contact: Sequence[Foundation | Pair], mesh: dmesh.Mesh
+) -> tuple[list[Facets], dict[int, Facets]]:
+    """The exterior facets of each contact that this rank owns, ascending, and those of the masters
+    of pairs by the number of the contact, each given on any rank that has it; collective.
     """
     pairs = [k for k, entry in enumerate(contact) if entry.against is not None]
     if is_section(mesh) and pairs:
@@ -298,7 +383,9 @@ def facets_of(contact: Sequence[Foundation | Pair], mesh: dmesh.Mesh) -> tuple[l
     problems, marks = [], [la.vector(facet_map, 1, dtype=np.int32) for _ in listed]
     for (name, selection), mark in zip(listed, marks, strict=True):
         try:
-            mark.array[_listed(selection, mesh, dim, facet_map.size_local + facet_map.num_ghosts)] = 1
+            mark.array[
+                _listed(selection, mesh, dim, facet_map.size_local + facet_map.num_ghosts)
+            ] = 1
         except (ValueError, TypeError) as error:
             problems.append((name, str(error)))
     parallel.raise_together(mesh.comm, FormError(problems) if problems else None)
@@ -313,10 +400,14 @@ def facets_of(contact: Sequence[Foundation | Pair], mesh: dmesh.Mesh) -> tuple[l
         if not count:
             problems.append((name, "there are none"))
         if inside:
-            problems.append((name, f"{inside} of its {count} facets are not on the boundary of the mesh"))
+            problems.append(
+                (name, f"{inside} of its {count} facets are not on the boundary of the mesh")
+            )
         if twice:
             counterpart = "foundation" if name.endswith("facets") and not pairs else "partner"
-            problems.append((name, f"shares {twice} facets with another contact: a facet has one {counterpart}"))
+            problems.append(
+                (name, f"shares {twice} facets with another contact: a facet has one {counterpart}")
+            )
     if problems:
         raise FormError(problems)
     facets = [np.flatnonzero(mark.array[owned] > 0).astype(np.int32) for mark in marks]
@@ -324,7 +415,9 @@ def facets_of(contact: Sequence[Foundation | Pair], mesh: dmesh.Mesh) -> tuple[l
 
 
 def parts_of(materials: Any, mesh: dmesh.Mesh) -> list[npt.NDArray[np.int32]]:
-    """The cells of each material, with ghosts, from tags on all of them; None: there is one material; collective."""
+    """The cells of each material, with ghosts, from tags on all of them; None: there is one
+    material; collective.
+    """
     dim, error = mesh.topology.dim, None
     cells = mesh.topology.index_map(dim)
     all_cells = np.arange(cells.size_local + cells.num_ghosts, dtype=np.int32)
@@ -343,7 +436,11 @@ def parts_of(materials: Any, mesh: dmesh.Mesh) -> list[npt.NDArray[np.int32]]:
 
 def _listed(selection: Any, mesh: dmesh.Mesh, dim: int, count: int) -> Facets:
     """Local numbers of facets, ghosts included, from a list of them or from tags."""
-    if isinstance(selection, tuple) and len(selection) == 2 and isinstance(selection[0], dmesh.MeshTags):
+    if (
+        isinstance(selection, tuple)
+        and len(selection) == 2
+        and isinstance(selection[0], dmesh.MeshTags)
+    ):
         tags, wanted = selection
         if tags.dim != dim:
             raise ValueError(f"the tags are on entities of dimension {tags.dim}, not {dim}")

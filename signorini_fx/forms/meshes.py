@@ -1,4 +1,6 @@
-"""A ``ContactProblem`` on one mesh after the other: nested iteration, and solution to a given accuracy."""
+"""A ``ContactProblem`` on one mesh after the other: nested iteration, and solution to a given
+accuracy.
+"""
 
 from __future__ import annotations
 
@@ -30,8 +32,8 @@ Make = Callable[[Any], Any]
 
 @dataclass(frozen=True, kw_only=True)
 class MeshedForms(meshed_problem.MeshedProblem):
-    """What makes a ``ContactProblem`` on a mesh, of dolfinx where that is ``plain``.  ``family``: makes finer meshes
-    anew; None: cells are divided.
+    """What makes a ``ContactProblem`` on a mesh, of dolfinx where that is ``plain``.  ``family``:
+    makes finer meshes anew; None: cells are divided.
     """
 
     make: Make
@@ -45,9 +47,14 @@ class MeshedForms(meshed_problem.MeshedProblem):
         """The problem on this mesh; collective."""
         problem = self.make(self.tagged.mesh if self.plain else self.tagged)
         if not isinstance(problem, ContactProblem):
-            raise FormError([("make", f"must return a ContactProblem, not {kind_of(problem)}")], "make")
+            raise FormError(
+                [("make", f"must return a ContactProblem, not {kind_of(problem)}")], "make"
+            )
         if not problem.contact:
-            raise FormError([("make", "must return a problem with contact; others need no sequence of meshes")], "make")
+            raise FormError(
+                [("make", "must return a problem with contact; others need no sequence of meshes")],
+                "make",
+            )
         if self.changed is not None:
             problem.assembled.settings = self.changed
         problem.assembled.history = self.history
@@ -82,7 +89,10 @@ class MeshedForms(meshed_problem.MeshedProblem):
         return self.on(_tagged(self.family(times)))
 
     def solve(
-        self, state: ContactState | None, coarser: MeshLevel | None, checkpoint: MeshCheckpoint | None
+        self,
+        state: ContactState | None,
+        coarser: MeshLevel | None,
+        checkpoint: MeshCheckpoint | None,
     ) -> meshed_problem.SolvedMesh:
         solver = self.solver
         solver.coarser, solver.coarser_state = coarser, state
@@ -99,7 +109,8 @@ def solve_nested(
     *,
     observers: Sequence[Observer] = (),
 ) -> Solution:
-    """Solve a problem on nested meshes, each starting from the solution on the one before; collective.
+    """Solve a problem on nested meshes, each starting from the solution on the one before;
+    collective.
 
         solution = solve_nested(make, mesh)
         print(solution.convergence_table[-2].pressure)
@@ -108,8 +119,9 @@ def solve_nested(
 
     Args:
         make: a function of a mesh that returns a ``ContactProblem``.
-        mesh: the coarsest mesh, whose triangles or tetrahedra are divided, of dolfinx or with named boundaries, as
-            ``make`` takes it; or a function of n that makes a mesh with cells n times as small as those of n = 1.
+        mesh: the coarsest mesh, whose triangles or tetrahedra are divided, of dolfinx or with named
+            boundaries, as ``make`` takes it; or a function of n that makes a mesh with cells n
+            times as small as those of n = 1.
         levels: how many meshes, each with cells half as large as the one before.
         observers: see ``solve``.
 
@@ -119,14 +131,20 @@ def solve_nested(
         MeshError: the cells cannot be divided.
     """
     if not isinstance(levels, int) or levels < 1:
-        raise FormError([("levels", f"must be a whole number from 1, got {levels!r}")], "solve_nested")
+        raise FormError(
+            [("levels", f"must be a whole number from 1, got {levels!r}")], "solve_nested"
+        )
     first = _first(make, mesh, observers)
 
     def problems() -> Any:
         problem = first
         for number in range(levels):
             if number > 0:
-                problem = problem.divided(2**number) if callable(mesh) else problem.on(refine(problem.tagged))
+                problem = (
+                    problem.divided(2**number)
+                    if callable(mesh)
+                    else problem.on(refine(problem.tagged))
+                )
             yield problem
 
     return converged(meshed_problem.solve_nested(problems(), levels, first.comm, first.history))
@@ -139,11 +157,13 @@ def solve_to_accuracy(
     *,
     observers: Sequence[Observer] = (),
 ) -> Solution:
-    """Solve a problem on finer and finer meshes until the estimated error is what was asked for; collective.
+    """Solve a problem on finer and finer meshes until the estimated error is what was asked for;
+    collective.
 
         solution = solve_to_accuracy(make, mesh, Accuracy(target="1%", of="peak"))
 
-    Cells are divided where the error is with ``refinement="adaptive"``, otherwise everywhere.  The elements stay.
+    Cells are divided where the error is with ``refinement="adaptive"``, otherwise everywhere.  The
+    elements stay.
 
     Args:
         make: see ``solve_nested``; its problems need ``stress``.
@@ -152,7 +172,8 @@ def solve_to_accuracy(
         observers: see ``solve``.
 
     Raises:
-        ConvergenceError: there is no solution, or the accuracy is not reached; its ``solution`` has the last mesh.
+        ConvergenceError: there is no solution, or the accuracy is not reached; its ``solution`` has
+            the last mesh.
         FormError: an argument is wrong; see also ``ContactProblem``.
         MeshError: the cells cannot be divided.
     """
@@ -160,11 +181,23 @@ def solve_to_accuracy(
     adaptive, made = accuracy.refinement == "adaptive", callable(mesh)
     wrong = []
     if not first.estimable:
-        wrong.append(("stress", "is needed for an accuracy: errors are estimated from stresses, without a measure"))
+        wrong.append(
+            (
+                "stress",
+                "is needed for an accuracy: errors are estimated from stresses, without a measure",
+            )
+        )
     if adaptive and made:
-        wrong.append(("accuracy.refinement", "'adaptive' divides cells: give the coarsest mesh, not a function"))
+        wrong.append(
+            (
+                "accuracy.refinement",
+                "'adaptive' divides cells: give the coarsest mesh, not a function",
+            )
+        )
     if adaptive and not first.augmentable and accuracy.of != "energy":
-        message = "two bodies show the error of contact on one side only: use 'uniform', or of='energy'"
+        message = (
+            "two bodies show the error of contact on one side only: use 'uniform', or of='energy'"
+        )
         wrong.append(("accuracy.refinement", message))
     if wrong:
         raise FormError(wrong, "solve_to_accuracy")
@@ -201,5 +234,13 @@ def _tagged(mesh: Any) -> TaggedMesh:
     if isinstance(mesh, TaggedMesh):
         return mesh
     if not isinstance(mesh, dmesh.Mesh):
-        raise FormError([("mesh", f"must be a mesh, a TaggedMesh, or a function that makes one, not {kind_of(mesh)}")])
+        raise FormError(
+            [
+                (
+                    "mesh",
+                    "must be a mesh, a TaggedMesh, or a function that makes one, not "
+                    f"{kind_of(mesh)}",
+                )
+            ]
+        )
     return tag_boundaries(mesh, {})

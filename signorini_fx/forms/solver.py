@@ -1,4 +1,6 @@
-"""What a ``ContactProblem`` does: assemble what has changed, solve, certify, and keep the end of the last step."""
+"""What a ``ContactProblem`` does: assemble what has changed, solve, certify, and keep the end of
+the last step.
+"""
 
 from __future__ import annotations
 
@@ -22,8 +24,21 @@ from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.linalg import LoadCase
 from signorini_fx.algebra.linalg.petsc_options import defaults, refuse_exchanged, refused
 from signorini_fx.errors import FormError
-from signorini_fx.forms.elasticity import Array, FormBody, digest, elastic_body, modulus_of, natural_modulus
-from signorini_fx.forms.given_forms import GivenForms, conditions_of, model_of, named_parts, settings_of
+from signorini_fx.forms.elasticity import (
+    Array,
+    FormBody,
+    digest,
+    elastic_body,
+    modulus_of,
+    natural_modulus,
+)
+from signorini_fx.forms.given_forms import (
+    GivenForms,
+    conditions_of,
+    model_of,
+    named_parts,
+    settings_of,
+)
 from signorini_fx.machine import parallel
 from signorini_fx.machine.petsc_objects import free_unused
 from signorini_fx.mechanics.assembly.mesh_entities import assemble
@@ -33,7 +48,11 @@ from signorini_fx.mechanics.interfaces import Foundation, Pair
 from signorini_fx.mechanics.loads.supports import prescribed
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.model import ElasticBody
-from signorini_fx.mechanics.obstacles.foundations_on_points import FoundationData, Foundations, ShapeDistances
+from signorini_fx.mechanics.obstacles.foundations_on_points import (
+    FoundationData,
+    Foundations,
+    ShapeDistances,
+)
 from signorini_fx.mechanics.rigid.mesh_levels import MeshLevel
 from signorini_fx.mechanics.rigid.rigid_bodies import Driven, RigidBodies, RigidBodyMotion
 from signorini_fx.mechanics.scales import Scales
@@ -61,7 +80,9 @@ class FormSolver:
     driven: Driven  # what drives them
     data: list[FoundationData]  # at the nodes, as they are now
     unshifted: RegularisedData  # displacements counted from the initial position
-    prescribed: tuple[npt.NDArray[np.bool_], Array]  # dofs of this rank, ghosts included, and to what, shapes (dofs,)
+    prescribed: tuple[
+        npt.NDArray[np.bool_], Array
+    ]  # dofs of this rank, ghosts included, and to what, shapes (dofs,)
     _checkpoint: Any  # the iterate at the beginning of the last solve
 
     def __init__(
@@ -76,25 +97,38 @@ class FormSolver:
         self.forms, self.u, self.options = forms, u, petsc_options
         self.bcs, self.settings = conditions_of(bcs, space), settings_of(settings)
         names = [f"contact {number}" for number in range(len(forms.contact))]
-        self.foundations = self._foundations_class(space, forms.contact, forms.facets, names, forms.masters)
+        self.foundations = self._foundations_class(
+            space, forms.contact, forms.facets, names, forms.masters
+        )
         self.foundations.check_driven()
         self.fields = ContactFields.on(space)
         self.history, self.timings = History(), Timings()
         self.status: Status | None = None
         self.certificate: Certificate | None = None
-        self.result: StepResult | None = None  # of a path, or of the user's own loop, if this certifies it
+        self.result: StepResult | None = (
+            None  # of a path, or of the user's own loop, if this certifies it
+        )
         self.tools: tuple[RigidBodyMotion, ...] = ()
-        self.previous_step: PreviousStep | None = None  # the end of the last step, as foundations of now see it
-        self.outcome: Outcome | None = None  # of the last solve, unless another problem has been assembled since
+        self.previous_step: PreviousStep | None = (
+            None  # the end of the last step, as foundations of now see it
+        )
+        self.outcome: Outcome | None = (
+            None  # of the last solve, unless another problem has been assembled since
+        )
         self.coarser: MeshLevel | None = None
         self.coarser_state: ContactState | None = None  # of a coarser mesh
         self.folders = list[Path]()  # with the load steps of its runs
         self._last_pattern: tuple[tuple[int, ...], tuple[int, ...]] | None = None
-        self._last_modulus: tuple[tuple[int, ...], float | None] = (), None  # of which coefficients of ``a``
+        self._last_modulus: tuple[tuple[int, ...], float | None] = (
+            (),
+            None,
+        )  # of which coefficients of ``a``
         self._last: StepEnd | None = None  # at the last advance
         self._solution: LastSolution | None = None  # from which the next solve may begin
         self._state: ContactState | None = None
-        self._named: tuple[Any, TaggedMesh] | None = None  # once it is asked for, see ``named_parts``
+        self._named: tuple[Any, TaggedMesh] | None = (
+            None  # once it is asked for, see ``named_parts``
+        )
 
     @property
     def set_up(self) -> bool:
@@ -102,7 +136,9 @@ class FormSolver:
         return self._last_pattern is not None
 
     def attempt(self) -> str:
-        """Solve with the values of now; why there is no solution, and what to do, "": there is one; collective."""
+        """Solve with the values of now; why there is no solution, and what to do, "": there is one;
+        collective.
+        """
         solves_before, self.timings = len(self.history.iterations), Timings()
         with options_applied(*self.options), self.timings.phase("solve"):
             self.begun = self.begin_step()
@@ -124,19 +160,30 @@ class FormSolver:
         """Where a solve begins with what the problem is now; collective."""
         data, law = self.update()
         moved = self.moved(self.boundary)  # slip is relative to the foundation
-        if self._last is None:  # slip counts from the body without loads, and the shapes as they were given
+        if (
+            self._last is None
+        ):  # slip counts from the body without loads, and the shapes as they were given
             self.previous_step = None
-            start = Start(data, law, 0.0 * data.mu_hat, ActiveSets.all_in_contact(*data.mu_hat.shape), 0)
+            start = Start(
+                data, law, 0.0 * data.mu_hat, ActiveSets.all_in_contact(*data.mu_hat.shape), 0
+            )
             if moved is not None:
                 start, self.previous_step = from_rest(self.space, self.boundary, start, moved)
             if (resting := self.task.rest) is not None:
                 start = replace(start, data=resting.data_from(start.data))
             # From a coarser mesh, as long as there is no solution.
-            begun = first_start(start, self.boundary, self.coarser_state if self._solution is None else None)
+            begun = first_start(
+                start, self.boundary, self.coarser_state if self._solution is None else None
+            )
         else:
             data = data if (resting := self.task.rest) is None else resting.data_from(data)
-            spin, renewed = self.foundations.spin_at(self.boundary), self.boundary is not self._last.boundary
-            begun, self.previous_step = self._last.begins_on(self.boundary, data, law, moved, resting, spin)
+            spin, renewed = (
+                self.foundations.spin_at(self.boundary),
+                self.boundary is not self._last.boundary,
+            )
+            begun, self.previous_step = self._last.begins_on(
+                self.boundary, data, law, moved, resting, spin
+            )
             solved = self._solution is not None and self._solution.step == begun.step
             if renewed and not solved:
                 self._last.taken_up(self.task, self.elastic, self.rigid)
@@ -158,10 +205,16 @@ class FormSolver:
         self.foundations.settle()
 
     def show(self, outcome: Outcome, result: StepResult | None) -> None:
-        """Make a result the one that the user sees; None: its owner certifies and shows it; collective."""
+        """Make a result the one that the user sees; None: its owner certifies and shows it;
+        collective.
+        """
         self.outcome, self.result = outcome, result
         shown = None if result is None else result.contact
-        self._state = ContactState.of(self.task.contact(outcome, self.begun), self.boundary) if shown is None else shown
+        self._state = (
+            ContactState.of(self.task.contact(outcome, self.begun), self.boundary)
+            if shown is None
+            else shown
+        )
         if result is None:
             unknowns, rest = outcome.displacement(), self.task.rest
             displacement = self.elastic.from_rest(rest, unknowns)
@@ -179,11 +232,18 @@ class FormSolver:
             self._solution = LastSolution.of(outcome, self.begun.step, self.boundary)
 
     def update(self) -> tuple[RegularisedData, PointFriction | None]:
-        """Assemble what has changed since the last solve, and evaluate gap and friction; collective."""
+        """Assemble what has changed since the last solve, and evaluate gap and friction;
+        collective.
+        """
         space, comm = self.space, self.space.mesh.comm
         self.prescribed = fixed, values = prescribed(space, conditions_of(self.bcs, space))
         shapes = self.foundations.shapes()
-        geometry = [values for shape in shapes for values in (shape.factor, shape.direction) if values is not None]
+        geometry = [
+            values
+            for shape in shapes
+            for values in (shape.factor, shape.direction)
+            if values is not None
+        ]
         at_rest = self.foundations.at_rest(fixed, values)
         rigid = self.rigid = self.foundations.rigid_bodies
         driven = self.driven = rigid.driven()
@@ -202,7 +262,9 @@ class FormSolver:
         self._last_pattern = fingerprints
         return data
 
-    def _set_up(self, shapes: Sequence[ShapeDistances]) -> tuple[RegularisedData, PointFriction | None]:
+    def _set_up(
+        self, shapes: Sequence[ShapeDistances]
+    ) -> tuple[RegularisedData, PointFriction | None]:
         """Contact points, stiffness and linear algebra, and the data of the points; collective."""
         space, (fixed, values) = self.space, self.prescribed
         free_unused(space.mesh)
@@ -210,13 +272,18 @@ class FormSolver:
         counts = np.bincount(boundary.part[~boundary.points.immovable], minlength=len(shapes))
         for k, count in enumerate(parallel.global_sum(space.mesh.comm, counts)):
             if count == 0:
-                wrong = "bcs prescribe the displacement along the normal at all of its points, or measure is zero"
+                wrong = (
+                    "bcs prescribe the displacement along the normal at all of its points, or "
+                    "measure is zero"
+                )
                 raise FormError([(f"contact[{k}]", wrong)])
         self.boundary = boundary
         owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
         elastic = self.elastic = self._body(fixed[:owned], boundary)
         forms = self.forms
-        stated = forms.stress is not None or forms.original[0] is not None  # all that a modulus is known from
+        stated = (
+            forms.stress is not None or forms.original[0] is not None
+        )  # all that a modulus is known from
         fingerprint = digest(forms.compiled[0]) if stated else ()
         if parallel.any_rank(space.mesh.comm, fingerprint != self._last_modulus[0]):
             modulus = natural_modulus(forms.stress, forms.original[0], forms.measures, space)
@@ -233,15 +300,21 @@ class FormSolver:
             natural_gamma=self.scales.gamma,
             coordinate_error=self.scales.coordinate_error,
             history=self.history,
-            has_coulomb=any(contact.friction and contact.friction.follows_pressure for contact in forms.contact),
+            has_coulomb=any(
+                contact.friction and contact.friction.follows_pressure for contact in forms.contact
+            ),
         )
         return data
 
-    def points(self, shapes: Sequence[ShapeDistances], fixed: npt.NDArray[np.bool_], values: Array) -> ContactBoundary:
+    def points(
+        self, shapes: Sequence[ShapeDistances], fixed: npt.NDArray[np.bool_], values: Array
+    ) -> ContactBoundary:
         """The contact points; ``fixed``, ``values``: what is ``prescribed``; collective."""
         owned = self.space.dofmap.index_map.size_local * self.space.dofmap.index_map_bs
         at_rest = self.foundations.at_rest(fixed, values)
-        return self.foundations.rigid_bodies.on(self.foundations.boundary(shapes, fixed[:owned], at_rest))
+        return self.foundations.rigid_bodies.on(
+            self.foundations.boundary(shapes, fixed[:owned], at_rest)
+        )
 
     @property
     def contact(self) -> tuple[Foundation | Pair, ...]:
@@ -249,7 +322,9 @@ class FormSolver:
         return self.forms.contact
 
     def _case(self, values: Array) -> LoadCase:
-        """The right-hand side, with prescribed displacements, ghosts included, shape (dofs,); collective."""
+        """The right-hand side, with prescribed displacements, ghosts included, shape (dofs,);
+        collective.
+        """
         forces, lifted = self._forces(values)
         for name, entries in (("bcs", values), ("L", forces)):
             if parallel.any_rank(self.space.mesh.comm, not np.isfinite(entries).all()):
@@ -258,14 +333,20 @@ class FormSolver:
 
     def _body(self, fixed: npt.NDArray[np.bool_], boundary: ContactBoundary) -> ElasticBody:
         points = boundary if self.contact else None
-        return elastic_body(self.space, self.forms.compiled[0], self.bcs, fixed, points, self.settings)
+        return elastic_body(
+            self.space, self.forms.compiled[0], self.bcs, fixed, points, self.settings
+        )
 
     def _forces(self, values: Array) -> tuple[Array, Array]:
-        """The right-hand side, shape (owned dofs,), without what is returned of the prescribed values; collective."""
+        """The right-hand side, shape (owned dofs,), without what is returned of the prescribed
+        values; collective.
+        """
         return assemble(self.forms.compiled[1]), values
 
     def moved(self, boundary: ContactBoundary) -> Array | None:
-        """How far foundations have moved at contact points since ``advance``, shape (n, d); None: they have not."""
+        """How far foundations have moved at contact points since ``advance``, shape (n, d); None:
+        they have not.
+        """
         return self.foundations.moved(boundary)
 
     def _beside(self) -> Sequence[npt.NDArray[Any]]:
@@ -273,30 +354,49 @@ class FormSolver:
         return ()
 
     def _judged(self, outcome: Outcome, solves_before: int) -> StepResult | None:
-        """The last solve as the last step of a loop of the user's own; None: its owner certifies it; collective."""
+        """The last solve as the last step of a loop of the user's own; None: its owner certifies
+        it; collective.
+        """
         number = self.begun.step
         body = SteppedBody(self.model(), counted_path(number), Timings())
-        begun = BegunStep(body, self.task, replace(self.begun, place=float(number)), self.previous_step)
+        begun = BegunStep(
+            body, self.task, replace(self.begun, place=float(number)), self.previous_step
+        )
         result = begun.certified(outcome).result
         return replace(result, linear_solves=len(self.history.iterations) - solves_before)
 
-    def _point_data(self, shapes: Sequence[ShapeDistances]) -> tuple[RegularisedData, PointFriction | None]:
+    def _point_data(
+        self, shapes: Sequence[ShapeDistances]
+    ) -> tuple[RegularisedData, PointFriction | None]:
         """Gap, friction and regularisation at the contact points, as they are now; collective."""
         self.data = self.foundations.data(shapes)
-        problem = self.foundations.problem(self.boundary, self.data, Settings.of(self.settings), self.scales)
+        problem = self.foundations.problem(
+            self.boundary, self.data, Settings.of(self.settings), self.scales
+        )
         self.unshifted = problem[0]
         return problem
 
     def model(self, path: LoadPath | None = None, title: str = "") -> FormBody:
-        """The body as the forms are now; without a path its load steps are those of the user's own loop; collective."""
+        """The body as the forms are now; without a path its load steps are those of the user's own
+        loop; collective.
+        """
         if self._named is None:
             self._named = named_parts(self.forms, self.settings)
-        path, contact = path or counted_path(self.begun.step), (self.begun.law, self.foundations.pairs, self.rigid)
-        model = replace(model_of(self.elastic, self._named, path, title, *contact), data=self.unshifted)
-        return FormBody.of(model, user_forms=self.forms, prescribed_dofs=self.prescribed, form_scales=self.scales)
+        path, contact = (
+            path or counted_path(self.begun.step),
+            (self.begun.law, self.foundations.pairs, self.rigid),
+        )
+        model = replace(
+            model_of(self.elastic, self._named, path, title, *contact), data=self.unshifted
+        )
+        return FormBody.of(
+            model, user_forms=self.forms, prescribed_dofs=self.prescribed, form_scales=self.scales
+        )
 
     def data_now(self, solved: FormSolver | None = None) -> tuple[Any, ...]:
-        """The problem of now as derivatives take it; ``solved``: one of the same body with the solution; collective."""
+        """The problem of now as derivatives take it; ``solved``: one of the same body with the
+        solution; collective.
+        """
         return [self.forms.compiled[0]], assemble(self.forms.compiled[1]), *self.contact_now(solved)
 
     def contact_now(self, solved: FormSolver | None) -> tuple[Any, ...]:
@@ -304,21 +404,32 @@ class FormSolver:
         solved = self if solved is None else solved
         shapes, fixed, boundary = self.foundations.shapes(), solved.elastic.fixed, solved.boundary
         if any(shape.factor is not None or shape.direction is not None for shape in shapes):
-            boundary = self.foundations.boundary(shapes, fixed, self.foundations.at_rest(*solved.prescribed))
+            boundary = self.foundations.boundary(
+                shapes, fixed, self.foundations.at_rest(*solved.prescribed)
+            )
         settings = Settings.of(self.settings)
-        data, law = self.foundations.problem(boundary, self.foundations.data(shapes), settings, solved.scales)
+        data, law = self.foundations.problem(
+            boundary, self.foundations.data(shapes), settings, solved.scales
+        )
         values = prescribed(self.space, conditions_of(self.bcs, self.space))[1][: fixed.size]
         return values, boundary, data.gap, law
 
 
 @contextmanager
 def options_applied(prefix: str, problem_options: Mapping[str, Any]) -> Iterator[None]:
-    """Put the options of a problem where its solver objects read them, beside those of the database; an OptionsError
-    says that PETSc fails with them, or would run another method than ours with one of them.
+    """Put the options of a problem where its solver objects read them, beside those of the
+    database; an OptionsError says that PETSc fails with them, or would run another method than ours
+    with one of them.
     """
-    wanted = {name: None if value is None else str(value) for name, value in problem_options.items()}
+    wanted = {
+        name: None if value is None else str(value) for name, value in problem_options.items()
+    }
     of_database = PETSc.Options().getAll().items()
-    wanted |= {name.removeprefix(prefix): value or None for name, value in of_database if name.startswith(prefix)}
+    wanted |= {
+        name.removeprefix(prefix): value or None
+        for name, value in of_database
+        if name.startswith(prefix)
+    }
     with defaults(wanted):
         refuse_exchanged()
         try:

@@ -42,7 +42,9 @@ class FormSteps(SteppedBody):
         if end is None:  # without contact nothing of the last step but its number counts
             start = replace(start, step=first.step)
         solver.begun = start
-        return BegunStep(replace(self, model=solver.model(self.path)), solver.task, start, solver.previous_step)
+        return BegunStep(
+            replace(self, model=solver.model(self.path)), solver.task, start, solver.previous_step
+        )
 
     def show(self, outcome: Outcome, result: StepResult) -> None:
         self.solver.show(outcome, result)
@@ -74,14 +76,17 @@ def solve_path(
 
 
 def solution_of(solver: FormSolver, progress: StepProgress | None, title: str) -> Solution:
-    """The last solution, or iterate, with the values that the forms have now; of a run its load steps; collective."""
+    """The last solution, or iterate, with the values that the forms have now; of a run its load
+    steps; collective.
+    """
     if solver.outcome is None or solver.result is None:
         raise RuntimeError("there is no solution so far: call solve()")
     path, steps, ended = None, [solver.result], (solver.outcome, solver.outcome.problem.data)
     if progress is not None:
         assert progress.ended is not None
         path, steps, ended = progress.path.path, progress.results, progress.ended
-    # Of a load step that has failed the forms are not those of the results, which are of one before it.
+    # Of a load step that has failed the forms are not those of the results, which are of one before
+    # it.
     settled = steps[-1].status is Status.CONVERGED or len(steps) == 1
     body = replace(solver.model(path, title), settled=settled)
     found = partial(findings_of_steps, body, steps, [], solver.foundations.placed_shapes)
@@ -103,18 +108,31 @@ def begun_path(
     *,
     restart: bool,
 ) -> tuple[LoadPath, Clock, MeshCheckpoint | None]:
-    """The load steps of a run, what goes through their times, and their checkpoint, if there is one; collective."""
+    """The load steps of a run, what goes through their times, and their checkpoint, if there is
+    one; collective.
+    """
     path = path if isinstance(path, LoadPath) else LoadPath(tuple(path))
     scalar = isinstance(at, fem.Constant) and at.value.ndim == 0
     clock: Any = partial(setattr, at, "value") if scalar else at
     if isinstance(clock, fem.Constant) or not callable(clock):
-        raise FormError([("at", f"must be a function of the time or a Constant with one value, not {kind_of(at)}")])
+        raise FormError(
+            [
+                (
+                    "at",
+                    "must be a function of the time or a Constant with one value, not "
+                    f"{kind_of(at)}",
+                )
+            ]
+        )
     if folder is None:
         if restart:
             raise FormError([("restart", "needs the folder of the checkpoint")])
         return path, clock, None
     if (place := Path(folder).resolve()) in solver.folders:
-        reason = f"{folder} has the load steps of another run of this problem: give each run a folder of its own"
+        reason = (
+            f"{folder} has the load steps of another run of this problem: give each run a "
+            "folder of its own"
+        )
         raise FormError([("folder", reason)], "run")
     forms, dofmap = solver.forms, solver.space.dofmap
     topology = forms.mesh.topology

@@ -20,8 +20,8 @@ if VERSION < (0, 9):
     raise needs_fenicsx(f"dolfinx is {__version__}")
 
 
-# basix makes a new cell whenever an element is asked for its own, as UFL does hundreds of times for a form: 150 objects
-# for a hexahedron.  All elements of one kind share theirs.
+# basix makes a new cell whenever an element is asked for its own, as UFL does hundreds of times for
+# a form: 150 objects for a hexahedron.  All elements of one kind share theirs.
 _cell = cache(ufl.Cell)
 _elements: Any = basix.ufl._ElementBase
 _elements.cell = property(lambda element: _cell(element._cellname))
@@ -52,7 +52,9 @@ def geometry_element(domain: mesh.Mesh) -> Any:
 @cache
 def lagrange(cell: str, degree: int, variant: basix.LagrangeVariant) -> Any:
     """The scalar Lagrange element on a kind of cell, as basix has it."""
-    return basix.create_element(basix.ElementFamily.P, getattr(basix.CellType, cell), degree, variant)
+    return basix.create_element(
+        basix.ElementFamily.P, getattr(basix.CellType, cell), degree, variant
+    )
 
 
 def geometry_cells(domain: mesh.Mesh) -> npt.NDArray[np.int32]:
@@ -68,27 +70,37 @@ def wrapped(holder: fem.FunctionSpace | mesh.Mesh | fem.Form | mesh.Geometry) ->
 
 
 def geometry_in_space(domain: mesh.Mesh) -> Any:
-    """The geometry of a mesh, whose points get three coordinates, for a mesh of the same topology."""
+    """The geometry of a mesh, whose points get three coordinates, for a mesh of the same
+    topology.
+    """
     geometry: Any = wrapped(domain.geometry)
     x, indices = np.array(geometry.x), geometry.input_global_indices
     return type(geometry)(geometry.index_map(), geometry_cells(domain), _cmap(geometry), x, indices)
 
 
 def form_data(form: fem.Form) -> list[npt.NDArray[Any]]:
-    """The values of the constants and coefficients of a compiled form on this rank, in a fixed order."""
+    """The values of the constants and coefficients of a compiled form on this rank, in a fixed
+    order.
+    """
     packed = cpp.fem.pack_coefficients(wrapped(form))
     kinds = sorted(packed, key=lambda kind: (kind[0].name, kind[1]))
     return [np.asarray(cpp.fem.pack_constants(wrapped(form))), *(packed[kind] for kind in kinds)]
 
 
 def topology(holder: mesh.Mesh | mesh.MeshTags) -> Any:
-    """The topology of a mesh, or that of tags, which is wrapped for one of them only until 0.10, for comparison."""
+    """The topology of a mesh, or that of tags, which is wrapped for one of them only until 0.10,
+    for comparison.
+    """
     wrapped: Any = holder.topology
     return getattr(wrapped, "_cpp_object", wrapped)
 
 
-def facet_mesh(domain: mesh.Mesh, facets: npt.NDArray[np.int32]) -> tuple[mesh.Mesh, npt.NDArray[np.int32]]:
-    """A mesh of facets, and the facet of each of its cells on this rank: an array until 0.9, a map since."""
+def facet_mesh(
+    domain: mesh.Mesh, facets: npt.NDArray[np.int32]
+) -> tuple[mesh.Mesh, npt.NDArray[np.int32]]:
+    """A mesh of facets, and the facet of each of its cells on this rank: an array until 0.9, a map
+    since.
+    """
     cells: Any
     made, cells, *_ = mesh.create_submesh(domain, domain.topology.dim - 1, facets)
     if VERSION >= (0, 10):

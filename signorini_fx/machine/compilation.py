@@ -1,8 +1,10 @@
-"""Compilation of forms by dolfinx: processes that compile the same form wait for each other, and one that was killed
-leaves nothing behind; a clear error on all ranks if the machine lacks something for it.
+"""Compilation of forms by dolfinx: processes that compile the same form wait for each other, and
+one that was killed leaves nothing behind; a clear error on all ranks if the machine lacks something
+for it.
 
-A process that is killed leaves a C file that FFCx takes for work in progress in every later run.  Therefore a form is
-locked while it is compiled, by a lock that ends with the process: what lies there under no lock is compiled again.
+A process that is killed leaves a C file that FFCx takes for work in progress in every later run.
+Therefore a form is locked while it is compiled, by a lock that ends with the process: what lies
+there under no lock is compiled again.
 """
 
 from __future__ import annotations
@@ -22,27 +24,40 @@ from signorini_fx.machine import signals
 from signorini_fx.tuned import PROGRESS_PAUSE
 
 _LOCKS = ".signorini_fx.locks"
-_NEEDED = "it takes a C compiler, such as gcc, and a folder that can be written, which XDG_CACHE_HOME names"
-# What this process has loaded, by folder and name: to find a form FFCx lists the folder, which may hold thousands.
+_NEEDED = (
+    "it takes a C compiler, such as gcc, and a folder that can be written, which "
+    "XDG_CACHE_HOME names"
+)
+# What this process has loaded, by folder and name: to find a form FFCx lists the folder, which may
+# hold thousands.
 _LOADED: dict[tuple[str, str], Any] = {}
 
 
 @contextmanager
 def compiling(failed: str = "a form cannot be compiled") -> Iterator[None]:
-    """Lock the form that is compiled inside the ``with`` block; MachineError: what the machine lacks for it."""
+    """Lock the form that is compiled inside the ``with`` block; MachineError: what the machine
+    lacks for it.
+    """
     from cffi import VerificationError
 
     try:
-        # What a handler raises in the middle of a compilation would be taken for a mistake in the form.
+        # What a handler raises in the middle of a compilation would be taken for a mistake in the
+        # form.
         with signals.deferred(), _locks():
             yield
-    except (OSError, RuntimeError, VerificationError) as error:  # dolfinx raises the second on all ranks but one
+    except (
+        OSError,
+        RuntimeError,
+        VerificationError,
+    ) as error:  # dolfinx raises the second on all ranks but one
         raise MachineError(f"{failed}: {error}: {_NEEDED}") from error
 
 
 @contextmanager
 def _locks() -> Iterator[None]:
-    """Let FFCx ask for a lock before it looks for a compiled form; locks are held to the end of the ``with`` block."""
+    """Let FFCx ask for a lock before it looks for a compiled form; locks are held to the end of the
+    ``with`` block.
+    """
     from ffcx.codegeneration import jit
 
     look: Callable[..., Any] = jit.get_cached_module
@@ -66,9 +81,9 @@ def _locks() -> Iterator[None]:
 
 
 def prepare(folder: Path, module: str, patience: float, held: ExitStack) -> None:
-    """Wait until no other process compiles a form, and remove what one that has ended left unfinished; ``patience``:
-    seconds that a program which knows no such lock has; ``held``: what ends the lock, none if the form is compiled
-    already, or the folder allows for no locks.
+    """Wait until no other process compiles a form, and remove what one that has ended left
+    unfinished; ``patience``: seconds that a program which knows no such lock has; ``held``: what
+    ends the lock, none if the form is compiled already, or the folder allows for no locks.
     """
     if _compiled(folder, module):
         return
@@ -95,8 +110,11 @@ def prepare(folder: Path, module: str, patience: float, held: ExitStack) -> None
         time.sleep(PROGRESS_PAUSE)
 
 
-def library(folder: Path, name: str, declarations: str, source: str, arguments: Sequence[str]) -> Any:
-    """A module of C functions, with ``lib`` and ``ffi`` of cffi, compiled beside the forms unless it is there;
+def library(
+    folder: Path, name: str, declarations: str, source: str, arguments: Sequence[str]
+) -> Any:
+    """A module of C functions, with ``lib`` and ``ffi`` of cffi, compiled beside the forms unless
+    it is there;
     ``name``: another one for another source.
     """
     from cffi import FFI
@@ -109,7 +127,9 @@ def library(folder: Path, name: str, declarations: str, source: str, arguments: 
             builder.set_source(name, source, extra_compile_args=list(arguments))
             builder.compile(tmpdir=str(folder))
             _files(folder, name)[1].touch()
-    file = next(path for suffix in EXTENSION_SUFFIXES if (path := folder / f"{name}{suffix}").exists())
+    file = next(
+        path for suffix in EXTENSION_SUFFIXES if (path := folder / f"{name}{suffix}").exists()
+    )
     found = spec_from_file_location(name, file)
     assert found is not None
     assert found.loader is not None

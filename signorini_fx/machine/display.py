@@ -20,13 +20,20 @@ def html_table(columns: Sequence[str], rows: Iterable[Sequence[Any]], caption: s
         return safe(f"{value:.6g}" if isinstance(value, float) else str(value))
 
     head = "".join(f"<th>{safe(name)}</th>" for name in columns)
-    body = "".join(f"<tr>{''.join(f'<td>{cell(value)}</td>' for value in row)}</tr>" for row in rows)
-    return f"<table><caption>{safe(caption)}</caption><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+    body = "".join(
+        f"<tr>{''.join(f'<td>{cell(value)}</td>' for value in row)}</tr>" for row in rows
+    )
+    rows_of_names = f"<caption>{safe(caption)}</caption><thead><tr>{head}</tr></thead>"
+    return f"<table>{rows_of_names}<tbody>{body}</tbody></table>"
 
 
 def clean(value: Any, scale: float) -> Any:
-    """Components of a vector that are round-off beside the scale are zero; a single number stays."""
-    return [0.0 if abs(c) <= 1e-9 * scale else c for c in value] if isinstance(value, list) else value
+    """Components of a vector that are round-off beside the scale are zero; a single number
+    stays.
+    """
+    return (
+        [0.0 if abs(c) <= 1e-9 * scale else c for c in value] if isinstance(value, list) else value
+    )
 
 
 def duration(seconds: float) -> str:
@@ -51,8 +58,8 @@ def status_in_words(summary: dict[str, Any]) -> str:
 
 
 def touch_each_other(summary: dict[str, Any]) -> bool:
-    """Whether bodies touch each other, or a rigid one several boundaries: then the contact force of a boundary acts on
-    the body that it is of, and the sum of all says nothing.
+    """Whether bodies touch each other, or a rigid one several boundaries: then the contact force of
+    a boundary acts on the body that it is of, and the sum of all says nothing.
     """
     contacts = (summary.get("scene") or {}).get("contact", ())
     named = [(effect.get("foundation") or {}).get("rigid") for effect in contacts]
@@ -61,7 +68,9 @@ def touch_each_other(summary: dict[str, Any]) -> bool:
 
 
 def on_several_bodies(summary: dict[str, Any]) -> bool:
-    """Whether the contact forces have no resultant that acts on one body: they are those of several such boundaries."""
+    """Whether the contact forces have no resultant that acts on one body: they are those of several
+    such boundaries.
+    """
     return touch_each_other(summary) and len(summary.get("contact_boundaries", ())) > 1
 
 
@@ -82,5 +91,8 @@ def results_of(summary: dict[str, Any]) -> str:
 
 def effort_in_words(summary: dict[str, Any]) -> str:
     """How many linear solves and factorisations a solve took."""
-    counts = (summary["linear_solves"], "linear solve"), (summary["factorisations"], "factorisation")
+    counts = (
+        (summary["linear_solves"], "linear solve"),
+        (summary["factorisations"], "factorisation"),
+    )
     return ", ".join(f"{count} {noun}{'s' * (count != 1)}" for count, noun in counts)

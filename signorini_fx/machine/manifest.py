@@ -1,7 +1,9 @@
-"""Which files in a folder are results: those that the folder's manifest lists; nothing else is replaced or removed.
+"""Which files in a folder are results: those that the folder's manifest lists; nothing else is
+replaced or removed.
 
-The manifest is a text file in the folder, one path a line.  Runs write no symbolic links, so that no link is a result.
-What is not complete yet stands in a hidden folder, which is listed where it is in an inner one.
+The manifest is a text file in the folder, one path a line.  Runs write no symbolic links, so that
+no link is a result. What is not complete yet stands in a hidden folder, which is listed where it is
+in an inner one.
 """
 
 from __future__ import annotations
@@ -50,15 +52,17 @@ def foreign(folder: Path, names: Iterable[str]) -> list[str]:
         path = folder / name
         if path.is_dir() and not path.is_symlink():
             inside = (f"{name}/{file}" for file in files(path))
-            unlisted += [file for file in inside if file not in listed or (folder / file).is_symlink()]
+            unlisted += [
+                file for file in inside if file not in listed or (folder / file).is_symlink()
+            ]
         elif os.path.lexists(path) and (name not in listed or path.is_symlink()):
             unlisted.append(name)
     return unlisted
 
 
 def remove(folder: Path, inner: str = "") -> None:
-    """Remove everything that is listed, and the folders in it that are empty then; the manifest stays; ``inner``: how
-    the paths of what is removed begin.
+    """Remove everything that is listed, and the folders in it that are empty then; the manifest
+    stays; ``inner``: how the paths of what is removed begin.
     """
     for name in ours(folder) - {MANIFEST}:
         file = folder / name
@@ -91,7 +95,9 @@ def _lines(folder: Path) -> list[str]:
 
 
 def _within(folder: Path, name: str) -> bool:
-    """Whether a path leads to a place in the folder, with no link and no other result folder on the way."""
+    """Whether a path leads to a place in the folder, with no link and no other result folder on the
+    way.
+    """
     parts = Path(name).parts
     if not parts or ".." in parts or os.path.isabs(name):
         return False

@@ -1,6 +1,7 @@
 """All MPI reductions of the package, and everything that only the first rank does.
 
-A rank that is alone sends no message: MPI takes ten times as long for one as to return what was given.
+A rank that is alone sends no message: MPI takes ten times as long for one as to return what was
+given.
 """
 
 from __future__ import annotations
@@ -26,13 +27,16 @@ def is_root(comm: MPI.Comm) -> bool:
 
 
 def clock(comm: MPI.Comm) -> float:
-    """Seconds on the clock of the first rank, the same on every rank: only differences mean anything; collective."""
+    """Seconds on the clock of the first rank, the same on every rank: only differences mean
+    anything; collective.
+    """
     return float(comm.bcast(time.perf_counter()))
 
 
 def peak_memory(comm: MPI.Comm) -> float:
     """Largest resident memory so far, summed over the ranks, MB; collective."""
-    # Linux passes ru_maxrss on through fork and exec: in a small child it would be that of its large parent.
+    # Linux passes ru_maxrss on through fork and exec: in a small child it would be that of its
+    # large parent.
     try:
         status = Path("/proc/self/status").read_text(encoding="ascii")
         megabytes = int(status.split("VmHWM:")[1].split()[0]) / 1024
@@ -54,10 +58,12 @@ def global_sum(comm: MPI.Comm, values: npt.ArrayLike) -> npt.NDArray[Any]:
 def sums_by(
     comm: MPI.Comm, numbers: npt.NDArray[np.int64], values: npt.NDArray[np.float64], count: int
 ) -> npt.NDArray[np.float64]:
-    """Sums over the ranks of values, shape (n, d), with the same number from 0 to count - 1, numbers: shape (n,); they
-    have the shape (count, d), the same on every rank.
+    """Sums over the ranks of values, shape (n, d), with the same number from 0 to count - 1,
+    numbers: shape (n,); they have the shape (count, d), the same on every rank.
     """
-    total = np.zeros((count, values.shape[1]))  # a float on a rank without values too, where bincount gives integers
+    total = np.zeros(
+        (count, values.shape[1])
+    )  # a float on a rank without values too, where bincount gives integers
     for column in range(values.shape[1]):
         total[:, column] = np.bincount(numbers, values[:, column], minlength=count)
     return global_sum(comm, total)
@@ -83,7 +89,9 @@ def global_bounds(comm: MPI.Comm, points: npt.NDArray[np.float64]) -> npt.NDArra
 
 
 def largest(comm: MPI.Comm, values: npt.NDArray[Any], default: float = 0.0) -> float:
-    """Largest entry over the ranks of arrays, each of which may be empty: it then counts as ``default``."""
+    """Largest entry over the ranks of arrays, each of which may be empty: it then counts as
+    ``default``.
+    """
     return global_max(comm, values.max() if values.size else default)
 
 
@@ -97,7 +105,9 @@ def largest_of_each(comm: MPI.Comm, values: npt.NDArray[np.float64]) -> npt.NDAr
 
 
 def on_root(comm: MPI.Comm, function: Callable[[], T]) -> T:
-    """Run ``function`` on the first rank and give its result, or its error, to all ranks, so that none waits."""
+    """Run ``function`` on the first rank and give its result, or its error, to all ranks, so that
+    none waits.
+    """
     if comm.size == 1:
         return function()
     outcome: tuple[T | None, Exception | None] = (None, None)
@@ -113,7 +123,9 @@ def on_root(comm: MPI.Comm, function: Callable[[], T]) -> T:
 
 
 def _as_sent(error: Exception) -> Exception:
-    """An error that all ranks can raise, in words where it cannot be sent: the others would wait for it."""
+    """An error that all ranks can raise, in words where it cannot be sent: the others would wait
+    for it.
+    """
     try:
         MPI.pickle.loads(MPI.pickle.dumps(error))
     except Exception:
@@ -123,7 +135,9 @@ def _as_sent(error: Exception) -> Exception:
 
 def raise_together(comm: MPI.Comm, error: Exception | None) -> None:
     """Raise on every rank if any rank has an error: that of the lowest such rank."""
-    errors = [error] if comm.size == 1 else comm.allgather(None if error is None else _as_sent(error))
+    errors = (
+        [error] if comm.size == 1 else comm.allgather(None if error is None else _as_sent(error))
+    )
     first = next((e for e in errors if e is not None), None)
     if first is not None:
         raise first
@@ -149,15 +163,16 @@ def machine_memory(comm: MPI.Comm) -> float:
 
 
 def gather_rows(comm: MPI.Comm, rows: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """Rows of all ranks stacked in rank order, on every rank: for what is of the size of the contact boundary at most;
+    """Rows of all ranks stacked in rank order, on every rank: for what is of the size of the
+    contact boundary at most;
     ``rows``: shape (n, ...), alike but for n, numbers or truth values.
     """
     return np.concatenate(comm.allgather(rows)) if comm.size > 1 else np.array(rows, order="C")
 
 
 def rows_on_root(comm: MPI.Comm, rows: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """Rows of all ranks, see ``gather_rows``, stacked in rank order on the first rank, none on the others: for what is
-    of the size of the mesh.
+    """Rows of all ranks, see ``gather_rows``, stacked in rank order on the first rank, none on the
+    others: for what is of the size of the mesh.
     """
     if comm.size == 1:
         return np.array(rows, order="C")

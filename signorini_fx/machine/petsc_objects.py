@@ -1,8 +1,9 @@
 """Frees the objects of PETSc that are no longer used on several ranks.
 
-To destroy them is collective, and Python forgets objects at another time on each rank.  Therefore petsc4py only sets
-them aside there, with their matrices and factors, until all ranks ask for a clean-up of their communicator.  dolfinx
-has a communicator for each mesh, which is gone with the mesh; an object that stays keeps PETSc's copy of it for us.
+To destroy them is collective, and Python forgets objects at another time on each rank.  Therefore
+petsc4py only sets them aside there, with their matrices and factors, until all ranks ask for a
+clean-up of their communicator.  dolfinx has a communicator for each mesh, which is gone with the
+mesh; an object that stays keeps PETSc's copy of it for us.
 """
 
 from __future__ import annotations
@@ -21,8 +22,8 @@ _mesh_objects: list[tuple[weakref.ReferenceType[dmesh.Mesh], PETSc.Vec]] = []
 
 
 def free_unused(mesh: dmesh.Mesh) -> None:
-    """Free what is no longer used on the communicators of all meshes on the ranks of this one, which is noted for later
-    calls; collective.
+    """Free what is no longer used on the communicators of all meshes on the ranks of this one,
+    which is noted for later calls; collective.
     """
     if mesh.comm.size == 1:  # destroyed at once
         return
@@ -33,7 +34,9 @@ def free_unused(mesh: dmesh.Mesh) -> None:
             entries.append(entry)
             PETSc.garbage_cleanup(comm)
     # A rank may have forgotten a mesh that another one still has.
-    gone = mesh.comm.allreduce(sum(1 << k for k, (known, _) in enumerate(entries) if known() is None), MPI.BAND)
+    gone = mesh.comm.allreduce(
+        sum(1 << k for k, (known, _) in enumerate(entries) if known() is None), MPI.BAND
+    )
     for k, entry in enumerate(entries):
         if gone >> k & 1:
             entry[1].destroy()

@@ -18,7 +18,8 @@ from signorini_fx.errors import ResultError
 from signorini_fx.machine.manifest import PART
 from signorini_fx.machine.terminal import printable
 
-# Columns of our files that are text even if every entry looks like a number: a boundary may be called "1".
+# Columns of our files that are text even if every entry looks like a number: a boundary may be
+# called "1".
 _TEXT_COLUMNS = frozenset({"against", "boundary", "friction", "name", "state", "status"})
 # The columns of a table by name, arrays of one entry per row.
 Table = Mapping[str, Any]
@@ -48,12 +49,16 @@ def _cells(column: Sequence[Any]) -> list[Any]:
     values = column.tolist() if isinstance(column, np.ndarray) else column
     values = [value.item() if isinstance(value, np.generic) else value for value in values]
     # A zero is added: no minus zero.
-    return [printable(v) if isinstance(v, str) else v + 0.0 if isinstance(v, float) else v for v in values]
+    return [
+        printable(v) if isinstance(v, str) else v + 0.0 if isinstance(v, float) else v
+        for v in values
+    ]
 
 
 def read_csv(path: str | Path) -> dict[str, npt.NDArray[Any]]:
-    """The columns of a CSV file by their names: floats where every entry is a number (an empty one is nan), strings
-    elsewhere; ValueError: a row has more or fewer entries than the header, or it is not a CSV file.
+    """The columns of a CSV file by their names: floats where every entry is a number (an empty one
+    is nan), strings elsewhere; ValueError: a row has more or fewer entries than the header, or it
+    is not a CSV file.
     """
     with Path(path).open(newline="", encoding="utf-8") as file:
         reader, rows = csv.DictReader(file), []
@@ -71,41 +76,65 @@ def read_csv(path: str | Path) -> dict[str, npt.NDArray[Any]]:
 def _column(name: str, entries: list[str]) -> npt.NDArray[Any]:
     if name not in _TEXT_COLUMNS:
         try:
-            return np.array([float(entry) if entry.strip() else math.nan for entry in entries], dtype=np.float64)
+            return np.array(
+                [float(entry) if entry.strip() else math.nan for entry in entries], dtype=np.float64
+            )
         except ValueError:
             pass
     return np.array(entries, dtype=np.str_)
 
 
 def read_summary(folder: Path) -> dict[str, Any]:
-    """summary.json of a result folder; ResultError: it does not exist, is none, or is incomplete."""
+    """summary.json of a result folder; ResultError: it does not exist, is none, or is
+    incomplete.
+    """
     file = folder / "summary.json"
     if not os.path.isdir(folder):  # a name may be of any length
         reason = "is a file" if os.path.exists(folder) else "is not there"
-        raise ResultError(f"{folder}: {reason}: give the folder that signorini-fx solve wrote, such as results/NAME")
+        raise ResultError(
+            f"{folder}: {reason}: give the folder that signorini-fx solve wrote, such as "
+            "results/NAME"
+        )
     if not file.is_file():
         begun = any((folder / name).exists() for name in (PART, "history.csv", "contact.csv"))
         reason = "is half written, it has no summary.json yet: let solve finish, or solve again"
-        raise ResultError(f"{folder}: {reason if begun else 'is no result folder, it has no summary.json'}")
+        raise ResultError(
+            f"{folder}: {reason if begun else 'is no result folder, it has no summary.json'}"
+        )
     try:
         summary = json.loads(file.read_text(encoding="utf-8"))
     except RecursionError:
         raise ResultError(f"{file}: cannot be read: nested too deeply: solve again") from None
     except (OSError, ValueError) as error:
         raise ResultError(f"{file}: cannot be read: {error}: solve again") from None
-    if not isinstance(summary, dict) or not {"status", "certificate", "scene", "linear_solves"} <= set(summary):
-        raise ResultError(f"{file}: is not what signorini-fx solve writes: give a folder that it wrote")
-    return {key: value if key == "scene" else _numbers(value, key) for key, value in summary.items()}
+    if not isinstance(summary, dict) or not {
+        "status",
+        "certificate",
+        "scene",
+        "linear_solves",
+    } <= set(summary):
+        raise ResultError(
+            f"{file}: is not what signorini-fx solve writes: give a folder that it wrote"
+        )
+    return {
+        key: value if key == "scene" else _numbers(value, key) for key, value in summary.items()
+    }
 
 
-# Figures that are never null but after a failed solve; where others are null, there is nothing of the kind.
+# Figures that are never null but after a failed solve; where others are null, there is nothing of
+# the kind.
 _ALWAYS_NUMBERS = ("certificate", "moment")
 
 
 def _numbers(value: Any, key: str) -> Any:
-    """A value with nan for what a failed solve could not compute: null in a list, or under certain keys."""
+    """A value with nan for what a failed solve could not compute: null in a list, or under certain
+    keys.
+    """
     if isinstance(value, dict):
-        return {name: _numbers(item, key if key in _ALWAYS_NUMBERS else name) for name, item in value.items()}
+        return {
+            name: _numbers(item, key if key in _ALWAYS_NUMBERS else name)
+            for name, item in value.items()
+        }
     if isinstance(value, list):
         return [math.nan if item is None else _numbers(item, key) for item in value]
     return math.nan if value is None and key in _ALWAYS_NUMBERS else value

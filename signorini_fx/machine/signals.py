@@ -1,7 +1,7 @@
 """Signals at moments when Python code can end in good order.
 
-Python serves a signal between any two instructions, also in a function that C code has called: what the handler raises
-there, such as ``KeyboardInterrupt``, arrives in C as an error code, or is lost.
+Python serves a signal between any two instructions, also in a function that C code has called: what
+the handler raises there, such as ``KeyboardInterrupt``, arrives in C as an error code, or is lost.
 """
 
 from __future__ import annotations
@@ -14,7 +14,14 @@ from types import FrameType
 from typing import Any
 
 # Those that a terminal, mpirun, a batch system or a timer sends.
-_DEFERRED = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGALRM, signal.SIGUSR1, signal.SIGUSR2)
+_DEFERRED = (
+    signal.SIGINT,
+    signal.SIGTERM,
+    signal.SIGHUP,
+    signal.SIGALRM,
+    signal.SIGUSR1,
+    signal.SIGUSR2,
+)
 _handlers: dict[int, Any] = {}
 # Those that wait to be served: number, and what Python ran.
 arrived: list[tuple[int, FrameType | None]] = []
@@ -23,9 +30,13 @@ _deferring = False
 
 @contextmanager
 def deferred() -> Iterator[None]:
-    """Signals that have a handler in Python wait for ``serve``, or for the end of the ``with`` block."""
+    """Signals that have a handler in Python wait for ``serve``, or for the end of the ``with``
+    block.
+    """
     global _deferring
-    if _deferring or threading.current_thread() is not threading.main_thread():  # other threads get no signals
+    if (
+        _deferring or threading.current_thread() is not threading.main_thread()
+    ):  # other threads get no signals
         yield
         return
     try:
@@ -44,7 +55,9 @@ def deferred() -> Iterator[None]:
 
 
 def serve() -> None:
-    """Call the handlers of the signals that wait, of which each may raise something, such as ``KeyboardInterrupt``."""
+    """Call the handlers of the signals that wait, of which each may raise something, such as
+    ``KeyboardInterrupt``.
+    """
     while arrived:
         number, frame = arrived.pop(0)
         _handlers[number](number, frame)

@@ -1,5 +1,5 @@
-"""Text for the terminal: printed once, in any encoding, and without an error if nobody reads it; and what launchers of
-ranks (mpirun, srun) set in the environment.  No MPI here.
+"""Text for the terminal: printed once, in any encoding, and without an error if nobody reads it;
+and what launchers of ranks (mpirun, srun) set in the environment.  No MPI here.
 """
 
 from __future__ import annotations
@@ -20,7 +20,8 @@ _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_
 _lost = False
 # Of a terminal that nobody has made wider, which is what short answers are written for.
 COLUMNS = 80
-# Control characters of ASCII and of Latin-1, those that turn the direction of writing, and whole escape sequences.
+# Control characters of ASCII and of Latin-1, those that turn the direction of writing, and whole
+# escape sequences.
 _CONTROL = re.compile(
     r"\x1b\[[0-?]*[ -/]*[@-~]|\x1b\][^\x07\x1b]*(?:\x07|\x1b\\)"
     r"|[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069]"
@@ -28,21 +29,26 @@ _CONTROL = re.compile(
 
 
 def printable(text: str) -> str:
-    """A text without control characters, but for the ends of lines and tabs: titles, names and messages of others may
-    have some, with which a terminal would change its state, and which no page or table can show.
+    """A text without control characters, but for the ends of lines and tabs: titles, names and
+    messages of others may have some, with which a terminal would change its state, and which no
+    page or table can show.
     """
     return _CONTROL.sub("", text)
 
 
 def prepare() -> None:
-    """Let both streams accept any text: characters that their encoding does not have are written as escapes."""
+    """Let both streams accept any text: characters that their encoding does not have are written as
+    escapes.
+    """
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):  # absent where the stream is closed or replaced
             stream.reconfigure(errors="backslashreplace")
 
 
 def is_terminal(stream: TextIO | None) -> bool:
-    """Whether somebody reads this stream on a terminal; of ranks of Open MPI that is not known, and counts as no."""
+    """Whether somebody reads this stream on a terminal; of ranks of Open MPI that is not known, and
+    counts as no.
+    """
     pseudo_terminals = "OMPI_COMM_WORLD_SIZE" in os.environ  # wherever mpirun writes
     return stream is not None and stream.isatty() and not pseudo_terminals
 
@@ -61,22 +67,33 @@ class TerminalLine:
     def coloured(self) -> str:
         """The line as a terminal with colours shows it."""
         code = _COLOURS.get(self.kind)
-        begin = printable(self.begin) if code is None else f"\x1b[{code}m{printable(self.begin)}\x1b[0m"
+        begin = (
+            printable(self.begin) if code is None else f"\x1b[{code}m{printable(self.begin)}\x1b[0m"
+        )
         return begin + printable(self.text)
 
 
-_COLOURS = {"error": "31;1", "warning": "33;1", "advice": "1", "good": "32;1"}  # red, yellow, bold, green
+_COLOURS = {
+    "error": "31;1",
+    "warning": "33;1",
+    "advice": "1",
+    "good": "32;1",
+}  # red, yellow, bold, green
 
 
 def say(output: str | Iterable[TerminalLine], *, error: bool = False) -> None:
-    """Print on standard output, or on standard error; a stream that cannot be written is given up; ``output``: a text,
-    printed as it is, or lines, which a terminal colours.
+    """Print on standard output, or on standard error; a stream that cannot be written is given up;
+    ``output``: a text, printed as it is, or lines, which a terminal colours.
     """
     stream = sys.stderr if error else sys.stdout
     try:
         if isinstance(output, str):
             shown = [printable(output)]
-        elif is_terminal(stream) and "NO_COLOR" not in os.environ and os.environ.get("TERM") != "dumb":
+        elif (
+            is_terminal(stream)
+            and "NO_COLOR" not in os.environ
+            and os.environ.get("TERM") != "dumb"
+        ):
             shown = [line.coloured() for line in output]
         else:
             shown = [printable(str(line)) for line in output]
@@ -97,11 +114,15 @@ def output_lost() -> bool:
 
 
 def _give_up(stream: TextIO, reason: OSError) -> None:
-    """Go on silently if the reader has ended (``| head``) or nothing can be written, in order not to lose results."""
+    """Go on silently if the reader has ended (``| head``) or nothing can be written, in order not
+    to lose results.
+    """
     global _lost
     with contextlib.suppress(OSError, ValueError):  # a stream without a descriptor
         nowhere = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(nowhere, stream.fileno())  # what is still in the buffer would be written again at the end
+        os.dup2(
+            nowhere, stream.fileno()
+        )  # what is still in the buffer would be written again at the end
         os.close(nowhere)
     if stream is sys.stdout and not isinstance(reason, BrokenPipeError):
         _lost = True
@@ -114,8 +135,8 @@ def started_as_root() -> bool:
 
 
 def limit_threads() -> None:
-    """One thread for each rank unless the environment says otherwise, as fronts of factorisations are small; for a
-    process that has not loaded BLAS.
+    """One thread for each rank unless the environment says otherwise, as fronts of factorisations
+    are small; for a process that has not loaded BLAS.
     """
     if not any(name in os.environ for name in _THREADS):
         os.environ["OMP_NUM_THREADS"] = "1"

@@ -1,4 +1,5 @@
-"""What is to be solved on one mesh: an elastic body, made a contact problem, and all that is stated of it.
+"""What is to be solved on one mesh: an elastic body, made a contact problem, and all that is stated
+of it.
 
 The forms of a scene and those of a user take this one way into the core.
 """
@@ -24,7 +25,14 @@ from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.contact_map import ContactMap
 from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.contact.motions import FreeMotions, ReferenceMotion
-from signorini_fx.algebra.linalg import Elasticity, ElasticSystem, FarPoints, LoadCase, petsc_options, row_by_row
+from signorini_fx.algebra.linalg import (
+    Elasticity,
+    ElasticSystem,
+    FarPoints,
+    LoadCase,
+    petsc_options,
+    row_by_row,
+)
 from signorini_fx.algebra.linalg.choice import SystemSize, choose_kind, choose_system
 from signorini_fx.algebra.linalg.rigid_unknowns import bordered
 from signorini_fx.algebra.linalg.schur import SchurComplement
@@ -43,7 +51,12 @@ from signorini_fx.mechanics.kinematics.protocol import Kinematics
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, diameter_of
 from signorini_fx.mechanics.rigid.mesh_levels import MeshLevel
 from signorini_fx.mechanics.rigid.rigid_bodies import Driven, RigidBodies
-from signorini_fx.mechanics.rigid.rigid_motions import RigidMotions, nearest_motion, rigid_motions, without_energy
+from signorini_fx.mechanics.rigid.rigid_motions import (
+    RigidMotions,
+    nearest_motion,
+    rigid_motions,
+    without_energy,
+)
 from signorini_fx.mechanics.scales import Scales
 from signorini_fx.mechanics.statement.expressions import in_space, sample
 from signorini_fx.mechanics.statement.settings import SolverSettings
@@ -64,32 +77,48 @@ Array = npt.NDArray[np.float64]
 class ElasticBody:
     """A symmetric form a(., .) on a vector Lagrange space with supports and contact points.
 
-    Each part is compiled and assembled when it is first needed; what takes forms, matrices or motions is collective.
+    Each part is compiled and assembled when it is first needed; what takes forms, matrices or
+    motions is collective.
     """
 
     space: fem.FunctionSpace  # Y_h, of the displacement
     terms: Callable[[], Sequence[fem.Form]]  # gives the compiled terms of a(., .)
-    resists: Sequence[fem.Form] | None  # the terms that may resist rigid motions; None: any of them may
+    resists: (
+        Sequence[fem.Form] | None
+    )  # the terms that may resist rigid motions; None: any of them may
     bcs: Sequence[fem.DirichletBC]  # the supports along the axes
-    turned: TurnedNodes | None  # nodes with supports along no axis, ``fixed`` in their own frames; None: none
-    fixed: npt.NDArray[np.bool_]  # which unknowns of this rank these and ``bcs`` prescribe, shape (owned dofs,)
+    turned: (
+        TurnedNodes | None
+    )  # nodes with supports along no axis, ``fixed`` in their own frames; None: none
+    fixed: npt.NDArray[
+        np.bool_
+    ]  # which unknowns of this rank these and ``bcs`` prescribe, shape (owned dofs,)
     pieces: BodyPieces  # into which the mesh falls
     boundary: ContactBoundary | None  # the contact points; None: there are none
     settings: SolverSettings  # how it is to be solved
-    kinematics: Kinematics  # of the displacement; of forms of a user's own these say which motions have no strain
-    compressible: bool = True  # whether the material is far enough from incompressible for multigrid
+    # of the displacement; of forms of a user's own these say which motions have no strain
+    kinematics: Kinematics
+    compressible: bool = (
+        True  # whether the material is far enough from incompressible for multigrid
+    )
     elastic: Any = None  # the ``SceneLaw`` that ``terms`` are of; None: forms of a user's own
     beside: NodalStiffness | None = None  # what a(., .) has beside ``terms``; None: nothing
-    # Forces of the k unknowns of rigid bodies at the contact points, and on these themselves, beside a(., .) and
-    # springs, force per length, shapes (n, d, k) and (k, k), symmetric; None: nothing.
+    # Forces of the k unknowns of rigid bodies at the contact points, and on these themselves,
+    # beside a(., .) and springs, force per length, shapes (n, d, k) and (k, k), symmetric; None:
+    # nothing.
     relative: tuple[Array, Array] | None = None
-    definite: bool = True  # whether a(., .) is positive semi-definite but for a pressure as an unknown
+    definite: bool = (
+        True  # whether a(., .) is positive semi-definite but for a pressure as an unknown
+    )
     symmetric: bool = True  # whether a(., .) is symmetric; else it is not definite
-    # Which contact points are not expected to touch, shape (n,), at a displacement; None: any of them may.
+    # Which contact points are not expected to touch, shape (n,), at a displacement; None: any of
+    # them may.
     far: tuple[npt.NDArray[np.bool_], fem.Function] | None = None
-    # What a condensed system with another boundary has made of the same stiffness; None: there is none.
+    # What a condensed system with another boundary has made of the same stiffness; None: there is
+    # none.
     eliminated: SchurComplement | None = field(default=None, repr=False, compare=False)
-    # Results that depend on everything above but ``boundary``, on that too, and on the mesh and ``space`` alone.
+    # Results that depend on everything above but ``boundary``, on that too, and on the mesh and
+    # ``space`` alone.
     of_body: dict[str, Any] = field(default_factory=dict, repr=False, compare=False)
     of_contact: dict[str, Any] = field(default_factory=dict, repr=False, compare=False)
     of_mesh: dict[str, Any] = field(default_factory=dict, repr=False, compare=False)
@@ -157,7 +186,9 @@ class ElasticBody:
         return self.motions.at(self.boundary or no_points(self.space))
 
     def system_size(self, at_contact: FreeMotions | None = None) -> SystemSize:
-        """The figures that decide which kind of elastic system it gets, with free motions at the contact points."""
+        """The figures that decide which kind of elastic system it gets, with free motions at the
+        contact points.
+        """
         at_contact = self.at_contact if at_contact is None else at_contact
         retained, held, across = 0, False, int(self.space.mesh.topology.dim)
         if self.boundary is not None:
@@ -167,9 +198,15 @@ class ElasticBody:
             held = at_contact.held_by(everywhere, everywhere)
         if self.mixed is None:
             definite = self.definite
-            return SystemSize(self.comm, self.dofs, across, retained, held, self.compressible, definite=definite)
-        enclosed = retained > 0 and self.mixed.encloses(self.vector, self.prescribed | self.contact.touched)
-        return SystemSize(self.comm, self.dofs, across, retained, held, False, definite=False, enclosed=enclosed)
+            return SystemSize(
+                self.comm, self.dofs, across, retained, held, self.compressible, definite=definite
+            )
+        enclosed = retained > 0 and self.mixed.encloses(
+            self.vector, self.prescribed | self.contact.touched
+        )
+        return SystemSize(
+            self.comm, self.dofs, across, retained, held, False, definite=False, enclosed=enclosed
+        )
 
     @shared_in("of_body")
     def _assembled(self) -> tuple[PETSc.Mat, PETSc.Mat | None, PETSc.Mat | None]:
@@ -190,7 +227,9 @@ class ElasticBody:
             stiffness = stiffness.ptap(rotation)
             stiffness.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
             first = stiffness.getOwnershipRange()[0]
-            stiffness.zeroRowsColumns((first + np.flatnonzero(self.fixed)).astype(PETSc.IntType), diag=0.0)
+            stiffness.zeroRowsColumns(
+                (first + np.flatnonzero(self.fixed)).astype(PETSc.IntType), diag=0.0
+            )
         turning = rotation
         if boundary is not None and boundary.moving is not None:
             of_body, springs = stiffness, boundary.moving.stiffness[: self._rigid]
@@ -209,16 +248,22 @@ class ElasticBody:
         return stiffness, rotation, turning
 
     def _add_relative(self, stiffness: PETSc.Mat) -> None:
-        """Add ``relative`` to a stiffness without the rows and columns of what is prescribed; collective."""
+        """Add ``relative`` to a stiffness without the rows and columns of what is prescribed;
+        collective.
+        """
         boundary, dim = self.boundary, self.dimension
         assert boundary is not None
         assert boundary.moving is not None
         assert self.relative is not None
         free = ~boundary.moving.fixed
-        at_points = self.relative[0] * ~self.fixed.reshape(-1, dim)[boundary.nodes][:, :, None] * free
+        at_points = (
+            self.relative[0] * ~self.fixed.reshape(-1, dim)[boundary.nodes][:, :, None] * free
+        )
         own = self.relative[1] * np.outer(free, free) * (self._rigid > 0)
         (first, _), total = stiffness.getOwnershipRange(), stiffness.getSize()[0]
-        rows = (first + dim * boundary.nodes[:, None] + np.arange(dim)).ravel().astype(PETSc.IntType)
+        rows = (
+            (first + dim * boundary.nodes[:, None] + np.arange(dim)).ravel().astype(PETSc.IntType)
+        )
         rigid = (total - free.size + np.arange(free.size)).astype(PETSc.IntType)
         added = PETSc.Mat().createAIJ(stiffness.getSizes(), comm=stiffness.comm)
         added.setUp()
@@ -230,12 +275,17 @@ class ElasticBody:
         stiffness.axpy(1.0, added, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
 
     def relative_forces(self, displacement: Array, driven: Array) -> tuple[Array, Array]:
-        """The forces of ``relative`` on all unknowns of this rank but a pressure, and those of its part at the contact
-        points on rigid bodies, of displacements of the nodes, shape (dofs,), and motions, shape (k,); collective.
+        """The forces of ``relative`` on all unknowns of this rank but a pressure, and those of its
+        part at the contact points on rigid bodies, of displacements of the nodes, shape (dofs,),
+        and motions, shape (k,); collective.
         """
         assert self.boundary is not None
         assert self.relative is not None
-        (at_points, own), nodes, forces = self.relative, self.boundary.nodes, np.zeros(self._held.size)
+        (at_points, own), nodes, forces = (
+            self.relative,
+            self.boundary.nodes,
+            np.zeros(self._held.size),
+        )
         np.add.at(forces[: self.fixed.size].reshape(-1, self.dimension), nodes, at_points @ driven)
         moved = displacement.reshape(-1, self.dimension)[nodes]
         on_rigid: Array = parallel.global_sum(self.comm, np.einsum("nik,ni->k", at_points, moved))
@@ -244,17 +294,27 @@ class ElasticBody:
 
     @shared_in("of_body")
     def _fit_for_blocks(self) -> bool:
-        """Whether a Krylov method with multigrid will solve for contact, for which a stiffness by blocks is faster."""
+        """Whether a Krylov method with multigrid will solve for contact, for which a stiffness by
+        blocks is faster.
+        """
         boundary = self.boundary
-        if boundary is None or boundary.moving is not None or self.turned is not None or self.mixed is not None:
+        if (
+            boundary is None
+            or boundary.moving is not None
+            or self.turned is not None
+            or self.mixed is not None
+        ):
             return False
         if self.beside is not None and self.beside.joint:
             return False
         if petsc_options.user_chooses_solver() or self.dofs < FEWEST_BLOCK_UNKNOWNS:
             return False
-        # Nothing that resists is assembled yet: without it more motions are free, and contact holds them or not.
+        # Nothing that resists is assembled yet: without it more motions are free, and contact holds
+        # them or not.
         at_contact = self._supported.joined(boundary).at(boundary)
-        return choose_kind(self.system_size(at_contact), self.settings.linear_algebra)[0] == "krylov"
+        return (
+            choose_kind(self.system_size(at_contact), self.settings.linear_algebra)[0] == "krylov"
+        )
 
     @property
     def mixed(self) -> Any:
@@ -269,13 +329,19 @@ class ElasticBody:
     @property
     def _held(self) -> npt.NDArray[np.bool_]:
         """``prescribed`` without a pressure."""
-        if self.boundary is None or self.boundary.moving is None or self.comm.rank < self.comm.size - 1:
+        if (
+            self.boundary is None
+            or self.boundary.moving is None
+            or self.comm.rank < self.comm.size - 1
+        ):
             return self.fixed
         return np.concatenate((self.fixed, self.boundary.moving.fixed))
 
     @property
     def prescribed(self) -> npt.NDArray[np.bool_]:
-        """Which unknowns of the stiffness this rank has prescribed: ``fixed``, and on the last one of rigid bodies."""
+        """Which unknowns of the stiffness this rank has prescribed: ``fixed``, and on the last one
+        of rigid bodies.
+        """
         return self._held if self.mixed is None else np.pad(self._held, (0, self.mixed.count))
 
     @property
@@ -285,27 +351,37 @@ class ElasticBody:
 
     @property
     def stiffness(self) -> PETSc.Mat:
-        """Of a(., .) on Y_h; prescribed rows and columns are empty, with its largest entry on their diagonal."""
+        """Of a(., .) on Y_h; prescribed rows and columns are empty, with its largest entry on their
+        diagonal.
+        """
         return self._assembled[0]
 
     @property
     def rotation(self) -> PETSc.Mat | None:
-        """Q from the unknowns of the stiffness, some of rigid bodies, to displacements; None: they are the same."""
+        """Q from the unknowns of the stiffness, some of rigid bodies, to displacements; None: they
+        are the same.
+        """
         return self._assembled[1]
 
     @shared_in("of_contact")
     def contact(self) -> ContactMap:
         """B from the unknowns of the stiffness."""
-        behind = 0 if self.mixed is None else self.comm.bcast(self.mixed.count, root=self.comm.size - 1)
+        behind = (
+            0 if self.mixed is None else self.comm.bcast(self.mixed.count, root=self.comm.size - 1)
+        )
         boundary = self.boundary or no_points(self.space)
         return contact_map(boundary, self.prescribed, self.stiffness, self.rotation, behind)
 
     def level(self, coarser: MeshLevel | None = None) -> MeshLevel:
-        """Its mesh over coarser ones, of which those are left out that are hardly coarser, or far too coarse."""
+        """Its mesh over coarser ones, of which those are left out that are hardly coarser, or far
+        too coarse.
+        """
         dimension, (least, greatest) = self.dimension, FINER_LEVELS
         alone = self.mixed is None and (self.boundary is None or self.boundary.moving is None)
         stiffness = self.stiffness if alone else None
-        level = MeshLevel(self.space, self.fixed, self._assembled[2], self.motions, coarser, stiffness)
+        level = MeshLevel(
+            self.space, self.fixed, self._assembled[2], self.motions, coarser, stiffness
+        )
         while level.coarser is not None and level.dofs < least**dimension * level.coarser.dofs:
             level.coarser = level.coarser.coarser
         if level.coarser is not None and level.dofs > greatest**dimension * level.coarser.dofs:
@@ -313,14 +389,23 @@ class ElasticBody:
         return level
 
     def elasticity(self, cases: Sequence[LoadCase], coarser: MeshLevel | None = None) -> Elasticity:
-        """What linear algebra needs to know of the body; ``coarser``: coarser meshes for multigrid."""
+        """What linear algebra needs to know of the body; ``coarser``: coarser meshes for
+        multigrid.
+        """
         free = self.motions.free.shape[1]
         of = self.stiffness, cases, self.contact, free, self.level(coarser)
         definite = self.definite and self.mixed is None
-        far = None if self.far is None or free else FarPoints(self.far[0], self.unknowns(self.far[1]))
+        far = (
+            None if self.far is None or free else FarPoints(self.far[0], self.unknowns(self.far[1]))
+        )
         symmetric, eliminated = self.symmetric, self.eliminated
         return Elasticity(
-            *of, definite=definite, rigid=self._rigid, symmetric=symmetric, far=far, eliminated=eliminated
+            *of,
+            definite=definite,
+            rigid=self._rigid,
+            symmetric=symmetric,
+            far=far,
+            eliminated=eliminated,
         )
 
     def case(
@@ -332,11 +417,20 @@ class ElasticBody:
         pressure_load: Array | None = None,
         lifted: Array | None = None,
     ) -> LoadCase:
-        """The right-hand side of an ``AppliedLoad``; ``lifted``: what its forces lack of ``prescribed``, None: all."""
-        comm, dim, fixed, start = self.comm, self.dimension, self.prescribed, self.vector(prescribed)
+        """The right-hand side of an ``AppliedLoad``; ``lifted``: what its forces lack of
+        ``prescribed``, None: all.
+        """
+        comm, dim, fixed, start = (
+            self.comm,
+            self.dimension,
+            self.prescribed,
+            self.vector(prescribed),
+        )
         if parallel.any_rank(comm, bool(prescribed.any())):
             owned = prescribed[: forces.size].reshape(-1, dim)
-            nearest = nearest_motion(self.motions, self.fixed.reshape(-1, dim), owned, self.turned, comm)
+            nearest = nearest_motion(
+                self.motions, self.fixed.reshape(-1, dim), owned, self.turned, comm
+            )
             free = self.vector(self.motions.of_pieces(nearest)).getArray(readonly=True)
             start.getArray()[~fixed] = free[~fixed]
         load = self.vector(forces - self.forces_of(prescribed if lifted is None else lifted))
@@ -344,7 +438,10 @@ class ElasticBody:
             load.getArray()[self._held.size :] = self.mixed.lifted(prescribed, pressure_load)
         if driven is not None:
             rigid = slice(self.fixed.size, self._held.size)
-            start.getArray()[rigid], load.getArray()[rigid] = driven.motion[: self._rigid], driven.forces[: self._rigid]
+            start.getArray()[rigid], load.getArray()[rigid] = (
+                driven.motion[: self._rigid],
+                driven.forces[: self._rigid],
+            )
         diagonal = self.stiffness.getDiagonal().getArray(readonly=True)
         load.getArray()[fixed] = (diagonal * start.getArray(readonly=True))[fixed]
         working = forces if pushing is None else pushing
@@ -363,12 +460,15 @@ class ElasticBody:
         choose: Callable[[Elasticity, SystemSize, str], tuple[ElasticSystem, str]] = choose_system,
         **options: Any,
     ) -> Task:
-        """Its contact problem, ready for ``strategy.solve_task`` or an algorithm of one's own, with the first
-        ``factors`` of the cases; ``allowed``: the regularisation error allowed for path-following at a displacement, in
-        the energy norm, None: that of the settings; ``choose``: the elastic system and the reason for its kind;
+        """Its contact problem, ready for ``strategy.solve_task`` or an algorithm of one's own, with
+        the first ``factors`` of the cases; ``allowed``: the regularisation error allowed for
+        path-following at a displacement, in the energy norm, None: that of the settings;
+        ``choose``: the elastic system and the reason for its kind;
         ``options``: see ``Task``.
         """
-        system, reason = choose(self.elasticity(cases, coarser), self.system_size(), self.settings.linear_algebra)
+        system, reason = choose(
+            self.elasticity(cases, coarser), self.system_size(), self.settings.linear_algebra
+        )
         system.set_load(factors)
         share = self.settings.regularisation_error
 
@@ -393,7 +493,9 @@ class ElasticBody:
         )
 
     def from_rest(self, resting: ReferenceMotion | None, displacement: PETSc.Vec) -> fem.Function:
-        """A displacement that is counted from the reference motion, converted to one from the initial position."""
+        """A displacement that is counted from the reference motion, converted to one from the
+        initial position.
+        """
         function = self.function(displacement)
         if resting is not None:
             function.x.array[:] += self.motions.displacement(resting.motion).ravel()
@@ -411,7 +513,9 @@ class ElasticBody:
         return function
 
     def driven(self, x: PETSc.Vec, resting: ReferenceMotion | None) -> Array:
-        """The unknowns of rigid bodies in a displacement counted from the reference motion, shape (k,)."""
+        """The unknowns of rigid bodies in a displacement counted from the reference motion, shape
+        (k,).
+        """
         if self.boundary is None or self.boundary.moving is None:
             return np.zeros(0)
         local = np.array(x.getArray(readonly=True)[self.fixed.size : self._held.size])
@@ -429,7 +533,9 @@ class ElasticBody:
         x.getArray()[self.fixed.size : self._held.size] = driven[: self._rigid]
 
     def forces_of(self, values: Array) -> Array:
-        """a(y, .) of a displacement, ghosts included, supports left out, shapes (dofs,), (owned dofs,); collective."""
+        """a(y, .) of a displacement, ghosts included, supports left out, shapes (dofs,), (owned
+        dofs,); collective.
+        """
         moved = np.flatnonzero(values.reshape(-1, self.dimension).any(axis=1)).astype(np.int32)
         if not parallel.any_rank(self.comm, moved.size > 0):
             return np.zeros(self.fixed.size)
@@ -439,7 +545,8 @@ class ElasticBody:
         return forces if self.beside is None else forces + self.beside.times(values, self.space)
 
     def forces_of_free(self, values: Array) -> Array:
-        """``forces_of`` the part of a displacement that is free, right at free unknowns alone, where no support is
+        """``forces_of`` the part of a displacement that is free, right at free unknowns alone,
+        where no support is
         turned: a product with the stiffness takes less time than an integration over all cells.
         """
         forces = self.stiffness * self.vector(values)
@@ -453,7 +560,9 @@ class ElasticBody:
         return x
 
     def vector(self, values: Array) -> PETSc.Vec:
-        """A new vector Q^T y of displacements or forces at the nodes of this rank, the owned ones first."""
+        """A new vector Q^T y of displacements or forces at the nodes of this rank, the owned ones
+        first.
+        """
         if self.rotation is None:
             return vector_like(self.stiffness, values)
         result, x = self.rotation.createVecs()
@@ -464,26 +573,40 @@ class ElasticBody:
 
 @dataclass(frozen=True, kw_only=True)
 class Model(ElasticBody):
-    """An elastic body on its mesh with the names of its parts, its contact and all that acts on it."""
+    """An elastic body on its mesh with the names of its parts, its contact and all that acts on
+    it.
+    """
 
     statement: Statement  # names and settings; of forms of a user's own less than all that acts
     tagged: TaggedMesh  # the mesh; where displacements have a component out of it a section in 3D
     law: PointFriction | None  # of friction; None where no law can act
-    pairs: Mapping[int, PairedSides]  # both sides of each contact of two bodies, by its place in ``statement.contact``
+    pairs: Mapping[
+        int, PairedSides
+    ]  # both sides of each contact of two bodies, by its place in ``statement.contact``
     rigid: RigidBodies  # those whose motion is an unknown
-    supports: Conditions = field(default_factory=list)  # prescribed displacements, one component each: ``bcs``
+    supports: Conditions = field(
+        default_factory=list
+    )  # prescribed displacements, one component each: ``bcs``
     applied: tuple[AppliedLoad, ...] = ()  # the loads, by their load factors
-    data: RegularisedData | None = None  # at the contact points, without shifts; None without contact
-    coefficients: FormCoefficients | None = None  # of the forms of loads and resistances; None: a user's forms
+    data: RegularisedData | None = (
+        None  # at the contact points, without shifts; None without contact
+    )
+    coefficients: FormCoefficients | None = (
+        None  # of the forms of loads and resistances; None: a user's forms
+    )
 
     @property
     def scales(self) -> Scales:
         """What its lengths and stresses are compared with."""
         tagged = self.tagged
-        return Scales(tagged.dimension, self.statement.young, tagged.size, self.kinematics.depth(tagged.size))
+        return Scales(
+            tagged.dimension, self.statement.young, tagged.size, self.kinematics.depth(tagged.size)
+        )
 
     def factors(self, step: float) -> Array:
-        """The factors of the applied loads at a place in the lists of factors, see ``statement.load_path``."""
+        """The factors of the applied loads at a place in the lists of factors, see
+        ``statement.load_path``.
+        """
         return np.array([load.factor(step) for load in self.applied])
 
     def applied_at(self, step: float) -> list[tuple[float, AppliedLoad]]:
@@ -491,7 +614,9 @@ class Model(ElasticBody):
         return [(load.factor(step), load.at(step)) for load in self.applied]
 
     def first_sets(self) -> tuple[ActiveSets, int]:
-        """The sets of the first linear solve and its number, section 7: 0 if it only computes the start; collective."""
+        """The sets of the first linear solve and its number, section 7: 0 if it only computes the
+        start; collective.
+        """
         assert self.boundary is not None
         region = self.settings.initial_contact
         full_contact = ActiveSets.all_in_contact(*self.boundary.tangents.shape[::2])
@@ -504,15 +629,19 @@ class Model(ElasticBody):
 
     @shared_in("of_body")
     def cases(self) -> tuple[LoadCase, ...]:
-        """The right-hand sides of the applied loads, in their order; those of the first load step; collective."""
+        """The right-hand sides of the applied loads, in their order; those of the first load step;
+        collective.
+        """
         return tuple(map(self._case, self.applied))
 
     def _case(self, load: AppliedLoad) -> LoadCase:
-        return self.case(load.forces, load.prescribed.x.array, load.driven, load.pushing, load.pressure_load)
+        return self.case(
+            load.forces, load.prescribed.x.array, load.driven, load.pushing, load.pressure_load
+        )
 
     def load(self, system: ElasticSystem, step: float) -> Array:
-        """Give a system the loads that depend on the time as they are at a place, and return the factors of all loads,
-        for ``system.set_load``; collective.
+        """Give a system the loads that depend on the time as they are at a place, and return the
+        factors of all loads, for ``system.set_load``; collective.
         """
         for number, load in enumerate(self.applied):
             if load.again is not None:
@@ -521,25 +650,32 @@ class Model(ElasticBody):
 
 
 def vector_like(matrix: PETSc.Mat, values: Array) -> PETSc.Vec:
-    """Values at the nodes of this rank, the owned ones first, as a new vector with the layout of a matrix."""
+    """Values at the nodes of this rank, the owned ones first, as a new vector with the layout of a
+    matrix.
+    """
     x = matrix.createVecRight()
     x.getArray()[:] = values.ravel()[: x.getLocalSize()]
     return x
 
 
 def sum_of(forms: Sequence[fem.Form], bcs: Sequence[fem.DirichletBC]) -> PETSc.Mat:
-    """The matrix of a sum of bilinear forms, without the rows and columns of ``bcs``; collective.  On one rank
-    dolfinx's matrix takes half the time of PETSc's; its entries are copied: petsc4py never gives back the arrays of a
-    matrix to which PETSc adds one with other entries.
+    """The matrix of a sum of bilinear forms, without the rows and columns of ``bcs``; collective.
+    On one rank dolfinx's matrix takes half the time of PETSc's; its entries are copied: petsc4py
+    never gives back the arrays of a matrix to which PETSc adds one with other entries.
     """
     if forms[0].mesh.comm.size == 1:
         entries = fem.create_matrix(forms[0], la.BlockMode.expanded)
         for form in forms:
             fem.assemble_matrix(entries, form, list(bcs), 0.0)  # type: ignore[arg-type]
-        rows, columns = (numbers.astype(PETSc.IntType, copy=False) for numbers in (entries.indptr, entries.indices))
+        rows, columns = (
+            numbers.astype(PETSc.IntType, copy=False)
+            for numbers in (entries.indptr, entries.indices)
+        )
         space = forms[0].function_spaces[0].dofmap
         size = space.index_map.size_local * space.index_map_bs
-        matrix = PETSc.Mat().createAIJWithArrays((size, size), (rows, columns, entries.data), comm=forms[0].mesh.comm)
+        matrix = PETSc.Mat().createAIJWithArrays(
+            (size, size), (rows, columns, entries.data), comm=forms[0].mesh.comm
+        )
         matrix.setBlockSize(space.index_map_bs)
         return row_by_row(matrix.duplicate(copy=True))
     matrix = fem_petsc.assemble_matrix(forms[0], list(bcs), 0.0)

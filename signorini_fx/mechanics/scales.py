@@ -1,7 +1,8 @@
-"""What lengths, stresses, stiffnesses and energies of a body are compared with: every formula of dimension is here.
+"""What lengths, stresses, stiffnesses and energies of a body are compared with: every formula of
+dimension is here.
 
-In 3D a force is a stress times an area, in 2D, per thickness, a stress times a length: the power of a length depends on
-the dimension d.  ``tests/scenes/test_units.py`` checks the formulas.
+In 3D a force is a stress times an area, in 2D, per thickness, a stress times a length: the power of
+a length depends on the dimension d.  ``tests/scenes/test_units.py`` checks the formulas.
 """
 
 from __future__ import annotations
@@ -19,13 +20,16 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Scales:
-    """The scales of a body, or of each of its pieces: then a size, and all values, are arrays of shape (pieces,)."""
+    """The scales of a body, or of each of its pieces: then a size, and all values, are arrays of
+    shape (pieces,).
+    """
 
     dimension: int  # d
     modulus: float  # of the stiffest material, stress
     size: Any  # diameter, length
-    # Of a body in 2D, what its areas and lengths of the boundary are multiplied by: 1 per thickness, of a body of
-    # revolution a typical length of the circumference, see ``Kinematics.depth``.
+    # Of a body in 2D, what its areas and lengths of the boundary are multiplied by: 1 per
+    # thickness, of a body of revolution a typical length of the circumference, see
+    # ``Kinematics.depth``.
     depth: float = 1.0
 
     @property
@@ -52,7 +56,9 @@ class Scales:
         return np.asarray((area / self.depth) ** (1.0 / (self.dimension - 1)))
 
     def stiffness(self, spacing: Any) -> Any:
-        """Force at a node that is moved by a unit of length, at this distance from its neighbours."""
+        """Force at a node that is moved by a unit of length, at this distance from its
+        neighbours.
+        """
         return self.modulus * self.depth * spacing ** (self.dimension - 2)
 
     def stress(self, strain_energy: Any) -> Any:

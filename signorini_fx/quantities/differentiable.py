@@ -1,4 +1,6 @@
-"""Scalar results of a solution with their derivatives by the displacement and by the contact tractions."""
+"""Scalar results of a solution with their derivatives by the displacement and by the contact
+tractions.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +8,8 @@ import shlex
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import mpi4py.MPI  # noqa: F401  # first: PETSc and dolfinx from PyPI find the library of MPI where it is loaded
+# First: PETSc and dolfinx from PyPI find the library of MPI where it is loaded.
+import mpi4py.MPI  # noqa: F401
 import numpy as np
 import numpy.typing as npt
 import ufl
@@ -27,7 +30,9 @@ Array = npt.NDArray[np.float64]
 class Functional:
     """A scalar result J(y, lambda, mu)."""
 
-    def value(self, y: fem.Function, boundary: ContactBoundary, pressure: Array, shear: Array) -> float:
+    def value(
+        self, y: fem.Function, boundary: ContactBoundary, pressure: Array, shear: Array
+    ) -> float:
         """J; collective."""
         raise NotImplementedError
 
@@ -47,7 +52,8 @@ class Gradient:
     Attributes:
         value: the result.
         derivatives: by each Constant, shape (n,).
-        between: contact points that stand between two sets: there the derivatives are those of one side.
+        between: contact points that stand between two sets: there the derivatives are those of one
+            side.
     """
 
     value: float
@@ -61,7 +67,9 @@ class OfDisplacement(Functional):
 
     row: Array  # its coefficients at the owned dofs
 
-    def value(self, y: fem.Function, boundary: ContactBoundary, pressure: Array, shear: Array) -> float:
+    def value(
+        self, y: fem.Function, boundary: ContactBoundary, pressure: Array, shear: Array
+    ) -> float:
         return float(parallel.global_sum(boundary.comm, self.row @ y.x.array[: self.row.size]))
 
     def by_displacement(self, y: fem.Function) -> Array | None:
@@ -70,14 +78,18 @@ class OfDisplacement(Functional):
 
 @dataclass(frozen=True)
 class ContactForce(Functional):
-    """A component of the force on the body at one contact boundary, or of its moment about the origin."""
+    """A component of the force on the body at one contact boundary, or of its moment about the
+    origin.
+    """
 
     part: int  # number of the contact
     component: int  # axis of the force, or of the moment in 3D; in 2D a moment has one
     moment: bool = False  # whether it is the moment
 
     def directions(self, boundary: ContactBoundary) -> Array:
-        """Direction of the traction that counts at each point, in 3D, zero elsewhere, shape (n, d)."""
+        """Direction of the traction that counts at each point, in 3D, zero elsewhere, shape (n,
+        d).
+        """
         directions = np.zeros_like(boundary.normal)
         on_part = boundary.part == self.part
         if not self.moment:
@@ -90,7 +102,9 @@ class ContactForce(Functional):
             directions[on_part] = np.cross(np.eye(3)[self.component], arm)
         return directions
 
-    def value(self, y: fem.Function, boundary: ContactBoundary, pressure: Array, shear: Array) -> float:
+    def value(
+        self, y: fem.Function, boundary: ContactBoundary, pressure: Array, shear: Array
+    ) -> float:
         force = -(boundary.nodal_forces(pressure, shear) * self.directions(boundary)).sum()
         return float(parallel.global_sum(boundary.comm, np.array(force)))
 
@@ -108,7 +122,9 @@ class LargestPressure(Functional):
     part: int  # number of the contact
     power: float  # p
 
-    def value(self, y: fem.Function, boundary: ContactBoundary, pressure: Array, shear: Array) -> float:
+    def value(
+        self, y: fem.Function, boundary: ContactBoundary, pressure: Array, shear: Array
+    ) -> float:
         return self._norm(boundary, pressure)
 
     def _norm(self, boundary: ContactBoundary, pressure: Array) -> float:
@@ -117,7 +133,9 @@ class LargestPressure(Functional):
         largest = parallel.largest(boundary.comm, pushing)
         if largest == 0:
             return 0.0
-        sums = np.array([boundary.weight @ (pushing / largest) ** self.power, boundary.weight[on_part].sum()])
+        sums = np.array(
+            [boundary.weight @ (pushing / largest) ** self.power, boundary.weight[on_part].sum()]
+        )
         power, area = parallel.global_sum(boundary.comm, sums)
         return float(largest * (power / area) ** (1 / self.power))
 
@@ -127,7 +145,9 @@ class LargestPressure(Functional):
         value = self._norm(boundary, pressure)
         if value > 0:
             area = parallel.global_sum(boundary.comm, boundary.weight[on_part].sum())
-            slopes[:, 0] = np.where(on_part, np.maximum(pressure, 0.0) / value, 0.0) ** (self.power - 1) / area
+            slopes[:, 0] = (
+                np.where(on_part, np.maximum(pressure, 0.0) / value, 0.0) ** (self.power - 1) / area
+            )
         return slopes
 
 
@@ -136,9 +156,10 @@ def functional_of(model: Model, text: str) -> Functional:
 
     Args:
         model: the body of a scene, or of forms.
-        text: ``force BOUNDARY AXIS`` and ``moment BOUNDARY [AXIS]`` on the body at a contact boundary, a moment about
-            the origin, in 3D about an axis; ``pressure BOUNDARY [POWER]``, see ``LargestPressure``; ``mean
-            BOUNDARY AXIS``, the mean displacement; ``displacement X,Y[,Z] AXIS`` at a point.
+        text: ``force BOUNDARY AXIS`` and ``moment BOUNDARY [AXIS]`` on the body at a contact
+            boundary, a moment about the origin, in 3D about an axis; ``pressure BOUNDARY [POWER]``,
+            see ``LargestPressure``; ``mean BOUNDARY AXIS``, the mean displacement; ``displacement
+            X,Y[,Z] AXIS`` at a point.
 
     Raises:
         SceneError: it is not known, or has no derivative.
@@ -170,7 +191,9 @@ def _moment(model: Model, boundary: str, axis: str = "z") -> Functional:
 def _pressure(model: Model, boundary: str, power: str = "8") -> Functional:
     part, number = _contact_of(model.statement, boundary), float(power)
     if not 1 < number <= 1000:
-        raise SceneError([(f"of pressure {boundary} {power}", "the power must be above 1, and 1000 at most")])
+        raise SceneError(
+            [(f"of pressure {boundary} {power}", "the power must be above 1, and 1000 at most")]
+        )
     return LargestPressure(part, number)
 
 
@@ -192,7 +215,11 @@ def _mean(model: Model, boundary: str, axis: str) -> Functional:
 
 def _displacement(model: Model, point: str, axis: str) -> Functional:
     """The displacement of a point along an axis."""
-    at, dim, space = [float(coordinate) for coordinate in point.split(",")], model.dimension, model.space
+    at, dim, space = (
+        [float(coordinate) for coordinate in point.split(",")],
+        model.dimension,
+        model.space,
+    )
     component, x = _axis_of(dim, axis), np.zeros((1, 3))
     if len(at) != dim:
         raise ValueError(point)
@@ -203,7 +230,9 @@ def _displacement(model: Model, point: str, axis: str) -> Functional:
         raise SceneError([(f"of displacement {point}", "this point is outside of the body")])
     row = fem.Function(space)
     if int(np.argmin(gaps)) == model.comm.rank:
-        basis = space.element.basix_element.tabulate(0, np.ascontiguousarray(reference_points))[0].reshape(-1)
+        basis = space.element.basix_element.tabulate(0, np.ascontiguousarray(reference_points))[
+            0
+        ].reshape(-1)
         row.x.array[dim * space.dofmap.list[cells[0]] + component] = basis
     row.x.scatter_reverse(la.InsertMode.add)
     return OfDisplacement(row.x.array[: space.dofmap.index_map.size_local * dim].copy())
@@ -226,5 +255,7 @@ def _axis_of(dimension: int, name: str) -> int:
 def _contact_of(statement: Statement, boundary: str) -> int:
     names = [effect.boundary for effect in statement.contact]
     if boundary not in names:
-        raise SceneError([(f"of {boundary!r}", f"is no contact boundary; there are: {', '.join(names)}")])
+        raise SceneError(
+            [(f"of {boundary!r}", f"is no contact boundary; there are: {', '.join(names)}")]
+        )
     return names.index(boundary)

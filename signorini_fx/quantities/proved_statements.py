@@ -51,7 +51,8 @@ class ErrorBound:
     Attributes:
         error: bound of the energy norm of the error, everything included.
         size: energy norm of the computed displacement.
-        duality: its share from the gap between both functionals, which ``moved`` enlarges as a sum of squares.
+        duality: its share from the gap between both functionals, which ``moved`` enlarges as a sum
+            of squares.
         moved: that of the displacement without penetration instead of the computed one.
         round_off: that of sums and linear systems.
         squares: contributions of the cells to the square of ``error``, shape (cells,).
@@ -68,7 +69,9 @@ class ErrorBound:
 
     @property
     def relative(self) -> float:
-        """Bound of the error relative to the energy norm of the exact solution; infinite where it proves nothing."""
+        """Bound of the error relative to the energy norm of the exact solution; infinite where it
+        proves nothing.
+        """
         return self.error / (self.size - self.error) if self.error < self.size else np.inf
 
     @property
@@ -82,7 +85,8 @@ class ErrorBound:
             return with_assumed("the bound of the error is larger than the solution", self.assumed)
         low, high = self.strain_energy
         return with_assumed(
-            f"at most {100 * self.relative:.3g} % in the energy norm; strain energy between {low:.6g} and {high:.6g}",
+            f"at most {100 * self.relative:.3g} % in the energy norm; strain energy between "
+            f"{low:.6g} and {high:.6g}",
             self.assumed,
         )
 

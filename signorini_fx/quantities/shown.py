@@ -1,5 +1,5 @@
-"""The one table of the results that a terminal and the report print: of which solution they are, in numbers with the
-digits that their error estimates allow, and in words.
+"""The one table of the results that a terminal and the report print: of which solution they are, in
+numbers with the digits that their error estimates allow, and in words.
 """
 
 from __future__ import annotations
@@ -62,20 +62,24 @@ _UNKNOWN, _MOST_DIGITS = 4, 6
 
 
 def solved_prices(summary: Mapping[str, Any]) -> Mapping[str, Any]:
-    """The estimates of the finest mesh that was solved, the last solved row of the convergence table; empty: there is
-    none.
+    """The estimates of the finest mesh that was solved, the last solved row of the convergence
+    table; empty: there is none.
     """
     solved = [row for row in summary.get("convergence_table", []) if not row["predicted"]]
     return solved[-1] if solved else {}
 
 
 def between(stress: Mapping[str, Any]) -> float | None:
-    """By how much the largest von Mises stress of ``stress`` and the recovered one differ, relative to the larger one.
+    """By how much the largest von Mises stress of ``stress`` and the recovered one differ, relative
+    to the larger one.
 
-    Digits beyond that mean nothing; it says nothing about the error, least of all where the stress has no limit: so it
-    is None, not known, where they differ in the fourth digit only.
+    Digits beyond that mean nothing; it says nothing about the error, least of all where the stress
+    has no limit: so it is None, not known, where they differ in the fourth digit only.
     """
-    values = [(entry or {}).get("von_mises", {}).get("value") for entry in (stress, stress.get("recovered"))]
+    values = [
+        (entry or {}).get("von_mises", {}).get("value")
+        for entry in (stress, stress.get("recovered"))
+    ]
     if None in values or not max(values) > 0:
         return None
     apart = float((max(values) - min(values)) / max(values))
@@ -115,7 +119,9 @@ def _rounded(value: float, size: float, error: float | None) -> str:
     rounded = round(value, -uncertain)
     if rounded == 0:
         return "0"
-    if error is None or error <= 10.0 ** (1 - _MOST_DIGITS):  # zeros at the end say nothing about an error
+    if error is None or error <= 10.0 ** (
+        1 - _MOST_DIGITS
+    ):  # zeros at the end say nothing about an error
         return f"{rounded:.{_MOST_DIGITS}g}"
     if not -4 <= largest < _MOST_DIGITS:
         return f"{rounded:.{max(math.floor(math.log10(abs(rounded))) - uncertain, 0)}e}"
@@ -124,18 +130,26 @@ def _rounded(value: float, size: float, error: float | None) -> str:
 
 def figure_or_error(value: Any, error: float | None) -> str:
     """The same as ``figure``, with the error where it leaves no digit."""
-    return figure(value, error) + (f" (error {percent(error)})" if error is not None and error >= 1 else "")
+    return figure(value, error) + (
+        f" (error {percent(error)})" if error is not None and error >= 1 else ""
+    )
 
 
 def percent(error: float) -> str:
     """A relative error, or another share, with two digits."""
-    return f"{float(f'{100 * error:.2g}'):g} %" if error > 1e-5 else "below 0.001 %" if error else "0 %"
+    return (
+        f"{float(f'{100 * error:.2g}'):g} %"
+        if error > 1e-5
+        else "below 0.001 %"
+        if error
+        else "0 %"
+    )
 
 
 # Rows of a list that the terminal shows.
 MOST_ROWS = 8
-# The errors of a convergence table that say something to somebody who has asked for none of them, as they are called
-# there.
+# The errors of a convergence table that say something to somebody who has asked for none of them,
+# as they are called there.
 _ESTIMATED = ("pressure", "force", "energy")
 
 
@@ -168,7 +182,10 @@ def kinematics_of(summary: dict[str, Any]) -> Kinematics:
 
 def has_friction(summary: dict[str, Any]) -> bool:
     """Whether a contact of the scene has a friction law."""
-    laws = [(entry.get("friction") or {}).get("law") for entry in (summary.get("scene") or {}).get("contact", ())]
+    laws = [
+        (entry.get("friction") or {}).get("law")
+        for entry in (summary.get("scene") or {}).get("contact", ())
+    ]
     return any(law not in (None, "none") for law in laws)
 
 
@@ -178,15 +195,26 @@ def point_in_words(point: Sequence[float]) -> str:
 
 
 def largest_von_mises(summary: dict[str, Any]) -> dict[str, Any] | None:
-    """The larger one of the raw and the recovered von Mises stress, and which it is ``of``; None: there is none."""
+    """The larger one of the raw and the recovered von Mises stress, and which it is ``of``; None:
+    there is none.
+    """
     stress = summary.get("stress") or {}
-    extremes = {"raw": stress.get("von_mises"), "recovered": (stress.get("recovered") or {}).get("von_mises")}
-    known = [entry | {"of": name} for name, entry in extremes.items() if entry and entry["value"] is not None]
+    extremes = {
+        "raw": stress.get("von_mises"),
+        "recovered": (stress.get("recovered") or {}).get("von_mises"),
+    }
+    known = [
+        entry | {"of": name}
+        for name, entry in extremes.items()
+        if entry and entry["value"] is not None
+    ]
     return max(known, key=lambda entry: float(entry["value"])) if known else None
 
 
 def marked_stress(summary: dict[str, Any]) -> tuple[list[float], str] | None:
-    """The place of the largest von Mises stress and its value, as the answers have them; None: it may not be used."""
+    """The place of the largest von Mises stress and its value, as the answers have them; None: it
+    may not be used.
+    """
     largest = largest_von_mises(summary) if validity_of(summary).solved else None
     if largest is None or not largest["value"] > 0:
         return None
@@ -194,8 +222,9 @@ def marked_stress(summary: dict[str, Any]) -> tuple[list[float], str] | None:
 
 
 def share_in_words(summary: dict[str, Any], of: str = "") -> str:
-    """How much of the yield stress, named ``of``, is used, with the digits that the stress has: a share such as 41 %,
-    far above it how many times, and above it where the stress has no limit no figure, which each mesh would change.
+    """How much of the yield stress, named ``of``, is used, with the digits that the stress has: a
+    share such as 41 %, far above it how many times, and above it where the stress has no limit no
+    figure, which each mesh would change.
     """
     largest, apart = summary["utilisation"], between(summary["stress"])
     share = largest["value"]
@@ -220,7 +249,10 @@ class Shown:
 
 def all_shown() -> list[Shown]:
     """All that is shown, in its order, those of others last."""
-    own = (Shown(one.key, one.key.replace("_", " "), brief=True, unit=one.unit) for one in own_quantities())
+    own = (
+        Shown(one.key, one.key.replace("_", " "), brief=True, unit=one.unit)
+        for one in own_quantities()
+    )
     return [*_TABLE, *own]
 
 
@@ -230,39 +262,62 @@ def shown_lines(shown: Shown, summary: Summary) -> list[TerminalLine]:
     if value is None:
         return []
     if shown.format is None:
-        return [row(shown.label, with_unit(digits(value, error_of(summary, shown.key)), shown.unit))]
+        return [
+            row(shown.label, with_unit(digits(value, error_of(summary, shown.key)), shown.unit))
+        ]
     texts = enumerate(shown.format(summary))
-    return [text if isinstance(text, TerminalLine) else row(shown.label if k == 0 else "", text) for k, text in texts]
+    return [
+        text if isinstance(text, TerminalLine) else row(shown.label if k == 0 else "", text)
+        for k, text in texts
+    ]
 
 
 def brief_lines(summary: Summary) -> list[TerminalLine]:
-    """What is asked first of a solution, be it that of an earlier load step; without one there is nothing."""
+    """What is asked first of a solution, be it that of an earlier load step; without one there is
+    nothing.
+    """
     if not validity_of(summary).solved:
         return []
     return [line for shown in all_shown() if shown.brief for line in shown_lines(shown, summary)]
 
 
 def error_of(summary: Mapping[str, Any], key: str) -> float | None:
-    """The estimated error of a figure of a summary, relative to its size; None: there is no estimate."""
+    """The estimated error of a figure of a summary, relative to its size; None: there is no
+    estimate.
+    """
     prices = solved_prices(summary)
     if key == "strain_energy":  # the square of that in the energy norm
         energy = prices.get("energy")
         return None if energy is None else float(energy**2)
-    of = {"max_pressure": "peak", "max_shear": "pressure", "contact_force": "force", "friction_force": "force"}
+    of = {
+        "max_pressure": "peak",
+        "max_shear": "pressure",
+        "contact_force": "force",
+        "friction_force": "force",
+    }
     error: float | None = prices.get(of.get(key, ""))
     if error is None or "force" not in key:
         return error
-    # It is relative to all forces, so large where these nearly cancel, or where friction nearly vanishes.
-    contact, friction = (math.hypot(*summary.get(name, [0.0])) for name in ("contact_force", "friction_force"))
+    # It is relative to all forces, so large where these nearly cancel, or where friction nearly
+    # vanishes.
+    contact, friction = (
+        math.hypot(*summary.get(name, [0.0])) for name in ("contact_force", "friction_force")
+    )
     rows = summary.get("contact_boundaries", ())
-    components = [f for row in rows for name in ("contact_force", "friction_force") for f in row.get(name, ())]
+    components = [
+        f for row in rows for name in ("contact_force", "friction_force") for f in row.get(name, ())
+    ]
     if len(rows) > 1 and contact + friction > 0:
         error *= max(1.0, math.hypot(*components) / math.hypot(contact, friction))
-    return error * contact / friction if key == "friction_force" and 0 < friction < contact else error
+    return (
+        error * contact / friction if key == "friction_force" and 0 < friction < contact else error
+    )
 
 
 def _friction(summary: Summary) -> list[str | TerminalLine]:
-    """How much of its friction the body uses; beyond the load step of the figures there is a limit, which is told."""
+    """How much of its friction the body uses; beyond the load step of the figures there is a limit,
+    which is told.
+    """
     if validity_of(summary) is Validity.EARLIER_STEP:
         return []
     used = summary["friction_used"]
@@ -271,25 +326,44 @@ def _friction(summary: Summary) -> list[str | TerminalLine]:
 
 def _contact(summary: Summary) -> list[str | TerminalLine]:
     touching = summary["touching_nodes"]
-    peak = with_unit(figure_or_error(summary["max_pressure"], error_of(summary, "max_pressure")), "stress")
+    peak = with_unit(
+        figure_or_error(summary["max_pressure"], error_of(summary, "max_pressure")), "stress"
+    )
     pressed = f", largest pressure {peak}" if touching else ""
     boundaries = summary.get("contact_boundaries") or ()
-    coarse = [row["boundary"] for row in boundaries if row.get("touching_nodes") in range(1, FEW_NODES)]
-    few = f"; too few on {', '.join(coarse)} for the ends of the zone or the largest pressure, refine there"
+    coarse = [
+        row["boundary"] for row in boundaries if row.get("touching_nodes") in range(1, FEW_NODES)
+    ]
+    few = (
+        f"; too few on {', '.join(coarse)} for the ends of the zone or the largest pressure, "
+        "refine there"
+    )
     return [f"at {touching} of {summary['contact_nodes']} nodes{pressed}{few if coarse else ''}"]
 
 
 def _forces(summary: Summary) -> list[str | TerminalLine]:
-    """The normal and the tangential force on the body; where bodies touch each other those of each boundary."""
-    entries = [{**entry, "name": f" on {entry['boundary']}"} for entry in summary.get("contact_boundaries", ())]
+    """The normal and the tangential force on the body; where bodies touch each other those of each
+    boundary.
+    """
+    entries = [
+        {**entry, "name": f" on {entry['boundary']}"}
+        for entry in summary.get("contact_boundaries", ())
+    ]
     if not (touch_each_other(summary) and entries):
         entries = [{**summary, "name": ""}]
-    size = max(abs(part) for entry in entries for key in ("contact_force", "friction_force") for part in entry[key])
+    size = max(
+        abs(part)
+        for entry in entries
+        for key in ("contact_force", "friction_force")
+        for part in entry[key]
+    )
     kinematics = kinematics_of(summary)
 
     def of(entry: dict[str, Any], key: str) -> str:
         force = clean(entry[key], size)
-        shown = force if kinematics.uniform else force[1]  # over a revolution radial ones cancel each other
+        shown = (
+            force if kinematics.uniform else force[1]
+        )  # over a revolution radial ones cancel each other
         return with_unit(figure_or_error(shown, error_of(summary, key)), "force")
 
     texts = list[str | TerminalLine]()
@@ -302,13 +376,18 @@ def _forces(summary: Summary) -> list[str | TerminalLine]:
 
 def _max_shear(summary: Summary) -> list[str | TerminalLine]:
     """None without friction."""
-    shear = with_unit(figure_or_error(summary["max_shear"], error_of(summary, "max_shear")), "stress")
+    shear = with_unit(
+        figure_or_error(summary["max_shear"], error_of(summary, "max_shear")), "stress"
+    )
     return [shear] if has_friction(summary) else []
 
 
 def _zones(summary: Summary) -> list[str | TerminalLine]:
     return [
-        row(f"{name} zone", ", ".join(f"{point_in_words(a)} to {point_in_words(b)}" for a, b in runs))
+        row(
+            f"{name} zone",
+            ", ".join(f"{point_in_words(a)} to {point_in_words(b)}" for a, b in runs),
+        )
         for name, runs in summary["zones"].items()
         if runs
     ]
@@ -328,24 +407,39 @@ def _areas(summary: Summary) -> list[str | TerminalLine]:
 def _moment(key: str, summary: Summary) -> list[str | TerminalLine]:
     """A resultant moment; components that are round-off of those at work count as zero."""
     size = float(np.abs([summary["contact_moment"], summary["friction_moment"]]).max())
-    return [] if on_several_bodies(summary) else [f"{in_brackets(clean(summary[key], size))}, about the origin"]
+    return (
+        []
+        if on_several_bodies(summary)
+        else [f"{in_brackets(clean(summary[key], size))}, about the origin"]
+    )
 
 
 def _boundaries(summary: Summary) -> list[str | TerminalLine]:
     areas, friction = [], []
     for entry in summary["contact_boundaries"][:MOST_ROWS]:
-        mean = "" if entry["mean_pressure"] is None else f", mean pressure there {entry['mean_pressure']:.6g}"
-        areas.append(f"{entry['boundary']}: {entry['contact_area']:.6g} of {entry['area']:.6g}{mean}")
+        mean = (
+            ""
+            if entry["mean_pressure"] is None
+            else f", mean pressure there {entry['mean_pressure']:.6g}"
+        )
+        areas.append(
+            f"{entry['boundary']}: {entry['contact_area']:.6g} of {entry['area']:.6g}{mean}"
+        )
         limit = entry["friction_limit"]
         if limit is not None and limit <= 0:
             continue
         force = f"{entry['tangential_force']:.6g}"
-        if entry["friction_moment"] is not None and entry["tangential_force"] < NEGLIGIBLE * entry["pressure_integral"]:
+        if (
+            entry["friction_moment"] is not None
+            and entry["tangential_force"] < NEGLIGIBLE * entry["pressure_integral"]
+        ):
             # It is the moment that is transmitted.
             force = f"a moment of {np.linalg.norm(entry['friction_moment']):.6g} about its middle"
             limit = entry["moment_limit"]
         bond = limit is None or np.isinf(limit)  # null in a file: infinite
-        friction.append(f"{entry['boundary']}: {force} {'in a bond' if bond else f'of at most {limit:.6g}'}")
+        friction.append(
+            f"{entry['boundary']}: {force} {'in a bond' if bond else f'of at most {limit:.6g}'}"
+        )
     return [*labelled("in contact", areas), *labelled("friction", friction)]
 
 
@@ -355,7 +449,9 @@ def _tools(summary: Summary) -> list[str | TerminalLine]:
     for tool in summary["tools"]:
         names = ("displacement", "rotation", "force", "moment", "reference")
         moved, turned, force, moment, point = (figure(tool[name]) for name in names)
-        off = "" if tool["gap_error"] is None else f"; gap linearised, off by {tool['gap_error']:.1e}"
+        off = (
+            "" if tool["gap_error"] is None else f"; gap linearised, off by {tool['gap_error']:.1e}"
+        )
         moves.append(f"{tool['boundary']}: moved by {moved}, turned by {turned}{off}")
         takes.append(f"{tool['boundary']}: takes {force}, about {point} {moment}")
     return [*moves, *takes]
@@ -370,7 +466,9 @@ def _preloads(summary: Summary) -> list[str | TerminalLine]:
 
 
 def _resultants(summary: Summary) -> list[str | TerminalLine]:
-    """What acts through the other boundaries, and where, and the torque of a section; contact too if it has several."""
+    """What acts through the other boundaries, and where, and the torque of a section; contact too
+    if it has several.
+    """
     several, kinematics = len(summary.get("contact_boundaries", ())) > 1, kinematics_of(summary)
     rows = [entry for entry in summary["resultants"] if entry["acts"] != ["contact"] or several]
     lines = list[str | TerminalLine]()
@@ -379,17 +477,23 @@ def _resultants(summary: Summary) -> list[str | TerminalLine]:
         couple = in_brackets(moment) if isinstance(moment, list) else f"{moment:.6g}"
         where = f", a couple of {couple}" if np.any(moment) else ", no couple"
         where = where if kinematics.uniform else ""
-        where = where if entry["acts_at"] is None else f", acts at {point_in_words(entry['acts_at'])}"
+        where = (
+            where if entry["acts_at"] is None else f", acts at {point_in_words(entry['acts_at'])}"
+        )
         torque = f", torque {moment[1]:.6g}," if kinematics.out_of_section else ""
         name = "" if entry["boundary"] is None else f"{entry['boundary']}: "
-        lines.append(f"{name}{in_brackets(entry['force'])}{torque} by {' and '.join(entry['acts'])}{where}")
+        lines.append(
+            f"{name}{in_brackets(entry['force'])}{torque} by {' and '.join(entry['acts'])}{where}"
+        )
     if len(rows) > MOST_ROWS:
         lines.append(f"and {len(rows) - MOST_ROWS} more in summary.json")
     return lines
 
 
 def _stress(summary: Summary) -> list[str | TerminalLine]:
-    """The larger one of the raw and the recovered von Mises stress, how much of the yield stress it uses, and where."""
+    """The larger one of the raw and the recovered von Mises stress, how much of the yield stress it
+    uses, and where.
+    """
     largest = largest_von_mises(summary)
     if largest is None:
         return []
@@ -413,7 +517,11 @@ def _no_limit(largest: dict[str, Any]) -> str:
 def _plastic_strain(summary: Summary) -> list[str | TerminalLine]:
     """The largest one and its place; or that nothing has yielded."""
     largest = summary["plastic_strain"]
-    return ["nothing has yielded" if largest["value"] == 0 else f"{figure(largest['value'])} {_place(largest)}"]
+    return [
+        "nothing has yielded"
+        if largest["value"] == 0
+        else f"{figure(largest['value'])} {_place(largest)}"
+    ]
 
 
 def _utilisation(summary: Summary) -> list[str | TerminalLine]:
@@ -437,7 +545,9 @@ def _cost(summary: Summary) -> list[str | TerminalLine]:
     cost = summary["cost"]
     if cost.get("error") is None:
         return [f"no forecast: {cost['statement']}"]
-    if summary.get("status") == Status.OUT_OF_REACH.value:  # whatever the rate of the meshes so far promises
+    if (
+        summary.get("status") == Status.OUT_OF_REACH.value
+    ):  # whatever the rate of the meshes so far promises
         return [f"{cost['statement'].partition(';')[0]}; no finer mesh helps"]
     return [cost["statement"]]
 
@@ -450,17 +560,25 @@ def _error(summary: Summary) -> list[str | TerminalLine]:
     if relative is not None:
         return [f"at most {percent(relative)} of the energy norm, guaranteed"]
     prices = solved_prices(summary)
-    errors = [f"{name} {percent(prices[name])}" for name in _ESTIMATED if prices.get(name) is not None]
+    errors = [
+        f"{name} {percent(prices[name])}" for name in _ESTIMATED if prices.get(name) is not None
+    ]
     if errors:
         return [f"{', '.join(errors)}, estimated"]
     of_stress, cost = (summary.get("stress") or {}).get("error"), summary.get("cost") or {}
-    if of_stress is None and cost.get("of") == "energy":  # without fields the stress itself is not told
+    if (
+        of_stress is None and cost.get("of") == "energy"
+    ):  # without fields the stress itself is not told
         of_stress = cost.get("error")
     if of_stress is not None:
         return [f"of the stress {percent(of_stress)} in the mean, estimated"]
     scene = summary.get("scene") or {}
     asks = scene.get("contact") and "forms" not in scene and "strain_energy" in summary
-    how = "--accuracy 5% asks for an estimate" if asks else "solve on a finer mesh as well, and compare"
+    how = (
+        "--accuracy 5% asks for an estimate"
+        if asks
+        else "solve on a finer mesh as well, and compare"
+    )
     return [f"not estimated: {how}"]
 
 
@@ -468,10 +586,20 @@ def _certificate(summary: Summary) -> list[str | TerminalLine]:
     figures = summary["certificate"]
     law = figures["law"].partition(",")[0]
     if figures["holds"]:
-        return [row("certificate", f"holds for {law}, each condition to {CERTIFICATE_TOLERANCE:.0e}")]
+        return [
+            row("certificate", f"holds for {law}, each condition to {CERTIFICATE_TOLERANCE:.0e}")
+        ]
     judged = {name.replace("_", " "): figures.get(name) for name in JUDGED}
-    wrong = [f"{name} {value:.1e}" for name, value in judged.items() if value and not value <= CERTIFICATE_TOLERANCE]
-    return [row("certificate", f"DOES NOT HOLD for {law}: {', '.join(wrong) or 'not a number'}", "error")]
+    wrong = [
+        f"{name} {value:.1e}"
+        for name, value in judged.items()
+        if value and not value <= CERTIFICATE_TOLERANCE
+    ]
+    return [
+        row(
+            "certificate", f"DOES NOT HOLD for {law}: {', '.join(wrong) or 'not a number'}", "error"
+        )
+    ]
 
 
 def _left(summary: Summary) -> list[str | TerminalLine]:
@@ -484,7 +612,9 @@ def _left(summary: Summary) -> list[str | TerminalLine]:
 
 def _effort(summary: Summary) -> list[str | TerminalLine]:
     ranks = f" on {summary['ranks']} ranks" if summary["ranks"] > 1 else ""
-    solved = [row["seconds"] for row in summary.get("convergence_table", []) if not row["predicted"]]
+    solved = [
+        row["seconds"] for row in summary.get("convergence_table", []) if not row["predicted"]
+    ]
     seconds = sum(solved) if solved else sum(summary.get("timings", {}).values())
     return [f"{effort_in_words(summary)}, {summary['dofs']} unknowns{ranks}, {seconds:.1f} s"]
 

@@ -1,5 +1,5 @@
-"""summary.json as pydantic models, from which its schema, its table in the documentation and its reading are made, and
-the quantities that other packages add to it; without FEniCSx.
+"""summary.json as pydantic models, from which its schema, its table in the documentation and its
+reading are made, and the quantities that other packages add to it; without FEniCSx.
 """
 
 from __future__ import annotations
@@ -29,9 +29,13 @@ def _closed(schema: dict[str, Any]) -> None:
 
 
 class Row(BaseModel):
-    """A table of a summary, such as a row of a list; what a later version adds to it is kept when it is read."""
+    """A table of a summary, such as a row of a list; what a later version adds to it is kept when
+    it is read.
+    """
 
-    model_config = ConfigDict(extra="allow", frozen=True, defer_build=True, json_schema_extra=_closed)
+    model_config = ConfigDict(
+        extra="allow", frozen=True, defer_build=True, json_schema_extra=_closed
+    )
 
 
 def described(text: str, **limits: Any) -> Any:
@@ -41,7 +45,9 @@ def described(text: str, **limits: Any) -> Any:
 
 def perhaps(text: str = "", unit: str = "") -> Any:
     """A key that may be absent, and what its value is measured in, a word of ``units.names_of``."""
-    return Field(default=None, description=text or None, json_schema_extra={"unit": unit} if unit else None)
+    return Field(
+        default=None, description=text or None, json_schema_extra={"unit": unit} if unit else None
+    )
 
 
 if TYPE_CHECKING:
@@ -84,10 +90,14 @@ class FindingRow(Row):
 
 
 class Price(Row):
-    """A mesh with the errors on it, each relative and null where it cannot be estimated yet, and its cost."""
+    """A mesh with the errors on it, each relative and null where it cannot be estimated yet, and
+    its cost.
+    """
 
     level: Count = described("Its number, the coarsest is 0.")
-    h: float = described("Mean spacing of the contact nodes; in 3D root of the mean area that they stand for.")
+    h: float = described(
+        "Mean spacing of the contact nodes; in 3D root of the mean area that they stand for."
+    )
     dofs: Count = described("Unknowns.")
     linear_solves: Count = described("Linear solves on this mesh.")
     factorisations: Count = described("Of them with a new factorisation.")
@@ -96,7 +106,9 @@ class Price(Row):
     energy: Number = described("Error of the displacement, energy norm.")
     pressure: Number = described("Error of the contact pressure, L2(Gamma_c).")
     force: Number = described("Error of contact and friction force.")
-    zone: Number = described("Of the ends of the contact zones, relative to their length; in 3D of the contact area.")
+    zone: Number = described(
+        "Of the ends of the contact zones, relative to their length; in 3D of the contact area."
+    )
     peak: Number = described("Error of the largest pressure.")
     regularisation: float = described("The part of `energy` due to gamma.")
     iteration: float = described("The part due to the iteration.")
@@ -120,20 +132,27 @@ class ContactFigures(Row):
     contact_area: Number = described("Area of the nodes in contact.")
     touching_nodes: Count = described("How many these are.")
     pressure_integral: Number = described("Integral of the pressure, the normal force N.")
-    mean_pressure: Number = described("N over the area in contact; null where nothing is in contact.")
+    mean_pressure: Number = described(
+        "N over the area in contact; null where nothing is in contact."
+    )
     max_pressure: Number = described("Largest nodal pressure.")
     contact_force: Vector = described("Resultant of the pressure on the body of this boundary.")
     friction_force: Vector = described("Resultant of the shear on the body of this boundary.")
     tangential_force: Number = described("Magnitude of the resultant T of the shear.")
     friction_limit: Number = described(
-        "Integral of the friction bound, F N for Coulomb friction, for Tresca friction with open nodes; infinite "
-        "for a bond. Of friction with a direction the sum of the largest shears in the direction of this one."
+        "Integral of the friction bound, F N for Coulomb friction, for Tresca friction with open "
+        "nodes; infinite "
+        "for a bond. Of friction with a direction the sum of the largest shears in the direction "
+        "of this one."
     )
     friction_moment: Number | Vector = described(
-        "Of a boundary that closes around a body: moment of friction about its middle, in 2D counterclockwise; null of "
+        "Of a boundary that closes around a body: moment of friction about its middle, in 2D "
+        "counterclockwise; null of "
         "others."
     )
-    moment_limit: Number = described("The largest moment that the friction bounds allow in that direction.")
+    moment_limit: Number = described(
+        "The largest moment that the friction bounds allow in that direction."
+    )
 
 
 class ZoneRuns(Row):
@@ -162,8 +181,10 @@ class Tool(Row):
     force: Vector = described("Of the body on the tool.")
     moment: Number | Vector = described("About that point; in 3D a vector.")
     gap_error: Number = described(
-        "By how much the gap where the tool ends up differs at most from the linearised one, where it presses, length; "
-        "null for bonded boundaries, and for nonlinear bodies, whose gap is that of the place where the tool is."
+        "By how much the gap where the tool ends up differs at most from the linearised one, "
+        "where it presses, length; "
+        "null for bonded boundaries, and for nonlinear bodies, whose gap is that of the place "
+        "where the tool is."
     )
 
 
@@ -179,11 +200,15 @@ class BoundaryResultant(Row):
     """A resultant."""
 
     boundary: str | None = described("Name of the boundary; null: the body force.")
-    acts: list[str] = described("What acts there: support, contact, and kinds of loads and resistances.")
+    acts: list[str] = described(
+        "What acts there: support, contact, and kinds of loads and resistances."
+    )
     force: Vector
     moment: Number | Vector = described("Moment about `about`; in 2D a number, counterclockwise.")
     about: Vector
-    acts_at: Vector | None = described("A point of the line of action; null where the forces have no resultant.")
+    acts_at: Vector | None = described(
+        "A point of the line of action; null where the forces have no resultant."
+    )
 
 
 class ExtremeOfValue(Row):
@@ -192,9 +217,12 @@ class ExtremeOfValue(Row):
     value: Number
     place: Annotated[list[Number], Field(max_length=3)]
     region: str | None = perhaps(
-        "Name of its body or of the region of its material, if there are several; null: that without a region."
+        "Name of its body or of the region of its material, if there are several; null: that "
+        "without a region."
     )
-    no_limit: str | None = perhaps("Why it has no limit as the mesh is refined, if it is known to have none.")
+    no_limit: str | None = perhaps(
+        "Why it has no limit as the mesh is refined, if it is known to have none."
+    )
 
 
 class RecoveredExtremes(Row):
@@ -211,10 +239,12 @@ class StressExtremes(RecoveredExtremes):
     """Extremes of the raw stress, and of the recovered one."""
 
     recovered: RecoveredExtremes | None = described(
-        "Those of the recovered stress; null of nonlinear materials, and if the displacement is not a number."
+        "Those of the recovered stress; null of nonlinear materials, and if the displacement is "
+        "not a number."
     )
     error: Number = described(
-        "Estimated error of the raw stress in the energy norm, relative; null of nonlinear materials, and without "
+        "Estimated error of the raw stress in the energy norm, relative; null of nonlinear "
+        "materials, and without "
         "stress."
     )
 
@@ -239,9 +269,13 @@ class CertificateFigures(Row):
     slip_below_bound: Number = described("Largest slip where the shear is below its bound.")
     coupling: Number = described("Largest error of the map that joins two bodies.")
     displacement: Number = described("Largest displacement over the size of the body.")
-    penetration: Number = described("Deepest penetration; the regularised law allows pressure / gamma_n.")
+    penetration: Number = described(
+        "Deepest penetration; the regularised law allows pressure / gamma_n."
+    )
     complementarity: Number = described("Largest product of pressure and distance.")
-    stick_slip: Number = described("Largest slip where the body sticks; the regularised law allows shear / gamma_t.")
+    stick_slip: Number = described(
+        "Largest slip where the body sticks; the regularised law allows shear / gamma_t."
+    )
     law: str = described("The contact law of the check.")
     holds: bool
 
@@ -249,31 +283,42 @@ class CertificateFigures(Row):
 class ErrorBoundFigures(Row):
     """A guaranteed bound."""
 
-    relative_error: Number = perhaps("Of the displacement, relative to the energy norm of the exact solution.")
+    relative_error: Number = perhaps(
+        "Of the displacement, relative to the energy norm of the exact solution."
+    )
     strain_energy: list[Number] = described(
         "Between which the strain energy of the exact solution is.", default_factory=list
     )
     error: Number = perhaps("Square root of a(e, e): at most the sum of the three that follow.")
     duality: Number = perhaps("Part of the gap between both functionals.")
-    moved: Number = perhaps("Part of the displacement without penetration instead of the computed one.")
+    moved: Number = perhaps(
+        "Part of the displacement without penetration instead of the computed one."
+    )
     round_off: Number = perhaps("Part of round-off.")
     guaranteed: bool = perhaps("Whether it is a bound; else an estimate.")
     statement: str = described("All of it in a sentence, or why there is no bound.")
 
 
 class CostOfAccuracy(Row):
-    """What an accuracy took, by the estimated error and the seconds of this run, and what a better one would take."""
+    """What an accuracy took, by the estimated error and the seconds of this run, and what a better
+    one would take.
+    """
 
     of: str | None = perhaps(
-        "The error that it is about, a column of the convergence table: `energy` is that of stress and displacement."
+        "The error that it is about, a column of the convergence table: `energy` is that of "
+        "stress and displacement."
     )
     error: Number = perhaps("Estimated error of the last mesh, relative.")
     seconds: Number = perhaps("What it took, all meshes together, wall time.")
     dofs: Count | None = perhaps("Unknowns of the last mesh.")
     next_error: Number = perhaps("A smaller error: a tenth in 2D, half in 3D, relative.")
-    next_seconds: list[Number] = described("What that would take on this machine, from and to.", default_factory=list)
+    next_seconds: list[Number] = described(
+        "What that would take on this machine, from and to.", default_factory=list
+    )
     next_dofs: Number = perhaps("About how many unknowns it would take.")
-    command: str | None = perhaps("What asks for it, to be pasted behind the command or in `solve_to_accuracy`.")
+    command: str | None = perhaps(
+        "What asks for it, to be pasted behind the command or in `solve_to_accuracy`."
+    )
     local: bool | None = perhaps("Whether cells become smaller only where the error is.")
     statement: str = described("All of it in a sentence, or why there is no forecast.")
 
@@ -282,7 +327,9 @@ class CostOfAccuracy(Row):
 
 
 def _with_components(schema: dict[str, Any]) -> None:
-    """Forces and motions by axis, of several contacts between bodies with the boundary behind a blank."""
+    """Forces and motions by axis, of several contacts between bodies with the boundary behind a
+    blank.
+    """
     _closed(schema)
     schema["additionalProperties"] = {"type": ["number", "null"]}
 
@@ -308,12 +355,16 @@ class Run(Row):
     """Of a solve."""
 
     schema_version: Literal[1] = described(
-        "Version of this schema: it grows when a key goes or changes its meaning, not when one is added."
+        "Version of this schema: it grows when a key goes or changes its meaning, not when one is "
+        "added."
     )
     title: str = described("The title of the scene.")
-    incomplete: list[str] = described("What the scene lacks of what was meant, as the scene says it.")
+    incomplete: list[str] = described(
+        "What the scene lacks of what was meant, as the scene says it."
+    )
     scene: dict[str, Any] = described(
-        "The scene with all defaults; `signorini-fx schema` prints its schema. Python objects are given by the name of "
+        "The scene with all defaults; `signorini-fx schema` prints its schema. Python objects are "
+        "given by the name of "
         "their type."
     )
     status: str = described("How the solve ended; only `converged` is a solution.")
@@ -327,18 +378,25 @@ class Run(Row):
     linear_solves: Count = described("All linear solves.")
     factorisations: Count = described("New factorisations.")
     outer_iterations: Count = described("Regularised problems.")
-    events: list[str] = described("Fall-backs in the order of their use, and the meshes of a nested iteration.")
+    events: list[str] = described(
+        "Fall-backs in the order of their use, and the meshes of a nested iteration."
+    )
     dimension: Literal[2, 3] = described("2 in 2D, 3 in 3D.")
     dofs: Count = described("Displacement components, prescribed ones included.")
     ranks: int = described("MPI processes.", ge=1)
     linear_algebra: str = described("Kind of elastic system, and why.")
     pieces: list[PieceOfBody] = described("The connected pieces of the body.")
     findings: list[FindingRow] = described("What is to be known about the scene and the result.")
-    convergence_table: list[Price] = perhaps("Errors and costs of the meshes, if there are several.")
-    results_of: StepOfResults = perhaps(
-        "The load step that all other figures are of: the last one with a solution, or the first one if it has none."
+    convergence_table: list[Price] = perhaps(
+        "Errors and costs of the meshes, if there are several."
     )
-    timings: dict[str, Number] = described("Wall time in seconds by phase, the largest over the ranks.")
+    results_of: StepOfResults = perhaps(
+        "The load step that all other figures are of: the last one with a solution, or the first "
+        "one if it has none."
+    )
+    timings: dict[str, Number] = described(
+        "Wall time in seconds by phase, the largest over the ranks."
+    )
     versions: dict[str, str] = described("Versions by library, and the BLAS in use.")
     finished: str = perhaps("When the results were written: date and time in UTC, ISO 8601.")
     fields: list[str] = perhaps("Names of the files of fields; absent if none were written.")
@@ -354,7 +412,8 @@ class Summary(Run):
     contact_nodes: Count = perhaps("Nodes of the contact boundary.")
     touching_nodes: Count = perhaps("Those in contact.")
     contact_force: Vector = perhaps(
-        "Resultant of the normal tractions on the body; of several contacts between bodies a sum that acts on none of "
+        "Resultant of the normal tractions on the body; of several contacts between bodies a sum "
+        "that acts on none of "
         "them: see contact_boundaries.",
         "force",
     )
@@ -365,39 +424,53 @@ class Summary(Run):
     zones: ZoneRuns = perhaps("Zones on the contact boundary of a body in 2D.")
     areas: ZoneAreas = perhaps("Areas on the contact boundary of a body in 3D.", "area")
     contact_moment: Vector = perhaps(
-        "Moment of `contact_force` about the origin, in 3D; with torsion about the axis x[1].", "moment"
+        "Moment of `contact_force` about the origin, in 3D; with torsion about the axis x[1].",
+        "moment",
     )
     friction_moment: Vector = perhaps(
-        "Moment of `friction_force` about the origin, in 3D; with torsion about the axis x[1].", "moment"
+        "Moment of `friction_force` about the origin, in 3D; with torsion about the axis x[1].",
+        "moment",
     )
-    contact_boundaries: list[ContactFigures] = perhaps("Each contact boundary; areas are lengths in 2D.")
-    tools: list[Tool] = perhaps("Foundations that forces move: how they have moved, and what the body does to them.")
+    contact_boundaries: list[ContactFigures] = perhaps(
+        "Each contact boundary; areas are lengths in 2D."
+    )
+    tools: list[Tool] = perhaps(
+        "Foundations that forces move: how they have moved, and what the body does to them."
+    )
     preloads: list[SectionForce] = perhaps("Sections that are tightened.")
     resultants: list[BoundaryResultant] = described(
-        "Forces on the body through each boundary with a support, a load or contact, and the body force; in 2D "
+        "Forces on the body through each boundary with a support, a load or contact, and the body "
+        "force; in 2D "
         "per unit thickness."
     )
     strain_energy: Number = perhaps(
         "a(y, y) / 2, in 2D per unit thickness; of a body whose forces are linear in y.", "energy"
     )
     stress: StressExtremes = perhaps(
-        "Extremes of the raw stress at the nodes, and of the recovered one; of nonlinear materials those of the Cauchy "
+        "Extremes of the raw stress at the nodes, and of the recovered one; of nonlinear "
+        "materials those of the Cauchy "
         "stress at the points of quadrature; absent if no fields were written.",
         "stress",
     )
     plastic_strain: ExtremeOfValue = perhaps(
-        "Largest accumulated (equivalent) plastic strain at the points of quadrature, and where; absent if no material "
+        "Largest accumulated (equivalent) plastic strain at the points of quadrature, and where; "
+        "absent if no material "
         "is one that yields, or no fields were written."
     )
     utilisation: ExtremeOfValue = perhaps(
-        "Largest von Mises stress over the yield stress, and where; absent if no material has a yield stress."
+        "Largest von Mises stress over the yield stress, and where; absent if no material has a "
+        "yield stress."
     )
     deformation: LargestDeformation = described("Of the load step with the largest one.")
-    certificate: CertificateFigures = described("The check of the conditions of the problem; every figure is relative.")
+    certificate: CertificateFigures = described(
+        "The check of the conditions of the problem; every figure is relative."
+    )
     error_bound: ErrorBoundFigures = perhaps(
         "A guaranteed bound of the error in the energy norm, where the scene asks for it."
     )
-    cost: CostOfAccuracy = perhaps("What the accuracy took, and what a better one would take; a forecast.")
+    cost: CostOfAccuracy = perhaps(
+        "What the accuracy took, and what a better one would take; a forecast."
+    )
 
 
 @dataclass(frozen=True)
@@ -406,8 +479,8 @@ class Results:
 
     Attributes:
         path: of the folder.
-        summary: summary.json: each key is an attribute, rows of lists too; None: there is no such key.  Quantities that
-            are not installed are there as they are in the file.
+        summary: summary.json: each key is an attribute, rows of lists too; None: there is no such
+            key.  Quantities that are not installed are there as they are in the file.
     """
 
     path: Path
@@ -425,7 +498,9 @@ class Results:
             ResultError: there is no such table, or it cannot be read.
         """
         if name not in self.tables:
-            raise ResultError(f"{self.path}: has no table {name!r}; there are: {', '.join(self.tables)}")
+            raise ResultError(
+                f"{self.path}: has no table {name!r}; there are: {', '.join(self.tables)}"
+            )
         try:
             return read_csv(self.path / f"{name}.csv")
         except (OSError, ValueError) as error:
@@ -451,14 +526,16 @@ def read_results(folder: str | os.PathLike[str]) -> Results:
 
 
 class Quantity:
-    """A result of one's own: a class with this as its base sets ``key`` and ``title`` and has the method ``value``.
+    """A result of one's own: a class with this as its base sets ``key`` and ``title`` and has the
+    method ``value``.
 
     It is in summary.json, on the terminal, in the report, and in steps.csv if it is a number.
 
     Attributes:
         key: its name in summary.json.
         title: what it is, in words.
-        unit: what it is measured in, a word of ``units.names_of`` such as ``force``; "": it has no unit.
+        unit: what it is measured in, a word of ``units.names_of`` such as ``force``; "": it has no
+            unit.
     """
 
     key: str
@@ -485,11 +562,17 @@ def own_quantities() -> tuple[Quantity, ...]:
 
 @cache
 def _usable(name: str, extension: Any) -> Quantity:
-    """A quantity from an object, or from a class that needs no arguments, with a key that is not taken."""
+    """A quantity from an object, or from a class that needs no arguments, with a key that is not
+    taken.
+    """
     quantity = extension() if isinstance(extension, type) else extension
     if not isinstance(quantity, Quantity) or not isinstance(getattr(quantity, "title", None), str):
-        raise InstallationError(f"the quantity {name!r} is no signorini_fx.Quantity with a key and a title")
+        raise InstallationError(
+            f"the quantity {name!r} is no signorini_fx.Quantity with a key and a title"
+        )
     taken = {*Summary.model_fields, *RowOfSteps.model_fields}
     if getattr(quantity, "key", None) != name or not name.isidentifier() or name in taken:
-        raise InstallationError(f"the quantity {name!r} needs a key that is its name, an identifier that is not taken")
+        raise InstallationError(
+            f"the quantity {name!r} needs a key that is its name, an identifier that is not taken"
+        )
     return quantity

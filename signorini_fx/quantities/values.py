@@ -1,4 +1,6 @@
-"""The results of a solution, as summary.json and steps.csv have them; those of the run are in ``results.summary``."""
+"""The results of a solution, as summary.json and steps.csv have them; those of the run are in
+``results.summary``.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,9 @@ def of_results(solution: Any) -> dict[str, Any]:
         "preloads": [section.model_dump() for section in solution.preloads] or None,
         "resultants": solution.resultants.as_rows(),
         "strain_energy": solution.last_step.strain_energy,
-        "deformation": asdict(max((step.deformation for step in solution.shown_steps), key=lambda step: step.largest)),
+        "deformation": asdict(
+            max((step.deformation for step in solution.shown_steps), key=lambda step: step.largest)
+        ),
         "certificate": solution.certificate.as_dict(),
     }
     return {key: value for key, value in known.items() if value is not None}
@@ -43,8 +47,12 @@ def _of_contact(solution: Any) -> dict[str, Any]:
         "areas": contact.areas if solid else None,
         "contact_moment": (contact.moments[0] + 0.0).tolist() if solid else None,
         "friction_moment": (contact.moments[1] + 0.0).tolist() if solid else None,
-        "contact_boundaries": [figures.model_dump() for figures in solution.contact_figures] or None,
-        "tools": [motion.as_dict(contact, solution.statement.contact, kinematics) for motion in tools] or None,
+        "contact_boundaries": [figures.model_dump() for figures in solution.contact_figures]
+        or None,
+        "tools": [
+            motion.as_dict(contact, solution.statement.contact, kinematics) for motion in tools
+        ]
+        or None,
     }
 
 
@@ -75,8 +83,8 @@ def of_fields(solution: Any) -> dict[str, Any]:
 
 
 def afterwards(solution: Any) -> dict[str, Callable[[Any], Any]]:
-    """The functions of those that the scene asks for and that are computed once the results stand, so that a failure is
-    a warning.
+    """The functions of those that the scene asks for and that are computed once the results stand,
+    so that a failure is a warning.
     """
     functions: dict[str, Callable[[Any], Any]] = {}
     if solution.contact is not None:
@@ -121,23 +129,36 @@ def _of_contact_in_step(solution: Any) -> dict[str, Any]:
     for number, key in enumerate(("contact_force", "friction_force")):
         forces = [contact.forces_of_each[k, number] for k in count] or [contact.forces[number]]
         columns |= _by_axis(key, forces, names)
-    figures = list(zip(names or [""], solution.contact_figures, strict=True)) if names or len(parts) == 1 else []
-    closed = [(name, boundary) for name, boundary in figures if boundary.friction_moment is not None]
+    figures = (
+        list(zip(names or [""], solution.contact_figures, strict=True))
+        if names or len(parts) == 1
+        else []
+    )
+    closed = [
+        (name, boundary) for name, boundary in figures if boundary.friction_moment is not None
+    ]
     for name, boundary in closed:
         columns |= _by_axis("pressure_integral", [boundary.pressure_integral], [name])
-    # A rank without contact nodes has none, and where contact only pulls the largest pressure is below zero.
+    # A rank without contact nodes has none, and where contact only pulls the largest pressure is
+    # below zero.
     columns["max_pressure"] = parallel.largest(contact.boundary.comm, contact.pressure, -np.inf)
     for name, boundary in closed:
         columns |= _by_axis("friction_moment", [boundary.friction_moment], [name])
     if contact.boundary.kinematics.out_of_section:
         columns["torque"] = float(contact.moments[1][1])
-    motions = contact.mean_tangential_displacements[1:] if names else [contact.mean_tangential_displacement]
+    motions = (
+        contact.mean_tangential_displacements[1:]
+        if names
+        else [contact.mean_tangential_displacement]
+    )
     columns |= _by_axis("mean_tangential_displacement", motions, names)
     return columns | {"friction_work": contact.friction_work}
 
 
 def _boundaries(statement: Any) -> list[str]:
-    """The contact boundaries whose forces have no sum that acts on one body; none: they have one."""
+    """The contact boundaries whose forces have no sum that acts on one body; none: they have
+    one.
+    """
     names = [effect.boundary for effect in statement.contact]
     return names if len(names) > 1 and any(effect.against for effect in statement.contact) else []
 

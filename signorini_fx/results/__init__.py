@@ -1,3 +1,6 @@
-"""The results of a solve, which this package evaluates and writes: it must not know which algorithm found them."""
+"""The results of a solve, which this package evaluates and writes: it must not know which algorithm
+found them.
+"""
 
-import mpi4py.MPI  # noqa: F401  # first: PETSc and dolfinx from PyPI find the library of MPI where it is loaded
+# First: PETSc and dolfinx from PyPI find the library of MPI where it is loaded.
+import mpi4py.MPI  # noqa: F401

@@ -1,4 +1,6 @@
-"""What contact does to the body as Functions, which UFL can go on with: on its mesh, and on that of the boundary."""
+"""What contact does to the body as Functions, which UFL can go on with: on its mesh, and on that of
+the boundary.
+"""
 
 from __future__ import annotations
 
@@ -18,14 +20,16 @@ from signorini_fx.mechanics.contact_points.contact_state import ContactState
 
 @dataclass(frozen=True)
 class ContactFields:
-    """Functions on the mesh of the body, zero at nodes that are no contact points; updated by every solve.
+    """Functions on the mesh of the body, zero at nodes that are no contact points; updated by every
+    solve.
 
     On quadratic tetrahedra, whose contact points are the vertices, they are linear.
 
     Attributes:
         pressure: lambda, stress, scalar.
         shear: mu, stress, a vector: the foundation acts on the body with - lambda n - mu.
-        gap: what is left of the gap, d - tau_N y, length, scalar; zero in contact but for the regularisation.
+        gap: what is left of the gap, d - tau_N y, length, scalar; zero in contact but for the
+            regularisation.
         slip: tau_T y since the last ``advance``, length, a vector.
     """
 
@@ -37,18 +41,28 @@ class ContactFields:
     @classmethod
     def on(cls, space: fem.FunctionSpace) -> ContactFields:
         """Zero, for displacements in a space."""
-        mesh, degree = space.mesh, 1 if averaging(space) else int(space.element.basix_element.degree)
+        mesh, degree = (
+            space.mesh,
+            1 if averaging(space) else int(space.element.basix_element.degree),
+        )
         scalar = fem.functionspace(mesh, ("Lagrange", degree))
         same_degree = degree == space.element.basix_element.degree
-        vector = space if same_degree else fem.functionspace(mesh, ("Lagrange", degree, (mesh.geometry.dim,)))
+        vector = (
+            space
+            if same_degree
+            else fem.functionspace(mesh, ("Lagrange", degree, (mesh.geometry.dim,)))
+        )
         makes = {"pressure": scalar, "shear": vector, "gap": scalar, "slip": vector}
         return cls(**{name: fem.Function(where, name=name) for name, where in makes.items()})
 
     def take(
-        self, space: fem.FunctionSpace, state: ContactState | None, selected: npt.NDArray[np.bool_] | None = None
+        self,
+        space: fem.FunctionSpace,
+        state: ContactState | None,
+        selected: npt.NDArray[np.bool_] | None = None,
     ) -> None:
-        """The values of a state, zero without one; ``selected``: the points to take, None: all; of a node of two
-        contacts the later one is taken; collective.
+        """The values of a state, zero without one; ``selected``: the points to take, None: all; of
+        a node of two contacts the later one is taken; collective.
         """
         if state is None:
             for field in (self.pressure, self.shear, self.gap, self.slip):
@@ -66,11 +80,17 @@ class ContactFields:
             function: fem.Function = getattr(self, name)
             nodes = function.function_space.dofmap.list
             numbering = np.zeros(node_positions(space).shape[0], dtype=np.int64)
-            numbering[space.dofmap.list[:, : nodes.shape[1]]] = nodes  # vertices come first in every cell
+            numbering[space.dofmap.list[:, : nodes.shape[1]]] = (
+                nodes  # vertices come first in every cell
+            )
             array = function.x.array
             array[:] = 0.0
-            array.reshape(-1, point_values.shape[1])[numbering[state.boundary.nodes[where]]] = point_values[where]
-            function.x.scatter_reverse(la.InsertMode.add)  # the owner of a vertex need not be that of the point
+            array.reshape(-1, point_values.shape[1])[numbering[state.boundary.nodes[where]]] = (
+                point_values[where]
+            )
+            function.x.scatter_reverse(
+                la.InsertMode.add
+            )  # the owner of a vertex need not be that of the point
             function.x.scatter_forward()
 
 
@@ -79,9 +99,10 @@ class BoundaryFields(ContactFields):
     """The same Functions on a mesh of the contact boundary.
 
     Attributes:
-        mesh: of the facets, of one dimension less than the body, in the same space; shared by the same ranks, of which
-            some may have no cell.
-        facets: local number of the facet of the body that each cell on this rank is, ghosts included.
+        mesh: of the facets, of one dimension less than the body, in the same space; shared by the
+            same ranks, of which some may have no cell.
+        facets: local number of the facet of the body that each cell on this rank is, ghosts
+            included.
     """
 
     mesh: dmesh.Mesh
@@ -89,13 +110,20 @@ class BoundaryFields(ContactFields):
 
 
 def boundary_fields(
-    space: fem.FunctionSpace, state: ContactState, facets: Sequence[npt.NDArray[np.int32]], number: int | None
+    space: fem.FunctionSpace,
+    state: ContactState,
+    facets: Sequence[npt.NDArray[np.int32]],
+    number: int | None,
 ) -> BoundaryFields:
-    """The fields of a state on a mesh of its contact boundaries, see ``Solution.boundary_fields``; ``facets``: of each
-    contact, those whose cell this rank owns, local numbers; of pairs on the side with the points; collective.
+    """The fields of a state on a mesh of its contact boundaries, see ``Solution.boundary_fields``;
+    ``facets``: of each contact, those whose cell this rank owns, local numbers; of pairs on the
+    side with the points; collective.
     """
     if number is not None and not 0 <= number < len(facets):
-        raise ValueError(f"number: must be from 0 to {len(facets) - 1}, the contacts in their order, got {number}")
+        raise ValueError(
+            f"number: must be from 0 to {len(facets) - 1}, the contacts in their order, got "
+            f"{number}"
+        )
     fields = ContactFields.on(space)
     fields.take(space, state, None if number is None else state.boundary.part == number)
     wanted = np.unique(np.concatenate(list(facets) if number is None else [facets[number]]))
@@ -116,10 +144,14 @@ def boundary_fields(
 def _nodes_of_parent(
     part: fem.FunctionSpace, parent: fem.FunctionSpace, facets: npt.NDArray[np.int32]
 ) -> npt.NDArray[np.int32]:
-    """The parent's node at each node of each cell of the part, by position: orders in facets differ between cells."""
+    """The parent's node at each node of each cell of the part, by position: orders in facets differ
+    between cells.
+    """
     parent_nodes, part_nodes = facet_nodes(parent, facets), part.dofmap.list
     if facets.size == 0:
         return np.zeros_like(part_nodes)
     sought = np.asarray(part.tabulate_dof_coordinates())[part_nodes]
-    distances = np.linalg.norm(sought[:, :, None] - node_positions(parent)[parent_nodes][:, None], axis=3)
+    distances = np.linalg.norm(
+        sought[:, :, None] - node_positions(parent)[parent_nodes][:, None], axis=3
+    )
     return np.take_along_axis(parent_nodes, np.argmin(distances, axis=2), axis=1)

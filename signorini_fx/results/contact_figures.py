@@ -1,7 +1,9 @@
-"""Figures of contact boundaries, the friction that loads use, and the forces through tightened sections.
+"""Figures of contact boundaries, the friction that loads use, and the forces through tightened
+sections.
 
-Where a boundary closes around a body, as the seat of a hub on its shaft does, resultants are round-off: there the
-moment of friction about the middle of the boundary is what the fit is made for.
+Where a boundary closes around a body, as the seat of a hub on its shaft does, resultants are
+round-off: there the moment of friction about the middle of the boundary is what the fit is made
+for.
 """
 
 from __future__ import annotations
@@ -37,7 +39,13 @@ def contact_figures(statement: Statement, contact: ContactState) -> list[Contact
         weight, pressure = boundary.weight[on_part], contact.pressure[on_part]
         closed = contact.in_contact[on_part]
         sums = np.array(
-            [weight.sum(), weight @ closed, closed.sum(), weight @ pressure, weight @ contact.bound[on_part]]
+            [
+                weight.sum(),
+                weight @ closed,
+                closed.sum(),
+                weight @ pressure,
+                weight @ contact.bound[on_part],
+            ]
         )
         area, touching, count, normal, limit = map(float, parallel.global_sum(comm, sums))
         reaction, resultant = contact.forces_of_each[part]
@@ -46,7 +54,9 @@ def contact_figures(statement: Statement, contact: ContactState) -> list[Contact
             tangential = 0.0
         if boundary.friction_axes is not None and 0 < limit < np.inf:
             reached = resultant if tangential else np.zeros(3)
-            limit = _largest_along(boundary.tangents[on_part], weight * contact.bound[on_part], reached, comm)
+            limit = _largest_along(
+                boundary.tangents[on_part], weight * contact.bound[on_part], reached, comm
+            )
         figures.append(
             ContactFigures(
                 boundary=effect.boundary,
@@ -67,8 +77,12 @@ def contact_figures(statement: Statement, contact: ContactState) -> list[Contact
     return figures
 
 
-def _moment_about_middle(contact: ContactState, part: int) -> tuple[float | list[float | None] | None, float | None]:
-    """``moment`` and ``moment_limit`` of a part; None and None: the boundary is not closed; collective."""
+def _moment_about_middle(
+    contact: ContactState, part: int
+) -> tuple[float | list[float | None] | None, float | None]:
+    """``moment`` and ``moment_limit`` of a part; None and None: the boundary is not closed;
+    collective.
+    """
     boundary, comm = contact.boundary, contact.boundary.comm
     on_part = boundary.part == part
     weight, x, normal = boundary.weight[on_part], boundary.centre[on_part], boundary.normal[on_part]
@@ -91,7 +105,9 @@ def _moment_about_middle(contact: ContactState, part: int) -> tuple[float | list
 
 
 def _largest_along(tangents: Array, bound: Array, resultant: Array, comm: MPI.Comm) -> float:
-    """The sum of the largest shears in the direction of a resultant, zero: in any; ``tangents``: the semi-axes."""
+    """The sum of the largest shears in the direction of a resultant, zero: in any; ``tangents``:
+    the semi-axes.
+    """
     lengths = np.linalg.norm(tangents, axis=1)
     largest = lengths.max(axis=1)
     if resultant.any():
@@ -102,9 +118,9 @@ def _largest_along(tangents: Array, bound: Array, resultant: Array, comm: MPI.Co
 
 
 def friction_used(model: Model, contact: ContactState, step: float) -> float | None:
-    """The share of its friction that the loads of a solution use: with friction bounds as they are, the nodes in
-    contact balance the loads up to 1 / share of their size; of several bodies the largest; None without friction, or if
-    supports hold the body; collective.
+    """The share of its friction that the loads of a solution use: with friction bounds as they are,
+    the nodes in contact balance the loads up to 1 / share of their size; of several bodies the
+    largest; None without friction, or if supports hold the body; collective.
     """
     if not model.motions.free.shape[1] or not model.applied or not contact.has_friction:
         return None
@@ -124,16 +140,22 @@ def load_on(model: Model, step: float) -> Array:
     """The work of the loads of a load step on the free motions, shape (k,); collective."""
     motions = model.motions
     loads = [
-        (factor, motions.load_of(load.pushing, model.comm, None if load.driven is None else load.driven.forces))
+        (
+            factor,
+            motions.load_of(
+                load.pushing, model.comm, None if load.driven is None else load.driven.forces
+            ),
+        )
         for factor, load in model.applied_at(step)
     ]
     return total_work(loads, motions.free.shape[1])
 
 
 def section_forces(model: Model, displacement: fem.Function, step: float) -> list[SectionForce]:
-    """The force through each section that a scene shortens, a tension: with the jump J of a shortening of one, which is
-    that of the cells beyond the section alone, the work of the stress there on J without that of the loads in these
-    cells; loads on their surface do not count; collective.
+    """The force through each section that a scene shortens, a tension: with the jump J of a
+    shortening of one, which is that of the cells beyond the section alone, the work of the stress
+    there on J without that of the loads in these cells; loads on their surface do not count;
+    collective.
     """
     from signorini_fx.results.certificate.nodal_forces import NodalForces
 
@@ -141,6 +163,10 @@ def section_forces(model: Model, displacement: fem.Function, step: float) -> lis
         return []
     nodal = NodalForces.on(model)
     return [
-        SectionForce(name=jump.entry.name, force=nodal.through(jump, displacement, step), shortening=jump.amount(step))
+        SectionForce(
+            name=jump.entry.name,
+            force=nodal.through(jump, displacement, step),
+            shortening=jump.amount(step),
+        )
         for jump in jumps_in(model.statement, model.tagged, model.space)
     ]

@@ -1,7 +1,8 @@
 """The fields of a result and its contact surface in 3D for ParaView, in VTK's XML format.
 
-Each file is one unstructured grid: ParaView, PyVista and meshio read it.  The first rank writes it, array after array,
-in base64.  (meshio reads neither the raw form reliably nor files of several pieces.)
+Each file is one unstructured grid: ParaView, PyVista and meshio read it.  The first rank writes it,
+array after array, in base64.  (meshio reads neither the raw form reliably nor files of several
+pieces.)
 """
 
 from __future__ import annotations
@@ -30,10 +31,10 @@ FIELD_FILES = (VTU, VTU_STEPS, VTU_FOLDER)
 
 
 def write_fields(solution: Solution, folder: Path) -> list[str]:
-    """The names of the files that are written: displacement, stresses and shear energy density in one file, with points
-    of its own in each cell, as raw stresses jump; with load steps one for each with a solution, and their list with
-    their times.  The stress has nine components, which ParaView takes for a tensor, in 2D too.  An OSError is raised on
-    all ranks alike; collective.
+    """The names of the files that are written: displacement, stresses and shear energy density in
+    one file, with points of its own in each cell, as raw stresses jump; with load steps one for
+    each with a solution, and their list with their times.  The stress has nine components, which
+    ParaView takes for a tensor, in 2D too.  An OSError is raised on all ranks alike; collective.
     """
     if not solution.statement.several_steps:
         write_vtu(folder / VTU, solution.comm, *_grid(solution.at(solution.last_step)))
@@ -44,17 +45,30 @@ def write_fields(solution: Solution, folder: Path) -> list[str]:
         name = f"{VTU_FOLDER}/{step.step:04d}.vtu"
         write_vtu(folder / name, solution.comm, *_grid(solution.at(step)))
         rows.append(f'<DataSet timestep="{step.time!r}" file="{name}"/>')
-    text = "\n".join(['<VTKFile type="Collection" version="1.0"><Collection>', *rows, "</Collection></VTKFile>", ""])
+    text = "\n".join(
+        [
+            '<VTKFile type="Collection" version="1.0"><Collection>',
+            *rows,
+            "</Collection></VTKFile>",
+            "",
+        ]
+    )
     parallel.on_root(solution.comm, lambda: (folder / VTU_STEPS).write_text(text, encoding="utf-8"))
     return [VTU_STEPS]
 
 
 def _grid(moment: Solution) -> tuple[Array, Array, int, dict[str, Array]]:
-    """Points, cells, their kind, and the fields at the points of the cells that this rank owns, see ``write_vtu``."""
+    """Points, cells, their kind, and the fields at the points of the cells that this rank owns, see
+    ``write_vtu``.
+    """
     fields = fields_in_cells(moment)
     space = fields["von_mises" if "von_mises" in fields else "displacement"].function_space
     cells, kinds, points = vtk_mesh(space)
-    cells = cells.reshape(len(kinds), -1)[:, 1:] if len(kinds) else np.zeros((0, space.dofmap.list.shape[1]), dtype=int)
+    cells = (
+        cells.reshape(len(kinds), -1)[:, 1:]
+        if len(kinds)
+        else np.zeros((0, space.dofmap.list.shape[1]), dtype=int)
+    )
     # In the order of the cells: each field has degrees of freedom of its own.
     numbers = space.dofmap.list
     order = [list(numbers[0]).index(number) for number in cells[0]] if len(cells) else []
@@ -65,24 +79,38 @@ def _grid(moment: Solution) -> tuple[Array, Array, int, dict[str, Array]]:
         if name == "displacement":  # a vector of space, as ParaView expects
             at_points = np.pad(at_points, ((0, 0), (0, 3 - at_points.shape[1])))
         values[name] = at_points[:, 0] if at_points.shape[1] == 1 else at_points
-    kind = int(parallel.global_max(moment.comm, float(np.max(kinds, initial=0))))  # a rank may have no cell
+    kind = int(
+        parallel.global_max(moment.comm, float(np.max(kinds, initial=0)))
+    )  # a rank may have no cell
     return points[cells.ravel()], np.arange(cells.size).reshape(cells.shape), kind, values
 
 
 def fields_in_cells(solution: Solution) -> dict[str, fem.Function]:
-    """Every field under its name, in discontinuous functions of the degree of the element; collective."""
+    """Every field under its name, in discontinuous functions of the degree of the element;
+    collective.
+    """
     mesh, degree = solution.model.tagged.mesh, solution.model.space.element.basix_element.degree
     y, stress, fields = solution.displacement, solution.known_stress, dict[str, fem.Function]()
     known = {"displacement": y}
     if stress is not None:
-        known |= {"stress": stress.tensor, "von_mises": stress.von_mises, "principal_stresses": stress.principal}
+        known |= {
+            "stress": stress.tensor,
+            "von_mises": stress.von_mises,
+            "principal_stresses": stress.principal,
+        }
         if stress.stress.shear_modulus is not None:
             known["density"] = stress.shear_energy_density
         if stress.plastic_strain is not None:
             known["plastic_strain"] = stress.plastic_strain
-        # The same fields in all load steps: those of recovery need finite values, which only a failed first step lacks.
-        if stress.recovers and not parallel.any_rank(solution.comm, not np.isfinite(y.x.array).all()):
-            known |= {"recovered_stress": stress.recovered.tensor, "recovered_von_mises": stress.recovered.von_mises}
+        # The same fields in all load steps: those of recovery need finite values, which only a
+        # failed first step lacks.
+        if stress.recovers and not parallel.any_rank(
+            solution.comm, not np.isfinite(y.x.array).all()
+        ):
+            known |= {
+                "recovered_stress": stress.recovered.tensor,
+                "recovered_von_mises": stress.recovered.von_mises,
+            }
     for name, function in known.items():
         space = fem.functionspace(mesh, ("DG", degree, function.ufl_shape))
         fields[name] = fem.Function(space, name=name)
@@ -90,13 +118,16 @@ def fields_in_cells(solution: Solution) -> dict[str, fem.Function]:
     return fields
 
 
-# VTK's number of a facet with this many nodes, and its order of basix's nodes: vertices, then edges, then the rest.
+# VTK's number of a facet with this many nodes, and its order of basix's nodes: vertices, then
+# edges, then the rest.
 _KINDS = {3: (5, [0, 1, 2]), 4: (9, [0, 1, 3, 2]), 9: (28, [0, 1, 3, 2, 4, 6, 7, 5, 8])}
 _STATES = ("open", "stick", "slip")
 
 
 def facets_of(table: ContactTable) -> npt.NDArray[np.int64]:
-    """The rows of a table in 3D at the nodes of each facet in the order of VTK, shape (m, 3), (m, 4) or (m, 9)."""
+    """The rows of a table in 3D at the nodes of each facet in the order of VTK, shape (m, 3), (m,
+    4) or (m, 9).
+    """
     assert table.facets is not None
     facets = table.facets[(table.facets >= 0).all(axis=1)]
     return facets[:, _KINDS[facets.shape[1]][1]]
@@ -110,7 +141,10 @@ def write_surface(path: Path, table: ContactTable) -> None:
         return np.column_stack([c[f"{begin}{axis}"] for axis in "xyz"])
 
     fields: dict[str, Array] = {
-        **{name: c[name] for name in ("pressure", "gap", "u_n", "bound", "shear", "slip", "u_t", "weight")},
+        **{
+            name: c[name]
+            for name in ("pressure", "gap", "u_n", "bound", "shear", "slip", "u_t", "weight")
+        },
         **{f"{name} vector": vector(f"{name}_") for name in ("shear", "slip", "u_t")},
         "normal": vector("n_"),
         "state (0 open, 1 stick, 2 slip)": np.array([_STATES.index(state) for state in c["state"]]),
@@ -121,17 +155,20 @@ def write_surface(path: Path, table: ContactTable) -> None:
 _NAMES = {np.dtype(np.float64): "Float64", np.dtype(np.int64): "Int64", np.dtype(np.uint8): "UInt8"}
 
 
-def write_vtu(path: Path, comm: MPI.Comm, points: Array, cells: Array, kind: int, fields: Mapping[str, Array]) -> None:
-    """Write the cells of all ranks as one grid; ``points``: of this rank, shape (n, 3); ``cells``: their local numbers
-    in VTK's order, shape (cells, corners); ``kind``: VTK's number; ``fields``: values at the points, shape (n,) or (n,
-    components); collective.
+def write_vtu(
+    path: Path, comm: MPI.Comm, points: Array, cells: Array, kind: int, fields: Mapping[str, Array]
+) -> None:
+    """Write the cells of all ranks as one grid; ``points``: of this rank, shape (n, 3); ``cells``:
+    their local numbers in VTK's order, shape (cells, corners); ``kind``: VTK's number; ``fields``:
+    values at the points, shape (n,) or (n, components); collective.
     """
     corners, first_cell = cells.shape[1], parallel.rows_before(comm, len(cells))
     ends = corners * np.arange(first_cell + 1, first_cell + len(cells) + 1)
     grid: dict[str, dict[str, Array]] = {
         "Points": {"points": points.astype(np.float64)},
         "Cells": {
-            "connectivity": cells.ravel().astype(np.int64) + parallel.rows_before(comm, len(points)),
+            "connectivity": cells.ravel().astype(np.int64)
+            + parallel.rows_before(comm, len(points)),
             "offsets": ends.astype(np.int64),
             "types": np.full(len(cells), kind, dtype=np.uint8),
         },
@@ -146,16 +183,23 @@ def write_vtu(path: Path, comm: MPI.Comm, points: Array, cells: Array, kind: int
         text += f"<{group}>\n"
         for name, values in arrays.items():
             components = f' NumberOfComponents="{values.shape[1]}"' if values.ndim > 1 else ""
-            text += f'<DataArray type="{_NAMES[values.dtype]}" Name="{name}"{components} format="binary">'
+            text += (
+                f'<DataArray type="{_NAMES[values.dtype]}" Name="{name}"{components} '
+                'format="binary">'
+            )
             rows = parallel.rows_on_root(comm, values)
             parallel.on_root(comm, partial(_append, path, text, rows))
             text = "</DataArray>\n"
         text += f"</{group}>\n"
-    parallel.on_root(comm, partial(_append, path, text + "</Piece>\n</UnstructuredGrid>\n</VTKFile>\n"))
+    parallel.on_root(
+        comm, partial(_append, path, text + "</Piece>\n</UnstructuredGrid>\n</VTKFile>\n")
+    )
 
 
 def _append(path: Path, text: str, values: Array | None = None) -> None:
-    """Write a text at the end of a file, and behind it values in base64 with the number of their bytes first."""
+    """Write a text at the end of a file, and behind it values in base64 with the number of their
+    bytes first.
+    """
     with path.open("ab") as file:
         file.write(text.encode())
         if values is not None:

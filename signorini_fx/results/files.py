@@ -13,10 +13,22 @@ from typing import Any
 import numpy as np
 from pydantic import BaseModel
 
-from signorini_fx.errors import InstallationError, MissingPackageError, PictureError, ResultError, cannot_be_written
+from signorini_fx.errors import (
+    InstallationError,
+    MissingPackageError,
+    PictureError,
+    ResultError,
+    cannot_be_written,
+)
 from signorini_fx.extensions import add_on
 from signorini_fx.machine import parallel
-from signorini_fx.machine.result_files import Table, read_csv, read_summary, write_columns, write_csv
+from signorini_fx.machine.result_files import (
+    Table,
+    read_csv,
+    read_summary,
+    write_columns,
+    write_csv,
+)
 from signorini_fx.machine.terminal import printable, say
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable, contact_table
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
@@ -34,7 +46,8 @@ from signorini_fx.results.folder import SUMMARY, ResultFolder
 from signorini_fx.results.solution import Solution
 from signorini_fx.results.summary import asked, post_processing, proved, summary_of
 
-# Fields drawn on demand: the von Mises stress always is, and the displacement around the axis where there is one.
+# Fields drawn on demand: the von Mises stress always is, and the displacement around the axis where
+# there is one.
 ON_DEMAND = ("pressure", "displacement", "density")
 _PICTURES = (
     *("deformed", "profiles", "convergence_table", "contact_surface", "load_steps", "setup"),
@@ -42,14 +55,28 @@ _PICTURES = (
 )
 # All files of a result, although some are written by some runs only, and its report.
 FILES = (
-    *(f"{name}.csv" for name in ("history", "outer", "steps", "contact", "contact_steps", "convergence_table")),
+    *(
+        f"{name}.csv"
+        for name in ("history", "outer", "steps", "contact", "contact_steps", "convergence_table")
+    ),
     *(f"{name}.{kind}" for name in _PICTURES for kind in ("png", "pdf")),
     *FIELD_FILES,
     "contact.vtu",
     "report.html",
 )
 # The columns that come first in the table of all load steps, and those that it leaves out.
-_CONSTANT_COLUMNS = ("against", "gap", "slip", "slip_x", "slip_y", "slip_z", "weight", "n_x", "n_y", "n_z")
+_CONSTANT_COLUMNS = (
+    "against",
+    "gap",
+    "slip",
+    "slip_x",
+    "slip_y",
+    "slip_z",
+    "weight",
+    "n_x",
+    "n_y",
+    "n_z",
+)
 _LEADING_COLUMNS = ("x", "y", "z", "s", "boundary")
 
 
@@ -63,14 +90,16 @@ def write_results(
 ) -> dict[str, Any]:
     """Write the result folder; collective.
 
-    The result is in its place before guaranteed bounds, friction used, further tables and pictures are
+    The result is in its place before guaranteed bounds, friction used, further tables and pictures
+    are
     made.  One of these that fails is a warning in the summary.
 
     Args:
         solution: what to write, converged or not.
         folder: made if it does not exist, or claimed before.
         fields: write the fields for ParaView.
-        pictures: draw the deformed body with the von Mises stress, and the contact boundary; a list of names: draw the
+        pictures: draw the deformed body with the von Mises stress, and the contact boundary; a list
+        of names: draw the
             deformed body with these fields too (``pressure``, ``displacement``, ``density``).
         pdf: write each picture as a PDF, for print, beside the PNG.
 
@@ -81,18 +110,21 @@ def write_results(
         TypeError: the first argument is not a solution.
         ValueError: ``fields`` is neither True nor False, or a field in ``pictures`` is not known.
         InstallationError: pictures of certain fields are asked for, and the add-on is missing.
-        OutputError: something could not be written, or a file is in the way that is no result; an older result is still
-            there, or there is no summary.json.
+        OutputError: something could not be written, or a file is in the way that is no result; an
+            older result is still there, or there is no summary.json.
     """
     if not isinstance(solution, Solution):
         raise TypeError(f"write_results takes a Solution and a folder, not {kind_of(solution)}")
     if not isinstance(fields, bool):
-        raise ValueError(f"fields: True or False is expected, got {fields!r}: all of them are in {VTU}")
+        raise ValueError(
+            f"fields: True or False is expected, got {fields!r}: all of them are in {VTU}"
+        )
     if not isinstance(pictures, bool):
         pictures = [pictures] if isinstance(pictures, str) else list(pictures)
         if wrong := [name for name in pictures if name not in ("von_mises", *ON_DEMAND)]:
             raise ValueError(
-                f"no picture of {', '.join(map(repr, wrong))}: there are {', '.join(('von_mises', *ON_DEMAND))}"
+                f"no picture of {', '.join(map(repr, wrong))}: there are "
+                f"{', '.join(('von_mises', *ON_DEMAND))}"
             )
     gather: Callable[..., Any] | None = None
     missing = ""
@@ -102,9 +134,16 @@ def write_results(
         if not isinstance(pictures, bool):
             raise
         missing = str(error) if isinstance(error, MissingPackageError) else ""
-    with folder if isinstance(folder, ResultFolder) else ResultFolder(solution.comm, folder, FILES) as claimed:
+    with (
+        folder
+        if isinstance(folder, ResultFolder)
+        else ResultFolder(solution.comm, folder, FILES) as claimed
+    ):
         return _Written(solution, claimed).write(
-            fields, gather and partial(gather, asked=() if isinstance(pictures, bool) else pictures, pdf=pdf), missing
+            fields,
+            gather
+            and partial(gather, asked=() if isinstance(pictures, bool) else pictures, pdf=pdf),
+            missing,
         )
 
 
@@ -123,8 +162,12 @@ class _Written:
     solution: Solution
     folder: ResultFolder
 
-    def write(self, fields: bool, gather: Callable[[Solution], Any] | None, missing: str) -> dict[str, Any]:
-        """What stands first; then what is said about it, and the pictures, of which each may fail."""
+    def write(
+        self, fields: bool, gather: Callable[[Solution], Any] | None, missing: str
+    ) -> dict[str, Any]:
+        """What stands first; then what is said about it, and the pictures, of which each may
+        fail.
+        """
         solution, folder = self.solution, self.folder
         table = solution.table if solution.contact is not None else None
         summary = self._stands(table, fields)
@@ -142,7 +185,10 @@ class _Written:
         if gather is not None:
             count = len(findings)
             post_processing(
-                solution.comm, "pictures", findings, lambda: self._pictures(table, gather(solution), summary)
+                solution.comm,
+                "pictures",
+                findings,
+                lambda: self._pictures(table, gather(solution), summary),
             )
             if len(findings) > count:
                 parallel.on_root(solution.comm, folder.clear)  # a file may be truncated
@@ -157,7 +203,9 @@ class _Written:
         plane = solution.model.tagged.dimension == 2
         # Keys that a scene in 2D, or one in 3D, does not have.
         summary["scene"] = describe(solution.statement.tables, ("z" if plane else "hypothesis",))
-        summary["finished"] = parallel.on_root(comm, lambda: datetime.now(UTC).isoformat(timespec="seconds"))
+        summary["finished"] = parallel.on_root(
+            comm, lambda: datetime.now(UTC).isoformat(timespec="seconds")
+        )
         steps = summary.get("steps", [])
         if fields:
             try:
@@ -167,10 +215,15 @@ class _Written:
             summary |= of_fields(solution)
 
         def write() -> None:
-            for name, records in (("history", solution.history.iterations), ("outer", solution.history.outer)):
+            for name, records in (
+                ("history", solution.history.iterations),
+                ("outer", solution.history.outer),
+            ):
                 rows = [asdict(record) for record in records]
                 if not steps:
-                    rows = [{key: value for key, value in row.items() if key != "step"} for row in rows]
+                    rows = [
+                        {key: value for key, value in row.items() if key != "step"} for row in rows
+                    ]
                 write_csv(part / f"{name}.csv", rows)
             if steps:
                 write_csv(part / "steps.csv", steps)
@@ -183,11 +236,18 @@ class _Written:
     def _tables(self, table: ContactTable | None) -> None:
         """The tables that show more of it."""
         solution, part = self.solution, self.folder.part
-        along_steps = _contact_by_step(solution) if solution.statement.several_steps and table is not None else {}
+        along_steps = (
+            _contact_by_step(solution)
+            if solution.statement.several_steps and table is not None
+            else {}
+        )
 
         def write() -> None:
             if solution.convergence_table:
-                write_csv(part / "convergence_table.csv", [row.model_dump() for row in solution.convergence_table])
+                write_csv(
+                    part / "convergence_table.csv",
+                    [row.model_dump() for row in solution.convergence_table],
+                )
             if table is not None and table.facets is not None:
                 write_surface(part / "contact.vtu", table)
             if along_steps:
@@ -211,9 +271,14 @@ class _Written:
     def _put(self, summary: dict[str, Any], absent: list[str]) -> None:
         """Write the summary, with what it lacks so far."""
         reason = "is missing: the run ended before it was complete"
-        findings = [*summary["findings"], *(asdict(Finding("warning", name, reason)) for name in absent)]
+        findings = [
+            *summary["findings"],
+            *(asdict(Finding("warning", name, reason)) for name in absent),
+        ]
         text = json.dumps(for_json({**summary, "findings": findings}), indent=2, allow_nan=False)
-        self._on_root(lambda: (self.folder.part / SUMMARY).write_text(text + "\n", encoding="utf-8"))
+        self._on_root(
+            lambda: (self.folder.part / SUMMARY).write_text(text + "\n", encoding="utf-8")
+        )
 
     def _on_root(self, write: Callable[[], object]) -> None:
         """Write files on the first rank."""
@@ -228,7 +293,9 @@ class _Written:
 
 
 def for_json(value: Any) -> Any:
-    """Plain data for JSON: values that a failed solve could not compute become null; no control characters."""
+    """Plain data for JSON: values that a failed solve could not compute become null; no control
+    characters.
+    """
     if isinstance(value, dict):
         return {for_json(key): for_json(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
@@ -239,7 +306,9 @@ def for_json(value: Any) -> Any:
 
 
 def _contact_by_step(solution: Solution) -> Table:
-    """The columns of the contact boundary in all load steps, their numbers first; empty on other ranks; collective."""
+    """The columns of the contact boundary in all load steps, their numbers first; empty on other
+    ranks; collective.
+    """
     tables: list[Table] = []
     for result in solution.shown_steps:
         if result.contact is not None:
@@ -248,21 +317,35 @@ def _contact_by_step(solution: Solution) -> Table:
             trailing = [name for name in columns if name not in (*first, *_CONSTANT_COLUMNS)]
             if parallel.is_root(solution.comm):
                 steps = np.full(len(columns["x"]), result.step)
-                tables.append({"step": steps, **{name: columns[name] for name in (*first, *trailing)}})
-    return {name: np.concatenate([table[name] for table in tables]) for name in (tables[0] if tables else ())}
+                tables.append(
+                    {"step": steps, **{name: columns[name] for name in (*first, *trailing)}}
+                )
+    return {
+        name: np.concatenate([table[name] for table in tables])
+        for name in (tables[0] if tables else ())
+    }
 
 
-def describe(value: Any, without: tuple[str, ...] = (), of_file: Callable[[Path], str] = lambda path: path.name) -> Any:
-    """Scene data as JSON: expressions as text, and a note of the type for everything that cannot be written;
-    ``without``: keys of tables to leave out, which a scene in 2D, or one in 3D, does not have; ``of_file``: what stands
-    for a file.
+def describe(
+    value: Any,
+    without: tuple[str, ...] = (),
+    of_file: Callable[[Path], str] = lambda path: path.name,
+) -> Any:
+    """Scene data as JSON: expressions as text, and a note of the type for everything that cannot be
+    written;
+    ``without``: keys of tables to leave out, which a scene in 2D, or one in 3D, does not have;
+    ``of_file``: what stands for a file.
     """
 
     def inner(value: Any) -> Any:
         return describe(value, without, of_file)
 
     if isinstance(value, BaseModel):
-        return {name: inner(getattr(value, name)) for name in type(value).model_fields if name not in without}
+        return {
+            name: inner(getattr(value, name))
+            for name in type(value).model_fields
+            if name not in without
+        }
     if isinstance(value, Mapping):
         return {str(key): inner(item) for key, item in value.items()}
     if isinstance(value, list | tuple):

@@ -1,8 +1,9 @@
 """Result folders: written completely or not at all, by one run at a time.
 
-Everything is written into a hidden folder inside the result folder and moved into place at the end, summary.json last:
-a folder has a result if and only if it has summary.json.  A run that is killed leaves its hidden folder behind, which
-the next run removes.  Only those files are replaced or removed that the manifest of the folder lists.
+Everything is written into a hidden folder inside the result folder and moved into place at the end,
+summary.json last: a folder has a result if and only if it has summary.json.  A run that is killed
+leaves its hidden folder behind, which the next run removes.  Only those files are replaced or
+removed that the manifest of the folder lists.
 """
 
 from __future__ import annotations
@@ -26,16 +27,19 @@ CHECKPOINT = "checkpoint"
 
 
 class ResultFolder:
-    """The claim of one run on a folder, from its first moment to its last; every method is collective.
+    """The claim of one run on a folder, from its first moment to its last; every method is
+    collective.
 
-    The claim is a lock on the folder itself, which the system releases when the process ends in any way.  Used as a
-    context, it removes at its end what was written after the last ``commit`` or ``add``, and releases the folder.
-    ``names``: the files and folders that the run may write; ``part``: where to write what ``commit`` or ``add`` will
-    move into place; ``committed``: whether there is a result of this run.
+    The claim is a lock on the folder itself, which the system releases when the process ends in any
+    way.  Used as a context, it removes at its end what was written after the last ``commit`` or
+    ``add``, and releases the folder.
+    ``names``: the files and folders that the run may write; ``part``: where to write what
+    ``commit`` or ``add`` will move into place; ``committed``: whether there is a result of this
+    run.
 
     Raises:
-        OutputError: the folder cannot be written, another run is writing it, or there are files at these names that
-            no earlier run has written; later also by ``commit`` and ``add``.
+        OutputError: the folder cannot be written, another run is writing it, or there are files at
+            these names that no earlier run has written; later also by ``commit`` and ``add``.
     """
 
     def __init__(self, comm: MPI.Comm, path: str | Path, names: Iterable[str]) -> None:
@@ -53,9 +57,13 @@ class ResultFolder:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: object) -> None:
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: object
+    ) -> None:
         claimed, self._claimed = self._claimed, False
-        if claimed and (error is None or isinstance(error, SignoriniError)):  # these are raised on all ranks
+        if claimed and (
+            error is None or isinstance(error, SignoriniError)
+        ):  # these are raised on all ranks
             parallel.on_root(self._comm, self._remove)
         elif claimed:  # the other ranks may never get here: this rank removes what it can
             self._remove()
@@ -77,7 +85,9 @@ class ResultFolder:
     def add(self) -> None:
         """Put what was written since then beside it, the summary last."""
         with signals.deferred():
-            parallel.on_root(self._comm, lambda: self._move(lambda new: manifest.add(self.path, new)))
+            parallel.on_root(
+                self._comm, lambda: self._move(lambda new: manifest.add(self.path, new))
+            )
 
     def _move(self, begin: Callable[[list[str]], None]) -> None:
         try:
@@ -129,10 +139,16 @@ class ResultFolder:
 
 
 def refuse_foreign(folder: Path, names: Iterable[str]) -> None:
-    """Raise ``OutputError`` if there is something at these places of a folder that no run has written; on one rank."""
+    """Raise ``OutputError`` if there is something at these places of a folder that no run has
+    written; on one rank.
+    """
     if foreign := manifest.foreign(folder, names):
-        listed = ", ".join(foreign[:5]) + (f" and {len(foreign) - 5} more" if len(foreign) > 5 else "")
-        reason = "no earlier run lists this as its own, so it stays: move it, or choose another folder"
+        listed = ", ".join(foreign[:5]) + (
+            f" and {len(foreign) - 5} more" if len(foreign) > 5 else ""
+        )
+        reason = (
+            "no earlier run lists this as its own, so it stays: move it, or choose another folder"
+        )
         raise OutputError(f"{folder}: {listed}: {reason}")
 
 
@@ -141,5 +157,11 @@ def _lock(descriptor: int) -> None:
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except OSError as error:
-        if error.errno not in (errno.EBADF, errno.EINVAL, errno.ENOLCK, errno.ENOTSUP, errno.ENOSYS):
+        if error.errno not in (
+            errno.EBADF,
+            errno.EINVAL,
+            errno.ENOLCK,
+            errno.ENOTSUP,
+            errno.ENOSYS,
+        ):
             raise

@@ -1,4 +1,6 @@
-"""The model of a body that says what its results are made of: contact conditions, stresses and resultants."""
+"""The model of a body that says what its results are made of: contact conditions, stresses and
+resultants.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,12 @@ from signorini_fx.records import Finding, Status, StepRecord
 from signorini_fx.results.certificate.certificate import Certificate, balance_of, judged
 from signorini_fx.results.certificate.contact_nodes import ContactConditions
 from signorini_fx.results.certificate.equilibrium import Balance
-from signorini_fx.results.certificate.law_of_method import Law, PreviousStep, Tractions, overclosures_of
+from signorini_fx.results.certificate.law_of_method import (
+    Law,
+    PreviousStep,
+    Tractions,
+    overclosures_of,
+)
 
 if TYPE_CHECKING:
     from signorini_fx.results.accuracy.stress_recovery import StressRecovery
@@ -31,17 +38,25 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class SolidBody(Model, ABC):
-    """A model that says its own forces, stresses and contact conditions, by its statement or by forms."""
+    """A model that says its own forces, stresses and contact conditions, by its statement or by
+    forms.
+    """
 
     no_bounds: ClassVar[str]  # why there are no guaranteed bounds; "": there may be
 
     @classmethod
     def of(cls, model: Model, **attributes: Any) -> Self:
-        """A body from its model, and from what this kind of body has beside; both share what is computed of them."""
-        return cls(**{field.name: getattr(model, field.name) for field in fields(Model)}, **attributes)
+        """A body from its model, and from what this kind of body has beside; both share what is
+        computed of them.
+        """
+        return cls(
+            **{field.name: getattr(model, field.name) for field in fields(Model)}, **attributes
+        )
 
     def conditions(self, y: fem.Function) -> ContactConditions | None:
-        """The contact points at a displacement, and what holds there; None: there is no contact; collective."""
+        """The contact points at a displacement, and what holds there; None: there is no contact;
+        collective.
+        """
         if self.boundary is None:
             return None
         assert self.data is not None
@@ -54,7 +69,9 @@ class SolidBody(Model, ABC):
 
     @abstractmethod
     def stress(self, y: fem.Function, step: float) -> RawStresses | str:
-        """The stress of a displacement at a place in the lists of factors, or why it is not known; collective."""
+        """The stress of a displacement at a place in the lists of factors, or why it is not known;
+        collective.
+        """
 
     @cached_property
     def recovery(self) -> StressRecovery:
@@ -63,7 +80,9 @@ class SolidBody(Model, ABC):
 
     @abstractmethod
     def balance(self, y: fem.Function, step: float) -> Balance:
-        """The forces on the body without contact at a displacement and a place in the lists of factors; collective."""
+        """The forces on the body without contact at a displacement and a place in the lists of
+        factors; collective.
+        """
 
     @abstractmethod
     def acting(self, y: fem.Function, step: float) -> ActingForces:
@@ -79,10 +98,13 @@ class SolidBody(Model, ABC):
         last: PreviousStep | None,
         rigid: tuple[RigidBodyMotion, ...],
     ) -> Certificate:
-        """The certificate of a result at a place; ``last``: the end of the last load step; for the other arguments see
-        ``results.certificate.certificate.judged``; collective.
+        """The certificate of a result at a place; ``last``: the end of the last load step; for the
+        other arguments see ``results.certificate.certificate.judged``; collective.
         """
-        balance, drives = self.balance(displacement, step), [*zip(rigid, self.drives(step), strict=bool(rigid))]
+        balance, drives = (
+            self.balance(displacement, step),
+            [*zip(rigid, self.drives(step), strict=bool(rigid))],
+        )
         law = replace(law, overclosures=overclosures_of(self.statement))
         contact = self.conditions(displacement)
         return judged(displacement, balance, contact, tractions, law=law, before=last, rigid=drives)
@@ -133,7 +155,9 @@ def acting_on(
     *,
     displaced: bool = False,
 ) -> ActingForces:
-    """What acts on the body of a statement, ``followers`` among it, with the names of the statement; collective."""
+    """What acts on the body of a statement, ``followers`` among it, with the names of the
+    statement; collective.
+    """
     from signorini_fx.results.resultants import ActingForces
 
     statement, loads = forces.statement, [*followers]
@@ -154,7 +178,8 @@ class StepResult:
 
     Attributes:
         step: its number, from 1.
-        place: its place in the lists of factors, see ``statement.load_path``: 0 for the first factor.
+        place: its place in the lists of factors, see ``statement.load_path``: 0 for the first
+            factor.
         time: its time.
         name: its name; "": it has none.
         status: how it ended.

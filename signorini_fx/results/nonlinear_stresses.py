@@ -1,8 +1,9 @@
-"""The forces on the nodes of bodies of nonlinear materials, and their Cauchy stress, from their states and their UFL.
+"""The forces on the nodes of bodies of nonlinear materials, and their Cauchy stress, from their
+states and their UFL.
 
-The stress is evaluated at the points of quadrature, where the material is.  The fields are polynomials of degree k - 1
-in each cell of degree k, the nearest ones to the values at its points: those of a higher degree would leave the yield
-surface at the nodes.
+The stress is evaluated at the points of quadrature, where the material is.  The fields are
+polynomials of degree k - 1 in each cell of degree k, the nearest ones to the values at its points:
+those of a higher degree would leave the yield surface at the nodes.
 """
 
 from __future__ import annotations
@@ -37,13 +38,15 @@ from signorini_fx.results.resultants import NamedForces
 from signorini_fx.results.stresses import PointStress, RawStresses
 
 Array = npt.NDArray[np.float64]
-# Displacements at the ends of load steps, the first one first, with their places in the lists of factors.
+# Displacements at the ends of load steps, the first one first, with their places in the lists of
+# factors.
 Path = Sequence[tuple[fem.Function, float]]
 
 
 class NonlinearForces(NodalForces):
-    """Forces on the nodes of a body of nonlinear materials, see ``NodalForces``, and the stress of its load steps; kept
-    are the states of the last one alone: those of all would take many times the memory of the displacements.
+    """Forces on the nodes of a body of nonlinear materials, see ``NodalForces``, and the stress of
+    its load steps; kept are the states of the last one alone: those of all would take many times
+    the memory of the displacements.
     """
 
     def __init__(self, statement: Statement, tagged: TaggedMesh, space: fem.FunctionSpace) -> None:
@@ -62,7 +65,9 @@ class NonlinearForces(NodalForces):
         self._body.move_to(step)
 
     def residual(self, displacement: fem.Function, step: float) -> Array:
-        """Forces of materials without a state, springs and loads, forces of shape (owned dofs,); collective."""
+        """Forces of materials without a state, springs and loads, forces of shape (owned dofs,);
+        collective.
+        """
         self._move_to(displacement, step)
         forms = self._compiled("residual", lambda: [self._body.form])
         return np.asarray((self._sum(forms) - self.external(step)).ravel())
@@ -73,13 +78,17 @@ class NonlinearForces(NodalForces):
         followers, loads = self._body.followers, list[NamedForces]()
         for effect, work in zip(followers.effects, followers.works, strict=True):
             forms = self._compiled(("follower", id(effect)), partial(list, (work,)))
-            loads.append((effect.where, effect.label if effect.carried else "pressure", -self._sum(forms)))
+            loads.append(
+                (effect.where, effect.label if effect.carried else "pressure", -self._sum(forms))
+            )
         return loads
 
     def _go_through(self, path: Path) -> None:
         """Take the materials to the end of load steps; none: before the first one."""
         count, points = len(self._path), self._body.points
-        if count > len(path) or any(a is not b for (a, _), (b, _) in zip(self._path, path, strict=False)):
+        if count > len(path) or any(
+            a is not b for (a, _), (b, _) in zip(self._path, path, strict=False)
+        ):
             count = 0
             for state in points:
                 state.begun = np.zeros_like(state.begun)
@@ -90,14 +99,18 @@ class NonlinearForces(NodalForces):
         self._path = tuple(path)
 
     def stress_after(self, path: Path) -> PointStress:
-        """The Cauchy stress at the points of quadrature at the end of load steps; a mean stress that is integrated with
-        fewer points is the polynomial through them; collective.
+        """The Cauchy stress at the points of quadrature at the end of load steps; a mean stress
+        that is integrated with fewer points is the polynomial through them; collective.
         """
         self._go_through(path[:-1])
         self._move_to(*path[-1])
         self._body.update()
         degree = max(1, strain_degree(self.space, self.kinematics))
-        mesh, cell, reduced = self.space.mesh, self.space.mesh.topology.cell_name(), volume_degree(*self._stated)
+        mesh, cell, reduced = (
+            self.space.mesh,
+            self.space.mesh.topology.cell_name(),
+            volume_degree(*self._stated),
+        )
         points, weights = basix.make_quadrature(getattr(basix.CellType, cell), degree)
         through = None if reduced is None else element_at_points(cell, reduced).basix_element
         fewer = points if through is None else through.points
@@ -113,7 +126,9 @@ class NonlinearForces(NodalForces):
         plastic: Array | None = None
         for state in self._body.points:
             stress[state.cells] = state.response()[0].reshape(*state.begun.shape[:2], 3, 3)
-            reached = state.material.plastic_strain(state.current.reshape(-1, state.material.state_size))
+            reached = state.material.plastic_strain(
+                state.current.reshape(-1, state.material.state_size)
+            )
             if reached is not None:
                 plastic = np.zeros(stress.shape[:2]) if plastic is None else plastic
                 plastic[state.cells] = reached.reshape(state.current.shape[:2])
@@ -122,18 +137,24 @@ class NonlinearForces(NodalForces):
         return PointStress(points, weights, x[..., : points.shape[1]], stress + mean, plastic)
 
 
-def _evaluated(expression: Any, points: Array, mesh: dmesh.Mesh, cells: npt.NDArray[np.int32]) -> Array:
+def _evaluated(
+    expression: Any, points: Array, mesh: dmesh.Mesh, cells: npt.NDArray[np.int32]
+) -> Array:
     """UFL at points of cells, shape (cells, points, ...)."""
     with compiling():
         compiled = fem.Expression(expression, points)
-    return np.asarray(compiled.eval(mesh, cells)).reshape(len(cells), len(points), *expression.ufl_shape)
+    return np.asarray(compiled.eval(mesh, cells)).reshape(
+        len(cells), len(points), *expression.ufl_shape
+    )
 
 
 def nonlinear_stresses(model: SolidBody, forces: NonlinearForces, path: Path) -> RawStresses:
-    """The Cauchy stress at the end of load steps, at small strains the stress; nothing is recovered, and no error
-    estimated; collective.
+    """The Cauchy stress at the end of load steps, at small strains the stress; nothing is
+    recovered, and no error estimated; collective.
     """
     at_points, space = forces.stress_after(path), model.space
-    tensor = at_points.on_cells(at_points.stress, space.mesh, space.element.basix_element.degree - 1, "stress")
+    tensor = at_points.on_cells(
+        at_points.stress, space.mesh, space.element.basix_element.degree - 1, "stress"
+    )
     stress = ElementStress(path[-1][0], forces.kinematics, tensor, lambda _: None, None, None)
     return RawStresses(stress, model, at_points=at_points)

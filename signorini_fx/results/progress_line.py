@@ -24,8 +24,9 @@ class ProgressLine(AbstractContextManager["ProgressLine"]):
         with ProgressLine() as line:
             solution = solve(scene, observers=[line])
 
-    Rank 0 of all ranks shows it: below the cell of a notebook, or at the bottom of a terminal (standard error). It is
-    erased at the end, and before anything else is printed ``erase`` must be called. Without either nothing is written.
+    Rank 0 of all ranks shows it: below the cell of a notebook, or at the bottom of a terminal
+    (standard error). It is erased at the end, and before anything else is printed ``erase`` must be
+    called. Without either nothing is written.
     """
 
     def __init__(self) -> None:
@@ -34,7 +35,9 @@ class ProgressLine(AbstractContextManager["ProgressLine"]):
         self._begin = ""  # mesh or load step
         interactive: Any = sys.modules.get("IPython")
         in_notebook = interactive is not None and hasattr(interactive.get_ipython(), "kernel")
-        self._display = interactive.display.display if in_notebook else None  # shows below the cell that runs
+        self._display = (
+            interactive.display.display if in_notebook else None
+        )  # shows below the cell that runs
         self._output: Any = None
         seen = self._display is not None or terminal.is_terminal(sys.stderr)
         self._silent = not (parallel.is_root(MPI.COMM_WORLD) and seen)
@@ -44,7 +47,9 @@ class ProgressLine(AbstractContextManager["ProgressLine"]):
 
     def __call__(self, record: Record) -> None:
         """Show where the solve is, if the last time is some time ago."""
-        if isinstance(record, StepRecord) or (isinstance(record, str) and record.startswith("level ")):
+        if isinstance(record, StepRecord) or (
+            isinstance(record, str) and record.startswith("level ")
+        ):
             self._begin = f"{record}, "
         seconds = time.perf_counter()
         if isinstance(record, IterationRecord) and not self._silent and seconds >= self._next:

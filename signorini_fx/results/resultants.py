@@ -1,4 +1,6 @@
-"""Resultants of what acts on the body: through each boundary a force, its moment, and where it acts."""
+"""Resultants of what acts on the body: through each boundary a force, its moment, and where it
+acts.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +27,8 @@ from signorini_fx.results.certificate.law_of_method import Tractions
 from signorini_fx.tuned import ZERO_IN_SOLUTION
 
 Array = npt.NDArray[np.float64]
-# A part of the boundary, None for the body; what acts there, in words; the forces, shape (owned nodes, d).
+# A part of the boundary, None for the body; what acts there, in words; the forces, shape (owned
+# nodes, d).
 NamedForces = tuple[str | None, str, Array]
 # Points of this rank and the forces there, shapes (n, d), by what exerts them.
 ByCause = dict[str, tuple[Array, Array]]
@@ -35,20 +38,22 @@ ByCause = dict[str, tuple[Array, Array]]
 class Resultant:
     """What acts on the body through a boundary, in 2D per unit thickness.
 
-    Over a revolution the first of them is the sum of all radial forces, the third that of all forces around the axis;
-    moments are those about the axis alone, the torque.
+    Over a revolution the first of them is the sum of all radial forces, the third that of all
+    forces around the axis; moments are those about the axis alone, the torque.
 
     Attributes:
         boundary: its name, or a point such as ``(0, 1)`` with a support; None: the body.
-        acts: what acts there: ``support``, ``contact``, and kinds of loads and resistances, such as ``traction`` or
-            ``body force``.
+        acts: what acts there: ``support``, ``contact``, and kinds of loads and resistances, such as
+            ``traction`` or ``body force``.
         force: force on the body, shape (d,).
         moment: its moment about ``about``; a number in 2D (counterclockwise), shape (3,) in 3D.
         about: a point, length, shape (d,).
-        acts_at: a point of the line of action, length, shape (d,): on a flat boundary where that line meets its plane,
-            in 3D the point of its plane about which the forces have no moment but that along the normal; otherwise
-            the point of the central axis next to the middle of the boundary.  None where the forces have no resultant.
-        size: sum of the magnitudes of the nodal forces, and of their moments, by which round-off is judged.
+        acts_at: a point of the line of action, length, shape (d,): on a flat boundary where that
+            line meets its plane, in 3D the point of its plane about which the forces have no moment
+            but that along the normal; otherwise the point of the central axis next to the middle of
+            the boundary. None where the forces have no resultant.
+        size: sum of the magnitudes of the nodal forces, and of their moments, by which round-off is
+            judged.
     """
 
     boundary: str | None
@@ -65,8 +70,8 @@ class Resultant:
         return _plain(np.atleast_1d(self.moment) + moments(arms, self.force))
 
     def as_dict(self, size: tuple[float, float], extent: float) -> dict[str, object]:
-        """A row of the summary, JSON-safe; what is round-off beside forces and moments of this size, and beside the
-        extent of the body, is zero.
+        """A row of the summary, JSON-safe; what is round-off beside forces and moments of this
+        size, and beside the extent of the body, is zero.
         """
         moment = clean(np.atleast_1d(self.moment).tolist(), size[1])
         return {
@@ -84,7 +89,9 @@ class ActingForces:
     """What acts on a body at one displacement beside contact, evaluated anew."""
 
     balance: Balance
-    supports: Sequence[str | None]  # names of what the numbers in ``balance.supports.by`` stand for, None: nothing
+    supports: Sequence[
+        str | None
+    ]  # names of what the numbers in ``balance.supports.by`` stand for, None: nothing
     loads: Sequence[NamedForces]
     names: Sequence[str | None]  # of the parts of the boundary with any of them
     displaced: bool = False  # whether they act at the displaced points
@@ -92,10 +99,11 @@ class ActingForces:
 
 @dataclass(frozen=True, repr=False)
 class Resultants:
-    """The resultants of one load step, from nodal forces: exact for the discrete solution, so that they are in balance.
+    """The resultants of one load step, from nodal forces: exact for the discrete solution, so that
+    they are in balance.
 
-    Reactions are what the stresses in the body leave at the nodes of supports (at a node of two of them a component
-    belongs to one alone), those of contact come from the tractions of the contact.
+    Reactions are what the stresses in the body leave at the nodes of supports (at a node of two of
+    them a component belongs to one alone), those of contact come from the tractions of the contact.
 
     Attributes:
         statement: what is stated of the problem.
@@ -133,13 +141,19 @@ class Resultants:
         return self._sum(None, self._at_nodes(None), about)
 
     def every(self) -> list[Resultant]:
-        """Those of all boundaries with loads, supports or contact, and of the body force; collective."""
+        """Those of all boundaries with loads, supports or contact, and of the body force;
+        collective.
+        """
         resultants = [self.of(name) for name in self._names]
         return [*resultants, *([self.body_force()] if self._at_nodes(None) else [])]
 
     def as_rows(self) -> list[dict[str, object]]:
-        """Those of ``every`` for the summary; none if the displacement is not a number; collective."""
-        if parallel.any_rank(self.tagged.mesh.comm, not np.isfinite(self.displacement.x.array).all()):
+        """Those of ``every`` for the summary; none if the displacement is not a number;
+        collective.
+        """
+        if parallel.any_rank(
+            self.tagged.mesh.comm, not np.isfinite(self.displacement.x.array).all()
+        ):
             return []
         resultants = self.every()
         sizes = np.array([resultant.size for resultant in resultants]).reshape(-1, 2)
@@ -149,17 +163,29 @@ class Resultants:
     @property
     def _names(self) -> list[str]:
         """The boundaries through which something acts."""
-        sides = [name for effect in self.statement.contact for name in (effect.boundary, effect.against)]
-        return list(dict.fromkeys(name for name in [*self.acting.names, *sides, *self._points] if name is not None))
+        sides = [
+            name for effect in self.statement.contact for name in (effect.boundary, effect.against)
+        ]
+        return list(
+            dict.fromkeys(
+                name for name in [*self.acting.names, *sides, *self._points] if name is not None
+            )
+        )
 
     @property
     def _points(self) -> dict[str, tuple[float, ...]]:
         """The points with supports, by their names."""
-        return {effect.place: effect.at for effect in self.statement.displacement if effect.at is not None}
+        return {
+            effect.place: effect.at
+            for effect in self.statement.displacement
+            if effect.at is not None
+        }
 
     @cached_property
     def _moved(self) -> Array:
-        """By how much nodes are moved to where forces act on a body with large displacements, shape (nodes, d)."""
+        """By how much nodes are moved to where forces act on a body with large displacements, shape
+        (nodes, d).
+        """
         y = self.displacement.x.array.reshape(-1, self.tagged.mesh.geometry.dim)
         return np.asarray(y if self.acting.displaced else np.zeros_like(y))
 
@@ -178,7 +204,9 @@ class Resultants:
         return self._x, -total
 
     def _of_contact(self, *parts: int) -> Array:
-        """The forces of the contact tractions, or those of some contacts, shape (owned nodes, d); collective."""
+        """The forces of the contact tractions, or those of some contacts, shape (owned nodes, d);
+        collective.
+        """
         total = np.zeros_like(self._x)
         if self.contact is not None and self.conditions is not None:
             claimed = ContactNodes.of(self.conditions, Tractions.of(self.contact))
@@ -188,21 +216,40 @@ class Resultants:
 
     @cached_property
     def _reactions(self) -> Array:
-        """What the stresses in the body leave to the supports, shape (owned nodes, d); collective."""
+        """What the stresses in the body leave to the supports, shape (owned nodes, d);
+        collective.
+        """
         balance = self.acting.balance
-        return np.asarray(balance.internal + balance.resisted - balance.external - balance.initial + self._of_contact())
+        return np.asarray(
+            balance.internal
+            + balance.resisted
+            - balance.external
+            - balance.initial
+            + self._of_contact()
+        )
 
     def _through(self, boundary: str) -> ByCause:
         """The forces on the body at the nodes of a boundary."""
         by_cause = self._at_nodes(boundary)
-        for sign, key in ((-1.0, "boundary"), (1.0, "against")):  # on the other body they are opposite
-            parts = [k for k, effect in enumerate(self.statement.contact) if getattr(effect, key) == boundary]
+        for sign, key in (
+            (-1.0, "boundary"),
+            (1.0, "against"),
+        ):  # on the other body they are opposite
+            parts = [
+                k
+                for k, effect in enumerate(self.statement.contact)
+                if getattr(effect, key) == boundary
+            ]
             if parts and self.contact is not None and self.conditions is not None:
                 state, points, pairs = self.contact, self.contact.boundary, self.conditions.pairs
                 on_boundary = np.isin(points.part, parts)
                 forces = sign * points.nodal_forces(state.pressure, state.shear)
-                placed = [number for number, pair in pairs.items() if pair.displaced]  # points that slide are there
-                moved = np.where(np.isin(points.part, placed)[:, None], 0.0, self._moved[points.nodes])
+                placed = [
+                    number for number, pair in pairs.items() if pair.displaced
+                ]  # points that slide are there
+                moved = np.where(
+                    np.isin(points.part, placed)[:, None], 0.0, self._moved[points.nodes]
+                )
                 by_cause["contact"] = (points.centre + moved)[on_boundary], forces[on_boundary]
                 # The displacement has moved partners away from the points.
                 kept = any(part in pairs and not pairs[part].displaced for part in parts)
@@ -211,8 +258,14 @@ class Resultants:
         return by_cause
 
     def _at_nodes(self, boundary: str | None) -> ByCause:
-        """Those of supports, loads and what resists the displacement; None: in the body; collective."""
-        held = [number for number, name in enumerate(self.acting.supports) if name == boundary is not None]
+        """Those of supports, loads and what resists the displacement; None: in the body;
+        collective.
+        """
+        held = [
+            number
+            for number, name in enumerate(self.acting.supports)
+            if name == boundary is not None
+        ]
         by_cause = dict[str, Array]()
         if held:
             taken = [self.acting.balance.supports.taken(self._reactions, number) for number in held]
@@ -230,7 +283,9 @@ class Resultants:
             raise ValueError(f"about: a point with {dim} coordinates is expected, got {about!r}")
         total: Array = np.zeros(self._kinematics.motions + 2)
         for points, values in forces.values():
-            turning = moments(points - point, values).sum(axis=0) * self._kinematics.unbalanced[dim:]
+            turning = (
+                moments(points - point, values).sum(axis=0) * self._kinematics.unbalanced[dim:]
+            )
             sizes = np.linalg.norm(values, axis=1)
             arms = np.linalg.norm(points - point, axis=1)
             total += np.concatenate((values.sum(axis=0), turning, [sizes.sum(), arms @ sizes]))
@@ -249,7 +304,9 @@ class Resultants:
         return self.statement.kinematics_in(self.tagged.dimension)
 
     def _middle(self, boundary: str) -> tuple[Array, Array | None]:
-        """The middle of a boundary, and its normal if it is flat, as no displaced one is; a point itself."""
+        """The middle of a boundary, and its normal if it is flat, as no displaced one is; a point
+        itself.
+        """
         if boundary in self._points:
             return np.array(self._points[boundary]), None
         space = self.displacement.function_space
@@ -265,13 +322,16 @@ class Resultants:
 
 
 def moments(arms: Array, forces: Array) -> Array:
-    """Moments of forces, shape (..., d), at ``arms`` from a point: shape (..., 1) in 2D, (..., 3) in 3D."""
+    """Moments of forces, shape (..., d), at ``arms`` from a point: shape (..., 1) in 2D, (..., 3)
+    in 3D.
+    """
     return CARTESIAN[forces.shape[-1]].turned(arms, forces)
 
 
 def arm(moment: Array, force: Array, normal: Array | None) -> Array:
-    """From a point to where a force with this moment about it acts, shape (d,): n x M / (n . F) across a normal, where
-    no moment is left but that along it; without, or if the force lies in that plane, the nearest place F x M / F^2.
+    """From a point to where a force with this moment about it acts, shape (d,): n x M / (n . F)
+    across a normal, where no moment is left but that along it; without, or if the force lies in
+    that plane, the nearest place F x M / F^2.
     """
     axis = force
     if normal is not None and abs(normal @ force) > ZERO_IN_SOLUTION * np.linalg.norm(force):

@@ -1,12 +1,15 @@
-"""Places where the stress has no limit as the mesh is refined, known from the shape of the body and its conditions.
+"""Places where the stress has no limit as the mesh is refined, known from the shape of the body and
+its conditions.
 
-Where two facets of the boundary meet at an angle, or their conditions change, the stress of linear elasticity grows
-like a negative power of the distance if the angle within the body is large enough (Williams, J. Appl. Mech. 19 (1952)
-526-528; Grisvard, Elliptic Problems in Nonsmooth Domains, 1985).  On an edge in 3D it does so across the edge.
-Where materials meet at the boundary it grows like a power again (Bogy, J. Appl. Mech. 38 (1971) 377-386): for most
-pairs of materials, a few are bounded and named all the same.
+Where two facets of the boundary meet at an angle, or their conditions change, the stress of linear
+elasticity grows like a negative power of the distance if the angle within the body is large enough
+(Williams, J. Appl. Mech. 19 (1952) 526-528; Grisvard, Elliptic Problems in Nonsmooth Domains,
+1985).  On an edge in 3D it does so across the edge. Where materials meet at the boundary it grows
+like a power again (Bogy, J. Appl. Mech. 38 (1971) 377-386): for most pairs of materials, a few are
+bounded and named all the same.
 
-Bodies that touch are judged one by one: at their contact boundaries only reentrant corners are named.
+Bodies that touch are judged one by one: at their contact boundaries only reentrant corners are
+named.
 """
 
 from __future__ import annotations
@@ -48,8 +51,8 @@ class BoundaryFacet:
         return float(np.linalg.norm(np.ptp(self.vertices, axis=0)))
 
 
-# The largest angle within the body, degrees, up to which the stress is bounded where facets with these conditions meet:
-# nothing prescribed, the normal component alone, or all of the displacement.
+# The largest angle within the body, degrees, up to which the stress is bounded where facets with
+# these conditions meet: nothing prescribed, the normal component alone, or all of the displacement.
 _BOUNDED = {
     ("free",): 180.0,
     ("held",): 180.0,
@@ -63,12 +66,15 @@ _CURVED = np.degrees(CORNER_ANGLE)
 
 
 def why_no_limit(body: Model, point: tuple[float, ...]) -> str | None:
-    """Why the stress at a place, or within one facet from it, has no limit; None if nothing is known; collective.
+    """Why the stress at a place, or within one facet from it, has no limit; None if nothing is
+    known; collective.
 
     Contact boundaries count as pressed, with friction as held.
     """
     facets = [
-        facet for local_facets in body.comm.allgather(facets_near(body, np.array(point))) for facet in local_facets
+        facet
+        for local_facets in body.comm.allgather(facets_near(body, np.array(point)))
+        for facet in local_facets
     ]
     reasons = []
     for facet_a, facet_b in combinations(facets, 2):
@@ -77,7 +83,9 @@ def why_no_limit(body: Model, point: tuple[float, ...]) -> str | None:
         distance = np.linalg.norm(facet_a.vertices[:, None] - facet_b.vertices[None], axis=2)
         first, _ = np.nonzero(distance <= ROOT_OF_EPS * body.tagged.size)
         size = min(facet_a.size, facet_b.size)
-        near = np.linalg.norm(facet_a.vertices[first] - point, axis=1) <= (1 + DIGITS_OF_FILES) * size
+        near = (
+            np.linalg.norm(facet_a.vertices[first] - point, axis=1) <= (1 + DIGITS_OF_FILES) * size
+        )
         if len(first) == body.tagged.dimension - 1 and near.any():
             reasons.append(_reason(facet_a, facet_b))
     return min((reason for reason in reasons if reason is not None), default=None)
@@ -85,7 +93,9 @@ def why_no_limit(body: Model, point: tuple[float, ...]) -> str | None:
 
 def _reason(facet_a: BoundaryFacet, facet_b: BoundaryFacet) -> str | None:
     """Why the stress has no limit where two facets of a body meet."""
-    if facet_a.material != facet_b.material and not facet_a.kind == facet_b.kind == "guided":  # that is a mirror
+    if (
+        facet_a.material != facet_b.material and not facet_a.kind == facet_b.kind == "guided"
+    ):  # that is a mirror
         return "it is where materials meet at the boundary"
     turn = float(np.degrees(np.arccos(np.clip(facet_a.normal @ facet_b.normal, -1.0, 1.0))))
     reentrant = (facet_b.vertices.mean(axis=0) - facet_a.vertices.mean(axis=0)) @ facet_a.normal > 0
@@ -94,13 +104,18 @@ def _reason(facet_a: BoundaryFacet, facet_b: BoundaryFacet) -> str | None:
     alike = len(kinds) == 1
     if facet_a.paired or facet_b.paired:
         filled = facet_a.paired == facet_b.paired == "bonded"
-        return None if filled or angle <= 180 + _CURVED else "it is at a reentrant corner of the body"
+        return (
+            None if filled or angle <= 180 + _CURVED else "it is at a reentrant corner of the body"
+        )
     if (alike and turn <= _CURVED) or angle <= _BOUNDED[kinds] + (_CURVED if alike else SAME_ANGLE):
         return None
     if alike and facet_a.kind != "guided":
         return "it is at a reentrant corner of the body"
     names = {*facet_a.names, *facet_b.names} if alike else {*facet_a.names} ^ {*facet_b.names}
-    return f"it is at the end of the boundar{'ies' if len(names) > 1 else 'y'} {' and '.join(sorted(names))}"
+    return (
+        f"it is at the end of the boundar{'ies' if len(names) > 1 else 'y'} "
+        f"{' and '.join(sorted(names))}"
+    )
 
 
 def facets_near(body: Model, point: Array) -> list[BoundaryFacet]:
@@ -111,7 +126,10 @@ def facets_near(body: Model, point: Array) -> list[BoundaryFacet]:
     entities, vertices = facet_entities(mesh, numbers), facet_vertices(mesh, numbers)[:, :, :dim]
     corners = len(basix.geometry(getattr(basix.CellType, mesh.topology.cell_name())))
     size = np.linalg.norm(np.ptp(vertices, axis=1), axis=1)
-    close = np.linalg.norm(vertices - point, axis=2).min(axis=1, initial=np.inf) <= (1 + DIGITS_OF_FILES) * size
+    close = (
+        np.linalg.norm(vertices - point, axis=2).min(axis=1, initial=np.inf)
+        <= (1 + DIGITS_OF_FILES) * size
+    )
     facets = []
     for k in np.flatnonzero(close):
         nodes = compat.geometry_cells(mesh)[entities[k, 0], :corners]
@@ -119,14 +137,24 @@ def facets_near(body: Model, point: Array) -> list[BoundaryFacet]:
         normal = _normal(vertices[k], middle)
         condition = _condition(body, int(numbers[k]), normal, vertices[k])
         piece = int(body.pieces.of_cell[entities[k, 0]])
-        facets.append(BoundaryFacet(vertices[k], normal, *condition, piece, _material(body, int(entities[k, 0]))))
+        facets.append(
+            BoundaryFacet(
+                vertices[k], normal, *condition, piece, _material(body, int(entities[k, 0]))
+            )
+        )
     return facets
 
 
 def _material(body: Model, cell: int) -> tuple[Any, ...]:
-    """What counts of the material of a cell: its kind, and its expansion where something expands."""
+    """What counts of the material of a cell: its kind, and its expansion where something
+    expands.
+    """
     strained, materials = bool(body.statement.of(InitialStrain)), body.statement.material
-    inside = (one for one in reversed(materials) if one.region is None or cell in body.tagged.cells(one.region))
+    inside = (
+        one
+        for one in reversed(materials)
+        if one.region is None or cell in body.tagged.cells(one.region)
+    )
     material = next(inside, materials[0])
     return *material.kind, strained and material.expansion
 
@@ -137,7 +165,9 @@ def _normal(vertices: Array, inside: Array) -> Array:
     return np.asarray(normal * np.sign(normal @ (vertices.mean(axis=0) - inside)))
 
 
-def _condition(body: Model, facet: int, normal: Array, corners: Array) -> tuple[str, tuple[str, ...], str]:
+def _condition(
+    body: Model, facet: int, normal: Array, corners: Array
+) -> tuple[str, tuple[str, ...], str]:
     """What is prescribed on a facet, by which boundaries, and how it may touch another body."""
     statement, tagged, dim = body.statement, body.tagged, body.tagged.dimension
     holding = [effect for effect in statement.displacement if effect.where and effect.holding]
@@ -150,9 +180,13 @@ def _condition(body: Model, facet: int, normal: Array, corners: Array) -> tuple[
     ]
     paired = ["bonded" if effect.bonded else "contact" for effect, _ in contacts if effect.against]
     touching = [effect for effect, _ in contacts]
-    rows: list[Array] = [normal for effect in (*supports, *touching) if getattr(effect, "normal", 0.0) is not None]
+    rows: list[Array] = [
+        normal for effect in (*supports, *touching) if getattr(effect, "normal", 0.0) is not None
+    ]
     for effect in supports:
-        rows += [np.eye(dim)[k] for k, value in enumerate(effect.components[:dim]) if value is not None]
+        rows += [
+            np.eye(dim)[k] for k, value in enumerate(effect.components[:dim]) if value is not None
+        ]
     names = (*(effect.boundary for effect in supports), *(name for _, name in contacts))
     if (zero := body.kinematics.zero_on_axis) and on_axis(corners, body.tagged).all():
         rows.append(np.eye(dim)[zero[0]])

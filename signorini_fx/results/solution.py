@@ -42,11 +42,18 @@ _LEAVES = (Status.OPEN, Status.TIPS, Status.SLIDES)
 # What ``check`` says of a body that does something else.
 _ANOTHER = {Status.SLIDES: "tip it over", Status.TIPS: "make it slide"}
 # Outcomes of methods that have found no solution, which does not mean that there is none.
-_UNDECIDED = (Status.CYCLING, Status.MAX_ITERATIONS, Status.OUTER_MAX_ITERATIONS, Status.SLIDES_AT_PRESSURES)
+_UNDECIDED = (
+    Status.CYCLING,
+    Status.MAX_ITERATIONS,
+    Status.OUTER_MAX_ITERATIONS,
+    Status.SLIDES_AT_PRESSURES,
+)
 # Cells that are turned inside out where strains are small ones.
 _RAN_AWAY = (
-    "the displacement that was tried is far beyond small strains, as where all of a section yields and carries no "
-    "larger load: take smaller load steps, prescribe a displacement where a force acts, or take a material that hardens"
+    "the displacement that was tried is far beyond small strains, as where all of a section "
+    "yields and carries no "
+    "larger load: take smaller load steps, prescribe a displacement where a force acts, or take a "
+    "material that hardens"
 )
 
 
@@ -59,17 +66,19 @@ class Solution:
         algorithm: the algorithms that were used: ``linear``, ``ssn``, ``fp``, ...
         model: what was solved, on its mesh.
         displacement: y, a finite element function.
-        contact: nodal state of the contact boundary of this rank (``table`` has all ranks'), None without contact.
+        contact: nodal state of the contact boundary of this rank (``table`` has all ranks'), None
+            without contact.
         certificate: the check of the conditions of the problem after the solve.
-        steps: one result per load step, up to the last one that was tried; the fields above but for model, status and
-            algorithm are those of ``last_step``.
+        steps: one result per load step, up to the last one that was tried; the fields above but for
+            model, status and algorithm are those of ``last_step``.
         history: every linear solve and every regularised problem.
         parameters: the values of gamma_n, gamma_t and sigma that were used.
         timings: wall seconds by phase, on this rank.
         linear_algebra: which kind of elastic system was used, and why.
         found: gives what ``findings`` begins without; collective on several ranks.
         levels: the meshes of a nested iteration, coarsest first; otherwise empty.
-        convergence_table: errors and cost of each of them, and predictions for the next one; otherwise empty.
+        convergence_table: errors and cost of each of them, and predictions for the next one;
+            otherwise empty.
     """
 
     status: Status
@@ -90,7 +99,10 @@ class Solution:
     def __repr__(self) -> str:
         """One line, because the fields contain whole meshes and matrices."""
         title = self.statement.title or "scene"
-        return f"<Solution of {title!r}: {self.status.value}, {self.algorithm}, {self.model.dofs} unknowns>"
+        return (
+            f"<Solution of {title!r}: {self.status.value}, {self.algorithm}, {self.model.dofs} "
+            "unknowns>"
+        )
 
     def _repr_html_(self) -> str:
         """A table for notebooks: how the solve ended, the certificate and the findings."""
@@ -123,7 +135,8 @@ class Solution:
     def advice(self) -> str:
         """What to do about the outcome: nothing that the scene has done already.
 
-        Of a body that moves away, the warning that names its motion; of a ramp, between which loads it ended.
+        Of a body that moves away, the warning that names its motion; of a ramp, between which loads
+        it ended.
         """
         settings, last, failed = self.statement.solver, self.last_step, self.steps[-1]
         path = {Status.NOT_HELD: "displacement"} | dict.fromkeys(_LEAVES, self.statement.forces_at)
@@ -132,8 +145,12 @@ class Solution:
         if self.status in path:
             wanted = ("warning", path[self.status])
             # Of several load steps ``check`` may name another one than that which has failed.
-            of_step = [failed.reason] if failed.reason is not None and self.statement.steps > 1 else []
-            named = (one.message for one in (*of_step, *self.findings) if (one.level, one.path) == wanted)
+            of_step = (
+                [failed.reason] if failed.reason is not None and self.statement.steps > 1 else []
+            )
+            named = (
+                one.message for one in (*of_step, *self.findings) if (one.level, one.path) == wanted
+            )
             between = f"{reached} at time {failed.time:.6g}; "
             # What the whole load does, a part of it need not do.
             another = _ANOTHER.get(self.status) if ended_between else None
@@ -141,70 +158,110 @@ class Solution:
             why = next(fits, self.status.advice).removeprefix(f"{self.status.value}: ")
             return between * ended_between + why
         if self.status in _UNDECIDED and ended_between:
-            # What regularisation leaves of slip in each load step wedges a body between several walls.
-            wedged = self.statement.has_coulomb and len(self.statement.contact) > 1 and settings.algorithm != "alm"
+            # What regularisation leaves of slip in each load step wedges a body between several
+            # walls.
+            wedged = (
+                self.statement.has_coulomb
+                and len(self.statement.contact) > 1
+                and settings.algorithm != "alm"
+            )
             early = (
-                "; between several walls it may be higher: set solver.algorithm = 'alm' and solver.coulomb = 'newton'"
+                "; between several walls it may be higher: set solver.algorithm = 'alm' and "
+                "solver.coulomb = 'newton'"
             )
             return (
-                f"lower the load, raise the friction, or prescribe a displacement: {reached} was found at time "
-                f"{failed.time:.6g}; most likely a limit load is between them, though it is not proved{early * wedged}"
+                f"lower the load, raise the friction, or prescribe a displacement: {reached} was "
+                "found at time "
+                f"{failed.time:.6g}; most likely a limit load is between them, though it is not "
+                f"proved{early * wedged}"
             )
         if self.history.late and self.status in _UNDECIDED:
             return (
-                "the time ended before the first mesh was solved: raise accuracy.seconds, or begin with a coarser mesh"
+                "the time ended before the first mesh was solved: raise accuracy.seconds, or "
+                "begin with a coarser mesh"
             )
         if self.status is Status.CYCLING:
-            ways = ["set solver.sigma = 'auto' (a node then passes through stick)"] if settings.sigma != "auto" else []
+            ways = (
+                ["set solver.sigma = 'auto' (a node then passes through stick)"]
+                if settings.sigma != "auto"
+                else []
+            )
             ways += [] if settings.fallbacks else ["set solver.fallbacks = true"]
-            ways += ["lower solver.gamma_n and solver.gamma_t", "set another solver.initial_contact"]
+            ways += [
+                "lower solver.gamma_n and solver.gamma_t",
+                "set another solver.initial_contact",
+            ]
             return f"{', or '.join(ways)}; beyond a limit load there is no solution: lower the load"
-        if self.status is Status.LINEAR_SOLVER and (name := settings.linear_algebra) in names_of(LINEAR_SOLVERS):
-            return f"the linear solver {name!r} of another package does not solve: take 'auto', 'full' or 'krylov'"
-        if self.status is Status.INVERTED and not any(material.finite for material in self.statement.material):
+        if self.status is Status.LINEAR_SOLVER and (name := settings.linear_algebra) in names_of(
+            LINEAR_SOLVERS
+        ):
+            return (
+                f"the linear solver {name!r} of another package does not solve: take 'auto', "
+                "'full' or 'krylov'"
+            )
+        if self.status is Status.INVERTED and not any(
+            material.finite for material in self.statement.material
+        ):
             return _RAN_AWAY
         short = self.status in SHORT_OF_ACCURACY
-        reasons = [event for event in self.history.events if event.startswith(ACCURACY)] if short else []
-        return "; ".join([self.status.advice, *(reason.removeprefix(ACCURACY) for reason in reasons[-1:])])
+        reasons = (
+            [event for event in self.history.events if event.startswith(ACCURACY)] if short else []
+        )
+        return "; ".join(
+            [self.status.advice, *(reason.removeprefix(ACCURACY) for reason in reasons[-1:])]
+        )
 
     @property
     def _factors_held(self) -> str:
-        """What the last solution bears of the loads that grow behind it, such as: (0.5 times traction[1])."""
+        """What the last solution bears of the loads that grow behind it, such as: (0.5 times
+        traction[1]).
+        """
         statement, ends = self.statement, (self.last_step.place, self.steps[-1].place)
         factors = {
             path: [factor_at(statement.factors_of(load), place) for place in ends]
             for path, load in statement.listed()
             if isinstance(load, Load)
         }
-        growing = [f"{held:.4g} times {path}" for path, (held, failed) in factors.items() if held != failed]
+        growing = [
+            f"{held:.4g} times {path}" for path, (held, failed) in factors.items() if held != failed
+        ]
         return f" ({', '.join(growing)})" if growing else ""
 
     @cached_property
     def findings(self) -> tuple[Finding, ...]:
-        """Warnings and notes about the scene and the result, the first one if the law of the results is not the one
-        that was asked for.
+        """Warnings and notes about the scene and the result, the first one if the law of the
+        results is not the one that was asked for.
         """
         law = None
         if self.contact is not None and self.last_step.status is Status.CONVERGED:
             laws = {step.step: step.certificate.law for step in self.shown_steps}
-            error, raises_gamma = self.parameters.get("regularisation_error"), self.statement.accuracy is not None
+            error, raises_gamma = (
+                self.parameters.get("regularisation_error"),
+                self.statement.accuracy is not None,
+            )
             law = another_law(self.statement.solver, laws, error, raises_gamma=raises_gamma)
         return *(() if law is None else (law,)), *self.found()
 
     @property
     def last_step(self) -> StepResult:
-        """The load step that the results are of: the last one with a solution, or the first one if it has none."""
+        """The load step that the results are of: the last one with a solution, or the first one if
+        it has none.
+        """
         return self.shown_steps[-1]
 
     def at(self, step: StepResult) -> Solution:
-        """The solution with the results of another one of its load steps; those before it count as its past.
+        """The solution with the results of another one of its load steps; those before it count as
+        its past.
 
         Raises:
             ValueError: it is none of ``steps``.
         """
         number = next((number for number, other in enumerate(self.steps) if other is step), None)
         if number is None:
-            raise ValueError(f"step: must be one of the {len(self.steps)} steps of this solution, such as steps[0]")
+            raise ValueError(
+                f"step: must be one of the {len(self.steps)} steps of this solution, such as "
+                "steps[0]"
+            )
         past = self.steps[:number] if step.status is Status.CONVERGED else ()
         return replace(
             self,
@@ -232,10 +289,12 @@ class Solution:
         return contact_table(self.contact, *self.statement.sides)
 
     def boundary_fields(self, number: int | None = None) -> BoundaryFields:
-        """Pressure, shear, gap and slip on a mesh of the contact boundary, in new Functions; collective.
+        """Pressure, shear, gap and slip on a mesh of the contact boundary, in new Functions;
+        collective.
 
         Args:
-            number: of the contact as the scene lists them, of two bodies the side ``boundary``; None: all of them, of
+            number: of the contact as the scene lists them, of two bodies the side ``boundary``;
+            None: all of them, of
                 which at a node of two the later one counts.
 
         Raises:
@@ -248,8 +307,8 @@ class Solution:
 
     @property
     def stress(self) -> RawStresses:
-        """The stress in the body, raw and recovered: tensor, von Mises stress, principal stresses and their extremes;
-        with load steps, of the last one; collective.
+        """The stress in the body, raw and recovered: tensor, von Mises stress, principal stresses
+        and their extremes; with load steps, of the last one; collective.
 
         Raises:
             RuntimeError: it is that of forms whose stress is not known.
@@ -266,28 +325,40 @@ class Solution:
     @cached_property
     def _stress(self) -> RawStresses | str:
         stress = self.model.stress(self.displacement, self._position)
-        return stress if isinstance(stress, str) else replace(stress, strain_energy=self.last_step.strain_energy)
+        return (
+            stress
+            if isinstance(stress, str)
+            else replace(stress, strain_energy=self.last_step.strain_energy)
+        )
 
     @cached_property
     def resultants(self) -> Resultants:
-        """Forces and moments on the body through each boundary; with load steps, of the last one; collective."""
+        """Forces and moments on the body through each boundary; with load steps, of the last one;
+        collective.
+        """
         model, y = self.model, self.displacement
         acting, conditions = model.acting(y, self._position), model.conditions(y)
         return Resultants(self.statement, model.tagged, y, self.contact, conditions, acting)
 
     @cached_property
     def preloads(self) -> list[SectionForce]:
-        """The forces through sections that are tightened; with load steps, in the last one; collective."""
+        """The forces through sections that are tightened; with load steps, in the last one;
+        collective.
+        """
         return section_forces(self.model, self.displacement, self._position)
 
     @cached_property
     def contact_figures(self) -> list[ContactFigures]:
-        """Area and forces of each contact boundary, in the order of the scene; none without contact; collective."""
+        """Area and forces of each contact boundary, in the order of the scene; none without
+        contact; collective.
+        """
         return [] if self.contact is None else contact_figures(self.statement, self.contact)
 
     @cached_property
     def error_bound(self) -> ErrorBound | str | None:
-        """A guaranteed bound of the error, or why there is none; None if this is no solution; collective."""
+        """A guaranteed bound of the error, or why there is none; None if this is no solution;
+        collective.
+        """
         if not self.certified:
             return None
         if reason := self.model.no_bounds:
@@ -296,7 +367,9 @@ class Solution:
 
     @cached_property
     def cost(self) -> CostOfAccuracy | str:
-        """What the accuracy took and what a better one would take, or why there is no forecast; collective."""
+        """What the accuracy took and what a better one would take, or why there is no forecast;
+        collective.
+        """
         if self.last_step.status is not Status.CONVERGED:
             return "no solution"
         asked = "energy" if self.statement.accuracy is None else self.statement.accuracy.of
@@ -319,20 +392,25 @@ class Solution:
             return "the error that this mesh leaves is round-off"
         seconds = parallel.largest_timings(self.comm, self.timings.seconds)
         starting = seconds.get("compile", 0.0) + seconds.get("mesh", 0.0)
-        solved = [(price.dofs, price.seconds) for price in prices] or [(self.model.dofs, sum(seconds.values()))]
-        return next_cost(self.statement, self.model.tagged, asked, error, solved, starting, able=able)
+        solved = [(price.dofs, price.seconds) for price in prices] or [
+            (self.model.dofs, sum(seconds.values()))
+        ]
+        return next_cost(
+            self.statement, self.model.tagged, asked, error, solved, starting, able=able
+        )
 
     @cached_property
     def error_shares(self) -> npt.NDArray[np.float64] | str:
-        """Of a nonlinear body: what each owned cell has of the squared relative error of the stress, shape (cells,),
-        or why it is not known; collective.
+        """Of a nonlinear body: what each owned cell has of the squared relative error of the
+        stress, shape (cells,), or why it is not known; collective.
         """
         body: Any = self.model  # its residual says all of it
         found: npt.NDArray[np.float64] | str = body.stress_error()
         return found
 
     def force_bounds(self, boundary: str, direction: tuple[float, ...]) -> Interval | str:
-        """Guaranteed bounds of the force on a body at a boundary in contact, in 2D per thickness; or why there
+        """Guaranteed bounds of the force on a body at a boundary in contact, in 2D per thickness;
+        or why there
         are none; collective.
 
         Args:
@@ -350,8 +428,9 @@ class Solution:
 
     @cached_property
     def friction_used(self) -> float | None:
-        """The share of its friction that the loads use, with the friction bounds of this solution; None without
-        friction, where supports hold the body, or without a solution; with load steps, of the last one; collective.
+        """The share of its friction that the loads use, with the friction bounds of this solution;
+        None without friction, where supports hold the body, or without a solution; with load steps,
+        of the last one; collective.
         """
         if self.contact is None or self.last_step.status is not Status.CONVERGED:
             return None
@@ -387,9 +466,15 @@ class ConvergenceError(SignoriniError):
             super().__init__(message)
             return
         found = [
-            found for found in solution.findings if found.level == "warning" and found.message not in solution.advice
+            found
+            for found in solution.findings
+            if found.level == "warning" and found.message not in solution.advice
         ]
-        super().__init__("\n".join([outcome(solution), *(f"{warning.path}: {warning.message}" for warning in found)]))
+        super().__init__(
+            "\n".join(
+                [outcome(solution), *(f"{warning.path}: {warning.message}" for warning in found)]
+            )
+        )
 
 
 def outcome(solution: Solution, *, advice: bool = True) -> str:

@@ -31,11 +31,14 @@ Array = npt.NDArray[np.float64]
 class StepEnd:
     """The end of a step of a loop, in the frames that its foundations had then.
 
-    Every solve of the next step starts from this end, wherever the foundations of the solves before it were.
+    Every solve of the next step starts from this end, wherever the foundations of the solves before
+    it were.
     """
 
     start: Start  # of the next step
-    rest: ReferenceMotion | None  # from which displacements are counted; None: from the initial position
+    rest: (
+        ReferenceMotion | None
+    )  # from which displacements are counted; None: from the initial position
     normal: Array  # displacement along the normals, length, shape (n,)
     boundary: ContactBoundary  # the contact points
     before: PreviousStep  # the same as the certificate sees it
@@ -51,19 +54,20 @@ class StepEnd:
         before: PreviousStep | None,
         rigid: tuple[RigidBodyMotion, ...] = (),
     ) -> StepEnd:
-        """That of a step with a solution, a displacement that nothing may change any more; ``before``: the end of the
-        step before it; collective.
+        """That of a step with a solution, a displacement that nothing may change any more;
+        ``before``: the end of the step before it; collective.
         """
         normal = outcome.problem.system.contact.traces(outcome.newton.x)[0]
         law = Law(*task.promised(outcome))
         previous = PreviousStep.of(displacement, Tractions.of(contact), law, before, rigid)
-        # Not from the iterate: a point that slips is at its bound, and round-off would decide whether it still does.
+        # Not from the iterate: a point that slips is at its bound, and round-off would decide
+        # whether it still does.
         following = replace(outcome.next_step(start), sets=task.newton.problem.sets)
         return cls(following, task.rest, normal, contact.boundary, previous)
 
     def taken_up(self, task: Task, body: ElasticBody, rigid: RigidBodies) -> None:
-        """Begin the iterate of a contact problem that was made anew, with the same points, with the displacement with
-        which this step has ended; collective.
+        """Begin the iterate of a contact problem that was made anew, with the same points, with the
+        displacement with which this step has ended; collective.
         """
         unknowns = body.unknowns(self.before.displacement)
         if task.rest is not None:
@@ -81,16 +85,22 @@ class StepEnd:
         resting: ReferenceMotion | None,
         spin: Array | None = None,
     ) -> tuple[Start, PreviousStep]:
-        """Where the next step starts, and this end as it begins from it, in the frames that these points have now;
-        ``moved``: by which foundations have moved at them, length, shape (n, d); ``resting``: the reference motion from
-        which slips count by now; ``spin``: see ``rotations``; collective.
+        """Where the next step starts, and this end as it begins from it, in the frames that these
+        points have now;
+        ``moved``: by which foundations have moved at them, length, shape (n, d); ``resting``: the
+        reference motion from which slips count by now; ``spin``: see ``rotations``; collective.
 
-        Slip is relative to foundations, and friction is that of the pressure with which this step has ended.
+        Slip is relative to foundations, and friction is that of the pressure with which this step
+        has ended.
 
         Raises:
             FormError: the points are others.
         """
-        start = self.start if boundary is self.boundary else self._projected_onto(boundary, resting, spin)
+        start = (
+            self.start
+            if boundary is self.boundary
+            else self._projected_onto(boundary, resting, spin)
+        )
         assert start.multipliers is not None
         data = replace(
             start.data,
@@ -110,9 +120,18 @@ class StepEnd:
         )
         return replace(start, data=data, law=law), before
 
-    def _projected_onto(self, boundary: ContactBoundary, resting: ReferenceMotion | None, spin: Array | None) -> Start:
-        """The start of the step in the frames that the same points have now, with which shears turn; collective."""
-        start, earlier, normal, slips = self.start, self.boundary, self.normal, self.start.data.slip_origin
+    def _projected_onto(
+        self, boundary: ContactBoundary, resting: ReferenceMotion | None, spin: Array | None
+    ) -> Start:
+        """The start of the step in the frames that the same points have now, with which shears
+        turn; collective.
+        """
+        start, earlier, normal, slips = (
+            self.start,
+            self.boundary,
+            self.normal,
+            self.start.data.slip_origin,
+        )
         if self.rest is not None:
             normal, slips = normal + self.rest.u_n, slips + self.rest.u_t
         if parallel.any_rank(boundary.comm, not np.array_equal(earlier.nodes, boundary.nodes)):
@@ -138,7 +157,9 @@ class StepEnd:
 
 @dataclass(frozen=True)
 class LastSolution:
-    """What the next solve of a loop may begin from: sets and multipliers of the last solution, in its frames."""
+    """What the next solve of a loop may begin from: sets and multipliers of the last solution, in
+    its frames.
+    """
 
     sets: ActiveSets
     multipliers: tuple[Array, Array]
@@ -151,7 +172,8 @@ class LastSolution:
         return cls(outcome.problem.sets, outcome.newton.multipliers(), step, boundary)
 
     def begins(self, start: Start, boundary: ContactBoundary) -> Start:
-        """The start of a solve, from this solution in the frames that its points have now; collective.
+        """The start of a solve, from this solution in the frames that its points have now;
+        collective.
 
         Unchanged where the points are others, and in a step without a solution so far.
         """
@@ -159,7 +181,9 @@ class LastSolution:
             return start
         if boundary is self.boundary:
             return start.begin_from(self.sets, self.multipliers)
-        if parallel.any_rank(boundary.comm, not np.array_equal(boundary.nodes, self.boundary.nodes)):
+        if parallel.any_rank(
+            boundary.comm, not np.array_equal(boundary.nodes, self.boundary.nodes)
+        ):
             return start
         rotation = turned(self.boundary, boundary)
         pressure, shear = self.multipliers
@@ -177,9 +201,9 @@ def _turned_sets(sets: ActiveSets, rotation: Array) -> ActiveSets:
 def from_rest(
     space: fem.FunctionSpace, boundary: ContactBoundary, start: Start, moved: Array
 ) -> tuple[Start, PreviousStep]:
-    """The first step on foundations that move, which counts slip from the body without loads at time 0: where it
-    starts, and that body as the end of the step before it; ``moved``: by which they have moved at the points since,
-    length, shape (n, d).
+    """The first step on foundations that move, which counts slip from the body without loads at
+    time 0: where it starts, and that body as the end of the step before it; ``moved``: by which
+    they have moved at the points since, length, shape (n, d).
     """
     before = PreviousStep(fem.Function(space), Tractions.none(boundary), moved=moved)
     # That of a body that contact alone holds is not zero where it has come to rest.
@@ -193,23 +217,33 @@ def _along(boundary: ContactBoundary, moved: Array | None) -> Any:
 
 
 def rotations(earlier: Array, later: Array, spin: Array | None = None) -> Array:
-    """The least rotation that takes each normal to a later one, unit vectors of shape (n, d), shape (n, d, d).
+    """The least rotation that takes each normal to a later one, unit vectors of shape (n, d), shape
+    (n, d, d).
 
-    It has no part about the normal; where the foundation has one, the shear turns with it, so that the motion of body
-    and foundation as one changes nothing: ``spin`` is the rotation of the foundation of each point, shape (n, d, d),
-    less directions in which there is no shear any more; None: it counts for nothing.
+    It has no part about the normal; where the foundation has one, the shear turns with it, so that
+    the motion of body and foundation as one changes nothing: ``spin`` is the rotation of the
+    foundation of each point, shape (n, d, d), less directions in which there is no shear any more;
+    None: it counts for nothing.
     """
     if spin is not None:
         earlier = np.einsum("nij,nj->ni", spin, earlier)
-    identity, cosine, both = np.eye(later.shape[1]), np.einsum("ni,ni->n", earlier, later), earlier + later
+    identity, cosine, both = (
+        np.eye(later.shape[1]),
+        np.einsum("ni,ni->n", earlier, later),
+        earlier + later,
+    )
     # A plane that has turned over has no least rotation: then directions stay as they are.
     turns = (earlier != later).any(axis=1) & (1 + cosine > ROOT_OF_EPS)
     across = np.einsum("ni,nj->nij", both, both) / np.where(turns, 1 + cosine, 1.0)[:, None, None]
-    rotation = identity + np.where(turns[:, None, None], 2 * np.einsum("ni,nj->nij", later, earlier) - across, 0.0)
+    rotation = identity + np.where(
+        turns[:, None, None], 2 * np.einsum("ni,nj->nij", later, earlier) - across, 0.0
+    )
     return np.asarray(rotation if spin is None else rotation @ spin)
 
 
 def turned(earlier: ContactBoundary, later: ContactBoundary, spin: Array | None = None) -> Array:
-    """From the components of a shear in earlier frames to those in later ones, shape (n, d - 1, d - 1)."""
+    """From the components of a shear in earlier frames to those in later ones, shape (n, d - 1, d -
+    1).
+    """
     rotation = rotations(earlier.normal, later.normal, spin)
     return np.asarray(np.einsum("nij,nil,nlk->njk", later.cotangents, rotation, earlier.tangents))

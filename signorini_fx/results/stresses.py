@@ -1,6 +1,8 @@
-"""The stress of a solution: its tensor, the von Mises stress, principal stresses, and where they are largest.
+"""The stress of a solution: its tensor, the von Mises stress, principal stresses, and where they
+are largest.
 
-Of nonlinear bodies nothing is recovered; their extremes are those at the points of quadrature, where the material is.
+Of nonlinear bodies nothing is recovered; their extremes are those at the points of quadrature,
+where the material is.
 """
 
 from __future__ import annotations
@@ -44,7 +46,8 @@ class Extreme:
     Attributes:
         value: a stress.
         place: a point, length, shape (d,).
-        cell: global number of the cell whose stress it is: at an interface there is one on each side.
+        cell: global number of the cell whose stress it is: at an interface there is one on each
+            side.
     """
 
     value: float
@@ -54,7 +57,8 @@ class Extreme:
 
 @dataclass(frozen=True, repr=False)
 class StressFields:
-    """A stress tensor and what follows from it; every field is made when it is first asked for, which is collective.
+    """A stress tensor and what follows from it; every field is made when it is first asked for,
+    which is collective.
 
     Attributes:
         stress: of the displacement, in each cell.
@@ -70,15 +74,18 @@ class StressFields:
 
     @cached_property
     def tensor(self) -> fem.Function:
-        """Sigma with all components in 3D, also in 2D, where (2, 2) is that of the hypothesis; a stress, shape (3, 3).
+        """Sigma with all components in 3D, also in 2D, where (2, 2) is that of the hypothesis; a
+        stress, shape (3, 3).
 
-        The raw one is discontinuous and of the degree of the element, of a nonlinear body of one degree less; the
-        recovered one has degree 1 and is discontinuous between materials.
+        The raw one is discontinuous and of the degree of the element, of a nonlinear body of one
+        degree less; the recovered one has degree 1 and is discontinuous between materials.
         """
         if isinstance(self.stress.in_space, fem.Function):
             return self.stress.in_space
         space = self.stress.displacement.function_space
-        tensor_space = fem.functionspace(space.mesh, ("DG", space.element.basix_element.degree, (3, 3)))
+        tensor_space = fem.functionspace(
+            space.mesh, ("DG", space.element.basix_element.degree, (3, 3))
+        )
         return interpolated(self.stress.in_space, tensor_space, "stress")
 
     @cached_property
@@ -88,7 +95,8 @@ class StressFields:
 
     @cached_property
     def shear_energy_density(self) -> fem.Function:
-        """|dev sigma|^2 / (4 mu), an energy per volume: the square of the von Mises stress over 6 mu.
+        """|dev sigma|^2 / (4 mu), an energy per volume: the square of the von Mises stress over 6
+        mu.
 
         Raises:
             ValueError: the body is not isotropic.
@@ -97,24 +105,32 @@ class StressFields:
         if mu is None:
             raise ValueError("the body has no shear modulus: it is not known to be isotropic")
         shear_modulus = np.full(node_positions(space).shape[0], np.nan)
-        shear_modulus[space.dofmap.list] = mu.x.array[:, None] if isinstance(mu, fem.Function) else float(mu.value)
-        return self._function("shear_energy_density", self.von_mises.x.array**2 / (6 * shear_modulus))
+        shear_modulus[space.dofmap.list] = (
+            mu.x.array[:, None] if isinstance(mu, fem.Function) else float(mu.value)
+        )
+        return self._function(
+            "shear_energy_density", self.von_mises.x.array**2 / (6 * shear_modulus)
+        )
 
     @cached_property
     def principal(self) -> fem.Function:
-        """The principal stresses, the largest (most tensile) first, shape (3,); in 2D one of them acts out of
+        """The principal stresses, the largest (most tensile) first, shape (3,); in 2D one of them
+        acts out of
         it.
         """
         return self._function("principal_stresses", principal_of(self._nodal()))
 
     def component(self, name: str) -> fem.Function:
-        """A component of the tensor: ``xx``, ``yy``, ``zz``, ``xy``, ``xz``, ``yz``; ``zz`` is that out of the plane.
+        """A component of the tensor: ``xx``, ``yy``, ``zz``, ``xy``, ``xz``, ``yz``; ``zz`` is that
+        out of the plane.
 
         Raises:
             ValueError: there is no such component.
         """
         if name not in COMPONENTS:
-            raise ValueError(f"{name!r} is no component of the stress: take one of {', '.join(COMPONENTS)}")
+            raise ValueError(
+                f"{name!r} is no component of the stress: take one of {', '.join(COMPONENTS)}"
+            )
         i, j = COMPONENTS[name]
         return self._function(f"stress_{name}", self._nodal()[:, i, j])
 
@@ -140,7 +156,10 @@ class StressFields:
             "largest_principal": self.largest("principal", 0),
             "smallest_principal": self.smallest(),
         }
-        if self.tensor.function_space.mesh.topology.dim == 2 and (2, 2) in self.stress.kinematics.stressed:
+        if (
+            self.tensor.function_space.mesh.topology.dim == 2
+            and (2, 2) in self.stress.kinematics.stressed
+        ):
             extremes |= {"largest_zz": self.largest("zz"), "smallest_zz": self.smallest("zz")}
         return extremes
 
@@ -152,18 +171,26 @@ class StressFields:
         if field in COMPONENTS:
             values = sampled[:, *COMPONENTS[field]]
         else:
-            values = von_mises_of(sampled) if field == "von_mises" else principal_of(sampled)[:, component]
+            values = (
+                von_mises_of(sampled)
+                if field == "von_mises"
+                else principal_of(sampled)[:, component]
+            )
         return self._extreme_of(values, sign)
 
     def _samples(self) -> tuple[Nodal, Nodal, Callable[[int], Any]]:
-        """The tensor where extremes are sought, shape (n, 3, 3), these places, and the local number of a cell there."""
+        """The tensor where extremes are sought, shape (n, 3, 3), these places, and the local number
+        of a cell there.
+        """
         space = self.tensor.function_space
         x, cells = node_positions(space)[:, : space.mesh.topology.dim], space.dofmap.list
         owned = space.dofmap.index_map.size_local
         return self._nodal()[:owned], x, lambda at: np.flatnonzero((cells == at).any(axis=1))[0]
 
     def _extreme_of(self, values: Nodal, sign: float = 1.0) -> Extreme:
-        """The largest of finite values at the same points, or with ``sign`` -1 the smallest, and where; collective."""
+        """The largest of finite values at the same points, or with ``sign`` -1 the smallest, and
+        where; collective.
+        """
         (_, x, cell_of), topology = self._samples(), self.tensor.function_space.mesh.topology
         values = np.where(np.isfinite(values), sign * values, -np.inf)
         at = int(values.argmax()) if values.size else 0
@@ -171,13 +198,15 @@ class StressFields:
         best, rank = self.comm.allreduce((local_extreme, -self.comm.rank), op=MPI.MAX)
         where: tuple[tuple[float, ...], int] = (), -1
         if -rank == self.comm.rank and values.size:
-            cell = topology.index_map(topology.dim).local_to_global(np.array([cell_of(at)], dtype=np.int32))
+            cell = topology.index_map(topology.dim).local_to_global(
+                np.array([cell_of(at)], dtype=np.int32)
+            )
             where = tuple(map(float, x[at])), int(cell[0])
         return Extreme(sign * best, *self.comm.bcast(where, root=-rank))
 
     def utilised(self, limit: fem.Function) -> Extreme:
-        """Where the von Mises stress is the largest share of a limit; ``limit``: a stress of each cell, a function of
-        degree 0, infinite where there is none; collective.
+        """Where the von Mises stress is the largest share of a limit; ``limit``: a stress of each
+        cell, a function of degree 0, infinite where there is none; collective.
         """
         cells, share = self.von_mises.function_space.dofmap, self.von_mises.x.array.copy()
         share[cells.list] /= limit.x.array[limit.function_space.dofmap.list]
@@ -200,27 +229,36 @@ class StressFields:
 
 @dataclass(frozen=True)
 class PointStress:
-    """The Cauchy stress of nonlinear materials at the points of quadrature of the cells that this rank owns; at small
-    strains the stress.
+    """The Cauchy stress of nonlinear materials at the points of quadrature of the cells that this
+    rank owns; at small strains the stress.
     """
 
     points: Nodal  # of the reference cell, shape (q, t)
     weights: Nodal  # shape (q,)
     x: Nodal  # undeformed, length, shape (c, q, t)
     stress: Nodal  # tension positive, shape (c, q, 3, 3)
-    plastic: Nodal | None = None  # the accumulated plastic strain, shape (c, q); None: there is none
+    plastic: Nodal | None = (
+        None  # the accumulated plastic strain, shape (c, q); None: there is none
+    )
 
     def on_cells(self, values: Nodal, mesh: dmesh.Mesh, degree: int, name: str) -> fem.Function:
-        """The polynomials in cells that are nearest to values at the points, of numbers, shape (c, q), no less or more
-        than these; collective.
+        """The polynomials in cells that are nearest to values at the points, of numbers, shape (c,
+        q), no less or more than these; collective.
         """
-        function = fem.Function(fem.functionspace(mesh, ("DG", degree, values.shape[2:])), name=name)
-        space, rows = function.function_space, values.reshape(*self.x.shape[:2], math.prod(values.shape[2:]))
+        function = fem.Function(
+            fem.functionspace(mesh, ("DG", degree, values.shape[2:])), name=name
+        )
+        space, rows = (
+            function.function_space,
+            values.reshape(*self.x.shape[:2], math.prod(values.shape[2:])),
+        )
         root = np.sqrt(self.weights)[:, None]
         basis = root * space.element.basix_element.tabulate(0, self.points)[0, :, :, 0]
         fitted = np.einsum("nq,cqm->cnm", np.linalg.pinv(basis) * root.T, rows)
         if values.ndim == 2:
-            fitted = np.clip(fitted, rows.min(axis=1, keepdims=True), rows.max(axis=1, keepdims=True))
+            fitted = np.clip(
+                fitted, rows.min(axis=1, keepdims=True), rows.max(axis=1, keepdims=True)
+            )
         function.x.array.reshape(-1, rows.shape[2])[space.dofmap.list[: len(rows)]] = fitted
         function.x.scatter_forward()
         return function
@@ -230,13 +268,15 @@ class PointStress:
 class RawStresses(StressFields):
     """The stress of a displacement in each cell.
 
-    It is discontinuous from cell to cell and a power of h less accurate than the displacement; values at corners of
-    the body, at ends of supports and at a contact edge may have no limit as the mesh is refined.
+    It is discontinuous from cell to cell and a power of h less accurate than the displacement;
+    values at corners of the body, at ends of supports and at a contact edge may have no limit as
+    the mesh is refined.
 
     Attributes:
         body: that it is of, a ``SolidBody``.
         place: of the load step in the lists of factors, see ``statement.load_path``.
-        at_points: of a nonlinear body at the points of quadrature, where its extremes are; None: they are at nodes.
+        at_points: of a nonlinear body at the points of quadrature, where its extremes are; None:
+            they are at nodes.
         strain_energy: of the load step.
     """
 
@@ -253,14 +293,16 @@ class RawStresses(StressFields):
     @cached_property
     def energy(self) -> float:
         """The strain energy of the stress; collective."""
-        if self.strain_energy is None or not self.body.statement.material:  # that of forms may have springs in it
+        if (
+            self.strain_energy is None or not self.body.statement.material
+        ):  # that of forms may have springs in it
             return float(self.body.recovery.energy(self.stress.displacement))
         return self.strain_energy
 
     @cached_property
     def plastic_strain(self) -> fem.Function | None:
-        """The accumulated (equivalent) plastic strain, a function of degree k - 1 in each cell within the values at its
-        points; None: there is none.
+        """The accumulated (equivalent) plastic strain, a function of degree k - 1 in each cell
+        within the values at its points; None: there is none.
         """
         if self.at_points is None or self.at_points.plastic is None:
             return None
@@ -269,8 +311,8 @@ class RawStresses(StressFields):
         return self.at_points.on_cells(self.at_points.plastic, space.mesh, degree, "plastic_strain")
 
     def plastic_extreme(self) -> dict[str, Any] | None:
-        """The largest one at the points of quadrature, where, and the region of its material, if there are several,
-        JSON-safe; None: there is none; collective.
+        """The largest one at the points of quadrature, where, and the region of its material, if
+        there are several, JSON-safe; None: there is none; collective.
         """
         if self.at_points is None or self.at_points.plastic is None:
             return None
@@ -278,11 +320,12 @@ class RawStresses(StressFields):
 
     @cached_property
     def recovered(self) -> StressFields:
-        """The stress projected onto the functions of degree 1 that are continuous in each material, with the same
-        fields.
+        """The stress projected onto the functions of degree 1 that are continuous in each material,
+        with the same fields.
 
-        Inside the body it is smoother than the raw stress and often more accurate; at the boundary, where cells are on
-        one side only, it need not be; peaks that are narrower than a cell are smoothed away.
+        Inside the body it is smoother than the raw stress and often more accurate; at the boundary,
+        where cells are on one side only, it need not be; peaks that are narrower than a cell are
+        smoothed away.
 
         Raises:
             RuntimeError: that of a nonlinear body.
@@ -302,15 +345,18 @@ class RawStresses(StressFields):
 
     @cached_property
     def error(self) -> float | None:
-        """Estimated error of the raw stress, relative, in the energy norm, which is that of the displacement; None
-        without stress, and of a nonlinear body.
+        """Estimated error of the raw stress, relative, in the energy norm, which is that of the
+        displacement; None without stress, and of a nonlinear body.
 
-        It is the estimate of Zienkiewicz and Zhu, from the difference of raw and recovered stress, with the residual of
-        the tractions on the boundary: a mean over the body that says nothing of a single point.
+        It is the estimate of Zienkiewicz and Zhu, from the difference of raw and recovered stress,
+        with the residual of the tractions on the boundary: a mean over the body that says nothing
+        of a single point.
         """
         if not self.recovers or not self.energy > 0:
             return None
-        return float(np.sqrt(parallel.global_sum(self.comm, self.squares.sum()) / (2 * self.energy)))
+        return float(
+            np.sqrt(parallel.global_sum(self.comm, self.squares.sum()) / (2 * self.energy))
+        )
 
     @cached_property
     def squares(self) -> npt.NDArray[np.float64]:
@@ -318,37 +364,55 @@ class RawStresses(StressFields):
         return np.asarray(self.body.recovery.squares(self.stress.displacement, self.place))
 
     def as_dict(self) -> dict[str, Any]:
-        """Extremes of the raw stress and those of the recovered one, with the estimated error, JSON-safe; collective.
+        """Extremes of the raw stress and those of the recovered one, with the estimated error,
+        JSON-safe; collective.
 
-        Those of a scene have each why it has no limit, if it is known to have none, see ``no_limit``, and the name of
-        its body or of the region of its material, if there are several.  The stress out of the plane is among them in
-        plane strain.
+        Those of a scene have each why it has no limit, if it is known to have none, see
+        ``no_limit``, and the name of its body or of the region of its material, if there are
+        several.  The stress out of the plane is among them in plane strain.
         """
-        finite = not parallel.any_rank(self.comm, not np.isfinite(self.stress.displacement.x.array).all())
-        raw, recovered = self._extremes(), self.recovered._extremes() if finite and self.recovers else {}
+        finite = not parallel.any_rank(
+            self.comm, not np.isfinite(self.stress.displacement.x.array).all()
+        )
+        raw, recovered = (
+            self._extremes(),
+            self.recovered._extremes() if finite and self.recovers else {},
+        )
         rows, recovered_rows = (
             {name: self._told(entry, finite=finite) for name, entry in extremes.items()}
             for extremes in (raw, recovered)
         )
-        return {**rows, "recovered": recovered_rows or None, "error": self.error if finite else None}
+        return {
+            **rows,
+            "recovered": recovered_rows or None,
+            "error": self.error if finite else None,
+        }
 
     def utilisation(self) -> dict[str, Any] | None:
-        """The largest share of the yield stress, of raw and recovered stress the one that uses more, and where,
-        JSON-safe; None: no yield stress is known, and of nonlinear materials; collective.
+        """The largest share of the yield stress, of raw and recovered stress the one that uses
+        more, and where, JSON-safe; None: no yield stress is known, and of nonlinear materials;
+        collective.
         """
         model: Model = self.body
         if not self.recovers or all(math.isinf(_limit(one)) for one in model.statement.material):
             return None
         if parallel.any_rank(self.comm, not np.isfinite(self.stress.displacement.x.array).all()):
             return {"value": math.nan, "place": []}
-        (limits,) = of_materials(model.statement, model.tagged, lambda material, _: (_limit(material),))
+        (limits,) = of_materials(
+            model.statement, model.tagged, lambda material, _: (_limit(material),)
+        )
         limit = fem.Function(fem.functionspace(model.tagged.mesh, ("DG", 0)))
         limit.x.array[:] = limits.value if isinstance(limits, fem.Constant) else limits.x.array
-        largest = max((fields.utilised(limit) for fields in (self, self.recovered)), key=lambda entry: entry.value)
+        largest = max(
+            (fields.utilised(limit) for fields in (self, self.recovered)),
+            key=lambda entry: entry.value,
+        )
         return self._told(largest)
 
     def _told(self, extreme: Extreme, *, finite: bool = True) -> dict[str, Any]:
-        """An extreme, with the part of several, and of a linear body why there is no limit; JSON-safe; collective."""
+        """An extreme, with the part of several, and of a linear body why there is no limit;
+        JSON-safe; collective.
+        """
         told: dict[str, Any] = {"value": extreme.value, "place": [*extreme.place]}
         model: Model = self.body
         regions = [*model.statement.bodies] or [entry.region for entry in model.statement.material]
@@ -366,7 +430,8 @@ def von_mises_of(sigma: Nodal) -> Nodal:
 
 
 def principal_of(sigma: Nodal) -> Nodal:
-    """The principal stresses of tensors, the largest first, from shape (n, 3, 3) to (n, 3); nan where a tensor is not
+    """The principal stresses of tensors, the largest first, from shape (n, 3, 3) to (n, 3); nan
+    where a tensor is not
     finite: a solve that failed may leave anything behind.
     """
     finite = np.isfinite(sigma).all(axis=(1, 2))
@@ -376,10 +441,16 @@ def principal_of(sigma: Nodal) -> Nodal:
 
 
 def part_of(model: Model, cell: int, parts: Sequence[str | None]) -> str | None:
-    """The one of some regions that a cell is in, by its global number; None: in none of them; collective."""
+    """The one of some regions that a cell is in, by its global number; None: in none of them;
+    collective.
+    """
     cells = model.tagged.mesh.topology.index_map(model.tagged.dimension)
     local_cell = cell - cells.local_range[0]
-    matches = [part for part, name in enumerate(parts) if name is not None and local_cell in model.tagged.cells(name)]
+    matches = [
+        part
+        for part, name in enumerate(parts)
+        if name is not None and local_cell in model.tagged.cells(name)
+    ]
     local_part = matches[0] if matches and 0 <= local_cell < cells.size_local else -1
     at = int(parallel.global_max(model.comm, local_part))
     return None if at < 0 else parts[at]
@@ -389,6 +460,8 @@ def interpolated(expression: Any, space: fem.FunctionSpace, name: str = "f") -> 
     """A UFL expression of the shape of the space, interpolated into it; collective."""
     function = fem.Function(space, name=name)
     with compiling():
-        compiled = fem.Expression(expression, compat.interpolation_points(space.element), dtype=default_scalar_type)
+        compiled = fem.Expression(
+            expression, compat.interpolation_points(space.element), dtype=default_scalar_type
+        )
     function.interpolate(compiled)
     return function

@@ -41,7 +41,9 @@ def summary_of(solution: Solution) -> dict[str, Any]:
         "advice": solution.advice,
         "converged": solution.converged,
         "algorithm": solution.algorithm,
-        "parameters": {k: v if np.isfinite(v) else "infinite" for k, v in solution.parameters.items()},
+        "parameters": {
+            k: v if np.isfinite(v) else "infinite" for k, v in solution.parameters.items()
+        },
         "iterations": sum(record.iteration > 0 for record in history.iterations),
         "linear_solves": history.linear_solves,
         "factorisations": sum(record.factorised for record in history.iterations),
@@ -59,7 +61,12 @@ def summary_of(solution: Solution) -> dict[str, Any]:
         summary["convergence_table"] = [row.model_dump() for row in solution.convergence_table]
     if solution.statement.several_steps:
         last, shown = solution.last_step, solution.shown_steps
-        summary["results_of"] = {"step": last.step, "name": last.name, "time": last.time, "status": last.status.value}
+        summary["results_of"] = {
+            "step": last.step,
+            "name": last.name,
+            "time": last.time,
+            "status": last.status.value,
+        }
         summary["steps"] = [
             _step_summary(solution.at(result), summary["findings"], figures=result in shown)
             for result in solution.steps
@@ -69,8 +76,12 @@ def summary_of(solution: Solution) -> dict[str, Any]:
     return summary
 
 
-def _step_summary(solution: Solution, findings: list[dict[str, Any]], *, figures: bool) -> dict[str, Any]:
-    """A row of the table of load steps; ``figures``: whether they mean anything, else they are not a number."""
+def _step_summary(
+    solution: Solution, findings: list[dict[str, Any]], *, figures: bool
+) -> dict[str, Any]:
+    """A row of the table of load steps; ``figures``: whether they mean anything, else they are not
+    a number.
+    """
     result = solution.last_step
     row: dict[str, Any] = {
         "step": result.step,
@@ -81,7 +92,9 @@ def _step_summary(solution: Solution, findings: list[dict[str, Any]], *, figures
     }
     columns, rows = of_step(solution), list[dict[str, Any]]()
     for quantity in own_quantities():
-        value = post_processing(solution.comm, quantity.key, rows, partial(_own_value, quantity, solution))
+        value = post_processing(
+            solution.comm, quantity.key, rows, partial(_own_value, quantity, solution)
+        )
         if isinstance(value, float):
             columns[quantity.key] = value
     findings += [told for told in rows if told not in findings]  # once for all load steps
@@ -94,27 +107,35 @@ _HEADER = "solve  outer  iter  contact   slip+   slip-  changed   residual   sec
 
 
 def table_row(record: Record) -> str:
-    """One line of the iteration table, the first with its header; an outer record closes its regularised problem."""
+    """One line of the iteration table, the first with its header; an outer record closes its
+    regularised problem.
+    """
     if isinstance(record, str):
         return f"       {record}"
     if isinstance(record, StepRecord):
         return f"--- {record} ".ljust(len(_HEADER), "-")
     if isinstance(record, OuterRecord):
-        change = "" if record.change is None else f", change of the friction bound {record.change:.2e}"
+        change = (
+            "" if record.change is None else f", change of the friction bound {record.change:.2e}"
+        )
         solves = f"{record.linear_solves} linear solve{'s' * (record.linear_solves != 1)}"
         return f"       {record.outer:5d}  {record.status} after {solves}{change}"
     header = _HEADER if record.solve == 1 else ""
     numbers = (
-        f"{record.solve:5d}  {record.outer:5d} {record.iteration:5d} {record.active_contact:8d} {record.slip_plus:7d}"
-        f" {record.slip_minus:7d} {record.changed:8d}   {record.residual:8.1e}  {record.seconds:8.3f}"
+        f"{record.solve:5d}  {record.outer:5d} {record.iteration:5d} {record.active_contact:8d} "
+        f"{record.slip_plus:7d}"
+        f" {record.slip_minus:7d} {record.changed:8d}   {record.residual:8.1e}  "
+        f"{record.seconds:8.3f}"
     )
     return header + numbers
 
 
 def print_progress(record: Record) -> None:
-    """An observer for ``solve``: prints each linear solve, each regularised problem and each event as one line.
+    """An observer for ``solve``: prints each linear solve, each regularised problem and each event
+    as one line.
 
-    Rank 0 of all ranks prints. To be used as ``solve(scene, observers=[print_progress])``, in a script or a notebook.
+    Rank 0 of all ranks prints. To be used as ``solve(scene, observers=[print_progress])``, in a
+    script or a notebook.
     """
     say_once(MPI.COMM_WORLD, table_row(record))
 
@@ -125,8 +146,9 @@ def lines_of(summary: dict[str, Any], folder: Path) -> list[TerminalLine]:
 
 
 def short_answer(summary: dict[str, Any], folder: Path) -> list[TerminalLine]:
-    """What ``solve`` prints without ``--verbose``, in 80 columns: the outcome, the first warning, what to do unless it
-    is a solution, the figures that are asked for first, and where the results are.
+    """What ``solve`` prints without ``--verbose``, in 80 columns: the outcome, the first warning,
+    what to do unless it is a solution, the figures that are asked for first, and where the results
+    are.
     """
     warnings = _warnings(summary)
     if len(warnings) > 1:
@@ -140,7 +162,10 @@ def _narrow(line: TerminalLine) -> list[TerminalLine]:
     label = line.begin.strip()
     begin = f"  {label:12s}" if len(label) < 12 else f"  {label}: "
     texts = textwrap.wrap(printable(line.text), COLUMNS - len(begin))
-    return [TerminalLine(begin if k == 0 else " " * 14, text, line.kind * (k == 0)) for k, text in enumerate(texts)]
+    return [
+        TerminalLine(begin if k == 0 else " " * 14, text, line.kind * (k == 0))
+        for k, text in enumerate(texts)
+    ]
 
 
 def _heading(summary: dict[str, Any]) -> TerminalLine:
@@ -154,11 +179,24 @@ def _figures(summary: dict[str, Any]) -> list[TerminalLine]:
 
     method = [row("algorithm", summary["algorithm"]), *_events(summary["events"])]
     method.append(row("linear algebra", summary["linear_algebra"]))
-    lines = [_heading(summary), *_outcome(summary), *method, *_pieces(summary["pieces"]), *_warnings(summary)]
-    if not summary["converged"] and summary["linear_solves"] == 0:  # follows from statics: there are no figures
+    lines = [
+        _heading(summary),
+        *_outcome(summary),
+        *method,
+        *_pieces(summary["pieces"]),
+        *_warnings(summary),
+    ]
+    if (
+        not summary["converged"] and summary["linear_solves"] == 0
+    ):  # follows from statics: there are no figures
         return lines
     lines += [line for shown in all_shown() for line in shown_lines(shown, summary)]
-    lines.append(row("seconds", ", ".join(f"{name} {value:.2f}" for name, value in summary["timings"].items())))
+    lines.append(
+        row(
+            "seconds",
+            ", ".join(f"{name} {value:.2f}" for name, value in summary["timings"].items()),
+        )
+    )
     if "convergence_table" in summary:
         prices = [Price(**price) for price in summary["convergence_table"]]
         lines.append(TerminalLine(convergence_table.render(prices)))
@@ -168,7 +206,9 @@ def _figures(summary: dict[str, Any]) -> list[TerminalLine]:
 def _outcome(summary: dict[str, Any]) -> list[TerminalLine]:
     """Of which load step the results are, and what to do unless it is a solution."""
     lines = [row("results of", results_of(summary))] if "results_of" in summary else []
-    return lines if summary["converged"] else [*lines, row("what to do", summary["advice"], "advice")]
+    return (
+        lines if summary["converged"] else [*lines, row("what to do", summary["advice"], "advice")]
+    )
 
 
 def _events(events: list[str]) -> list[TerminalLine]:
@@ -184,7 +224,9 @@ def _events(events: list[str]) -> list[TerminalLine]:
         for name, begin in beginnings.items()
     }
     if halved := len(kinds["increments"]):
-        kinds["increments"] = [f"halved {halved} time{'s' * (halved > 1)}, where a load step had no solution"]
+        kinds["increments"] = [
+            f"halved {halved} time{'s' * (halved > 1)}, where a load step had no solution"
+        ]
     return [row(name, "; ".join(kind)) for name, kind in kinds.items() if kind]
 
 
@@ -228,7 +270,9 @@ def versions() -> dict[str, str]:
 
 
 def blas_in_use() -> str:
-    """File name of the BLAS library that this process has loaded; a reference BLAS is several times slower."""
+    """File name of the BLAS library that this process has loaded; a reference BLAS is several times
+    slower.
+    """
     try:
         maps = Path("/proc/self/maps").read_text(encoding="utf-8", errors="replace").splitlines()
     except OSError:
@@ -236,16 +280,22 @@ def blas_in_use() -> str:
     files = map(Path, sorted({line.split()[-1] for line in maps if "/" in line and ".so" in line}))
     libraries = ("libblas", "openblas", "blis", "mkl_rt")
     blas_files = [file for file in files if any(word in file.name for word in libraries)]
-    names = [f"{file.parent.name}/{file.name}" if file.name.startswith("libblas") else file.name for file in blas_files]
+    names = [
+        f"{file.parent.name}/{file.name}" if file.name.startswith("libblas") else file.name
+        for file in blas_files
+    ]
     return ", ".join(dict.fromkeys(names)) or "unknown"
 
 
 T = TypeVar("T")
 
 
-def post_processing(comm: MPI.Comm, subject: str, findings: list[dict[str, Any]], state: Callable[[], T]) -> T | None:
-    """What ``state`` returns; None if it fails on any rank, with a warning among the findings; ``subject``: a key of
-    the summary; ``findings``: its rows.  An error is raised if the other ranks wait for this one; collective.
+def post_processing(
+    comm: MPI.Comm, subject: str, findings: list[dict[str, Any]], state: Callable[[], T]
+) -> T | None:
+    """What ``state`` returns; None if it fails on any rank, with a warning among the findings;
+    ``subject``: a key of the summary; ``findings``: its rows.  An error is raised if the other
+    ranks wait for this one; collective.
     """
     apart = comm.Dup()  # the others may be in a collective call of ``comm``
     result: T | None = None
@@ -285,7 +335,9 @@ def asked(solution: Solution) -> dict[str, Callable[[Solution], Any]]:
 
 
 def proved(solution: Solution, findings: list[dict[str, Any]]) -> dict[str, Any]:
-    """What is computed once the results stand, as far as the scene asks for it: entries of the summary; collective."""
+    """What is computed once the results stand, as far as the scene asks for it: entries of the
+    summary; collective.
+    """
     entries: dict[str, Any] = {}
     for key, value_of in asked(solution).items():
         value = post_processing(solution.comm, key, findings, partial(value_of, solution))

@@ -1,7 +1,7 @@
 """What acts in a scene, its cost and its mistakes, before the scene is solved.
 
-No stiffness is assembled.  Loads and contact boundaries are assembled as the solver does, so that every error that it
-would find in the scene or its mesh is found here.
+No stiffness is assembled.  Loads and contact boundaries are assembled as the solver does, so that
+every error that it would find in the scene or its mesh is found here.
 """
 
 from __future__ import annotations
@@ -30,7 +30,8 @@ from signorini_fx.solving.findings import nonlinear_findings, refuse_beforehand,
 from signorini_fx.solving.uniqueness import uniqueness_findings
 from signorini_fx.tuned import MEMORY_SHARE, NO_FORCE
 
-# Entries of a list, and characters of an expression, that are shown; columns of the labels of the text.
+# Entries of a list, and characters of an expression, that are shown; columns of the labels of the
+# text.
 _MOST_SHOWN, _LABEL = 30, 12
 
 
@@ -53,10 +54,14 @@ class Check:
         return asdict(self)
 
 
-def check_scene(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD, *, uniqueness: bool = False) -> Check:
-    """Validate a scene together with its mesh, and report what acts; collective, the same on every rank.
+def check_scene(
+    scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD, *, uniqueness: bool = False
+) -> Check:
+    """Validate a scene together with its mesh, and report what acts; collective, the same on every
+    rank.
 
-    With ``uniqueness`` also below which friction coefficient there is one solution, which takes a factorisation.
+    With ``uniqueness`` also below which friction coefficient there is one solution, which takes a
+    factorisation.
     """
     petsc_options.refuse_exchanged()
     if scene.statement.nonlinear:
@@ -74,13 +79,18 @@ def check_scene(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD, *, uniqueness: bo
         findings = [*scene_findings(model), *(uniqueness_findings(model) if uniqueness else [])]
     cost, available = estimated_cost(model), parallel.machine_memory(comm)
     if cost.memory_bytes >= MEMORY_SHARE * available:
-        needed = f"about {cost.memory_bytes / 1e9:.0f} GB are needed, this machine has {available / 1e9:.0f}"
+        needed = (
+            f"about {cost.memory_bytes / 1e9:.0f} GB are needed, this machine has "
+            f"{available / 1e9:.0f}"
+        )
         findings.insert(0, Finding("warning", "mesh", f"{needed}: use a coarser mesh"))
     return Check(scene.title, _acting(model, compared=compared), cost, tuple(findings))
 
 
 def _validated(scene: Scene, comm: MPI.Comm) -> Model:
-    """The body of a scene with the cells and elements that its solve takes, after all checks of the solver."""
+    """The body of a scene with the cells and elements that its solve takes, after all checks of the
+    solver.
+    """
     first = scene
     if scene.accuracy is not None:
         from signorini_fx.scenes.mesh_sequence import planned
@@ -99,7 +109,10 @@ def _acting(model: Model, *, compared: bool) -> tuple[str, ...]:
     first, reduced = _body(model)
     acting = [first]
     if len(statement.material) > 1:
-        acting.append(f"several materials ({', '.join(str(material.region) for material in statement.material)})")
+        acting.append(
+            "several materials "
+            f"({', '.join(str(material.region) for material in statement.material)})"
+        )
     for one in statement.material:
         if not isinstance(one, LinearElastic):
             acting.append(f"{one.words} ({one.region or 'everywhere'}: {given_in_words(one)})")
@@ -111,7 +124,9 @@ def _acting(model: Model, *, compared: bool) -> tuple[str, ...]:
         acting.append(f"{'about ' if automatic else ''}{statement.expected_steps} load steps")
     for key, entries in statement.effects.items():
         if key not in ("material", "contact"):
-            acting += [f"{effect.name} ({given_in_words(effect)})" for effect in entries if effect.acts]
+            acting += [
+                f"{effect.name} ({given_in_words(effect)})" for effect in entries if effect.acts
+            ]
     solver = statement.solver
     if model.boundary is not None:
         to_stop = solver.algorithm == "path-following" and solver.regularisation_error == "auto"
@@ -127,7 +142,9 @@ def _body(model: Model) -> tuple[str, bool]:
         return f"elasticity ({model.kinematics.words})", model.elastic.reduced is not None
     from signorini_fx.mechanics.body.nonlinear_law import volume_degree
 
-    inner = " with the contact problem of its tangent in each iteration" if statement.contact else ""
+    inner = (
+        " with the contact problem of its tangent in each iteration" if statement.contact else ""
+    )
     kind = statement.kinematics_in(model.tagged.dimension).words
     strains = "finite" if statement.finite_strains else "small"
     body = f"nonlinear body ({kind}, {strains} strains, Newton's method{inner})"
@@ -140,8 +157,15 @@ def _contacts(model: Model) -> list[str]:
         return []
     acting = []
     for index, effect in enumerate(model.statement.contact):
-        count = int(parallel.global_sum(model.boundary.comm, np.array(np.count_nonzero(model.boundary.part == index))))
-        law, against = effect.friction, "" if effect.against is None else f"against {effect.against}, "
+        count = int(
+            parallel.global_sum(
+                model.boundary.comm, np.array(np.count_nonzero(model.boundary.part == index))
+            )
+        )
+        law, against = (
+            effect.friction,
+            "" if effect.against is None else f"against {effect.against}, ",
+        )
         description = f"{effect.kind}, {against}{count} nodes"
         if effect.foundation is not None:
             shape = f"{effect.foundation.shape}, {given_in_words(effect.foundation)}"
@@ -159,8 +183,14 @@ _NAMES = ("boundary", "at", "region", "section", "law", "shape", "hypothesis", "
 
 def given_in_words(table: Table) -> str:
     """What has been given of an entry of a scene."""
-    keys = [key for key in type(table).model_fields if key in table.model_fields_set and key not in _NAMES]
-    return ", ".join(f"{key} = {_in_words(value)}" for key in keys if (value := getattr(table, key)) is not None)
+    keys = [
+        key
+        for key in type(table).model_fields
+        if key in table.model_fields_set and key not in _NAMES
+    ]
+    return ", ".join(
+        f"{key} = {_in_words(value)}" for key in keys if (value := getattr(table, key)) is not None
+    )
 
 
 def _in_words(value: Any) -> str:
@@ -191,14 +221,17 @@ def _gaps(model: Model, index: int) -> str:
 
 
 def text_of(check: Check, *, verbose: bool) -> str:
-    """What acts, what it will cost, and what the scene lacks, in 80 columns; ``verbose``: also the linear algebra."""
+    """What acts, what it will cost, and what the scene lacks, in 80 columns; ``verbose``: also the
+    linear algebra.
+    """
     cost, (low, high) = check.cost, check.cost.linear_solves
     solves = f"{low}" if low == high else f"{low} to {high}"
     share = {0.1: "a tenth of", 0.5: "half"}.get(cost.next_error, f"{cost.next_error:.2g} of")
     how = "with --accuracy" if cost.next_local else "with all cells smaller"
     estimate = (
         f"{cost.unknowns} unknowns, {solves} solves, {between(cost.seconds)} of linear algebra, "
-        f"{storage(cost.memory_bytes)}, estimated; {share} the error: {between(cost.next_seconds)} {how}"
+        f"{storage(cost.memory_bytes)}, estimated; {share} the error: "
+        f"{between(cost.next_seconds)} {how}"
     )
     count = len(check.warnings)
     verdict = "fine" if count == 0 else f"{count} warning{'s' * (count > 1)}"

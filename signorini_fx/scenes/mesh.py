@@ -25,9 +25,15 @@ from signorini_fx.scenes.scene import Scene
 def load_mesh(scene: Scene, comm: MPI.Comm) -> TaggedMesh:
     """The mesh that a scene names, or that its bodies make together; collective."""
     if scene.body:
-        made = (mesh.drawn if isinstance(mesh, MeshFile) else getattr(mesh, "origin", True) for mesh in scene.meshes)
+        made = (
+            mesh.drawn if isinstance(mesh, MeshFile) else getattr(mesh, "origin", True)
+            for mesh in scene.meshes
+        )
         if (sizes := contact_sizes(scene)) and not any(made):
-            reason = "all bodies have their cells already: give a drawing, or make those in contact shorter there"
+            reason = (
+                "all bodies have their cells already: give a drawing, or make those in "
+                "contact shorter there"
+            )
             raise SceneError([(sizes[0].path, reason)])
         scene = with_cells_alike(scene)
         return together(scene.body, partial(_load_one, scene), comm)
@@ -35,16 +41,23 @@ def load_mesh(scene: Scene, comm: MPI.Comm) -> TaggedMesh:
 
 
 def with_cells_alike(scene: Scene) -> Scene:
-    """The scene with one kind of cell for all generators of several bodies: that which it gives one of them, otherwise
-    the first of their own ones that all can make.
+    """The scene with one kind of cell for all generators of several bodies: that which it gives one
+    of them, otherwise the first of their own ones that all can make.
     """
     able, meshes = dict[int, tuple[str, ...]](), scene.meshes
     for number, mesh in enumerate(meshes):
         if isinstance(mesh, MeshGenerator):
             with naming(number, scene.body[number]) if scene.body else nullcontext():
                 able[number] = mesh.cells
-    given = [meshes[number].parameters["cell"] for number in able if "cell" in meshes[number].parameters]
-    common = [cell for cells in able.values() for cell in cells[:1] if all(cell in others for others in able.values())]
+    given = [
+        meshes[number].parameters["cell"] for number in able if "cell" in meshes[number].parameters
+    ]
+    common = [
+        cell
+        for cells in able.values()
+        for cell in cells[:1]
+        if all(cell in others for others in able.values())
+    ]
     wanted = next(iter((*given, *common)), None)
     if all(cells[:1] == (wanted,) for cells in able.values()):
         return scene
@@ -55,14 +68,19 @@ def with_cells_alike(scene: Scene) -> Scene:
 
 
 def _load_one(scene: Scene, number: int | None, comm: MPI.Comm, halvings: int = 0) -> TaggedMesh:
-    """The mesh of one of several bodies, None: the only one; of a file with its sides halved that many times."""
+    """The mesh of one of several bodies, None: the only one; of a file with its sides halved that
+    many times.
+    """
     source: Any = scene.mesh if number is None else scene.body[number].mesh
     sizes = contact_sizes(scene, number)
     match source:
         case TaggedMesh():
             tagged = source
             if sizes and number is None and not tagged.origin:
-                reason = "the mesh is given with its cells: make those in contact shorter where it is made"
+                reason = (
+                    "the mesh is given with its cells: make those in contact shorter where "
+                    "it is made"
+                )
                 raise SceneError([(sizes[0].path, reason)])
         case MeshFile():
             # A drawing gets curved cells if the degree of the elements permits.
@@ -83,9 +101,11 @@ def scene_on(scene: Scene, factor: float) -> Scene:
 
 
 def with_halved_bodies(scene: Scene, halvings: int, comm: MPI.Comm) -> Scene:
-    """The scene with the sides of all cells of all of its bodies halved that many times; collective.
+    """The scene with the sides of all cells of all of its bodies halved that many times;
+    collective.
 
-    Generators and drawings make new cells on the true shape, cells of other files are divided on their own geometry.
+    Generators and drawings make new cells on the true shape, cells of other files are divided on
+    their own geometry.
     """
     halved = []
     for number, mesh in enumerate(scene.meshes):
@@ -103,8 +123,14 @@ def with_halved_bodies(scene: Scene, halvings: int, comm: MPI.Comm) -> Scene:
 
 
 def coarser_scenes(scene: Scene, levels: int) -> list[Scene]:
-    """The scene on at most ``levels - 1`` coarser meshes, each with elements twice as large as the next."""
+    """The scene on at most ``levels - 1`` coarser meshes, each with elements twice as large as the
+    next.
+    """
     if levels == 1:
         return []
     scenes = [scene_on(scene, 2**k) for k in range(levels - 1, -1, -1)]
-    return [coarse for coarse, fine in pairwise(scenes) if (coarse.mesh, coarse.body) != (fine.mesh, fine.body)]
+    return [
+        coarse
+        for coarse, fine in pairwise(scenes)
+        if (coarse.mesh, coarse.body) != (fine.mesh, fine.body)
+    ]

@@ -1,6 +1,8 @@
-"""A scene on one mesh after the other: how it is refined for a requested accuracy, and how each is made.
+"""A scene on one mesh after the other: how it is refined for a requested accuracy, and how each is
+made.
 
-Cells and elements that were found to be cheaper may take the place of the scene's; in 3D cells stay.
+Cells and elements that were found to be cheaper may take the place of the scene's; in 3D cells
+stay.
 """
 
 from __future__ import annotations
@@ -44,30 +46,40 @@ from signorini_fx.tuned import COARSER_START, SAME_LENGTH
 class Plan:
     """How a scene is refined."""
 
-    # with the elements that are to be used; its mesh comes from a generator, from a file all of whose cells are
-    # divided, or consists of triangles or tetrahedra that are divided
+    # with the elements that are to be used; its mesh comes from a generator, from a file all of
+    # whose cells are divided, or consists of triangles or tetrahedra that are divided
     scene: Scene
     adaptive: bool  # whether cells become smaller where the error is large
     polygonal: bool = False  # whether straight facets stay although the shape may be curved
     geometry: int | None = None  # degree of the geometry of a file's mesh; None: as the file has it
-    # whether gmsh makes the cells anew where the error is large; else triangles or tetrahedra are divided
+    # whether gmsh makes the cells anew where the error is large; else triangles or tetrahedra are
+    # divided
     remade: bool = False
 
 
 _SOLIDS = {"tetrahedron", "hexahedron"}
 # What can be divided in place of cells that cannot.
-_SIMPLEX = {"quadrilateral": ("quadrilaterals", "triangle"), "hexahedron": ("hexahedra", "tetrahedron")}
+_SIMPLEX = {
+    "quadrilateral": ("quadrilaterals", "triangle"),
+    "hexahedron": ("hexahedra", "tetrahedron"),
+}
 
 
 def planned(scene: Scene, goal: Accuracy, comm: MPI.Comm) -> Plan:
-    """How to refine the mesh of a scene; cells on arcs are not divided: they would converge to that on a polygon."""
+    """How to refine the mesh of a scene; cells on arcs are not divided: they would converge to that
+    on a polygon.
+    """
     requested = goal
     if goal.refinement == "adaptive" and (plan := _remade(scene, comm)) is not None:
         return plan
     if not divisible(scene.statement, goal.of):
         goal = goal.model_copy(update={"refinement": "uniform"})
     if scene.body:
-        if goal.refinement == "auto" and goal.of == "energy" and (one := _as_one_mesh(scene, comm)) is not None:
+        if (
+            goal.refinement == "auto"
+            and goal.of == "energy"
+            and (one := _as_one_mesh(scene, comm)) is not None
+        ):
             return planned(one, goal, comm)
         return _planned_bodies(scene, requested)
     if isinstance(scene.mesh, MeshGenerator):
@@ -82,13 +94,17 @@ def _planned_cells(scene: Scene, tagged: TaggedMesh, goal: Accuracy, *, polygona
     check_divisible(tagged)  # before hours are spent on the first mesh
     scene = scene.model_copy(update={"mesh": tagged})
     # Elements of degree 2 are cheaper; in 3D the error of a force on them is not known.
-    takes = goal.refinement == "auto" and goal.of in (LOCAL if tagged.dimension == 2 else ("energy",))
+    takes = goal.refinement == "auto" and goal.of in (
+        LOCAL if tagged.dimension == 2 else ("energy",)
+    )
     local = _divides(goal, scene, tagged.mesh.topology.cell_name(), straight=True)
     return Plan(_of_degree_2(scene) if takes else scene, local, polygonal=polygonal)
 
 
 def _remade(scene: Scene, comm: MPI.Comm) -> Plan | None:
-    """The plan for cells that gmsh makes anew; None: of one straight body divided ones change less."""
+    """The plan for cells that gmsh makes anew; None: of one straight body divided ones change
+    less.
+    """
     if not scene.statement.remade:
         return None
     meshes: list[tuple[str, Any]] = [(f" of body {body.name!r}", body.mesh) for body in scene.body]
@@ -97,17 +113,25 @@ def _remade(scene: Scene, comm: MPI.Comm) -> Plan | None:
         if isinstance(mesh, MeshGenerator) and not mesh.sized:
             if not several:
                 return None
-            message = f"the cells of {mesh.generator!r}{name} are all alike, and are made smaller together"
+            message = (
+                f"the cells of {mesh.generator!r}{name} are all alike, and are made smaller "
+                "together"
+            )
             raise SceneError([("accuracy.refinement", f"{message}: use 'uniform'")])
     if not several and isinstance(scene.mesh, MeshFile):
-        tagged = load_mesh(scene.model_copy(update={"element": scene.element.model_copy(update={"degree": 2})}), comm)
+        tagged = load_mesh(
+            scene.model_copy(update={"element": scene.element.model_copy(update={"degree": 2})}),
+            comm,
+        )
         if not curvature(tagged) > SAME_LENGTH * tagged.size:
             return None
     return Plan(scene, adaptive=True, geometry=scene.element.degree, remade=True)
 
 
 def _as_one_mesh(scene: Scene, comm: MPI.Comm) -> Scene | None:
-    """Several bodies as one mesh of straight triangles that can be divided; None: some have arcs or other cells."""
+    """Several bodies as one mesh of straight triangles that can be divided; None: some have arcs or
+    other cells.
+    """
     meshes = scene.meshes
     for number, mesh in enumerate(meshes):
         if isinstance(mesh, MeshGenerator):
@@ -121,7 +145,11 @@ def _as_one_mesh(scene: Scene, comm: MPI.Comm) -> Scene | None:
     except MeshError:  # some have other cells
         return None
     straight = not curvature(tagged) > SAME_LENGTH * tagged.size
-    return scene_with(scene, tagged) if straight and tagged.mesh.topology.cell_name() == "triangle" else None
+    return (
+        scene_with(scene, tagged)
+        if straight and tagged.mesh.topology.cell_name() == "triangle"
+        else None
+    )
 
 
 def scene_with(scene: Scene, tagged: TaggedMesh) -> Scene:
@@ -133,26 +161,38 @@ def scene_with(scene: Scene, tagged: TaggedMesh) -> Scene:
 
 
 def _planned_bodies(scene: Scene, goal: Accuracy) -> Plan:
-    """All cells of all bodies become smaller together; those of generators with arcs are as for one body."""
+    """All cells of all bodies become smaller together; those of generators with arcs are as for one
+    body.
+    """
     for number, body in enumerate(scene.body):
         if isinstance(body.mesh, TaggedMesh):
             with naming(number, body):
                 check_divisible(body.mesh)
-    polygonal = not all(isinstance(mesh, MeshGenerator) or getattr(mesh, "drawn", False) for mesh in scene.meshes)
+    polygonal = not all(
+        isinstance(mesh, MeshGenerator) or getattr(mesh, "drawn", False) for mesh in scene.meshes
+    )
     return Plan(_curved(scene, goal), adaptive=False, polygonal=polygonal)
 
 
 def _curved(scene: Scene, goal: Accuracy) -> Scene:
-    """In 2D with elements and cells of degree 2, if generators with arcs make all meshes; else as it is."""
+    """In 2D with elements and cells of degree 2, if generators with arcs make all meshes; else as
+    it is.
+    """
     if goal.refinement != "auto" or goal.of not in LOCAL:
         return scene
-    flat = [mesh for mesh in scene.meshes if isinstance(mesh, MeshGenerator) and _SOLIDS.isdisjoint(mesh.cells[:1])]
+    flat = [
+        mesh
+        for mesh in scene.meshes
+        if isinstance(mesh, MeshGenerator) and _SOLIDS.isdisjoint(mesh.cells[:1])
+    ]
     curved = [mesh.curved for mesh in flat if mesh.curved is not None]
     return _of_degree_2(scene).with_meshes(curved) if len(curved) == len(scene.meshes) else scene
 
 
 def _divides(goal: Accuracy, scene: Scene, cell: str, *, straight: bool) -> bool:
-    """Whether cells are divided where the error is: if that is asked for, or may be chosen and is possible."""
+    """Whether cells are divided where the error is: if that is asked for, or may be chosen and is
+    possible.
+    """
     able = goal.refinement == "auto" and divides(scene.statement, goal.of, cell, straight=straight)
     return goal.refinement == "adaptive" or able
 
@@ -166,11 +206,15 @@ def _planned_generator(scene: Scene, goal: Accuracy) -> Plan:
     triangles, cell = scene.mesh.of_simplices, next(iter(scene.mesh.cells), None)
     if cell in _SIMPLEX and goal.refinement == "adaptive":
         several, simplex = _SIMPLEX[cell]
-        message = f"{several} cannot be divided one by one and stay conforming: use cell = '{simplex}', or 'uniform'"
+        message = (
+            f"{several} cannot be divided one by one and stay conforming: use cell = "
+            f"'{simplex}', or 'uniform'"
+        )
         raise SceneError([("accuracy.refinement", message)])
     if goal.refinement == "adaptive" and triangles is None:
         message = (
-            f"the arcs of {scene.mesh.generator} would stay the polygon that they are on the first mesh: use 'uniform'"
+            f"the arcs of {scene.mesh.generator} would stay the polygon that they are on "
+            "the first mesh: use 'uniform'"
         )
         raise SceneError([("accuracy.refinement", message)])
     if cell in _SOLIDS:
@@ -185,7 +229,9 @@ def _planned_generator(scene: Scene, goal: Accuracy) -> Plan:
 
 
 def _planned_file(scene: Scene, file: MeshFile, goal: Accuracy, comm: MPI.Comm) -> Plan:
-    """Curved sides stay curved: all cells are divided then, because dolfinx bisects straight ones only."""
+    """Curved sides stay curved: all cells are divided then, because dolfinx bisects straight ones
+    only.
+    """
     drawn, sizes = file.drawn, contact_sizes(scene)
     tagged = load_file(file, comm, 0, 2 if drawn else None, sizes)
     curved = curvature(tagged) > SAME_LENGTH * tagged.size
@@ -194,18 +240,23 @@ def _planned_file(scene: Scene, file: MeshFile, goal: Accuracy, comm: MPI.Comm) 
     if _divides(goal, scene, tagged.mesh.topology.cell_name(), straight=not curved):
         if curved:
             message = (
-                "cells with curved sides cannot be divided one by one: dolfinx bisects straight ones only, and these "
+                "cells with curved sides cannot be divided one by one: dolfinx bisects straight "
+                "ones only, and these "
                 "would stay the polygon that they are; use 'uniform'"
             )
             raise SceneError([("accuracy.refinement", message)])
         straight = load_file(file, comm, degree=1, sizes=sizes)
         return _planned_cells(scene, straight, goal, polygonal=not drawn and degree == 1)
     planned_scene = _of_degree_2(scene) if better else scene
-    geometry = (2 if curved and planned_scene.element.degree == 2 else 1) if drawn or not curved else None
-    return Plan(planned_scene, adaptive=False, polygonal=not drawn and degree == 1, geometry=geometry)
+    geometry = (
+        (2 if curved and planned_scene.element.degree == 2 else 1) if drawn or not curved else None
+    )
+    return Plan(
+        planned_scene, adaptive=False, polygonal=not drawn and degree == 1, geometry=geometry
+    )
 
 
-# --- on each mesh -----------------------------------------------------------------------------------------------------
+# --- on each mesh ---------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -227,14 +278,19 @@ class MeshedScene(MeshedProblem):
         return replace(self, scene=self.scene.model_copy(update={"solver": settings}))
 
     def solve(
-        self, state: ContactState | None, coarser: MeshLevel | None, checkpoint: MeshCheckpoint | None
+        self,
+        state: ContactState | None,
+        coarser: MeshLevel | None,
+        checkpoint: MeshCheckpoint | None,
     ) -> SolvedMesh:
         scene, step_errors = self.scene, list[Errors]()
         if scene.statement.nonlinear:
             from signorini_fx.scenes.nonlinear import problem_of
 
             solution = problem_of(scene, self.comm, self.history).solved(checkpoint)
-            return SolvedMesh(solution, solution.model.tagged, None, step_errors=_errors_of_nonlinear(solution))
+            return SolvedMesh(
+                solution, solution.model.tagged, None, step_errors=_errors_of_nonlinear(solution)
+            )
 
         def estimate(step: LoadStep) -> None:
             model, outcome, result = step.body.model, step.outcome, step.result
@@ -242,14 +298,20 @@ class MeshedScene(MeshedProblem):
                 return
             table = contact_table(result.contact, *model.statement.sides)
             displacement = model.function(outcome.displacement())
-            step_errors.append(estimate_errors(model, displacement, result.strain_energy, table, result.place))
+            step_errors.append(
+                estimate_errors(model, displacement, result.strain_energy, table, result.place)
+            )
 
         load = partial(load_mesh, scene, self.comm)
-        solution, task, outcome = solve_mesh(scene.statement, load, self.history, state, estimate, coarser, checkpoint)
+        solution, task, outcome = solve_mesh(
+            scene.statement, load, self.history, state, estimate, coarser, checkpoint
+        )
         return SolvedMesh(solution, solution.model.tagged, task, outcome, step_errors=step_errors)
 
     def keeping(self, solved: SolvedMesh) -> Self:
-        """The contact points of pairs stay on the sides that were chosen on the first mesh: forces have their sign."""
+        """The contact points of pairs stay on the sides that were chosen on the first mesh: forces
+        have their sign.
+        """
         if solved.solution.statement.sides[1] is None:
             return self
         contacts = [
@@ -265,7 +327,9 @@ class MeshedScene(MeshedProblem):
         assert self.plan is not None
         last, scene, halvings = self.scene, self.plan.scene, round(log2(times))
         if isinstance(scene.mesh, MeshFile):
-            return self.on(load_file(scene.mesh, self.comm, halvings, self.plan.geometry, contact_sizes(scene)))
+            return self.on(
+                load_file(scene.mesh, self.comm, halvings, self.plan.geometry, contact_sizes(scene))
+            )
         if scene.statement.generated:
             scene = scene_on(scene, self.coarsest / times)
         elif scene.body:
@@ -277,10 +341,14 @@ class MeshedScene(MeshedProblem):
         update = {"mesh": scene.mesh, "body": scene.body, "contact": contacts}
         return replace(self, scene=last.model_copy(update=update))
 
-    def remade(self, last: TaggedMesh, lengths: npt.NDArray[np.float64], finer: float) -> tuple[Self, int]:
+    def remade(
+        self, last: TaggedMesh, lengths: npt.NDArray[np.float64], finer: float
+    ) -> tuple[Self, int]:
         assert self.plan is not None
         dim, first, made = last.dimension, with_cells_alike(self.plan.scene), list[TaggedMesh]()
-        parts = [last.cells(body.name) for body in first.body] or [np.arange(len(lengths), dtype=np.int32)]
+        parts = [last.cells(body.name) for body in first.body] or [
+            np.arange(len(lengths), dtype=np.int32)
+        ]
         for number, field in enumerate(size_fields(last, lengths, parts, finer)):
             table: Any = first.mesh
             if first.body:
@@ -289,16 +357,25 @@ class MeshedScene(MeshedProblem):
             if isinstance(table, MeshGenerator):
                 made.append(generate_mesh(table.generator, table.parameters, self.comm, field))
             else:
-                made.append(load_file(table, self.comm, 0, 2 if self.scene.element.degree == 2 else None, field))
+                made.append(
+                    load_file(
+                        table, self.comm, 0, 2 if self.scene.element.degree == 2 else None, field
+                    )
+                )
         count = sum(tagged.mesh.topology.index_map(dim).size_global for tagged in made)
         if not first.body:
             return self.on(made[0]), count
-        bodies = tuple(body.model_copy(update={"mesh": tagged}) for body, tagged in zip(first.body, made, strict=True))
+        bodies = tuple(
+            body.model_copy(update={"mesh": tagged})
+            for body, tagged in zip(first.body, made, strict=True)
+        )
         return replace(self, scene=self.scene.model_copy(update={"body": bodies})), count
 
 
 def _errors_of_nonlinear(solution: Solution) -> list[Errors]:
-    """Those after the last load step, of contact none where cells lock: estimates were up to 30 times too small."""
+    """Those after the last load step, of contact none where cells lock: estimates were up to 30
+    times too small.
+    """
     from signorini_fx.mechanics.body.nonlinear_law import volume_degree
 
     if not solution.converged or isinstance(shares := solution.error_shares, str):
@@ -312,9 +389,15 @@ def _errors_of_nonlinear(solution: Solution) -> list[Errors]:
 def meshes_of(scene: Scene, goal: Accuracy, comm: MPI.Comm, history: History) -> Meshes:
     """The meshes of a scene on the way to an accuracy."""
     plan = planned(scene, goal, comm)
-    generated, any_jump = plan.scene.statement.generated, plan.scene.statement.generated and not plan.adaptive
-    made = any_jump or isinstance(plan.scene.mesh, MeshFile) or bool(plan.scene.body and not generated)
-    # How many times larger the first cells are: coarse nodes are nodes of the scene's mesh, as where a load jumps.
+    generated, any_jump = (
+        plan.scene.statement.generated,
+        plan.scene.statement.generated and not plan.adaptive,
+    )
+    made = (
+        any_jump or isinstance(plan.scene.mesh, MeshFile) or bool(plan.scene.body and not generated)
+    )
+    # How many times larger the first cells are: coarse nodes are nodes of the scene's mesh, as
+    # where a load jumps.
     first = float(COARSER_START[plan.scene.element.degree])
     problem = MeshedScene(
         comm=comm,

@@ -69,8 +69,15 @@ def linear_body(scene: Scene, comm: mpi4py.MPI.Comm, timings: Timings) -> Model:
     model = prepare(at_rest(scene.statement), tagged, timings, path_step=-1)
     refuse_beforehand(model, linear=False)
     if model.turned is not None:
-        number = next(k for k, support in enumerate(scene.statement.displacement) if support.normal is not None)
-        reason = "along no axis is not possible yet with a nonlinear material: turn the mesh, or take bilateral contact"
+        number = next(
+            k
+            for k, support in enumerate(scene.statement.displacement)
+            if support.normal is not None
+        )
+        reason = (
+            "along no axis is not possible yet with a nonlinear material: turn the mesh, or "
+            "take bilateral contact"
+        )
         raise SceneError([(f"displacement[{number}].normal", reason)])
     return model
 
@@ -91,22 +98,40 @@ class ProblemOfScene(NonlinearContactProblem):
         """That of a statement; collective."""
         space, tagged = model.space, model.tagged
         # The contact points of pairs are on the sides that have been chosen for the body.
-        sides = [{"boundary": entry.boundary, "against": entry.against} for entry in model.statement.contact]
+        sides = [
+            {"boundary": entry.boundary, "against": entry.against}
+            for entry in model.statement.contact
+        ]
         chosen = zip(statement.contact, sides, strict=True)
-        statement = statement.changed(contact=tuple(entry.model_copy(update=side) for entry, side in chosen))
+        statement = statement.changed(
+            contact=tuple(entry.model_copy(update=side) for entry, side in chosen)
+        )
         facets = boundary_facets(statement, tagged)
         on = [facets[entry.boundary] for entry in statement.contact]
-        masters = {k: facets[entry.against] for k, entry in enumerate(statement.contact) if entry.against is not None}
-        drives = _drives_at(statement, tagged.dimension, statement.steps - 1)  # of which some may not be possible
+        masters = {
+            k: facets[entry.against]
+            for k, entry in enumerate(statement.contact)
+            if entry.against is not None
+        }
+        drives = _drives_at(
+            statement, tagged.dimension, statement.steps - 1
+        )  # of which some may not be possible
         begins = foundations_of(statement.placed(0), on, masters)
-        contact = [replace(entry, shape=drives[k]) if k in drives else entry for k, entry in enumerate(begins)]
+        contact = [
+            replace(entry, shape=drives[k]) if k in drives else entry
+            for k, entry in enumerate(begins)
+        ]
         timed = [k for k, entry in enumerate(statement.contact) if entry.friction.timed]
         for k in timed:
             contact[k] = replace(contact[k], friction=_at_its_time(contact[k].friction))
         u = fem.Function(space, name="displacement")
         body = body_residual(statement, tagged, u)
         held, bcs = _conditions(model)
-        settings = {key: value for key, value in statement.solver if key != "levels" and _LEFT_OUT.get(key) != value}
+        settings = {
+            key: value
+            for key, value in statement.solver
+            if key != "levels" and _LEFT_OUT.get(key) != value
+        }
         try:
             problem = cls(
                 body.form,
@@ -131,10 +156,12 @@ class ProblemOfScene(NonlinearContactProblem):
         return problem
 
     def solved(
-        self, stored: MeshCheckpoint | None = None, on_step: Callable[[StepResult], object] = lambda step: None
+        self,
+        stored: MeshCheckpoint | None = None,
+        on_step: Callable[[StepResult], object] = lambda step: None,
     ) -> Solution:
-        """The solution of all load steps, or of those before one that has none: of the first one the body as it was
-        before; collective.
+        """The solution of all load steps, or of those before one that has none: of the first one
+        the body as it was before; collective.
         """
         failures = list[Finding]()
         try:
@@ -149,7 +176,9 @@ class ProblemOfScene(NonlinearContactProblem):
             failures.append(Finding("warning", "load_steps", why))
         self.timings.seconds.update(self._solver.timings.seconds)
         solution = self._titled(self.statement.title)
-        body: dict[str, Any] = {field.name: getattr(solution.model, field.name) for field in fields(solution.model)}
+        body: dict[str, Any] = {
+            field.name: getattr(solution.model, field.name) for field in fields(solution.model)
+        }
         body |= {"statement": self.statement, "tagged": self.model.tagged}
         forces = NonlinearForces(self.statement, self.model.tagged, self.model.space)
         known = nonlinear_findings(self.statement, self.model)
@@ -157,7 +186,9 @@ class ProblemOfScene(NonlinearContactProblem):
         findings = (*failures, *known, *self.findings, *apart)
         named = tuple(map(self._named, solution.steps))
         model = BodyOfScene(**body, forces=forces)
-        return replace(solution, model=model, steps=named, timings=self.timings, found=lambda: findings)
+        return replace(
+            solution, model=model, steps=named, timings=self.timings, found=lambda: findings
+        )
 
     def _named(self, step: StepResult) -> StepResult:
         """A load step whose tools have the names of the scene."""
@@ -180,10 +211,14 @@ class ProblemOfScene(NonlinearContactProblem):
         self.body.move_to(path_step)
         self._held.x.array[:] = values
         self._move(self.statement.placed(path_step))
-        for number, shape in _drives_at(self.statement, self.model.tagged.dimension, path_step).items():
+        for number, shape in _drives_at(
+            self.statement, self.model.tagged.dimension, path_step
+        ).items():
             moving, dimension = self.shapes[number], self.model.tagged.dimension
             carried = {"shift": moving.shape.shift, "rotation": moving.shape.rotation}
-            moving.shape = fitting(number, shape.model_copy(update=carried), dimension, turns=moving.turns)
+            moving.shape = fitting(
+                number, shape.model_copy(update=carried), dimension, turns=moving.turns
+            )
 
     def reached(self) -> ReachedStep:
         """The load step that has just ended."""
@@ -203,7 +238,9 @@ class ProblemOfScene(NonlinearContactProblem):
         self.linear.foundations.settle()
 
     def forces_anew(self, statement: Statement, displacement: fem.Function) -> Array:
-        """Minus the residual of the body in another scene, without states, at this place, forces (owned dofs,)."""
+        """Minus the residual of the body in another scene, without states, at this place, forces
+        (owned dofs,).
+        """
         anew = NonlinearForces(statement, self.model.tagged, self.model.space)
         return -anew.residual(displacement, self.path_step)
 
@@ -217,7 +254,9 @@ class ProblemOfScene(NonlinearContactProblem):
 
     def _move(self, statement: Statement) -> None:
         """Put the foundations where they are in a statement, and take its gaps and friction."""
-        for number, (entry, given) in enumerate(zip(statement.contact, self.statement.contact, strict=True)):
+        for number, (entry, given) in enumerate(
+            zip(statement.contact, self.statement.contact, strict=True)
+        ):
             if given.gap_timed:
                 gap = entry.gap if isinstance(entry.gap, float) else partial(sample, entry.gap)
                 key = "allowance" if self.linear.contact[number].by_geometry else "gap"
@@ -241,12 +280,18 @@ class ReachedStep:
 class BodyOfScene(ResidualBody):
     """A body whose loads and supports have names, and whose materials say its stress."""
 
-    forces: NonlinearForces  # evaluates the forces and the stress of materials, and the forces of loads
+    forces: (
+        NonlinearForces  # evaluates the forces and the stress of materials, and the forces of loads
+    )
 
     def stress(self, y: fem.Function, step: float) -> RawStresses:
         path = [(load_step.displacement, load_step.place) for load_step, _ in self.ends]
-        last = next((number for number, (displacement, _) in enumerate(path) if displacement is y), None)
-        return nonlinear_stresses(self, self.forces, [(y, step)] if last is None else path[: last + 1])
+        last = next(
+            (number for number, (displacement, _) in enumerate(path) if displacement is y), None
+        )
+        return nonlinear_stresses(
+            self, self.forces, [(y, step)] if last is None else path[: last + 1]
+        )
 
     def acting(self, y: fem.Function, step: float) -> ActingForces:
         """At small strains moments balance at the undeformed points."""
@@ -256,12 +301,18 @@ class BodyOfScene(ResidualBody):
 
 
 def _at_its_time(friction: Any) -> Any:
-    """A friction law at a time, with functions of the place alone in place of expressions of the time."""
-    return friction.with_values(lambda _, value: partial(sample, value) if getattr(value, "timed", False) else value)
+    """A friction law at a time, with functions of the place alone in place of expressions of the
+    time.
+    """
+    return friction.with_values(
+        lambda _, value: partial(sample, value) if getattr(value, "timed", False) else value
+    )
 
 
 def _drives_at(statement: Statement, dimension: int, path_step: float) -> dict[int, Any]:
-    """Shapes that forces move, by number of contact, with what drives them at a place as numbers."""
+    """Shapes that forces move, by number of contact, with what drives them at a place as
+    numbers.
+    """
     shapes = dict[int, Any]()
     drives = statement.drives(dimension, path_step)
     for body, (load, motion) in zip(statement.rigid_bodies, drives, strict=True):
@@ -277,7 +328,9 @@ def _drives_at(statement: Statement, dimension: int, path_step: float) -> dict[i
 
 
 def _conditions(model: Model) -> tuple[fem.Function, list[fem.DirichletBC]]:
-    """The supports of a body as conditions with the values of a Function, which change; collective."""
+    """The supports of a body as conditions with the values of a Function, which change;
+    collective.
+    """
     space, size, conditions = model.space, model.space.dofmap.index_map_bs, list[fem.DirichletBC]()
     (fixed, _), values = prescribed(space, model.bcs), fem.Function(space)
     for component in range(size):

@@ -1,4 +1,6 @@
-"""Scenes from TOML files and from plain data; all errors are reported at once, each with its path."""
+"""Scenes from TOML files and from plain data; all errors are reported at once, each with its
+path.
+"""
 
 from __future__ import annotations
 
@@ -22,8 +24,11 @@ PATH = re.compile(r"[A-Za-z_]\w*(\[\d{1,9}\])?(\.[A-Za-z_]\w*(\[\d{1,9}\])?)*")
 _PATH_PART = re.compile(r"([A-Za-z_]\w*)|\[(\d+)\]")
 
 
-def parse_scene(data: Mapping[str, Any], source: str = "scene", folder: Path | None = None) -> Scene:
-    """A validated scene from nested mappings, as ``tomllib`` gives them; a ``SceneError`` has all errors at once.
+def parse_scene(
+    data: Mapping[str, Any], source: str = "scene", folder: Path | None = None
+) -> Scene:
+    """A validated scene from nested mappings, as ``tomllib`` gives them; a ``SceneError`` has all
+    errors at once.
 
     Args:
         data: the scene.
@@ -37,7 +42,8 @@ def parse_scene(data: Mapping[str, Any], source: str = "scene", folder: Path | N
     if folder is None:
         return scene
     contact = [
-        effect.model_copy(update={"foundation": _found_from(folder, effect.foundation)}) for effect in scene.contact
+        effect.model_copy(update={"foundation": _found_from(folder, effect.foundation)})
+        for effect in scene.contact
     ]
     effects = {
         key: tuple(_found_from(folder, effect) for effect in entries)
@@ -45,8 +51,12 @@ def parse_scene(data: Mapping[str, Any], source: str = "scene", folder: Path | N
         if any(isinstance(getattr(effect, "file", None), Path) for effect in entries)
     }
     mesh = _found_from(folder, scene.mesh)
-    body = tuple(entry.model_copy(update={"mesh": _found_from(folder, entry.mesh)}) for entry in scene.body)
-    return scene.model_copy(update={"mesh": mesh, "body": body, "contact": tuple(contact), **effects})
+    body = tuple(
+        entry.model_copy(update={"mesh": _found_from(folder, entry.mesh)}) for entry in scene.body
+    )
+    return scene.model_copy(
+        update={"mesh": mesh, "body": body, "contact": tuple(contact), **effects}
+    )
 
 
 def _found_from(folder: Path, table: Any) -> Any:
@@ -67,13 +77,17 @@ def read_scene_text(path: Path) -> str:
 
 
 def parse_scene_text(text: str, path: Path, changes: Changes = MappingProxyType({})) -> Scene:
-    """A validated scene from the text of the TOML file at ``path``, in which ``changes`` replace entries.
+    """A validated scene from the text of the TOML file at ``path``, in which ``changes`` replace
+    entries.
 
     Paths of mesh files are relative to the folder of this file.
     """
     try:
         data = tomllib.loads(text)
-    except (ValueError, RecursionError) as error:  # TOMLDecodeError, a number with thousands of digits, deep nesting
+    except (
+        ValueError,
+        RecursionError,
+    ) as error:  # TOMLDecodeError, a number with thousands of digits, deep nesting
         raise SceneError([("syntax", f"{error}{_unquoted(text, str(error))}")], str(path)) from None
     return parse_scene(changed(data, changes), str(path), path.parent)
 
@@ -81,7 +95,11 @@ def parse_scene_text(text: str, path: Path, changes: Changes = MappingProxyType(
 def _unquoted(text: str, message: str) -> str:
     """What to do if the line that is wrong has an expression without quotes; "" if it has none."""
     location = re.search(r"at line (\d+)", message)
-    line = text.splitlines()[int(location[1]) - 1] if location and int(location[1]) <= text.count("\n") + 1 else ""
+    line = (
+        text.splitlines()[int(location[1]) - 1]
+        if location and int(location[1]) <= text.count("\n") + 1
+        else ""
+    )
     assignment = re.fullmatch(r"\s*([\w.]+)\s*=\s*([^\"'\[{#][^\"'#]*?)\s*(#.*)?", line)
     if assignment is None or not re.search(r"x\[\d\]|\bif\b|[*/(]", assignment[2]):
         return ""
@@ -113,15 +131,19 @@ def as_scene(scene: object) -> Scene:
     raise TypeError(f"a Scene or the path of a scene file is expected, not {kind_of(scene)}")
 
 
-# --- entries that are changed by their path, such as contact[0].friction.coefficient=0.3 ------------------------------
+# --- entries that are changed by their path, such as contact[0].friction.coefficient=0.3 ----------
 
 
 def parsed_change(text: str) -> tuple[str, Any]:
-    """``PATH=VALUE``: the path, and the value as TOML has it; what is no TOML is a text, which needs no quotes here."""
+    """``PATH=VALUE``: the path, and the value as TOML has it; what is no TOML is a text, which
+    needs no quotes here.
+    """
     path, equals, value_text = text.partition("=")
     path = path.strip()
     if not equals or not PATH.fullmatch(path):
-        raise ValueError(f"PATH=VALUE is expected, such as contact[0].friction.coefficient=0.3, got {text!r}")
+        raise ValueError(
+            f"PATH=VALUE is expected, such as contact[0].friction.coefficient=0.3, got {text!r}"
+        )
     try:
         return path, tomllib.loads(f"value = {value_text}")["value"]
     except ValueError:
@@ -134,8 +156,8 @@ def way_of(path: str) -> list[str | int]:
 
 
 def changed(data: Any, changes: Changes) -> Any:
-    """A scene as plain data, or a ``Scene``, of which plain data are made on the way, with other entries; tables on the
-    way that it does not have are made.
+    """A scene as plain data, or a ``Scene``, of which plain data are made on the way, with other
+    entries; tables on the way that it does not have are made.
     """
     for path, value in changes.items():
         data = _with(data, way_of(path), value, "")
@@ -152,22 +174,41 @@ def _with(entry: Any, way: list[str | int], value: Any, at: str) -> Any:
         if isinstance(entry, Mapping) and key == 0:  # one table is a list of one
             return _with(entry, inner_way, value, f"{at}[0]")
         if not isinstance(entry, list) or key >= len(entry):
-            reason = f"has {len(entry)}, counted from 0" if isinstance(entry, list) else "is no list"
+            reason = (
+                f"has {len(entry)}, counted from 0" if isinstance(entry, list) else "is no list"
+            )
             raise SceneError([(f"{at}[{key}]", f"is not there: {at} {reason}")])
-        return [*entry[:key], _with(entry[key], inner_way, value, f"{at}[{key}]"), *entry[key + 1 :]]
-    if isinstance(entry, list) and all(isinstance(element, Mapping | BaseModel) for element in entry):
+        return [
+            *entry[:key],
+            _with(entry[key], inner_way, value, f"{at}[{key}]"),
+            *entry[key + 1 :],
+        ]
+    if isinstance(entry, list) and all(
+        isinstance(element, Mapping | BaseModel) for element in entry
+    ):
         if len(entry) != 1:
-            raise SceneError([(at, f"is a list of {len(entry)}: say which is meant, from {at}[0] on")])
+            raise SceneError(
+                [(at, f"is a list of {len(entry)}: say which is meant, from {at}[0] on")]
+            )
         return [_with(entry[0], way, value, f"{at}[0]")]
     if not isinstance(entry, Mapping | None):
         raise SceneError([(at, "must be a table")])
-    return {**(entry or {}), key: _with((entry or {}).get(key), inner_way, value, f"{at}.{key}".lstrip("."))}
+    return {
+        **(entry or {}),
+        key: _with((entry or {}).get(key), inner_way, value, f"{at}.{key}".lstrip(".")),
+    }
 
 
 def _opened(entry: Any) -> Any:
-    """A validated table as plain data, with the keys that it has been given, and a tuple of tables as a list."""
+    """A validated table as plain data, with the keys that it has been given, and a tuple of tables
+    as a list.
+    """
     if isinstance(entry, BaseModel):
         fields, given = type(entry).model_fields, entry.model_fields_set
-        kept = [key for key, field in fields.items() if key in given or get_origin(field.annotation) is Literal]
+        kept = [
+            key
+            for key, field in fields.items()
+            if key in given or get_origin(field.annotation) is Literal
+        ]
         return {key: getattr(entry, key) for key in kept}
     return list(entry) if isinstance(entry, tuple) else entry

@@ -1,8 +1,8 @@
 """The scene: its effects and their data.  No mesh, no forms; nothing here imports dolfinx.
 
-A *value* is a number, an expression of ``x[0]``, ``x[1]`` and, in 3D, ``x[2]`` (``expressions.Expression``), or in
-Python also a callable ``f(x)`` that maps points of shape (3, n) to values of shape (n,), or (tractions and body forces)
-a UFL expression.
+A *value* is a number, an expression of ``x[0]``, ``x[1]`` and, in 3D, ``x[2]``
+(``expressions.Expression``), or in Python also a callable ``f(x)`` that maps points of shape (3, n)
+to values of shape (n,), or (tractions and body forces) a UFL expression.
 Any consistent units may be used: forces, lengths and stresses of one system.
 """
 
@@ -37,8 +37,14 @@ _SETTINGS = ("title", "incomplete", "element", "load_steps", "solver", "accuracy
 
 
 def _may_be_remade(mesh: Any) -> bool:
-    """Whether cells of other lengths may be made of a table ``mesh``; of most generators only their modules know."""
-    return mesh.generator not in WITHOUT_ARCS if isinstance(mesh, MeshGenerator) else getattr(mesh, "drawn", False)
+    """Whether cells of other lengths may be made of a table ``mesh``; of most generators only their
+    modules know.
+    """
+    return (
+        mesh.generator not in WITHOUT_ARCS
+        if isinstance(mesh, MeshGenerator)
+        else getattr(mesh, "drawn", False)
+    )
 
 
 @with_every_effect
@@ -47,20 +53,22 @@ class Scene(Table):
 
     Attributes:
         title: any text.
-        incomplete: what is missing of what was meant, such as what a draft of a deck of another program has lost;
-            results say so until it is removed; default: nothing.
-        mesh: a generator with its parameters, a file, or a ``TaggedMesh``; its dimension is that of the scene; None:
-            that of ``body``.
+        incomplete: what is missing of what was meant, such as what a draft of a deck of another
+            program has lost; results say so until it is removed; default: nothing.
+        mesh: a generator with its parameters, a file, or a ``TaggedMesh``; its dimension is that of
+            the scene; None: that of ``body``.
         body: several bodies in place of ``mesh``; default: none.
         element: degree and volumetric integration; default: degree 1, full.
         material: one for the body, or one for each named region.
         displacement: prescribed displacements, lengths; default: none.
         traction: tractions and pressures, forces per area; default: none.
         body_force: force per volume; default: none.
-        contact: contact with a rigid foundation, one entry for each boundary; default: none.
-        fluid, force, gravity, point_force, preload, rotation, springs, temperature: see ``Fluid``, ``TotalForce``,
-            ``Gravity``, ``PointForce``, ``Preload``, ``Rotation``, ``Springs``, ``TemperatureChange``; default: none.
-        load_steps: names and times of load steps, and an automatic ramp; default: one load step per factor.
+        contact: contact with a rigid foundation, one entry for each boundary; default: none. fluid,
+            force, gravity, point_force, preload, rotation, springs, temperature: see ``Fluid``,
+            ``TotalForce``, ``Gravity``, ``PointForce``, ``Preload``, ``Rotation``, ``Springs``,
+            ``TemperatureChange``; default: none.
+        load_steps: names and times of load steps, and an automatic ramp; default: one load step per
+            factor.
         solver: algorithms, their parameters and limits.
         accuracy: the accuracy to be reached by refinement; None: no refinement.
         units: names of units for labels.
@@ -98,8 +106,15 @@ class Scene(Table):
     def _contradictions(self, stated: Statement) -> Iterator[tuple[tuple[str | int, ...], str]]:
         """Entries that do not go together, each alone fine: the place of the later one, and why."""
         regions = [material.region for material in self.material]
-        if not regions or len(set(regions)) < len(regions) or (None in regions and len(regions) > 1):
-            yield ("material",), "give one material, or several, each with the name of its own region"
+        if (
+            not regions
+            or len(set(regions)) < len(regions)
+            or (None in regions and len(regions) > 1)
+        ):
+            yield (
+                ("material",),
+                "give one material, or several, each with the name of its own region",
+            )
         for entries in stated.effects.values():
             for number, effect in enumerate(entries):
                 yield from effect.contradictions(stated, number)
@@ -117,7 +132,9 @@ class Scene(Table):
             yield ("accuracy",), "needs a scene with contact"
         if len({len(load.factors) for load in stated.loads if load.factors is not None}) > 1:
             counts = [
-                f"{path} has {len(load.factors)}" for path, load in stated.listed() if getattr(load, "factors", None)
+                f"{path} has {len(load.factors)}"
+                for path, load in stated.listed()
+                if getattr(load, "factors", None)
             ]
             yield (), f"the lists of factors differ in length: {', '.join(counts)}"
             return  # how many load steps there are is not known
@@ -140,7 +157,9 @@ class Scene(Table):
         if not self.body:
             return self.model_copy(update={"mesh": next(iter(meshes))})
         bodies = zip(self.body, meshes, strict=True)
-        return self.model_copy(update={"body": tuple(body.model_copy(update={"mesh": mesh}) for body, mesh in bodies)})
+        return self.model_copy(
+            update={"body": tuple(body.model_copy(update={"mesh": mesh}) for body, mesh in bodies)}
+        )
 
     @cached_property
     def statement(self) -> Statement:
@@ -156,7 +175,9 @@ class Scene(Table):
             title=self.title,
             incomplete=self.incomplete,
             effects=effects,
-            kinematics=of_materials((material.hypothesis, material.torsion) for material in self.material),
+            kinematics=of_materials(
+                (material.hypothesis, material.torsion) for material in self.material
+            ),
             element=self.element,
             load_steps=self.load_steps,
             steps=_count(effects, self.load_steps),
@@ -167,13 +188,17 @@ class Scene(Table):
             generated=all(isinstance(mesh, MeshGenerator) for mesh in meshes),
             remade=all(_may_be_remade(mesh) for mesh in meshes),
             arcs=not all(getattr(mesh, "generator", None) in WITHOUT_ARCS for mesh in meshes),
-            single=frozenset(key for key in effects if get_origin(fields[key].annotation) is not tuple),
+            single=frozenset(
+                key for key in effects if get_origin(fields[key].annotation) is not tuple
+            ),
             origin={key: getattr(self, key) for key in origin},
         )
 
 
 def _count(effects: Mapping[str, tuple[Any, ...]], load_steps: LoadSteps) -> int:
-    """Number of factors of each load; without factors one for each of the times, if anything depends on the time."""
+    """Number of factors of each load; without factors one for each of the times, if anything
+    depends on the time.
+    """
     entries = [entry for several in effects.values() for entry in several]
     loads, times = [entry for entry in entries if isinstance(entry, Load)], load_steps.times
     timed = times is not None and any(entry.timed for entry in (*loads, *effects["contact"]))
@@ -181,5 +206,9 @@ def _count(effects: Mapping[str, tuple[Any, ...]], load_steps: LoadSteps) -> int
     timed |= any(body.motion.driven_in_time for body in rigid_bodies(tools, [""] * len(tools)))
     count = len(times or ()) if timed else 1
     holds = (entry.holds for entry in effects.get("displacement", ()))
-    count = max((len(entries) for entries in holds if entries is not None), default=count) if count == 1 else count
+    count = (
+        max((len(entries) for entries in holds if entries is not None), default=count)
+        if count == 1
+        else count
+    )
     return max((len(load.factors) for load in loads if load.factors is not None), default=count)

@@ -1,4 +1,6 @@
-"""The main entry point ``solve``: from a scene to its solution, with the same outcome on every rank."""
+"""The main entry point ``solve``: from a scene to its solution, with the same outcome on every
+rank.
+"""
 
 from __future__ import annotations
 
@@ -35,23 +37,26 @@ def solve(
 ) -> Solution:
     """Solve a scene.
 
-    On several ranks a signal may reach one of them, such as SIGTERM, whose handler raises there.  It is served at the
-    next Newton step, mesh or end of the solve, and what it raises is raised on all ranks (an exception other than
-    ``SystemExit`` as ``KeyboardInterrupt`` on the others).  An observer must raise on all ranks or on none.
+    On several ranks a signal may reach one of them, such as SIGTERM, whose handler raises there.
+    It is served at the next Newton step, mesh or end of the solve, and what it raises is raised on
+    all ranks (an exception other than ``SystemExit`` as ``KeyboardInterrupt`` on the others).  An
+    observer must raise on all ranks or on none.
 
     Args:
         scene: from ``read_scene`` or built in Python; or the path of a scene file.
         comm: the ranks that share the work; the call is collective.
         check: raise if no solution was reached; otherwise look at ``Solution.status``.
-        observers: called with each ``IterationRecord``, ``OuterRecord`` and event when it occurs, and with a
-            ``StepRecord`` where one of several load steps begins.
-        checkpoint: the result folder, in which every load step on every mesh is stored as soon as it is complete,
-            until ``write_results`` writes the result there; None: nowhere. Needs a scene with contact and several load
-            steps or levels, without a requested accuracy; otherwise nothing is stored.
+        observers: called with each ``IterationRecord``, ``OuterRecord`` and event when it occurs,
+            and with a ``StepRecord`` where one of several load steps begins.
+        checkpoint: the result folder, in which every load step on every mesh is stored as soon as
+            it is complete, until ``write_results`` writes the result there; None: nowhere. Needs a
+            scene with contact and several load steps or levels, without a requested accuracy;
+            otherwise nothing is stored.
         restart: go on from what is stored there, on any number of ranks.
 
     Raises:
-        SceneError: the scene is wrong, does not fit its mesh, or is another one than that of the checkpoint.
+        SceneError: the scene is wrong, does not fit its mesh, or is another one than that of the
+            checkpoint.
         TypeError: an argument is of the wrong kind.
         MeshError: the mesh cannot be read or generated.
         OptionsError: PETSc does not accept an option that the user has set.
@@ -84,7 +89,9 @@ def solve(
 
         solution = problem_of(scene, comm, history).solved(stored)
     else:
-        solution = solve_mesh(scene.statement, partial(load_mesh, scene, comm), history, None, kept=stored)[0]
+        solution = solve_mesh(
+            scene.statement, partial(load_mesh, scene, comm), history, None, kept=stored
+        )[0]
     if check and not solution.converged:
         raise ConvergenceError(solution)
     return solution
@@ -99,7 +106,10 @@ def _checkpoint(
     without = None
     if scene.accuracy is not None:
         without = "a run with a requested accuracy"
-    elif not (scene.statement.several_steps or scene.statement.nonlinear) and scene.solver.levels == 1:
+    elif (
+        not (scene.statement.several_steps or scene.statement.nonlinear)
+        and scene.solver.levels == 1
+    ):
         without = "a scene with one load step on one mesh"
     elif not scene.statement.nonlinear and any(effect.friction.timed for effect in scene.contact):
         without = "a scene with friction that depends on the time"
@@ -107,7 +117,14 @@ def _checkpoint(
         without = "a scene with a mixed element"
     if folder is None or without is not None:
         if restart:
-            raise SceneError([("restart", f"{without} has no checkpoint to go on from: solve it without restart")])
+            raise SceneError(
+                [
+                    (
+                        "restart",
+                        f"{without} has no checkpoint to go on from: solve it without restart",
+                    )
+                ]
+            )
         return None
     from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
 

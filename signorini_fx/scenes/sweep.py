@@ -1,7 +1,8 @@
-"""A scene with several values of one of its entries: a solution for each of them, and the rows of a table.
+"""A scene with several values of one of its entries: a solution for each of them, and the rows of a
+table.
 
-Each value is a problem of its own.  It begins with the contact of the value before, and where only gaps and friction of
-rigid foundations differ it has the condensed elastic system of that one, too.
+Each value is a problem of its own.  It begins with the contact of the value before, and where only
+gaps and friction of rigid foundations differ it has the condensed elastic system of that one, too.
 """
 
 from __future__ import annotations
@@ -55,7 +56,8 @@ def sweep(
 
     Raises:
         TypeError: an argument is of the wrong kind.
-        SceneError: there is no such entry, or a value is wrong; all are looked at before the first solve.
+        SceneError: there is no such entry, or a value is wrong; all are looked at before the first
+            solve.
     """
     scene = as_scene(scene)
     refuse_other_than_comm(comm)
@@ -67,7 +69,12 @@ def _solutions(scenes: Sequence[Scene], comm: MPI.Comm) -> Iterator[Solution]:
     last: tuple[Scene, Solution, Task] | None = None
     for scene in scenes:
         statement = scene.statement
-        several = statement.nonlinear or statement.several_steps or statement.preloads or scene.accuracy is not None
+        several = (
+            statement.nonlinear
+            or statement.several_steps
+            or statement.preloads
+            or scene.accuracy is not None
+        )
         if several or not scene.contact or scene.solver.levels > 1:
             yield solve(scene, comm, check=False)
             continue
@@ -76,7 +83,9 @@ def _solutions(scenes: Sequence[Scene], comm: MPI.Comm) -> Iterator[Solution]:
         yield solution
 
 
-def _solved(scene: Scene, comm: MPI.Comm, last: tuple[Scene, Solution, Task] | None) -> tuple[Solution, Task]:
+def _solved(
+    scene: Scene, comm: MPI.Comm, last: tuple[Scene, Solution, Task] | None
+) -> tuple[Solution, Task]:
     """A scene on one mesh, with what the last one leaves to it; collective."""
     history, statement = History(), scene.statement
     if last is None or not _same_system(scene, last[0]):
@@ -94,7 +103,9 @@ def _solved(scene: Scene, comm: MPI.Comm, last: tuple[Scene, Solution, Task] | N
 def _same_system(scene: Scene, last: Scene) -> bool:
     """Whether nothing differs in two scenes but gaps and friction of rigid foundations."""
     others = set(type(scene).model_fields) - {"contact"}
-    if any(getattr(scene, key) != getattr(last, key) for key in others) or len(scene.contact) != len(last.contact):
+    if any(getattr(scene, key) != getattr(last, key) for key in others) or len(
+        scene.contact
+    ) != len(last.contact):
         return False
     return all(
         type(effect) is type(rival)
@@ -108,13 +119,16 @@ def _same_system(scene: Scene, last: Scene) -> bool:
 def row_of(value: Any, solution: Solution) -> dict[str, Any]:
     """The row of a value in sweep.csv; collective.
 
-    It has ``value``, ``status``, ``linear_solves``, ``certificate_holds`` and ``FIGURES``: sizes of the contact and
-    friction force (per thickness in 2D), between bodies the sum of those of all boundaries, areas in contact and of
-    what sticks (in 2D lengths); not a number where there is no solution.  With several load steps also
-    ``solved_until``, the time of the last one with a solution: where a ramp ends without one, its limit.
+    It has ``value``, ``status``, ``linear_solves``, ``certificate_holds`` and ``FIGURES``: sizes of
+    the contact and friction force (per thickness in 2D), between bodies the sum of those of all
+    boundaries, areas in contact and of what sticks (in 2D lengths); not a number where there is no
+    solution.  With several load steps also ``solved_until``, the time of the last one with a
+    solution: where a ramp ends without one, its limit.
     """
     energy = solution.last_step.strain_energy
-    figures = {"strain_energy": float("nan") if energy is None else energy}  # that of a nonlinear body is not known
+    figures = {
+        "strain_energy": float("nan") if energy is None else energy
+    }  # that of a nonlinear body is not known
     if solution.contact is not None:
         columns = solution.table.columns
         touching = columns["state"] != "open"
@@ -128,13 +142,24 @@ def row_of(value: Any, solution: Solution) -> dict[str, Any]:
             "max_pressure": float(columns["pressure"].max(initial=0.0)),
             "max_shear": float(np.abs(columns["shear"]).max(initial=0.0)),
             "contact_area": float(columns["weight"][touching].sum()),
-            "stick_area": float(columns["weight"][touching & (columns["friction"] == "stick")].sum()),
+            "stick_area": float(
+                columns["weight"][touching & (columns["friction"] == "stick")].sum()
+            ),
         }
     if not solution.converged:
         figures = dict.fromkeys(figures, float("nan"))
-    history, recorded = solution.history, solution.contact is not None  # without contact there are no iterations
-    solves = history.linear_solves if recorded else sum(step.linear_solves for step in solution.steps)
-    outcome: dict[str, Any] = {"value": value, "status": solution.status.value, "linear_solves": solves}
+    history, recorded = (
+        solution.history,
+        solution.contact is not None,
+    )  # without contact there are no iterations
+    solves = (
+        history.linear_solves if recorded else sum(step.linear_solves for step in solution.steps)
+    )
+    outcome: dict[str, Any] = {
+        "value": value,
+        "status": solution.status.value,
+        "linear_solves": solves,
+    }
     if solution.statement.several_steps:
         times = [step.time for step in solution.steps if step.status is Status.CONVERGED]
         outcome["solved_until"] = times[-1] if times else float("nan")

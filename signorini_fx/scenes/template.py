@@ -1,4 +1,6 @@
-"""Help for writing scene files: a scene to start from, and JSON schemas of scenes and of results.  No dolfinx here."""
+"""Help for writing scene files: a scene to start from, and JSON schemas of scenes and of results.
+No dolfinx here.
+"""
 
 from __future__ import annotations
 
@@ -23,14 +25,22 @@ from signorini_fx.scenes.scene import Scene
 
 def starting_scene() -> str:
     """A scene file that can be solved as it is and explains every key."""
-    return resources.files("signorini_fx.scenes").joinpath("template.toml").read_text(encoding="utf-8")
+    return (
+        resources.files("signorini_fx.scenes").joinpath("template.toml").read_text(encoding="utf-8")
+    )
 
 
 def described() -> type[BaseModel]:
-    """``Scene`` with the types of all materials and of the effects of other packages, which this imports."""
-    kinds = {"material": every_entry()} | {key: load_class(EFFECTS, key, Effect) for key in names_of(EFFECTS)}
+    """``Scene`` with the types of all materials and of the effects of other packages, which this
+    imports.
+    """
+    kinds = {"material": every_entry()} | {
+        key: load_class(EFFECTS, key, Effect) for key in names_of(EFFECTS)
+    }
     fields = {key: GenericAlias(tuple, (kind, ...)) for key, kind in kinds.items()}
-    typed: dict[str, Any] = {key: (kind, ... if key == "material" else ()) for key, kind in fields.items()}
+    typed: dict[str, Any] = {
+        key: (kind, ... if key == "material" else ()) for key, kind in fields.items()
+    }
     return create_model("Scene", __base__=Scene, __doc__=Scene.__doc__, **typed)
 
 
@@ -67,7 +77,9 @@ def scene_schema() -> dict[str, Any]:
         definition = schema["$defs"][name]
         definition["required"] = ["law", *definition.get("required", [])]
     schema["$defs"]["MeshGenerator"]["properties"]["generator"]["enum"] = list(known_generators())
-    schema["$defs"]["SolverSettings"]["properties"]["linear_algebra"]["enum"] = list(known_linear_algebra())
+    schema["$defs"]["SolverSettings"]["properties"]["linear_algebra"]["enum"] = list(
+        known_linear_algebra()
+    )
     for name, field in model.model_fields.items():
         one_or_many = schema["properties"][name]
         if get_origin(field.annotation) is not tuple:
@@ -82,7 +94,12 @@ def summary_schema() -> dict[str, Any]:
     schema = Summary.model_json_schema()
     schema["properties"]["scene"] |= {
         "properties": {name: {} for name in Scene.model_fields}
-        | {"forms": {"description": "Of a `ContactProblem` the forms that it was given, in place of what they hold."}},
+        | {
+            "forms": {
+                "description": "Of a `ContactProblem` the forms that it was given, in place of "
+                "what they hold."
+            }
+        },
         "additionalProperties": False,
     }
     number = {"$ref": "#/$defs/number"}
@@ -100,10 +117,14 @@ def summary_schema() -> dict[str, Any]:
 
 
 def _describe(definition: dict[str, Any], model: type[BaseModel]) -> None:
-    """Insert the descriptions of a class and of its keys from the docstrings, so that an editor shows them."""
+    """Insert the descriptions of a class and of its keys from the docstrings, so that an editor
+    shows them.
+    """
     meanings: dict[str, str] = {}
     for ancestor in reversed(model.__mro__):
-        meanings |= _attributes(inspect.getdoc(ancestor) or "") if issubclass(ancestor, BaseModel) else {}
+        meanings |= (
+            _attributes(inspect.getdoc(ancestor) or "") if issubclass(ancestor, BaseModel) else {}
+        )
     definition["description"] = _plain((inspect.getdoc(model) or "").split("\n\n")[0])
     for key, entry in definition["properties"].items():
         if key in meanings and "$ref" not in entry:

@@ -1,9 +1,10 @@
 """Sections across bolts that are shortened, by a given length or until a force goes through them.
 
-What is beyond a section jumps against what is before it, see ``loads.initial_strains``.  In a load step in which forces
-tighten sections the shortenings are found at which these forces go through them: the forces N(s) grow with the
-shortenings s, and are linear in them while no contact point changes its state.  The contact problem is solved for one s
-after the other by the method of C. G. Broyden, Math. Comp. 19 (1965) 577-593; for one section it is that of secants.
+What is beyond a section jumps against what is before it, see ``loads.initial_strains``.  In a load
+step in which forces tighten sections the shortenings are found at which these forces go through
+them: the forces N(s) grow with the shortenings s, and are linear in them while no contact point
+changes its state.  The contact problem is solved for one s after the other by the method of C. G.
+Broyden, Math. Comp. 19 (1965) 577-593; for one section it is that of secants.
 """
 
 from __future__ import annotations
@@ -33,16 +34,20 @@ def solve_tightened(
     """The last contact problem of a load step in which forces tighten sections; collective.
 
     Returns:
-        The model with the shortenings, where the problem starts, how it ended, and why there is no solution, if known.
+        The model with the shortenings, where the problem starts, how it ended, and why there is no
+        solution, if known.
     """
     place, newton = start.place, task.newton
     loads = _tightened(model, place)
     of_all = [k for k, load in enumerate(model.applied) if isinstance(load.entry, Preload)]
     numbers = [of_all.index(k) for k in loads]
-    wanted = np.array([entry.force_at(model.statement, place) for entry in loads.values()], dtype=np.float64)
+    wanted = np.array(
+        [entry.force_at(model.statement, place) for entry in loads.values()], dtype=np.float64
+    )
     previous = np.array(shortenings(model, place))
-    # Shortenings s, and ``slope``, length per force: Broyden's approximation of the inverse of dN/ds, empty until
-    # every section holds some of its force; ``last`` are s and N of the iterate before.
+    # Shortenings s, and ``slope``, length per force: Broyden's approximation of the inverse of
+    # dN/ds, empty until every section holds some of its force; ``last`` are s and N of the iterate
+    # before.
     s = np.where(previous > 0, previous, wanted / model.scales.stiffness(model.scales.size))
     slope, last, best = np.empty((0, 0)), (s, s), np.inf
     for _ in range(_MOST_PROBLEMS):
@@ -55,7 +60,10 @@ def solve_tightened(
         elif slope.size or outcome.status is Status.NOT_HELD:  # whatever the shortenings are
             return model, start, outcome, None
         missing = float(np.abs(wanted - force).max() / wanted.max())
-        task.history.add(f"sections shortened by {', '.join(f'{entry:.6g}' for entry in s)}: forces miss {missing:.1e}")
+        task.history.add(
+            f"sections shortened by {', '.join(f'{entry:.6g}' for entry in s)}: forces miss "
+            f"{missing:.1e}"
+        )
         if missing <= LEFT_BY_SOLVES or best / 2 <= missing <= CERTIFICATE_TOLERANCE:
             return model, start, outcome, None
         if outcome.status is Status.CONVERGED:
@@ -67,8 +75,10 @@ def solve_tightened(
             if loose.max() > model.scales.size:
                 when = f"load step {start.step + 1}: " if model.statement.several_steps else ""
                 message = (
-                    f"{when}{[*loads.values()][int(np.argmax(loose))].name}: no force goes through it even if it is "
-                    "shortened by the size of the body: a part that it pulls at comes loose, or never meets what it is "
+                    f"{when}{[*loads.values()][int(np.argmax(loose))].name}: no force goes "
+                    "through it even if it is "
+                    "shortened by the size of the body: a part that it pulls at comes loose, or "
+                    "never meets what it is "
                     "to clamp; check the gaps and the contacts of both parts"
                 )
                 reason = Finding("warning", "preload", message)
@@ -87,8 +97,14 @@ def solve_tightened(
 
 def _tightened(model: SolidBody, step: float) -> dict[int, Preload]:
     """The loads that are sections which forces tighten at a place, by their numbers."""
-    entries = {k: load.entry for k, load in enumerate(model.applied) if isinstance(load.entry, Preload)}
-    return {k: entry for k, entry in entries.items() if entry.force_at(model.statement, step) is not None}
+    entries = {
+        k: load.entry for k, load in enumerate(model.applied) if isinstance(load.entry, Preload)
+    }
+    return {
+        k: entry
+        for k, entry in entries.items()
+        if entry.force_at(model.statement, step) is not None
+    }
 
 
 def shortenings(model: SolidBody, step: float) -> list[float]:
@@ -96,7 +112,9 @@ def shortenings(model: SolidBody, step: float) -> list[float]:
     return [model.applied[k].factor(step) for k in _tightened(model, step)]
 
 
-def with_shortenings(model: SolidBody, step: float, lengths: Sequence[float] | npt.NDArray[np.float64]) -> SolidBody:
+def with_shortenings(
+    model: SolidBody, step: float, lengths: Sequence[float] | npt.NDArray[np.float64]
+) -> SolidBody:
     """The same with shortenings that were found at a place; nothing is assembled again."""
     shortened = zip(_tightened(model, step).values(), lengths, strict=True)
     tight = {id(entry): entry.tightened(step, float(s)) for entry, s in shortened}

@@ -1,9 +1,11 @@
-"""Restart: the complete load steps of a run on disk, for any number of ranks, and how their outcomes are rebuilt.
+"""Restart: the complete load steps of a run on disk, for any number of ranks, and how their
+outcomes are rebuilt.
 
-Each load step on each mesh has a folder of its own, which appears under its name when it is complete: the displacement
-cell by cell in the order of the input of the mesh, which does not depend on the ranks; the iterate and its sets, with
-the data of its problem, at the contact nodes with their positions; and figures.  Multipliers, contact state and
-certificate are evaluated again on restart, and a step whose certificate does not hold is solved again.
+Each load step on each mesh has a folder of its own, which appears under its name when it is
+complete: the displacement cell by cell in the order of the input of the mesh, which does not depend
+on the ranks; the iterate and its sets, with the data of its problem, at the contact nodes with
+their positions; and figures.  Multipliers, contact state and certificate are evaluated again on
+restart, and a step whose certificate does not hold is solved again.
 """
 
 from __future__ import annotations
@@ -46,10 +48,11 @@ _ABSENT = "(absent)"
 
 
 class MeshCheckpoint:
-    """The checkpoint of a run in its result folder, now on the mesh with the number ``level``; every method is
-    collective but ``recall_history``.  ``scene``: that of the run, or plain data that tell it from others;
-    ``restart``: whether to go on from the load steps that an earlier run has left, which the history says; otherwise
-    these are removed as soon as a new one is complete.
+    """The checkpoint of a run in its result folder, now on the mesh with the number ``level``;
+    every method is collective but ``recall_history``.  ``scene``: that of the run, or plain data
+    that tell it from others;
+    ``restart``: whether to go on from the load steps that an earlier run has left, which the
+    history says; otherwise these are removed as soon as a new one is complete.
 
     Raises:
         SceneError: the checkpoint is that of another scene; all keys that differ are named.
@@ -76,16 +79,22 @@ class MeshCheckpoint:
             count, self._begun = len(self._complete), bool(self._complete)
             history.add(f"restart: {count} complete load step{'s' * (count != 1)} in {self.path}")
         elif parallel.on_root(comm, self.path.is_dir):
-            history.add(f"restart: not asked for: {self.path} of a run that has not ended is replaced")
+            history.add(
+                f"restart: not asked for: {self.path} of a run that has not ended is replaced"
+            )
 
     def figures(self, step: int) -> Figures | None:
-        """The figures of a load step, numbered from 0; None if it is not there, and then neither are later ones."""
+        """The figures of a load step, numbered from 0; None if it is not there, and then neither
+        are later ones.
+        """
         figures = self._complete.get((self.level, step))
         if figures is None:
             self.forget(step)
         return figures
 
-    def beside(self, step: int, space: fem.FunctionSpace, names: Sequence[str]) -> list[fem.Function] | None:
+    def beside(
+        self, step: int, space: fem.FunctionSpace, names: Sequence[str]
+    ) -> list[fem.Function] | None:
         """Displacements of a load step by their names; None: they cannot be read."""
         functions, failed = [fem.Function(space, name=name) for name in names], False
         try:
@@ -97,7 +106,9 @@ class MeshCheckpoint:
 
     @staticmethod
     def recall_history(figures: Figures, history: History, timings: Timings) -> None:
-        """Take the linear solves, problems and events of a load step of an earlier run for those of this one."""
+        """Take the linear solves, problems and events of a load step of an earlier run for those of
+        this one.
+        """
         history.iterations += [IterationRecord(**row) for row in figures["iterations"]]
         history.outer += [OuterRecord(**row) for row in figures["outer"]]
         history.events += figures["events"]
@@ -115,7 +126,8 @@ class MeshCheckpoint:
         more: Figures,
         beside: Mapping[str, fem.Function] | None = None,
     ) -> None:
-        """Store a load step that has a solution; ``marks``: see ``load_steps``; ``more``: plain data, and its path;
+        """Store a load step that has a solution; ``marks``: see ``load_steps``; ``more``: plain
+        data, and its path;
         ``beside``: further displacements by their names.
         """
         problem, history = outcome.problem, task.history
@@ -136,7 +148,9 @@ class MeshCheckpoint:
         solves, problems, events = marks
         figures = {
             "place": start.place,
-            "parameters": [[each.gamma_n, each.gamma_t, each.sigma] for each in (outcome.data, data)],
+            "parameters": [
+                [each.gamma_n, each.gamma_t, each.sigma] for each in (outcome.data, data)
+            ],
             "monolithic": outcome.monolithic,
             "augmented": outcome.augmented,
             "regularisation_error": outcome.regularisation_error,
@@ -152,18 +166,29 @@ class MeshCheckpoint:
         fields = {name: _by_cell(function) for name, function in functions.items()}
         moved = result.displacement.x.array.reshape(-1, boundary.x.shape[1])[boundary.nodes]
         columns: dict[str, Any] = {"part": boundary.part, "x": boundary.x, "y": moved, **nodal}
-        table: dict[str, Any] = {name: parallel.rows_on_root(self._comm, values) for name, values in columns.items()}
-        parallel.on_root(self._comm, lambda: self._write(self._folder(self.level, start.step), fields, table, figures))
+        table: dict[str, Any] = {
+            name: parallel.rows_on_root(self._comm, values) for name, values in columns.items()
+        }
+        parallel.on_root(
+            self._comm,
+            lambda: self._write(self._folder(self.level, start.step), fields, table, figures),
+        )
         self._begun = True
 
-    def _write(self, target: Path, fields: Mapping[str, Nodal], table: Mapping[str, Any], figures: Figures) -> None:
-        """Write a load step; before the first one, remove what an earlier run has left; on one rank."""
+    def _write(
+        self, target: Path, fields: Mapping[str, Nodal], table: Mapping[str, Any], figures: Figures
+    ) -> None:
+        """Write a load step; before the first one, remove what an earlier run has left; on one
+        rank.
+        """
         part = self.path / manifest.PART
         try:
             if not self._begun:
                 manifest.remove(self.path.parent, f"{CHECKPOINT}/")
                 self.path.mkdir(parents=True, exist_ok=True)
-                manifest.add(self.path.parent, [f"{CHECKPOINT}/{name}" for name in (_SCENE, manifest.PART)])
+                manifest.add(
+                    self.path.parent, [f"{CHECKPOINT}/{name}" for name in (_SCENE, manifest.PART)]
+                )
                 description = {"format": _FORMAT, "scene": _described(self._scene)}
                 (self.path / _SCENE).write_text(json.dumps(description), encoding="utf-8")
             manifest.begin_part(self.path)
@@ -172,21 +197,27 @@ class MeshCheckpoint:
             np.savez(part / _NODES, **table)
             (part / _FIGURES).write_text(json.dumps(figures), encoding="utf-8")
             shutil.rmtree(target, ignore_errors=True)
-            manifest.add(self.path.parent, [f"{CHECKPOINT}/{target.name}/{name}" for name in manifest.files(part)])
+            manifest.add(
+                self.path.parent,
+                [f"{CHECKPOINT}/{target.name}/{name}" for name in manifest.files(part)],
+            )
             part.rename(target)
         except OSError as reason:
             raise cannot_be_written(self.path, reason) from None
 
     def recall(self, body: ElasticBody, size: float, task: Task, start: Start) -> Outcome | None:
-        """How a load step with ``figures`` ended, with its iterate in place; None if it cannot be read, or belongs to
-        other nodes.  The mesh may be distributed in another way.
+        """How a load step with ``figures`` ended, with its iterate in place; None if it cannot be
+        read, or belongs to other nodes.  The mesh may be distributed in another way.
         """
         figures, nodal = self._complete[self.level, start.step], None
         boundary = body.boundary or no_points(body.space)
         fields = self.beside(start.step, body.space, ["displacement"])
         try:
             if fields is not None:
-                with (self._folder(self.level, start.step) / _NODES).open("rb") as stream, np.load(stream) as stored:
+                with (
+                    (self._folder(self.level, start.step) / _NODES).open("rb") as stream,
+                    np.load(stream) as stored,
+                ):
                     nodal = _placed(dict(stored), boundary, fields[0], size)
         except (OSError, ValueError, EOFError, KeyError, BadZipFile):  # the step is solved again
             pass
@@ -205,8 +236,12 @@ class MeshCheckpoint:
         slipping = np.linalg.norm(direction, axis=1) > 0.5
         direction = np.where(slipping[:, None], unit(direction), 0.0)
         sets = ActiveSets.of(nodal["contact"].ravel() > 0, direction, nodal["turning"].ravel())
-        bound, slope = (nodal[name].ravel() if name in nodal else None for name in ("bound", "coupling"))
-        origin = _along(nodal["slip_origin"], boundary.tangents) - (0.0 if task.rest is None else task.rest.u_t)
+        bound, slope = (
+            nodal[name].ravel() if name in nodal else None for name in ("bound", "coupling")
+        )
+        origin = _along(nodal["slip_origin"], boundary.tangents) - (
+            0.0 if task.rest is None else task.rest.u_t
+        )
         posed, solved = (
             replace(start.data, gamma_n=gamma_n, gamma_t=gamma_t, sigma=sigma, slip_origin=origin)
             for gamma_n, gamma_t, sigma in figures["parameters"]
@@ -269,24 +304,32 @@ class MeshCheckpoint:
             level, _, step = folder.name.partition("-")
             if level.isdecimal() and step.isdecimal():
                 try:
-                    complete[int(level), int(step)] = json.loads((folder / _FIGURES).read_text(encoding="utf-8"))
+                    complete[int(level), int(step)] = json.loads(
+                        (folder / _FIGURES).read_text(encoding="utf-8")
+                    )
                 except (OSError, ValueError):  # this step and later ones are solved again
                     continue
         return complete
 
 
 def _by_cell(function: fem.Function) -> Nodal:
-    """Values in each cell on the first rank, in the order of the input: up to degree 2 that of nodes is the same."""
+    """Values in each cell on the first rank, in the order of the input: up to degree 2 that of
+    nodes is the same.
+    """
     space, comm = function.function_space, function.function_space.mesh.comm
     cells = space.mesh.topology.index_map(space.mesh.topology.dim).size_local
     values = function.x.array.reshape(-1, space.dofmap.index_map_bs)[space.dofmap.list[:cells]]
-    numbers = parallel.rows_on_root(comm, np.asarray(space.mesh.topology.original_cell_index[:cells]))
+    numbers = parallel.rows_on_root(
+        comm, np.asarray(space.mesh.topology.original_cell_index[:cells])
+    )
     rows = parallel.rows_on_root(comm, values.reshape(cells, values.shape[1] * values.shape[2]))
     return np.asarray(rows[np.argsort(numbers)])
 
 
 def _read_field(path: Path, function: fem.Function) -> None:
-    """Read what ``_by_cell`` has given, in all cells of this rank, those of other ranks that it knows too."""
+    """Read what ``_by_cell`` has given, in all cells of this rank, those of other ranks that it
+    knows too.
+    """
     space, topology = function.function_space, function.function_space.mesh.topology
     nodes, size = np.asarray(space.dofmap.list), space.dofmap.index_map_bs
     stored = np.load(path, mmap_mode="r")
@@ -297,7 +340,9 @@ def _read_field(path: Path, function: fem.Function) -> None:
 
 
 def _described(scene: BaseModel | Mapping[str, Any]) -> dict[str, Any]:
-    """The scene as JSON with all defaults, its files by content, without what changes no result: title, remarks."""
+    """The scene as JSON with all defaults, its files by content, without what changes no result:
+    title, remarks.
+    """
     description: dict[str, Any] = json.loads(json.dumps(describe(scene, of_file=_with_content)))
     if isinstance(scene, BaseModel):
         for remark in ("title", "incomplete"):
@@ -332,7 +377,9 @@ def _differences(stored: Any, current: Any, key: str = "") -> Iterator[tuple[str
 def _placed(
     stored: Mapping[str, Nodal], boundary: ContactBoundary, displacement: fem.Function, size: float
 ) -> dict[str, Nodal] | None:
-    """Stored values at contact nodes, found by position and displacement; None if they belong to other nodes."""
+    """Stored values at contact nodes, found by position and displacement; None if they belong to
+    other nodes.
+    """
     moved = displacement.x.array.reshape(-1, boundary.x.shape[1])[boundary.nodes]
     far = float(np.abs(stored["y"]).max(initial=0.0)) or 1.0
 
@@ -343,11 +390,15 @@ def _placed(
     distance, nearest = tree.query(keys(boundary.part, boundary.x, moved))
     if (distance > SAME_LENGTH).any():
         return None
-    return {name: values[nearest] for name, values in stored.items() if name not in ("part", "x", "y")}
+    return {
+        name: values[nearest] for name, values in stored.items() if name not in ("part", "x", "y")
+    }
 
 
 def _in_space(vectors: Nodal, tangents: Nodal) -> Nodal:
-    """Components, shape (n, d - 1), as vectors, shape (n, d): shears with the tangents, slips with their dual basis."""
+    """Components, shape (n, d - 1), as vectors, shape (n, d): shears with the tangents, slips with
+    their dual basis.
+    """
     return np.einsum("ijk,ik->ij", tangents, vectors)
 
 

@@ -1,6 +1,7 @@
 """Findings about a scene, and about results: what may go wrong, or is odd, and what to do about it.
 
-At the end are the refusals that follow from several entries; ``prepare`` refuses single entries and meshes.
+At the end are the refusals that follow from several entries; ``prepare`` refuses single entries and
+meshes.
 """
 
 from __future__ import annotations
@@ -47,55 +48,76 @@ def scene_findings(body: Model) -> Iterator[Finding]:
     prescribed, force = _largest_loads(body)
     yield from _incomplete(statement)
     yield from _pieces(body)
-    yield from _locking(body, reduced=body.elastic.reduced is not None or statement.element.degree > 1)
+    yield from _locking(
+        body, reduced=body.elastic.reduced is not None or statement.element.degree > 1
+    )
     yield from _idle(body)
     yield from equilibrium(body)
     yield from _units(body, prescribed, force)
     if body.boundary is not None and data is not None:
-        yield from _gaps(body, data, FAR_GAP * prescribed + (body.tagged.size if force > 0 else 0.0))
+        yield from _gaps(
+            body, data, FAR_GAP * prescribed + (body.tagged.size if force > 0 else 0.0)
+        )
         yield from _inwards(body)
 
 
 def nonlinear_findings(statement: Statement, body: Model) -> Iterator[Finding]:
-    """Findings about a scene with nonlinear materials and its mesh, as of its body at small strains; collective."""
+    """Findings about a scene with nonlinear materials and its mesh, as of its body at small
+    strains; collective.
+    """
     from signorini_fx.mechanics.body.nonlinear_law import volume_degree
 
     yield from _incomplete(statement)
     for number, contact in enumerate(statement.contact):
         if statement.finite_strains and contact.foundation is None and contact.against is None:
-            text = "gap and direction are those of the undeformed boundary: a foundation is met anywhere"
+            text = (
+                "gap and direction are those of the undeformed boundary: a foundation is met "
+                "anywhere"
+            )
             yield Finding("note", f"contact[{number}]", text)
     yield from _locking(body, reduced=volume_degree(statement, body.tagged) is not None)
     yield from _idle(body)
 
 
 def _incomplete(statement: Statement) -> Iterator[Finding]:
-    yield from (Finding("warning", "incomplete", f"not in the scene: {lost}") for lost in statement.incomplete)
+    yield from (
+        Finding("warning", "incomplete", f"not in the scene: {lost}")
+        for lost in statement.incomplete
+    )
 
 
 def _locking(body: Model, *, reduced: bool) -> Iterator[Finding]:
     simplices = body.tagged.mesh.topology.cell_name() in ("triangle", "tetrahedron")
     other = "quadrilaterals or hexahedra, or degree 2, with "
     cure = f"take {other if simplices else ''}element.volumetric = 'auto'"
-    message = f"it is nearly incompressible, and its cells lock: the body comes out too stiff; {cure}"
+    message = (
+        f"it is nearly incompressible, and its cells lock: the body comes out too stiff; {cure}"
+    )
     for index, material in enumerate(body.statement.material):
         if material.locks and not reduced:
             yield Finding("warning", f"material[{index}]", message)
 
 
 def _idle(body: Model) -> Iterator[Finding]:
-    """Loads and resistances that are expressions of the position and vanish wherever they may act."""
+    """Loads and resistances that are expressions of the position and vanish wherever they may
+    act.
+    """
     for path, effect in body.statement.listed():
         values = [value for value in effect.given.values() if not is_zero(value)]
         on_boundary = effect.where is not None and isinstance(effect, Force | Resistance)
-        if not on_boundary or not values or not all(isinstance(value, Expression) for value in values):
+        if (
+            not on_boundary
+            or not values
+            or not all(isinstance(value, Expression) for value in values)
+        ):
             continue
         corners = facet_vertices(body.tagged.mesh, body.tagged.facets(effect.where))
         points = np.concatenate([corners.reshape(-1, 3), corners.mean(axis=1)]).T
         acts = any(bool(np.any(sample(value, points) != 0.0)) for value in values)
         if not parallel.any_rank(body.comm, acts):
             message = (
-                f"it is 0 on the whole boundary {effect.where!r}, at all nodes and middles of facets: check its "
+                f"it is 0 on the whole boundary {effect.where!r}, at all nodes and middles of "
+                "facets: check its "
                 "expression and the unit of lengths"
             )
             yield Finding("warning", path, message)
@@ -109,19 +131,23 @@ def _pieces(body: Model) -> Iterator[Finding]:
     listed = "; ".join(pieces.called(piece) for piece in range(min(pieces.count, MOST_LISTED)))
     suffix = f"; and {pieces.count - MOST_LISTED} more" if pieces.count > MOST_LISTED else ""
     message = (
-        f"the mesh of the body is in {pieces.count} pieces that share no side, so that each piece must be held: "
-        f"{listed}{suffix}; if one body is meant, let the cells share their nodes (in gmsh: fragment)"
+        f"the mesh of the body is in {pieces.count} pieces that share no side, so that each piece "
+        "must be held: "
+        f"{listed}{suffix}; if one body is meant, let the cells share their nodes (in gmsh: "
+        "fragment)"
     )
     if any(effect.against is not None for effect in body.statement.contact):
         message = f"there are {pieces.count} bodies: {listed}{suffix}"
     yield Finding("note", "mesh", message)
 
 
-# --- gaps and displacements ------------------------------------------------------------------------------------------
+# --- gaps and displacements -----------------------------------------------------------------------
 
 
 def _gaps(body: Model, data: RegularisedData, reach: float) -> Iterator[Finding]:
-    """Gaps that are negative, or wider than ``reach``, by which displacements and loads may move the body, length."""
+    """Gaps that are negative, or wider than ``reach``, by which displacements and loads may move
+    the body, length.
+    """
     boundary = body.boundary
     assert boundary is not None
     comm, size = boundary.comm, body.tagged.size
@@ -138,14 +164,17 @@ def _gaps(body: Model, data: RegularisedData, reach: float) -> Iterator[Finding]
     two_sided = parallel.any_rank(comm, not unilateral.all())
     if smallest > reach > 0 and not (body.motions.free.shape[1] > 0 or two_sided or moves):
         message = (
-            f"the smallest gap is {smallest:g}, farther than prescribed displacements and loads can move the body: "
+            f"the smallest gap is {smallest:g}, farther than prescribed displacements and loads "
+            "can move the body: "
             "contact is unlikely to close; check the gap and the units"
         )
         yield Finding("warning", "contact.gap", message)
 
 
 def _inwards(body: Model) -> Iterator[Finding]:
-    """Directions that lead into the body, and planes that face away from it: signs that are the wrong way round."""
+    """Directions that lead into the body, and planes that face away from it: signs that are the
+    wrong way round.
+    """
     mesh, dim = body.tagged.mesh, body.tagged.dimension
     for index, effect in enumerate(body.statement.contact):
         if effect.direction is None and effect.surface is None:
@@ -157,61 +186,81 @@ def _inwards(body: Model) -> Iterator[Finding]:
             _, normals = effect.surface.distance(middles[:, :dim])
             facing = np.any(np.einsum("id,id->i", (middles - cells)[:, :dim], normals) < 0)
             if not parallel.any_rank(body.comm, bool(facing)):
-                message = "no facet faces it: take the boundary that does, or turn its normals towards the body"
+                message = (
+                    "no facet faces it: take the boundary that does, or turn its normals "
+                    "towards the body"
+                )
                 yield Finding("warning", f"contact[{index}].foundation", message)
             continue
         outwards = (middles - cells)[:, :dim] @ np.array(effect.direction)
-        inwards, total = parallel.global_sum(body.comm, np.array([np.count_nonzero(outwards < 0), outwards.size]))
+        inwards, total = parallel.global_sum(
+            body.comm, np.array([np.count_nonzero(outwards < 0), outwards.size])
+        )
         if 2 * inwards > total:
             turned = ", ".join(f"{-component + 0.0:g}" for component in effect.direction)
             message = (
-                f"leads into the body on {inwards:.0f} of {total:.0f} facets: it is the direction from the body to the "
+                f"leads into the body on {inwards:.0f} of {total:.0f} facets: it is the direction "
+                "from the body to the "
                 f"foundation; direction = [{turned}] is the opposite"
             )
             yield Finding("warning", f"contact[{index}].direction", message)
 
 
 def _units(body: Model, prescribed: float, force: float) -> Iterator[Finding]:
-    """Loads that are too large for linear elasticity, or hardly felt: two units are usually inconsistent."""
+    """Loads that are too large for linear elasticity, or hardly felt: two units are usually
+    inconsistent.
+    """
     path = f"material, {body.statement.forces_at}, displacement"
     low, high = parallel.global_bounds(body.comm, body.tagged.mesh.geometry.x.astype(np.float64))
-    section = body.scales.depth * float(np.prod(np.sort(high - low)[::-1][: body.tagged.mesh.topology.dim - 1]))
+    section = body.scales.depth * float(
+        np.prod(np.sort(high - low)[::-1][: body.tagged.mesh.topology.dim - 1])
+    )
     moduli = [material.natural_modulus for material in body.statement.material]
     least, most = (
-        max(prescribed / body.tagged.size, force / modulus / section) for modulus in (max(moduli), min(moduli))
+        max(prescribed / body.tagged.size, force / modulus / section)
+        for modulus in (max(moduli), min(moduli))
     )
     if least >= 1:
         message = (
-            f"loads and prescribed displacements strain the body by about {least:.1g}: the deformation is not small; "
+            f"loads and prescribed displacements strain the body by about {least:.1g}: the "
+            "deformation is not small; "
             "check the units of E and of the loads"
         )
         yield Finding("warning", path, message)
     elif 0 < most < ROOT_OF_EPS:
         message = (
-            f"loads and prescribed displacements strain the body by about {most:.1g} only: are E and the loads in the "
+            f"loads and prescribed displacements strain the body by about {most:.1g} only: are E "
+            "and the loads in the "
             "same units, such as MPa?"
         )
         yield Finding("note", path, message)
 
 
 def _largest_loads(body: Model) -> tuple[float, float]:
-    """The largest displacement that a load step prescribes, length, and the largest sum of its nodal loads."""
+    """The largest displacement that a load step prescribes, length, and the largest sum of its
+    nodal loads.
+    """
     prescribed = force = 0.0
     for step in range(body.statement.steps):
         applied = body.applied_at(step)
         start = sum((factor * load.start for factor, load in applied), np.zeros(body.fixed.size))
         prescribed = max(prescribed, parallel.largest(body.comm, np.abs(start)))
-        forces = sum((factor * load.forces for factor, load in applied if not load.balanced), np.zeros(body.fixed.size))
+        forces = sum(
+            (factor * load.forces for factor, load in applied if not load.balanced),
+            np.zeros(body.fixed.size),
+        )
         sizes = np.linalg.norm(np.reshape(forces, (-1, body.space.dofmap.bs)), axis=1)
         force = max(force, float(parallel.global_sum(body.comm, sizes.sum())))
     return prescribed, force
 
 
-# --- equilibrium: rigid motions that supports and contact resist, loads that they balance -----------------------------
+# --- equilibrium: rigid motions that supports and contact resist, loads that they balance ---------
 
 
 def equilibrium(body: Model) -> Iterator[Finding]:
-    """Whether contact can resist motions that supports leave free, and balance the loads, assembly by assembly."""
+    """Whether contact can resist motions that supports leave free, and balance the loads, assembly
+    by assembly.
+    """
     motions, boundary, data = body.motions, body.boundary, body.data
     if motions.free.shape[1] == 0:
         return
@@ -225,25 +274,40 @@ def equilibrium(body: Model) -> Iterator[Finding]:
         yield _equilibrium_of(body, number, contact, [load[columns] for load in loads])
 
 
-def _equilibrium_of(body: Model, number: int, contact: Reactions | None, loads: list[Array]) -> Finding:
-    """Whether one assembly is in equilibrium; ``loads``: the work of each load step on its free motions."""
+def _equilibrium_of(
+    body: Model, number: int, contact: Reactions | None, loads: list[Array]
+) -> Finding:
+    """Whether one assembly is in equilibrium; ``loads``: the work of each load step on its free
+    motions.
+    """
     motions, statement = body.motions, body.statement
     free = motions.of_all[:, motions.assembly == number]
     several = motions.pieces.count > 1
     members = np.flatnonzero(motions.pieces.assembly == number)
     subject = "the body"
     if several:
-        subject = motions.pieces.called(int(members[0])) if members.size == 1 else "bodies that may touch"
-    tangential = np.zeros((0, free.shape[1])) if contact is None else contact.tangential[contact.friction]
+        subject = (
+            motions.pieces.called(int(members[0])) if members.size == 1 else "bodies that may touch"
+        )
+    tangential = (
+        np.zeros((0, free.shape[1])) if contact is None else contact.tangential[contact.friction]
+    )
     normal = np.zeros((0, free.shape[1])) if contact is None else contact.normal
-    resisting = np.concatenate((normal, tangential.reshape(-1, free.shape[1]), np.zeros((free.shape[1],) * 2)))
+    resisting = np.concatenate(
+        (normal, tangential.reshape(-1, free.shape[1]), np.zeros((free.shape[1],) * 2))
+    )
     loose = null_space(np.linalg.qr(resisting, mode="r"), rcond=NO_FORCE)
     if loose.shape[1]:
         names = names_of(free @ loose, motions, members)
         who, advice = "the supports do not resist", "prescribe a displacement"
         if contact is not None:
-            who, advice = "neither the supports nor the contact resists", f"{advice}, or add friction"
-        return Finding("warning", "displacement", f"nothing holds {subject}: {who} {names}; {advice}")
+            who, advice = (
+                "neither the supports nor the contact resists",
+                f"{advice}, or add friction",
+            )
+        return Finding(
+            "warning", "displacement", f"nothing holds {subject}: {who} {names}; {advice}"
+        )
     assert contact is not None
     away = [escape(contact, load) if load.any() else None for load in loads]
     of_it = f" ({subject})" if several else ""
@@ -262,12 +326,13 @@ def _equilibrium_of(body: Model, number: int, contact: Reactions | None, loads: 
     return Finding("note", "displacement", f"{subject}: {text}" if several else text)
 
 
-# --- results ----------------------------------------------------------------------------------------------------------
+# --- results --------------------------------------------------------------------------------------
 
 
 def pushed_nodes(steps: Sequence[ContactState | None], size: float) -> list[Finding]:
-    """One finding for each contact with nodes that supports hold inside the foundation, from the load step where one
-    lies deepest; ``size``: of the body, length; collective.  Such nodes transmit nothing, see ``trial_pressure``.
+    """One finding for each contact with nodes that supports hold inside the foundation, from the
+    load step where one lies deepest; ``size``: of the body, length; collective.  Such nodes
+    transmit nothing, see ``trial_pressure``.
     """
     deepest: dict[int, tuple[float, str]] = {}
     for contact in steps:
@@ -282,11 +347,16 @@ def pushed_nodes(steps: Sequence[ContactState | None], size: float) -> list[Find
             largest = float(of_part[:, 0].max())
             if largest > deepest.get(part, (0.0, ""))[0]:
                 deepest[part] = largest, _message(of_part, largest, size)
-    return [Finding("warning", f"contact[{part}], displacement", deepest[part][1]) for part in sorted(deepest)]
+    return [
+        Finding("warning", f"contact[{part}], displacement", deepest[part][1])
+        for part in sorted(deepest)
+    ]
 
 
 def _message(rows: Array, depth: float, size: float) -> str:
-    """Of the nodes of one contact: depths, whether contact cannot open, and places, shape (n, 2 + d)."""
+    """Of the nodes of one contact: depths, whether contact cannot open, and places, shape (n, 2 +
+    d).
+    """
     # The first of those that are as deep, whatever the number of ranks.
     most = rows[rows[:, 0] >= depth - SAME_LENGTH * size]
     length, bilateral, *place = most[np.lexsort(most[:, 2:].T[::-1])[0]]
@@ -294,13 +364,16 @@ def _message(rows: Array, depth: float, size: float) -> str:
     where = f"{'off' if bilateral else 'inside'} the foundation"
     nodes, they = ("node", "it transmits") if len(rows) == 1 else ("nodes", "they transmit")
     return (
-        f"supports hold {len(rows)} contact {nodes} {where}, by {length:.3g} at ({at}): {they} nothing, the "
-        "supports carry what acts there; check the gap beside them, or end the contact boundary before them"
+        f"supports hold {len(rows)} contact {nodes} {where}, by {length:.3g} at ({at}): {they} "
+        "nothing, the "
+        "supports carry what acts there; check the gap beside them, or end the contact boundary "
+        "before them"
     )
 
 
 def facets_in_result(body: Model, contact: ContactState) -> Iterator[Finding]:
-    """Contacts of two bodies whose pressure is that of distances between chords of their curved sides; collective.
+    """Contacts of two bodies whose pressure is that of distances between chords of their curved
+    sides; collective.
 
     The slopes of both sides differ by the angles between facets; slope times modulus is a pressure.
     """
@@ -323,19 +396,25 @@ def facets_in_result(body: Model, contact: ContactState) -> Iterator[Finding]:
         off = float(np.max(angles * lengths)) / 4  # an eighth of the product on either side
         gap = body.data.gap[on_part]
         gap = gap + parallel.largest(body.comm, -gap, -np.inf)
-        if parallel.largest(body.comm, gap[gap <= off]) > NOTABLE * off > 0:  # else the nodes of both sides match
+        if (
+            parallel.largest(body.comm, gap[gap <= off]) > NOTABLE * off > 0
+        ):  # else the nodes of both sides match
             text = (
-                f"straight facets of {names[0]!r} and {names[1]!r} are up to {off:.2g} off the curved sides that they "
-                "are chords of, and the distances between them change the pressure as much as the loads do: take "
+                f"straight facets of {names[0]!r} and {names[1]!r} are up to {off:.2g} off the "
+                "curved sides that they "
+                "are chords of, and the distances between them change the pressure as much as the "
+                "loads do: take "
                 'smaller facets, curved cells, or distance = "nominal"'
             )
             yield Finding("warning", f"contact[{index}].distance", text)
 
 
-def shapes_in_results(foundations: Iterable[tuple[str, Any, Any]], displacement: fem.Function) -> Iterator[Finding]:
-    """Foundations between the nodes of a result, or in parts of the body that are in no contact; ``foundations``: the
-    name of each, its shape where it is in the result, None: it has none, and what is added to its distance, without
-    which number it is not looked at; collective.
+def shapes_in_results(
+    foundations: Iterable[tuple[str, Any, Any]], displacement: fem.Function
+) -> Iterator[Finding]:
+    """Foundations between the nodes of a result, or in parts of the body that are in no contact;
+    ``foundations``: the name of each, its shape where it is in the result, None: it has none, and
+    what is added to its distance, without which number it is not looked at; collective.
     """
     cells = None
     for name, shape, added in foundations:
@@ -346,17 +425,24 @@ def shapes_in_results(foundations: Iterable[tuple[str, Any, Any]], displacement:
         deep = cells.inside(cells.placed(displacement.x.array), shape, float(added))
         if deep is not None:
             message = (
-                f"a part of the foundation lies inside the deformed body, {deep}: between two nodes, or where there is "
-                "no contact boundary; take facets that are not wider than the foundation, and more of the boundary"
+                f"a part of the foundation lies inside the deformed body, {deep}: between two "
+                "nodes, or where there is "
+                "no contact boundary; take facets that are not wider than the foundation, and "
+                "more of the boundary"
             )
             yield Finding("warning", name, message)
 
 
-def result_findings(deformations: Sequence[Deformation], unjudged: Sequence[str]) -> Iterator[Finding]:
-    """Findings about a result; ``unjudged``: names of bodies whose forces are round-off of those of others."""
+def result_findings(
+    deformations: Sequence[Deformation], unjudged: Sequence[str]
+) -> Iterator[Finding]:
+    """Findings about a result; ``unjudged``: names of bodies whose forces are round-off of those of
+    others.
+    """
     if unjudged:
         message = (
-            f"the forces on {', '.join(unjudged)} are round-off of the largest ones of the scene: its results mean "
+            f"the forces on {', '.join(unjudged)} are round-off of the largest ones of the scene: "
+            "its results mean "
             "nothing, and the certificate does not judge it; solve it in a scene of its own"
         )
         yield Finding("warning", "body, traction, displacement", message)
@@ -364,13 +450,15 @@ def result_findings(deformations: Sequence[Deformation], unjudged: Sequence[str]
     far = f"displacements of up to {worst.displacement:.2g} times the size of the body"
     if worst.gradient > NOTABLE:
         message = (
-            f"strains and rotations of {worst.gradient:.2g} on average, {far}: the deformation is not small, as "
+            f"strains and rotations of {worst.gradient:.2g} on average, {far}: the deformation is "
+            "not small, as "
             "linear elasticity assumes; check the units of E, of the loads and of the lengths"
         )
         yield Finding("warning", "material, traction, body_force, displacement", message)
     elif worst.displacement > NOTABLE:
         message = (
-            f"{far}, by strains and rotations of {worst.gradient:.2g} on average: the body moves far, while gap and "
+            f"{far}, by strains and rotations of {worst.gradient:.2g} on average: the body moves "
+            "far, while gap and "
             "normals are those of its initial position; check the gap and the unit of lengths"
         )
         yield Finding("warning", "contact.gap, displacement", message)
@@ -380,31 +468,41 @@ def untouched(comm: MPI.Comm, steps: Sequence[StepResult]) -> Iterator[Finding]:
     """A finding where contact touches nothing in any load step; collective."""
     contacts = [step.contact.in_contact.any() for step in steps if step.contact is not None]
     if contacts and not parallel.any_rank(comm, bool(np.any(contacts))):
-        message = "nothing is in contact; where contact was expected, check the gap, the loads and their units"
+        message = (
+            "nothing is in contact; where contact was expected, check the gap, the loads "
+            "and their units"
+        )
         yield Finding("warning", "contact.gap", message)
 
 
-# --- bodies that lie loose: nothing presses on them, and they can move without touching anything ----------------------
+# --- bodies that lie loose: nothing presses on them, and they can move without touching anything --
 
 
 def explained(body: Model, task: Task, outcome: Outcome, when: str) -> Finding | None:
-    """Which bodies lie loose where contact opens without a load that opens it, named by ``when``; None: none."""
+    """Which bodies lie loose where contact opens without a load that opens it, named by ``when``;
+    None: none.
+    """
     if outcome.status is not Status.OPEN:
         return None
     loose = task.idle
     if len(loose) < len(task.motions.assemblies):  # what a load moves away lies beside them
-        loose = task.motions.untouched(loose, np.asarray(np.column_stack(outcome.newton.multipliers()).any(axis=1)))
+        loose = task.motions.untouched(
+            loose, np.asarray(np.column_stack(outcome.newton.multipliers()).any(axis=1))
+        )
     if not loose:
         return None
     message = (
-        f"{when}nothing presses on {_named(body, loose)}: it lies loose, and many positions are in equilibrium; press "
+        f"{when}nothing presses on {_named(body, loose)}: it lies loose, and many positions are "
+        "in equilibrium; press "
         "it on, or prescribe a displacement"
     )
     return Finding("warning", body.statement.forces_at, message)
 
 
 def loose_in(body: ElasticBody, step: StepResult) -> list[int]:
-    """The assemblies that supports do not hold, and that have no tractions in a load step; collective."""
+    """The assemblies that supports do not hold, and that have no tractions in a load step;
+    collective.
+    """
     motions = body.at_contact
     if step.contact is None or not motions.count:
         return []
@@ -415,14 +513,17 @@ def loose_in(body: ElasticBody, step: StepResult) -> list[int]:
 def loose_at_rest(
     body: ElasticBody, steps: Sequence[StepResult], path: str, names: tuple[str, ...] = ()
 ) -> Iterator[Finding]:
-    """Load steps that leave what nothing presses on where it was; ``names``: of bodies if pieces have none."""
+    """Load steps that leave what nothing presses on where it was; ``names``: of bodies if pieces
+    have none.
+    """
     loose = {step.step: numbers for step in steps if (numbers := loose_in(body, step))}
     if len(steps) == 1 or not loose:
         return
     which = f"load step{'s' * (len(loose) > 1)} {', '.join(map(str, loose))}"
     bodies = _named(body, sorted(set().union(*loose.values())), names)
     message = (
-        f"{which}: nothing presses on {bodies}: it is left as near as possible to where it was, one of many positions "
+        f"{which}: nothing presses on {bodies}: it is left as near as possible to where it was, "
+        "one of many positions "
         "in equilibrium"
     )
     yield Finding("note", path, message)
@@ -440,22 +541,27 @@ def _named(body: ElasticBody, loose: Sequence[int], names: tuple[str, ...] = ())
     return f"{free}, which the supports do not hold"
 
 
-# --- refusals --------------------------------------------------------------------------------------------------------
+# --- refusals -------------------------------------------------------------------------------------
 
 
 def refuse_beforehand(model: Model, *, linear: bool = True) -> None:
-    """Refuse what no solve begins with, such as a proof by an add-on that is not installed; ``linear``: whether this
-    body is what is solved, and not that of nonlinear materials at small strains; collective.
+    """Refuse what no solve begins with, such as a proof by an add-on that is not installed;
+    ``linear``: whether this body is what is solved, and not that of nonlinear materials at small
+    strains; collective.
     """
     if model.mixed is not None and model.mixed.encloses(model.vector, model.prescribed):
-        reason = "nothing determines the pressure: supports hold the whole boundary of the incompressible body"
+        reason = (
+            "nothing determines the pressure: supports hold the whole boundary of the "
+            "incompressible body"
+        )
         raise SceneError([("displacement", reason)])
     if model.boundary is not None:
         model.first_sets()
     moving = [k for k, effect in enumerate(model.statement.contact) if effect.moves]
     if linear and moving and model.statement.steps > 1 and model.motions.free.shape[1]:
         wrong = (
-            "moves with the time, so that supports must hold the body, and not contact alone: add them, or let a force "
+            "moves with the time, so that supports must hold the body, and not contact alone: add "
+            "them, or let a force "
             "move the foundation (keys force and prescribed)"
         )
         raise SceneError([(f"contact[{k}].foundation", wrong) for k in moving])

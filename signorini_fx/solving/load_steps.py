@@ -1,5 +1,6 @@
-"""The loop over load steps of every kind of body; of a linear one the increments of a ramp, the attempts at each load
-step, and what the checkpoint has of it.  Scenes and forms have each a ``SteppedBody`` of their own.
+"""The loop over load steps of every kind of body; of a linear one the increments of a ramp, the
+attempts at each load step, and what the checkpoint has of it.  Scenes and forms have each a
+``SteppedBody`` of their own.
 """
 
 from __future__ import annotations
@@ -22,7 +23,12 @@ from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.mechanics.statement.settings import SolverSettings
 from signorini_fx.records import Finding, History, Status, StepRecord, Timings
-from signorini_fx.results.certificate.law_of_method import Law, PreviousStep, Tractions, overclosures_of
+from signorini_fx.results.certificate.law_of_method import (
+    Law,
+    PreviousStep,
+    Tractions,
+    overclosures_of,
+)
 from signorini_fx.results.mechanics import SolidBody, StepResult
 from signorini_fx.results.step_frames import StepEnd
 from signorini_fx.tuned import (
@@ -50,7 +56,9 @@ class SteppedBody:
     timings: Timings
 
     def begun(self, path_step: float, task: Task, first: Start, end: StepEnd | None) -> BegunStep:
-        """The load step that begins at a place, after the ``end`` of the last one, which had ``task``, or as first."""
+        """The load step that begins at a place, after the ``end`` of the last one, which had
+        ``task``, or as first.
+        """
         raise NotImplementedError
 
     def show(self, outcome: Outcome, result: StepResult) -> None:
@@ -63,7 +71,9 @@ class SteppedBody:
 
 @dataclass(frozen=True)
 class BegunStep:
-    """A load step that begins, with foundations where they are in it; ``last``: the end of the one before it."""
+    """A load step that begins, with foundations where they are in it; ``last``: the end of the one
+    before it.
+    """
 
     body: SteppedBody
     task: Task
@@ -71,7 +81,9 @@ class BegunStep:
     last: PreviousStep | None
 
     def certified(self, outcome: Outcome) -> LoadStep:
-        """The step with its result, without its linear solves, and the certificate's verdict; collective."""
+        """The step with its result, without its linear solves, and the certificate's verdict;
+        collective.
+        """
         body, task, start = self.body, self.task, self.start
         model, path = body.model, body.path
         with body.timings.phase("certify"):
@@ -79,7 +91,9 @@ class BegunStep:
             displacement = model.from_rest(task.rest, unknowns)
             at = model.boundary
             contact = None if at is None else ContactState.of(task.contact(outcome, start), at)
-            rigid = model.rigid.moved(model.driven(unknowns, task.rest)) if model.rigid.bodies else ()
+            rigid = (
+                model.rigid.moved(model.driven(unknowns, task.rest)) if model.rigid.bodies else ()
+            )
             certificate = model.certified(
                 displacement,
                 None if contact is None else Tractions.of(contact),
@@ -88,9 +102,13 @@ class BegunStep:
                 last=self.last,
                 rigid=rigid,
             )
-            deformation, status = deformation_of(model, displacement, model.tagged.size), outcome.status
+            deformation, status = (
+                deformation_of(model, displacement, model.tagged.size),
+                outcome.status,
+            )
             if status in (Status.CONVERGED, Status.ROUND_OFF):
-                # First this, as a body that has moved far away is the usual reason of a residual that stagnates.
+                # First this, as a body that has moved far away is the usual reason of a residual
+                # that stagnates.
                 if deformation.largest > model.settings.largest_deformation:
                     status = Status.TOO_LARGE
                 elif status is Status.CONVERGED and not certificate.holds:
@@ -124,8 +142,12 @@ class LoadStep(BegunStep):
         return f"{self.result}: {self.result.status.value}"
 
 
-def first_start(start: Start, boundary: ContactBoundary | None, state: ContactState | None) -> Start:
-    """Where the first load step of a task starts, from the contact state of a coarser mesh, if any; collective."""
+def first_start(
+    start: Start, boundary: ContactBoundary | None, state: ContactState | None
+) -> Start:
+    """Where the first load step of a task starts, from the contact state of a coarser mesh, if any;
+    collective.
+    """
     if state is None or boundary is None:
         return start
     from signorini_fx.solving.meshed_problem import carry_over
@@ -134,7 +156,9 @@ def first_start(start: Start, boundary: ContactBoundary | None, state: ContactSt
 
 
 class Stepping(ABC, Generic[S]):
-    """A way through the load steps of one kind of body, with its history and timings; all methods are collective."""
+    """A way through the load steps of one kind of body, with its history and timings; all methods
+    are collective.
+    """
 
     history: History
     timings: Timings
@@ -146,11 +170,15 @@ class Stepping(ABC, Generic[S]):
 
     @abstractmethod
     def solved(self) -> S | None:
-        """The next load step; None: it has no solution, and is tried in another way unless this is through."""
+        """The next load step; None: it has no solution, and is tried in another way unless this is
+        through.
+        """
 
     @abstractmethod
     def recalled(self, checkpoint: MeshCheckpoint) -> S | None:
-        """The next load step as an earlier run has left it; None: it is not there, or is no solution."""
+        """The next load step as an earlier run has left it; None: it is not there, or is no
+        solution.
+        """
 
     @abstractmethod
     def store(self, checkpoint: MeshCheckpoint, step: S, marks: Marks) -> None:
@@ -160,7 +188,9 @@ class Stepping(ABC, Generic[S]):
         """Begin the next load step where this one has ended."""
 
     def all(self, on_step: Callable[[S], object], checkpoint: MeshCheckpoint | None = None) -> None:
-        """Solve one load step after the other, or take it from the checkpoint, until there is none."""
+        """Solve one load step after the other, or take it from the checkpoint, until there is
+        none.
+        """
         marks = _marks(self.history)
         while not self.through:
             step = None if checkpoint is None else self.recalled(checkpoint)
@@ -182,15 +212,17 @@ _DIGITS = 12
 
 
 class PathIncrements:
-    """Where a problem is on its path through load steps: at the place ``reached``, by an ``increment`` from the next,
-    ``nominal`` if it is that of a ramp; places are those of ``statement.load_path``.
+    """Where a problem is on its path through load steps: at the place ``reached``, by an
+    ``increment`` from the next, ``nominal`` if it is that of a ramp; places are those of
+    ``statement.load_path``.
     """
 
     stored_names: ClassVar[tuple[str, ...]] = ("reached", "increment")
 
     def __init__(self, path: LoadPath) -> None:
         self.path, self.nominal = path, 1.0 / (path.steps or 1)
-        # A list of several factors begins with one step to the first of them, in which slip is counted from rest.
+        # A list of several factors begins with one step to the first of them, in which slip is
+        # counted from rest.
         self.reached, self.increment = -1.0, self.nominal if path.from_nothing else 1.0
 
     @property
@@ -201,7 +233,10 @@ class PathIncrements:
     @property
     def next(self) -> float:
         """The place of the next load step; none goes beyond the next factor."""
-        station, end = floor(self.reached + SAME_LENGTH) + 1.0, round(self.reached + self.increment, _DIGITS)
+        station, end = (
+            floor(self.reached + SAME_LENGTH) + 1.0,
+            round(self.reached + self.increment, _DIGITS),
+        )
         return station if end > station - SAME_LENGTH else end
 
     def halve(self) -> None:
@@ -218,17 +253,20 @@ class PathIncrements:
         return {name: getattr(self, name) for name in self.stored_names}
 
 
-# Outcomes that another increment of the load does not change if nothing has been reached before.  Afterwards the same
-# linear solver has solved the same body, and fails because the tangents near a limit load are nearly singular.
+# Outcomes that another increment of the load does not change if nothing has been reached before.
+# Afterwards the same linear solver has solved the same body, and fails because the tangents near a
+# limit load are nearly singular.
 _HOPELESS_AT_FIRST = (Status.NOT_HELD, Status.LINEAR_SOLVER, Status.NO_MEMORY)
 
 
 class Increments(PathIncrements):
-    """Where a linear problem is on its path.  In a ramp the increment of a load step without a solution is halved,
-    until the load is enclosed; the linear solves of the last load step set how many an attempt without one may take.
+    """Where a linear problem is on its path.  In a ramp the increment of a load step without a
+    solution is halved, until the load is enclosed; the linear solves of the last load step set how
+    many an attempt without one may take.
     """
 
-    # ``easy``: how many of the last load steps with a solution were easy; ``last``: linear solves of the last one.
+    # ``easy``: how many of the last load steps with a solution were easy; ``last``: linear solves
+    # of the last one.
     stored_names = (*PathIncrements.stored_names, "easy", "last")
 
     def __init__(self, path: LoadPath, settings: SolverSettings) -> None:
@@ -253,11 +291,15 @@ class Increments(PathIncrements):
         if not self._divisible:
             return step_limit(self._iterations)
         # One at which nothing changes takes two, which is no measure for one that fails.
-        before_smaller = FAILED_STEP * (max(self.last, EASY_STEP) if self.last else self._iterations)
+        before_smaller = FAILED_STEP * (
+            max(self.last, EASY_STEP) if self.last else self._iterations
+        )
         return FAILED_STEP * before_smaller if self._encloses else before_smaller
 
     def bracket(self, status: Status) -> str | None:
-        """Between which loads a ramp has ended with this status; None where no ramp or no load is the reason."""
+        """Between which loads a ramp has ended with this status; None where no ramp or no load is
+        the reason.
+        """
         if self._is_final(status):
             return None
         nothing = self.reached == (-1.0 if self.path.from_nothing else 0.0)
@@ -282,7 +324,9 @@ class Increments(PathIncrements):
             self.increment, self.easy = 2 * self.increment, 0
 
     def shorten(self, status: Status) -> bool:
-        """Halve the increment, as the next load step ended with ``status``; whether a smaller one may be tried."""
+        """Halve the increment, as the next load step ended with ``status``; whether a smaller one
+        may be tried.
+        """
         if self._is_final(status) or self._encloses:
             return False
         self.halve()
@@ -300,7 +344,9 @@ class StepProgress(Stepping[LoadStep]):
     path: Increments
     end: StepEnd | None = None  # of the last one; None: there is none, or no contact
     results: list[StepResult] = field(default_factory=list)
-    ended: tuple[Outcome, RegularisedData] | None = None  # of the last one with a solution, or the first one
+    ended: tuple[Outcome, RegularisedData] | None = (
+        None  # of the last one with a solution, or the first one
+    )
     failed: bool = False  # the last one has no solution
 
     @property
@@ -318,7 +364,11 @@ class StepProgress(Stepping[LoadStep]):
         return self.path.ended or self.failed
 
     def _take(self, step: LoadStep) -> None:
-        self.body, self.task, self.failed = step.body, step.task, step.result.status is not Status.CONVERGED
+        self.body, self.task, self.failed = (
+            step.body,
+            step.task,
+            step.result.status is not Status.CONVERGED,
+        )
         self.results.append(step.result)
         if not self.failed or self.ended is None:
             self.ended = step.outcome, step.outcome.problem.data
@@ -333,16 +383,25 @@ class StepProgress(Stepping[LoadStep]):
         self.body = self.body.ended(self.end)
 
     def _begun(self, place: float) -> BegunStep:
-        """The next load step with its loads; points of soft contact have the stiffness of their law for gamma_n."""
+        """The next load step with its loads; points of soft contact have the stiffness of their law
+        for gamma_n.
+        """
         begun = self.body.begun(place, self.task, self.first, self.end)
-        model, start, laws = begun.body.model, begun.start, overclosures_of(begun.body.model.statement)
+        model, start, laws = (
+            begun.body.model,
+            begun.start,
+            overclosures_of(begun.body.model.statement),
+        )
         if model.boundary is not None and laws:
             share = np.ones(model.boundary.size)
             for number, law in laws.items():
                 share[model.boundary.part == number] = law.stiffness / start.data.gamma_n
             start = replace(start, data=replace(start.data, share=share))
         factors = model.load(begun.task.system, place)
-        return replace(begun, start=replace(start, place=place, factors=factors, several=self.body.path.several))
+        return replace(
+            begun,
+            start=replace(start, place=place, factors=factors, several=self.body.path.several),
+        )
 
     def solved(self) -> LoadStep | None:
         history, path, newton = self.task.history, self.path, self.task.newton
@@ -394,7 +453,16 @@ class StepProgress(Stepping[LoadStep]):
             from signorini_fx.solving.bolt_preloads import shortenings
 
             figures["shortenings"] = shortenings(model, step.start.place)
-        checkpoint.store(model, step.body.timings, step.task, step.start, step.outcome, step.result, marks, figures)
+        checkpoint.store(
+            model,
+            step.body.timings,
+            step.task,
+            step.start,
+            step.outcome,
+            step.result,
+            marks,
+            figures,
+        )
 
     def recalled(self, checkpoint: MeshCheckpoint) -> LoadStep | None:
         number = self.first.step if self.end is None else self.end.start.step

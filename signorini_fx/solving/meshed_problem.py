@@ -1,5 +1,6 @@
-"""A problem on one mesh after another, as nested iteration and a requested accuracy ask of it; nested iteration: a node
-of the fine mesh starts in the active set of its coarse neighbours, so that only a few linear solves remain there.
+"""A problem on one mesh after another, as nested iteration and a requested accuracy ask of it;
+nested iteration: a node of the fine mesh starts in the active set of its coarse neighbours, so that
+only a few linear solves remain there.
 """
 
 from __future__ import annotations
@@ -29,7 +30,11 @@ from signorini_fx.mechanics.statement.settings import SolverSettings
 from signorini_fx.records import ACCURACY, OF_THE_BODY, History, Status
 from signorini_fx.results.accuracy.convergence_table import convergence_table, with_polygon
 from signorini_fx.results.accuracy.error_estimates import Errors, worst_of
-from signorini_fx.results.accuracy.level_results import LevelResult, mean_spacing, regularisation_errors
+from signorini_fx.results.accuracy.level_results import (
+    LevelResult,
+    mean_spacing,
+    regularisation_errors,
+)
 from signorini_fx.results.accuracy.pressure_error import polygon_error
 from signorini_fx.results.solution import Solution
 from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
@@ -38,7 +43,9 @@ from signorini_fx.tuned import MIDDLE_RATIO
 
 @dataclass(frozen=True)
 class SolvedMesh:
-    """A problem on one mesh, of a nonlinear body without a task; without a solution or estimate the rest is None."""
+    """A problem on one mesh, of a nonlinear body without a task; without a solution or estimate the
+    rest is None.
+    """
 
     solution: Solution
     tagged: TaggedMesh
@@ -65,20 +72,24 @@ class SolvedMesh:
 
 @dataclass(frozen=True, kw_only=True)
 class MeshedProblem(ABC):
-    """A problem on one of several meshes; scenes and forms differ in how its model, and a finer mesh, are made."""
+    """A problem on one of several meshes; scenes and forms differ in how its model, and a finer
+    mesh, are made.
+    """
 
     comm: MPI.Comm  # the ranks that share the work
     history: History  # of all meshes
     remakes: bool = False  # whether gmsh makes cells anew where the error is large
-    coarsest: float = 1.0  # how many times larger than those that were stated the cells of the first mesh are
+    coarsest: float = (
+        1.0  # how many times larger than those that were stated the cells of the first mesh are
+    )
     polygonal: bool = False  # whether straight facets stay although the shape may be curved
     in_parts: bool = False  # whether some of several bodies may be made anew on true arcs
 
     @property
     @abstractmethod
     def augmentable(self) -> bool:
-        """Whether augmentation may be chosen: not between two bodies, with which its estimates were not tested, and not
-        where contact gives way by a law of its own, which it would make hard.
+        """Whether augmentation may be chosen: not between two bodies, with which its estimates were
+        not tested, and not where contact gives way by a law of its own, which it would make hard.
         """
 
     @property
@@ -92,10 +103,14 @@ class MeshedProblem(ABC):
 
     @abstractmethod
     def solve(
-        self, state: ContactState | None, coarser: MeshLevel | None, checkpoint: MeshCheckpoint | None
+        self,
+        state: ContactState | None,
+        coarser: MeshLevel | None,
+        checkpoint: MeshCheckpoint | None,
     ) -> SolvedMesh:
-        """Solve it from the contact state of a coarser mesh, with coarser meshes as levels of multigrid, and with a
-        checkpoint, each None where there is none; ``level`` and ``errors`` are left to ``solved``; collective.
+        """Solve it from the contact state of a coarser mesh, with coarser meshes as levels of
+        multigrid, and with a checkpoint, each None where there is none; ``level`` and ``errors``
+        are left to ``solved``; collective.
         """
 
     @abstractmethod
@@ -104,10 +119,16 @@ class MeshedProblem(ABC):
 
     @abstractmethod
     def divided(self, times: int) -> Self:
-        """The same on a mesh that is made anew, with cells so many times as small as those of the first one."""
+        """The same on a mesh that is made anew, with cells so many times as small as those of the
+        first one.
+        """
 
-    def remade(self, last: TaggedMesh, lengths: npt.NDArray[np.float64], finer: float) -> tuple[Self, int]:
-        """The same on cells of these lengths made by gmsh, at most ``finer`` times finer, and how many; collective."""
+    def remade(
+        self, last: TaggedMesh, lengths: npt.NDArray[np.float64], finer: float
+    ) -> tuple[Self, int]:
+        """The same on cells of these lengths made by gmsh, at most ``finer`` times finer, and how
+        many; collective.
+        """
         raise NotImplementedError
 
     def keeping(self, solved: SolvedMesh) -> Self:
@@ -115,14 +136,20 @@ class MeshedProblem(ABC):
         return self
 
     def polygon_error(self, solved: SolvedMesh, last: float | None) -> float:
-        """The effect of straight facets on a curved contact boundary, see ``pressure_error.polygon_error``."""
+        """The effect of straight facets on a curved contact boundary, see
+        ``pressure_error.polygon_error``.
+        """
         if not self.polygonal or (last is not None and not self.in_parts):
             return last or 0.0
         assert solved.level is not None
         return polygon_error(solved.level.table, solved.solution.model.scales.modulus)
 
     def solved(
-        self, number: int, state: ContactState | None, coarser: MeshLevel | None, stored: MeshCheckpoint | None = None
+        self,
+        number: int,
+        state: ContactState | None,
+        coarser: MeshLevel | None,
+        stored: MeshCheckpoint | None = None,
     ) -> SolvedMesh:
         """Solve it as one of several meshes, with its errors and its cost; collective."""
         history, comm = self.history, self.comm
@@ -136,13 +163,22 @@ class MeshedProblem(ABC):
             return replace(solved, outcome=None)
         if not step_errors:
             return solved
-        errors, body, table, task = worst_of(step_errors), solution.model, solution.table, solved.task
+        errors, body, table, task = (
+            worst_of(step_errors),
+            solution.model,
+            solution.table,
+            solved.task,
+        )
         # Of the load steps that all meshes have in common.
-        contacts = [step.contact for step in solution.steps if step.contact and step.place.is_integer()]
+        contacts = [
+            step.contact for step in solution.steps if step.contact and step.place.is_integer()
+        ]
         own, regularisation, krylov = history.iterations[solves_before:], (0.0, 0.0), np.inf
         left = [record.residual for record in own[-1:]]
         if task is not None and solved.outcome is not None:
-            regularisation = regularisation_errors(task, solved.outcome, step_errors[-1].size, contacts[-1])
+            regularisation = regularisation_errors(
+                task, solved.outcome, step_errors[-1].size, contacts[-1]
+            )
             left.append(task.history.outer[-1].change or 0.0)
             krylov = krylov_from(body.system_size(), body.settings.linear_algebra)
         level = LevelResult(
@@ -168,14 +204,18 @@ class MeshedProblem(ABC):
 
 @dataclass(frozen=True)
 class Unsolved:
-    """Why a finer mesh has no solution, or is not made, and the outcome of the coarser one that stands in its place."""
+    """Why a finer mesh has no solution, or is not made, and the outcome of the coarser one that
+    stands in its place.
+    """
 
     status: Status
     reason: str
 
     @classmethod
     def by_outcome(cls, solution: Solution, mesh: str, *, late: str = "") -> Unsolved | None:
-        """Of a solve without a solution; ``late``: that time has passed; None: its outcome is that of the body."""
+        """Of a solve without a solution; ``late``: that time has passed; None: its outcome is that
+        of the body.
+        """
         if solution.status is Status.NO_MEMORY:
             return cls(Status.MEMORY, f"{mesh} has used up the memory")
         if late:
@@ -192,7 +232,8 @@ class Unsolved:
         """Of an error while a mesh was made or solved, which all ranks have.
 
         Raises:
-            Exception: the error itself, where it is none of these, or memory of one of several ranks: the others wait.
+            Exception: the error itself, where it is none of these, or memory of one of several
+            ranks: the others wait.
         """
         if comm.size == 1 and memory_ended(error):
             return cls(Status.MEMORY, f"{mesh} has used up the memory")
@@ -206,7 +247,7 @@ class Unsolved:
         return replace(coarser, status=self.status)
 
 
-# --- nested iteration -------------------------------------------------------------------------------------------------
+# --- nested iteration -----------------------------------------------------------------------------
 
 
 def solve_nested(
@@ -216,9 +257,11 @@ def solve_nested(
     history: History,
     stored: MeshCheckpoint | None = None,
 ) -> Solution:
-    """Solve on one mesh after the other, each starting from the contact state of the previous one; collective.
+    """Solve on one mesh after the other, each starting from the contact state of the previous one;
+    collective.
 
-    Where the last mesh has no solution that of the finest one with a solution is returned, see ``Unsolved``.
+    Where the last mesh has no solution that of the finest one with a solution is returned, see
+    ``Unsolved``.
     """
     base_memory = parallel.peak_memory(comm)
     state: ContactState | None = None
@@ -241,7 +284,8 @@ def solve_nested(
         solution, state = solved.solution, None
         if levels and solution.statement.sides != sides:
             history.add(
-                "the convergence table begins here: on the coarser meshes the contact points are on other boundaries"
+                "the convergence table begins here: on the coarser meshes the contact points are "
+                "on other boundaries"
             )
             levels.clear()
         sides = solution.statement.sides
@@ -255,7 +299,9 @@ def solve_nested(
                 levels.pop()
             polygon = problem.polygon_error(solved, polygon)
             levels.append(with_polygon(solved.level, polygon))
-        if number + 1 < count:  # on the next mesh nothing else of this one is needed, least of all its multigrid
+        if (
+            number + 1 < count
+        ):  # on the next mesh nothing else of this one is needed, least of all its multigrid
             del solved, solution
     if certified is not None and unsolved is not None:
         solution = unsolved.leaves(certified, history)
@@ -264,8 +310,12 @@ def solve_nested(
     return replace(solution, levels=tuple(levels), convergence_table=tuple(prices))
 
 
-def carry_over(coarse: ContactState, fine: ContactBoundary) -> tuple[ActiveSets, tuple[Nodal, Nodal]]:
-    """Sets and (lambda, mu) for the nodes of a finer mesh, from the nearest coarse nodes; collective."""
+def carry_over(
+    coarse: ContactState, fine: ContactBoundary
+) -> tuple[ActiveSets, tuple[Nodal, Nodal]]:
+    """Sets and (lambda, mu) for the nodes of a finer mesh, from the nearest coarse nodes;
+    collective.
+    """
     boundary = coarse.boundary
     tangents = boundary.tangents
     # Directions and shears as vectors in 3D, because the tangents of neighbours need not agree.
@@ -282,26 +332,35 @@ def carry_over(coarse: ContactState, fine: ContactBoundary) -> tuple[ActiveSets,
     ]
     dim = boundary.x.shape[1]
     rows = parallel.gather_rows(boundary.comm, np.column_stack(state))
-    # Of neighbours at the same distance the search takes those that come first: in no order of the ranks.
+    # Of neighbours at the same distance the search takes those that come first: in no order of the
+    # ranks.
     rows = rows[np.lexsort(rows[:, dim::-1].T)]
     contact = np.zeros(fine.size, dtype=bool)
     direction, shear = (np.zeros((fine.size, dim)) for _ in range(2))
     pressure, turning = np.zeros(fine.size), np.zeros(fine.size)
     for part in np.unique(fine.part):
         on_part, coarse_rows = fine.part == part, rows[rows[:, 0] == part]
-        # Two neighbours: a node in the middle between two sets joins the one that constrains it more, contact and
-        # stick; the iteration releases superfluous nodes faster than it finds missing ones.
+        # Two neighbours: a node in the middle between two sets joins the one that constrains it
+        # more, contact and stick; the iteration releases superfluous nodes faster than it finds
+        # missing ones.
         count = min(2, len(coarse_rows))
         places = cKDTree(coarse_rows[:, 1 : 1 + dim])
         distance, nearest = (a.reshape(-1, count) for a in places.query(fine.x[on_part], count))
-        share = distance[:, ::-1] / np.maximum(distance.sum(axis=1, keepdims=True), 1e-300) if count == 2 else 1.0
+        share = (
+            distance[:, ::-1] / np.maximum(distance.sum(axis=1, keepdims=True), 1e-300)
+            if count == 2
+            else 1.0
+        )
         near = (distance <= MIDDLE_RATIO * distance[:, :1]) | (np.arange(count) == 0)
         columns = np.cumsum((1, 1, dim, dim, 1, 1))
         touching, load, sliding, sheared, slipped, bound, normal = np.split(
             coarse_rows[nearest][:, :, 1 + dim :], columns, axis=2
         )
-        # Between two bodies the points may have changed sides, and what one does to the other has the other sign.
-        side = np.where(np.einsum("ijk,ik->ij", normal, fine.normal[on_part]) < 0, -1.0, 1.0)[:, :, None]
+        # Between two bodies the points may have changed sides, and what one does to the other has
+        # the other sign.
+        side = np.where(np.einsum("ijk,ik->ij", normal, fine.normal[on_part]) < 0, -1.0, 1.0)[
+            :, :, None
+        ]
         sliding, sheared = side * sliding, side * sheared
         contact[on_part] = (near & (touching[:, :, 0] > 0)).any(axis=1)
         sliding = np.where(near[:, :, None], sliding, sliding[:, :1])

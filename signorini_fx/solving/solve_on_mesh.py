@@ -39,7 +39,14 @@ from signorini_fx.solving.findings import (
     shapes_in_results,
     untouched,
 )
-from signorini_fx.solving.load_steps import BegunStep, Increments, LoadStep, SteppedBody, StepProgress, first_start
+from signorini_fx.solving.load_steps import (
+    BegunStep,
+    Increments,
+    LoadStep,
+    SteppedBody,
+    StepProgress,
+    first_start,
+)
 from signorini_fx.tuned import PATH_ERROR_SHARE
 
 if TYPE_CHECKING:
@@ -55,7 +62,9 @@ def solve_mesh(
     coarser: MeshLevel | None = None,
     kept: MeshCheckpoint | None = None,
 ) -> tuple[Solution, Task, Outcome]:
-    """Solve on the mesh that ``load`` gives, from the ``state`` of a ``coarser`` one, a level of multigrid, if any."""
+    """Solve on the mesh that ``load`` gives, from the ``state`` of a ``coarser`` one, a level of
+    multigrid, if any.
+    """
     timings = Timings()
     with timings.phase("mesh"):
         tagged = load()
@@ -69,7 +78,8 @@ def solve_mesh(
     for stated, contact in zip(statement.contact, model.statement.contact, strict=True):
         if contact.boundary != stated.boundary:
             history.add(
-                f"the contact points are on {contact.boundary!r}, not on {stated.boundary!r}: see contact.points"
+                f"the contact points are on {contact.boundary!r}, not on {stated.boundary!r}: see "
+                "contact.points"
             )
     with timings.phase("condense"):
         task = contact_task(model, history, coarser)
@@ -79,16 +89,24 @@ def solve_mesh(
 
 
 def _begin_at_coarser(task: Task, model: Model) -> None:
-    """Begin with the displacement of the coarser mesh, where solves are not exact and gain by it; collective."""
+    """Begin with the displacement of the coarser mesh, where solves are not exact and gain by it;
+    collective.
+    """
     from signorini_fx.algebra.linalg.krylov import KrylovSystem
 
     level = task.system.elasticity.level
-    if not isinstance(task.system, KrylovSystem) or not isinstance(level, MeshLevel) or model.turned is not None:
+    if (
+        not isinstance(task.system, KrylovSystem)
+        or not isinstance(level, MeshLevel)
+        or model.turned is not None
+    ):
         return
     if (start := level.start()) is None:
         return
     if task.rest is not None:
-        start.getArray()[:] -= model.motions.displacement(task.rest.motion).ravel()[: start.getLocalSize()]
+        start.getArray()[:] -= model.motions.displacement(task.rest.motion).ravel()[
+            : start.getLocalSize()
+        ]
     free = ~model.fixed
     task.newton.x.getArray()[: free.size][free] = start.getArray(readonly=True)[free]
 
@@ -101,7 +119,9 @@ def solve_contact(
     on_step: Callable[[LoadStep], object] = lambda step: None,
     level_checkpoint: MeshCheckpoint | None = None,
 ) -> tuple[Solution, Task, Outcome]:
-    """All load steps from a ``state``, until one has no solution, the last task, and the last solved outcome."""
+    """All load steps from a ``state``, until one has no solution, the last task, and the last
+    solved outcome.
+    """
     statement = model.statement
     body = StatedSteps(model, statement.path, timings, state)
     start = first_start(task.start, model.boundary, state)
@@ -122,8 +142,10 @@ def contact_solution(
     timings: Timings,
     find: Callable[[], Iterable[Finding]],
 ) -> Solution:
-    """What load steps have come to; ``ended``: how the last one with a solution ended, or the first one, and its data;
-    ``find``: gives the findings, which are looked for when the first one asks, on several ranks at once; collective.
+    """What load steps have come to; ``ended``: how the last one with a solution ended, or the first
+    one, and its data;
+    ``find``: gives the findings, which are looked for when the first one asks, on several ranks at
+    once; collective.
     """
     (outcome, data), shown, found = ended, _shown(steps), cache(lambda: tuple(find()))
     if model.comm.size > 1:  # they may be asked for by one rank alone
@@ -171,9 +193,14 @@ def _findings(model: Model, steps: Sequence[StepResult]) -> list[Finding]:
 
 
 def findings_of_steps(
-    model: Model, steps: Sequence[StepResult], further: Sequence[Finding], foundations: Iterable[tuple[str, Any, Any]]
+    model: Model,
+    steps: Sequence[StepResult],
+    further: Sequence[Finding],
+    foundations: Iterable[tuple[str, Any, Any]],
 ) -> list[Finding]:
-    """What is odd about results of load steps, beside what is known; where the last one has none, why; collective."""
+    """What is odd about results of load steps, beside what is known; where the last one has none,
+    why; collective.
+    """
     if not _solved(steps):
         return [*further, *(step.reason for step in steps if step.reason is not None)]
     lost = sorted({piece for step in steps for piece in step.certificate.unjudged})
@@ -199,7 +226,9 @@ def contact_task(
     coarser: MeshLevel | None = None,
     choose: Callable[[Elasticity, SystemSize, str], tuple[ElasticSystem, str]] = choose_system,
 ) -> Task:
-    """The contact problem of a discretised scene, ready for ``strategy.solve_task`` or for a user-defined algorithm."""
+    """The contact problem of a discretised scene, ready for ``strategy.solve_task`` or for a
+    user-defined algorithm.
+    """
     factors = model.factors(0)
     task = model.task(
         model.cases,
@@ -226,7 +255,9 @@ def algorithm_name(statement: Statement, ended: Outcome) -> str:
     if ended.newton.linear:
         return "linear"
     settings = statement.solver
-    regularised = settings.algorithm == "auto" or (settings.algorithm == "alm" and not ended.augmented)
+    regularised = settings.algorithm == "auto" or (
+        settings.algorithm == "alm" and not ended.augmented
+    )
     outer = "ssn" if regularised else settings.algorithm
     if not statement.has_coulomb:
         return outer
@@ -236,9 +267,14 @@ def algorithm_name(statement: Statement, ended: Outcome) -> str:
 
 
 def _allowed(model: Model) -> Callable[[fem.Function], float] | None:
-    """The regularisation error allowed for path-following where it follows the estimated discretisation error."""
+    """The regularisation error allowed for path-following where it follows the estimated
+    discretisation error.
+    """
     settings = model.statement.solver
-    if model.boundary is None or (settings.algorithm, settings.regularisation_error) != ("path-following", "auto"):
+    if model.boundary is None or (settings.algorithm, settings.regularisation_error) != (
+        "path-following",
+        "auto",
+    ):
         return None
     recovery = model.recovery if isinstance(model, SolidBody) else StressRecovery.of(model)
     share = PATH_ERROR_SHARE[model.statement.element.degree]
@@ -261,8 +297,17 @@ class StatedSteps(SteppedBody):
         stepped = replace(self, model=moved)
         if moved.boundary is earlier.boundary:
             assert moved.law is not None
-            bound = moved.law.given if start.multipliers is None else moved.law.bound(start.multipliers[0])
-            return BegunStep(stepped, task, replace(start, law=moved.law, data=replace(start.data, bound=bound)), last)
+            bound = (
+                moved.law.given
+                if start.multipliers is None
+                else moved.law.bound(start.multipliers[0])
+            )
+            return BegunStep(
+                stepped,
+                task,
+                replace(start, law=moved.law, data=replace(start.data, bound=bound)),
+                last,
+            )
         with self.timings.phase("condense"):
             task = contact_task(moved, task.history)
         if end is not None:
@@ -273,13 +318,19 @@ class StatedSteps(SteppedBody):
         return BegunStep(stepped, task, *from_rest(moved.space, moved.boundary, start, drift))
 
 
-def on_moved_foundations(earlier: Model, moved: Model, task: Task, end: StepEnd) -> tuple[Start, PreviousStep]:
-    """Where a load step starts on moved foundations, and the end of the last one as it sees it; collective."""
+def on_moved_foundations(
+    earlier: Model, moved: Model, task: Task, end: StepEnd
+) -> tuple[Start, PreviousStep]:
+    """Where a load step starts on moved foundations, and the end of the last one as it sees it;
+    collective.
+    """
     assert earlier.boundary is not None
     assert moved.boundary is not None
     end.taken_up(task, moved, moved.rigid)
     now, before, spin = moved.boundary, earlier.boundary, None
-    if moved.pairs:  # across planes of symmetry, which supports make that hold from now on, there is no shear any more
+    # across planes of symmetry, which supports make that hold from now on, there is no shear any
+    # more
+    if moved.pairs:
         spin = np.tile(np.eye(now.x.shape[1]), (now.size, 1, 1))
         for number, pair in moved.pairs.items():
             spin[now.part == number] -= pair.across
@@ -288,8 +339,11 @@ def on_moved_foundations(earlier: Model, moved: Model, task: Task, end: StepEnd)
     begun, last = end.begins_on(now, task.start.data, moved.law, drift, task.rest, spin)
     if not (before.paired and now.paired):
         return begun, last
-    # With these planes the relative displacement at the points is another one for the same displacement.
-    y = last.displacement.x.array.reshape(-1, now.x.shape[1])[: moved.space.dofmap.index_map.size_local]
+    # With these planes the relative displacement at the points is another one for the same
+    # displacement.
+    y = last.displacement.x.array.reshape(-1, now.x.shape[1])[
+        : moved.space.dofmap.index_map.size_local
+    ]
     seen, sees = (
         (averages.operator @ from_owners(y, averages.nodes, now.comm).ravel()).reshape(now.x.shape)
         for averages in (before.averages, now.averages)

@@ -1,7 +1,8 @@
-"""Solution to a given accuracy: which mesh comes next, with which gamma, and when the accuracy is reached.
+"""Solution to a given accuracy: which mesh comes next, with which gamma, and when the accuracy is
+reached.
 
-The next mesh is only as fine as needed: uniform refinement uses the rate at which the error decreases, adaptive
-refinement the share of the squared error that has to be removed.
+The next mesh is only as fine as needed: uniform refinement uses the rate at which the error
+decreases, adaptive refinement the share of the squared error that has to be removed.
 """
 
 from __future__ import annotations
@@ -53,10 +54,12 @@ from signorini_fx.tuned import (
 
 
 def solve_to_accuracy(meshes: Meshes, budget: Budget) -> Solution:
-    """Refine the mesh, and increase gamma, until the estimated error meets the target or the budget ends; collective.
+    """Refine the mesh, and increase gamma, until the estimated error meets the target or the budget
+    ends; collective.
 
-    A refinement that would exceed the budget is not begun, and one that takes longer than predicted is given up, after
-    the linear solve in which the time ends.  If it ends on the first mesh there is no solution.
+    A refinement that would exceed the budget is not begun, and one that takes longer than predicted
+    is given up, after the linear solve in which the time ends.  If it ends on the first mesh there
+    is no solution.
     """
     goal, comm, history = budget.goal, budget.comm, meshes.problem.history
     levels: list[LevelResult] = []
@@ -74,7 +77,11 @@ def solve_to_accuracy(meshes: Meshes, budget: Budget) -> Solution:
         solution, task, outcome, level = solved.solution, solved.task, solved.outcome, solved.level
         late = history.overdue()
         if level is None:
-            ended = f"{goal.seconds:g} s have ended before mesh {len(levels) + 1} was solved" if late else ""
+            ended = (
+                f"{goal.seconds:g} s have ended before mesh {len(levels) + 1} was solved"
+                if late
+                else ""
+            )
             if last is not None:
                 unsolved = Unsolved.by_outcome(solution, "the next mesh", late=ended)
                 if unsolved is not None:
@@ -83,8 +90,12 @@ def solve_to_accuracy(meshes: Meshes, budget: Budget) -> Solution:
                 history.add(f"{ACCURACY}{ended}")
             return replace(solution, levels=tuple(levels))
         degree = solution.statement.element.degree
-        # Adaptive meshes restore the rates of smooth solutions, which the ends of contact zones limit on uniform ones.
-        rates = {name: max(rate, degree if meshes.adaptive else 1) for name, rate in EXPECTED_RATES.items()}
+        # Adaptive meshes restore the rates of smooth solutions, which the ends of contact zones
+        # limit on uniform ones.
+        rates = {
+            name: max(rate, degree if meshes.adaptive else 1)
+            for name, rate in EXPECTED_RATES.items()
+        }
         polygon = meshes.problem.polygon_error(solved, polygon)
         state = solved.state
         now = parallel.clock(comm)
@@ -94,9 +105,13 @@ def solve_to_accuracy(meshes: Meshes, budget: Budget) -> Solution:
         levels = [*levels[: len(levels) - same_mesh], known]
         rows = []
         if len(levels) > 1:
-            rows = convergence_table(levels, budget.base_memory, rates=rates, uniform=not meshes.adaptive)
+            rows = convergence_table(
+                levels, budget.base_memory, rates=rates, uniform=not meshes.adaptive
+            )
         solution = last = replace(solution, levels=tuple(levels), convergence_table=tuple(rows))
-        regularisation = level.pressure_regularisation if goal.of == "pressure" else level.regularisation
+        regularisation = (
+            level.pressure_regularisation if goal.of == "pressure" else level.regularisation
+        )
         # The others are only known by comparing meshes.
         on_one = {"energy": level.energy, "pressure": level.pressure}
         estimate = getattr(rows[-2], goal.of) if rows else on_one.get(goal.of)
@@ -114,11 +129,14 @@ def solve_to_accuracy(meshes: Meshes, budget: Budget) -> Solution:
         allowed = goal.target * (1 - REGULARISATION_SHARE)
         if not enough or error > allowed:
             excess = error / (goal.target - min(regularisation, goal.target - allowed))
-            # Its ends at nodes make the error of the pressure fall unevenly: meshes hardly finer are not worth a solve.
+            # Its ends at nodes make the error of the pressure fall unevenly: meshes hardly finer
+            # are not worth a solve.
             compared = goal.of not in LOCAL or goal.of == "pressure"
             rate = rates.get(goal.of) or seen_rate(levels, level.dimension)
             touching = level.table.touching if goal.of == "peak" else FEW_NODES
-            jump = meshes.jump(excess, rate, compared=compared, dimension=level.dimension, touching=touching)
+            jump = meshes.jump(
+                excess, rate, compared=compared, dimension=level.dimension, touching=touching
+            )
             beyond = None
             if enough and len(levels) >= MANY_STEPS:
                 beyond = Unsolved(Status.OUT_OF_REACH, f"{MANY_STEPS} meshes have not reached it")
@@ -130,11 +148,19 @@ def solve_to_accuracy(meshes: Meshes, budget: Budget) -> Solution:
                     if enough and meshes.adaptive:  # how much larger it is shows once it is made
                         beyond = budget.exceeded(rows, meshes.finer, level)
                 except Exception as failure:
-                    return Unsolved.by_error(failure, "to make the next mesh", comm).leaves(solution, history)
+                    return Unsolved.by_error(failure, "to make the next mesh", comm).leaves(
+                        solution, history
+                    )
             if beyond is not None:
                 return beyond.leaves(solution, history)
-        elif task is None or outcome is None or outcome.data.gamma_n >= LARGEST_GAMMA * task.natural_gamma:
-            reason = "the regularisation leaves more, and gamma is as large as double precision allows"
+        elif (
+            task is None
+            or outcome is None
+            or outcome.data.gamma_n >= LARGEST_GAMMA * task.natural_gamma
+        ):
+            reason = (
+                "the regularisation leaves more, and gamma is as large as double precision allows"
+            )
             return Unsolved(Status.OUT_OF_REACH, reason).leaves(solution, history)
 
 
@@ -148,20 +174,24 @@ def _out_of_reach(goal: Accuracy, levels: list[LevelResult], margin: float, size
         point = [round(float(table.columns[name][row]) / size, 9) * size + 0.0 for name in axes]
         at = ", ".join(f"{value:.6g}" for value in point)
         return (
-            f"the largest pressure has no finite value: it grows with every refinement at ({at}); ask for the "
-            f"pressure, a force or the energy, or round off the {'corner' if table.facets is None else 'edge'}"
+            f"the largest pressure has no finite value: it grows with every refinement at ({at}); "
+            "ask for the "
+            "pressure, a force or the energy, or round off the "
+            f"{'corner' if table.facets is None else 'edge'}"
         )
     polygon = margin * polygon_error_of(goal.of, levels[-1].polygon)
     if polygon > goal.target:
         return (
-            f"the straight facets of the mesh on a curved contact boundary are worth an error of {polygon:.2g}, which "
+            "the straight facets of the mesh on a curved contact boundary are worth an error of "
+            f"{polygon:.2g}, which "
             "no refinement makes smaller: give the .geo, or a mesh of second order"
         )
     spacings = [np.diff(table.arc(path)) for path in table.paths if len(path) > 1]
     spacing = min((float(lengths.min()) for lengths in spacings), default=inf)
     if spacing < LEFT_BY_SOLVES * size:
         return (
-            "the contact pressure is so steep at a corner that round-off comes before the accuracy; it may have no "
+            "the contact pressure is so steep at a corner that round-off comes before the "
+            "accuracy; it may have no "
             "finite norm there: ask for a force or the energy, or round off the corner"
         )
     return ""
@@ -188,7 +218,9 @@ class Budget:
     def affordable(
         self, rows: list[Price], jump: float, last: LevelResult, meshes: Meshes
     ) -> tuple[float, Unsolved | None]:
-        """The jump, or a smaller one that keeps to the budget; and how the next mesh would exceed it all the same."""
+        """The jump, or a smaller one that keeps to the budget; and how the next mesh would exceed
+        it all the same.
+        """
         beyond = self.exceeded(rows, meshes.whole(jump), last)
         while beyond is not None and meshes.any_jump and jump > SMALLEST_JUMP:
             jump = max(jump / 2, SMALLEST_JUMP)
@@ -196,26 +228,41 @@ class Budget:
         return jump, beyond
 
     def exceeded(self, rows: list[Price], finer: float, last: LevelResult) -> Unsolved | None:
-        """How a mesh so many times finer than the last one exceeds the budget or the machine; None if it does not."""
+        """How a mesh so many times finer than the last one exceeds the budget or the machine; None
+        if it does not.
+        """
         goal = self.goal
         following = predict(
-            rows[:-1], self.base_memory, finer=finer, dimension=last.dimension, krylov_from=last.krylov_from
+            rows[:-1],
+            self.base_memory,
+            finer=finer,
+            dimension=last.dimension,
+            krylov_from=last.krylov_from,
         )
         spent = parallel.clock(self.comm) - self.begin
         if goal.seconds is not None and spent + following.seconds > goal.seconds:
-            reason = f"about {duration(following.seconds)}, and {duration(spent)} of {goal.seconds:g} s are spent"
+            reason = (
+                f"about {duration(following.seconds)}, and {duration(spent)} of "
+                f"{goal.seconds:g} s are spent"
+            )
             return Unsolved(Status.BUDGET, f"the next mesh would take {reason}")
         # A process that takes more memory than there is would be killed, and its results with it.
         available = parallel.machine_memory(self.comm) / 1024**3
         allowed = MEMORY_SHARE * available if goal.memory is None else goal.memory
         if following.memory <= 1024 * allowed:
             return None
-        reason = f"this machine has {available:.2g}" if goal.memory is None else f"{goal.memory:g} are allowed"
-        reason = f"the next mesh would take about {following.memory / 1024:.2g} GB of memory, {reason}"
+        reason = (
+            f"this machine has {available:.2g}"
+            if goal.memory is None
+            else f"{goal.memory:g} are allowed"
+        )
+        reason = (
+            f"the next mesh would take about {following.memory / 1024:.2g} GB of memory, {reason}"
+        )
         return Unsolved(Status.MEMORY if goal.memory is None else Status.BUDGET, reason)
 
 
-# --- the meshes on the way: the coarsest one, each finer one after it, and the problem on it --------------------------
+# --- the meshes on the way: the coarsest one, each finer one after it, and the problem on it ------
 
 
 class Meshes:
@@ -232,19 +279,29 @@ class Meshes:
     ) -> None:
         self._comm, self._made = problem.comm, made
         self._of: str = DIVIDED_FOR.get(goal.of, goal.of)  # the quantity for which cells are marked
-        self.adaptive: bool = adaptive  # whether triangles or tetrahedra are divided where the error is large
-        self.any_jump: bool = any_jump  # whether the next mesh may be any number of times finer, else some cells halve
+        self.adaptive: bool = (
+            adaptive  # whether triangles or tetrahedra are divided where the error is large
+        )
+        # whether the next mesh may be any number of times finer, else some cells halve
+        self.any_jump: bool = any_jump
         settings = problem.settings
-        automatic = (settings.algorithm, settings.gamma_n, settings.gamma_t) == ("auto", "auto", "auto")
+        automatic = (settings.algorithm, settings.gamma_n, settings.gamma_t) == (
+            "auto",
+            "auto",
+            "auto",
+        )
         self._stated: SolverSettings | None = None  # where they are changed
         if goal.of == "pressure" and automatic and problem.augmentable:
-            # The regularisation smears the pressure at a corner over a length that hardly depends on the mesh.
+            # The regularisation smears the pressure at a corner over a length that hardly depends
+            # on the mesh.
             self._stated = settings
             problem = problem.with_settings(settings.model_copy(update={"algorithm": "alm"}))
         self.problem: MeshedProblem = problem
         self._divisions = 1
         self._coarser: MeshLevel | None = None
-        self.finer: float = 1.0  # how much, on average, the last division of some cells has made the mesh
+        self.finer: float = (
+            1.0  # how much, on average, the last division of some cells has made the mesh
+        )
 
     def _solved(self, state: ContactState | None, number: int) -> SolvedMesh:
         """The current mesh, the first one so fine that there is a solution."""
@@ -253,8 +310,12 @@ class Meshes:
                 solved = self.problem.solved(number, state, self._coarser)
                 self._coarser = solved.as_level()
                 solution, unsolved = solved.solution, solved.level is None
-                retried = unsolved and (solution.statement.sides[1] is not None or solved.task is None)
-                spent = solution.history.late or solution.status is Status.NO_MEMORY  # another try would end likewise
+                retried = unsolved and (
+                    solution.statement.sides[1] is not None or solved.task is None
+                )
+                spent = (
+                    solution.history.late or solution.status is Status.NO_MEMORY
+                )  # another try would end likewise
                 if number > 0 or spent or not retried or not self.problem.coarsest > 1:
                     return solved
             except (SceneError, MeshError):
@@ -272,12 +333,16 @@ class Meshes:
             self._stated = None
         return solved
 
-    def jump(self, excess: float, rate: float, *, compared: bool, dimension: int, touching: int) -> float:
-        """How many times finer the next mesh is, for an error that is ``excess`` times too large; where it is not known
-        because of the nodes ``touching``, so many times that they are enough.
+    def jump(
+        self, excess: float, rate: float, *, compared: bool, dimension: int, touching: int
+    ) -> float:
+        """How many times finer the next mesh is, for an error that is ``excess`` times too large;
+        where it is not known because of the nodes ``touching``, so many times that they are enough.
         """
         if not self.any_jump:
-            return fineness_of(2.0, dimension) if self.adaptive and not self.problem.remakes else 2.0
+            return (
+                fineness_of(2.0, dimension) if self.adaptive and not self.problem.remakes else 2.0
+            )
         if excess == inf:
             resolving = (FEW_NODES / max(touching, 1)) ** (1 / (dimension - 1))
             return float(np.clip(resolving, 2.0, LARGEST_JUMP[dimension]))
@@ -285,13 +350,17 @@ class Meshes:
         return float(np.clip(excess ** (1 / rate), smallest, LARGEST_JUMP[dimension]))
 
     def whole(self, jump: float) -> float:
-        """How many times finer the next mesh will be: cells of meshes made anew are divided a whole number of times."""
+        """How many times finer the next mesh will be: cells of meshes made anew are divided a whole
+        number of times.
+        """
         if not (self._made and self.any_jump):
             return jump
         return max(ceil(self._divisions * jump - 1e-9), self._divisions + 1) / self._divisions
 
     def refine(self, solved: SolvedMesh, excess: float, jump: float) -> None:
-        """Make the next mesh, of cells made anew at most ``jump`` times finer on average over the body."""
+        """Make the next mesh, of cells made anew at most ``jump`` times finer on average over the
+        body.
+        """
         if self.problem.remakes:
             assert solved.errors is not None
             last, dim = solved.tagged, solved.tagged.dimension
@@ -312,20 +381,31 @@ class Meshes:
                 squares = solved.errors.squares[self._of]
                 cells = mark(self._comm, squares, float(np.clip(1 - excess**-2, *BULK)))
             tagged = refine(solved.tagged, cells)
-            counts = [mesh.mesh.topology.index_map(mesh.dimension).size_global for mesh in (tagged, solved.tagged)]
+            counts = [
+                mesh.mesh.topology.index_map(mesh.dimension).size_global
+                for mesh in (tagged, solved.tagged)
+            ]
             self.finer = fineness_of(counts[0] / counts[1], tagged.dimension)
             self.problem = self.problem.on(tagged)
 
-    def raise_gamma(self, task: Task, outcome: Outcome, regularisation_error: float, excess: float) -> None:
+    def raise_gamma(
+        self, task: Task, outcome: Outcome, regularisation_error: float, excess: float
+    ) -> None:
         """Make gamma so large that the regularisation error, like 1 / gamma, keeps to its share."""
         factor = excess / REGULARISATION_SHARE
         if factor <= 1:
             return
         settings, data = self.problem.settings, outcome.data
         largest = LARGEST_GAMMA * task.natural_gamma
-        update = {"gamma_n": min(data.gamma_n * factor, largest), "gamma_t": min(data.gamma_t * factor, largest)}
+        update = {
+            "gamma_n": min(data.gamma_n * factor, largest),
+            "gamma_t": min(data.gamma_t * factor, largest),
+        }
         if settings.algorithm == "path-following":  # it finds gamma itself
-            allowed = inf if settings.regularisation_error == "auto" else settings.regularisation_error
-            # With Coulomb friction its own figure is that of the start: halving, at least, comes to an end.
+            allowed = (
+                inf if settings.regularisation_error == "auto" else settings.regularisation_error
+            )
+            # With Coulomb friction its own figure is that of the start: halving, at least, comes to
+            # an end.
             update = {"regularisation_error": min(allowed, regularisation_error) / max(factor, 2.0)}
         self.problem = self.problem.with_settings(settings.model_copy(update=update))

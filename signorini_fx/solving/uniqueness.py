@@ -1,10 +1,12 @@
-"""Below which friction coefficient a scene has one solution on its mesh, proved from the stiffness of contact points.
+"""Below which friction coefficient a scene has one solution on its mesh, proved from the stiffness
+of contact points.
 
-Let v be the difference of two solutions with the same loads, and r that of the nodal contact forces, so that S v = -r
-with the condensed stiffness S.  At every point r_N v_N >= 0 and r_T . v_T >= -F |r_N| |v_T|, with and without
-regularisation and in bilateral contact, from which the inequality of docs/theory.md follows for any weights nu and d.
-Here one nu and a factor of d make the largest F that it excludes as large as possible.  Tresca friction is F = 0: its
-shear stays in r.  A bond holds its point.
+Let v be the difference of two solutions with the same loads, and r that of the nodal contact
+forces, so that S v = -r with the condensed stiffness S.  At every point r_N v_N >= 0 and r_T . v_T
+>= -F |r_N| |v_T|, with and without regularisation and in bilateral contact, from which the
+inequality of docs/theory.md follows for any weights nu and d. Here one nu and a factor of d make
+the largest F that it excludes as large as possible.  Tresca friction is F = 0: its shear stays in
+r.  A bond holds its point.
 """
 
 from __future__ import annotations
@@ -38,21 +40,32 @@ _NOT_TRIED = {
 
 
 def uniqueness_findings(model: Model) -> list[Finding]:
-    """Below which coefficient of Coulomb friction the last load step has one solution, given the ones before it."""
+    """Below which coefficient of Coulomb friction the last load step has one solution, given the
+    ones before it.
+    """
     law = model.law
     if law is None or not model.statement.has_coulomb:
         return []
     stiffness = _contact_stiffness(model)
-    multiple, why = (0.0, stiffness) if isinstance(stiffness, str) else proved_multiple(*stiffness, law)
+    multiple, why = (
+        (0.0, stiffness) if isinstance(stiffness, str) else proved_multiple(*stiffness, law)
+    )
     if multiple == 0.0:
-        return [Finding("note", "contact", f"one solution is proved for no friction coefficient: {why}")]
+        return [
+            Finding("note", "contact", f"one solution is proved for no friction coefficient: {why}")
+        ]
     if multiple == np.inf:
         return []
     acting = law.coefficient[law.coefficient > 0]
     uniform = acting.size and np.ptp(acting) <= NOTHING_LEFT * acting[0]
     below = f"{multiple * acting[0]:.4g}" if uniform else f"{multiple:.4g} times the coefficients"
-    sentence = f"with friction coefficients below {below} there is one solution on this mesh, whatever the loads are"
-    assumed = "; sections are shortened as they are" if model.statement.effects.get("preload") else ""
+    sentence = (
+        f"with friction coefficients below {below} there is one solution on this mesh, "
+        "whatever the loads are"
+    )
+    assumed = (
+        "; sections are shortened as they are" if model.statement.effects.get("preload") else ""
+    )
     return [Finding("note", "contact", f"{sentence}{assumed}")]
 
 
@@ -75,7 +88,10 @@ def _contact_stiffness(model: Model) -> tuple[Array, Array] | str:
     starts, columns, values = elasticity.contact.operator.getValuesCSR()
     retained = np.unique(columns).astype(np.int32)
     if max(retained.size, len(starts) - 1) > _MOST_COMPONENTS:
-        return f"there are {len(starts) - 1} components of contact points, the proof is for at most {_MOST_COMPONENTS}"
+        return (
+            f"there are {len(starts) - 1} components of contact points, the proof is for at "
+            f"most {_MOST_COMPONENTS}"
+        )
     free = ~elasticity.contact.fixed[retained]
     operator = csr_array((values, np.searchsorted(retained, columns), starts)).toarray()
     try:
@@ -87,9 +103,10 @@ def _contact_stiffness(model: Model) -> tuple[Array, Array] | str:
 
 
 def proved_multiple(stiffness: Array, operator: Array, law: PointFriction) -> tuple[float, str]:
-    """The multiple of the friction coefficients below which a problem is proved to have one solution, infinite where
-    friction has no part in it, and why it is zero; ``stiffness``: of some unknowns without the prescribed ones, the
-    others eliminated, shape (u, u); ``operator``: B on these, rows (n, T) of each point.
+    """The multiple of the friction coefficients below which a problem is proved to have one
+    solution, infinite where friction has no part in it, and why it is zero; ``stiffness``: of some
+    unknowns without the prescribed ones, the others eliminated, shape (u, u); ``operator``: B on
+    these, rows (n, T) of each point.
     """
     coefficient, moves = law.coefficient, np.linalg.norm(operator, axis=1) > NOTHING_LEFT
     by_point = moves.reshape(coefficient.size, -1)
@@ -115,8 +132,12 @@ def proved_multiple(stiffness: Array, operator: Array, law: PointFriction) -> tu
     return _critical((condensed + condensed.T) / 2, normal, beside, sizes)
 
 
-def _critical(stiffness: Array, normal: int, beside: npt.NDArray[np.int64], sizes: Array) -> tuple[float, str]:
-    """The same of normal components, then tangential ones, with the place of the normal one of each."""
+def _critical(
+    stiffness: Array, normal: int, beside: npt.NDArray[np.int64], sizes: Array
+) -> tuple[float, str]:
+    """The same of normal components, then tangential ones, with the place of the normal one of
+    each.
+    """
     # In units of the stiffness, so that nodal compliance is of order one.
     stiffness = np.asarray(stiffness / np.abs(stiffness).max(), dtype=np.float64)
     values, vectors = np.linalg.eigh(stiffness)
@@ -126,8 +147,8 @@ def _critical(stiffness: Array, normal: int, beside: npt.NDArray[np.int64], size
     basis, values = vectors[:, held], values[held]
     compliance = (basis[normal:] ** 2 / values).sum(axis=1)
     ratios = np.sqrt(compliance / np.diag(stiffness)[beside])
-    # The symmetric part of D S is nu times the first matrix and the second; that on the right d times the third and the
-    # fourth over d.
+    # The symmetric part of D S is nu times the first matrix and the second; that on the right d
+    # times the third and the fourth over d.
     along, pressing = stiffness @ basis, basis[:normal].T @ (stiffness[:normal] @ basis)
     pressing = (pressing + pressing.T) / 2
     sliding = np.diag(values) - pressing
@@ -140,7 +161,9 @@ def _critical(stiffness: Array, normal: int, beside: npt.NDArray[np.int64], size
         nu, d = np.exp(exponents)
         matrices = d * pressed + slid / d, nu * pressing + sliding
         try:
-            return float(np.log(eigh(*matrices, eigvals_only=True, subset_by_index=(last, last))[0]))
+            return float(
+                np.log(eigh(*matrices, eigvals_only=True, subset_by_index=(last, last))[0])
+            )
         except LinAlgError:  # the second one is not positive definite
             return np.inf
 
@@ -152,6 +175,9 @@ def _critical(stiffness: Array, normal: int, beside: npt.NDArray[np.int64], size
     diagonal, count = np.diag(left), values.size
     # The error of eigenvalues, and that of the entries, which are a few such sums.
     round_off = 4 * (count + 2) * count * np.finfo(float).eps
-    if diagonal.min() <= 0 or np.linalg.eigvalsh(left / np.sqrt(np.outer(diagonal, diagonal)))[0] <= round_off:
+    if (
+        diagonal.min() <= 0
+        or np.linalg.eigvalsh(left / np.sqrt(np.outer(diagonal, diagonal)))[0] <= round_off
+    ):
         return 0.0, "round-off hides it"
     return multiple, ""

@@ -38,13 +38,19 @@ def asked(friction, **goal):
 @pytest.fixture(scope="module", params=sorted(FRICTION))
 def reference(request):
     """A solution without regularisation on a much finer mesh."""
-    return request.param, solve(example1(**FRICTION[request.param], nx=240, ny=80, algorithm="alm")).table.columns
+    return request.param, solve(
+        example1(**FRICTION[request.param], nx=240, ny=80, algorithm="alm")
+    ).table.columns
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("of", "targets"), [("energy", (1e-1, 1e-2, 2e-3)), ("pressure", (1e-1, 1e-2, 3e-3))])
+@pytest.mark.parametrize(
+    ("of", "targets"), [("energy", (1e-1, 1e-2, 2e-3)), ("pressure", (1e-1, 1e-2, 3e-3))]
+)
 def test_true_error_on_the_meshes_that_the_program_chooses(with_reference, of, targets):
-    """Displacement and pressure on triangles of degree 2, refined where the error is: met, and with few unknowns."""
+    """Displacement and pressure on triangles of degree 2, refined where the error is: met, and with
+    few unknowns.
+    """
     friction, fine = with_reference
     for target, most in zip(targets, (3_000, 20_000, 60_000), strict=True):
         solution = solve(asked(friction, target=target, of=of), MPI.COMM_SELF)
@@ -61,7 +67,11 @@ def with_reference(request):
 
 def test_nodes_where_loads_jump_are_kept():
     """The first mesh is part of the scene's own; one that cannot be halved is where it begins."""
-    for (nx, ny), (coarse_nx, coarse_ny) in (((120, 40), (15, 5)), ((60, 20), (15, 5)), ((45, 15), (45, 15))):
+    for (nx, ny), (coarse_nx, coarse_ny) in (
+        ((120, 40), (15, 5)),
+        ((60, 20), (15, 5)),
+        ((45, 15), (45, 15)),
+    ):
         scene = example1(bound=1.5, nx=nx, ny=ny)
         first = meshes_of(scene, Accuracy(target=0.1), MPI.COMM_SELF, History()).problem.scene
         assert first.mesh.parameters["nx"] == coarse_nx
@@ -78,7 +88,9 @@ def test_peak(reference, target):
 
 
 def test_gamma_is_raised_where_it_is_in_the_way():
-    """A large given regularisation error is brought below the target, by gamma and not by meshes alone."""
+    """A large given regularisation error is brought below the target, by gamma and not by meshes
+    alone.
+    """
     scene = example1(bound=1.5, gamma=1e5, nx=60, ny=20)
     solution = solve(scene.model_copy(update={"accuracy": Accuracy(target=3e-2, of="pressure")}))
     assert solution.parameters["gamma_n"] > 1e6
@@ -86,7 +98,9 @@ def test_gamma_is_raised_where_it_is_in_the_way():
 
 
 def test_arcs_are_not_divided():
-    """Cells on an arc would converge to a polygon: refused where gmsh cannot make them of other lengths."""
+    """Cells on an arc would converge to a polygon: refused where gmsh cannot make them of other
+    lengths.
+    """
     goal = Accuracy(target=0.05, refinement="adaptive")
     mesh = MeshGenerator(generator="cylinder", parameters={"cell": "tetrahedron"})
     asked = read_scene(SCENES / "hertz.toml").model_copy(update={"accuracy": goal, "mesh": mesh})
@@ -106,15 +120,23 @@ def test_a_mesh_that_cannot_be_divided_is_refused_first():
 
 
 def test_budget_ends_by_name():
-    """A refinement that the budget does not allow is not begun; the answer is the last mesh's, certified."""
+    """A refinement that the budget does not allow is not begun; the answer is the last mesh's,
+    certified.
+    """
     assert solve(asked("tresca", target=1e-6, memory=1e-3), check=False).status is Status.BUDGET
 
 
 @pytest.mark.mpi(slow=True)
 def test_time_ends_after_the_linear_solve_in_which_it_has_passed(monkeypatch):
-    """On a clock that counts linear solves: none comes after the last that is allowed, on whichever mesh that is."""
+    """On a clock that counts linear solves: none comes after the last that is allowed, on whichever
+    mesh that is.
+    """
     solves = []
-    monkeypatch.setattr(parallel, "clock", lambda comm: float(sum(isinstance(one, IterationRecord) for one in solves)))
+    monkeypatch.setattr(
+        parallel,
+        "clock",
+        lambda comm: float(sum(isinstance(one, IterationRecord) for one in solves)),
+    )
     whole = solve(asked("coulomb", target=0.05), observers=[solves.append])
     by_mesh = np.cumsum([level.linear_solves for level in whole.levels])
     assert len(by_mesh) > 2
@@ -125,7 +147,10 @@ def test_time_ends_after_the_linear_solve_in_which_it_has_passed(monkeypatch):
         complete = int(np.count_nonzero(by_mesh <= allowed))
         assert solution.history.linear_solves == allowed
         assert len(solution.levels) == complete
-        assert f"accuracy: {allowed} s have ended before mesh {complete + 1} was solved" in solution.history.events
+        assert (
+            f"accuracy: {allowed} s have ended before mesh {complete + 1} was solved"
+            in solution.history.events
+        )
         if complete:
             assert solution.status is Status.BUDGET
             assert solution.certificate.holds
@@ -138,7 +163,9 @@ def test_time_ends_after_the_linear_solve_in_which_it_has_passed(monkeypatch):
 
 
 def test_the_memory_of_the_machine_is_a_budget(monkeypatch):
-    """Without a budget a mesh that the machine has no memory for is not begun: the system would kill the process."""
+    """Without a budget a mesh that the machine has no memory for is not begun: the system would
+    kill the process.
+    """
     monkeypatch.setattr(parallel, "machine_memory", lambda comm: 1e6)
     solution = solve(asked("tresca", target=1e-6), check=False)
     assert solution.status is Status.MEMORY
@@ -146,12 +173,15 @@ def test_the_memory_of_the_machine_is_a_budget(monkeypatch):
     assert "this machine has 0.00093" in solution.advice
     assert "of memory, this machine has 0.00093" in solution.history.events[-1]
     told = [*map(str, lines_of(summary_of(solution), Path()))]
-    assert any(line.startswith("  accuracy         the next mesh would take about") for line in told)
+    assert any(
+        line.startswith("  accuracy         the next mesh would take about") for line in told
+    )
     assert not any(line.startswith("  fall-backs") for line in told)
 
 
 def test_arcs_get_degree_2():
-    """Half a disk is refined uniformly with elements and cells of degree 2, and comes to Hertz's peak pressure.
+    """Half a disk is refined uniformly with elements and cells of degree 2, and comes to Hertz's
+    peak pressure.
 
     No mesh is hardly finer than the one before.
     """
@@ -162,12 +192,18 @@ def test_arcs_get_degree_2():
     assert compat.geometry_degree(solution.model.tagged.mesh) == 2
     assert solution.model.dofs < 10_000
     assert all(fine.h < coarse.h / 1.3 for coarse, fine in pairwise(solution.levels))
-    assert any(event.startswith("elements: degree 2, all cells smaller") for event in solution.history.events)
+    assert any(
+        event.startswith("elements: degree 2, all cells smaller")
+        for event in solution.history.events
+    )
     assert solution.table.columns["pressure"].max() == pytest.approx(5.494, rel=3e-3)
 
 
 TABLE = {
-    "mesh": {"generator": "rectangle", "parameters": {"length": 2.0, "height": 1.0, "nx": 40, "ny": 20}},
+    "mesh": {
+        "generator": "rectangle",
+        "parameters": {"length": 2.0, "height": 1.0, "nx": 40, "ny": 20},
+    },
     "material": {"young": 1000.0, "poisson": 0.3},
     "displacement": [{"boundary": "left", "x": 0.0}],
     "traction": [{"boundary": "top", "y": -5.0}],
@@ -181,20 +217,33 @@ def test_the_largest_pressure_at_a_corner_has_no_value():
     solution = solve(scene, MPI.COMM_SELF, check=False)
     assert solution.status is Status.OUT_OF_REACH
     assert solution.convergence_table[-2].peak is None
-    assert any("no finite value" in event and "at (2, " in event for event in solution.history.events)
-    assert "the largest pressure has no finite value" in solution.advice  # and so in the first lines
+    assert any(
+        "no finite value" in event and "at (2, " in event for event in solution.history.events
+    )
+    assert (
+        "the largest pressure has no finite value" in solution.advice
+    )  # and so in the first lines
 
 
 @pytest.mark.one_quick
 @pytest.mark.parametrize("of", ["energy", "pressure", "force"])
 def test_loads_that_jump_between_nodes(of):
-    """The resultant that the mesh misses is part of the error: no load is off by more than is asked for."""
+    """The resultant that the mesh misses is part of the error: no load is off by more than is asked
+    for.
+    """
     jump = {"boundary": "top", "y": "where(x[0] > 1.13 and x[0] < 1.87, -20, 0)"}
     mesh = {"generator": "rectangle", "parameters": {"length": 3.0, "nx": 30, "ny": 10}}
     held = [{"boundary": "left", "x": 0.0, "y": 0.0}]
     contact = {"boundary": "bottom", "friction": {"law": "coulomb", "coefficient": 0.3}}
     goal = {"target": 0.05, "of": of}
-    scene = {**TABLE, "mesh": mesh, "displacement": held, "traction": [jump], "contact": contact, "accuracy": goal}
+    scene = {
+        **TABLE,
+        "mesh": mesh,
+        "displacement": held,
+        "traction": [jump],
+        "contact": contact,
+        "accuracy": goal,
+    }
     scene = parse_scene(scene)
     solution = solve(scene, MPI.COMM_SELF)
     resultant = sum(float(load.forces.sum()) for load in solution.model.applied)
@@ -227,7 +276,9 @@ def seal(file, **goal):
 
 @pytest.mark.slow
 def test_a_drawing_is_meshed_again(tmp_path):
-    """A .geo gets finer cells on its true curves; its straight mesh is refused by name, its curved one divided."""
+    """A .geo gets finer cells on its true curves; its straight mesh is refused by name, its curved
+    one divided.
+    """
     drawing = tmp_path / "seal.geo"
     drawing.write_text(SEAL)
     fine = solve(seal(drawing, target=0.03, of="pressure"), MPI.COMM_SELF)
@@ -240,7 +291,9 @@ def test_a_drawing_is_meshed_again(tmp_path):
         write_msh(drawing, tmp_path / name, degree)
     curved = solve(seal(tmp_path / "curved.msh", target=0.1, of="pressure"), MPI.COMM_SELF)
     assert curved.table.columns["pressure"].max() == pytest.approx(largest, rel=0.03)
-    polygon = solve(seal(tmp_path / "straight.msh", target=0.05, of="pressure"), MPI.COMM_SELF, check=False)
+    polygon = solve(
+        seal(tmp_path / "straight.msh", target=0.05, of="pressure"), MPI.COMM_SELF, check=False
+    )
     assert polygon.status is Status.OUT_OF_REACH
     assert any("straight facets" in event for event in polygon.history.events)
     with pytest.raises(SceneError, match="dolfinx bisects straight ones only"):
@@ -273,7 +326,10 @@ def test_load_steps(of):
     )
     assert len(rough.steps) == scene.statement.steps > 1
     if of == "force":
-        forces = [np.concatenate([np.concatenate(step.contact.forces) for step in s.steps]) for s in (rough, fine)]
+        forces = [
+            np.concatenate([np.concatenate(step.contact.forces) for step in s.steps])
+            for s in (rough, fine)
+        ]
         assert np.linalg.norm(forces[0] - forces[1]) <= 0.05 * np.linalg.norm(forces[1])
 
 
@@ -286,7 +342,10 @@ SINGULAR = {
                 {"region": "first", "young": 1000.0, "poisson": 0.37},
                 {"region": "second", "young": 308.0, "poisson": 0.3},
             ],
-            "traction": {"boundary": "top", "y": "where(x[0] > 0.651 and x[0] < 1.471, -7.03, -1.41)"},
+            "traction": {
+                "boundary": "top",
+                "y": "where(x[0] > 0.651 and x[0] < 1.471, -7.03, -1.41)",
+            },
             "contact": {"boundary": "bottom", "friction": {"law": "coulomb", "coefficient": 0.19}},
         },
     ),
@@ -297,7 +356,10 @@ SINGULAR = {
                 {"region": "first", "young": 1000.0, "poisson": 0.32},
                 {"region": "second", "young": 263.0, "poisson": 0.24},
             ],
-            "traction": {"boundary": "top", "y": "where(x[0] > 0.921 and x[0] < 1.301, -12.77, -2.55)"},
+            "traction": {
+                "boundary": "top",
+                "y": "where(x[0] > 0.921 and x[0] < 1.301, -12.77, -2.55)",
+            },
             "body_force": {"x": 0.0, "y": -0.2},
             "contact": {
                 "boundary": "bottom",
@@ -310,7 +372,10 @@ SINGULAR = {
         {
             "mesh": {"generator": "rectangle", "parameters": RECTANGLE},
             "material": {"young": 1000.0, "poisson": 0.39},
-            "traction": {"boundary": "top", "y": "where(x[0] > 0.45 and x[0] < 1.447, -10.11, -2.02)"},
+            "traction": {
+                "boundary": "top",
+                "y": "where(x[0] > 0.45 and x[0] < 1.447, -10.11, -2.02)",
+            },
             "body_force": {"x": 0.0, "y": -4.1},
             "contact": {
                 "boundary": "bottom",
@@ -328,7 +393,9 @@ SINGULAR = {
 def test_corners_interfaces_and_jumps(name):
     """Where the stress is singular, 5 % of the displacement, the pressure and the force are met."""
     block, data = SINGULAR[name]
-    scene = parse_scene({"mesh": block.mesh(), "displacement": {"boundary": "left", "x": 0.0}, **data})
+    scene = parse_scene(
+        {"mesh": block.mesh(), "displacement": {"boundary": "left", "x": 0.0}, **data}
+    )
     fine, _ = corner_reference(scene, block, 25, 15_000)
     for of in QUANTITIES:
         goal = Accuracy(target=0.05, of=of)

@@ -1,4 +1,6 @@
-"""A requested accuracy where several bodies have meshes of their own: all are made again, with smaller cells."""
+"""A requested accuracy where several bodies have meshes of their own: all are made again, with
+smaller cells.
+"""
 
 import numpy as np
 import pytest
@@ -14,7 +16,9 @@ YOUNG, RADII = (200.0, 300.0), (8.0, 12.0)
 
 
 def cylinders(goal, *, length=1.0, force=1.0, friction=None, push=0.0, **more):
-    """Two cylinders of linear elements that are pressed together by 0.05, and pushed, in any units."""
+    """Two cylinders of linear elements that are pressed together by 0.05, and pushed, in any
+    units.
+    """
     stress = force / length**2
     bodies = [
         {
@@ -30,7 +34,9 @@ def cylinders(goal, *, length=1.0, force=1.0, friction=None, push=0.0, **more):
             },
             "rotation": turn,
         }
-        for name, radius, size, turn in zip(("upper", "lower"), RADII, (0.1, 0.08), (0.0, 180.0), strict=True)
+        for name, radius, size, turn in zip(
+            ("upper", "lower"), RADII, (0.1, 0.08), (0.0, 180.0), strict=True
+        )
     ]
     return parse_scene(
         {
@@ -43,7 +49,11 @@ def cylinders(goal, *, length=1.0, force=1.0, friction=None, push=0.0, **more):
                 {"boundary": "lower.top", "x": 0.0, "y": 0.0},
                 {"boundary": "upper.top", "x": push * length, "y": -0.05 * length},
             ],
-            "contact": {"boundary": "upper.arc", "against": "lower.arc", "friction": friction or {"law": "none"}},
+            "contact": {
+                "boundary": "upper.arc",
+                "against": "lower.arc",
+                "friction": friction or {"law": "none"},
+            },
             "accuracy": goal,
             **more,
         }
@@ -52,17 +62,22 @@ def cylinders(goal, *, length=1.0, force=1.0, friction=None, push=0.0, **more):
 
 def peak_of_hertz(force):
     """The largest pressure of two cylinders by the formulae of half-spaces."""
-    stiffness, radius = 1 / sum((1 - 0.3**2) / young for young in YOUNG), 1 / sum(1 / one for one in RADII)
+    stiffness, radius = (
+        1 / sum((1 - 0.3**2) / young for young in YOUNG),
+        1 / sum(1 / one for one in RADII),
+    )
     half = np.sqrt(4 * force * radius / (np.pi * stiffness))
     return 2 * force / (np.pi * half)
 
 
 @pytest.mark.one_quick
 @pytest.mark.mpi(slow=True)
-@pytest.mark.parametrize("friction", [None, {"law": "tresca", "bound": 0.3}, {"law": "coulomb", "coefficient": 0.3}])
+@pytest.mark.parametrize(
+    "friction", [None, {"law": "tresca", "bound": 0.3}, {"law": "coulomb", "coefficient": 0.3}]
+)
 def test_two_cylinders(friction):
-    """Curved cells of degree 2 on both, finer from mesh to mesh, up to Hertz's peak for the force; friction carries
-    what its law allows at most.
+    """Curved cells of degree 2 on both, finer from mesh to mesh, up to Hertz's peak for the force;
+    friction carries what its law allows at most.
     """
     goal = {"target": 0.1, "of": "energy"}
     found = solve(cylinders(goal, friction=friction, push=0.03 if friction else 0.0), WORLD)
@@ -72,14 +87,23 @@ def test_two_cylinders(friction):
     assert dofs == sorted(set(dofs))
     assert 1.4 * found.convergence_table[-2].energy <= 0.1
     table = found.table.columns
-    assert table["pressure"].max() == pytest.approx(peak_of_hertz(abs(found.contact.forces[0][1])), rel=0.02)
-    most = 0.3 * (table["pressure"] if friction and friction["law"] == "coulomb" else np.ones_like(table["pressure"]))
+    assert table["pressure"].max() == pytest.approx(
+        peak_of_hertz(abs(found.contact.forces[0][1])), rel=0.02
+    )
+    most = 0.3 * (
+        table["pressure"]
+        if friction and friction["law"] == "coulomb"
+        else np.ones_like(table["pressure"])
+    )
     assert (np.abs(table["shear"]) <= (0.0 if friction is None else 1.0001) * most + 1e-9).all()
     assert (np.abs(table["shear"]).max() > 0.29) == (friction is not None)
 
 
 def block(count, **more):
-    return {"generator": "rectangle", "parameters": {"length": 1.0, "height": 1.0, "nx": count, "ny": count, **more}}
+    return {
+        "generator": "rectangle",
+        "parameters": {"length": 1.0, "height": 1.0, "nx": count, "ny": count, **more},
+    }
 
 
 def stacked(meshes, **more):
@@ -87,9 +111,15 @@ def stacked(meshes, **more):
     lower, upper = meshes
     return parse_scene(
         {
-            "body": [{"name": "lower", "mesh": lower}, {"name": "upper", "mesh": upper, "shift": [0.0, 1.0]}],
+            "body": [
+                {"name": "lower", "mesh": lower},
+                {"name": "upper", "mesh": upper, "shift": [0.0, 1.0]},
+            ],
             "material": {"young": 100.0, "poisson": 0.3},
-            "displacement": [{"boundary": "lower.bottom", "y": 0.0}, {"boundary": "lower.left", "x": 0.0}],
+            "displacement": [
+                {"boundary": "lower.bottom", "y": 0.0},
+                {"boundary": "lower.left", "x": 0.0},
+            ],
             "traction": [{"boundary": "upper.top", "y": -0.3}],
             "contact": {"boundary": "lower.top", "against": "upper.bottom"},
             **more,
@@ -116,11 +146,13 @@ def test_patch(kind):
 
 
 def test_bodies_of_different_origin(tmp_path):
-    """The cells of a file and of a mesh from the caller are halved where the generator of another body makes smaller
-    ones, and the names stay.
+    """The cells of a file and of a mesh from the caller are halved where the generator of another
+    body makes smaller ones, and the names stay.
     """
     cells = {"cell": "triangle"}
-    written = generate_mesh("rectangle", {"nx": 2, "ny": 2, "length": 1.0, "height": 1.0, **cells}, MPI.COMM_SELF)
+    written = generate_mesh(
+        "rectangle", {"nx": 2, "ny": 2, "length": 1.0, "height": 1.0, **cells}, MPI.COMM_SELF
+    )
     (tmp_path / "block.geo").write_text(BLOCK)
     write_msh(tmp_path / "block.geo", tmp_path / "block.msh")
     more = {
@@ -147,7 +179,9 @@ Mesh.MeshSizeMax = 0.3;
 
 
 def test_what_cannot_be_divided():
-    """Quadrilaterals from the caller are refused, with the name of the body, before anything is solved."""
+    """Quadrilaterals from the caller are refused, with the name of the body, before anything is
+    solved.
+    """
     own = generate_mesh("rectangle", {"nx": 2, "ny": 2}, MPI.COMM_SELF)
     with pytest.raises(MeshError, match="body 'upper': only triangles can be refined"):
         solve(stacked((block(2), own), accuracy={"target": 0.1}), MPI.COMM_SELF)
@@ -157,8 +191,8 @@ def test_what_cannot_be_divided():
 
 @pytest.mark.mpi(slow=True)
 def test_sides_that_change_between_levels():
-    """With 5 and 6 cells the points are on one side, with 10 and 13 on the other: what is compared has one sign, and
-    the start is that of the right side, so that few solves are left.
+    """With 5 and 6 cells the points are on one side, with 10 and 13 on the other: what is compared
+    has one sign, and the start is that of the right side, so that few solves are left.
     """
     more = {
         "displacement": [{"boundary": "lower.bottom", "x": 0.0, "y": 0.0}],
@@ -181,7 +215,9 @@ def test_sides_that_change_between_levels():
 
 
 def pressed_blocks(dimension, goal, friction=None, push=(0.0, 0.0)):
-    """A block on a wider and softer one, both held sideways, where contact ends at edges: singular pressures."""
+    """A block on a wider and softer one, both held sideways, where contact ends at edges: singular
+    pressures.
+    """
     generator, counts, sides = {
         2: ("rectangle", ("nx", "ny"), ("length", "height")),
         3: ("box", ("nx", "ny", "nz"), ("length", "width", "height")),
@@ -196,24 +232,33 @@ def pressed_blocks(dimension, goal, friction=None, push=(0.0, 0.0)):
     return parse_scene(
         {
             "body": bodies,
-            "material": [{"young": e, "poisson": 0.3, "region": n} for n, e in (("lower", 100.0), ("upper", 200.0))],
+            "material": [
+                {"young": e, "poisson": 0.3, "region": n}
+                for n, e in (("lower", 100.0), ("upper", 200.0))
+            ],
             "displacement": [
                 {"boundary": "lower.bottom", **dict.fromkeys(across, 0.0), along: 0.0},
                 {"boundary": "upper.top", **dict(zip(across, push, strict=False)), along: -0.02},
             ],
-            "contact": {"boundary": "upper.bottom", "against": "lower.top", "friction": friction or {"law": "none"}},
+            "contact": {
+                "boundary": "upper.bottom",
+                "against": "lower.top",
+                "friction": friction or {"law": "none"},
+            },
             "accuracy": goal,
         }
     )
 
 
-# The force on meshes that are much finer: 759,172 unknowns in 2D; in 3D, to 0.3 %, extrapolated from
+# The force on meshes that are much finer: 759,172 unknowns in 2D; in 3D, to 0.3 %, extrapolated
+# from
 # hexahedra with 314,574 and 1,033,890 unknowns and from some of degree 2.
 @pytest.mark.one_quick
 @pytest.mark.parametrize(("dimension", "target", "force"), [(2, 0.01, 1.7686), (3, 0.12, 1.864)])
 def test_a_force_where_contact_ends_at_edges(dimension, target, force):
-    """Met, by estimates that are no more than five times the true error, which with their margin they never are below;
-    the pressure in L2, whose error hardly decreases there, says nothing about it.
+    """Met, by estimates that are no more than five times the true error, which with their margin
+    they never are below; the pressure in L2, whose error hardly decreases there, says nothing about
+    it.
     """
     found = solve(pressed_blocks(dimension, {"target": target, "of": "force"}), MPI.COMM_SELF)
     assert found.status is Status.CONVERGED
@@ -227,7 +272,9 @@ def test_a_force_where_contact_ends_at_edges(dimension, target, force):
 @pytest.mark.one_quick
 @pytest.mark.parametrize("target", [0.05, 0.03])
 def test_energy_of_two_bodies_by_local_refinement(target):
-    """Cells of both are divided at the edges; without friction the error of the force is that of the energy."""
+    """Cells of both are divided at the edges; without friction the error of the force is that of
+    the energy.
+    """
     found = solve(pressed_blocks(2, {"target": target}), MPI.COMM_SELF)
     assert found.status is Status.CONVERGED
     assert found.levels[-1].dofs < 4_000
@@ -240,8 +287,17 @@ def ring_in_ring(goal):
     """A quarter of two rings of radii 1, 2 and 3, the outer one 0.002 too small."""
     bodies = []
     for name, radius, size in (("hub", 2.0, 0.5), ("ring", 3.0, 0.4)):
-        shape = {"radius": radius, "thickness": 1.0, "angle": 90.0, "symmetric": True, "cell": "quadrilateral"}
-        mesh = {"generator": "ring_segment", "parameters": shape | {"size": size, "contact_size": size}}
+        shape = {
+            "radius": radius,
+            "thickness": 1.0,
+            "angle": 90.0,
+            "symmetric": True,
+            "cell": "quadrilateral",
+        }
+        mesh = {
+            "generator": "ring_segment",
+            "parameters": shape | {"size": size, "contact_size": size},
+        }
         bodies.append({"name": name, "mesh": mesh, "shift": [0.0, 3.0 - radius]})
     held = [
         {"boundary": f"{name}.{side}", axis: 0.0}
@@ -256,17 +312,30 @@ def ring_in_ring(goal):
                 {"young": 300.0, "poisson": 0.25, "region": "ring"},
             ],
             "displacement": held,
-            "contact": {"boundary": "hub.outer", "against": "ring.inner", "distance": "nominal", "gap": -0.002},
+            "contact": {
+                "boundary": "hub.outer",
+                "against": "ring.inner",
+                "distance": "nominal",
+                "gap": -0.002,
+            },
             "accuracy": goal,
         }
     )
 
 
 def widening(inner, outer, poisson, young, at):
-    """Radial displacement of a ring in plane strain at the side that unit pressure acts on (Lame), by its radius."""
+    """Radial displacement of a ring in plane strain at the side that unit pressure acts on (Lame),
+    by its radius.
+    """
     other = inner + outer - at
     sign = 1 if at == inner else -1
-    return (1 + poisson) / young * at * ((1 - 2 * poisson) * at**2 + other**2) / (sign * (other**2 - at**2))
+    return (
+        (1 + poisson)
+        / young
+        * at
+        * ((1 - 2 * poisson) * at**2 + other**2)
+        / (sign * (other**2 - at**2))
+    )
 
 
 LAME = 0.002 / (widening(2.0, 3.0, 0.25, 300.0, 2.0) + widening(1.0, 2.0, 0.3, 100.0, 2.0))
@@ -279,13 +348,16 @@ def test_a_shrink_fit(of, target):
     assert pytest.approx(0.048940, rel=1e-5) == LAME
     found = solve(ring_in_ring({"target": target, "of": of}), MPI.COMM_SELF)
     assert found.status is Status.CONVERGED
-    for level, row in list(zip(found.levels, found.convergence_table, strict=False))[2 if of == "force" else 0 :]:
+    for level, row in list(zip(found.levels, found.convergence_table, strict=False))[
+        2 if of == "force" else 0 :
+    ]:
         c = level.table.columns
         if of == "force":
             true = np.linalg.norm(np.abs(level.forces[:2]) / (2 * LAME) - 1) / np.sqrt(2)
         else:
             true = np.sqrt(c["weight"] @ (c["pressure"] / LAME - 1) ** 2 / c["weight"].sum())
         assert true < 2 * getattr(row, of)
-    # Before, other cells of the same size may change much: meshes are made anew, and differ between versions of gmsh.
+    # Before, other cells of the same size may change much: meshes are made anew, and differ between
+    # versions of gmsh.
     assert 2 * getattr(row, of) < 10 * true
     assert true < target

@@ -1,4 +1,6 @@
-"""The convergence table of a nested solve: estimates against a reference solution, and the arithmetic behind them."""
+"""The convergence table of a nested solve: estimates against a reference solution, and the
+arithmetic behind them.
+"""
 
 from types import SimpleNamespace
 
@@ -18,7 +20,13 @@ from signorini_fx.scenes.solver import solve
 def table(s, pressure):
     """A straight boundary with these pressures."""
     s, pressure = np.asarray(s, dtype=float), np.asarray(pressure, dtype=float)
-    columns = {"s": s, "x": s, "y": np.zeros(s.size), "pressure": pressure, "weight": np.full(s.size, 1.0)}
+    columns = {
+        "s": s,
+        "x": s,
+        "y": np.zeros(s.size),
+        "pressure": pressure,
+        "weight": np.full(s.size, 1.0),
+    }
     return ContactTable(columns, [range(s.size)])
 
 
@@ -29,7 +37,9 @@ def zone_ends(table):
 
 def pressure_error(table):
     """Estimated error of the contact pressure, relative in L2."""
-    return np.sqrt(sum(squares.sum() for squares in interval_squares(table)) / pressure_square(table))
+    return np.sqrt(
+        sum(squares.sum() for squares in interval_squares(table)) / pressure_square(table)
+    )
 
 
 def level(force, energy):
@@ -46,13 +56,17 @@ def test_error_of_a_force(meshes):
 
 @pytest.mark.parametrize(("change", "expected"), [(1e-4, 0.12 * 0.1**2), (0.0, 0.0)])
 def test_error_of_a_force_on_meshes_that_are_divided_here_and_there(change, expected):
-    """It is at least a share of the squared error of the displacement, where no statics determine it."""
+    """It is at least a share of the squared error of the displacement, where no statics determine
+    it.
+    """
     levels = [level(1 - change, 0.2), level(1.0, 0.1)]
     assert prices.force_error(levels) == pytest.approx(change / 3)
     assert prices.force_error(levels, uniform=False) == pytest.approx(expected)
 
 
-@pytest.fixture(scope="module", params=[{"bound": 1.5}, {"coefficient": 0.3}], ids=["tresca", "coulomb"])
+@pytest.fixture(
+    scope="module", params=[{"bound": 1.5}, {"coefficient": 0.3}], ids=["tresca", "coulomb"]
+)
 def nested(request):
     """A nested solve, a much finer one by another method, and the scene of the first."""
     scene = example1(**request.param, nx=60, ny=20, levels=3)
@@ -85,7 +99,9 @@ def test_effectivity_of_the_pressure(nested):
     for level, row in zip(solution.levels[1:], solution.convergence_table[1:], strict=False):
         coarse = level.table.columns
         difference = np.interp(fine["s"], coarse["s"], coarse["pressure"]) - fine["pressure"]
-        true = np.sqrt(np.dot(fine["weight"], difference**2) / np.dot(fine["weight"], fine["pressure"] ** 2))
+        true = np.sqrt(
+            np.dot(fine["weight"], difference**2) / np.dot(fine["weight"], fine["pressure"] ** 2)
+        )
         assert 0.5 < row.pressure / true < 2.0
 
 
@@ -93,7 +109,9 @@ def test_effectivity_of_the_pressure(nested):
 @pytest.mark.parametrize("law", ["tresca", "coulomb"])
 @pytest.mark.parametrize("element", ["Q1", "P2"])
 def test_effectivity_on_a_made_up_solution(law, element):
-    """Displacement and pressure against an exact solution: between 1/2 and 2 on every mesh, of degree 1 and 2."""
+    """Displacement and pressure against an exact solution: between 1/2 and 2 on every mesh, of
+    degree 1 and 2.
+    """
     rows = [row for row in of_made_up(law, element) if row["quantity"] in ("energy", "pressure")]
     assert len({row["level"] for row in rows}) >= 4
     assert all(0.5 < row["effectivity"] < 2.0 for row in rows)
@@ -101,7 +119,9 @@ def test_effectivity_on_a_made_up_solution(law, element):
 
 
 def test_pressure_error_of_known_profiles():
-    """Of a parabola it is the error of the interpolant times a constant; it falls like h^2, at kinks like h^1.5."""
+    """Of a parabola it is the error of the interpolant times a constant; it falls like h^2, at
+    kinks like h^1.5.
+    """
 
     def estimated(count, profile):
         s = np.linspace(-1.0, 1.0, count + 1)
@@ -123,7 +143,9 @@ def test_pressure_error_of_known_profiles():
 
 
 def test_ends_of_zones_to_one_interval():
-    """The longer one of the intervals in which the contact ends, over the length in contact; whichever the pressure."""
+    """The longer one of the intervals in which the contact ends, over the length in contact;
+    whichever the pressure.
+    """
     s, pressure = [0.0, 1.0, 1.5, 2.0, 3.0, 3.3], [0.0, 0.0, 2.0, 9.0, 1.0, 0.0]
     assert prices.ends_of_zones(table(s, pressure)) == pytest.approx(0.5 / 1.5)
     assert prices.ends_of_zones(table(s, [0.0] * 6)) is None
@@ -133,7 +155,9 @@ def test_ends_of_zones_to_one_interval():
 @pytest.mark.one_quick
 @pytest.mark.parametrize("of", ["energy", "pressure"])
 def test_meshes_divided_in_some_places(fine, of):
-    """The estimate of the ends of the zone is no less than their error, that of the largest pressure than its half."""
+    """The estimate of the ends of the zone is no less than their error, that of the largest
+    pressure than its half.
+    """
     scene = example1(bound=1.5, gamma="auto", nx=30, ny=10)
     known, largest = zone_ends(fine), fine.columns["pressure"].max()
     solution = alone(scene.model_copy(update={"accuracy": Accuracy(target=0.02, of=of)}))
@@ -141,7 +165,10 @@ def test_meshes_divided_in_some_places(fine, of):
     for level, row in zip(solution.levels[1:], solution.convergence_table[1:], strict=False):
         ends = zone_ends(level.table)
         assert np.abs(np.subtract(ends, known)).max() / (known[1] - known[0]) <= row.zone
-        assert row.peak is None or abs(level.table.columns["pressure"].max() / largest - 1) / 2 <= row.peak < 0.02
+        assert (
+            row.peak is None
+            or abs(level.table.columns["pressure"].max() / largest - 1) / 2 <= row.peak < 0.02
+        )
     assert solution.convergence_table[-2].peak is not None
     assert solution.convergence_table[0].peak is None  # nothing to compare it with
     unknown = any(row.peak is None for row in solution.convergence_table[1:-1])
@@ -149,10 +176,16 @@ def test_meshes_divided_in_some_places(fine, of):
 
 
 def test_loads_that_every_mesh_misses():
-    """No difference between meshes shows it: it counts on each of them, also where the last one tells the error."""
+    """No difference between meshes shows it: it counts on each of them, also where the last one
+    tells the error.
+    """
     levels = alone(example1(bound=1.5, gamma="auto", nx=60, ny=20, levels=3)).levels
-    without = prices.convergence_table([level.model_copy(update={"loads": 0.0}) for level in levels], 0.0)
-    rows = prices.convergence_table([level.model_copy(update={"loads": 0.2}) for level in levels], 0.0)
+    without = prices.convergence_table(
+        [level.model_copy(update={"loads": 0.0}) for level in levels], 0.0
+    )
+    rows = prices.convergence_table(
+        [level.model_copy(update={"loads": 0.2}) for level in levels], 0.0
+    )
     assert without[1].peak < 0.01
     assert [row.peak is None for row in rows] == [True, False, False, False]
     assert all(row.peak >= 0.2 for row in rows[1:3])
@@ -161,7 +194,11 @@ def test_loads_that_every_mesh_misses():
 def test_largest_pressure_where_cells_are_small_there_only(fine):
     """An error that is asked for is met on meshes with few cells elsewhere."""
     scene = example1(bound=1.5, gamma="auto", nx=30, ny=10, cell="triangle")
-    solution = alone(scene.model_copy(update={"accuracy": Accuracy(target=0.02, of="peak", refinement="adaptive")}))
+    solution = alone(
+        scene.model_copy(
+            update={"accuracy": Accuracy(target=0.02, of="peak", refinement="adaptive")}
+        )
+    )
     assert solution.converged
     assert abs(solution.table.columns["pressure"].max() / fine.columns["pressure"].max() - 1) < 0.02
     assert solution.model.dofs < 9_000  # a twentieth
@@ -172,12 +209,21 @@ def row_of(dofs, seconds, memory):
     errors = dict.fromkeys(("energy", "pressure", "force", "zone", "peak"), 1e-2)
     effort = {"linear_solves": 2, "factorisations": 1, "seconds": seconds, "memory": memory}
     return prices.Price(
-        level=0, h=1.0, dofs=dofs, **effort, **errors, regularisation=0.0, iteration=0.0, predicted=False
+        level=0,
+        h=1.0,
+        dofs=dofs,
+        **effort,
+        **errors,
+        regularisation=0.0,
+        iteration=0.0,
+        predicted=False,
     )
 
 
 def test_prediction_tells_what_stays_from_what_grows():
-    """Time and memory with a part that stays are foretold exactly; a jump of another size likewise."""
+    """Time and memory with a part that stays are foretold exactly; a jump of another size
+    likewise.
+    """
 
     def mesh(dofs):
         return row_of(dofs, 0.1 + 1e-6 * dofs**1.2, 200 + 1e-3 * dofs**1.1)
@@ -187,18 +233,30 @@ def test_prediction_tells_what_stays_from_what_grows():
         assert predicted.dofs == dofs
         assert predicted.seconds == pytest.approx(mesh(dofs).seconds)
         assert predicted.memory == pytest.approx(mesh(dofs).memory)
-    assert prices.predict([mesh(10_000), mesh(40_000)], 150.0).pressure == pytest.approx(1e-2 / 2**1.25)
+    assert prices.predict([mesh(10_000), mesh(40_000)], 150.0).pressure == pytest.approx(
+        1e-2 / 2**1.25
+    )
     # A Krylov method takes as long as there are unknowns, from the mesh on where it is taken.
-    linear = [row_of(dofs, 0.1 + 1e-5 * dofs, 200 + 1e-2 * dofs) for dofs in (10_000, 80_000, 640_000)]
+    linear = [
+        row_of(dofs, 0.1 + 1e-5 * dofs, 200 + 1e-2 * dofs) for dofs in (10_000, 80_000, 640_000)
+    ]
     following = prices.predict(linear[:2], 150.0, dimension=3, krylov_from=640_000)
-    assert (following.seconds, following.memory) == pytest.approx((linear[2].seconds, linear[2].memory))
-    assert prices.predict(linear[:2], 150.0, dimension=3, krylov_from=640_001).seconds > 2 * linear[2].seconds
-    # A coarse mesh that took longer than the fine one, for it began cold, does not make the next one free.
+    assert (following.seconds, following.memory) == pytest.approx(
+        (linear[2].seconds, linear[2].memory)
+    )
+    assert (
+        prices.predict(linear[:2], 150.0, dimension=3, krylov_from=640_001).seconds
+        > 2 * linear[2].seconds
+    )
+    # A coarse mesh that took longer than the fine one, for it began cold, does not make the next
+    # one free.
     assert prices.predict([row_of(10_000, 1.0, 200), row_of(40_000, 0.8, 200)], 150.0).seconds > 1.2
 
 
 def test_regularisation_part(nested):
-    """The error that gamma leaves, estimated on the path, is the distance to the unregularised solution."""
+    """The error that gamma leaves, estimated on the path, is the distance to the unregularised
+    solution.
+    """
     level = nested[0].levels[-1]
     exact = solve(nested[2].model_copy(update={"solver": example1(algorithm="alm").solver}))
     columns, limit = level.table.columns, exact.table.columns
@@ -215,16 +273,23 @@ def test_equilibrium_leaves_no_error_of_the_force(nested):
 @pytest.mark.one_quick
 @pytest.mark.parametrize(("zone", "force"), [(0.6, 3.4523), (0.7, 1.2), (0.7, 3.4523), (0.5, 2.4)])
 def test_largest_pressure_from_few_nodes(zone, force):
-    """Half a disk whose first meshes have one to four nodes in contact, of which one hits the top of the pressure by
-    chance: the target is met, the estimate is not far below the error by a mesh of short curved facets, and a mesh with
-    few nodes has none, though its pressure has grown from mesh to mesh.
+    """Half a disk whose first meshes have one to four nodes in contact, of which one hits the top
+    of the pressure by
+    chance: the target is met, the estimate is not far below the error by a mesh of short curved
+    facets, and a mesh with few nodes has none, though its pressure has grown from mesh to mesh.
     """
     table = {
-        "mesh": {"generator": "half_disk", "parameters": {"symmetric": True, "size": 1.0, "contact_zone": zone}},
+        "mesh": {
+            "generator": "half_disk",
+            "parameters": {"symmetric": True, "size": 1.0, "contact_zone": zone},
+        },
         "material": {"young": 200.0, "poisson": 0.3},
         "displacement": {"boundary": "symmetry", "x": 0.0},
         "force": {"boundary": "top", "y": -force},
-        "contact": {"boundary": "arc", "foundation": {"shape": "plane", "point": [0.0, 0.0], "normal": [0.0, 1.0]}},
+        "contact": {
+            "boundary": "arc",
+            "foundation": {"shape": "plane", "point": [0.0, 0.0], "normal": [0.0, 1.0]},
+        },
     }
     parameters = table["mesh"]["parameters"]
     fine = {**parameters, "contact_size": 0.01, "order": 2}

@@ -27,7 +27,11 @@ def block(bound=5.0, gap=0.0, **traction):
             "material": {"young": 5000.0, "poisson": 0.3},
             "traction": [{"boundary": "top", "y": -20.0}, {"boundary": "left", **traction}],
             "displacement": {"boundary": "right", "x": 0.0},
-            "contact": {"boundary": "bottom", "gap": gap, "friction": {"law": "tresca", "bound": bound}},
+            "contact": {
+                "boundary": "bottom",
+                "gap": gap,
+                "friction": {"law": "tresca", "bound": bound},
+            },
         }
     )
 
@@ -39,7 +43,9 @@ def gauss(count, f):
 
 
 def test_loads_that_the_quadrature_misses():
-    """What a jump within a facet is worth in each load step, and nothing for loads that are integrated exactly."""
+    """What a jump within a facet is worth in each load step, and nothing for loads that are
+    integrated exactly.
+    """
     scene = block(x="3 if x[1] < 0.3 else 1 + x[1]", factors=[1.0, -2.0])
     d = prepare(scene.statement, load_mesh(scene, MPI.COMM_SELF), Timings())
     missed, twice = (missed_loads(d, step) for step in range(2))
@@ -51,7 +57,9 @@ def test_loads_that_the_quadrature_misses():
 
 
 def test_what_is_missed_is_part_of_the_estimates():
-    """The error of the displacement has the loads in it, and the cells know what they are to be divided for."""
+    """The error of the displacement has the loads in it, and the cells know what they are to be
+    divided for.
+    """
     solution = alone(block(x="3 if x[1] < 0.3 else 1"))
     d, table = solution.model, table_of(solution)
     errors = estimate_errors(d, solution.displacement, solution.steps[-1].strain_energy, table, 0)
@@ -66,7 +74,9 @@ def test_what_is_missed_is_part_of_the_estimates():
 def straight(s, pressure):
     """A straight boundary with these pressures."""
     s, pressure = np.asarray(s, dtype=float), np.asarray(pressure, dtype=float)
-    return ContactTable({"s": s, "pressure": pressure, "weight": np.full(s.size, 1.0)}, [range(s.size)])
+    return ContactTable(
+        {"s": s, "pressure": pressure, "weight": np.full(s.size, 1.0)}, [range(s.size)]
+    )
 
 
 def test_kinks_of_a_smooth_pressure():
@@ -78,8 +88,8 @@ def test_kinks_of_a_smooth_pressure():
 
 
 def test_rings():
-    """In a body of revolution the integral of an estimate is over rings, whatever the unit of length is: that of a
-    pressure on a plane, and that of a solution.
+    """In a body of revolution the integral of an estimate is over rings, whatever the unit of
+    length is: that of a pressure on a plane, and that of a solution.
     """
     r = np.linspace(0.0, 1.0, 65)
     table = straight(r, (1 - r**2) ** 3)
@@ -90,12 +100,19 @@ def test_rings():
     errors = []
     for unit in (1.0, 1e3):
         data = {
-            "mesh": {"generator": "rectangle", "parameters": {"length": unit, "height": unit / 2, "nx": 12, "ny": 6}},
+            "mesh": {
+                "generator": "rectangle",
+                "parameters": {"length": unit, "height": unit / 2, "nx": 12, "ny": 6},
+            },
             "material": {"young": 1000.0, "poisson": 0.3, "hypothesis": "axisymmetric"},
-            "displacement": [{"boundary": "left", "x": 0.0}, {"boundary": "top", "x": 0.0, "y": -0.03 * unit}],
+            "displacement": [
+                {"boundary": "left", "x": 0.0},
+                {"boundary": "top", "x": 0.0, "y": -0.03 * unit},
+            ],
             "contact": {
                 "boundary": "bottom",
-                "gap": f"x[0]**2 / {4 * unit} + where(abs(x[0] - {0.22 * unit}) < {0.01 * unit}, {1e-3 * unit}, 0)",
+                "gap": f"x[0]**2 / {4 * unit} + where(abs(x[0] - {0.22 * unit}) < {0.01 * unit}, "
+                f"{1e-3 * unit}, 0)",
                 "friction": {"law": "tresca", "bound": f"20 + 10*sin(40*x[0]/{unit})"},
             },
         }
@@ -106,20 +123,26 @@ def test_rings():
     for name in ("energy", "pressure"):
         assert getattr(errors[0], name) == pytest.approx(getattr(errors[1], name), rel=1e-6), name
     for name, squares in errors[0].squares.items():
-        np.testing.assert_allclose(squares, errors[1].squares[name], rtol=1e-5, atol=1e-9 * squares.max())
+        np.testing.assert_allclose(
+            squares, errors[1].squares[name], rtol=1e-5, atol=1e-9 * squares.max()
+        )
 
 
 @pytest.mark.parametrize("count", [6, 41])
 @pytest.mark.parametrize("end", [0.2, 0.7])
 def test_a_pressure_of_bending(end, count):
-    """A pressure that falls along a line up to the end of the boundary is no singularity there: no error is told."""
+    """A pressure that falls along a line up to the end of the boundary is no singularity there: no
+    error is told.
+    """
     r = 0.1 * np.arange(count)
     [squares] = interval_squares(straight(r, 1.0 - (1.0 - end) * r / r[-1]))
     assert squares.max() < 1e-20
 
 
 def projected(pressure, count):
-    """The projection in L2 of a pressure on (0, 1) onto ``count`` intervals, its squared error, and its square."""
+    """The projection in L2 of a pressure on (0, 1) onto ``count`` intervals, its squared error, and
+    its square.
+    """
     nodes, weights = np.polynomial.legendre.leggauss(16)
     ends = (
         np.append(2.0 ** -np.arange(120.0, 0.0, -1.0), np.arange(1.0, count + 1)) / count
@@ -147,7 +170,9 @@ def test_a_pressure_without_bound_at_a_corner(power, count):
 
 @pytest.mark.slow
 def test_any_number_of_loads_and_supports():
-    """Seventy equal loads, and the same support said seventy times, are one load and one support in every estimate."""
+    """Seventy equal loads, and the same support said seventy times, are one load and one support in
+    every estimate.
+    """
     one, many = block(x=3.0), block(x=3.0)
     _, push = one.traction
     (held,) = one.displacement

@@ -1,4 +1,6 @@
-"""What the next accuracy costs: the arithmetic of the forecast, and that it is the same wherever it is said."""
+"""What the next accuracy costs: the arithmetic of the forecast, and that it is the same wherever it
+is said.
+"""
 
 from dataclasses import replace
 
@@ -31,7 +33,9 @@ def test_times_in_words(seconds, words):
 @pytest.mark.one_quick
 @pytest.mark.parametrize(("degree", "cell"), [(1, "quadrilateral"), (2, "triangle")])
 def test_the_command_reaches_what_was_foretold(degree, cell):
-    """It is told from the mesh that was solved, and a run with it ends below the error that was foretold."""
+    """It is told from the mesh that was solved, and a run with it ends below the error that was
+    foretold.
+    """
     scene = example1(coefficient=0.3, gamma="auto", nx=30, ny=10, degree=degree, cell=cell)
     cost = alone(scene).cost
     assert (cost.of, cost.dofs, cost.local) == ("energy", 682 if degree == 1 else 2562, True)
@@ -43,7 +47,9 @@ def test_the_command_reaches_what_was_foretold(degree, cell):
     assert option == "--accuracy"
     reached = alone(scene.model_copy(update={"accuracy": Accuracy(target=float(target))}))
     assert reached.converged
-    assert reached.convergence_table[-2].energy <= 1.02 * cost.next_error  # the target has two digits
+    assert (
+        reached.convergence_table[-2].energy <= 1.02 * cost.next_error
+    )  # the target has two digits
     assert cost.next_dofs / 4 < reached.model.dofs < 4 * cost.next_dofs
 
 
@@ -53,7 +59,9 @@ def test_without_contact_of_one_body_all_cells_become_smaller():
     statement, mesh = scene.statement, alone(scene).model.tagged
     assert next_accuracy.divides_cells(statement, mesh, "energy")
     assert not next_accuracy.divides_cells(replace(statement, arcs=True), mesh, "energy")
-    assert not next_accuracy.divides_cells(replace(statement, generated=False), mesh, "energy")  # quadrilaterals
+    assert not next_accuracy.divides_cells(
+        replace(statement, generated=False), mesh, "energy"
+    )  # quadrilaterals
     assert not next_accuracy.divides_cells(statement, mesh, "peak")
 
 
@@ -72,15 +80,22 @@ def test_in_space_it_costs_what_the_first_mesh_costs(across, larger):
     )
     assert scene.mesh.coarsest(8.0) == larger
     dofs = 3 * (2 * across + 1) * (across + 1) ** 2
-    refinement = next_accuracy.next_refinement(scene.statement, load_mesh(scene, MPI.COMM_SELF), "energy", dofs)
+    refinement = next_accuracy.next_refinement(
+        scene.statement, load_mesh(scene, MPI.COMM_SELF), "energy", dofs
+    )
     assert refinement.local
     assert refinement.unknowns >= dofs * (2 / larger) ** 3
     assert refinement.times[1] > refinement.unknowns / dofs
 
 
 def test_iterations_of_metal_increase():
-    """Like one over the size of cells, in 3D the cubic root of the unknowns; those of rubber do not."""
-    box = {"generator": "box", "parameters": {"length": 1.0, "nx": 2, "ny": 2, "nz": 2, "cell": "hexahedron"}}
+    """Like one over the size of cells, in 3D the cubic root of the unknowns; those of rubber do
+    not.
+    """
+    box = {
+        "generator": "box",
+        "parameters": {"length": 1.0, "nx": 2, "ny": 2, "nz": 2, "cell": "hexahedron"},
+    }
     rubber = {"law": "neo-hooke", "young": 1.0, "poisson": 0.3}
     forecasts = []
     for material in (rubber, {**rubber, "law": "j2", "yield_stress": 1.0}):
@@ -97,6 +112,8 @@ def test_check_foretells_what_it_costs():
     scene = example1(coefficient=0.3, gamma="auto", nx=30, ny=10)
     cost = check_scene(scene).cost
     assert cost.next_local
-    factor = next_accuracy.next_refinement(scene.statement, alone(scene).model.tagged, "energy", cost.unknowns).times[1]
+    factor = next_accuracy.next_refinement(
+        scene.statement, alone(scene).model.tagged, "energy", cost.unknowns
+    ).times[1]
     assert cost.next_seconds[1] == pytest.approx(factor * cost.seconds[1])
     assert cost.next_seconds[0] < cost.next_seconds[1]

@@ -11,7 +11,9 @@ from signorini_fx.scenes.reading import parse_scene
 
 
 def seat(load, angle):
-    """A block of 2 x 1 on a plane, whose angles at both ends of the contact boundary are these, degrees."""
+    """A block of 2 x 1 on a plane, whose angles at both ends of the contact boundary are these,
+    degrees.
+    """
     triangles = mesh.create_rectangle(MPI.COMM_SELF, [np.zeros(2), np.array([2.0, 1.0])], [8, 4])
     x = triangles.geometry.x
     x[:, 0] += (x[:, 0] - 1) * x[:, 1] * np.tan(np.radians(angle - 90))
@@ -39,12 +41,20 @@ def punch(degree, accuracy):
     friction = {"law": "coulomb", "coefficient": 0.3}
     return parse_scene(
         {
-            "mesh": {"generator": "punch", "parameters": {"symmetric": True, "rounding": 0.5, "order": degree}},
+            "mesh": {
+                "generator": "punch",
+                "parameters": {"symmetric": True, "rounding": 0.5, "order": degree},
+            },
             "element": {"degree": degree},
             "material": {"young": 1000.0, "poisson": 0.3},
             "displacement": {"boundary": "symmetry", "x": 0.0},
             "traction": {"boundary": "top", "pressure": 20.0},
-            "contact": {"boundary": "foot", "gap": "x[1]", "direction": [0.0, -1.0], "friction": friction},
+            "contact": {
+                "boundary": "foot",
+                "gap": "x[1]",
+                "direction": [0.0, -1.0],
+                "friction": friction,
+            },
             "accuracy": {key: value for key, value in accuracy.items() if key != "refinement"},
         }
     )
@@ -52,8 +62,9 @@ def punch(degree, accuracy):
 
 EVEN, TILTED = "-10", "-10*(1 + 0.6*(1 - x[0]))"
 FAR, NEAR = "-0.2 - 40*exp(-(x[0] - 1)**2/0.1)", "-2 - 60*exp(-(x[0] - 0.35)**2/0.03)"
-# The largest pressure on meshes of degree 2 with 66,306 unknowns, whose last change was below 1e-3, of the punch with
-# cells of a fifth of the size; none: a corner of more than 90 degrees in contact, where the stress has no limit.
+# The largest pressure on meshes of degree 2 with 66,306 unknowns, whose last change was below 1e-3,
+# of the punch with cells of a fifth of the size; none: a corner of more than 90 degrees in contact,
+# where the stress has no limit.
 PROBLEMS = {
     "even, 90 degrees": (seat(EVEN, 90.0), 11.103),
     "tilted, 90 degrees": (seat("-10*(1 + 0.9*(1 - x[0]))", 90.0), 16.878),
@@ -83,8 +94,8 @@ PROBLEMS = {
 @pytest.mark.parametrize("name", PROBLEMS)
 @pytest.mark.parametrize("refinement", ["uniform", "adaptive"])
 def test_corners_in_contact(name, degree, target, refinement):
-    """The error of a finite pressure is below the target; without a limit none is called right, though the corner may
-    have less pressure than another place on all of these meshes.
+    """The error of a finite pressure is below the target; without a limit none is called right,
+    though the corner may have less pressure than another place on all of these meshes.
     """
     make, expected = PROBLEMS[name]
     scene = make(degree, {"target": target, "of": "peak", "refinement": refinement})
@@ -92,7 +103,9 @@ def test_corners_in_contact(name, degree, target, refinement):
     largest = solution.table.columns["pressure"].max()
     if expected is None:
         assert solution.status is Status.OUT_OF_REACH
-        assert any("no finite value" in event and ", 0)" in event for event in solution.history.events)
+        assert any(
+            "no finite value" in event and ", 0)" in event for event in solution.history.events
+        )
         assert solution.convergence_table[-2].peak is None
     else:
         assert solution.converged

@@ -19,16 +19,22 @@ def lengths(tagged):
     result = {}
     for name in SIDES:
         x = facet_vertices(mesh, tagged.facets(name))
-        result[name] = float(parallel.global_sum(mesh.comm, np.linalg.norm(x[:, 0] - x[:, 1], axis=1).sum()))
+        result[name] = float(
+            parallel.global_sum(mesh.comm, np.linalg.norm(x[:, 0] - x[:, 1], axis=1).sum())
+        )
     return result
 
 
 @pytest.mark.mpi
 @pytest.mark.parametrize("everything", [True, False], ids=["all", "marked"])
 def test_names_are_kept(everything):
-    """Boundaries of a refined mesh are those of the mesh, whole and nothing else, and so is the region."""
+    """Boundaries of a refined mesh are those of the mesh, whole and nothing else, and so is the
+    region.
+    """
     tagged = generate_mesh("block", {"nx": 6, "ny": 3, "cell": "triangle"}, MPI.COMM_WORLD)
-    fine = refine(tagged, None if everything else np.arange(min(2, len(tagged.cells("body"))), dtype=np.int32))
+    fine = refine(
+        tagged, None if everything else np.arange(min(2, len(tagged.cells("body"))), dtype=np.int32)
+    )
     assert lengths(fine) == pytest.approx(SIDES)
     index_map = fine.mesh.topology.index_map(2)
     assert len(fine.cells("body")) == index_map.size_local + index_map.num_ghosts

@@ -1,5 +1,5 @@
-"""``refinement = "adaptive"`` of curved drawings, of generators with arcs, and of bodies that touch: gmsh makes their
-cells anew, short where the error is, on the true shape.
+"""``refinement = "adaptive"`` of curved drawings, of generators with arcs, and of bodies that
+touch: gmsh makes their cells anew, short where the error is, on the true shape.
 """
 
 import tomllib
@@ -38,14 +38,17 @@ def accuracy(target, of="energy"):
 
 def loads(top="top", symmetry="symmetry", pressure=0.4):
     return (
-        f'[[traction]]\nboundary = "{top}"\npressure = {pressure}\n[[displacement]]\nboundary = "{symmetry}"\nx = 0.0\n'
+        f'[[traction]]\nboundary = "{top}"\npressure = {pressure}\n[[displacement]]\nboundary '
+        f'= "{symmetry}"\nx = 0.0\n'
     )
 
 
 def disk(mesh, target, of="energy", degree=2):
     """Half a disk on a plane."""
     contact = f'[[contact]]\nboundary = "arc"\n{BELOW}'
-    return read(f"{mesh}[element]\ndegree = {degree}\n{MATERIAL}{contact}{loads()}{accuracy(target, of)}")
+    return read(
+        f"{mesh}[element]\ndegree = {degree}\n{MATERIAL}{contact}{loads()}{accuracy(target, of)}"
+    )
 
 
 def on_circle(tagged):
@@ -62,7 +65,10 @@ def test_cells_are_short_where_it_touches(tmp_path, source, degree):
     (tmp_path / "disk.geo").write_text(DISK)
     mesh = f'[mesh]\nfile = "{tmp_path / "disk.geo"}"\n'
     if source == "generator":
-        mesh = '[mesh]\ngenerator = "half_disk"\nparameters = { symmetric = true, size = 2.0, contact_size = 2.0, '
+        mesh = (
+            '[mesh]\ngenerator = "half_disk"\nparameters = { symmetric = true, size = 2.0, '
+            "contact_size = 2.0, "
+        )
         mesh += f"order = {degree} }}\n"
     solution = solve(disk(mesh, {1: 0.15, 2: 0.02}[degree], degree=degree), MPI.COMM_SELF)
     assert solution.converged
@@ -96,19 +102,26 @@ shift = [0.0, 0.0]
 
 
 def two_bodies(tmp_path, goal, comm=MPI.COMM_SELF):
-    """The half disk of a generator on one of a drawing, turned upside down: of the drawing the half with x < 0."""
+    """The half disk of a generator on one of a drawing, turned upside down: of the drawing the half
+    with x < 0.
+    """
     (tmp_path / "disk.geo").write_text(DISK.replace("{8, 8, 0, 2}", "{-8, 8, 0, 2}"))
     bodies = BODIES.format(file=tmp_path / "disk.geo")
     held = '[[displacement]]\nboundary = "lower.top"\nx = 0.0\ny = 0.0\n'
     held += '[[displacement]]\nboundary = "lower.symmetry"\nx = 0.0\n'
     contact = '[[contact]]\nboundary = "upper.arc"\nagainst = "lower.arc"\n'
-    return read(f"{bodies}[element]\ndegree = 2\n{MATERIAL}{contact}{held}{loads('upper.top', 'upper.symmetry')}{goal}")
+    return read(
+        f"{bodies}[element]\ndegree = "
+        f"2\n{MATERIAL}{contact}{held}{loads('upper.top', 'upper.symmetry')}{goal}"
+    )
 
 
 @pytest.mark.one_quick
 @pytest.mark.parametrize("of", ["energy", "pressure"])
 def test_both_bodies_are_finer_where_they_touch(tmp_path, of):
-    solution = solve(two_bodies(tmp_path, accuracy({"energy": 0.02, "pressure": 0.05}[of], of)), MPI.COMM_SELF)
+    solution = solve(
+        two_bodies(tmp_path, accuracy({"energy": 0.02, "pressure": 0.05}[of], of)), MPI.COMM_SELF
+    )
     assert solution.converged
     tagged = solution.model.tagged
     lengths = lengths_of_cells(tagged)
@@ -122,8 +135,14 @@ def test_both_bodies_are_finer_where_they_touch(tmp_path, of):
     assert peak == pytest.approx(2 * 0.4 * 16 / (np.pi * width), rel=0.03)
 
 
-# The largest pressure, from cells of degree 2 that are small where it is: its last change was below 1e-4.
-LARGEST = {("one", False): 7.4723, ("one", True): 22.660, ("two", False): 9.1585, ("two", True): 29.700}
+# The largest pressure, from cells of degree 2 that are small where it is: its last change was below
+# 1e-4.
+LARGEST = {
+    ("one", False): 7.4723,
+    ("one", True): 22.660,
+    ("two", False): 9.1585,
+    ("two", True): 29.700,
+}
 
 
 @pytest.mark.one_quick
@@ -131,8 +150,8 @@ LARGEST = {("one", False): 7.4723, ("one", True): 22.660, ("two", False): 9.1585
 @pytest.mark.parametrize("axisymmetric", [False, True])
 @pytest.mark.parametrize("bodies", ["one", "two"])
 def test_largest_pressure(tmp_path, bodies, axisymmetric, degree):
-    """It is met with few unknowns, its estimate is no less than half of its error, and growth from a coarse mesh is no
-    sign of an edge.
+    """It is met with few unknowns, its estimate is no less than half of its error, and growth from
+    a coarse mesh is no sign of an edge.
     """
     (tmp_path / "disk.geo").write_text(DISK)
     (tmp_path / "turned.geo").write_text(DISK.replace("{8, 8, 0, 2}", "{-8, 8, 0, 2}"))
@@ -143,13 +162,17 @@ def test_largest_pressure(tmp_path, bodies, axisymmetric, degree):
         text = f'[mesh]\nfile = "{tmp_path / "disk.geo"}"\n{MATERIAL}{kind}{contact}{loads()}{goal}'
     else:
         text = "".join(
-            f'[[body]]\nname = "{name}"\nmesh = {{ file = "{tmp_path / file}" }}\nrotation = {angle}\n'
+            f'[[body]]\nname = "{name}"\nmesh = {{ file = "{tmp_path / file}" }}\nrotation = '
+            f"{angle}\n"
             for name, file, angle in (("upper", "disk.geo", 0.0), ("lower", "turned.geo", 180.0))
         )
         for name, young in (("upper", 200.0), ("lower", 600.0)):
             text += f'[[material]]\nregion = "{name}"\nyoung = {young}\npoisson = 0.3\n{kind}'
         text += '[[contact]]\nboundary = "upper.arc"\nagainst = "lower.arc"\n'
-        text += '[[displacement]]\nboundary = "lower.symmetry"\nx = 0.0\n[[displacement]]\nboundary = "lower.top"\n'
+        text += (
+            '[[displacement]]\nboundary = "lower.symmetry"\nx = '
+            '0.0\n[[displacement]]\nboundary = "lower.top"\n'
+        )
         text += f"y = 0.0\n{loads('upper.top', 'upper.symmetry')}{goal}"
     solution = solve(read(text), MPI.COMM_SELF)
     assert solution.converged
@@ -162,19 +185,26 @@ def test_what_cannot_be_made_anew_is_refused(tmp_path):
     """Cells in rows beside those of a drawing."""
     (tmp_path / "disk.geo").write_text(DISK)
     text = (
-        f'[[body]]\nname = "disk"\nmesh = {{ file = "{tmp_path / "disk.geo"}" }}\nshift = [0.0, 1.0]\n'
+        f'[[body]]\nname = "disk"\nmesh = {{ file = "{tmp_path / "disk.geo"}" }}\nshift = [0.0, '
+        f"1.0]\n"
         '[[body]]\nname = "base"\nmesh = { generator = "wedge" }\n'
         '[[contact]]\nboundary = "arc"\nagainst = "base.top"\n'
-        '[[displacement]]\nboundary = "base.tip"\nx = 0.0\ny = 0.0\n[[traction]]\nboundary = "disk.top"\n'
-        f'pressure = 0.1\n[[displacement]]\nboundary = "symmetry"\nx = 0.0\n{MATERIAL}{accuracy(0.1)}'
+        '[[displacement]]\nboundary = "base.tip"\nx = 0.0\ny = 0.0\n[[traction]]\nboundary = '
+        '"disk.top"\n'
+        'pressure = 0.1\n[[displacement]]\nboundary = "symmetry"\nx = '
+        f"0.0\n{MATERIAL}{accuracy(0.1)}"
     )
-    with pytest.raises(SceneError, match=r"accuracy.refinement: is not possible for several .*use 'uniform'"):
+    with pytest.raises(
+        SceneError, match=r"accuracy.refinement: is not possible for several .*use 'uniform'"
+    ):
         read(text)
 
 
 @pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
 def test_lengths_grow_slowly(cell):
-    tagged = generate_mesh("rectangle", {"length": 4.0, "height": 4.0, "nx": 40, "ny": 40, "cell": cell}, MPI.COMM_SELF)
+    tagged = generate_mesh(
+        "rectangle", {"length": 4.0, "height": 4.0, "nx": 40, "ny": 40, "cell": cell}, MPI.COMM_SELF
+    )
     lengths = lengths_of_cells(tagged)
     x = tagged.mesh.geometry.x[compat.geometry_cells(tagged.mesh)].mean(axis=1)
     lengths[np.argmin(np.hypot(x[:, 0], x[:, 1]))] = 1e-3
@@ -185,13 +215,21 @@ def test_lengths_grow_slowly(cell):
     allowed = np.minimum(1e-3 + SIZE_GROWTH * away, lengths.max())
     assert (field.sizes <= 1.3 * allowed + 1e-12).all()
     from_cell = np.maximum(away - 0.15, 0.0)  # from a corner of the short cell
-    assert (field.sizes >= np.minimum(1e-3 + SIZE_GROWTH * from_cell, 0.9 * lengths.mean()) / 2 - 1e-12).all()
+    assert (
+        field.sizes >= np.minimum(1e-3 + SIZE_GROWTH * from_cell, 0.9 * lengths.mean()) / 2 - 1e-12
+    ).all()
 
 
 @pytest.mark.mpi
 def test_lengths_on_ranks():
-    """Each rank brings its cells; the first one has the field of all, which does not depend on who brings which."""
-    scene = disk('[mesh]\ngenerator = "half_disk"\nparameters = { symmetric = true, size = 1.0 }\n', 0.1, degree=1)
+    """Each rank brings its cells; the first one has the field of all, which does not depend on who
+    brings which.
+    """
+    scene = disk(
+        '[mesh]\ngenerator = "half_disk"\nparameters = { symmetric = true, size = 1.0 }\n',
+        0.1,
+        degree=1,
+    )
     fields = []
     for comm in (MPI.COMM_WORLD, MPI.COMM_SELF):
         tagged = load_mesh(scene, comm)

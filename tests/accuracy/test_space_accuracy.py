@@ -1,4 +1,6 @@
-"""Errors of bodies in 3D: estimated against known, from one mesh to the next, and as small as is asked for."""
+"""Errors of bodies in 3D: estimated against known, from one mesh to the next, and as small as is
+asked for.
+"""
 
 import numpy as np
 import pytest
@@ -48,8 +50,12 @@ def hertz(cells, n):
 @pytest.mark.parametrize("n", [6, 10])
 @pytest.mark.parametrize("cells", ["hexahedra", "tetrahedra"])
 def test_pressure_of_hertz(cells, n):
-    """With the margin not below 0.7 of the error against Hertz' pressure for the force, at the nodes."""
-    solved = MeshedScene(comm=MPI.COMM_SELF, history=History(), scene=hertz(cells, n)).solved(0, None, None)
+    """With the margin not below 0.7 of the error against Hertz' pressure for the force, at the
+    nodes.
+    """
+    solved = MeshedScene(comm=MPI.COMM_SELF, history=History(), scene=hertz(cells, n)).solved(
+        0, None, None
+    )
     force, c = 4 * solved.solution.contact.forces[0][2], table_of(solved.solution).columns
     a = (3 * force * (1 - 0.3**2) / (4 * 1000.0)) ** (1 / 3)
     square = np.maximum(1 - (c["x"] ** 2 + c["y"] ** 2) / a**2, 0.0)
@@ -66,7 +72,11 @@ def areas(tagged):
     found = {}
     for name in SIDES:
         x = facet_vertices(tagged.mesh, tagged.facets(name))
-        own = np.linalg.norm(np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]), axis=1).sum() / 2 if len(x) else 0.0
+        own = (
+            np.linalg.norm(np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]), axis=1).sum() / 2
+            if len(x)
+            else 0.0
+        )
         found[name] = float(parallel.global_sum(tagged.mesh.comm, own))
     return found
 
@@ -85,7 +95,10 @@ def test_names_of_refined_tetrahedra_are_kept():
 
 def asked(cell, law="none", nx=12, comm=MPI.COMM_SELF, **goal):
     """The block from the generator, with gamma left to the program, asked for an accuracy."""
-    mesh = {"generator": "box", "parameters": {"nx": nx, "ny": nx // 3, "nz": nx // 3, "cell": cell}}
+    mesh = {
+        "generator": "box",
+        "parameters": {"nx": nx, "ny": nx // 3, "nz": nx // 3, "cell": cell},
+    }
     scene = block(mesh=mesh, gamma="auto", **LAWS[law])
     return solve(scene.model_copy(update={"accuracy": Accuracy(**goal)}), comm, check=False)
 
@@ -100,7 +113,9 @@ def fine():
 @pytest.mark.parametrize("cell", ["tetrahedron", "hexahedron"])
 @pytest.mark.parametrize(("of", "target"), [("energy", 0.5), ("pressure", 0.5)])
 def test_asked_for(fine, cell, of, target):
-    """Met by tetrahedra that are divided where the error is, and by hexahedra that are all made smaller."""
+    """Met by tetrahedra that are divided where the error is, and by hexahedra that are all made
+    smaller.
+    """
     solution = asked(cell, target=target, of=of)
     assert solution.status is Status.CONVERGED
     assert fine.errors(solution)[of] <= target
@@ -113,11 +128,15 @@ def test_asked_for(fine, cell, of, target):
 @pytest.mark.mpi
 @pytest.mark.parametrize("cell", ["tetrahedron", "hexahedron"])
 def test_every_number_of_ranks_meets_it(cell):
-    """All ranks together come to the estimates that one comes to; divided meshes differ a little."""
+    """All ranks together come to the estimates that one comes to; divided meshes differ a
+    little.
+    """
     goal = {"target": 0.6, "of": "energy"}
     together, alone = (asked(cell, "tresca", comm=comm, **goal) for comm in (WORLD, MPI.COMM_SELF))
     assert same_on_all_ranks(together.status) is alone.status is Status.CONVERGED
-    assert same_on_all_ranks([level.dofs for level in together.levels]) == [level.dofs for level in alone.levels]
+    assert same_on_all_ranks([level.dofs for level in together.levels]) == [
+        level.dofs for level in alone.levels
+    ]
     for ours, theirs in zip(together.levels, alone.levels, strict=True):
         assert ours.energy == pytest.approx(theirs.energy, rel=1e-4)
         assert ours.pressure == pytest.approx(theirs.pressure, rel=1e-4)
@@ -125,10 +144,15 @@ def test_every_number_of_ranks_meets_it(cell):
 
 @pytest.mark.slow
 def test_no_finite_largest_pressure():
-    """Coulomb friction at an edge: the largest pressure is not promised, and the message says where it grows."""
+    """Coulomb friction at an edge: the largest pressure is not promised, and the message says where
+    it grows.
+    """
     solution = asked("hexahedron", "coulomb", target=0.02, of="peak", seconds=60.0)
     assert solution.status is Status.OUT_OF_REACH
-    assert any("no finite value" in event and "round off the edge" in event for event in solution.history.events)
+    assert any(
+        "no finite value" in event and "round off the edge" in event
+        for event in solution.history.events
+    )
 
 
 REFUSED = [
@@ -150,7 +174,9 @@ def test_own_meshes_that_cannot_be_divided():
     """Hexahedra of one's own, and curved tetrahedra."""
     with pytest.raises(MeshError, match="only tetrahedra"):
         refine(box("hexahedra", (1, 1, 1)))
-    sphere = generate_mesh("half_sphere", {"size": 6.0, "contact_size": 3.0, "order": 2}, MPI.COMM_SELF)
+    sphere = generate_mesh(
+        "half_sphere", {"size": 6.0, "contact_size": 3.0, "order": 2}, MPI.COMM_SELF
+    )
     with pytest.raises(MeshError, match="straight sides"):
         refine(sphere)
 
@@ -179,7 +205,9 @@ def roller(file, **goal):
 
 @pytest.mark.slow
 def test_curved_bodies_from_files(tmp_path):
-    """A drawing is meshed anew on its true shape and not divided; straight tetrahedra in its place are no way to it."""
+    """A drawing is meshed anew on its true shape and not divided; straight tetrahedra in its place
+    are no way to it.
+    """
     drawing, straight = tmp_path / "roller.geo", tmp_path / "roller.msh"
     drawing.write_text(ROLLER)
     write_msh(drawing, straight, 1)

@@ -11,20 +11,30 @@ from scenes import alone, example1
 
 PROGRAM = Path(__file__).parents[1] / "support" / "algebra_alone.py"
 # The friction law of a scene, and of the core.
-LAWS = {"tresca": ({"bound": 1.5}, ("given", 1.5)), "coulomb": ({"coefficient": 0.3}, ("coefficient", 0.3))}
+LAWS = {
+    "tresca": ({"bound": 1.5}, ("given", 1.5)),
+    "coulomb": ({"coefficient": 0.3}, ("coefficient", 0.3)),
+}
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize(
-    ("kind", "algorithm"), [("full", "auto"), ("condensed", "auto"), ("condensed", "alm"), ("full", "alm")]
+    ("kind", "algorithm"),
+    [("full", "auto"), ("condensed", "auto"), ("condensed", "alm"), ("full", "alm")],
 )
 def test_matrices_or_a_scene(law, kind, algorithm, tmp_path):
-    """The same pressure, shear and displacement after as many linear solves, without dolfinx and UFL."""
+    """The same pressure, shear and displacement after as many linear solves, without dolfinx and
+    UFL.
+    """
     scene, friction = LAWS[law]
     settings = {"linear_algebra": kind, "algorithm": algorithm, "tolerance": 1e-11}
     gamma = algebra_alone.GAMMA
-    theirs = alone(example1(nx=algebra_alone.NX, ny=algebra_alone.NY, gamma=gamma, patch="all", **scene, **settings))
+    theirs = alone(
+        example1(
+            nx=algebra_alone.NX, ny=algebra_alone.NY, gamma=gamma, patch="all", **scene, **settings
+        )
+    )
     ended = subprocess.run(
         [sys.executable, PROGRAM, kind, algorithm, *map(str, friction), tmp_path / "found.npz"],
         capture_output=True,
@@ -37,9 +47,16 @@ def test_matrices_or_a_scene(law, kind, algorithm, tmp_path):
     assert int(ours["solves"]) == theirs.history.linear_solves
     contact = theirs.contact
     order = np.argsort(contact.boundary.x[:, 0])
-    for name, scale in (("pressure", "pressure"), ("shear", "pressure"), ("u_n", "u_n"), ("u_t", "u_n")):
+    for name, scale in (
+        ("pressure", "pressure"),
+        ("shear", "pressure"),
+        ("u_n", "u_n"),
+        ("u_t", "u_n"),
+    ):
         size = np.abs(getattr(contact, scale)).max()
-        np.testing.assert_allclose(ours[name], getattr(contact, name)[order], rtol=0, atol=1e-10 * size, err_msg=name)
+        np.testing.assert_allclose(
+            ours[name], getattr(contact, name)[order], rtol=0, atol=1e-10 * size, err_msg=name
+        )
     x = theirs.model.space.tabulate_dof_coordinates()[:, :2]
     corner = np.isclose(x, (algebra_alone.LENGTH, algebra_alone.HEIGHT)).all(axis=1)
     top = theirs.displacement.x.array[1::2][corner][0]
@@ -55,7 +72,9 @@ def test_nothing_else_holds_the_body():
     from signorini_fx.records import Status
 
     stiffness, load, operator, weight, gap, prescribed, modes = algebra_alone.matrices()
-    elasticity, motions = from_scipy(stiffness, -load, operator, weight, prescribed=prescribed, modes=modes)
+    elasticity, motions = from_scipy(
+        stiffness, -load, operator, weight, prescribed=prescribed, modes=modes
+    )
     task = task_of(ElasticSystem.of(elasticity), motions, gap)
     assert solve_task(task, task.start).status is Status.OPEN
     assert task.history.linear_solves == 0
@@ -75,7 +94,10 @@ def test_another_load_on_the_same_factor(kind):
 
     stiffness, load, operator, weight, gap, prescribed, modes = algebra_alone.matrices()
     make = {"full": ElasticSystem, "condensed": CondensedSystem}[kind]
-    bodies = [from_scipy(stiffness, f, operator, weight, prescribed=prescribed, modes=modes) for f in (load, 2 * load)]
+    bodies = [
+        from_scipy(stiffness, f, operator, weight, prescribed=prescribed, modes=modes)
+        for f in (load, 2 * load)
+    ]
     system, other = (make.of(elasticity) for elasticity, _ in bodies)
     motions = bodies[0][1]
     system.set_case(0, bodies[1][0].cases[0])

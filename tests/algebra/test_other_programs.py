@@ -1,4 +1,6 @@
-"""The core with matrices of other programs: assembled by scikit-fem, and in the file format of FCLIB."""
+"""The core with matrices of other programs: assembled by scikit-fem, and in the file format of
+FCLIB.
+"""
 
 import h5py
 import numpy as np
@@ -26,14 +28,18 @@ def gap(x):
 
 
 def cube(**solver):
-    """A cube whose top is pushed downwards and aside, with a traction on one side, on a curved foundation."""
+    """A cube whose top is pushed downwards and aside, with a traction on one side, on a curved
+    foundation.
+    """
     return parse_scene(
         {
             "mesh": box("hexahedra", (SIDE, SIDE, SIDE), size=(1.0, 1.0, 1.0)),
             "material": {"young": YOUNG, "poisson": POISSON},
             "displacement": [{"boundary": "top", **dict(zip("xyz", PUSH, strict=True))}],
             "traction": [{"boundary": "right", **dict(zip("xyz", PULL, strict=True))}],
-            "contact": [{"boundary": "bottom", "gap": gap, "friction": {"law": "coulomb", "coefficient": F}}],
+            "contact": [
+                {"boundary": "bottom", "gap": gap, "friction": {"law": "coulomb", "coefficient": F}}
+            ],
             "solver": {"tolerance": 1e-12, **solver},
         }
     )
@@ -58,7 +64,9 @@ def matched(x, places):
 
 
 def as_in_the_scene(solution, x, nodes, displacement, pressure, shear):
-    """Displacement at nodes and tractions at contact nodes, shear as vectors in 3D, are those of the scene."""
+    """Displacement at nodes and tractions at contact nodes, shear as vectors in 3D, are those of
+    the scene.
+    """
     places = solution.model.space.tabulate_dof_coordinates()
     theirs = solution.displacement.x.array.reshape(-1, 3)[matched(x, places)]
     np.testing.assert_allclose(displacement, theirs, rtol=0, atol=1e-10 * np.abs(theirs).max())
@@ -98,20 +106,23 @@ def test_assembled_by_scikit_fem(kind):
     nodes = np.flatnonzero(weight > 0)
     rows = np.stack((dofs[2, nodes], dofs[0, nodes], dofs[1, nodes]), axis=1).ravel()
     operator = sp.csr_array(
-        (np.tile([-1.0, 1.0, 1.0], nodes.size), (np.arange(rows.size), rows)), shape=(rows.size, load.size)
+        (np.tile([-1.0, 1.0, 1.0], nodes.size), (np.arange(rows.size), rows)),
+        shape=(rows.size, load.size),
     )
     top = np.flatnonzero(np.isclose(x[:, 2], 1.0))
     prescribed = dofs[:, top].ravel(), np.repeat(PUSH, top.size)
     settings = Settings(tolerance=1e-12, gamma_n=1e7, gamma_t=1e7)
     given = {"prescribed": prescribed, "settings": settings}
     friction = np.full(nodes.size, F)
-    y, state = solved(kind, stiffness, load, operator, weight[nodes], gap(x[nodes].T), friction, **given)
+    y, state = solved(
+        kind, stiffness, load, operator, weight[nodes], gap(x[nodes].T), friction, **given
+    )
     solution = alone(cube(gamma_n=1e7, gamma_t=1e7, linear_algebra=kind))
     shear = np.column_stack((state.shear, np.zeros(nodes.size)))
     as_in_the_scene(solution, x, nodes, y[dofs].T, state.pressure, shear)
 
 
-# --- FCLIB: the global problem M v = H r + f, u = H^T v + w, with r in Coulomb's cone ---------------------------------
+# --- FCLIB: the global problem M v = H r + f, u = H^T v + w, with r in Coulomb's cone -------------
 
 
 def write_fclib(path, stiffness, local, load, w, coefficient):
@@ -121,7 +132,12 @@ def write_fclib(path, stiffness, local, load, w, coefficient):
         root["spacedim"] = np.array([3], dtype=np.int32)
         for name, matrix in (("M", stiffness), ("H", local)):
             csr, group = sp.csr_array(matrix), root.create_group(name)
-            for key, value in (("nzmax", csr.nnz), ("m", csr.shape[0]), ("n", csr.shape[1]), ("nz", -2)):
+            for key, value in (
+                ("nzmax", csr.nnz),
+                ("m", csr.shape[0]),
+                ("n", csr.shape[1]),
+                ("nz", -2),
+            ):
                 group[key] = np.array([value], dtype=np.int32)
             group["p"], group["i"], group["x"] = csr.indptr, csr.indices, csr.data
         vectors = root.create_group("vectors")
@@ -143,7 +159,9 @@ def read_fclib(path):
 
 
 def missed(reaction, velocity, coefficient):
-    """By how much u^ = u + mu |u_T| n and r miss K* and K and being perpendicular: FCLIB's conditions."""
+    """By how much u^ = u + mu |u_T| n and r miss K* and K and being perpendicular: FCLIB's
+    conditions.
+    """
     lifted = velocity.copy()
     lifted[:, 0] += coefficient * np.linalg.norm(velocity[:, 1:], axis=1)
     outside = np.linalg.norm(reaction[:, 1:], axis=1) - coefficient * reaction[:, 0]
@@ -172,10 +190,15 @@ def test_in_the_form_of_fclib(kind, tmp_path):
     inward = -boundary.normal
     axes = np.concatenate((inward[:, None], boundary.tangents.transpose(0, 2, 1)), axis=1)
     rows = np.repeat(columns[:, None], 3, axis=1).ravel()
-    local = sp.csr_array((axes.ravel(), (rows, np.repeat(np.arange(columns.size), 3))), shape=(free.size, columns.size))
+    local = sp.csr_array(
+        (axes.ravel(), (rows, np.repeat(np.arange(columns.size), 3))),
+        shape=(free.size, columns.size),
+    )
     w = np.zeros((boundary.size, 3))
     w[:, 0] = gap(boundary.x.T)
-    write_fclib(tmp_path / "cube.hdf5", stiffness, local, load, w.ravel(), np.full(boundary.size, F))
+    write_fclib(
+        tmp_path / "cube.hdf5", stiffness, local, load, w.ravel(), np.full(boundary.size, F)
+    )
 
     m, h, f, w, mu = read_fclib(tmp_path / "cube.hdf5")
     frame = sp.diags_array(np.tile([-1.0, 1.0, 1.0], mu.size))  # towards the foundation
@@ -191,4 +214,6 @@ def test_in_the_form_of_fclib(kind, tmp_path):
     x = body.space.tabulate_dof_coordinates()
     weight = boundary.weight[:, None]
     shear = np.einsum("nik,nk->ni", boundary.tangents, state.shear) / weight
-    as_in_the_scene(solution, x, boundary.nodes, y.reshape(-1, 3), state.pressure / weight[:, 0], shear)
+    as_in_the_scene(
+        solution, x, boundary.nodes, y.reshape(-1, 3), state.pressure / weight[:, 0], shear
+    )

@@ -11,7 +11,9 @@ from signorini_fx.records import Status
 
 @pytest.mark.parametrize("law", [{"bound": 1.5}, {"coefficient": 0.3}])
 def test_augmented_lagrangian_leaves_no_penalty(law):
-    """Its limit is the unregularised solution in both directions, whatever gamma: no overlap and no creep in stick."""
+    """Its limit is the unregularised solution in both directions, whatever gamma: no overlap and no
+    creep in stick.
+    """
     solution = alone(example1(**law, nx=30, ny=10, gamma=1e6, algorithm="alm", tolerance=1e-8))
     assert (solution.contact.direction == 0).any()
     assert solution.certificate.penetration < 1e-8
@@ -22,7 +24,9 @@ def test_augmented_lagrangian_leaves_no_penalty(law):
 
 
 def test_inexact_augmented_lagrangian_shifts_by_feasible_multipliers(monkeypatch):
-    """Section 7: lambda >= 0 and |mu| <= F g before each update, also after a problem that was cut off."""
+    """Section 7: lambda >= 0 and |mu| <= F g before each update, also after a problem that was cut
+    off.
+    """
     shifts = []
     solve_one = SemismoothNewton.solve
 
@@ -34,7 +38,11 @@ def test_inexact_augmented_lagrangian_shifts_by_feasible_multipliers(monkeypatch
     monkeypatch.setattr(SemismoothNewton, "solve", spy)
     scene = example1(bound=1.5, nx=30, ny=10, gamma=1e5, algorithm="alm", inner_iterations=1)
     assert alone(scene).converged
-    cut_off = [(pressure, shear) for _, status, (pressure, shear) in shifts if status is Status.MAX_ITERATIONS]
+    cut_off = [
+        (pressure, shear)
+        for _, status, (pressure, shear) in shifts
+        if status is Status.MAX_ITERATIONS
+    ]
     assert any(pressure.min() < 0 or np.abs(shear).max() > 1.5 for pressure, shear in cut_off)
     for data, _, _ in shifts:
         assert data.lambda_hat.min() >= 0
@@ -42,11 +50,19 @@ def test_inexact_augmented_lagrangian_shifts_by_feasible_multipliers(monkeypatch
 
 
 @pytest.mark.parametrize("value", [0.01, "0.01 + 0*x[0]"])
-@pytest.mark.parametrize(("side", "component", "sign"), [("left", 0, -1), ("right", 0, 1), ("top", 1, 1)])
+@pytest.mark.parametrize(
+    ("side", "component", "sign"), [("left", 0, -1), ("right", 0, 1), ("top", 1, 1)]
+)
 def test_normal_displacement_is_outward(side, component, sign, value):
-    """A prescribed normal displacement moves the boundary out of the body, given as a number or as an expression."""
+    """A prescribed normal displacement moves the boundary out of the body, given as a number or as
+    an expression.
+    """
     scene = example1(nx=6, ny=2).model_copy(
-        update={"displacement": (PrescribedDisplacement(boundary=side, normal=value),), "contact": (), "traction": ()}
+        update={
+            "displacement": (PrescribedDisplacement(boundary=side, normal=value),),
+            "contact": (),
+            "traction": (),
+        }
     )
     held = PrescribedDisplacement(boundary="bottom", x=0.0, y=0.0)
     solution = alone(scene.model_copy(update={"displacement": (held, *scene.displacement)}))

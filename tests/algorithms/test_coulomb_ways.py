@@ -1,4 +1,6 @@
-"""Coulomb friction by either method, each the fall-back of the other, with and without regularisation; and an end."""
+"""Coulomb friction by either method, each the fall-back of the other, with and without
+regularisation; and an end.
+"""
 
 import itertools
 import time
@@ -24,13 +26,21 @@ STIFFNESS = np.array([[3.0, -np.sqrt(3.0)], [-np.sqrt(3.0), 5.0]])
 
 
 def square(**solver):
-    """A square pressed down and sideways with so much friction that the fixed point hardly contracts."""
+    """A square pressed down and sideways with so much friction that the fixed point hardly
+    contracts.
+    """
     return parse_scene(
         {
-            "mesh": {"generator": "rectangle", "parameters": {"length": 1.0, "height": 1.0, "nx": 40, "ny": 40}},
+            "mesh": {
+                "generator": "rectangle",
+                "parameters": {"length": 1.0, "height": 1.0, "nx": 40, "ny": 40},
+            },
             "material": {"young": 1000.0, "poisson": 0.3},
             "displacement": [{"boundary": "right", "x": 0.0}],
-            "traction": [{"boundary": "top", "pressure": 50.0}, {"boundary": "left", "pressure": 150.0}],
+            "traction": [
+                {"boundary": "top", "pressure": 50.0},
+                {"boundary": "left", "pressure": 150.0},
+            ],
             "contact": {"boundary": "bottom", "friction": {"law": "coulomb", "coefficient": 4.0}},
             "solver": solver,
         }
@@ -40,15 +50,21 @@ def square(**solver):
 @pytest.mark.one_quick
 @pytest.mark.parametrize("algorithm", METHODS)
 def test_square_by_newton(algorithm):
-    """The monolithic method needs a tenth of what the fixed point takes, with regularisation and without."""
+    """The monolithic method needs a tenth of what the fixed point takes, with regularisation and
+    without.
+    """
     monolithic = alone(square(algorithm=algorithm, coulomb="newton"))
     fixed = alone(square(algorithm=algorithm, coulomb="fp"))
     assert "coulomb-newton" in monolithic.algorithm
     assert monolithic.history.linear_solves <= 15 < 100 <= fixed.history.linear_solves
     largest = monolithic.contact.pressure.max()
     # The fixed point stops at a change of 1e-7; it contracts by 0.9.
-    np.testing.assert_allclose(fixed.contact.pressure, monolithic.contact.pressure, rtol=0, atol=2e-6 * largest)
-    np.testing.assert_allclose(fixed.contact.shear, monolithic.contact.shear, rtol=0, atol=8e-6 * largest)
+    np.testing.assert_allclose(
+        fixed.contact.pressure, monolithic.contact.pressure, rtol=0, atol=2e-6 * largest
+    )
+    np.testing.assert_allclose(
+        fixed.contact.shear, monolithic.contact.shear, rtol=0, atol=8e-6 * largest
+    )
 
 
 @pytest.mark.one_quick
@@ -66,21 +82,29 @@ def test_one_triangle(algorithm, coulomb):
     free = int(np.argmin(np.abs(solution.contact.boundary.x[:, 0])))
     exact = algorithm != "ssn"
     assert solution.contact.pressure[free] == pytest.approx(pressure, rel=1e-6 if exact else 1e-4)
-    assert solution.contact.shear[free] == pytest.approx(-friction * pressure, rel=1e-6 if exact else 1e-4)
+    assert solution.contact.shear[free] == pytest.approx(
+        -friction * pressure, rel=1e-6 if exact else 1e-4
+    )
 
 
-@pytest.mark.parametrize(("algorithm", "coulomb"), [("ssn", "fp"), ("ssn", "newton"), ("alm", "fp")])
+@pytest.mark.parametrize(
+    ("algorithm", "coulomb"), [("ssn", "fp"), ("ssn", "newton"), ("alm", "fp")]
+)
 def test_each_way_is_the_fallback_of_the_other(monkeypatch, algorithm, coulomb):
     """Where one does not end, the other gives the same solution, and the history says so."""
     expected = alone(example1(coefficient=0.3, nx=24, ny=8, gamma="auto", algorithm=algorithm))
     broken = "fixed_point" if coulomb == "fp" else "coulomb_newton"
     monkeypatch.setattr(strategy, broken, lambda *arguments, **options: Status.CYCLING)
-    scene = example1(coefficient=0.3, nx=24, ny=8, gamma="auto", algorithm=algorithm, coulomb=coulomb)
+    scene = example1(
+        coefficient=0.3, nx=24, ny=8, gamma="auto", algorithm=algorithm, coulomb=coulomb
+    )
     solution = alone(scene)
     other = "monolithic Newton" if coulomb == "fp" else "fixed point"
     assert f"active sets cycle: {other} from the same start" in solution.history.events
     largest = expected.contact.pressure.max()
-    np.testing.assert_allclose(solution.contact.pressure, expected.contact.pressure, rtol=0, atol=1e-6 * largest)
+    np.testing.assert_allclose(
+        solution.contact.pressure, expected.contact.pressure, rtol=0, atol=1e-6 * largest
+    )
 
 
 @pytest.mark.one_quick
@@ -94,7 +118,9 @@ def test_each_way_is_the_fallback_of_the_other(monkeypatch, algorithm, coulomb):
 )
 @pytest.mark.parametrize("fallbacks", [False, True])
 def test_one_bound_proves_nothing(monkeypatch, push, kind, status, fallbacks):
-    """A body slides under the bound of one pressure: an outcome only where the law allows for no equilibrium either."""
+    """A body slides under the bound of one pressure: an outcome only where the law allows for no
+    equilibrium either.
+    """
     ways = {strategy: ("fixed_point", "coulomb_newton"), coulomb_module: ("augmented_lagrangian",)}
     for module, names in ways.items():
         for name in names:
@@ -104,7 +130,11 @@ def test_one_bound_proves_nothing(monkeypatch, push, kind, status, fallbacks):
             "mesh": {"generator": "rectangle", "parameters": {"nx": 6, "ny": 2}},
             "material": {"young": 1000.0, "poisson": 0.3},
             "traction": [{"boundary": "top", "pressure": 10.0}, {"boundary": "left", "x": push}],
-            "contact": {"boundary": "bottom", "kind": kind, "friction": {"law": "coulomb", "coefficient": 0.4}},
+            "contact": {
+                "boundary": "bottom",
+                "kind": kind,
+                "friction": {"law": "coulomb", "coefficient": 0.4},
+            },
             "solver": {"fallbacks": fallbacks},
         }
     )
@@ -114,8 +144,9 @@ def test_one_bound_proves_nothing(monkeypatch, push, kind, status, fallbacks):
 @pytest.mark.one_quick
 @pytest.mark.parametrize("solver", [{}, {"algorithm": "alm"}, {"fallbacks": False}])
 def test_friction_that_nothing_presses(solver):
-    """A block beside a wall that leans away from it is drawn up, where friction would hold it if it were jammed between
-    the wall and its support: but it is apart, the pressures found are zero, and so is what friction carries.
+    """A block beside a wall that leans away from it is drawn up, where friction would hold it if it
+    were jammed between the wall and its support: but it is apart, the pressures found are zero, and
+    so is what friction carries.
     """
     scene = parse_scene(
         {
@@ -138,8 +169,8 @@ def test_friction_that_nothing_presses(solver):
 
 
 def test_friction_without_pressure():
-    """No load acts on the free motion, and the gap stays open: friction would hold the body if anything pressed it on,
-    which is another outcome than a body that no friction could hold.
+    """No load acts on the free motion, and the gap stays open: friction would hold the body if
+    anything pressed it on, which is another outcome than a body that no friction could hold.
     """
     scene = parse_scene(
         {
@@ -161,7 +192,9 @@ def test_friction_without_pressure():
 
 
 def test_the_limit_is_an_end(monkeypatch):
-    """A method that would go on for ever is stopped, with the outcome of the first way and a word in the history."""
+    """A method that would go on for ever is stopped, with the outcome of the first way and a word
+    in the history.
+    """
     monkeypatch.setattr(method, "PROBLEMS_PER_STEP", 1)
     begin = time.process_time()
     solution = alone(square(coulomb="fp"), check=False)
@@ -172,20 +205,31 @@ def test_the_limit_is_an_end(monkeypatch):
 
 
 def pulled_and_pushed(**solver):
-    """A flat block whose contact cannot open, with loads that press one end of it on and lift the other one."""
+    """A flat block whose contact cannot open, with loads that press one end of it on and lift the
+    other one.
+    """
     return parse_scene(
         {
-            "mesh": {"generator": "rectangle", "parameters": {"length": 1.0, "height": 0.25, "nx": 3, "ny": 2}},
+            "mesh": {
+                "generator": "rectangle",
+                "parameters": {"length": 1.0, "height": 0.25, "nx": 3, "ny": 2},
+            },
             "material": {"young": 1000.0, "poisson": 0.3},
             "traction": {"boundary": "top", "x": -2.0, "y": -0.5},
-            "contact": {"boundary": "bottom", "kind": "bilateral", "friction": {"law": "coulomb", "coefficient": 1.5}},
+            "contact": {
+                "boundary": "bottom",
+                "kind": "bilateral",
+                "friction": {"law": "coulomb", "coefficient": 1.5},
+            },
             "solver": solver,
         }
     )
 
 
 def by_enumeration(scene):
-    """Pressures of all combinations of stick, slip and signs that are solutions: linear systems and inequalities."""
+    """Pressures of all combinations of stick, slip and signs that are solutions: linear systems and
+    inequalities.
+    """
     d = prepare(scene.statement, load_mesh(scene, MPI.COMM_SELF), Timings())
     system, weight = contact_task(d, History()).system, d.boundary.weight
     stiffness, traces, n = (
@@ -193,7 +237,12 @@ def by_enumeration(scene):
         system.contact.operator.convert("dense").getDenseArray().copy(),
         d.boundary.size,
     )
-    normal, along, count, friction = traces[0::2], traces[1::2], len(stiffness), scene.contact[0].friction.coefficient
+    normal, along, count, friction = (
+        traces[0::2],
+        traces[1::2],
+        len(stiffness),
+        scene.contact[0].friction.coefficient,
+    )
     found = []
     for slips in itertools.product((0, 1, -1), repeat=n):
         for signs in itertools.product(*[(1, -1) if slip else (0,) for slip in slips]):
@@ -214,7 +263,9 @@ def by_enumeration(scene):
             least = 1e-9 * np.abs(pressure).max()
             slip, sign, held = np.array(slips), np.array(signs), np.array(slips) == 0
             sticks = ~held | (np.abs(shear) <= friction * np.abs(pressure) + least)
-            goes = held | ((sign * pressure >= -least) & (slip * slipped >= -1e-9 * np.abs(y).max()))
+            goes = held | (
+                (sign * pressure >= -least) & (slip * slipped >= -1e-9 * np.abs(y).max())
+            )
             if (sticks & goes).all():
                 found.append(pressure)
     return found
@@ -223,8 +274,8 @@ def by_enumeration(scene):
 @pytest.mark.one_quick
 @pytest.mark.parametrize("solver", [{}, {"coulomb": "newton"}, {"algorithm": "alm"}], ids=str)
 def test_newton_where_contact_cannot_open(solver):
-    """The bound is that of the size of the pressure: points that pull have friction, too.  The fixed point fails here,
-    and the only solution is that of the enumeration of all combinations.
+    """The bound is that of the size of the pressure: points that pull have friction, too.  The
+    fixed point fails here, and the only solution is that of the enumeration of all combinations.
     """
     (expected,) = by_enumeration(pulled_and_pushed())
     assert expected.min() < 0 < expected.max()

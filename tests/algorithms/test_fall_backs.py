@@ -1,4 +1,6 @@
-"""Where full steps do not solve a problem, one fall-back after the other is tried; the history says which."""
+"""Where full steps do not solve a problem, one fall-back after the other is tried; the history says
+which.
+"""
 
 import sys
 from pathlib import Path
@@ -46,7 +48,9 @@ def flat(**settings):
 
 
 def pulled(coefficient, **settings):
-    """A block pulled by its end over a rough foundation, for which the fixed point does not contract."""
+    """A block pulled by its end over a rough foundation, for which the fixed point does not
+    contract.
+    """
     data = {
         "mesh": {"generator": "rectangle", "parameters": {"nx": 60, "ny": 20}},
         "material": {"young": 5000.0, "poisson": 0.3},
@@ -85,15 +89,21 @@ def test_the_plain_way_stays_plain(law):
 
 
 def test_interior_point():
-    """It has no sets that could cycle, and needs at most 40 linear solves for the gamma that was asked for."""
+    """It has no sets that could cycle, and needs at most 40 linear solves for the gamma that was
+    asked for.
+    """
     ours = alone(jumping())
     assert fall_backs_of(ours) == ["interior point"]
     summary = summary_of(ours)
     assert summary["events"] == ours.history.events
-    assert "fall-backs       active sets cycle: interior point" in "\n".join(map(str, lines_of(summary, Path())))
+    assert "fall-backs       active sets cycle: interior point" in "\n".join(
+        map(str, lines_of(summary, Path()))
+    )
     assert [record.status for record in ours.history.outer] == ["active sets cycle", "converged"]
     assert ours.history.outer[-1].linear_solves <= 40
-    same(ours, alone(jumping(algorithm="alm", gamma_n=1e5, gamma_t=1e5, tolerance=1e-10)), rtol=1e-3)
+    same(
+        ours, alone(jumping(algorithm="alm", gamma_n=1e5, gamma_t=1e5, tolerance=1e-10)), rtol=1e-3
+    )
 
 
 def test_monolithic_where_the_fixed_point_does_not_contract():
@@ -106,9 +116,14 @@ def test_monolithic_where_the_fixed_point_does_not_contract():
 
 
 def test_a_fall_back_begins_where_the_first_method_began():
-    """It takes as many solves as where it is tried first; the body is held by friction alone, hence begins in stick."""
+    """It takes as many solves as where it is tried first; the body is held by friction alone, hence
+    begins in stick.
+    """
     ways = ({}, {"coulomb": "newton"})
-    loose = (with_contact(pulled(5.0, **way), gap=0.0).model_copy(update={"displacement": ()}) for way in ways)
+    loose = (
+        with_contact(pulled(5.0, **way), gap=0.0).model_copy(update={"displacement": ()})
+        for way in ways
+    )
     ours, theirs = (alone(scene) for scene in loose)
     assert fall_backs_of(ours) == ["monolithic Newton from the same start"]
     assert ours.history.outer[-1].linear_solves == theirs.history.outer[-1].linear_solves
@@ -117,9 +132,11 @@ def test_a_fall_back_begins_where_the_first_method_began():
 @pytest.mark.mpi
 @pytest.mark.parametrize("make", [jumping, flat])
 def test_the_same_solution_on_every_number_of_ranks(make):
-    """Decisions are taken from sums over the ranks, so that none waits for the others, and the solution is the same.
+    """Decisions are taken from sums over the ranks, so that none waits for the others, and the
+    solution is the same.
 
-    The block that slips everywhere has sets that are equal but for round-off: it may take another fall-back.
+    The block that slips everywhere has sets that are equal but for round-off: it may take another
+    fall-back.
     """
     ours, reference = solver.solve(make(), MPI.COMM_WORLD), alone(make())
     if make is jumping:
@@ -130,8 +147,13 @@ def test_the_same_solution_on_every_number_of_ranks(make):
 
 
 def ladder(coefficient):
-    """A rod of weight 1 whose ends lean on a rough floor and a rough wall with an edge each, in its own frame."""
-    up, right = (np.array([np.sin(ANGLE), np.cos(ANGLE)]), np.array([-np.cos(ANGLE), np.sin(ANGLE)]))
+    """A rod of weight 1 whose ends lean on a rough floor and a rough wall with an edge each, in its
+    own frame.
+    """
+    up, right = (
+        np.array([np.sin(ANGLE), np.cos(ANGLE)]),
+        np.array([-np.cos(ANGLE), np.sin(ANGLE)]),
+    )
     planes = {"left": ([0.0, 0.0], up), "right": ([LENGTH, 0.0], right)}
     data = {
         "mesh": {
@@ -154,9 +176,11 @@ def ladder(coefficient):
 
 @pytest.mark.parametrize("above", [1.003, 1.05])
 def test_a_ladder_just_before_it_slides(above):
-    """Both edges slip at the limit.  Above it the foot slips, which says how much each of them carries.
+    """Both edges slip at the limit.  Above it the foot slips, which says how much each of them
+    carries.
 
-    The gaps of the other nodes are large, but do not press: their round-off is none of the residual.
+    The gaps of the other nodes are large, but do not press: their round-off is none of the
+    residual.
     """
     high, wide = LENGTH * np.sin(ANGLE), LENGTH * np.cos(ANGLE)
     weight_at = wide / 2 - THICKNESS / 2 * np.sin(ANGLE)  # from the foot
@@ -168,7 +192,7 @@ def test_a_ladder_just_before_it_slides(above):
     assert contact @ up == pytest.approx(pressed, rel=1e-6)
 
 
-# --- trifles ----------------------------------------------------------------------------------------------------------
+# --- trifles --------------------------------------------------------------------------------------
 
 
 def test_no_load_no_motion():
@@ -184,7 +208,9 @@ def test_no_load_no_motion():
 @pytest.mark.parametrize("load", [1e-6, 1e-12])
 @pytest.mark.parametrize("law", [{}, {"bound": 1.5}, {"coefficient": 0.3}])
 def test_grazing(law, load):
-    """A load that lays the body down and hardly deforms it: its forces are exact, though the drop is so much larger."""
+    """A load that lays the body down and hardly deforms it: its forces are exact, though the drop
+    is so much larger.
+    """
     scene = example1(**law, gamma="auto", nx=60, ny=20)
     traction = scene.traction[0].model_copy(update={"y": -20.0 * load})
     solution = alone(scene.model_copy(update={"traction": (traction,)}))
@@ -195,7 +221,9 @@ def test_grazing(law, load):
 
 @pytest.mark.parametrize("gamma", [1e6, 1e8])
 def test_a_finite_sigma_that_cycles(gamma):
-    """sigma = 1 / gamma_2 cycles; an interior point does not, and comes to the solution with an infinite one."""
+    """sigma = 1 / gamma_2 cycles; an interior point does not, and comes to the solution with an
+    infinite one.
+    """
     ours = alone(example1(bound=1.5, gamma=gamma, sigma=1 / gamma, patch=PATCH))
     assert fall_backs_of(ours) == ["interior point"]
     assert [record.status for record in ours.history.outer] == ["active sets cycle", "converged"]
@@ -203,7 +231,9 @@ def test_a_finite_sigma_that_cycles(gamma):
 
 
 def test_elements_that_lock(monkeypatch):
-    """An interior point proposes sets before full steps cycle; where it may not, it is the fall-back."""
+    """An interior point proposes sets before full steps cycle; where it may not, it is the
+    fall-back.
+    """
     scene = example1(bound=1.5, poisson=0.4999, gamma="auto", nx=60, ny=20, degree=2)
     proposed = alone(scene)
     assert fall_backs_of(proposed) == []
@@ -215,7 +245,7 @@ def test_elements_that_lock(monkeypatch):
     same(ours, proposed)
 
 
-# --- the interior-point method alone ---------------------------------------------------------------------------------
+# --- the interior-point method alone --------------------------------------------------------------
 
 
 def test_a_body_that_friction_alone_holds():
@@ -225,7 +255,9 @@ def test_a_body_that_friction_alone_holds():
 
 
 @pytest.mark.one_quick
-@pytest.mark.parametrize(("where", "seed"), [("plane", 7), ("space", 2), ("space-effects", 5), ("bodies", 7)])
+@pytest.mark.parametrize(
+    ("where", "seed"), [("plane", 7), ("space", 2), ("space-effects", 5), ("bodies", 7)]
+)
 def test_judged_by_another_programme(where, seed, monkeypatch):
     """Random scenes of which each problem with a given bound is solved by it alone."""
     plain, statuses = ssn.SemismoothNewton.solve, []

@@ -1,4 +1,6 @@
-"""Slender bodies that peel off: sets that an interior point proposes where full steps change few at a time."""
+"""Slender bodies that peel off: sets that an interior point proposes where full steps change few at
+a time.
+"""
 
 import numpy as np
 import pytest
@@ -14,7 +16,9 @@ LENGTH, WEIGHT, YOUNG = 10.0, 0.16, 1e6
 def heavy_beam(h, *, cells=200, degree=2, unit=1.0, friction=None, **solver):
     """A beam on a foundation whose end is lifted, its slope kept; ``unit``: of length."""
     lift = WEIGHT * 5.0**4 / (2 * YOUNG * h**3)
-    contact = {"boundary": "bottom", "gap": 0.0} | ({} if friction is None else {"friction": friction})
+    contact = {"boundary": "bottom", "gap": 0.0} | (
+        {} if friction is None else {"friction": friction}
+    )
     parameters = {"length": LENGTH * unit, "height": h * unit, "nx": cells, "ny": 2}
     return parse_scene(
         {
@@ -32,8 +36,8 @@ def heavy_beam(h, *, cells=200, degree=2, unit=1.0, friction=None, **solver):
 def pressed(h):
     """The force of the foundation by the theory of beams, per length.
 
-    With s the distance from the edge of contact EI v = w (l s^3 / 18 - s^4 / 24): v = v' = v'' = 0 at s = 0 and v' = 0
-    at the end s = l, where v = w l^4 / (72 EI) and the end carries 2 w l / 3.
+    With s the distance from the edge of contact EI v = w (l s^3 / 18 - s^4 / 24): v = v' = v'' = 0
+    at s = 0 and v' = 0 at the end s = l, where v = w l^4 / (72 EI) and the end carries 2 w l / 3.
     """
     lift = WEIGHT * 5.0**4 / (2 * YOUNG * h**3)
     lifted = (72 * YOUNG * h**3 / 12 * lift / WEIGHT) ** 0.25
@@ -47,7 +51,9 @@ def proposals(solution):
 
 @pytest.mark.parametrize("h", [0.2, 0.1, 0.05])
 def test_a_heavy_beam(h):
-    """However thin it is, and with no fall-back; full steps alone take more than a hundred solves."""
+    """However thin it is, and with no fall-back; full steps alone take more than a hundred
+    solves.
+    """
     ours = alone(heavy_beam(h, fallbacks=False))
     assert proposals(ours) == 1
     assert ours.history.linear_solves <= 35
@@ -63,4 +69,6 @@ def test_ranks(system):
     ours, single = solve(scene, MPI.COMM_WORLD), alone(scene)
     assert proposals(ours) == 1
     assert ours.history.linear_solves <= 40
-    np.testing.assert_allclose(ours.contact.forces[0], single.contact.forces[0], rtol=1e-8, atol=1e-10)
+    np.testing.assert_allclose(
+        ours.contact.forces[0], single.contact.forces[0], rtol=1e-8, atol=1e-10
+    )

@@ -1,4 +1,6 @@
-"""Where Coulomb friction starts: bodies that nothing touches yet, and bodies that need friction although walls hold."""
+"""Where Coulomb friction starts: bodies that nothing touches yet, and bodies that need friction
+although walls hold.
+"""
 
 import numpy as np
 import pytest
@@ -11,10 +13,15 @@ RADIUS, ARM = 1.0, 4.0  # of the pin, and of the load at the end of the lug
 
 
 def lug(slope, friction=0.3, **solver):
-    """A plate with a hole that a pin with clearance holds, pulled at its end; nothing else holds it."""
+    """A plate with a hole that a pin with clearance holds, pulled at its end; nothing else holds
+    it.
+    """
     return parse_scene(
         {
-            "mesh": {"generator": "plate_with_hole", "parameters": {"contact_size": 0.2, "size": 0.8}},
+            "mesh": {
+                "generator": "plate_with_hole",
+                "parameters": {"contact_size": 0.2, "size": 0.8},
+            },
             "material": {"young": 1000.0, "poisson": 0.3},
             "traction": [{"boundary": "right", "x": 1.0, "y": slope}],
             "contact": {
@@ -29,7 +36,9 @@ def lug(slope, friction=0.3, **solver):
 
 @pytest.mark.parametrize("law", ["coulomb", "tresca"])
 def test_slip_counts_from_where_the_body_was(law):
-    """Of a body that only contact holds, which turns to its reference motion first; the start makes no difference."""
+    """Of a body that only contact holds, which turns to its reference motion first; the start makes
+    no difference.
+    """
 
     tables = []
     for start in ("all", "auto"):
@@ -39,11 +48,15 @@ def test_slip_counts_from_where_the_body_was(law):
     for names, tolerance in ((("pressure", "shear"), 1e-6), (("u_n", "u_t"), 1e-9)):
         size = max(np.abs(tables[0][name]).max() for name in names)
         for name in names:
-            np.testing.assert_allclose(tables[1][name], tables[0][name], rtol=0, atol=tolerance * size)
+            np.testing.assert_allclose(
+                tables[1][name], tables[0][name], rtol=0, atol=tolerance * size
+            )
 
 
 def friction_circle(friction):
-    """The largest distance from the middle of the pin at which a load passes that friction at one point can hold."""
+    """The largest distance from the middle of the pin at which a load passes that friction at one
+    point can hold.
+    """
     return RADIUS * np.sin(np.arctan(friction))
 
 
@@ -51,7 +64,9 @@ def friction_circle(friction):
 @pytest.mark.mpi(slow=True)
 @pytest.mark.parametrize("method", [{}, {"coulomb": "newton"}, {"algorithm": "alm"}])
 def test_a_lug_on_a_pin_with_clearance(method):
-    """Nothing touches at first, and normals do not hold it: friction must, where the lug comes to touch the pin."""
+    """Nothing touches at first, and normals do not hold it: friction must, where the lug comes to
+    touch the pin.
+    """
     slope = 0.06
     assert ARM * slope / np.hypot(1, slope) < friction_circle(0.3)
     solution = solve(lug(slope, **method))
@@ -63,8 +78,12 @@ def test_a_lug_on_a_pin_with_clearance(method):
 
 @pytest.mark.parametrize("walls", [("bottom", "left"), ("bottom", "left", "right")])
 def test_a_block_that_friction_keeps_in_its_corner(walls):
-    """Pushed off a wall, it would open without friction: the start is not the problem without it."""
-    contacts = [{"boundary": wall, "friction": {"law": "coulomb", "coefficient": 0.3}} for wall in walls]
+    """Pushed off a wall, it would open without friction: the start is not the problem without
+    it.
+    """
+    contacts = [
+        {"boundary": wall, "friction": {"law": "coulomb", "coefficient": 0.3}} for wall in walls
+    ]
     if len(walls) > 2:
         contacts[2]["gap"] = 1.0
     scene = parse_scene(
@@ -82,9 +101,14 @@ def test_a_block_that_friction_keeps_in_its_corner(walls):
 
 @pytest.mark.parametrize("distance", [1e4, 1e5, 1e6, 1e7])
 def test_a_foundation_far_away_costs_no_digits(distance):
-    """The first solve reaches for the foundation, and the next one comes back with round-off of that displacement."""
+    """The first solve reaches for the foundation, and the next one comes back with round-off of
+    that displacement.
+    """
     scene = {
-        "mesh": {"generator": "rectangle", "parameters": {"length": 1.0, "height": 1.0, "nx": 4, "ny": 4}},
+        "mesh": {
+            "generator": "rectangle",
+            "parameters": {"length": 1.0, "height": 1.0, "nx": 4, "ny": 4},
+        },
         "material": {"young": 1.0, "poisson": 0.3, "hypothesis": "plane stress"},
         "displacement": [{"boundary": "left", "x": 0.0}, {"boundary": "top", "y": 0.0}],
         "traction": {"boundary": "right", "x": 1e-2},
@@ -93,16 +117,28 @@ def test_a_foundation_far_away_costs_no_digits(distance):
     }
     solution = solve(parse_scene(scene))
     assert solution.certificate.holds
-    assert solution.table.columns["u_n"] == pytest.approx(-3e-3, rel=1e-9)  # poisson * traction / young
+    assert solution.table.columns["u_n"] == pytest.approx(
+        -3e-3, rel=1e-9
+    )  # poisson * traction / young
 
 
 @pytest.mark.parametrize("law", [{}, {"law": "neo-hooke"}], ids=["linear", "neo-hooke"])
 def test_a_tool_that_has_not_arrived_adheres_to_nothing(law):
-    """Friction with cohesion needs contact: under a curved tool that comes nearer, nothing acts and nothing moves."""
-    circle = {"shape": "circle", "centre": [1.0, 1.335], "radius": 0.3, "shift": ["0.01*t", "-0.02*t"]}
+    """Friction with cohesion needs contact: under a curved tool that comes nearer, nothing acts and
+    nothing moves.
+    """
+    circle = {
+        "shape": "circle",
+        "centre": [1.0, 1.335],
+        "radius": 0.3,
+        "shift": ["0.01*t", "-0.02*t"],
+    }
     scene = parse_scene(
         {
-            "mesh": {"generator": "rectangle", "parameters": {"length": 2.0, "height": 1.0, "nx": 4, "ny": 2}},
+            "mesh": {
+                "generator": "rectangle",
+                "parameters": {"length": 2.0, "height": 1.0, "nx": 4, "ny": 2},
+            },
             "material": {"young": 1.0, "poisson": 0.3, **law},
             "displacement": {"boundary": "bottom", "x": 0.0, "y": 0.0},
             "contact": {

@@ -10,13 +10,19 @@ from signorini_fx.scenes.reading import parse_scene
 
 @pytest.mark.parametrize("length", [1e-3, 1e3])
 def test_path_following_has_no_unit(length):
-    """The path begins at a share of E over the size of the body, and ends at the same gamma times the size."""
+    """The path begins at a share of E over the size of the body, and ends at the same gamma times
+    the size.
+    """
     scenes = (
-        example1(bound=1.5, nx=30, ny=10, gamma="auto", algorithm="path-following", length_unit=unit)
+        example1(
+            bound=1.5, nx=30, ny=10, gamma="auto", algorithm="path-following", length_unit=unit
+        )
         for unit in (1.0, length)
     )
     here, there = (alone(scene) for scene in scenes)
-    ours, theirs = ([record.gamma_n for record in solution.history.outer] for solution in (there, here))
+    ours, theirs = (
+        [record.gamma_n for record in solution.history.outer] for solution in (there, here)
+    )
     np.testing.assert_allclose(np.array(ours) * length, theirs, rtol=1e-6)
 
 
@@ -27,13 +33,18 @@ def test_a_loose_body_without_load_is_not_at_rest():
 
 
 def test_cooling_on_a_foundation_with_cohesion():
-    """Nothing presses on the body: while springs hold it, no motion is free, and the iteration ends in an outcome."""
+    """Nothing presses on the body: while springs hold it, no motion is free, and the iteration ends
+    in an outcome.
+    """
     scene = {
         "mesh": {"generator": "rectangle", "parameters": {"nx": 3, "ny": 1}},
         "material": {"young": 1000.0, "poisson": 0.3, "expansion": 1.0},
         "displacement": {"boundary": "right", "y": 0.0},
         "temperature": {"change": -0.003},
-        "contact": {"boundary": "bottom", "friction": {"law": "coulomb", "coefficient": 1.4, "cohesion": 0.5}},
+        "contact": {
+            "boundary": "bottom",
+            "friction": {"law": "coulomb", "coefficient": 1.4, "cohesion": 0.5},
+        },
     }
     solution = alone(parse_scene(scene), check=False)
     assert solution.status is Status.OUTER_MAX_ITERATIONS

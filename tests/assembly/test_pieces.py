@@ -1,7 +1,8 @@
-"""Bodies in several pieces: which pieces there are, how they can move without strain, and that each is solved right.
+"""Bodies in several pieces: which pieces there are, how they can move without strain, and that each
+is solved right.
 
-The oracles share nothing with what they judge: the null space of the assembled stiffness matrix, and each piece solved
-alone as a body of one piece.
+The oracles share nothing with what they judge: the null space of the assembled stiffness matrix,
+and each piece solved alone as a body of one piece.
 """
 
 import numpy as np
@@ -19,7 +20,7 @@ from signorini_fx.scenes.solver import solve
 WORLD = MPI.COMM_WORLD
 UPPER, LOWER = Box("upper", 0.0, 1.0, 2.0, 1.0, 6, 3), Box("lower", 0.5, 0.0, 1.0, 1.0, 4, 4)
 BESIDE = Box("beside", 2.0, 2.0, 1.0, 1.5)
-# --- which pieces there are ------------------------------------------------------------------------------------------
+# --- which pieces there are -----------------------------------------------------------------------
 
 
 @pytest.mark.mpi
@@ -52,7 +53,9 @@ def test_a_hinge_is_refused():
     ],
 )
 def test_fewer_cells_than_ranks(floor, slope):
-    """A rank without cells takes part, and says the same, also where a shape is looked for in the body."""
+    """A rank without cells takes part, and says the same, also where a shape is looked for in the
+    body.
+    """
     mesh = boxes_mesh(WORLD, [Box("only", 0.0, 0.0, 2.0, 1.0, 1, 1)])
     scene = scene_on(
         mesh,
@@ -72,7 +75,7 @@ def test_fewer_cells_than_ranks(floor, slope):
     assert abs(along) <= 10.0 * slope + 1e-9
 
 
-# --- motions without strain ------------------------------------------------------------------------------------------
+# --- motions without strain -----------------------------------------------------------------------
 
 
 def random_bodies(rng):
@@ -90,13 +93,15 @@ def random_bodies(rng):
     return boxes, supports
 
 
-# --- each piece is solved right --------------------------------------------------------------------------------------
+# --- each piece is solved right -------------------------------------------------------------------
 
 LINEAR_ALGEBRA = ["full", "condensed", "krylov"]
 
 
 def two_pieces(comm, **effects):
-    """A body held and pressed onto another one of which the mesh knows nothing: no node is shared."""
+    """A body held and pressed onto another one of which the mesh knows nothing: no node is
+    shared.
+    """
     mesh = boxes_mesh(comm, [UPPER, LOWER])
     return scene_on(
         mesh,
@@ -129,12 +134,22 @@ def test_a_piece_that_nothing_holds(linear_algebra, algorithm, gap):
 
 
 def random_piece(rng, name, place):
-    """A box on a foundation of its own: held by supports, by contact alone, by friction, by both, or not at all."""
+    """A box on a foundation of its own: held by supports, by contact alone, by friction, by both,
+    or not at all.
+    """
     width, height = rng.uniform(0.6, 2.0, 2)
-    box = Box(name, place, float(rng.uniform(0.0, 3.0)), width, height, *map(int, rng.integers(3, 7, 2)))
-    kind = rng.choice(["support", "sides", "friction", "rough", "nothing"], p=[0.25, 0.25, 0.2, 0.2, 0.1])
+    box = Box(
+        name, place, float(rng.uniform(0.0, 3.0)), width, height, *map(int, rng.integers(3, 7, 2))
+    )
+    kind = rng.choice(
+        ["support", "sides", "friction", "rough", "nothing"], p=[0.25, 0.25, 0.2, 0.2, 0.1]
+    )
     press, push = -float(rng.uniform(1.0, 10.0)), float(rng.choice([0.0, 0.3]))
-    effects = {"traction": [{"boundary": f"top {name}", "x": push, "y": press}], "displacement": [], "contact": []}
+    effects = {
+        "traction": [{"boundary": f"top {name}", "x": push, "y": press}],
+        "displacement": [],
+        "contact": [],
+    }
     if kind in ("support", "sides"):
         components = {"x": 0.0, "y": 0.0} if kind == "support" else {"x": 0.0}
         effects["displacement"] = [{"boundary": f"left {name}", **components}]
@@ -151,7 +166,9 @@ def random_piece(rng, name, place):
 @pytest.mark.mpi
 @pytest.mark.parametrize("seed", range(16))
 def test_pieces_together_are_as_each_alone(seed):
-    """Pieces that share nothing: the same outcome, pressure, shear and energy as each of them alone."""
+    """Pieces that share nothing: the same outcome, pressure, shear and energy as each of them
+    alone.
+    """
     rng = np.random.default_rng(100 + seed)
     bodies = [random_piece(rng, f"b{k}", 3.0 * k) for k in range(int(rng.integers(2, 5)))]
     solver = {
@@ -161,7 +178,11 @@ def test_pieces_together_are_as_each_alone(seed):
         "gamma_t": 1e7,
     }
     alone = [
-        solve(scene_on(boxes_mesh(MPI.COMM_SELF, [box]), solver=solver, **effects), MPI.COMM_SELF, check=False)
+        solve(
+            scene_on(boxes_mesh(MPI.COMM_SELF, [box]), solver=solver, **effects),
+            MPI.COMM_SELF,
+            check=False,
+        )
         for box, effects in bodies
     ]
     merged = {key: [e for _, effects in bodies for e in effects[key]] for key in bodies[0][1]}
@@ -182,18 +203,23 @@ def test_pieces_together_are_as_each_alone(seed):
             np.testing.assert_allclose(found[name], wanted, rtol=0, atol=1e-7 * scale)
 
 
-# --- held or not ------------------------------------------------------------------------------------------------------
+# --- held or not ----------------------------------------------------------------------------------
 
 
 def dense_of(d, law):
-    """The stiffness of the whole body, and rows that contact adds: normals, and tangents where there is friction."""
+    """The stiffness of the whole body, and rows that contact adds: normals, and tangents where
+    there is friction.
+    """
     rows = np.arange(d.dofs, dtype=np.int32)
     matrix, boundary = d.stiffness.getValues(rows, rows), d.boundary
     held = [boundary.normal, boundary.tangents[:, :, 0]] if law else [boundary.normal]
     traces = np.zeros((len(held) * boundary.size, d.dofs))
     for number, direction in enumerate(held):
         for component in range(2):
-            here = (np.arange(boundary.size) + number * boundary.size, 2 * boundary.nodes + component)
+            here = (
+                np.arange(boundary.size) + number * boundary.size,
+                2 * boundary.nodes + component,
+            )
             traces[here] = direction[:, component] * boundary.free[:, component]
     return matrix, traces
 
@@ -205,15 +231,21 @@ def random_row(seed):
     friction = {"friction": {"law": "tresca", "bound": 5.0}} if seed % 2 else {}
     chosen = [box.name for box in boxes if rng.random() < 0.8] or [boxes[0].name]
     effects = {
-        "displacement": [support for support in supports if not support["boundary"].startswith("bottom")],
+        "displacement": [
+            support for support in supports if not support["boundary"].startswith("bottom")
+        ],
         "contact": [{"boundary": f"bottom {name}", **friction} for name in chosen],
-        "traction": [{"boundary": f"top {box.name}", "y": -float(rng.uniform(0.5, 2.0))} for box in boxes],
+        "traction": [
+            {"boundary": f"top {box.name}", "y": -float(rng.uniform(0.5, 2.0))} for box in boxes
+        ],
     }
     return lambda comm: scene_on(boxes_mesh(comm, boxes), **effects)
 
 
 def regular(scene):
-    """Whether the matrix of all unknowns, with contact and stick at every node, has no null space."""
+    """Whether the matrix of all unknowns, with contact and stick at every node, has no null
+    space.
+    """
     d = prepare(scene.statement, scene.mesh, Timings())
     matrix, traces = dense_of(d, law=scene.statement.has_friction)
     values = np.linalg.eigvalsh(matrix + 1000.0 * traces.T @ traces)

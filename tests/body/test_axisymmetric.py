@@ -25,8 +25,15 @@ ELEMENTS = [("quadrilateral", 1), ("quadrilateral", 2), ("triangle", 1), ("trian
 
 def scene(tagged, degree=1, material=None, **more):
     """An axisymmetric body."""
-    material = {"young": YOUNG, "poisson": POISSON, "hypothesis": "axisymmetric", **(material or {})}
-    return parse_scene({"mesh": tagged, "element": {"degree": degree}, "material": material, **more})
+    material = {
+        "young": YOUNG,
+        "poisson": POISSON,
+        "hypothesis": "axisymmetric",
+        **(material or {}),
+    }
+    return parse_scene(
+        {"mesh": tagged, "element": {"degree": degree}, "material": material, **more}
+    )
 
 
 def nodes(solution):
@@ -35,7 +42,7 @@ def nodes(solution):
     return x, solution.displacement.x.array.reshape(len(x), -1)
 
 
-# --- exact states ----------------------------------------------------------------------------------------------------
+# --- exact states ---------------------------------------------------------------------------------
 
 
 @pytest.mark.one_quick
@@ -43,7 +50,9 @@ def nodes(solution):
 @pytest.mark.parametrize("linear_algebra", ["full", "condensed", "krylov"])
 @pytest.mark.parametrize(("cells", "degree"), ELEMENTS)
 def test_pressed_cylinder(cells, degree, linear_algebra):
-    """A cylinder that is pressed on a plane: y = (nu p r, -p z) / E, pressure p, force pi R^2 p, no hoop stress."""
+    """A cylinder that is pressed on a plane: y = (nu p r, -p z) / E, pressure p, force pi R^2 p, no
+    hoop stress.
+    """
     if linear_algebra == "condensed" and COMM.size > 1:
         pytest.skip("condensation is for one rank")
     p, radius = 3.0, 2.0
@@ -84,14 +93,19 @@ TOP = {"shape": "plane", "point": [0.0, 1.0], "normal": [0.0, -1.0]}
     [("full", "triangle", 1), ("condensed", "quadrilateral", 2), ("krylov", "quadrilateral", 1)],
 )
 def test_cylinder_pressed_by_a_force(linear_algebra, cells, degree):
-    """A plate that a force moves, and nothing else holds but the cylinder on its ground: the same exact state."""
+    """A plate that a force moves, and nothing else holds but the cylinder on its ground: the same
+    exact state.
+    """
     if linear_algebra == "condensed" and COMM.size > 1:
         pytest.skip("condensation is for one rank")
     p = 3.0
     total = np.pi * 2.0**2 * p
 
     def given(force):
-        contact = [{"boundary": "bottom"}, {"boundary": "top", "foundation": {**TOP, "force": [0.0, force]}}]
+        contact = [
+            {"boundary": "bottom"},
+            {"boundary": "top", "foundation": {**TOP, "force": [0.0, force]}},
+        ]
         solver = {"algorithm": "alm", "linear_algebra": linear_algebra, "tolerance": 1e-11}
         return scene(section(cells=cells), degree, contact=contact, solver=solver)
 
@@ -100,11 +114,15 @@ def test_cylinder_pressed_by_a_force(linear_algebra, cells, degree):
     expected = np.column_stack((POISSON * p * x[:, 0], -p * x[:, 1])) / YOUNG
     assert np.abs(y - expected).max(initial=0.0) <= 1e-8 * p / YOUNG
     (tool,) = solution.last_step.tools
-    assert np.append(tool.translation, tool.rotation) == pytest.approx([0.0, -p / YOUNG, 0.0], rel=1e-8, abs=1e-14)
+    assert np.append(tool.translation, tool.rotation) == pytest.approx(
+        [0.0, -p / YOUNG, 0.0], rel=1e-8, abs=1e-14
+    )
     row = tool.as_dict(solution.contact, solution.statement.contact, AXISYMMETRIC)
     assert [*row["force"], row["moment"]] == pytest.approx([0.0, total, 0.0], rel=1e-9)
     tagged, tractions = solution.model.tagged, Tractions.of(solution.contact)
-    judged = certify(given(-1.01 * total).statement, tagged, solution.displacement, tractions, rigid=(tool,))
+    judged = certify(
+        given(-1.01 * total).statement, tagged, solution.displacement, tractions, rigid=(tool,)
+    )
     assert judged.equilibrium > 1e-3
     with pytest.raises(ConvergenceError) as raised:
         solve(given(total))
@@ -118,7 +136,9 @@ def test_squeezed_cylinder(cells, degree):
     """Under pressure all around: the stress is the same in all directions, on the axis too."""
     p = 3.0
     loads = [{"boundary": side, "pressure": p} for side in ("top", "outside")]
-    given = scene(section(cells=cells), degree, displacement={"boundary": "bottom", "y": 0.0}, traction=loads)
+    given = scene(
+        section(cells=cells), degree, displacement={"boundary": "bottom", "y": 0.0}, traction=loads
+    )
     solution = solve(given, COMM, check=False)
     x, y = nodes(solution)
     assert np.abs(y + (1 - 2 * POISSON) * p / YOUNG * x[:, :2]).max(initial=0.0) <= 1e-11
@@ -128,8 +148,13 @@ def test_squeezed_cylinder(cells, degree):
 
 
 def lame(inside, outside, p, r):
-    """Radial and hoop stress of a thick cylinder with free ends under a pressure inside, and its displacement."""
-    a, b = p * inside**2 / (outside**2 - inside**2), p * inside**2 * outside**2 / (outside**2 - inside**2)
+    """Radial and hoop stress of a thick cylinder with free ends under a pressure inside, and its
+    displacement.
+    """
+    a, b = (
+        p * inside**2 / (outside**2 - inside**2),
+        p * inside**2 * outside**2 / (outside**2 - inside**2),
+    )
     return a - b / r**2, a + b / r**2, ((1 - POISSON) * a * r + (1 + POISSON) * b / r) / YOUNG
 
 
@@ -156,7 +181,9 @@ def thick_cylinder(cells, degree, n, comm=COMM):
 @pytest.mark.mpi
 @pytest.mark.parametrize(("cells", "degree"), ELEMENTS)
 def test_thick_cylinder(cells, degree):
-    """Lame: the displacement converges with one order more than the degree, the hoop stress is right."""
+    """Lame: the displacement converges with one order more than the degree, the hoop stress is
+    right.
+    """
     errors = [thick_cylinder(cells, degree, n)[0] for n in (16, 32)]
     assert errors[1] < (1e-3 if degree == 1 else 1e-5)
     assert np.log2(errors[0] / errors[1]) > degree + 1 - 0.35
@@ -166,17 +193,25 @@ def test_thick_cylinder(cells, degree):
 def test_thick_sphere():
     """Lame: a hollow ball under a pressure inside, half of it on a plane of symmetry."""
     inner, outer, p = 1.0, 2.0, 3.0
-    mesh = dmesh.create_rectangle(MPI.COMM_SELF, [(inner, 0.0), (outer, 1.0)], (12, 24), dmesh.CellType.quadrilateral)
+    mesh = dmesh.create_rectangle(
+        MPI.COMM_SELF, [(inner, 0.0), (outer, 1.0)], (12, 24), dmesh.CellType.quadrilateral
+    )
     radius, angle = mesh.geometry.x[:, 0].copy(), np.pi / 2 * mesh.geometry.x[:, 1].copy()
     mesh.geometry.x[:, 0], mesh.geometry.x[:, 1] = radius * np.cos(angle), radius * np.sin(angle)
-    # A vertex is on the inner sphere, the outer one, or the plane of symmetry; what is left is the axis.
+    # A vertex is on the inner sphere, the outer one, or the plane of symmetry; what is left is the
+    # axis.
     sides = {
         "inside": lambda x: np.hypot(x[0], x[1]) < inner + 1e-9,
         "outside": lambda x: np.hypot(x[0], x[1]) > outer - 1e-9,
         "equator": lambda x: x[1] < 1e-9,
     }
     held = {"boundary": "equator", "y": 0.0}
-    given = scene(tag_boundaries(mesh, sides), 1, displacement=held, traction={"boundary": "inside", "pressure": p})
+    given = scene(
+        tag_boundaries(mesh, sides),
+        1,
+        displacement=held,
+        traction={"boundary": "inside", "pressure": p},
+    )
     solution = alone(given, check=False)
     assert solution.certificate.holds
     x, y = nodes(solution)
@@ -192,7 +227,7 @@ def test_thick_sphere():
     assert hoop.x.array[cells].mean(axis=1) == pytest.approx(expected, rel=0.04)
 
 
-# --- contact ---------------------------------------------------------------------------------------------------------
+# --- contact --------------------------------------------------------------------------------------
 
 
 def graded(size, cells, power, kind="quadrilateral", comm=COMM):
@@ -212,7 +247,11 @@ def test_hertz(degree):
         degree,
         {"young": young},
         displacement={"boundary": "top", "y": -down},
-        contact={"boundary": "bottom", "gap": f"x[0]**2 / (2 * {radius})", "direction": [0.0, -1.0]},
+        contact={
+            "boundary": "bottom",
+            "gap": f"x[0]**2 / (2 * {radius})",
+            "direction": [0.0, -1.0],
+        },
     )
     solution = solve(given, COMM, check=False)
     assert solution.converged
@@ -229,24 +268,34 @@ def test_hertz(degree):
     # On the surface at the centre both lateral stresses are - (1 + 2 nu) / 2 times the pressure.
     stress = solution.stress.recovered
     deepest = stress.smallest("zz")
-    assert deepest.value == pytest.approx(-(1 + 2 * POISSON) / 2 * 1.5 * force / (np.pi * a**2), rel=0.06)
+    assert deepest.value == pytest.approx(
+        -(1 + 2 * POISSON) / 2 * 1.5 * force / (np.pi * a**2), rel=0.06
+    )
 
 
 @pytest.mark.mpi
 def test_flat_punch():
-    """A rigid flat punch with a sharp edge: F = 2 a E d / (1 - nu^2) on a half-space; here the body is finite."""
+    """A rigid flat punch with a sharp edge: F = 2 a E d / (1 - nu^2) on a half-space; here the body
+    is finite.
+    """
     young, size, punch, down = 1000.0, 40.0, 1.0, 0.001
     given = scene(
         graded(size, 48, 3.0),
         1,
         {"young": young},
         displacement={"boundary": "top", "y": -down},
-        contact={"boundary": "bottom", "gap": f"0 if x[0] <= {punch} else 1", "direction": [0.0, -1.0]},
+        contact={
+            "boundary": "bottom",
+            "gap": f"0 if x[0] <= {punch} else 1",
+            "direction": [0.0, -1.0],
+        },
     )
     solution = solve(given, COMM, check=False)
     assert solution.certificate.holds
     force = solution.contact.forces[0][1]
-    reach = COMM.allreduce(solution.contact.boundary.x[solution.contact.in_contact, 0].max(initial=0.0), op=MPI.MAX)
+    reach = COMM.allreduce(
+        solution.contact.boundary.x[solution.contact.in_contact, 0].max(initial=0.0), op=MPI.MAX
+    )
     # The last node in contact stands for a punch that ends half a cell farther out.
     assert force == pytest.approx(2 * reach * young * down / (1 - POISSON**2), rel=0.08)
     r, pressure = solution.contact.boundary.x[:, 0], solution.contact.pressure
@@ -257,7 +306,9 @@ def test_flat_punch():
 
 @pytest.mark.mpi
 def test_friction_on_the_axis():
-    """A disc between rough plates is barrelled: friction acts along the radius, and all conditions hold."""
+    """A disc between rough plates is barrelled: friction acts along the radius, and all conditions
+    hold.
+    """
     rough = {"law": "coulomb", "coefficient": 0.2}
     given = scene(
         section(counts=(16, 8)),
@@ -271,12 +322,14 @@ def test_friction_on_the_axis():
     assert COMM.allreduce(np.abs(solution.contact.shear).max(initial=0.0), op=MPI.MAX) > 0.1
 
 
-# --- the independent check, and what is said --------------------------------------------------------------------------
+# --- the independent check, and what is said ------------------------------------------------------
 
 
 @pytest.mark.parametrize("degree", [1, 2])
 def test_rotating_disc(degree):
-    """A thin solid disc: hoop and radial stress at its centre are (3 + nu) / 8 rho omega^2 R^2, with free faces."""
+    """A thin solid disc: hoop and radial stress at its centre are (3 + nu) / 8 rho omega^2 R^2,
+    with free faces.
+    """
     radius, density, speed = 2.0, 3.0, 1.5
     thin = section(0.0, radius, 0.02, "quadrilateral", (32, 1), MPI.COMM_SELF)
     given = scene(
@@ -293,7 +346,9 @@ def test_rotating_disc(degree):
         assert solution.stress.recovered.largest(name).value == pytest.approx(expected, rel=0.01)
     x, y = nodes(solution)
     rim = y[np.abs(x[:, 0] - radius) < 1e-9, 0]
-    assert rim == pytest.approx((1 - POISSON) * density * speed**2 * radius**3 / (4 * YOUNG), rel=0.01)
+    assert rim == pytest.approx(
+        (1 - POISSON) * density * speed**2 * radius**3 / (4 * YOUNG), rel=0.01
+    )
 
 
 @pytest.mark.mpi
@@ -318,13 +373,22 @@ def test_only_motion_along_the_axis_is_free(held, free):
 
 
 REFUSED = {
-    "negative radius": ({"mesh": (-1.0, 1.0)}, r"mesh: has points with x\[0\] = -1: it is the radius"),
-    "rotation": ({"displacement": {"boundary": "top", "rotation": 1.0}}, r"rotation: is no axisymmetric motion"),
+    "negative radius": (
+        {"mesh": (-1.0, 1.0)},
+        r"mesh: has points with x\[0\] = -1: it is the radius",
+    ),
+    "rotation": (
+        {"displacement": {"boundary": "top", "rotation": 1.0}},
+        r"rotation: is no axisymmetric motion",
+    ),
     "up": (
         {"fluid": {"boundary": "outside", "level": 1.0, "weight": 1.0, "up": "x"}},
         r"fluid\.up: must be along the axis of the body: y",
     ),
-    "axis": ({"material": {"density": 1.0}, "rotation": {"speed": 1.0}}, r"rotation: must be that of the body: axis"),
+    "axis": (
+        {"material": {"density": 1.0}, "rotation": {"speed": 1.0}},
+        r"rotation: must be that of the body: axis",
+    ),
 }
 
 

@@ -1,4 +1,6 @@
-"""The mixed element with shortened sections: exact states, statics of a bolted joint, and displacements alone."""
+"""The mixed element with shortened sections: exact states, statics of a bolted joint, and
+displacements alone.
+"""
 
 import numpy as np
 import pytest
@@ -26,11 +28,15 @@ MIXED = {"degree": 2, "volumetric": "mixed"}
     ],
 )
 def test_shortened_bar(cell, poisson, heat, unit):
-    """A bar between walls, in plane strain, heated by e and shortened by s: E (s / l - (1 + nu) e) / (1 - nu^2)."""
+    """A bar between walls, in plane strain, heated by e and shortened by s: E (s / l - (1 + nu) e)
+    / (1 - nu^2).
+    """
     tagged, shortened, young, length = uneven(cell, COMM, unit), 0.06 * unit, 10.0, 3.0 * unit
     dim = tagged.dimension
     point = np.array([1.6, 0.5, 0.5])[:dim] * unit
-    walls = [("low0", "x"), ("high0", "x"), ("low1", "y"), ("low2", "z"), ("high2", "z")][: 2 * dim - 1]
+    walls = [("low0", "x"), ("high0", "x"), ("low1", "y"), ("low2", "z"), ("high2", "z")][
+        : 2 * dim - 1
+    ]
     scene = parse_scene(
         {
             "mesh": tagged,
@@ -38,7 +44,11 @@ def test_shortened_bar(cell, poisson, heat, unit):
             "material": {"young": young, "poisson": poisson, "expansion": 0.01},
             "displacement": [{"boundary": side, axis: 0.0} for side, axis in walls],
             **({"temperature": {"change": heat / 0.01}} if heat else {}),
-            "preload": {"point": point.tolist(), "axis": [2.0, 0.0, 0.0][:dim], "shortening": shortened},
+            "preload": {
+                "point": point.tolist(),
+                "axis": [2.0, 0.0, 0.0][:dim],
+                "shortening": shortened,
+            },
         }
     )
     solution = solve(scene, COMM)
@@ -50,7 +60,9 @@ def test_shortened_bar(cell, poisson, heat, unit):
     tensor = solution.stress.tensor.x.array.reshape(-1, 3, 3)
     expected = np.diag([sigma, 0.0, out])
     np.testing.assert_allclose(tensor, np.broadcast_to(expected, tensor.shape), atol=1e-8)
-    pressure = young / (1 + poisson) * (across - heat) + young / (1 + poisson) * heat  # sigma_yy = 0
+    pressure = (
+        young / (1 + poisson) * (across - heat) + young / (1 + poisson) * heat
+    )  # sigma_yy = 0
     np.testing.assert_allclose(solution.displacement.hydrostatic.x.array, pressure, rtol=1e-8)
     energy = 3.0 * unit**dim * (sigma * (strain - heat) - out * heat) / 2
     assert solution.last_step.strain_energy == pytest.approx(energy, rel=1e-9)
@@ -63,9 +75,13 @@ def test_shortened_bar(cell, poisson, heat, unit):
 
 @pytest.mark.one_quick
 @pytest.mark.mpi(slow=True)
-@pytest.mark.parametrize(("cell", "unit"), [("triangle", (1.0, 1.0)), ("quadrilateral", (1e-6, 1e3))])
+@pytest.mark.parametrize(
+    ("cell", "unit"), [("triangle", (1.0, 1.0)), ("quadrilateral", (1e-6, 1e3))]
+)
 def test_bolted_joint(cell, unit):
-    """Of rubber, tightened by a force and then pulled: forces of statics, with friction between bolt and sleeves."""
+    """Of rubber, tightened by a force and then pulled: forces of statics, with friction between
+    bolt and sleeves.
+    """
     friction = {"law": "coulomb", "coefficient": 0.2}
     element = {"element": MIXED}
     solution = solve(clamped(cell, unit=unit, poisson=0.5, friction=friction, more=element), COMM)

@@ -1,4 +1,6 @@
-"""Where the stress has no limit as the mesh is refined: what is said against what four meshes show."""
+"""Where the stress has no limit as the mesh is refined: what is said against what four meshes
+show.
+"""
 
 import numpy as np
 import pytest
@@ -36,9 +38,13 @@ def said(scene, place, comm=COMM):
     return why_no_limit(prepare(scene.statement, load_mesh(scene, comm), Timings()), place)
 
 
-@pytest.mark.parametrize(("displacement", "end"), [(CLAMPED, "it is at the end of the boundary left"), (ROLLERS, None)])
+@pytest.mark.parametrize(
+    ("displacement", "end"), [(CLAMPED, "it is at the end of the boundary left"), (ROLLERS, None)]
+)
 def test_what_is_said_is_what_meshes_show(displacement, end):
-    """At the corner of a clamped end the stress grows by a tenth and more each time; between rollers it does not."""
+    """At the corner of a clamped end the stress grows by a tenth and more each time; between
+    rollers it does not.
+    """
     scenes = [block(displacement, n) for n in (4, 8, 16, 32)]
     found = [solve(scene, MPI.COMM_SELF).stress for scene in scenes]
     growth = np.diff(np.log([one.largest().value for one in found]))
@@ -58,7 +64,11 @@ def test_what_is_said_is_what_meshes_show(displacement, end):
         ({"displacement": CLAMPED}, (0.0, 0.0), "it is at the end of the boundary left"),
         ({"displacement": CLAMPED}, (0.0, 0.5), None),
         ({"displacement": CLAMPED, "mesh": FLAT_CELLS}, (0.0, 0.5), None),
-        ({"displacement": CLAMPED, "mesh": FLAT_CELLS}, (0.0, 0.25), "it is at the end of the boundary left"),
+        (
+            {"displacement": CLAMPED, "mesh": FLAT_CELLS},
+            (0.0, 0.25),
+            "it is at the end of the boundary left",
+        ),
         ({"displacement": CLAMPED}, (2.0, 0.0), None),
         ({"displacement": CLAMPED}, (1.0, 0.5), None),
         ({"displacement": ROLLERS}, (0.0, 0.0), None),

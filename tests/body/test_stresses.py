@@ -1,4 +1,6 @@
-"""Stresses and what follows from them against exact states: Lame's cylinder, made-up displacements, two materials."""
+"""Stresses and what follows from them against exact states: Lame's cylinder, made-up displacements,
+two materials.
+"""
 
 import numpy as np
 import pytest
@@ -32,7 +34,9 @@ def cylinder(degree, size, cell="triangle", hypothesis="plane strain"):
 
 
 def lame(x, hypothesis="plane strain"):
-    """The exact stress, shape (n, 3, 3), and its principal stresses, largest first, shape (n, 3)."""
+    """The exact stress, shape (n, 3, 3), and its principal stresses, largest first, shape (n,
+    3).
+    """
     arms = x[:, :2] - [0.0, OUTER]
     r = np.hypot(*arms.T)
     mean = PRESSURE * INNER**2 / (OUTER**2 - INNER**2)
@@ -54,11 +58,15 @@ def mises_of(principal):
 
 
 def errors_of(stresses, hypothesis="plane strain"):
-    """Largest error at the nodes of each field, relative to the largest exact value of the same kind."""
+    """Largest error at the nodes of each field, relative to the largest exact value of the same
+    kind.
+    """
     x = stresses.tensor.function_space.tabulate_dof_coordinates()
     sigma, principal = lame(x, hypothesis)
     mises = mises_of(principal)
-    density = mises**2 * (1 + POISSON) / (3 * YOUNG)  # Huber and von Mises: (1 + nu) / (3 E) times its square
+    density = (
+        mises**2 * (1 + POISSON) / (3 * YOUNG)
+    )  # Huber and von Mises: (1 + nu) / (3 E) times its square
     pairs = {
         "tensor": (stresses.tensor, sigma),
         "von Mises": (stresses.von_mises, mises),
@@ -79,16 +87,22 @@ def errors_of(stresses, hypothesis="plane strain"):
 @pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
 @pytest.mark.parametrize("hypothesis", ["plane strain", "plane stress"])
 def test_pressed_cylinder(hypothesis, cell):
-    """Every field has the stress of Lame, raw and recovered, and at its worst node an error that falls with h."""
+    """Every field has the stress of Lame, raw and recovered, and at its worst node an error that
+    falls with h.
+    """
     coarse, fine = (solve(cylinder(2, size, cell, hypothesis), COMM).stress for size in (0.4, 0.1))
     for one, other in ((coarse, fine), (coarse.recovered, fine.recovered)):
         before, after = errors_of(one, hypothesis), errors_of(other, hypothesis)
         for name, error in after.items():
             assert error < 0.01, name
-            # h^2 in the mean; the largest error of all nodes, on meshes that are not similar, falls at least with h.
+            # h^2 in the mean; the largest error of all nodes, on meshes that are not similar, falls
+            # at least with h.
             assert error < max(before[name] / 4, 1e-12), name
     # The recovered stress is the better one: its largest error is a half to a quarter of the other.
-    assert errors_of(fine.recovered, hypothesis)["tensor"] < 0.65 * errors_of(fine, hypothesis)["tensor"]
+    assert (
+        errors_of(fine.recovered, hypothesis)["tensor"]
+        < 0.65 * errors_of(fine, hypothesis)["tensor"]
+    )
 
 
 @pytest.mark.mpi
@@ -102,8 +116,12 @@ def test_extremes_and_estimate(degree):
     for one in (found, found.recovered):
         largest = one.largest("principal", 0)
         assert largest.value == pytest.approx(hoop, rel={1: 0.1, 2: 0.01}[degree])
-        assert np.hypot(largest.place[0], largest.place[1] - OUTER) == pytest.approx(INNER, rel=0.01)
-        assert one.largest("zz").value == pytest.approx(2 * POISSON * mean, rel={1: 0.8, 2: 0.06}[degree])
+        assert np.hypot(largest.place[0], largest.place[1] - OUTER) == pytest.approx(
+            INNER, rel=0.01
+        )
+        assert one.largest("zz").value == pytest.approx(
+            2 * POISSON * mean, rel={1: 0.8, 2: 0.06}[degree]
+        )
         assert COMM.bcast(largest) == largest
     # The exact energy: half the pressure times the widening of the hole.
     widening = PRESSURE * INNER * (1 + POISSON) / YOUNG * ((1 - 2 * POISSON) * INNER**2 + OUTER**2)
@@ -114,10 +132,19 @@ def test_extremes_and_estimate(degree):
 
 
 def quadratic(degree, comm):
-    """Displacements of degree 2 in a box, given on all sides, with the body force that holds them in balance."""
-    moves = {"x": "1e-3 * x[0] * x[1]", "y": "2e-3 * x[2]**2 - 1e-3 * x[1]", "z": "5e-4 * (x[0]**2 + x[1] * x[2])"}
+    """Displacements of degree 2 in a box, given on all sides, with the body force that holds them
+    in balance.
+    """
+    moves = {
+        "x": "1e-3 * x[0] * x[1]",
+        "y": "2e-3 * x[2]**2 - 1e-3 * x[1]",
+        "z": "5e-4 * (x[0]**2 + x[1] * x[2])",
+    }
     sides = ("left", "right", "front", "back", "bottom", "top")
-    mu, lame_one = YOUNG / (2 * (1 + POISSON)), YOUNG * POISSON / ((1 + POISSON) * (1 - 2 * POISSON))
+    mu, lame_one = (
+        YOUNG / (2 * (1 + POISSON)),
+        YOUNG * POISSON / ((1 + POISSON) * (1 - 2 * POISSON)),
+    )
     # mu Laplace y + (lambda + mu) grad div y, with div y = 1.5e-3 x[1] - 1e-3.
     laplace, gradient = np.array([0.0, 4e-3, 1e-3]), np.array([0.0, 1.5e-3, 0.0])
     force = -(mu * laplace + (lame_one + mu) * gradient)
@@ -134,15 +161,21 @@ def quadratic(degree, comm):
 @pytest.mark.mpi
 @pytest.mark.parametrize("degree", [1, 2])
 def test_made_up_displacement(degree):
-    """Quadratic elements hold it: the tensor, von Mises and principal stresses and the density are exact everywhere."""
+    """Quadratic elements hold it: the tensor, von Mises and principal stresses and the density are
+    exact everywhere.
+    """
     scene, (lame_one, mu) = quadratic(degree, COMM)
     found = solve(scene, COMM).stress
     x, y, z = found.tensor.function_space.tabulate_dof_coordinates().T
     zero = np.zeros_like(x)
     gradient = 1e-3 * np.array([[y, x, zero], [zero, zero - 1, 4 * z], [x, z / 2, y / 2]])
     strain = ((gradient + gradient.swapaxes(0, 1)) / 2).transpose(2, 0, 1)
-    sigma = 2 * mu * strain + lame_one * np.trace(strain, axis1=1, axis2=2)[:, None, None] * np.eye(3)
-    principal = np.array([sorted(np.linalg.eigvals(one).real, reverse=True) for one in sigma]).reshape(-1, 3)
+    sigma = 2 * mu * strain + lame_one * np.trace(strain, axis1=1, axis2=2)[:, None, None] * np.eye(
+        3
+    )
+    principal = np.array(
+        [sorted(np.linalg.eigvals(one).real, reverse=True) for one in sigma]
+    ).reshape(-1, 3)
     pressure = -np.trace(sigma, axis1=1, axis2=2) / 3
     bulk = YOUNG / (3 * (1 - 2 * POISSON))
     density = np.einsum("nij,nij->n", sigma, strain) / 2 - pressure**2 / (2 * bulk)
@@ -158,9 +191,12 @@ def test_made_up_displacement(degree):
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize("stiff_yield", [{}, {"yield_stress": 1.0}], ids=["soft may yield", "both may yield"])
+@pytest.mark.parametrize(
+    "stiff_yield", [{}, {"yield_stress": 1.0}], ids=["soft may yield", "both may yield"]
+)
 def test_two_materials(stiff_yield):
-    """A constant state in each of two layers: the recovered stress keeps the jump along them, and nothing is missed.
+    """A constant state in each of two layers: the recovered stress keeps the jump along them, and
+    nothing is missed.
 
     The stress is larger in the stiff layer, the share of the yield stress in the soft one.
     """
@@ -172,7 +208,10 @@ def test_two_materials(stiff_yield):
     count = mesh.topology.index_map(2)
     cells = np.arange(count.size_local + count.num_ghosts, dtype=np.int32)
     middles = dmesh.compute_midpoints(mesh, 2, cells)
-    sides = {"ends": lambda x: np.isclose(x[0], 0.0) | np.isclose(x[0], 2.0), "bottom": lambda x: np.isclose(x[1], 0.0)}
+    sides = {
+        "ends": lambda x: np.isclose(x[0], 0.0) | np.isclose(x[0], 2.0),
+        "bottom": lambda x: np.isclose(x[1], 0.0),
+    }
     own = tag_boundaries(mesh, sides)
     regions = dmesh.meshtags(mesh, 2, cells, np.where(middles[:, 1] < 0.5, 1, 2).astype(np.int32))
     tagged = TaggedMesh(mesh, own.facet_tags, own.boundaries, regions, {"soft": 1, "stiff": 2})
@@ -184,11 +223,15 @@ def test_two_materials(stiff_yield):
                 {"young": 100.0, "poisson": POISSON, "region": "soft", "yield_stress": 0.1},
                 {"young": 300.0, "poisson": POISSON, "region": "stiff", **stiff_yield},
             ],
-            "displacement": [{"boundary": "ends", "x": f"{strain} * x[0]"}, {"boundary": "bottom", "y": 0.0}],
+            "displacement": [
+                {"boundary": "ends", "x": f"{strain} * x[0]"},
+                {"boundary": "bottom", "y": 0.0},
+            ],
         }
     )
     found = solve(scene, COMM).stress
-    # Plane strain without stress across the layers: the von Mises stress is sqrt(1 - nu + nu^2) times that along them.
+    # Plane strain without stress across the layers: the von Mises stress is sqrt(1 - nu + nu^2)
+    # times that along them.
     used = np.sqrt(1 - POISSON + POISSON**2) * strain / (1 - POISSON**2) * 100.0 / 0.1
     utilisation = found.utilisation()
     assert utilisation["value"] == pytest.approx(used, rel=1e-6)
@@ -196,8 +239,12 @@ def test_two_materials(stiff_yield):
     assert utilisation["place"][1] <= 0.5
     for one in (found, found.recovered):
         assert one.largest("xx").value == pytest.approx(300.0 * strain / (1 - POISSON**2), rel=1e-6)
-        assert one.smallest("xx").value == pytest.approx(100.0 * strain / (1 - POISSON**2), rel=1e-6)
-        assert one.largest("zz").value == pytest.approx(POISSON * 300.0 * strain / (1 - POISSON**2), rel=1e-6)
+        assert one.smallest("xx").value == pytest.approx(
+            100.0 * strain / (1 - POISSON**2), rel=1e-6
+        )
+        assert one.largest("zz").value == pytest.approx(
+            POISSON * 300.0 * strain / (1 - POISSON**2), rel=1e-6
+        )
         assert one.largest("xx").place[1] >= 0.5
     assert found.error == pytest.approx(0.0, abs=1e-6)
     told = found.as_dict()
@@ -209,7 +256,7 @@ def test_two_materials(stiff_yield):
         ]
 
 
-# --- elements with a reduced volumetric term, near nu = 1/2 ----------------------------------------------------------
+# --- elements with a reduced volumetric term, near nu = 1/2 ---------------------------------------
 
 MEAN = PRESSURE * INNER**2 / (OUTER**2 - INNER**2)
 KINDS = [(1, "quadrilateral"), (2, "quadrilateral"), (2, "triangle")]
@@ -229,7 +276,9 @@ def exact_stress(x):
     """Lame's solution in 2D, as UFL, shape (2, 2); it does not depend on the material."""
     arm = ufl.as_vector((x[0], x[1] - OUTER))
     square = ufl.inner(arm, arm)
-    return MEAN * ufl.Identity(2) + MEAN * OUTER**2 / square * (ufl.Identity(2) - 2 * ufl.outer(arm, arm) / square)
+    return MEAN * ufl.Identity(2) + MEAN * OUTER**2 / square * (
+        ufl.Identity(2) - 2 * ufl.outer(arm, arm) / square
+    )
 
 
 def true_error(solution):
@@ -241,7 +290,12 @@ def true_error(solution):
     squares = [
         COMM.allreduce(
             fem.assemble_scalar(
-                fem.form(stress.compliance(ufl.as_vector([tau[pair] for pair in stress.kinematics.pairs])) * dx)
+                fem.form(
+                    stress.compliance(
+                        ufl.as_vector([tau[pair] for pair in stress.kinematics.pairs])
+                    )
+                    * dx
+                )
             )
         )
         for tau in (exact - stress.sigma, exact)
@@ -253,14 +307,19 @@ def true_error(solution):
 @pytest.mark.mpi(slow=True)
 @pytest.mark.parametrize(("degree", "cell"), KINDS)
 def test_nearly_incompressible_cylinder(degree, cell):
-    """Errors and their estimates are the same at nu = 0.499 and 0.4999, fall with h, and agree with each other."""
+    """Errors and their estimates are the same at nu = 0.499 and 0.4999, fall with h, and agree with
+    each other.
+    """
     found = []
     for poisson in (0.499, 0.4999):
         for size in (0.5, 0.25):
             solution = nearly(poisson, degree, cell, size)
             error = true_error(solution)
             assert 0.85 < solution.stress.error / error < 1.7
-            extremes = [one.largest("principal", 0).value for one in (solution.stress, solution.stress.recovered)]
+            extremes = [
+                one.largest("principal", 0).value
+                for one in (solution.stress, solution.stress.recovered)
+            ]
             found.append((error, solution.stress.error, *extremes))
     coarse, fine, *others = np.array(found)
     np.testing.assert_allclose(np.array(others), [coarse, fine], rtol=0.02)
@@ -272,7 +331,9 @@ def test_nearly_incompressible_cylinder(degree, cell):
 @pytest.mark.one_quick
 @pytest.mark.parametrize(("degree", "cell"), KINDS)
 def test_uniform_stress(degree, cell):
-    """A nearly incompressible block under uniform pressure has that stress everywhere; the estimate is nought."""
+    """A nearly incompressible block under uniform pressure has that stress everywhere; the estimate
+    is nought.
+    """
     scene = parse_scene(
         {
             "mesh": {"generator": "rectangle", "parameters": {"nx": 5, "ny": 3, "cell": cell}},

@@ -1,4 +1,6 @@
-"""Torsion of bodies of revolution by scenes: against formulas, statics, and the same problem by forms of one's own."""
+"""Torsion of bodies of revolution by scenes: against formulas, statics, and the same problem by
+forms of one's own.
+"""
 
 import numpy as np
 import pytest
@@ -17,7 +19,9 @@ from signorini_fx.scenes.solver import solve
 
 COMM = MPI.COMM_WORLD
 YOUNG, RADIUS, LENGTH, PRESSURE, FRICTION = 1000.0, 1.5, 2.0, 10.0, 0.3
-LIMIT = 2 / 3 * FRICTION * PRESSURE * np.pi * RADIUS**3  # the torque of the friction of a uniform pressure
+LIMIT = (
+    2 / 3 * FRICTION * PRESSURE * np.pi * RADIUS**3
+)  # the torque of the friction of a uniform pressure
 POLAR = np.pi / 2 * RADIUS**4
 
 
@@ -28,7 +32,10 @@ def section(cells="quadrilateral", counts=(6, 3), inner=0.0, unit=1.0):
     near = {"inside": (0, 0), "outside": (0, 1), "bottom": (1, 0), "top": (1, 1)}
     return tag_boundaries(
         mesh,
-        {name: lambda x, k=k, at=corners[end][k]: np.abs(x[k] - at) < 1e-9 * unit for name, (k, end) in near.items()},
+        {
+            name: lambda x, k=k, at=corners[end][k]: np.abs(x[k] - at) < 1e-9 * unit
+            for name, (k, end) in near.items()
+        },
     )
 
 
@@ -46,19 +53,29 @@ def scene(tagged, degree=1, poisson=0.0, young=YOUNG, material=None, element=Non
 
 
 def pressed(tagged, torques, degree=1, friction=None, length=1.0, stress=1.0, **more):
-    """A cylinder on a plane, pressed by a uniform pressure and twisted by torques at its top, one in each load step;
-    friction alone holds it about the axis.  Lengths and stresses are multiplied by units.
+    """A cylinder on a plane, pressed by a uniform pressure and twisted by torques at its top, one
+    in each load step; friction alone holds it about the axis.  Lengths and stresses are multiplied
+    by units.
     """
-    first = torques[0] * stress / (POLAR * length)  # times x[0]: the torque has the unit stress length^3
+    first = (
+        torques[0] * stress / (POLAR * length)
+    )  # times x[0]: the torque has the unit stress length^3
     return scene(
         tagged,
         degree,
         young=YOUNG * stress,
         traction=[
             {"boundary": "top", "pressure": PRESSURE * stress},
-            {"boundary": "top", "z": f"{-first!r} * x[0]", "factors": [one / torques[0] for one in torques]},
+            {
+                "boundary": "top",
+                "z": f"{-first!r} * x[0]",
+                "factors": [one / torques[0] for one in torques],
+            },
         ],
-        contact={"boundary": "bottom", "friction": friction or {"law": "coulomb", "coefficient": FRICTION}},
+        contact={
+            "boundary": "bottom",
+            "friction": friction or {"law": "coulomb", "coefficient": FRICTION},
+        },
         **more,
     )
 
@@ -77,7 +94,9 @@ def by_forms(solution, torque, friction, algorithm):
     u, v, r = ufl.TrialFunction(space), ufl.TestFunction(space), ufl.SpatialCoordinate(mesh)[0]
 
     def strain(y):
-        return ufl.sym(ufl.grad(y) + ufl.outer(ufl.as_vector([-y[2], 0, y[0]]) / r, ufl.unit_vector(2, 3)))
+        return ufl.sym(
+            ufl.grad(y) + ufl.outer(ufl.as_vector([-y[2], 0, y[0]]) / r, ufl.unit_vector(2, 3))
+        )
 
     inside = ufl.dx(metadata={"quadrature_degree": strain_degree(space, TORSION)})
     top = dmesh.meshtags(mesh, 1, d.tagged.facets("top"), 1)
@@ -92,14 +111,18 @@ def by_forms(solution, torque, friction, algorithm):
     return problem
 
 
-# --- without contact -------------------------------------------------------------------------------------------------
+# --- without contact ------------------------------------------------------------------------------
 
 
 @pytest.mark.one_quick
 @pytest.mark.mpi
-@pytest.mark.parametrize(("cells", "degree", "how"), [("quadrilateral", 1, "full"), ("triangle", 2, "reduced")])
+@pytest.mark.parametrize(
+    ("cells", "degree", "how"), [("quadrilateral", 1, "full"), ("triangle", 2, "reduced")]
+)
 def test_twisted_shaft(cells, degree, how):
-    """It is twisted by T / (G J) per length; its shear, torque and energy follow, and nothing moves along the axis."""
+    """It is twisted by T / (G J) per length; its shear, torque and energy follow, and nothing moves
+    along the axis.
+    """
     poisson, torque = 0.3, 7.0
     modulus = YOUNG / (2 * (1 + poisson))
     given = scene(
@@ -130,8 +153,8 @@ def test_twisted_shaft(cells, degree, how):
 @pytest.mark.slow
 @pytest.mark.mpi
 def test_everything_acts():
-    """Every load and support with torsion: the certificate, which integrates all of it without UFL, agrees with the
-    forms, and without z the result is that of the body without torsion.
+    """Every load and support with torsion: the certificate, which integrates all of it without UFL,
+    agrees with the forms, and without z the result is that of the body without torsion.
     """
     more = {
         "degree": 2,
@@ -165,12 +188,16 @@ def test_everything_acts():
     twisted = solve(scene(tagged, material=density, **more), COMM)
     assert twisted.certificate.holds
     # the springs alone take the torque of the loads
-    torque = 2 * np.pi * (RADIUS**5 - 0.5**5) / 5 + 3.0 * RADIUS + 2 * np.pi * (RADIUS**3 - 0.5**3) / 3 * LENGTH**2 / 2
+    torque = (
+        2 * np.pi * (RADIUS**5 - 0.5**5) / 5
+        + 3.0 * RADIUS
+        + 2 * np.pi * (RADIUS**3 - 0.5**3) / 3 * LENGTH**2 / 2
+    )
     assert twisted.resultants.of("inside").moment[1] == pytest.approx(torque, rel=1e-9)
     assert twisted.resultants.of("bottom").moment[1] == 0.0
 
 
-# --- a pressed cylinder ----------------------------------------------------------------------------------------------
+# --- a pressed cylinder ---------------------------------------------------------------------------
 
 
 @pytest.mark.one_quick
@@ -184,12 +211,15 @@ def test_everything_acts():
     ],
 )
 def test_pressed_cylinder(cells, degree, law, algorithm, algebra):
-    """Below 3/4 of the largest torque all of it sticks and the twist is that of a shaft; above, an outer ring slips,
-    and the state is that of the same forms of one's own.
+    """Below 3/4 of the largest torque all of it sticks and the twist is that of a shaft; above, an
+    outer ring slips, and the state is that of the same forms of one's own.
     """
     if algebra == "condensed" and COMM.size > 1:
         pytest.skip("condensation is for one rank")
-    friction = {"law": law, **({"coefficient": FRICTION} if law == "coulomb" else {"bound": FRICTION * PRESSURE})}
+    friction = {
+        "law": law,
+        **({"coefficient": FRICTION} if law == "coulomb" else {"bound": FRICTION * PRESSURE}),
+    }
     tagged, torque = section(cells), 0.9 * LIMIT
     solver = {"algorithm": algorithm, "linear_algebra": algebra}
     solution = solve(pressed(tagged, [0.6 * LIMIT, torque], degree, friction, solver=solver), COMM)
@@ -201,12 +231,16 @@ def test_pressed_cylinder(cells, degree, law, algorithm, algebra):
     x, y = nodes(held)
     angle = 0.6 * LIMIT / (YOUNG / 2 * POLAR) * x[:, 1]
     expected = np.column_stack((0 * angle, -PRESSURE / YOUNG * x[:, 1], -angle * x[:, 0]))
-    close = 1e-9 if degree == 2 else 2e-3  # weights of degree 1 share the torque a little differently
+    close = (
+        1e-9 if degree == 2 else 2e-3
+    )  # weights of degree 1 share the torque a little differently
     assert np.abs(y - expected).max() <= close * np.abs(expected).max()
     for step, twisting in ((first, 0.6 * LIMIT), (last, torque)):
         assert step.contact.forces[0][1] == pytest.approx(PRESSURE * np.pi * RADIUS**2, rel=1e-9)
         assert step.contact.moments[1][1] == pytest.approx(-twisting, rel=1e-9)
-    assert solution.resultants.of("bottom").moment == pytest.approx([0.0, -torque, 0.0], abs=1e-8 * torque)
+    assert solution.resultants.of("bottom").moment == pytest.approx(
+        [0.0, -torque, 0.0], abs=1e-8 * torque
+    )
     table = solution.table.columns
     sticks = table["friction"] == "stick"
     assert (np.diff(table["x"]) > 0).all()
@@ -238,7 +272,9 @@ def test_the_largest_torque(length, stress):
 
 @pytest.mark.mpi
 def test_prescribed_angle():
-    """Turned by its top, all of it slips: the torque is 2/3 F N R, and the nodes of the top turn rigidly."""
+    """Turned by its top, all of it slips: the torque is 2/3 F N R, and the nodes of the top turn
+    rigidly.
+    """
     angle, down = 0.5, PRESSURE / YOUNG * LENGTH
     given = scene(
         section(),
@@ -257,18 +293,28 @@ def test_prescribed_angle():
 
 @pytest.mark.mpi(slow=True)
 def test_turned_on_a_sphere():
-    """A circle in the section is a sphere: the state is that of forms of one's own on the sphere in 3D, and the
-    torque where all of it slips that of Hertz's pressure, 3 pi F N a / 16.
+    """A circle in the section is a sphere: the state is that of forms of one's own on the sphere in
+    3D, and the torque where all of it slips that of Hertz's pressure, 3 pi F N a / 16.
     """
     poisson, radius, down, angle = 0.49, 4.0, 0.0125, 0.05
-    mesh = dmesh.create_rectangle(COMM, [[0.0, 0.0], [1.0, 1.0]], [16, 16], dmesh.CellType.quadrilateral)
+    mesh = dmesh.create_rectangle(
+        COMM, [[0.0, 0.0], [1.0, 1.0]], [16, 16], dmesh.CellType.quadrilateral
+    )
     mesh.geometry.x[:] = 4.0 * mesh.geometry.x**2.5  # fine near the contact
-    tagged = tag_boundaries(mesh, {"bottom": lambda x: np.isclose(x[1], 0.0), "top": lambda x: np.isclose(x[1], 4.0)})
+    tagged = tag_boundaries(
+        mesh, {"bottom": lambda x: np.isclose(x[1], 0.0), "top": lambda x: np.isclose(x[1], 4.0)}
+    )
     given = scene(
         tagged,
         2,
         poisson,
-        displacement={"boundary": "top", "x": 0.0, "y": -down, "rotation": angle, "axis": [0.0, 1.0]},
+        displacement={
+            "boundary": "top",
+            "x": 0.0,
+            "y": -down,
+            "rotation": angle,
+            "axis": [0.0, 1.0],
+        },
         contact={
             "boundary": "bottom",
             "foundation": {"shape": "circle", "centre": [0.0, -radius], "radius": radius},
@@ -283,18 +329,30 @@ def test_turned_on_a_sphere():
     assert torque == pytest.approx(3 * np.pi / 16 * FRICTION * force * a, rel=0.015)
     d = solution.model
     space = fem.functionspace(d.tagged.mesh, ("Lagrange", 2, (3,)))
-    u, v, r = ufl.TrialFunction(space), ufl.TestFunction(space), ufl.SpatialCoordinate(d.tagged.mesh)[0]
+    u, v, r = (
+        ufl.TrialFunction(space),
+        ufl.TestFunction(space),
+        ufl.SpatialCoordinate(d.tagged.mesh)[0],
+    )
 
     def strain(y):
-        return ufl.sym(ufl.grad(y) + ufl.outer(ufl.as_vector([-y[2], 0, y[0]]) / r, ufl.unit_vector(2, 3)))
+        return ufl.sym(
+            ufl.grad(y) + ufl.outer(ufl.as_vector([-y[2], 0, y[0]]) / r, ufl.unit_vector(2, 3))
+        )
 
-    stress = YOUNG / (1 + poisson) * (strain(u) + poisson / (1 - 2 * poisson) * ufl.tr(strain(u)) * ufl.Identity(3))
+    stress = (
+        YOUNG
+        / (1 + poisson)
+        * (strain(u) + poisson / (1 - 2 * poisson) * ufl.tr(strain(u)) * ufl.Identity(3))
+    )
     inside = ufl.dx(metadata={"quadrature_degree": strain_degree(space, TORSION)})
     moved = fem.Function(space)
     moved.interpolate(lambda x: np.stack((0 * x[0], 0 * x[0] - down, -angle * x[0])))
     axis = fem.locate_dofs_geometrical(space, lambda x: np.isclose(x[0], 0.0))
     held = [fem.dirichletbc(0.0, (3 * axis + k).astype(np.int32), space.sub(k)) for k in (0, 2)]
-    held.append(fem.dirichletbc(moved, fem.locate_dofs_topological(space, 1, d.tagged.facets("top"))))
+    held.append(
+        fem.dirichletbc(moved, fem.locate_dofs_topological(space, 1, d.tagged.facets("top")))
+    )
     ball = {"shape": "sphere", "centre": (0, -radius, 0), "radius": radius}
     bottom, around = d.tagged.facets("bottom"), 2 * np.pi * r
     floor = Foundation(bottom, friction=Coulomb(FRICTION), measure=around, shape=ball)
@@ -309,15 +367,27 @@ def test_turned_on_a_sphere():
 @pytest.mark.parametrize(
     ("more", "path", "why"),
     [
-        ({"material": {"hypothesis": "plane strain"}}, r"material\[0\].torsion", "needs hypothesis"),
-        ({"gravity": [{"z": 1.0}], "material": {"density": 1.0}}, r"gravity\[0\].z", "nothing of this kind"),
+        (
+            {"material": {"hypothesis": "plane strain"}},
+            r"material\[0\].torsion",
+            "needs hypothesis",
+        ),
+        (
+            {"gravity": [{"z": 1.0}], "material": {"density": 1.0}},
+            r"gravity\[0\].z",
+            "nothing of this kind",
+        ),
         ({"fluid": [{"boundary": "top", "level": 1.0, "weight": 1.0}]}, r"fluid\[0\]", "up = 'y'"),
         (
             {"displacement": [{"boundary": "top", "x": 0.0, "rotation": 0.1}]},
             r"displacement\[0\]",
             r"must be that of the body",
         ),
-        ({"traction": [{"boundary": "top", "z": "x[2]"}]}, r"traction\[0\].z", r"there is no x\[2\]"),
+        (
+            {"traction": [{"boundary": "top", "z": "x[2]"}]},
+            r"traction\[0\].z",
+            r"there is no x\[2\]",
+        ),
     ],
 )
 def test_what_is_not_possible(more, path, why):
@@ -328,17 +398,23 @@ def test_what_is_not_possible(more, path, why):
     assert len(found.value.problems) == 1
 
 
-# --- with other features ---------------------------------------------------------------------------------------------
+# --- with other features --------------------------------------------------------------------------
 
 
 def twisted(material=None, **more):
     """A cylinder with a bowl-shaped gap, pressed and twisted."""
     return parse_scene(
         {
-            "mesh": {"generator": "rectangle", "parameters": {"length": RADIUS, "height": LENGTH, "nx": 6, "ny": 4}},
+            "mesh": {
+                "generator": "rectangle",
+                "parameters": {"length": RADIUS, "height": LENGTH, "nx": 6, "ny": 4},
+            },
             "material": {"hypothesis": "axisymmetric", "torsion": True}
             | (material or {"young": YOUNG, "poisson": 0.3}),
-            "traction": [{"boundary": "top", "pressure": PRESSURE}, {"boundary": "top", "z": "-0.8*x[0]"}],
+            "traction": [
+                {"boundary": "top", "pressure": PRESSURE},
+                {"boundary": "top", "z": "-0.8*x[0]"},
+            ],
             "contact": {
                 "boundary": "bottom",
                 "gap": "0.0005*x[0]**2",

@@ -30,7 +30,9 @@ SCENES = {
 
 
 def in_order(solution, values):
-    """Of values of the cells of this rank those of all ranks, in the order of the input of the mesh."""
+    """Of values of the cells of this rank those of all ranks, in the order of the input of the
+    mesh.
+    """
     topology, comm = solution.model.tagged.mesh.topology, solution.comm
     numbers = parallel.gather_rows(comm, topology.original_cell_index[: len(values)])
     return parallel.gather_rows(comm, values)[np.argsort(numbers)]
@@ -52,10 +54,14 @@ def test_one_rank_or_many(kind):
     close = CLOSE + 2 * max(bound.round_off, expected.round_off) / expected.error
     assert close < 1e-4
     for name in ("duality", "moved", "error"):
-        assert getattr(bound, name) == pytest.approx(getattr(expected, name), rel=0, abs=close * expected.error)
+        assert getattr(bound, name) == pytest.approx(
+            getattr(expected, name), rel=0, abs=close * expected.error
+        )
     assert bound.size == pytest.approx(expected.size, rel=CLOSE)
     of_cells = in_order(by_itself, expected.squares)
-    assert in_order(together, bound.squares) == pytest.approx(of_cells, rel=0, abs=2 * close * sum(of_cells))
+    assert in_order(together, bound.squares) == pytest.approx(
+        of_cells, rel=0, abs=2 * close * sum(of_cells)
+    )
     size = float(np.abs(expected_force).max())
     assert tuple(force) == pytest.approx(tuple(expected_force), abs=close * size)
     assert WORLD.allgather(tuple(force)) == [tuple(force)] * WORLD.size

@@ -1,4 +1,6 @@
-"""Guaranteed bounds against closed forms: confined columns, a receding layer, a cylinder on a layer."""
+"""Guaranteed bounds against closed forms: confined columns, a receding layer, a cylinder on a
+layer.
+"""
 
 import numpy as np
 import pytest
@@ -15,9 +17,11 @@ from signorini_fx.scenes.reading import parse_scene
 # Of columns: the pressure P on top, and the weight a + b z per volume.
 YOUNG, POISSON, PRESSED, HEAVY, HEAVIER = 1000.0, 0.3, 1.0, 2.0, 3.0
 WALLS = [("left", 0, 0.0), ("right", 0, 1.0), ("front", 1, 0.0), ("back", 1, 1.0)]
-# Half of a layer of height 1 under P / 2 on x < b; b: half width of the contact, p(0) / P, mean of x^2 under p.
+# Half of a layer of height 1 under P / 2 on x < b; b: half width of the contact, p(0) / P, mean of
+# x^2 under p.
 RECEDING = {0.5: (1.007782, 0.789588, 0.1990711), 1.0: (1.402159, 0.523389, 0.4085977)}
-# A parabola x^2 / (2 R) on a layer of height h that is bonded to its base, nu = 0.3: the half width over h,
+# A parabola x^2 / (2 R) on a layer of height h that is bonded to its base, nu = 0.3: the half width
+# over h,
 # P R / (E* h^2) and p(0) R / (E* h).
 ON_LAYER = {1.0: (1.221797, 0.804884), 2.0: (7.912153, 2.756023)}
 
@@ -31,13 +35,17 @@ def block(dimension, count, **more):
 
 
 def column(dimension, count, degree, bodies=1):
-    """Blocks of height 1 between smooth walls under their weight: the stress along the last axis depends on it alone,
-    and those across are nu / (1 - nu) times that.
+    """Blocks of height 1 between smooth walls under their weight: the stress along the last axis
+    depends on it alone, and those across are nu / (1 - nu) times that.
     """
     up, names = "xyz"[dimension - 1], ["upper.", "lower."][:bodies] if bodies == 2 else [""]
-    walls = [{"boundary": f"{name}{side}", "x": 0.0} for name in names for side in ("left", "right")]
+    walls = [
+        {"boundary": f"{name}{side}", "x": 0.0} for name in names for side in ("left", "right")
+    ]
     if dimension == 3:
-        walls += [{"boundary": f"{name}{side}", "y": 0.0} for name in names for side in ("front", "back")]
+        walls += [
+            {"boundary": f"{name}{side}", "y": 0.0} for name in names for side in ("front", "back")
+        ]
     scene = {
         "element": {"degree": degree},
         "traction": {"boundary": f"{names[0]}top", up: -PRESSED},
@@ -48,10 +56,17 @@ def column(dimension, count, degree, bodies=1):
     material = {"young": YOUNG, "poisson": POISSON}
     if bodies == 1:
         return parse_scene(
-            {**scene, "mesh": block(dimension, count), "material": material, "contact": {"boundary": "bottom"}}
+            {
+                **scene,
+                "mesh": block(dimension, count),
+                "material": material,
+                "contact": {"boundary": "bottom"},
+            }
         )
     # Nodes of both do not meet.
-    both = [{"name": "upper", "mesh": block(dimension, count), "shift": [*[0.0] * (dimension - 1), 1.0]}]
+    both = [
+        {"name": "upper", "mesh": block(dimension, count), "shift": [*[0.0] * (dimension - 1), 1.0]}
+    ]
     both.append({"name": "lower", "mesh": block(dimension, count + 1)})
     stiff = {"region": "lower", "young": 3 * YOUNG, "poisson": POISSON}
     return parse_scene(
@@ -75,7 +90,9 @@ def true_error(solution, bodies):
         modulus.x.array[solution.model.tagged.cells("lower")] = 3 * YOUNG
     along = -PRESSED - HEAVY * (bodies - height) - HEAVIER * (bodies**2 - height**2) / 2
     share = POISSON / (1 - POISSON)
-    exact = ufl.as_matrix([[along * (1 if i == d - 1 else share) * (i == j) for j in range(d)] for i in range(d)])
+    exact = ufl.as_matrix(
+        [[along * (1 if i == d - 1 else share) * (i == j) for j in range(d)] for i in range(d)]
+    )
     lame, mu = modulus * POISSON / (1 + POISSON) / (1 - 2 * POISSON), modulus / 2 / (1 + POISSON)
     computed = lame * ufl.div(y) * ufl.Identity(d) + 2 * mu * ufl.sym(ufl.grad(y))
 
@@ -85,12 +102,18 @@ def true_error(solution, bodies):
         return float(np.sqrt(fem.assemble_scalar(fem.form(ufl.inner(stress, strain) * ufl.dx))))
 
     base = bodies - 1
-    return norm(computed - exact), norm(exact), PRESSED + HEAVY + HEAVIER * (bodies**2 - base**2) / 2
+    return (
+        norm(computed - exact),
+        norm(exact),
+        PRESSED + HEAVY + HEAVIER * (bodies**2 - base**2) / 2,
+    )
 
 
 @pytest.mark.one_quick
 @pytest.mark.parametrize("degree", [1, 2])
-@pytest.mark.parametrize(("dimension", "count", "bodies"), [(2, 4, 1), (2, 4, 2), (3, 2, 1), (3, 2, 2)])
+@pytest.mark.parametrize(
+    ("dimension", "count", "bodies"), [(2, 4, 1), (2, 4, 2), (3, 2, 1), (3, 2, 2)]
+)
 def test_a_column(dimension, count, bodies, degree):
     """The bound is above the true error and not far from it, and holds energy and force."""
     solution = alone(column(dimension, count, degree, bodies))
@@ -100,7 +123,9 @@ def test_a_column(dimension, count, bodies, degree):
     assert true < bound.error < (1.8 if degree == 1 else 5.0 if dimension == 2 else 15.0) * true
     least, greatest = bound.strain_energy
     assert least < size**2 / 2 < greatest
-    low, high = solution.force_bounds(solution.statement.contact[0].boundary, tuple(np.eye(dimension)[-1]))
+    low, high = solution.force_bounds(
+        solution.statement.contact[0].boundary, tuple(np.eye(dimension)[-1])
+    )
     assert low - 1e-9 * force <= force <= high + 1e-9 * force
 
 
@@ -152,7 +177,10 @@ def on_layer(deep, *, nx, ny, degree):
             "mesh": block(2, 1, length=6.0, nx=nx, ny=ny),
             "element": {"degree": degree},
             "material": {"young": 100.0, "poisson": 0.3},
-            "displacement": [{"boundary": "bottom", "x": 0.0, "y": 0.0}, {"boundary": "left", "x": 0.0}],
+            "displacement": [
+                {"boundary": "bottom", "x": 0.0, "y": 0.0},
+                {"boundary": "left", "x": 0.0},
+            ],
             "contact": {"boundary": "top", "gap": f"x[0]**2 / 200 - {deep}"},
             "solver": {"algorithm": "alm"},
         }
@@ -162,7 +190,9 @@ def on_layer(deep, *, nx, ny, degree):
 @pytest.mark.slow
 @pytest.mark.parametrize("wide", ON_LAYER)
 def test_a_cylinder_on_a_layer(wide):
-    """The force that belongs to the width, the pressure in the middle; the bounds hold against these."""
+    """The force that belongs to the width, the pressure in the middle; the bounds hold against
+    these.
+    """
     force, peak = ON_LAYER[wide]
     unit = 100 / (1 - 0.3**2) / 100  # E* h / R
 
@@ -191,7 +221,9 @@ def test_a_cylinder_on_a_layer(wide):
 
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_a_jump_is_at_nodes(dimension):
-    """A load that jumps at nodes is as good as one on parts of the boundary; one that jumps between them is refused."""
+    """A load that jumps at nodes is as good as one on parts of the boundary; one that jumps between
+    them is refused.
+    """
     scene = column(dimension, 4 if dimension == 2 else 2, 1)
     up = "xyz"[dimension - 1]
     fields = {key: getattr(scene, key) for key in scene.model_fields_set}
@@ -199,7 +231,10 @@ def test_a_jump_is_at_nodes(dimension):
     tagged = tag_boundaries(
         load_mesh(scene, MPI.COMM_SELF).mesh,
         {
-            **{name: (lambda x, k=k, at=at: abs(x[k] - at) < 1e-9) for name, k, at in WALLS[: 2 * dimension - 2]},
+            **{
+                name: (lambda x, k=k, at=at: abs(x[k] - at) < 1e-9)
+                for name, k, at in WALLS[: 2 * dimension - 2]
+            },
             "bottom": lambda x: x[dimension - 1] < 1e-9,
             "first": lambda x: (x[dimension - 1] > 1 - 1e-9) & (x[0] < 0.5 + 1e-9),
             "second": lambda x: (x[dimension - 1] > 1 - 1e-9) & (x[0] > 0.5 - 1e-9),
@@ -209,5 +244,7 @@ def test_a_jump_is_at_nodes(dimension):
     ours = alone(parse_scene(fields | {"traction": jumping})).error_bound
     theirs = alone(parse_scene(fields | {"mesh": tagged, "traction": parts})).error_bound
     assert ours.error == pytest.approx(theirs.error, rel=1e-6)
-    between = alone(parse_scene(fields | {"traction": {"boundary": "top", up: "where(x[0] < 0.4, -2, -1)"}}))
+    between = alone(
+        parse_scene(fields | {"traction": {"boundary": "top", up: "where(x[0] < 0.4, -2, -1)"}})
+    )
     assert "jumps or has a kink between nodes" in between.error_bound

@@ -15,8 +15,15 @@ from signorini_fx.addons.bounds.error_bound import error_bound
 from signorini_fx.results.files import write_results
 from signorini_fx.scenes.reading import parse_scene
 
-SEEDS = [(kind, seed) for kind, seeds in zip(KINDS, [(0, 14), (3, 5), (1, 8), (2, 11)], strict=True) for seed in seeds]
-SQUARE = {"generator": "rectangle", "parameters": {"length": 1.0, "height": 1.0, "nx": 4, "ny": 4, "cell": "triangle"}}
+SEEDS = [
+    (kind, seed)
+    for kind, seeds in zip(KINDS, [(0, 14), (3, 5), (1, 8), (2, 11)], strict=True)
+    for seed in seeds
+]
+SQUARE = {
+    "generator": "rectangle",
+    "parameters": {"length": 1.0, "height": 1.0, "nx": 4, "ny": 4, "cell": "triangle"},
+}
 
 
 def square(**more):
@@ -33,7 +40,9 @@ def square(**more):
 @pytest.mark.one_quick
 @pytest.mark.parametrize(("kind", "seed"), SEEDS)
 def test_true_errors(kind, seed):
-    """Solutions on finer meshes refute neither the bounds of the error and the energy nor that of the force."""
+    """Solutions on finer meshes refute neither the bounds of the error and the energy nor that of
+    the force.
+    """
     found = judged(drawn(kind, seed))
     assert not isinstance(found, str), found
     ratio, _, wrong, _ = found
@@ -44,26 +53,36 @@ def test_true_errors(kind, seed):
 @pytest.mark.one_quick
 @pytest.mark.parametrize(("kind", "seed"), SEEDS[::2])
 def test_displacements_and_pressures_that_are_wrong(kind, seed):
-    """Whatever is computed, the bound is above the distance from the solution, and not by orders of magnitude."""
+    """Whatever is computed, the bound is above the distance from the solution, and not by orders of
+    magnitude.
+    """
     solution, chance = alone(drawn(kind, seed)), np.random.default_rng(seed)
     reference, wrong = on_finer_mesh(drawn(kind, seed)), solution.displacement.copy()
     values = wrong.x.array.reshape(-1, solution.model.dimension)
     tagged, space = solution.model.tagged, solution.displacement.function_space
-    supports = np.concatenate([tagged.facets(entry.boundary) for entry in solution.statement.displacement])
-    loose = np.setdiff1d(np.arange(len(values)), fem.locate_dofs_topological(space, tagged.dimension - 1, supports))
+    supports = np.concatenate(
+        [tagged.facets(entry.boundary) for entry in solution.statement.displacement]
+    )
+    loose = np.setdiff1d(
+        np.arange(len(values)), fem.locate_dofs_topological(space, tagged.dimension - 1, supports)
+    )
     values[loose] += chance.normal(size=(len(loose), values.shape[1])) * np.abs(values).max() * 1e-2
     pressure = solution.contact.pressure * chance.uniform(0.5, 1.5, solution.contact.pressure.size)
     contact = replace(solution.contact, pressure=pressure)
     bound = error_bound(solution.model, wrong, contact)
     assert not isinstance(bound, str), bound
-    true = energy_of_difference(SimpleNamespace(model=solution.model, displacement=wrong), reference)
+    true = energy_of_difference(
+        SimpleNamespace(model=solution.model, displacement=wrong), reference
+    )
     assert true < bound.error < 100 * true
 
 
 @pytest.mark.one_quick
 @pytest.mark.parametrize(("kind", "seed"), [("two bodies: plane", 5), ("two bodies: space", 2)])
 def test_both_sides_have_the_same_tractions(kind, seed):
-    """Facets do not match: resultants of the tractions of both sides are opposite, and what is left is lifted."""
+    """Facets do not match: resultants of the tractions of both sides are opposite, and what is left
+    is lifted.
+    """
     case = problem(alone(drawn(kind, seed)))
     (surface,) = case.contacts
     parts, forces = surface.parts, []
@@ -82,8 +101,9 @@ def test_both_sides_have_the_same_tractions(kind, seed):
 @pytest.mark.one_quick
 @pytest.mark.parametrize(("kind", "seed"), SEEDS)
 def test_the_stress_is_in_equilibrium(kind, seed):
-    """Without contact tractions and lifted parts its work on any displacement is that of loads and contact: it is the
-    sum over the cells of the work of their forces on linear displacements that supports let be."""
+    """Without contact tractions and lifted parts its work on any displacement is that of loads and
+    contact: it is the sum over the cells of the work of their forces on linear displacements that
+    supports let be."""
     case, chance = problem(alone(drawn(kind, seed))), np.random.default_rng(1)
     t, stress = case.t, case.stress.stress
     y = chance.normal(size=t.x.shape)
@@ -114,9 +134,13 @@ def test_what_has_no_bound():
     circle = {"shape": "circle", "centre": [0.5, -1.0], "radius": 1.0}
     for name, change in {
         "quadrilateral cells": {"mesh": quadrilaterals},
-        "a gap of 'bottom' that is no polynomial of degree 2": {"contact": {"boundary": "bottom", "gap": "x[0]**3"}},
+        "a gap of 'bottom' that is no polynomial of degree 2": {
+            "contact": {"boundary": "bottom", "gap": "x[0]**3"}
+        },
         "bilateral contact": {"contact": {"boundary": "bottom", "kind": "bilateral"}},
-        "a foundation that is no plane at rest": {"contact": {"boundary": "bottom", "foundation": circle}},
+        "a foundation that is no plane at rest": {
+            "contact": {"boundary": "bottom", "foundation": circle}
+        },
         "coulomb friction": {
             "contact": {"boundary": "bottom", "friction": {"law": "coulomb", "coefficient": 0.2}},
         },
@@ -125,8 +149,13 @@ def test_what_has_no_bound():
             "traction": {"boundary": "right", "x": "abs(x[1] - 0.3)"}
         },
         "springs": {"springs": {"boundary": "right", "normal": 10.0}},
-        "temperature": {"temperature": {"change": 10.0}, "material": {"young": 1e3, "poisson": 0.3, "expansion": 1e-5}},
-        "moduli or axes that vary": {"material": {"young": 1000.0, "poisson": 0.3, "grading": "1 - x[0]/2"}},
+        "temperature": {
+            "temperature": {"change": 10.0},
+            "material": {"young": 1e3, "poisson": 0.3, "expansion": 1e-5},
+        },
+        "moduli or axes that vary": {
+            "material": {"young": 1000.0, "poisson": 0.3, "grading": "1 - x[0]/2"}
+        },
         "the mixed element": {"element": {"degree": 2, "volumetric": "mixed"}},
         "axisymmetric": {
             "material": {"young": 1000.0, "poisson": 0.3, "hypothesis": "axisymmetric"},

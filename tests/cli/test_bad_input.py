@@ -1,6 +1,8 @@
-"""Bad input from the command line and in files: one message with its place, exit code 2, soon, and nothing left behind.
+"""Bad input from the command line and in files: one message with its place, exit code 2, soon, and
+nothing left behind.
 
-Each entry of the lists is a mistake that somebody made once; generated cases try the kind of mistake behind it.
+Each entry of the lists is a mistake that somebody made once; generated cases try the kind of
+mistake behind it.
 """
 
 import json
@@ -72,7 +74,16 @@ def solve_text(tmp_path, run):
     def go(text, *arguments):
         file = tmp_path / "scene.toml"
         file.write_bytes(text if isinstance(text, bytes) else text.encode())
-        return run("solve", file, "--out", tmp_path / "out", "--no-pictures", "--no-fields", "--quiet", *arguments)
+        return run(
+            "solve",
+            file,
+            "--out",
+            tmp_path / "out",
+            "--no-pictures",
+            "--no-fields",
+            "--quiet",
+            *arguments,
+        )
 
     return go
 
@@ -82,7 +93,7 @@ def changed(old, new):
     return SCENE.replace(old, new)
 
 
-# --- scenes ----------------------------------------------------------------------------------------------------------
+# --- scenes ---------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -90,10 +101,26 @@ def changed(old, new):
     [
         (changed('"0.001*x[0]"', '"1e200"'), (), "contact[0].gap: is 1e+200 at ("),
         (changed('"0.001*x[0]"', "1e200"), (), "contact[0].gap: must not be larger than 1e+60"),
-        (changed("young = 5000.0", "young = 1e308"), (), "material.young: must not be larger than 1e+60"),
-        (changed("young = 5000.0", "young = 1e-308"), (), "material.young: must not be smaller than 1e-60"),
-        (changed("y = -20.0", 'y = "1e200*x[0]"'), (), "traction, body_force: an expression is not finite, or larger"),
-        (SCENE + "[solver]\ngamma_n = 1e300\n", (), "solver.gamma_n: must not be larger than 1e+60"),
+        (
+            changed("young = 5000.0", "young = 1e308"),
+            (),
+            "material.young: must not be larger than 1e+60",
+        ),
+        (
+            changed("young = 5000.0", "young = 1e-308"),
+            (),
+            "material.young: must not be smaller than 1e-60",
+        ),
+        (
+            changed("y = -20.0", 'y = "1e200*x[0]"'),
+            (),
+            "traction, body_force: an expression is not finite, or larger",
+        ),
+        (
+            SCENE + "[solver]\ngamma_n = 1e300\n",
+            (),
+            "solver.gamma_n: must not be larger than 1e+60",
+        ),
         (changed("nx = 6", "self = 1"), (), "mesh.parameters.self: unknown key; there are: length"),
         (
             changed("[mesh]", "[mesh]\nboundaries = {}"),
@@ -102,10 +129,18 @@ def changed(old, new):
         ),
         (changed("nx = 6", "comm = 1"), (), "mesh.parameters.comm: unknown key; there are: length"),
         (changed("nx = 6", "length = 9223372036854775808"), (), "the body is too thin"),
-        (changed("nx = 6", 'nx = "six"'), ("--set", "solver.levels=2"), "mesh.parameters.nx: must be"),
+        (
+            changed("nx = 6", 'nx = "six"'),
+            ("--set", "solver.levels=2"),
+            "mesh.parameters.nx: must be",
+        ),
         ("solver = 3\n" + SCENE, ("--set", "solver.levels=2"), "solver: must be a table"),
         ("accuracy = [1]\n" + SCENE, ("--accuracy", "0.1"), "accuracy: must be a table"),
-        (b"\xef\xbb\xbf" + changed("poisson = 0.4", "poisson = 0.6").encode(), (), "material.poisson: must be less"),
+        (
+            b"\xef\xbb\xbf" + changed("poisson = 0.4", "poisson = 0.6").encode(),
+            (),
+            "material.poisson: must be less",
+        ),
     ],
     ids=range(14),
 )
@@ -118,10 +153,16 @@ def test_scene(solve_text, text, arguments, message):
     assert message in line
 
 
-# --- PETSc options ---------------------------------------------------------------------------------------------------
+# --- PETSc options --------------------------------------------------------------------------------
 
 
-MISTYPED = ("ksp_type wrong", "snes_rtol 5", "snes_max_it abc", "pc_type wrong", "pc_factor_mat_solver_type superlu")
+MISTYPED = (
+    "ksp_type wrong",
+    "snes_rtol 5",
+    "snes_max_it abc",
+    "pc_type wrong",
+    "pc_factor_mat_solver_type superlu",
+)
 
 
 @pytest.fixture
@@ -148,7 +189,9 @@ def test_mistyped_option_of_a_matrix(petsc):
     """PETSc reads it when it factorises."""
     petsc[petsc_options.PREFIX + "pc_factor_mat_solver_type"] = "mumps"
     petsc[petsc_options.PREFIX + "mat_mumps_icntl_14"] = "abc"
-    with pytest.raises(OptionsError, match=r"^PETSc fails with the options .*-sfx_mat_mumps_icntl_14 abc.*: ."):
+    with pytest.raises(
+        OptionsError, match=r"^PETSc fails with the options .*-sfx_mat_mumps_icntl_14 abc.*: ."
+    ):
         solve(tomllib.loads(SCENE))
 
 
@@ -156,7 +199,10 @@ def test_mistyped_option_of_a_matrix(petsc):
 @pytest.mark.parametrize(
     "said",
     [
-        *(f"snes_type {kind}" for kind in ("ngmres", "nrichardson", "qn", "ncg", "ngs", "anderson", "ms", "ksponly")),
+        *(
+            f"snes_type {kind}"
+            for kind in ("ngmres", "nrichardson", "qn", "ncg", "ngs", "anderson", "ms", "ksponly")
+        ),
         *("snes_mf", "snes_mf true", "snes_mf_operator", "snes_fd", "snes_fd_color"),
         *("snes_convergence_test default", "snes_lag_jacobian 2", "npc_snes_type ngmres"),
     ],
@@ -171,9 +217,16 @@ def test_options_that_exchange_the_method(petsc, said):
     with pytest.raises(OptionsError, match=message), options_applied("other_", {}):
         pass
     petsc.delValue(petsc_options.PREFIX + name)
-    with pytest.raises(OptionsError, match=message), options_applied("other_", {name: value or None}):
+    with (
+        pytest.raises(OptionsError, match=message),
+        options_applied("other_", {name: value or None}),
+    ):
         pass
-    for other, kept in (("snes_type", "newtonls"), ("snes_lag_jacobian", "1"), ("snes_mf", "false")):
+    for other, kept in (
+        ("snes_type", "newtonls"),
+        ("snes_lag_jacobian", "1"),
+        ("snes_mf", "false"),
+    ):
         petsc[petsc_options.PREFIX + other] = kept
     petsc_options.refuse_exchanged()
 
@@ -190,9 +243,12 @@ def test_file_of_options(solve_text, monkeypatch, place):
     assert "PETSc option -options_file: files of options are not read" in errors
 
 
-# --- mesh files ------------------------------------------------------------------------------------------------------
+# --- mesh files -----------------------------------------------------------------------------------
 
-INP = "*NODE\n1, 0, 0\n2, 1, 0\n3, 1, 1\n4, 0, 1\n*ELEMENT, TYPE=CPE3, ELSET=body\n1, 1, 2, 3\n2, 1, 3, 4\n"
+INP = (
+    "*NODE\n1, 0, 0\n2, 1, 0\n3, 1, 1\n4, 0, 1\n*ELEMENT, TYPE=CPE3, ELSET=body\n1, 1, 2, 3\n2, "
+    "1, 3, 4\n"
+)
 DOUBLED = "".join(f"*ELSET, ELSET=s{k}\ns{k - 1}, s{k - 1}\ns{k - 1}\n" for k in range(1, 200))
 
 
@@ -201,7 +257,10 @@ DOUBLED = "".join(f"*ELSET, ELSET=s{k}\ns{k - 1}, s{k - 1}\ns{k - 1}\n" for k in
     [
         ("*NSET, NSET=a\n1, 2\n*NSET, NSET=a\na\n", "line 11, *NSET: set 'a' contains itself"),
         ("*NSET, NSET=a\na, a\n", "line 9, *NSET: set 'a' contains itself"),
-        ("*NSET, NSET=a, GENERATE\n1, 1000000000000\n", "line 9, *NSET: set 'a': 1 to 1000000000000 by 1 is not"),
+        (
+            "*NSET, NSET=a, GENERATE\n1, 1000000000000\n",
+            "line 9, *NSET: set 'a': 1 to 1000000000000 by 1 is not",
+        ),
         ("*ELSET, ELSET=a, GENERATE\n1, 1" + "0" * 40 + ", 2\n", "is not a possible range"),
         ("*NSET, NSET=a, GENERATE\n1, 4, 0\n", "1 to 4 by 0 is not"),
         ("*SURFACE, NAME=s\n1, S4\n", "surface 's': element 1 is a triangle and has no face S4"),
@@ -230,12 +289,40 @@ def test_sets_of_sets(tmp_path):
 
 
 KEYWORDS = st.sampled_from(
-    ["*NSET, NSET=a", "*ELSET, ELSET=b", "*NSET, NSET=a, GENERATE", "*SURFACE, NAME=s", "*SURFACE, TYPE=NODE, NAME=a"]
+    [
+        "*NSET, NSET=a",
+        "*ELSET, ELSET=b",
+        "*NSET, NSET=a, GENERATE",
+        "*SURFACE, NAME=s",
+        "*SURFACE, TYPE=NODE, NAME=a",
+    ]
 )
 ENTRIES = st.sampled_from(
-    ["1", "2", "3", "4", "a", "b", "body", "S1", "S3", "S4", "S9", "E2", "SPOS", "-1", "0", "1e9", "9" * 14, "x.1", ","]
+    [
+        "1",
+        "2",
+        "3",
+        "4",
+        "a",
+        "b",
+        "body",
+        "S1",
+        "S3",
+        "S4",
+        "S9",
+        "E2",
+        "SPOS",
+        "-1",
+        "0",
+        "1e9",
+        "9" * 14,
+        "x.1",
+        ",",
+    ]
 )
-BLOCKS = st.lists(st.tuples(KEYWORDS, st.lists(ENTRIES, max_size=4).map(", ".join)).map("\n".join), max_size=8)
+BLOCKS = st.lists(
+    st.tuples(KEYWORDS, st.lists(ENTRIES, max_size=4).map(", ".join)).map("\n".join), max_size=8
+)
 
 
 @given(BLOCKS)
@@ -289,7 +376,7 @@ def test_xdmf(tmp_path, xdmf, named, message):
         read_file(xdmf(named))
 
 
-# --- results ---------------------------------------------------------------------------------------------------------
+# --- results --------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -297,7 +384,10 @@ def test_xdmf(tmp_path, xdmf, named, message):
     [
         "[" * 100_000,
         '{"a":' * 100_000,
-        '{"status": "converged", "certificate": {}, "linear_solves": 1, "scene": ' + "[" * 900 + "]" * 900 + "}",
+        '{"status": "converged", "certificate": {}, "linear_solves": 1, "scene": '
+        + "[" * 900
+        + "]" * 900
+        + "}",
         '{"status": NaN}',
     ],
     ids=["lists", "tables", "scene", "nan"],
@@ -312,7 +402,9 @@ def test_report_of_nested_json(tmp_path, run, text):
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize("error", [SceneError([("a", "b")]), RuntimeError("a mistake of ours"), KeyboardInterrupt()])
+@pytest.mark.parametrize(
+    "error", [SceneError([("a", "b")]), RuntimeError("a mistake of ours"), KeyboardInterrupt()]
+)
 def test_no_part_is_left(tmp_path_factory, error):
     """However a run ends."""
     path = COMM.bcast(tmp_path_factory.mktemp("results") if COMM.rank == 0 else None) / "out"
@@ -329,7 +421,7 @@ def test_no_part_is_left(tmp_path_factory, error):
     assert not path.exists()
 
 
-# --- the machine -----------------------------------------------------------------------------------------------------
+# --- the machine ----------------------------------------------------------------------------------
 
 
 @pytest.fixture
@@ -362,8 +454,18 @@ def test_ascii_locale_and_another_alphabet(tmp_path):
     folder.mkdir()
     (folder / "scene.toml").write_text('title = "Größe"\n' + SCENE, encoding="utf-8")
     environment = os.environ | {"LC_ALL": "C", "PYTHONCOERCECLOCALE": "0", "PYTHONUTF8": "0"}
-    command = [sys.executable, "-m", "signorini_fx", "solve", folder / "scene.toml", "--out", folder / "out"]
-    ended = subprocess.run([*command, "--no-pictures"], env=environment, capture_output=True, timeout=120, check=False)
+    command = [
+        sys.executable,
+        "-m",
+        "signorini_fx",
+        "solve",
+        folder / "scene.toml",
+        "--out",
+        folder / "out",
+    ]
+    ended = subprocess.run(
+        [*command, "--no-pictures"], env=environment, capture_output=True, timeout=120, check=False
+    )
     assert ended.returncode == 0, ended.stderr
     assert b"converged" in ended.stdout
     assert json.loads((folder / "out" / "summary.json").read_bytes())["title"] == "Größe"

@@ -38,8 +38,19 @@ def run(tmp_path, *arguments, scene=SCENE, **environment):
     """Run ``signorini-fx solve`` on a scene; the finished process."""
     path = tmp_path / "small.toml"
     path.write_text(scene)
-    command = [sys.executable, "-m", "signorini_fx", "solve", str(path), "--out", str(tmp_path / "out"), *arguments]
-    return subprocess.run(command, capture_output=True, text=True, timeout=300, env=environment or None, check=False)
+    command = [
+        sys.executable,
+        "-m",
+        "signorini_fx",
+        "solve",
+        str(path),
+        "--out",
+        str(tmp_path / "out"),
+        *arguments,
+    ]
+    return subprocess.run(
+        command, capture_output=True, text=True, timeout=300, env=environment or None, check=False
+    )
 
 
 @pytest.fixture
@@ -71,7 +82,14 @@ def test_result_folder(tmp_path):
     assert process.returncode == 0, process.stderr
     assert "small: converged" in process.stdout
     files = {path.name for path in (tmp_path / "out").iterdir()}
-    assert files >= {"summary.json", "contact.csv", "history.csv", "outer.csv", "deformed.png", "profiles.pdf"}
+    assert files >= {
+        "summary.json",
+        "contact.csv",
+        "history.csv",
+        "outer.csv",
+        "deformed.png",
+        "profiles.pdf",
+    }
     summary = read_summary(tmp_path)
     assert summary["contact_force"][1] == pytest.approx(20.0, rel=1e-9)
     rows = read_rows(tmp_path / "out" / "contact.csv")
@@ -82,7 +100,9 @@ def test_result_folder(tmp_path):
     assert [float(row["x"]) for row in rows] == sorted(float(row["x"]) for row in rows)
     solves = read_rows(tmp_path / "out" / "history.csv")
     assert len(solves) == summary["linear_solves"]
-    assert not any("step" in rows[0] for rows in (solves, read_rows(tmp_path / "out" / "outer.csv")))
+    assert not any(
+        "step" in rows[0] for rows in (solves, read_rows(tmp_path / "out" / "outer.csv"))
+    )
 
 
 def without_times(value):
@@ -97,7 +117,11 @@ def without_times(value):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "scene",
-    [SCENE, SCENE + "[solver]\nlevels = 3\n", SCENE.replace('"top"', '"top"\nfactors = [0.5, 1.0, 0.2]')],
+    [
+        SCENE,
+        SCENE + "[solver]\nlevels = 3\n",
+        SCENE.replace('"top"', '"top"\nfactors = [0.5, 1.0, 0.2]'),
+    ],
     ids=["plain", "levels", "steps"],
 )
 def test_two_runs_differ_in_times_only(tmp_path, scene):
@@ -105,7 +129,9 @@ def test_two_runs_differ_in_times_only(tmp_path, scene):
     found = []
     for _ in range(2):
         assert run(tmp_path, "--no-fields", "--no-pictures", "--quiet", scene=scene).returncode == 0
-        tables = {file.name: without_times(read_rows(file)) for file in (tmp_path / "out").glob("*.csv")}
+        tables = {
+            file.name: without_times(read_rows(file)) for file in (tmp_path / "out").glob("*.csv")
+        }
         # As text: -0.0 equals 0.0, and neither has the bits of the other.
         found.append(json.dumps([without_times(read_summary(tmp_path)), tables]))
     assert found[0] == found[1]
@@ -143,7 +169,9 @@ def test_no_solution(tmp_path, here):
     assert process.returncode == 1
     assert process.stderr.count("no static equilibrium") == 1
     assert "what to do" in process.stdout
-    assert "certificate" not in process.stdout  # nothing was solved: there are no figures to look at
+    assert (
+        "certificate" not in process.stdout
+    )  # nothing was solved: there are no figures to look at
     assert read_summary(tmp_path)["converged"] is False
 
 
@@ -168,6 +196,11 @@ def test_folder_that_cannot_be_written(tmp_path, here):
 @pytest.mark.parametrize("arguments", [["--help"], ["solve", "--help"], ["--version"]])
 def test_help_does_not_import_dolfinx(arguments):
     """Help is there at once."""
-    code = "import sys; from signorini_fx.scenes.cli import main\ntry: main(sys.argv[1:])\nexcept SystemExit: pass\n"
+    code = (
+        "import sys; from signorini_fx.scenes.cli import main\ntry: main(sys.argv[1:])\nexcept "
+        "SystemExit: pass\n"
+    )
     code += "assert not {'dolfinx', 'petsc4py', 'mpi4py', 'numpy'} & set(sys.modules)"
-    subprocess.run([sys.executable, "-c", code, *arguments], check=True, capture_output=True, timeout=60)
+    subprocess.run(
+        [sys.executable, "-c", code, *arguments], check=True, capture_output=True, timeout=60
+    )

@@ -17,7 +17,9 @@ CLEAN = "A31mbeam"
     "shown",
     [
         lambda: printable(EVIL),
-        lambda: TerminalLine(f"{EVIL}: ", EVIL).coloured().replace(": ", "").replace(CLEAN * 2, CLEAN),
+        lambda: (
+            TerminalLine(f"{EVIL}: ", EVIL).coloured().replace(": ", "").replace(CLEAN * 2, CLEAN)
+        ),
         lambda: str(part("paragraph", EVIL)).removeprefix("<p>").removesuffix("</p>"),
         lambda: plain(EVIL),
         lambda: for_json({EVIL: [EVIL]})[CLEAN][0],

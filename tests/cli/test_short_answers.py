@@ -1,4 +1,6 @@
-"""What ``solve`` and ``check`` print unless they are asked for more: few lines, none of them long, and true."""
+"""What ``solve`` and ``check`` print unless they are asked for more: few lines, none of them long,
+and true.
+"""
 
 import re
 from pathlib import Path
@@ -31,26 +33,47 @@ def labels(lines):
 def test_what_is_said(summary):
     """The lines in their order, with the figures of the summary."""
     lines = told(summary)
-    known = ["force", "contact", "stress", "friction", "error", "cost", "certificate", "effort", "results"]
+    known = [
+        "force",
+        "contact",
+        "stress",
+        "friction",
+        "error",
+        "cost",
+        "certificate",
+        "effort",
+        "results",
+    ]
     assert [label for label in labels(lines)[1:] if label] == known
     assert lines[0].endswith("converged")
     numbers = {
-        label: re.findall(r"-?\d+\.?\d*(?:e-?\d+)?", line) for label, line in zip(labels(lines), lines, strict=True)
+        label: re.findall(r"-?\d+\.?\d*(?:e-?\d+)?", line)
+        for label, line in zip(labels(lines), lines, strict=True)
     }
     assert float(numbers["force"][1]) == pytest.approx(summary["contact_force"][1], rel=1e-3)
-    assert [int(n) for n in numbers["contact"][:2]] == [summary["touching_nodes"], summary["contact_nodes"]]
-    assert float(numbers["stress"][0]) == pytest.approx(summary["stress"]["von_mises"]["value"], rel=1e-2)
+    assert [int(n) for n in numbers["contact"][:2]] == [
+        summary["touching_nodes"],
+        summary["contact_nodes"],
+    ]
+    assert float(numbers["stress"][0]) == pytest.approx(
+        summary["stress"]["von_mises"]["value"], rel=1e-2
+    )
     assert float(numbers["error"][0]) == pytest.approx(100 * summary["stress"]["error"], rel=5e-2)
     known, forecast = " ".join(lines[6:8]).split("; ")
     assert float(known.split()[1]) == pytest.approx(100 * summary["cost"]["error"], rel=5e-2)
-    assert float(forecast.split()[0]) == pytest.approx(100 * summary["cost"]["next_error"], rel=2e-1)  # one digit
+    assert float(forecast.split()[0]) == pytest.approx(
+        100 * summary["cost"]["next_error"], rel=2e-1
+    )  # one digit
     assert int(numbers["effort"][0]) == summary["linear_solves"]
     assert lines[-1].endswith("results/scene/")
 
 
 def test_a_long_forecast_is_whole(summary):
     """It goes on on a second line."""
-    statement = "6.2 % error of the stress took 0.6 s; 0.6 %: 4 to 48 s with --accuracy 0.0087, all cells smaller"
+    statement = (
+        "6.2 % error of the stress took 0.6 s; 0.6 %: 4 to 48 s with --accuracy 0.0087, "
+        "all cells smaller"
+    )
     lines = told(summary | {"cost": summary["cost"] | {"statement": statement}})
     at = labels(lines).index("cost")
     assert all(len(line) <= 80 for line in lines)
@@ -63,7 +86,11 @@ def test_certificate_that_does_not_hold(summary, warnings):
     findings = [{"level": "warning", "path": "mesh", "message": "word " * 60}] * warnings
     prices = {"convergence_table": [{"energy": 0.1, "seconds": 1.0, "predicted": False}]}
     certificate = {"certificate": summary["certificate"] | {"holds": False}}
-    (line,) = (line for line in told(summary | certificate | prices | {"findings": findings}) if "certifi" in line)
+    (line,) = (
+        line
+        for line in told(summary | certificate | prices | {"findings": findings})
+        if "certifi" in line
+    )
     assert "NOT" in line
     assert line.split()[0] == "certificate"
 
@@ -93,7 +120,9 @@ displacement = { boundary = "left", x = 0.0 }
 
 @pytest.mark.parametrize("nodes", [0, 1, 2, 3, 7, 8])
 def test_contact_that_the_mesh_does_not_resolve(summary, nodes):
-    """Boundaries that touch with fewer than eight nodes are named, however many nodes of other boundaries touch."""
+    """Boundaries that touch with fewer than eight nodes are named, however many nodes of other
+    boundaries touch.
+    """
     row = summary["contact_boundaries"][0] | {"boundary": "wide", "touching_nodes": 40}
     rows = [row, row | {"boundary": "rim", "touching_nodes": nodes}]
     drawn = summary | {"contact_boundaries": rows, "touching_nodes": 40 + nodes}

@@ -14,9 +14,14 @@ F, C, PRESS = 0.25, 1.5, 4.0
 
 
 def dragged(dim=2, gap=0.0, comm=COMM, friction=None, **solver):
-    """A low block, 2 long and 1 wide, pressed on its foundation while its top is dragged along it."""
+    """A low block, 2 long and 1 wide, pressed on its foundation while its top is dragged along
+    it.
+    """
     if dim == 2:
-        mesh = {"generator": "rectangle", "parameters": {"length": 2.0, "height": 0.2, "nx": 10, "ny": 2}}
+        mesh = {
+            "generator": "rectangle",
+            "parameters": {"length": 2.0, "height": 0.2, "nx": 10, "ny": 2},
+        }
     else:
         mesh = box("hexahedra", (4, 2, 2), size=(2.0, 1.0, 0.2), comm=comm)
     up = "xyz"[dim - 1]
@@ -56,8 +61,8 @@ def test_a_block_that_slides(dim, solver):
 
 
 def test_open_contact_has_none():
-    """Over a step in the foundation the block does not touch: what is closed transmits c times its area, and given
-    friction would be everywhere.
+    """Over a step in the foundation the block does not touch: what is closed transmits c times its
+    area, and given friction would be everywhere.
     """
     solution = solve(dragged(gap="0 if x[0] < 1.7 else 0.5"), COMM)
     closed = solution.contact.areas["contact"]
@@ -77,10 +82,16 @@ def test_what_pushes_a_block_away(share):
     push = share * (C * 2.0 + F * PRESS * 2.0) / 2.0
     scene = parse_scene(
         {
-            "mesh": {"generator": "rectangle", "parameters": {"length": 2.0, "height": 0.2, "nx": 20, "ny": 2}},
+            "mesh": {
+                "generator": "rectangle",
+                "parameters": {"length": 2.0, "height": 0.2, "nx": 20, "ny": 2},
+            },
             "material": {"young": 1e5, "poisson": 0.0},
             "body_force": {"x": push / 0.2, "y": -PRESS / 0.2},
-            "contact": {"boundary": "bottom", "friction": {"law": "coulomb", "coefficient": F, "cohesion": C}},
+            "contact": {
+                "boundary": "bottom",
+                "friction": {"law": "coulomb", "coefficient": F, "cohesion": C},
+            },
         }
     )
     solution = solve(scene, COMM, check=False)

@@ -1,6 +1,8 @@
-"""Contact nodes that supports hold inside their foundation: nothing is transmitted there, and the user is told.
+"""Contact nodes that supports hold inside their foundation: nothing is transmitted there, and the
+user is told.
 
-The reference is complementarity by hand: a minimiser over the free unknowns, in which no such node appears.
+The reference is complementarity by hand: a minimiser over the free unknowns, in which no such node
+appears.
 """
 
 from dataclasses import replace
@@ -18,7 +20,9 @@ DEPTH, FORCE = 1e-3, 0.09197869954726  # of ``by_hand``, in 2D
 
 
 def square(gap=-DEPTH, unit=1.0, supports=None, contact=(), friction=None, cells=8, **solver):
-    """A square that is held at its top, with a foundation at its right side that overlaps with it."""
+    """A square that is held at its top, with a foundation at its right side that overlaps with
+    it.
+    """
     return parse_scene(
         {
             "mesh": {
@@ -27,7 +31,12 @@ def square(gap=-DEPTH, unit=1.0, supports=None, contact=(), friction=None, cells
             },
             "material": {"young": 100.0, "poisson": 0.3},
             "displacement": supports or {"boundary": "top", "x": 0.0, "y": 0.0},
-            "contact": {"boundary": "right", "gap": gap, "friction": friction or {"law": "none"}, **dict(contact)},
+            "contact": {
+                "boundary": "right",
+                "gap": gap,
+                "friction": friction or {"law": "none"},
+                **dict(contact),
+            },
             "solver": solver,
         }
     )
@@ -48,7 +57,9 @@ def told(solution):
     ],
 )
 def test_the_penalty_decides_about_nothing(solver):
-    """The force is that of the free nodes, whatever gamma is; the message says how many nodes, how deep and where."""
+    """The force is that of the free nodes, whatever gamma is; the message says how many nodes, how
+    deep and where.
+    """
     solution = alone(square(**solver))
     assert solution.status is Status.CONVERGED
     force, friction = solution.contact.forces
@@ -60,7 +71,9 @@ def test_the_penalty_decides_about_nothing(solver):
     table = solution.table.columns
     assert table["state"][np.isclose(table["y"], 1.0)] == ["open"]
     (message,) = told(solution)
-    assert message.startswith("supports hold 1 contact node inside the foundation, by 0.001 at (1, 1):")
+    assert message.startswith(
+        "supports hold 1 contact node inside the foundation, by 0.001 at (1, 1):"
+    )
     assert message in str(solution.findings[0])
 
 
@@ -73,7 +86,9 @@ def test_a_pressure_at_such_a_node_is_refused():
         added = np.where(held, 1e-4 * solution.contact.pressure.max(), 0.0)
         wrong = replace(tractions, pressure=tractions.pressure + added)
         tagged = solution.model.tagged
-        found = certify(solution.statement, tagged, solution.displacement, wrong, law=solution.certificate.law)
+        found = certify(
+            solution.statement, tagged, solution.displacement, wrong, law=solution.certificate.law
+        )
         assert found.pressure_at_distance == pytest.approx(1e-4, rel=1e-2)
         assert not found.holds
 
@@ -94,7 +109,9 @@ def pulled(boundary, **components):
     return parse_scene(given | {"traction": [{"boundary": boundary, **components}]}).traction
 
 
-@pytest.mark.parametrize("law", [{"law": "coulomb", "coefficient": 0.4}, {"law": "tresca", "bound": 0.02}])
+@pytest.mark.parametrize(
+    "law", [{"law": "coulomb", "coefficient": 0.4}, {"law": "tresca", "bound": 0.02}]
+)
 def test_friction_there_is_that_without_pressure(law):
     """Held along the normal alone: Coulomb's is zero, and Tresca's its bound."""
     supports = [{"boundary": "top", "x": 0.0}, {"boundary": "left", "x": 0.0, "y": 0.0}]
@@ -114,9 +131,21 @@ def test_friction_there_is_that_without_pressure(law):
         ({"gap": 0.0}, None),
         ({"gap": 0.01}, None),
         ({"gap": -0.02}, 0.02),
-        ({"gap": 0.004, "supports": {"boundary": "top", "x": 0.005, "y": 0.0, "factors": [0.5, 1.0, 0.7]}}, 0.001),
+        (
+            {
+                "gap": 0.004,
+                "supports": {"boundary": "top", "x": 0.005, "y": 0.0, "factors": [0.5, 1.0, 0.7]},
+            },
+            0.001,
+        ),
         ({"gap": 0.003, "contact": {"kind": "bilateral"}}, 0.003),
-        ({"supports": {"boundary": "bottom", "x": 0.0, "y": 0.0}, "contact": {"direction": [1.0, 1.0]}}, 0.001),
+        (
+            {
+                "supports": {"boundary": "bottom", "x": 0.0, "y": 0.0},
+                "contact": {"direction": [1.0, 1.0]},
+            },
+            0.001,
+        ),
         ({"supports": {"boundary": "left", "x": 0.0, "y": 0.0}}, None),
     ],
 )

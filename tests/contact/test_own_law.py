@@ -1,4 +1,6 @@
-"""A friction law from outside the package, demos/own_friction.py: one body, two, scenes, and what refuses it."""
+"""A friction law from outside the package, demos/own_friction.py: one body, two, scenes, and what
+refuses it.
+"""
 
 from pathlib import Path
 from typing import ClassVar
@@ -48,7 +50,9 @@ def solved(friction, counts=(12, 4), **settings):
 
 @pytest.mark.parametrize("settings", [{}, {"coulomb": "newton"}, {"algorithm": "alm"}], ids=str)
 def test_one_body(settings):
-    """Certified; some points stick and some slip, at the bound of the formula; with the linear solves of Coulomb."""
+    """Certified; some points stick and some slip, at the bound of the formula; with the linear
+    solves of Coulomb.
+    """
     block = solved(Saturating(F, K), tolerance=1e-10, **settings)
     state, problem = block.problem.state, block.problem
     assert problem.status is Status.CONVERGED
@@ -60,12 +64,17 @@ def test_one_body(settings):
     coulomb = solved(Coulomb(F), tolerance=1e-10, **settings).problem
     assert np.abs(coulomb.state.shear).max() > 1.3 * shear.max()
     most = 1.3 * coulomb.history.linear_solves
-    # Newton's method is exact once the sets are right where the bound is a line, and quadratic where it is a curve.
-    assert problem.history.linear_solves <= (coulomb.history.linear_solves + 2 if "coulomb" in settings else most)
+    # Newton's method is exact once the sets are right where the bound is a line, and quadratic
+    # where it is a curve.
+    assert problem.history.linear_solves <= (
+        coulomb.history.linear_solves + 2 if "coulomb" in settings else most
+    )
 
 
 def two_blocks(friction):
-    """One block on another one, which does not match: the upper one is pressed down, tilted, and moved aside."""
+    """One block on another one, which does not match: the upper one is pressed down, tilted, and
+    moved aside.
+    """
     mesh, both = blocks("quadrilateral", np.eye(2), ((6, 4), (4, 4)))
     space, a, v = forms(mesh, 1, fem.Constant(mesh, 1000.0))
     bottom, top = (facets(mesh, lambda x, at=at: np.isclose(x[1], at)) for at in (-1, 1))
@@ -93,10 +102,17 @@ def test_two_bodies():
 
 
 SCENE = {
-    "mesh": {"generator": "rectangle", "parameters": {"length": 3.0, "height": 1.0, "nx": 12, "ny": 4}},
+    "mesh": {
+        "generator": "rectangle",
+        "parameters": {"length": 3.0, "height": 1.0, "nx": 12, "ny": 4},
+    },
     "material": {"young": 5000.0, "poisson": 0.4},
     "displacement": [{"boundary": "top", "x": 0.002, "y": -0.002}],
-    "contact": {"boundary": "bottom", "gap": "0.001*x[0]", "friction": {"law": "saturating", "coefficient": F}},
+    "contact": {
+        "boundary": "bottom",
+        "gap": "0.001*x[0]",
+        "friction": {"law": "saturating", "coefficient": F},
+    },
     "solver": {"tolerance": 1e-10},
 }
 
@@ -114,13 +130,17 @@ def installed(tmp_path, monkeypatch):
     about = tmp_path / "own_package-1.dist-info"
     about.mkdir()
     (about / "METADATA").write_text("Metadata-Version: 2.1\nName: own_package\nVersion: 1\n")
-    (about / "entry_points.txt").write_text("[signorini_fx.laws]\nsaturating = own_package:Saturating\n")
+    (about / "entry_points.txt").write_text(
+        "[signorini_fx.laws]\nsaturating = own_package:Saturating\n"
+    )
     monkeypatch.syspath_prepend(tmp_path)
 
 
 @pytest.mark.usefixtures("installed")
 def test_by_name():
-    """In a scene file; its parameters may depend on the position, and have derivatives that differences confirm."""
+    """In a scene file; its parameters may depend on the position, and have derivatives that
+    differences confirm.
+    """
     solution = solve(named(largest="3 + x[0]"))
     assert solution.converged
     columns = solution.table.columns
@@ -162,19 +182,40 @@ def lying(**methods):
 @pytest.mark.parametrize(
     ("methods", "message"),
     [
-        ({"limit": lambda _, p: 0.1 * p**2, "derivative": lambda _, p: 0.2 * p}, "exceeds.* not concave"),
+        (
+            {"limit": lambda _, p: 0.1 * p**2, "derivative": lambda _, p: 0.2 * p},
+            "exceeds.* not concave",
+        ),
         ({"limit": lambda law, p: -bound(p)}, "negative"),
         ({"limit": lambda _, p: np.ones((p.size, 1))}, r"limit of Lying has the shape \(\d+, 1\)"),
         ({"derivative": lambda *_: 0.3}, r"derivative of Lying has the shape \(\)"),
         ({"follows_pressure": False}, "follows the pressure, which it denies"),
         ({"limit": lambda _, p: p + np.nan}, "limit of Lying is not finite at the pressure 0"),
-        ({"limit": lambda law, p: np.where(p > 20, np.nan, bound(p))}, "limit of Lying is not finite at .* 2"),
+        (
+            {"limit": lambda law, p: np.where(p > 20, np.nan, bound(p))},
+            "limit of Lying is not finite at .* 2",
+        ),
         ({"limit": lambda _, p: p // 0}, "limit of Lying is not finite"),
-        ({"limit": lambda law, p: np.multiply(p, law.coefficient, out=p)}, "limit of Lying fails: .* read-only"),
-        ({"limit": lambda law, p: bound(p) + law.steepness}, "limit of Lying fails: AttributeError"),
-        ({"derivative": lambda _, p: p + np.nan}, "derivative of Lying is not finite at the pressure 0"),
-        ({"derivative": lambda law, p: law.coefficient + 0 * p}, "derivative of Lying is not that of its limit"),
-        ({"derivative": lambda law, p: F * np.sign(0.5 - p)}, "derivative of Lying is not that of its limit"),
+        (
+            {"limit": lambda law, p: np.multiply(p, law.coefficient, out=p)},
+            "limit of Lying fails: .* read-only",
+        ),
+        (
+            {"limit": lambda law, p: bound(p) + law.steepness},
+            "limit of Lying fails: AttributeError",
+        ),
+        (
+            {"derivative": lambda _, p: p + np.nan},
+            "derivative of Lying is not finite at the pressure 0",
+        ),
+        (
+            {"derivative": lambda law, p: law.coefficient + 0 * p},
+            "derivative of Lying is not that of its limit",
+        ),
+        (
+            {"derivative": lambda law, p: F * np.sign(0.5 - p)},
+            "derivative of Lying is not that of its limit",
+        ),
         (
             {
                 "limit": lambda _, p: 0.1 * p + 0.1 * np.clip(p - 3, 0, 6),
@@ -202,7 +243,9 @@ def test_honest_laws(kind, modulus):
 def test_a_law_that_does_not_say_its_limit():
     """Is refused, also where the pressure leaves its bound as it is."""
     keys = {"law": "silent", "__annotations__": {"law": str, "follows_pressure": ClassVar[bool]}}
-    silent = type("Silent", (FrictionLaw,), {"__module__": __name__, "follows_pressure": False, **keys})
+    silent = type(
+        "Silent", (FrictionLaw,), {"__module__": __name__, "follows_pressure": False, **keys}
+    )
     with pytest.raises(FormError, match="Silent does not say its limit"):
         solved(silent())
 

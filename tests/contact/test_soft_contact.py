@@ -1,4 +1,6 @@
-"""Contact that gives way under its pressure: closed forms, other formulas of its laws, what it does not go with."""
+"""Contact that gives way under its pressure: closed forms, other formulas of its laws, what it does
+not go with.
+"""
 
 import numpy as np
 import pytest
@@ -15,7 +17,10 @@ LAW = {"law": "linear", "stiffness": 100.0}
 def block(law, pressure=-5.0, **more):
     """A square that is pressed on a foundation."""
     data = {
-        "mesh": {"generator": "rectangle", "parameters": {"length": 1.0, "height": 1.0, "nx": 4, "ny": 4}},
+        "mesh": {
+            "generator": "rectangle",
+            "parameters": {"length": 1.0, "height": 1.0, "nx": 4, "ny": 4},
+        },
         "material": {"young": YOUNG, "poisson": 0.0},
         "traction": [{"boundary": "top", "y": pressure}],
         "displacement": [{"boundary": "left", "x": 0.0}],
@@ -34,10 +39,20 @@ def test_uniform_pressure(gap):
     assert top == pytest.approx(-0.05 - gap - 5.0 / YOUNG, rel=1e-7)
 
 
-@pytest.mark.parametrize("more", [{}, {"element": {"degree": 2}}, {"solver": {"linear_algebra": "krylov"}}])
+@pytest.mark.parametrize(
+    "more", [{}, {"element": {"degree": 2}}, {"solver": {"linear_algebra": "krylov"}}]
+)
 def test_pressures_of_each_point(more):
-    """Under a load that varies and friction each pressure is that of its own overclosure, and all together balance."""
-    contact = [{"boundary": "bottom", "overclosure": LAW, "friction": {"law": "coulomb", "coefficient": 0.2}}]
+    """Under a load that varies and friction each pressure is that of its own overclosure, and all
+    together balance.
+    """
+    contact = [
+        {
+            "boundary": "bottom",
+            "overclosure": LAW,
+            "friction": {"law": "coulomb", "coefficient": 0.2},
+        }
+    ]
     solution = solve(block(LAW, "-20*x[0]*x[0]", contact=contact, **more))
     assert solution.certificate.holds
     state = solution.contact
@@ -48,8 +63,13 @@ def test_pressures_of_each_point(more):
 
 
 def test_two_stiffnesses():
-    """Each contact has its own: two feet share a load that a stiff lid spreads as their stiffnesses do."""
-    mesh = {"generator": "rectangle", "parameters": {"length": 0.01, "height": 1.0, "nx": 1, "ny": 2}}
+    """Each contact has its own: two feet share a load that a stiff lid spreads as their stiffnesses
+    do.
+    """
+    mesh = {
+        "generator": "rectangle",
+        "parameters": {"length": 0.01, "height": 1.0, "nx": 1, "ny": 2},
+    }
     data = {
         "body": [{"name": "one", "mesh": mesh}, {"name": "two", "mesh": mesh, "shift": [1.0, 0.0]}],
         "material": [{"region": name, "young": 1e6, "poisson": 0.0} for name in ("one", "two")],
@@ -71,7 +91,10 @@ def test_two_stiffnesses():
 
 def test_two_bodies():
     """The upper one sinks into the lower one by the law."""
-    mesh = {"generator": "rectangle", "parameters": {"length": 1.0, "height": 1.0, "nx": 4, "ny": 4}}
+    mesh = {
+        "generator": "rectangle",
+        "parameters": {"length": 1.0, "height": 1.0, "nx": 4, "ny": 4},
+    }
     data = {
         "body": [{"name": "low", "mesh": mesh}, {"name": "up", "mesh": mesh, "shift": [0.0, 1.0]}],
         "material": [{"region": name, "young": YOUNG, "poisson": 0.0} for name in ("low", "up")],

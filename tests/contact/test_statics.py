@@ -16,7 +16,10 @@ def reactions(points, normals, given=0.0, coefficient=0.0, cap=np.inf):
     count, dim = points.shape
     modes = rigid_modes(points, np.zeros(dim), np.array(1.0))
     tangents = np.linalg.svd(normals[:, None])[2][:, 1:].transpose(0, 2, 1)
-    per_node = [np.broadcast_to(np.asarray(value, dtype=float), (count,)).copy() for value in (given, coefficient, cap)]
+    per_node = [
+        np.broadcast_to(np.asarray(value, dtype=float), (count,)).copy()
+        for value in (given, coefficient, cap)
+    ]
     return Reactions(
         np.einsum("ij,ijk->ik", normals, modes),
         np.einsum("ijt,ijk->itk", tangents, modes),
@@ -34,7 +37,11 @@ def anything(rng, kind, count, dim, *, flat):
         points[:, -1] = -1.0
         normals = np.broadcast_to(-np.eye(dim)[-1], (count, dim))
     normals = normals / np.linalg.norm(normals, axis=1, keepdims=True)
-    coefficient, given, cap = rng.uniform(0.0, 0.8, count), rng.uniform(0.0, 2.0 / count, count), np.inf
+    coefficient, given, cap = (
+        rng.uniform(0.0, 0.8, count),
+        rng.uniform(0.0, 2.0 / count, count),
+        np.inf,
+    )
     match kind:
         case "coulomb":
             given = 0.0
@@ -46,7 +53,9 @@ def anything(rng, kind, count, dim, *, flat):
 
 
 def largest_by_programme(here, dead, live, *, outer, sides=64):
-    """The largest multiple by a linear programme, with a polygon around or within the disc of the shear; None: none."""
+    """The largest multiple by a linear programme, with a polygon around or within the disc of the
+    shear; None: none.
+    """
     count, tangents, _ = here.tangential.shape
     ends = np.array([[1.0], [-1.0]])
     if tangents == 2:
@@ -72,7 +81,9 @@ def largest_by_programme(here, dead, live, *, outer, sides=64):
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("dim", [2, 3])
 def test_balance_against_linear_programmes(kind, dim):
-    """What is called unbalanced has no tractions within the polygon, what is called balanced has some in the outer."""
+    """What is called unbalanced has no tractions within the polygon, what is called balanced has
+    some in the outer.
+    """
     rng = np.random.default_rng(dim)
     seen = set()
     for _ in range(12):
@@ -82,7 +93,9 @@ def test_balance_against_linear_programmes(kind, dim):
         near = nearest(here, load)
         assert near.balanced != near.unbalanced
         none = np.zeros_like(load)
-        inner, outer = (largest_by_programme(here, load, none, outer=side) is not None for side in (False, True))
+        inner, outer = (
+            largest_by_programme(here, load, none, outer=side) is not None for side in (False, True)
+        )
         assert outer if near.balanced else not inner
         seen.add(near.balanced)
     assert seen == {True, False}
@@ -98,7 +111,9 @@ def test_largest_multiple_against_linear_programmes(kind, dim):
         here = anything(rng, kind, int(rng.choice([4, 20])), dim, flat=True)
         load = 0.05 * rng.normal(size=here.normal.shape[1])
         load[dim - 1] = -0.1
-        low, high = (largest_by_programme(here, 0 * load, load, outer=outer) for outer in (False, True))
+        low, high = (
+            largest_by_programme(here, 0 * load, load, outer=outer) for outer in (False, True)
+        )
         multiple = largest_multiple(here, load)
         assert low * (1 - 1e-6) - 1e-6 <= multiple <= high * (1 + 1e-6) + 1e-6
         finite += 0 < multiple < np.inf
@@ -111,7 +126,9 @@ DOWN = np.broadcast_to([0.0, -1.0], FOOT.shape)
 
 @pytest.mark.parametrize(("slope", "balanced"), [(1e-3, True), (1e-5, False)])
 def test_walls_that_are_nearly_parallel(slope, balanced):
-    """Forces beyond ten thousand times the load hold nothing: the motion that proves it is that of the load."""
+    """Forces beyond ten thousand times the load hold nothing: the motion that proves it is that of
+    the load.
+    """
     points, normals = np.array([(-1.0, 0.0), (1.0, 0.0)]), np.array([(-1.0, -slope), (1.0, -slope)])
     here = reactions(points, normals / np.linalg.norm(normals, axis=1, keepdims=True))
     found = nearest(here, np.array([0.0, -1.0, 0.0]))
@@ -121,7 +138,9 @@ def test_walls_that_are_nearly_parallel(slope, balanced):
 
 @pytest.mark.parametrize("friction", [{}, {"coefficient": 0.3}, {"given": 0.1}])
 def test_separable(friction):
-    """A foot can be lifted, a body between two walls cannot, and one in a groove only against little friction."""
+    """A foot can be lifted, a body between two walls cannot, and one in a groove only against
+    little friction.
+    """
     assert separable(reactions(FOOT, DOWN, **friction))
     walls = np.where(FOOT[:, :1] > 0, [[1.0, 0.0]], [[-1.0, 0.0]])
     assert not separable(reactions(FOOT, walls, **friction))

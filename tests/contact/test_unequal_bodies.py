@@ -1,4 +1,6 @@
-"""Bodies of very unequal loads and stiffness in one scene: none stops the iteration of another one too early."""
+"""Bodies of very unequal loads and stiffness in one scene: none stops the iteration of another one
+too early.
+"""
 
 from functools import cache
 
@@ -13,7 +15,9 @@ NEAR = 1e-6
 
 
 def scene(*sizes, algorithm="ssn", coulomb="fp", degree=1, steps=0):
-    """Blocks beside each other, pressed onto the ground and pushed aside; size, and modulus over 1000, of each."""
+    """Blocks beside each other, pressed onto the ground and pushed aside; size, and modulus over
+    1000, of each.
+    """
     data = {
         "body": [],
         "element": {"degree": degree},
@@ -21,7 +25,11 @@ def scene(*sizes, algorithm="ssn", coulomb="fp", degree=1, steps=0):
         "load_steps": {"steps": steps} if steps else {},
     }
     for k, (size, soft, coefficient) in enumerate(sizes):
-        name, x0, mesh = "abc"[k], 3.0 * k, {"length": 1.0, "height": 0.5, "nx": 8, "ny": 3, "cell": "quadrilateral"}
+        name, x0, mesh = (
+            "abc"[k],
+            3.0 * k,
+            {"length": 1.0, "height": 0.5, "nx": 8, "ny": 3, "cell": "quadrilateral"},
+        )
         sample = {
             "material": {"region": name, "young": 1e3 * soft, "poisson": 0.3},
             "displacement": {"boundary": f"{name}.left", "x": 0.0},
@@ -32,7 +40,13 @@ def scene(*sizes, algorithm="ssn", coulomb="fp", degree=1, steps=0):
                 "friction": {"law": "coulomb", "coefficient": coefficient},
             },
         }
-        data["body"].append({"name": name, "mesh": {"generator": "rectangle", "parameters": mesh}, "shift": [x0, 0.0]})
+        data["body"].append(
+            {
+                "name": name,
+                "mesh": {"generator": "rectangle", "parameters": mesh},
+                "shift": [x0, 0.0],
+            }
+        )
         for key, entry in sample.items():
             data.setdefault(key, []).append(entry)
         data["traction"].append({"boundary": f"{name}.right", "x": -size})
@@ -63,11 +77,15 @@ def unpaired(*size, **options):
     ],
 )
 def test_a_small_body_is_solved_as_if_it_were_alone(algorithm, coulomb, small, steps):
-    """The Coulomb iteration stopped, and old factors served as preconditioners, by norms over all bodies."""
+    """The Coulomb iteration stopped, and old factors served as preconditioners, by norms over all
+    bodies.
+    """
     options = {"algorithm": algorithm, "coulomb": coulomb, "steps": steps}
     bodies = (1.0, 1.0, 0.01), small
     solution = alone(scene(*bodies, **options))
     assert solution.certificate.holds
     for part, body in enumerate(bodies):
         expected = unpaired(*body, **options)
-        assert tractions(solution, part) == pytest.approx(expected, abs=NEAR * np.abs(expected).max())
+        assert tractions(solution, part) == pytest.approx(
+            expected, abs=NEAR * np.abs(expected).max()
+        )

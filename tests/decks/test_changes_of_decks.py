@@ -1,4 +1,6 @@
-"""Supports that end and begin with steps, lines that are mutilated, ties beside soft contact, and several contacts."""
+"""Supports that end and begin with steps, lines that are mutilated, ties beside soft contact, and
+several contacts.
+"""
 
 import tomllib
 
@@ -38,12 +40,20 @@ def moved(made, solution, node):
 
 
 def test_a_support_that_ends(tmp_path):
-    """The head of the upper block is held down in the first step, and set free by OP=NEW in the second, in which only
-    the pressure is left: as if it had never been held.
+    """The head of the upper block is held down in the first step, and set free by OP=NEW in the
+    second, in which only the pressure is left: as if it had never been held.
     """
     lines = stacked([])
     lines[lines.index("*DSLOAD") : lines.index("*DSLOAD")] = ["*BOUNDARY", "UP_HEAD, 2, 2, -0.01"]
-    lines += ["*STEP", "*STATIC", "*BOUNDARY, OP=NEW", "LOW_FEET, 2", "LOW_WALL, 1", "UP_WALL, 1", "*END STEP"]
+    lines += [
+        "*STEP",
+        "*STATIC",
+        "*BOUNDARY, OP=NEW",
+        "LOW_FEET, 2",
+        "LOW_WALL, 1",
+        "UP_WALL, 1",
+        "*END STEP",
+    ]
     made, data = drafted(tmp_path, lines)
     assert made.lost == []
     holds = [entry.get("holds") for entry in data["displacement"]]
@@ -57,7 +67,9 @@ def test_a_support_that_ends(tmp_path):
 
 
 def test_a_support_that_begins(tmp_path):
-    """In the first step it is not there, and what it prescribes in the second is the place, not the way."""
+    """In the first step it is not there, and what it prescribes in the second is the place, not the
+    way.
+    """
     lines = [*stacked([]), "*STEP", "*STATIC", "*BOUNDARY", "UP_HEAD, 2, 2, -0.003", "*END STEP"]
     made, data = drafted(tmp_path, lines)
     assert made.lost == []
@@ -75,9 +87,20 @@ def tied_above_soft(slope, *more):
         for line in squares(4, 2, first, (0.0, y), name=name)
     ]
     lines += [f"*SOLID SECTION, ELSET={name}, MATERIAL=STEEL" for name in ("LOW", "UP", "LID")]
-    lines += ["*MATERIAL, NAME=STEEL", "*ELASTIC", f"{YOUNG}, {POISSON}", "*SURFACE INTERACTION, NAME=I"]
+    lines += [
+        "*MATERIAL, NAME=STEEL",
+        "*ELASTIC",
+        f"{YOUNG}, {POISSON}",
+        "*SURFACE INTERACTION, NAME=I",
+    ]
     lines += ["*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR", f"{slope}"]
-    lines += ["*CONTACT PAIR, INTERACTION=I", "UP_BOTTOM, LOW_TOP", "*TIE, NAME=T", "LID_BOTTOM, UP_TOP", *more]
+    lines += [
+        "*CONTACT PAIR, INTERACTION=I",
+        "UP_BOTTOM, LOW_TOP",
+        "*TIE, NAME=T",
+        "LID_BOTTOM, UP_TOP",
+        *more,
+    ]
     lines += ["*BOUNDARY", "LOW_FEET, 2", "LOW_WALL, 1", "UP_WALL, 1", "LID_WALL, 1"]
     return [*lines, "*STEP", "*STATIC", "*DSLOAD", "LID_TOP, P, 5.0", "*END STEP"]
 

@@ -1,4 +1,6 @@
-"""Input files as files: amplitudes that are none, byte-order marks, sizes, and the work for many instances."""
+"""Input files as files: amplitudes that are none, byte-order marks, sizes, and the work for many
+instances.
+"""
 
 import re
 
@@ -14,7 +16,10 @@ STEP = BASE.index("*STEP")
 def written(folder, before, within=()):
     """A deck with more lines before its step, and in it."""
     deck = folder / "deck.inp"
-    deck.write_text("\n".join([*BASE[:STEP], *before, *BASE[STEP:-1], *within, BASE[-1]]) + "\n", encoding="utf-8")
+    deck.write_text(
+        "\n".join([*BASE[:STEP], *before, *BASE[STEP:-1], *within, BASE[-1]]) + "\n",
+        encoding="utf-8",
+    )
     return deck
 
 
@@ -22,9 +27,13 @@ def drafted(deck):
     return draft(deck, deck.with_suffix(".toml"))
 
 
-@pytest.mark.parametrize("parts", [("*NSET, NSET=MORE,", "GENERATE"), ("*NSET,", "NSET=MORE,", " generate, UNSORTED")])
+@pytest.mark.parametrize(
+    "parts", [("*NSET, NSET=MORE,", "GENERATE"), ("*NSET,", "NSET=MORE,", " generate, UNSORTED")]
+)
 def test_keywords_of_several_lines(tmp_path, parts):
-    """A line that ends with a comma goes on with parameters of one word or of two, or with one that has no value."""
+    """A line that ends with a comma goes on with parameters of one word or of two, or with one that
+    has no value.
+    """
     within = ["*CLOAD", "MORE, 1, 2."]
     rigid = ["*NODE", "900, 0.5, 3.", "*RIGID BODY, ELSET=UP,"]
     lines = [*parts, "111, 115, 4", *rigid[:2], f"{rigid[2]} REF NODE=900"]

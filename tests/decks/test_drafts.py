@@ -1,4 +1,6 @@
-"""Drafts of Abaqus decks: what is told for each body, parts of an assembly, included files, and what is lost."""
+"""Drafts of Abaqus decks: what is told for each body, parts of an assembly, included files, and
+what is lost.
+"""
 
 import math
 import os
@@ -28,7 +30,9 @@ def drafted(folder, lines, capsys, name="deck.inp", code=0):
 
 
 def two_towers(force):
-    """Two bodies beside each other, of unequal width, on the ground; forces on both in one keyword."""
+    """Two bodies beside each other, of unequal width, on the ground; forces on both in one
+    keyword.
+    """
     lines = [*squares(4, 4, name="A"), *squares(4, 4, 101, (3.0, 0.0), (2.0, 1.0), name="B")]
     lines += [f"*SOLID SECTION, ELSET={name}, MATERIAL=STEEL" for name in "AB"]
     lines += [*STEEL, "*BOUNDARY", "A_FEET, 1, 2", "B_FEET, 1, 2", "*STEP", "*STATIC", "*CLOAD"]
@@ -48,8 +52,12 @@ def test_forces_on_several_bodies(tmp_path, capsys):
 
 
 def test_forces_with_a_moment(tmp_path, capsys):
-    """An even traction has their sum but not their moment: they act one by one, and the ground carries their moment."""
-    lines = ["121, 2, -1.0" if line.startswith("121, 2,") else line for line in two_towers((3.0, 10.0))]
+    """An even traction has their sum but not their moment: they act one by one, and the ground
+    carries their moment.
+    """
+    lines = [
+        "121, 2, -1.0" if line.startswith("121, 2,") else line for line in two_towers((3.0, 10.0))
+    ]
     scene, _, _ = drafted(tmp_path, lines, capsys)
     feet = solve(read_scene(scene), MPI.COMM_SELF).resultants.of("B_FEET")
     forces, arms = np.array([1.0, 2.5, 2.5, 2.5, 1.25]), np.linspace(3.0, 5.0, 5)
@@ -64,13 +72,18 @@ SINKS = (1 - POISSON**2) / YOUNG
 @pytest.mark.parametrize(
     ("behaviour", "solver"),
     [
-        (["*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR", "100., 3.", "*FRICTION", "0.2, 50."], (100.0, 50.0)),
+        (
+            ["*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR", "100., 3.", "*FRICTION", "0.2, 50."],
+            (100.0, 50.0),
+        ),
         (["*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR", "100."], (100.0, None)),
         (["*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=HARD"], None),
     ],
 )
 def test_soft_contact(tmp_path, capsys, behaviour, solver):
-    """The stiffness of the deck is that of the scene: the blocks approach each other by pressure over slope."""
+    """The stiffness of the deck is that of the scene: the blocks approach each other by pressure
+    over slope.
+    """
     scene, data, said = drafted(tmp_path, stacked(behaviour), capsys)
     given = data.get("solver", {})
     assert (given.get("gamma_n"), given.get("gamma_t")) == (solver or (None, None))
@@ -83,8 +96,9 @@ def test_soft_contact(tmp_path, capsys, behaviour, solver):
 
 @pytest.mark.parametrize("gap", [0.004, -0.003, -0.02, 0.008])
 def test_adjust(tmp_path, capsys, gap):
-    """Within its length the gap, or overlap, counts as zero: the blocks are compressed as one, and nothing else; a
-    larger gap has to be closed, which needs a support that lets the upper block fall.
+    """Within its length the gap, or overlap, counts as zero: the blocks are compressed as one, and
+    nothing else; a larger gap has to be closed, which needs a support that lets the upper block
+    fall.
     """
     lines = stacked([], gap, "*CONTACT PAIR, INTERACTION=I, ADJUST=0.005")
     scene, data, _ = drafted(tmp_path, lines, capsys)
@@ -98,18 +112,29 @@ def test_adjust(tmp_path, capsys, gap):
     np.testing.assert_allclose(solution.table.columns["pressure"], 5.0, rtol=1e-6)
 
 
-# --- materials --------------------------------------------------------------------------------------------------------
+# --- materials ------------------------------------------------------------------------------------
 
 
 def one_block(sections, materials, name="BODY"):
-    lines = [*squares(4, 2, name=name), *sections, *materials, "*BOUNDARY", f"{name}_FEET, 2", f"{name}_WALL, 1"]
+    lines = [
+        *squares(4, 2, name=name),
+        *sections,
+        *materials,
+        "*BOUNDARY",
+        f"{name}_FEET, 2",
+        f"{name}_WALL, 1",
+    ]
     return [*lines, "*STEP", "*STATIC", "*DSLOAD", f"{name}_TOP, P, 5.0", "*END STEP"]
 
 
 @pytest.mark.parametrize(
     ("sections", "materials", "word"),
     [
-        (["*SOLID SECTION, ELSET=BODY, MATERIAL=GLASS"], STEEL, "the material 'GLASS' of 'BODY' is not defined"),
+        (
+            ["*SOLID SECTION, ELSET=BODY, MATERIAL=GLASS"],
+            STEEL,
+            "the material 'GLASS' of 'BODY' is not defined",
+        ),
         ([], STEEL, "no material: 8 of 8 cells are in no section"),
         (
             ["*SOLID SECTION, ELSET=BODY, MATERIAL=R"],
@@ -118,7 +143,12 @@ def one_block(sections, materials, name="BODY"):
         ),
         (
             [],
-            ["*MATERIAL, NAME=W", "*ELASTIC, TYPE=ENGINEERING CONSTANTS", "1.,1.,1.,0.,0.,0.,1.,1.", "1."],
+            [
+                "*MATERIAL, NAME=W",
+                "*ELASTIC, TYPE=ENGINEERING CONSTANTS",
+                "1.,1.,1.,0.,0.,0.,1.,1.",
+                "1.",
+            ],
             "*ELASTIC: only isotropic elasticity is read",
         ),
     ],
@@ -128,7 +158,7 @@ def test_materials_that_are_missing(tmp_path, capsys, sections, materials, word)
     assert word in drafted(tmp_path, one_block(sections, materials), capsys, code=2)[2]
 
 
-# --- parts and included files ----------------------------------------------------------------------------------------
+# --- parts and included files ---------------------------------------------------------------------
 
 
 def test_an_assembly(tmp_path, capsys):
@@ -138,7 +168,11 @@ def test_an_assembly(tmp_path, capsys):
     assert data["displacement"] == [
         {"boundary": "BODY_FEET", "y": 0.0},
         {"at": [0.0, 0.0], "region": "Brick-1.BODY", "x": 0.0},
-        {"at": [pytest.approx(0.0, abs=1e-12), pytest.approx(2.0)], "region": "Brick-2.BODY", "x": 0.0},
+        {
+            "at": [pytest.approx(0.0, abs=1e-12), pytest.approx(2.0)],
+            "region": "Brick-2.BODY",
+            "x": 0.0,
+        },
     ]
     mesh = read_file(tmp_path / "deck.inp")
     assert len(mesh.points) == 30
@@ -155,18 +189,33 @@ def test_adjust_of_a_set_of_an_instance(tmp_path, capsys):
     """ADJUST names the set of nodes with its instance, or has a length."""
     lines = stacked([], 0.004, "*CONTACT PAIR, INTERACTION=I, ADJUST=B-1.UP_FEET")
     upper, rest = lines.index("*NODE", 1), lines.index("*SOLID SECTION, ELSET=LOW, MATERIAL=STEEL")
-    deck = ["*PART, NAME=A", *lines[:upper], "*END PART", "*PART, NAME=B", *lines[upper:rest], "*END PART"]
+    deck = [
+        "*PART, NAME=A",
+        *lines[:upper],
+        "*END PART",
+        "*PART, NAME=B",
+        *lines[upper:rest],
+        "*END PART",
+    ]
     deck += ["*ASSEMBLY, NAME=S", "*INSTANCE, NAME=A-1, PART=A", "*END INSTANCE"]
     deck += ["*INSTANCE, NAME=B-1, PART=B", "*END INSTANCE", "*END ASSEMBLY", *lines[rest:]]
     for adjust, wanted in (("B-1.UP_FEET", pytest.approx(math.hypot(1.0, 2.004))), ("0.01", 0.01)):
-        _, data, _ = drafted(tmp_path, [line.replace("B-1.UP_FEET", adjust) for line in deck], capsys)
-        assert data["contact"] == [{"boundary": "UP_BOTTOM", "against": "LOW_TOP", "adjust": wanted}]
+        _, data, _ = drafted(
+            tmp_path, [line.replace("B-1.UP_FEET", adjust) for line in deck], capsys
+        )
+        assert data["contact"] == [
+            {"boundary": "UP_BOTTOM", "against": "LOW_TOP", "adjust": wanted}
+        ]
 
 
 def test_an_instance_in_space(tmp_path):
     """It is shifted and then turned about its axis."""
     cube = [(x, y, z) for z in (0, 1) for x, y in ((0, 0), (2, 0), (2, 1), (0, 1))]
-    part = ["*PART, NAME=P", "*NODE", *(f"{n}, {x}, {y}, {z}" for n, (x, y, z) in enumerate(cube, 1))]
+    part = [
+        "*PART, NAME=P",
+        "*NODE",
+        *(f"{n}, {x}, {y}, {z}" for n, (x, y, z) in enumerate(cube, 1)),
+    ]
     part += [
         "*ELEMENT, TYPE=C3D8, ELSET=E",
         "1, 1, 2, 3, 4, 5, 6, 7, 8",
@@ -220,7 +269,14 @@ def test_included_files_that_are_refused(tmp_path, capsys):
     outside = "is outside of the folder of the input file"
     for name, word in {
         **dict.fromkeys(
-            ("../secret.inp", "link.inp", "outside/secret.inp", "/etc/hostname", "a/../../secret.inp"), outside
+            (
+                "../secret.inp",
+                "link.inp",
+                "outside/secret.inp",
+                "/etc/hostname",
+                "a/../../secret.inp",
+            ),
+            outside,
         ),
         **dict.fromkeys(("pipe", "missing.inp", ".", "outside/.."), "the folder of the input file"),
         "self.inp": "more than 20 times deep",

@@ -1,4 +1,6 @@
-"""Bolts beside supports and without contact, one dependent surface in several pairs, contact that may not open."""
+"""Bolts beside supports and without contact, one dependent surface in several pairs, contact that
+may not open.
+"""
 
 import tomllib
 
@@ -14,9 +16,27 @@ from signorini_fx.scenes.solver import solve
 LENGTH, TENSION = 2.0, 3.0
 BAR = [
     *squares(8, 2, size=(LENGTH, 1.0)),
-    *("*SOLID SECTION, ELSET=BODY, MATERIAL=STEEL", "*MATERIAL, NAME=STEEL", "*ELASTIC", f"{YOUNG}, {POISSON}"),
-    *("*SURFACE, NAME=CUT", "4, S2", "12, S2", "*NSET, NSET=END, GENERATE", "9, 27, 9", "*NODE", "900, 9., 9."),
-    *("*PRE-TENSION SECTION, SURFACE=CUT, NODE=900", "*NSET, NSET=ALL, GENERATE", "1, 27", "*BOUNDARY"),
+    *(
+        "*SOLID SECTION, ELSET=BODY, MATERIAL=STEEL",
+        "*MATERIAL, NAME=STEEL",
+        "*ELASTIC",
+        f"{YOUNG}, {POISSON}",
+    ),
+    *(
+        "*SURFACE, NAME=CUT",
+        "4, S2",
+        "12, S2",
+        "*NSET, NSET=END, GENERATE",
+        "9, 27, 9",
+        "*NODE",
+        "900, 9., 9.",
+    ),
+    *(
+        "*PRE-TENSION SECTION, SURFACE=CUT, NODE=900",
+        "*NSET, NSET=ALL, GENERATE",
+        "1, 27",
+        "*BOUNDARY",
+    ),
 ]
 TIGHTENED = ["*STEP", "*STATIC", "*CLOAD", f"900, 1, {TENSION}", "*END STEP"]
 
@@ -54,7 +74,13 @@ def on_two_plates(pair=("UP_BOTTOM, A_TOP", "UP_BOTTOM, B_TOP"), more=()):
         *squares(4, 2, 201, (0.0, 1.0), name="UP"),
     ]
     lines += [f"*SOLID SECTION, ELSET={name}, MATERIAL=STEEL" for name in ("A", "B", "UP")]
-    lines += ["*MATERIAL, NAME=STEEL", "*ELASTIC", f"{YOUNG}, 0.", "*SURFACE INTERACTION, NAME=I", *more]
+    lines += [
+        "*MATERIAL, NAME=STEEL",
+        "*ELASTIC",
+        f"{YOUNG}, 0.",
+        "*SURFACE INTERACTION, NAME=I",
+        *more,
+    ]
     lines += [line for names in pair for line in ("*CONTACT PAIR, INTERACTION=I", names)]
     lines += ["*BOUNDARY", "A_FEET, 1, 2", "B_FEET, 1, 2", "UP_WALL, 1"]
     return [*lines, "*STEP", "*STATIC", "*DSLOAD", "UP_TOP, P, 5.0", "*END STEP"]
@@ -76,4 +102,6 @@ def test_rough_friction(tmp_path):
     deck.write_text("\n".join(stacked(["*FRICTION, ROUGH"])) + "\n", encoding="utf-8")
     made = draft(deck, tmp_path / "other.toml")
     (lost,) = made.lost
-    assert lost.startswith(f"line {stacked(['*FRICTION, ROUGH']).index('*FRICTION, ROUGH') + 1}, *FRICTION: ROUGH")
+    assert lost.startswith(
+        f"line {stacked(['*FRICTION, ROUGH']).index('*FRICTION, ROUGH') + 1}, *FRICTION: ROUGH"
+    )

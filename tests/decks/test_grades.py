@@ -20,7 +20,16 @@ OTHER = "*SURFACE INTERACTION, NAME=J"
 STEPS = ["*END STEP", "*STEP", "*STATIC"]
 # Keywords that are read in part, or are errors: what is said, in which case, and of which keywords.
 REFUSED = (
-    ("nodes and elements are not generated here", "", "NGEN", "NFILL", "NCOPY", "NMAP", "ELGEN", "ELCOPY"),
+    (
+        "nodes and elements are not generated here",
+        "",
+        "NGEN",
+        "NFILL",
+        "NCOPY",
+        "NMAP",
+        "ELGEN",
+        "ELCOPY",
+    ),
     ("coordinates are expected along x, y and z", "of other axes", "SYSTEM"),
     ("coordinates are expected along x, y and z", "SYSTEM other than R", "NODE"),
     (
@@ -33,14 +42,27 @@ REFUSED = (
         "another energy, or incompressible",
         "HYPERELASTIC",
     ),
-    ("a nonlinear material is not possible yet", "with soft contact, preload, temperature and more", "HYPERELASTIC"),
     (
-        "the step does not say of what kind it is: write *STATIC into it; CalculiX solves nothing in such a step",
+        "a nonlinear material is not possible yet",
+        "with soft contact, preload, temperature and more",
+        "HYPERELASTIC",
+    ),
+    (
+        "the step does not say of what kind it is: write *STATIC into it; CalculiX solves nothing "
+        "in such a step",
         "the first one without *STATIC",
         "STEP",
     ),
     ("has no *END STEP before this one", "within another one", "STEP"),
-    ("is expected within a step", "outside of steps", "STATIC", "CLOAD", "DLOAD", "DSLOAD", "TEMPERATURE"),
+    (
+        "is expected within a step",
+        "outside of steps",
+        "STATIC",
+        "CLOAD",
+        "DLOAD",
+        "DSLOAD",
+        "TEMPERATURE",
+    ),
     ("is expected within a step", "between steps", "BOUNDARY"),
     ("is expected before the first step", "within a step", "INITIAL CONDITIONS"),
     (
@@ -50,7 +72,12 @@ REFUSED = (
     ),
 )
 LOST = (
-    ("constants that depend on temperature: the first line is taken", "several temperatures", "ELASTIC", "EXPANSION"),
+    (
+        "constants that depend on temperature: the first line is taken",
+        "several temperatures",
+        "ELASTIC",
+        "EXPANSION",
+    ),
     (
         "a change within a step is not read: the first value holds",
         "within a step",
@@ -62,8 +89,16 @@ LOST = (
         "FRICTION",
         "SURFACE BEHAVIOR",
     ),
-    ("hardening that is not isotropic is not read: elastic here", "HARDENING other than ISOTROPIC", "PLASTIC"),
-    ("a nonlinear material is not possible yet", "with soft contact, preload and more: it does not yield", "PLASTIC"),
+    (
+        "hardening that is not isotropic is not read: elastic here",
+        "HARDENING other than ISOTROPIC",
+        "PLASTIC",
+    ),
+    (
+        "a nonlinear material is not possible yet",
+        "with soft contact, preload and more: it does not yield",
+        "PLASTIC",
+    ),
     ("a material with *HYPERELASTIC does not yield here", "of rubber", "PLASTIC"),
     ("no part of the body", "of no part of the mesh", "SHELL SECTION", "MEMBRANE SECTION"),
     ("no part of the body", "springs, gaps, connectors", "ELEMENT"),
@@ -73,9 +108,21 @@ LOST = (
         "NLGEOM, if finite strains are not possible yet",
         "STEP",
     ),
-    ("NLGEOM: points in contact keep their partners", "NLGEOM, if solids of degree 2 touch, or with ADJUST", "STEP"),
-    ("PERTURBATION: contact may open and close here, and does not in such a step", "PERTURBATION", "STEP"),
-    ("only tabular amplitudes are read: the whole load is taken", "DEFINITION other than TABULAR", "AMPLITUDE"),
+    (
+        "NLGEOM: points in contact keep their partners",
+        "NLGEOM, if solids of degree 2 touch, or with ADJUST",
+        "STEP",
+    ),
+    (
+        "PERTURBATION: contact may open and close here, and does not in such a step",
+        "PERTURBATION",
+        "STEP",
+    ),
+    (
+        "only tabular amplitudes are read: the whole load is taken",
+        "DEFINITION other than TABULAR",
+        "AMPLITUDE",
+    ),
     (
         "TIME=TOTAL TIME is read in decks of one step: the whole load is taken",
         "TIME=TOTAL TIME, if there are more steps",
@@ -108,23 +155,46 @@ LOST = (
     ("a constraint between nodes is not read", "CYCLIC SYMMETRY", "TIE"),
 )
 NOTED = (
-    ("beside rubber: law = 'saint-venant-kirchhoff', linear in the strain of Green", "beside rubber", "SOLID SECTION"),
-    ("as a plane body under plane stress, without bending", "of a plane mesh", "SHELL SECTION", "MEMBRANE SECTION"),
-    ("as the step before it: this one does not say of what kind it is", "a later one without *STATIC", "STEP"),
+    (
+        "beside rubber: law = 'saint-venant-kirchhoff', linear in the strain of Green",
+        "beside rubber",
+        "SOLID SECTION",
+    ),
+    (
+        "as a plane body under plane stress, without bending",
+        "of a plane mesh",
+        "SHELL SECTION",
+        "MEMBRANE SECTION",
+    ),
+    (
+        "as the step before it: this one does not say of what kind it is",
+        "a later one without *STATIC",
+        "STEP",
+    ),
     ("no part of the body", "of other nodes", "BOUNDARY"),
     ("without effect in static steps", "VELOCITY", "INITIAL CONDITIONS"),
 )
-# By keyword and case: lines before the first step, lines of the step, and lines that replace others.
+# By keyword and case: lines before the first step, lines of the step, and lines that replace
+# others.
 SAID = {
     ("SYSTEM", "of other axes"): (["*SYSTEM", "0., 0., 0., 0., 1., 0."], []),
     ("NODE", "SYSTEM other than R"): (["*NODE, SYSTEM=C", "900, 1., 1."], []),
     ("NGEN", ""): (["*NGEN", "1, 2, 1"], []),
-    ("ELASTIC", "TYPE other than ISOTROPIC"): (["*MATERIAL, NAME=M", "*ELASTIC, TYPE=ORTHO", "1., 1."], []),
+    ("ELASTIC", "TYPE other than ISOTROPIC"): (
+        ["*MATERIAL, NAME=M", "*ELASTIC, TYPE=ORTHO", "1., 1."],
+        [],
+    ),
     ("ORIENTATION", ""): (["*ORIENTATION, NAME=O", "1., 0., 0., 0., 1., 0."], []),
-    ("HYPERELASTIC", "another energy, or incompressible"): (["*MATERIAL, NAME=M", "*HYPERELASTIC, YEOH", "1., 1."], []),
+    ("HYPERELASTIC", "another energy, or incompressible"): (
+        ["*MATERIAL, NAME=M", "*HYPERELASTIC, YEOH", "1., 1."],
+        [],
+    ),
     ("HYPERELASTIC", "with soft contact, preload, temperature and more"): (
         *(RUBBER, []),
-        {"*SOLID SECTION, ELSET=UP, MATERIAL=STEEL": "*SOLID SECTION, ELSET=UP, MATERIAL=RUBBER", "CPE4": "CPS4"},
+        {
+            "*SOLID SECTION, ELSET=UP, MATERIAL=STEEL": "*SOLID SECTION, ELSET=UP, MATERIAL=RUBBER",
+            "CPE4": "CPS4",
+        },
     ),
     ("STEP", "the first one without *STATIC"): ([], [], {"*STATIC": "**"}),
     ("STEP", "within another one"): ([], ["*STEP", "*STATIC"]),
@@ -133,17 +203,32 @@ SAID = {
     ("DLOAD", "outside of steps"): (["*DLOAD", "UP, GRAV, 9.81, 0., -1., 0."], []),
     ("DSLOAD", "outside of steps"): (["*DSLOAD", "UP_TOP, P, 1."], []),
     ("TEMPERATURE", "outside of steps"): (["*TEMPERATURE", "UP_HEAD, 5."], []),
-    ("BOUNDARY", "between steps"): ([], ["*END STEP", "*BOUNDARY", "UP_HEAD, 1", "*STEP", "*STATIC"]),
-    ("INITIALCONDITIONS", "within a step"): ([], ["*INITIAL CONDITIONS, TYPE=TEMPERATURE", "UP_HEAD, 5."]),
-    ("ELASTIC", "several temperatures"): (["*MATERIAL, NAME=M", "*ELASTIC", "1., .3, 20.", "2., .3, 90."], []),
-    ("EXPANSION", "several temperatures"): (["*MATERIAL, NAME=M", "*EXPANSION", "1., 20.", "2., 90."], []),
+    ("BOUNDARY", "between steps"): (
+        [],
+        ["*END STEP", "*BOUNDARY", "UP_HEAD, 1", "*STEP", "*STATIC"],
+    ),
+    ("INITIALCONDITIONS", "within a step"): (
+        [],
+        ["*INITIAL CONDITIONS, TYPE=TEMPERATURE", "UP_HEAD, 5."],
+    ),
+    ("ELASTIC", "several temperatures"): (
+        ["*MATERIAL, NAME=M", "*ELASTIC", "1., .3, 20.", "2., .3, 90."],
+        [],
+    ),
+    ("EXPANSION", "several temperatures"): (
+        ["*MATERIAL, NAME=M", "*EXPANSION", "1., 20.", "2., 90."],
+        [],
+    ),
     ("ELASTIC", "within a step"): ([], ["*ELASTIC", "1., .3"]),
     ("DENSITY", "within a step"): ([], ["*DENSITY", "1."]),
     ("EXPANSION", "within a step"): ([], ["*EXPANSION", "1."]),
     ("HYPERELASTIC", "within a step"): ([], ["*HYPERELASTIC, NEO HOOKE", "1., .3"]),
     ("PLASTIC", "within a step"): ([], ["*PLASTIC", "1., 0."]),
     ("FRICTION", "within a step"): ([], ["*FRICTION", ".3"]),
-    ("SURFACEBEHAVIOR", "within a step"): ([], ["*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR", "1."]),
+    ("SURFACEBEHAVIOR", "within a step"): (
+        [],
+        ["*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR", "1."],
+    ),
     ("CHANGEFRICTION", ""): ([], [*STEPS, "*CHANGE FRICTION, INTERACTION=I", "*FRICTION", "0.2"]),
     ("CHANGESURFACEBEHAVIOR", ""): ([], ["*CHANGE SURFACE BEHAVIOR, INTERACTION=I", HARD]),
     ("PLASTIC", "HARDENING other than ISOTROPIC"): (
@@ -165,15 +250,30 @@ SAID = {
     **{
         (f"{kind}SECTION", "of a plane mesh"): (
             *([], []),
-            {"*SOLID SECTION, ELSET=UP, MATERIAL=STEEL": f"*{kind} SECTION, ELSET=UP, MATERIAL=STEEL"},
+            {
+                "*SOLID SECTION, ELSET=UP, MATERIAL=STEEL": f"*{kind} SECTION, ELSET=UP, "
+                "MATERIAL=STEEL"
+            },
         )
         for kind in ("SHELL", "MEMBRANE")
     },
-    ("SOLIDSECTION", "of elements of another one"): (["*SOLID SECTION, ELSET=UP, MATERIAL=STEEL"], []),
+    ("SOLIDSECTION", "of elements of another one"): (
+        ["*SOLID SECTION, ELSET=UP, MATERIAL=STEEL"],
+        [],
+    ),
     ("BEAMSECTION", ""): (["*BEAM SECTION, ELSET=UP, MATERIAL=STEEL", "1., 1."], []),
-    ("SHELLSECTION", "of no part of the mesh"): (["*SHELL SECTION, ELSET=ELSEWHERE, MATERIAL=STEEL", "1."], []),
-    ("MEMBRANESECTION", "of no part of the mesh"): (["*MEMBRANE SECTION, ELSET=ELSEWHERE, MATERIAL=STEEL", "1."], []),
-    ("ELEMENT", "springs, gaps, connectors"): (["*ELEMENT, TYPE=SPRINGA, ELSET=S", "900, 1, 2"], []),
+    ("SHELLSECTION", "of no part of the mesh"): (
+        ["*SHELL SECTION, ELSET=ELSEWHERE, MATERIAL=STEEL", "1."],
+        [],
+    ),
+    ("MEMBRANESECTION", "of no part of the mesh"): (
+        ["*MEMBRANE SECTION, ELSET=ELSEWHERE, MATERIAL=STEEL", "1."],
+        [],
+    ),
+    ("ELEMENT", "springs, gaps, connectors"): (
+        ["*ELEMENT, TYPE=SPRINGA, ELSET=S", "900, 1, 2"],
+        [],
+    ),
     ("ELEMENT", "CPE, CPS and CAX in one file"): (
         [],
         [],
@@ -181,7 +281,11 @@ SAID = {
     ),
     ("TRANSFORM", ""): (["*TRANSFORM, NSET=UP_WALL", "1., 0., 0., 0., 1., 0."], []),
     ("STEP", "a later one without *STATIC"): ([], ["*END STEP", "*STEP"]),
-    ("STEP", "NLGEOM, if finite strains are not possible yet"): ([], [], {"*STEP": "*STEP, NLGEOM", "CPE4": "CPS4"}),
+    ("STEP", "NLGEOM, if finite strains are not possible yet"): (
+        [],
+        [],
+        {"*STEP": "*STEP, NLGEOM", "CPE4": "CPS4"},
+    ),
     ("STEP", "NLGEOM, if solids of degree 2 touch, or with ADJUST"): (
         *([], []),
         {"*STEP": "*STEP, NLGEOM", PAIR: f"{PAIR}, ADJUST=0.01"},
@@ -211,7 +315,10 @@ SAID = {
     ("INITIALCONDITIONS", "of some nodes of a body"): (
         *(["*INITIAL CONDITIONS, TYPE=TEMPERATURE, FILE=other", "UP_HEAD, 5."], []),
     ),
-    ("INITIALCONDITIONS", "neither TEMPERATURE nor VELOCITY"): (["*INITIAL CONDITIONS, TYPE=STRESS", "UP, 1."], []),
+    ("INITIALCONDITIONS", "neither TEMPERATURE nor VELOCITY"): (
+        ["*INITIAL CONDITIONS, TYPE=STRESS", "UP, 1."],
+        [],
+    ),
     ("INITIALCONDITIONS", "VELOCITY"): (["*INITIAL CONDITIONS, TYPE=VELOCITY", "UP, 1, 1."], []),
     ("SURFACEINTERACTION", "USER"): ([f"{OTHER}, USER", "1., 2."], []),
     ("SURFACEBEHAVIOR", "EXPONENTIAL, TABULAR and others"): (
@@ -240,9 +347,19 @@ SAID = {
 
 def written(folder, before, within, changes=()):
     """The deck with more lines, or with others."""
-    lines = [*BASE[:STEP], "*NSET, NSET=UP_ALL, ELSET=UP", *before, *BASE[STEP:END], *within, "*END STEP"]
+    lines = [
+        *BASE[:STEP],
+        "*NSET, NSET=UP_ALL, ELSET=UP",
+        *before,
+        *BASE[STEP:END],
+        *within,
+        "*END STEP",
+    ]
     for old, new in dict(changes).items():
-        lines = [line.replace("CPE4", new) if old == "CPE4" else new if line == old else line for line in lines]
+        lines = [
+            line.replace("CPE4", new) if old == "CPE4" else new if line == old else line
+            for line in lines
+        ]
     deck = folder / "deck.inp"
     deck.write_text("\n".join(lines) + "\n", encoding="utf-8")
     return deck, lines
@@ -255,14 +372,22 @@ def graded(deck):
 
 
 def rows(*tables, partly=()):
-    """Keyword, case and what is said, of keywords that are not read, and of those that are read in part."""
+    """Keyword, case and what is said, of keywords that are not read, and of those that are read in
+    part.
+    """
     whole = [(keyword, "", effect) for table in tables for keyword, effect in table.items()]
-    return whole + [(keyword.replace(" ", ""), case, effect) for effect, case, *names in partly for keyword in names]
+    return whole + [
+        (keyword.replace(" ", ""), case, effect)
+        for effect, case, *names in partly
+        for keyword in names
+    ]
 
 
 def deck_of(folder, keyword, case):
     """The deck with a row, and the pattern of a remark of an effect."""
-    default = ([], [f"*{keyword}"]) if keyword != "CONNECTORFRICTION" else (["*CONNECTOR FRICTION"], [])
+    default = (
+        ([], [f"*{keyword}"]) if keyword != "CONNECTORFRICTION" else (["*CONNECTOR FRICTION"], [])
+    )
     return written(folder, *SAID.get((keyword, case), default))
 
 
@@ -274,16 +399,22 @@ def place(effect):
 @pytest.mark.one_quick
 @pytest.mark.parametrize("grade", ["lost", "noted"])
 def test_grades(tmp_path, grade):
-    """A deck with each row of the tables is graded so, and the remark names the line and the keyword."""
+    """A deck with each row of the tables is graded so, and the remark names the line and the
+    keyword.
+    """
     said = {
-        "lost": rows(unread_keywords.LOST, {"GAP": "not read", "CONNECTORFRICTION": "not read"}, partly=LOST),
+        "lost": rows(
+            unread_keywords.LOST, {"GAP": "not read", "CONNECTORFRICTION": "not read"}, partly=LOST
+        ),
         "noted": rows(unread_keywords.NOTED, partly=NOTED),
     }
     wrong = []
     for keyword, case, effect in said[grade]:
         deck, lines = deck_of(tmp_path, keyword, case)
         lost, noted = graded(deck)
-        remarks = [text for text in (lost if grade == "lost" else noted) if re.search(place(effect), text)]
+        remarks = [
+            text for text in (lost if grade == "lost" else noted) if re.search(place(effect), text)
+        ]
         numbers = [int(re.match(r"line (\d+)", text)[1]) for text in remarks]
         named = any(lines[number - 1].startswith("*") for number in numbers)
         if not named or (grade == "noted" and lost):
@@ -302,10 +433,16 @@ def test_errors(tmp_path, keyword, case, effect):
 
 LEFT = {
     "*EQUATION": (["*EQUATION", "2", "111, 2, 1., 112, 2, -1."], []),
-    "*COUPLING": ([*NODE, "*COUPLING, REF NODE=900, SURFACE=UP_TOP", "*DISTRIBUTING"], ["*CLOAD", "900, 2, -1."]),
+    "*COUPLING": (
+        [*NODE, "*COUPLING, REF NODE=900, SURFACE=UP_TOP", "*DISTRIBUTING"],
+        ["*CLOAD", "900, 2, -1."],
+    ),
     "*TRANSFORM": (["*TRANSFORM, NSET=UP_WALL", "1., 0., 0., 0., 1., 0."], []),
     "*MODEL CHANGE": ([], ["*MODEL CHANGE, TYPE=CONTACT PAIR, REMOVE", "UP_BOTTOM, LOW_TOP"]),
-    "*SURFACE BEHAVIOR": ([OTHER, "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=EXPONENTIAL", "1., 1."], []),
+    "*SURFACE BEHAVIOR": (
+        [OTHER, "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=EXPONENTIAL", "1., 1."],
+        [],
+    ),
     "*CHANGE FRICTION": ([], [*STEPS, "*CHANGE FRICTION, INTERACTION=I", "*FRICTION", "0.2"]),
 }
 

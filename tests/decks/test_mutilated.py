@@ -1,4 +1,6 @@
-"""Decks that are broken somewhere: they are read, or refused with one error that names a line or a place."""
+"""Decks that are broken somewhere: they are read, or refused with one error that names a line or a
+place.
+"""
 
 import random
 import re
@@ -10,21 +12,87 @@ from signorini_fx.addons.decks.draft import draft
 from signorini_fx.errors import SignoriniError
 from signorini_fx.scenes.reading import parse_scene_text
 
-WORDS = ("", "x", "-1", "1e999", "nan", "0", "99999999", "*", "=", "1.5", "NOSUCH", "1,2,3", "\x00", "é")
-CONTACT = stacked(["*FRICTION", "0.2, 50.", "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR", "100., 3."])
+WORDS = (
+    "",
+    "x",
+    "-1",
+    "1e999",
+    "nan",
+    "0",
+    "99999999",
+    "*",
+    "=",
+    "1.5",
+    "NOSUCH",
+    "1,2,3",
+    "\x00",
+    "é",
+)
+CONTACT = stacked(
+    ["*FRICTION", "0.2, 50.", "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR", "100., 3."]
+)
 STEPS = [
-    *("*AMPLITUDE, NAME=A", "0., 0., 1., 1.", "*STEP", "*STATIC", "0.5, 1.", "*BOUNDARY, OP=NEW, AMPLITUDE=A"),
-    *("LOW_FEET, 1, 2", "*CLOAD, OP=NEW", "UP_HEAD, 1, 2.", "*NODE PRINT, NSET=UP_HEAD", "U, RF", "*END STEP"),
+    *(
+        "*AMPLITUDE, NAME=A",
+        "0., 0., 1., 1.",
+        "*STEP",
+        "*STATIC",
+        "0.5, 1.",
+        "*BOUNDARY, OP=NEW, AMPLITUDE=A",
+    ),
+    *(
+        "LOW_FEET, 1, 2",
+        "*CLOAD, OP=NEW",
+        "UP_HEAD, 1, 2.",
+        "*NODE PRINT, NSET=UP_HEAD",
+        "U, RF",
+        "*END STEP",
+    ),
 ]
 
 TIED = [
-    *[*squares(4, 2, name="LOW"), *squares(6, 2, 101, (0.0, 1.0), name="UP"), "*NSET, NSET=SOME", "101, 103, 105"],
-    *("*NODE", "900, 0.5, 3.", "*SOLID SECTION, ELSET=LOW, MATERIAL=STEEL", "*SOLID SECTION, ELSET=UP, MATERIAL=STEEL"),
-    *[*STEEL, "*SURFACE, NAME=NODES, TYPE=NODE", "SOME", "*TIE, NAME=T, POSITION TOLERANCE=.1", "NODES, LOW_TOP"],
-    *("*EQUATION", "3", "103, 2, 2., 105, 2, -1.", "107, 1, .5", "2", "UP_WALL, 1, 1., LOW_WALL, 1, -1."),
+    *[
+        *squares(4, 2, name="LOW"),
+        *squares(6, 2, 101, (0.0, 1.0), name="UP"),
+        "*NSET, NSET=SOME",
+        "101, 103, 105",
+    ],
+    *(
+        "*NODE",
+        "900, 0.5, 3.",
+        "*SOLID SECTION, ELSET=LOW, MATERIAL=STEEL",
+        "*SOLID SECTION, ELSET=UP, MATERIAL=STEEL",
+    ),
+    *[
+        *STEEL,
+        "*SURFACE, NAME=NODES, TYPE=NODE",
+        "SOME",
+        "*TIE, NAME=T, POSITION TOLERANCE=.1",
+        "NODES, LOW_TOP",
+    ],
+    *(
+        "*EQUATION",
+        "3",
+        "103, 2, 2., 105, 2, -1.",
+        "107, 1, .5",
+        "2",
+        "UP_WALL, 1, 1., LOW_WALL, 1, -1.",
+    ),
     *("*MPC", "STRAIGHT, 115, 121, 116, 117", "PIN, 104, 13"),
-    *("*TRANSFORM, NSET=LOW_FEET, TYPE=C", "0., -9., 0., 0., -9., 1.", "*BOUNDARY", "LOW_FEET, 1", "3, 2, 2, .1"),
-    *("*COUPLING, REF NODE=900, SURFACE=UP_TOP, CONSTRAINT NAME=C", "*DISTRIBUTING", "1, 2", "*STEP", "*STATIC"),
+    *(
+        "*TRANSFORM, NSET=LOW_FEET, TYPE=C",
+        "0., -9., 0., 0., -9., 1.",
+        "*BOUNDARY",
+        "LOW_FEET, 1",
+        "3, 2, 2, .1",
+    ),
+    *(
+        "*COUPLING, REF NODE=900, SURFACE=UP_TOP, CONSTRAINT NAME=C",
+        "*DISTRIBUTING",
+        "1, 2",
+        "*STEP",
+        "*STATIC",
+    ),
     *("*CLOAD", "900, 2, -3.", "900, 6, 1.", "104, 1, .5", "104, 1, .5", "*END STEP"),
 ]
 
@@ -63,7 +131,9 @@ def mutilated(lines, chance):
 
 @pytest.mark.one_quick
 @pytest.mark.parametrize("seed", range(3))
-@pytest.mark.parametrize("lines", [[*CONTACT, *STEPS], assembly(), TIED], ids=["contact", "assembly", "tied"])
+@pytest.mark.parametrize(
+    "lines", [[*CONTACT, *STEPS], assembly(), TIED], ids=["contact", "assembly", "tied"]
+)
 def test_mutilated_decks(tmp_path, seed, lines):
     """450 in all."""
     chance = random.Random(seed)

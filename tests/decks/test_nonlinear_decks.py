@@ -1,4 +1,6 @@
-"""*HYPERELASTIC and *PLASTIC of input files: closed forms of a block, and what is refused or taken as elastic."""
+"""*HYPERELASTIC and *PLASTIC of input files: closed forms of a block, and what is refused or taken
+as elastic.
+"""
 
 import tomllib
 
@@ -14,7 +16,13 @@ from signorini_fx.scenes.reading import read_scene
 # A square of four cells, its left and its lower side on rollers, its upper one pushed down.
 SQUARE = [
     *("*NODE", *(f"{1 + i + 3 * j}, {i / 2}, {j / 2}" for j in range(3) for i in range(3))),
-    *("*ELEMENT, TYPE=CPE4, ELSET=BODY", "1, 1, 2, 5, 4", "2, 2, 3, 6, 5", "3, 4, 5, 8, 7", "4, 5, 6, 9, 8"),
+    *(
+        "*ELEMENT, TYPE=CPE4, ELSET=BODY",
+        "1, 1, 2, 5, 4",
+        "2, 2, 3, 6, 5",
+        "3, 4, 5, 8, 7",
+        "4, 5, 6, 9, 8",
+    ),
     *("*SURFACE, NAME=LOW", "1, S1", "2, S1", "*SURFACE, NAME=LID", "3, S3", "4, S3"),
     *("*NSET, NSET=WALL", "1, 4, 7", "*NSET, NSET=TOP", "7, 8, 9"),
     *("*SOLID SECTION, ELSET=BODY, MATERIAL=M", "1."),
@@ -70,11 +78,16 @@ def of_abaqus(shape, d1):
 
 LAWS = {
     "NEO HOOKE": (["10., .02"], lambda s: 10.0 * (np.sum(s**2) - 3)),
-    "MOONEY-RIVLIN": (["7., 3., .02"], lambda s: 7.0 * (np.sum(s**2) - 3) + 3.0 * (np.sum(s**-2) - 3)),
+    "MOONEY-RIVLIN": (
+        ["7., 3., .02"],
+        lambda s: 7.0 * (np.sum(s**2) - 3) + 3.0 * (np.sum(s**-2) - 3),
+    ),
     "": (["7., 3., .02"], lambda s: 7.0 * (np.sum(s**2) - 3) + 3.0 * (np.sum(s**-2) - 3)),
     "OGDEN, N=2": (
         ["12., 1.6, 4., -3., .02, 0."],
-        lambda s: sum(2 * mu / alpha**2 * (np.sum(s**alpha) - 3) for mu, alpha in ((12.0, 1.6), (4.0, -3.0))),
+        lambda s: sum(
+            2 * mu / alpha**2 * (np.sum(s**alpha) - 3) for mu, alpha in ((12.0, 1.6), (4.0, -3.0))
+        ),
     ),
 }
 
@@ -99,22 +112,43 @@ TWO = [
     *("*ELEMENT, TYPE=CPE4, ELSET=BASE", "9, 21, 22, 23, 24"),
 ]
 BELOW = [
-    *("*SOLID SECTION, ELSET=BASE, MATERIAL=M", "*SURFACE, NAME=UPPER", "9, S3", "*SURFACE INTERACTION, NAME=I"),
+    *(
+        "*SOLID SECTION, ELSET=BASE, MATERIAL=M",
+        "*SURFACE, NAME=UPPER",
+        "9, S3",
+        "*SURFACE INTERACTION, NAME=I",
+    ),
     *("*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=HARD", "*CONTACT PAIR, INTERACTION=I", "LOW, UPPER"),
     *("*BOUNDARY", "21, 1, 2", "22, 1, 2"),
 ]
 
 
-WARM = ["*INITIAL CONDITIONS, TYPE=TEMPERATURE", "EVERY, 20.", "*BOUNDARY", "WALL, 1, 1", "TOP, 2, 2"]
+WARM = [
+    "*INITIAL CONDITIONS, TYPE=TEMPERATURE",
+    "EVERY, 20.",
+    "*BOUNDARY",
+    "WALL, 1, 1",
+    "TOP, 2, 2",
+]
 WARM += ["*STEP", "*STATIC", "*TEMPERATURE", "EVERY, 120.", "*END STEP"]
 EVERY = ["*NSET, NSET=EVERY", "1, 2, 3, 4, 5, 6, 7, 8, 9"]
 
 
 def test_metal_that_yields_as_it_becomes_warm(tmp_path):
-    """Its height and its thickness are held and its width is free, so that both have the stress -sigma, whose size is
-    that of von Mises, and half of the plastic strain p: sigma = E (alpha T - p / 2) / (1 - nu) = sigma_0 + H p.
+    """Its height and its thickness are held and its width is free, so that both have the stress
+    -sigma, whose size is that of von Mises, and half of the plastic strain p: sigma = E (alpha T -
+    p / 2) / (1 - nu) = sigma_0 + H p.
     """
-    material = ["*MATERIAL, NAME=M", "*ELASTIC", "1000., .25", "*PLASTIC", "5., 0.", "15., .1", "*EXPANSION", "1e-4"]
+    material = [
+        "*MATERIAL, NAME=M",
+        "*ELASTIC",
+        "1000., .25",
+        "*PLASTIC",
+        "5., 0.",
+        "15., .1",
+        "*EXPANSION",
+        "1e-4",
+    ]
     scene, data = converted(tmp_path, [*SQUARE, *EVERY, *material, *GROUND, *WARM])
     assert "incomplete" not in data
     solution = solve(read_scene(scene), MPI.COMM_SELF)
@@ -122,14 +156,19 @@ def test_metal_that_yields_as_it_becomes_warm(tmp_path):
     assert solution.resultants.of("SOLE").force[1] == pytest.approx(5.0 + 100.0 * plastic, rel=1e-6)
 
 
-ROLLING = [line for line in BELOW if line not in ("21, 1, 2", "22, 1, 2")] + ["21, 1", "24, 1", "21, 2", "22, 2"]
+ROLLING = [line for line in BELOW if line not in ("21, 1, 2", "22, 1, 2")] + [
+    "21, 1",
+    "24, 1",
+    "21, 2",
+    "22, 2",
+]
 
 
 @pytest.mark.one_quick
 @pytest.mark.parametrize("law", ["NEO HOOKE", "MOONEY-RIVLIN"])
 def test_two_bodies_of_rubber(tmp_path, law):
-    """A block on another one of the same rubber, both on rollers: each is compressed by half of the way, in closed
-    form, as its sides slide on each other.
+    """A block on another one of the same rubber, both on rollers: each is compressed by half of the
+    way, in closed form, as its sides slide on each other.
     """
     rows, shape = LAWS[law]
     material = ["*MATERIAL, NAME=M", f"*HYPERELASTIC, {law}", *rows]
@@ -149,23 +188,53 @@ def _square(says):
 @pytest.mark.parametrize(
     ("material", "others", "says"),
     [
-        (["*HYPERELASTIC, YEOH", "1., 1., 1., .1"], GROUND, "only NEO HOOKE, MOONEY-RIVLIN and OGDEN"),
+        (
+            ["*HYPERELASTIC, YEOH", "1., 1., 1., .1"],
+            GROUND,
+            "only NEO HOOKE, MOONEY-RIVLIN and OGDEN",
+        ),
         (["*HYPERELASTIC, NEO HOOKE", "1., 0."], GROUND, "with D1 above 0"),
         (["*HYPERELASTIC, NEO HOOKE", "1."], GROUND, "2 constants are expected"),
-        (["*HYPERELASTIC, MOONEY-RIVLIN", "1., -.1, .1"], GROUND, "C10 and C01 must not be negative here"),
+        (
+            ["*HYPERELASTIC, MOONEY-RIVLIN", "1., -.1, .1"],
+            GROUND,
+            "C10 and C01 must not be negative here",
+        ),
         (["*HYPERELASTIC, OGDEN, N=1", "1., 0., .1"], GROUND, "no exponent alpha zero"),
         (["*HYPERELASTIC, OGDEN, N=1", "-1., 2., .1"], GROUND, "mu must be above 0 here"),
-        (["*HYPERELASTIC, POLYNOMIAL, N=2", "1., 1., 1., 1., 1., .1, .1"], GROUND, "only NEO HOOKE"),
+        (
+            ["*HYPERELASTIC, POLYNOMIAL, N=2", "1., 1., 1., 1., 1., .1, .1"],
+            GROUND,
+            "only NEO HOOKE",
+        ),
         (["*HYPERELASTIC, NEO HOOKE", "1., .1"], GROUND, "not possible yet in plane stress"),
-        (["*ELASTIC", "1000., .3", "*PLASTIC", "5., .1"], GROUND, "the first plastic strain must be 0"),
-        (["*ELASTIC", "1000., .3", "*PLASTIC", "5.", "6., 0."], GROUND, "plastic strains must increase"),
-        (["*ELASTIC", "1000., .3", "*PLASTIC", "5.", "4., .1"], GROUND, "yield stresses not decrease"),
-        (["*ELASTIC", "1000., .3", "*PLASTIC"], GROUND, "a data line ends too early, or is missing"),
+        (
+            ["*ELASTIC", "1000., .3", "*PLASTIC", "5., .1"],
+            GROUND,
+            "the first plastic strain must be 0",
+        ),
+        (
+            ["*ELASTIC", "1000., .3", "*PLASTIC", "5.", "6., 0."],
+            GROUND,
+            "plastic strains must increase",
+        ),
+        (
+            ["*ELASTIC", "1000., .3", "*PLASTIC", "5.", "4., .1"],
+            GROUND,
+            "yield stresses not decrease",
+        ),
+        (
+            ["*ELASTIC", "1000., .3", "*PLASTIC"],
+            GROUND,
+            "a data line ends too early, or is missing",
+        ),
     ],
 )
 def test_what_is_refused(tmp_path, capsys, material, others, says):
     """By the line of the keyword."""
-    converted(tmp_path, [*_square(says), "*MATERIAL, NAME=M", *material, *others, *pushed(0.1)], code=2)
+    converted(
+        tmp_path, [*_square(says), "*MATERIAL, NAME=M", *material, *others, *pushed(0.1)], code=2
+    )
     said = " ".join(capsys.readouterr().err.split())
     assert says in said
     assert "line " in said or "deck.inp:" in said
@@ -181,16 +250,30 @@ SOFT = ["*MATERIAL, NAME=M", "*HYPERELASTIC, NEO HOOKE", "10., .02"]
 
 @pytest.mark.parametrize("yields", [False, True])
 def test_rubber_on_metal(tmp_path, yields):
-    """One part is rubber, the other one as stiff as steel beside it: at the same stress, which the whole shares."""
-    steel = ["*MATERIAL, NAME=S", "*ELASTIC", "1e6, 0.", *(["*PLASTIC", "5., 0."] if yields else [])]
+    """One part is rubber, the other one as stiff as steel beside it: at the same stress, which the
+    whole shares.
+    """
+    steel = [
+        "*MATERIAL, NAME=S",
+        "*ELASTIC",
+        "1e6, 0.",
+        *(["*PLASTIC", "5., 0."] if yields else []),
+    ]
     sides = ["*NSET, NSET=SIDE", "3, 6, 9", "*BOUNDARY", "SIDE, 1, 1"]
-    scene, data = converted(tmp_path, [*HALVES, *SOFT, *steel, *GROUND, *sides, *pushed(0.1)], code=4 if yields else 0)
+    scene, data = converted(
+        tmp_path, [*HALVES, *SOFT, *steel, *GROUND, *sides, *pushed(0.1)], code=4 if yields else 0
+    )
     assert [part["law"] for part in data["material"]] == ["mooney-rivlin", "saint-venant-kirchhoff"]
-    assert any("beside rubber: elastic here" in remark for remark in data.get("incomplete", [])) is yields
+    assert (
+        any("beside rubber: elastic here" in remark for remark in data.get("incomplete", []))
+        is yields
+    )
     if yields:
         return
     solution = solve(read_scene(scene), MPI.COMM_SELF)
     assert solution.certificate.holds
     energy, step = of_abaqus(lambda s: 10.0 * (np.sum(s**2) - 3), 0.02), 1e-30
-    alone = energy(1.0, 0.8 + 1j * step, 1.0).imag / step  # all of the way is that of the rubber, which is half
+    alone = (
+        energy(1.0, 0.8 + 1j * step, 1.0).imag / step
+    )  # all of the way is that of the rubber, which is half
     assert solution.resultants.of("SOLE").force[1] == pytest.approx(-alone, rel=1e-3)

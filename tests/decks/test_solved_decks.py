@@ -32,7 +32,9 @@ def test_a_whole_deck(tmp_path, capsys):
     assert "changes the answer" not in printed
     assert solved(tmp_path, capsys, "--quiet") == (0, "")
     text = (tmp_path / "draft.toml").read_text()
-    code, printed = drafted(tmp_path, [line.replace("P, 5.0", "P, 6.0") for line in stacked([])], capsys)
+    code, printed = drafted(
+        tmp_path, [line.replace("P, 5.0", "P, 6.0") for line in stacked([])], capsys
+    )
     assert code == 2
     assert "already exists: give another name, or remove it" in printed
     assert (tmp_path / "draft.toml").read_text() == text
@@ -41,7 +43,9 @@ def test_a_whole_deck(tmp_path, capsys):
 @pytest.mark.slow
 @pytest.mark.parametrize("options", [(), ("--quiet",)])
 def test_what_changes_the_answer(tmp_path, capsys, options):
-    """It has an exit code of its own, and is red in the report; what does not change it is named as such."""
+    """It has an exit code of its own, and is red in the report; what does not change it is named as
+    such.
+    """
     lines = stacked(["*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=MASSLESS", "1e-4, .1"])
     lines.insert(-1, "*FILM")
     code, printed = drafted(tmp_path, lines, capsys)
@@ -54,7 +58,9 @@ def test_what_changes_the_answer(tmp_path, capsys, options):
     assert cli.main(["report", str(tmp_path / "out")]) == 0
     page = (tmp_path / "out" / "report.html").read_text()
     assert '<div class="status bad">' in page
-    assert "MASSLESS: soft contact is read as LINEAR or TIED only: this contact is hard</li>" in page
+    assert (
+        "MASSLESS: soft contact is read as LINEAR or TIED only: this contact is hard</li>" in page
+    )
     assert json.loads((tmp_path / "out" / "summary.json").read_text())["converged"]
 
 
@@ -73,7 +79,9 @@ def test_decks_that_cannot_be_read(tmp_path, capsys):
     assert code == 2
     assert "line 1" in printed
     assert sorted(file.name for file in tmp_path.iterdir()) == ["deck.inp"]
-    assert cli.main(["new", str(tmp_path / "scene.toml"), "--from", str(tmp_path / "deck.txt")]) == 2
+    assert (
+        cli.main(["new", str(tmp_path / "scene.toml"), "--from", str(tmp_path / "deck.txt")]) == 2
+    )
 
 
 def beams(load, pair="*CONTACT PAIR, INTERACTION=I"):
@@ -82,7 +90,14 @@ def beams(load, pair="*CONTACT PAIR, INTERACTION=I"):
     lines += squares(16, 1, 201, corner=(0.0, 1.0), size=(20.0, 1.0), name="UP")
     lines += [f"*SOLID SECTION, ELSET={name}, MATERIAL=STEEL" for name in ("LOW", "UP")]
     lines += [*STEEL, "*SURFACE INTERACTION, NAME=I", pair, "UP_BOTTOM, LOW_TOP", "*BOUNDARY"]
-    lines += ["LOW_WALL, 1, 2", "UP_WALL, 1, 2", "*STEP, NLGEOM", "*STATIC", "*DSLOAD", f"UP_TOP, P, {load}"]
+    lines += [
+        "LOW_WALL, 1, 2",
+        "UP_WALL, 1, 2",
+        "*STEP, NLGEOM",
+        "*STATIC",
+        "*DSLOAD",
+        f"UP_TOP, P, {load}",
+    ]
     return [*lines, "*END STEP"]
 
 

@@ -1,4 +1,6 @@
-"""Lines that are only numbers are read at once; what they say is what their words say one by one."""
+"""Lines that are only numbers are read at once; what they say is what their words say one by
+one.
+"""
 
 import re
 
@@ -32,25 +34,40 @@ def spelt(line):
 
 def same(one, other):
     assert (one.raw.points == other.raw.points).all()
-    for (kind, nodes), (other_kind, other_nodes) in zip(one.raw.blocks, other.raw.blocks, strict=True):
+    for (kind, nodes), (other_kind, other_nodes) in zip(
+        one.raw.blocks, other.raw.blocks, strict=True
+    ):
         assert kind == other_kind
         assert (nodes == other_nodes).all()
     for first, second in ((one.raw.sets, other.raw.sets),):
         assert first.keys() == second.keys()
-        assert all((a == b).all() for name in first for a, b in zip(first[name], second[name], strict=True))
+        assert all(
+            (a == b).all() for name in first for a, b in zip(first[name], second[name], strict=True)
+        )
     assert one.raw.node_sets.keys() == other.raw.node_sets.keys()
-    assert all((nodes == other.raw.node_sets[name]).all() for name, nodes in one.raw.node_sets.items())
+    assert all(
+        (nodes == other.raw.node_sets[name]).all() for name, nodes in one.raw.node_sets.items()
+    )
     assert one.places.numbers.tolist() == other.places.numbers.tolist()
 
 
 @pytest.mark.parametrize(
     "change",
     [
-        pytest.param(lambda text: re.sub(r"(?m)^(\d+, [-\d.e]+, [-\d.e]+)$", lambda m: spelt(m[1]), text), id="D0"),
-        pytest.param(lambda text: re.sub(r"(?m)^(\d+, .*)$", r"\1,", text), id="a comma at the end"),
-        pytest.param(lambda text: re.sub(r"(?m)^(\d+, .*)$", "\\1\n** comment", text), id="comments between"),
+        pytest.param(
+            lambda text: re.sub(r"(?m)^(\d+, [-\d.e]+, [-\d.e]+)$", lambda m: spelt(m[1]), text),
+            id="D0",
+        ),
+        pytest.param(
+            lambda text: re.sub(r"(?m)^(\d+, .*)$", r"\1,", text), id="a comma at the end"
+        ),
+        pytest.param(
+            lambda text: re.sub(r"(?m)^(\d+, .*)$", "\\1\n** comment", text), id="comments between"
+        ),
         pytest.param(lambda text: re.sub(r"(?m)^(\d+, .*)$", "\\1\n  \n", text), id="empty lines"),
-        pytest.param(lambda text: re.sub(r"(?m)^(\d+, .*)$", "\\1, ,", text), id="an empty word at the end"),
+        pytest.param(
+            lambda text: re.sub(r"(?m)^(\d+, .*)$", "\\1, ,", text), id="an empty word at the end"
+        ),
     ],
 )
 def test_words_one_by_one(tmp_path, change):
@@ -62,7 +79,14 @@ def test_numbers_are_exact(tmp_path):
     """The nearest floating point number to a decimal one, as Python takes it."""
     rng = np.random.default_rng(2)
     numbers = [repr(float(x)) for x in rng.normal(size=300) * 10.0 ** rng.integers(-30, 30, 300)]
-    numbers += ["1", "+.5", "-3.", "0.1e+2", "12345678901234567890.123456789", "2.2250738585072011e-308"]
+    numbers += [
+        "1",
+        "+.5",
+        "-3.",
+        "0.1e+2",
+        "12345678901234567890.123456789",
+        "2.2250738585072011e-308",
+    ]
     lines = [f"{7 * k + 3} ,\t{x},  {x}" for k, x in enumerate(numbers)]
     values = numbers_of(tmp_path, "*NODE, NSET=ALL\n" + "\n".join(lines) + "\n*STEP\n")
     assert values[1::3].tolist() == [float(x) for x in numbers]

@@ -1,4 +1,6 @@
-"""The total load of a deck, summed up from its text in another way, is what the supports of its solution carry."""
+"""The total load of a deck, summed up from its text in another way, is what the supports of its
+solution carry.
+"""
 
 from collections import Counter
 
@@ -19,7 +21,19 @@ DENSITY = 2.0
 
 STEPS = {
     "one after the other": [
-        [("*CLOAD", ["UP_HEAD, 2, -0.25", "111, 1, 0.5", "115, 1, 0.5", "112, 1, 1.", "113, 1, 1.", "114, 1, 1."])],
+        [
+            (
+                "*CLOAD",
+                [
+                    "UP_HEAD, 2, -0.25",
+                    "111, 1, 0.5",
+                    "115, 1, 0.5",
+                    "112, 1, 1.",
+                    "113, 1, 1.",
+                    "114, 1, 1.",
+                ],
+            )
+        ],
         [("*DSLOAD", ["UP_TOP, P, 3."])],
     ],
     "new": [
@@ -32,10 +46,20 @@ STEPS = {
         [("*CLOAD", ["UP_HEAD, 2, -0.75"]), ("*DSLOAD, AMPLITUDE=HALF", ["UP_TOP, P, 8."])],
     ],
     "twice": [
-        [("*CLOAD", ["UP_HEAD, 2, -.25"]), ("*CLOAD", ["UP_HEAD, 2, -.5", "111, 1, .5"]), ("*CLOAD", ["111, 1, 1."])],
-        [("*CLOAD", ["112, 2, -0.5", "112, 2, -0.25"]), ("*DSLOAD", ["UP_TOP, P, 2.", "UP_TOP, P, 1."])],
+        [
+            ("*CLOAD", ["UP_HEAD, 2, -.25"]),
+            ("*CLOAD", ["UP_HEAD, 2, -.5", "111, 1, .5"]),
+            ("*CLOAD", ["111, 1, 1."]),
+        ],
+        [
+            ("*CLOAD", ["112, 2, -0.5", "112, 2, -0.25"]),
+            ("*DSLOAD", ["UP_TOP, P, 2.", "UP_TOP, P, 1."]),
+        ],
     ],
-    "weight": [[("*DLOAD", ["UP, GRAV, 9., 0., -1.", "LOW, GRAV, 9., 0., -1."])], [("*CLOAD", ["UP_HEAD, 1, 1."])]],
+    "weight": [
+        [("*DLOAD", ["UP, GRAV, 9., 0., -1.", "LOW, GRAV, 9., 0., -1."])],
+        [("*CLOAD", ["UP_HEAD, 1, 1."])],
+    ],
 }
 
 
@@ -56,12 +80,20 @@ def totals(steps):
                     continue
                 numbers = np.array(words[1:], dtype=float)
                 size, outward = LENGTHS.get(target, (AREAS.get(target), None))
-                direction = numbers[1:] / np.linalg.norm(numbers[1:]) if len(numbers) > 1 else -np.array(outward)
+                direction = (
+                    numbers[1:] / np.linalg.norm(numbers[1:])
+                    if len(numbers) > 1
+                    else -np.array(outward)
+                )
                 density = DENSITY if words[0] == "GRAV" else 1.0
                 for axis in (1, 2):
-                    new[kind, target, words[0], axis] += share * density * size * numbers[0] * direction[axis - 1]
+                    new[kind, target, words[0], axis] += (
+                        share * density * size * numbers[0] * direction[axis - 1]
+                    )
         acting.update(new)
-        sums.append([sum(force for (*_, axis), force in acting.items() if axis == k) for k in (1, 2)])
+        sums.append(
+            [sum(force for (*_, axis), force in acting.items() if axis == k) for k in (1, 2)]
+        )
     return sums
 
 
@@ -70,10 +102,22 @@ def totals(steps):
 def test_total_loads(tmp_path, name):
     """Of two tied bodies, in each step."""
     lines = [*BODIES, *(f"*SOLID SECTION, ELSET={body}, MATERIAL=STEEL" for body in AREAS), *STEEL]
-    lines += ["*DENSITY", f"{DENSITY}", "*TIE, NAME=T", "UP_BOTTOM, LOW_TOP", "*BOUNDARY", "LOW_FEET, 1, 2"]
+    lines += [
+        "*DENSITY",
+        f"{DENSITY}",
+        "*TIE, NAME=T",
+        "UP_BOTTOM, LOW_TOP",
+        "*BOUNDARY",
+        "LOW_FEET, 1, 2",
+    ]
     lines += ["*AMPLITUDE, NAME=HALF", "0., 0., 1., 0.5"]
     for step in STEPS[name]:
-        lines += ["*STEP", "*STATIC", *(text for keyword, rows in step for text in (keyword, *rows)), "*END STEP"]
+        lines += [
+            "*STEP",
+            "*STATIC",
+            *(text for keyword, rows in step for text in (keyword, *rows)),
+            "*END STEP",
+        ]
     deck, scene = tmp_path / "deck.inp", tmp_path / "scene.toml"
     deck.write_text("\n".join(lines) + "\n")
     drafted = draft(deck, scene)

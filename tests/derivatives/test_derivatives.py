@@ -13,7 +13,13 @@ from spaces import box
 from signorini_fx import ContactProblem, Coulomb, Foundation, SceneError, sensitivity
 from signorini_fx.scenes.reading import parse_scene
 
-PLANE = ["force bottom x", "moment bottom", "pressure bottom 6", "mean top y", "displacement 1.7,0.6 x"]
+PLANE = [
+    "force bottom x",
+    "moment bottom",
+    "pressure bottom 6",
+    "mean top y",
+    "displacement 1.7,0.6 x",
+]
 SPACE = ["force bottom y", "moment bottom x", "pressure bottom", "displacement 1.7,0.6,0.4 x"]
 
 
@@ -38,7 +44,10 @@ def space(friction, cells="hexahedra", degree=1, **solver):
             "mesh": box(cells, (6, 2, 2), comm=COMM),
             "element": {"degree": degree},
             "material": {"young": 5000.0, "poisson": 0.33},
-            "displacement": [{"boundary": "left", "x": 0.0, "y": 0.0}, {"boundary": "right", "x": 0.001, "y": 0.0}],
+            "displacement": [
+                {"boundary": "left", "x": 0.0, "y": 0.0},
+                {"boundary": "right", "x": 0.001, "y": 0.0},
+            ],
             "traction": [{"boundary": "top", "x": 3.0, "y": 2.0, "z": -20.0}],
             "contact": {
                 "boundary": "bottom",
@@ -86,7 +95,12 @@ SHAPE = [
 @pytest.mark.parametrize(
     ("friction", "cells", "degree", "solver"),
     [
-        ({"law": "coulomb", "coefficient": 0.2, "cap": 2.5}, "hexahedra", 1, {"linear_algebra": "full"}),
+        (
+            {"law": "coulomb", "coefficient": 0.2, "cap": 2.5},
+            "hexahedra",
+            1,
+            {"linear_algebra": "full"},
+        ),
         (TRESCA, "hexahedra", 1, {"algorithm": "alm"}),
         ({"law": "coulomb", "coefficient": 0.2}, "tetrahedra", 2, {"linear_algebra": "krylov"}),
     ],
@@ -95,12 +109,14 @@ SHAPE = [
 def test_in_space(friction, cells, degree, solver):
     """Gap and normals follow the shape."""
     key = "bound" if friction["law"] == "tresca" else "coefficient"
-    agrees(space(friction, cells, degree, **solver), SPACE, [f"contact.friction.{key}", *SHAPE], 5e-5)
+    agrees(
+        space(friction, cells, degree, **solver), SPACE, [f"contact.friction.{key}", *SHAPE], 5e-5
+    )
 
 
 def test_the_force_on_a_block_that_slides():
-    """Full slip: the friction force is F times the pressing force, so that its derivative by F is that force, and by
-    the load as a whole the friction force itself.
+    """Full slip: the friction force is F times the pressing force, so that its derivative by F is
+    that force, and by the load as a whole the friction force itself.
     """
     scene = parse_scene(
         {
@@ -111,7 +127,9 @@ def test_the_force_on_a_block_that_slides():
             "contact": {"boundary": "bottom", "friction": {"law": "coulomb", "coefficient": 0.25}},
         }
     )
-    found = sensitivity(scene, "force bottom x", ["contact.friction.coefficient", "traction[0]", "displacement.x"])
+    found = sensitivity(
+        scene, "force bottom x", ["contact.friction.coefficient", "traction[0]", "displacement.x"]
+    )
     assert found.value == pytest.approx(-2.0, rel=1e-9)
     assert found.derivatives == pytest.approx((-8.0, -2.0, 0.0), rel=1e-9, abs=1e-7)
 
@@ -120,15 +138,24 @@ def test_the_force_on_a_block_that_slides():
 @pytest.mark.parametrize("algorithm", ["alm", "ssn"])
 @pytest.mark.parametrize("springs", [False, True])
 def test_a_support_holds_a_node_that_slips(algorithm, springs):
-    """The left edge is pushed and held along the contact: its corner slips, but its shear moves nothing."""
+    """The left edge is pushed and held along the contact: its corner slips, but its shear moves
+    nothing.
+    """
     more = {"springs": [{"boundary": "right", "x": 100.0, "y": 40.0}]} if springs else {}
     scene = parse_scene(
         {
-            "mesh": {"generator": "rectangle", "parameters": {"length": 1.0, "height": 1.0, "nx": 4, "ny": 4}},
+            "mesh": {
+                "generator": "rectangle",
+                "parameters": {"length": 1.0, "height": 1.0, "nx": 4, "ny": 4},
+            },
             "material": {"young": 5000.0, "poisson": 0.3},
             "displacement": [{"boundary": "left", "x": 0.002}],
             "traction": [{"boundary": "top", "y": -7.0}],
-            "contact": {"boundary": "bottom", "gap": 0.0, "friction": {"law": "coulomb", "coefficient": 0.15}},
+            "contact": {
+                "boundary": "bottom",
+                "gap": 0.0,
+                "friction": {"law": "coulomb", "coefficient": 0.15},
+            },
             "solver": {"algorithm": algorithm},
             **more,
         }
@@ -165,24 +192,38 @@ def test_what_has_no_derivative(of, by, said):
 @pytest.mark.mpi
 @pytest.mark.parametrize("settings", [{}, {"algorithm": "alm"}], ids=["ssn", "alm"])
 def test_constants_of_forms(settings):
-    """Young's modulus in the form, a friction coefficient, a gap, a load, and a prescribed displacement."""
+    """Young's modulus in the form, a friction coefficient, a gap, a load, and a prescribed
+    displacement.
+    """
     mesh = plain_box((3.0, 1.0), (18, 6), dmesh.CellType.quadrilateral)
     space = fem.functionspace(mesh, ("Lagrange", 1, (2,)))
-    young, friction, load, gap, moved = (fem.Constant(mesh, value) for value in (5000.0, 0.3, -20.0, 0.001, 0.002))
+    young, friction, load, gap, moved = (
+        fem.Constant(mesh, value) for value in (5000.0, 0.3, -20.0, 0.001, 0.002)
+    )
     y, z, x = ufl.TrialFunction(space), ufl.TestFunction(space), ufl.SpatialCoordinate(mesh)
     top = np.sort(side(mesh, 1, 1.0))
-    ds = ufl.Measure("ds", mesh, subdomain_data=dmesh.meshtags(mesh, 1, top, np.ones(top.size, dtype=np.int32)))
+    ds = ufl.Measure(
+        "ds", mesh, subdomain_data=dmesh.meshtags(mesh, 1, top, np.ones(top.size, dtype=np.int32))
+    )
     held = space.sub(0)
     bcs = [
         fem.dirichletbc(value, fem.locate_dofs_topological(held, 1, side(mesh, 0, at)), held)
         for value, at in ((fem.Constant(mesh, 0.0), 0.0), (moved, 3.0))
     ]
-    foundation = Foundation(side(mesh, 1, 0.0), gap=0.003 * (x[0] - 1.5) ** 2 + gap, friction=Coulomb(friction))
+    foundation = Foundation(
+        side(mesh, 1, 0.0), gap=0.003 * (x[0] - 1.5) ** 2 + gap, friction=Coulomb(friction)
+    )
     settings = {"gamma_n": 1e7, "gamma_t": 1e7, "coulomb": "newton"} | settings
-    problem = ContactProblem(hooke(y, z, young), load * z[1] * ds(1), bcs, contact=[foundation], **settings)
+    problem = ContactProblem(
+        hooke(y, z, young), load * z[1] * ds(1), bcs, contact=[foundation], **settings
+    )
     problem.solve()
     by = [young, friction, load, gap, moved]
-    for of in (problem.u[1] * problem.u[1] * ds(1) + load * problem.u[0] * ds(1), "force 0 x", "pressure 0"):
+    for of in (
+        problem.u[1] * problem.u[1] * ds(1) + load * problem.u[0] * ds(1),
+        "force 0 x",
+        "pressure 0",
+    ):
         found = problem.gradient(of, by)
         for constant, slope in zip(by, found.derivatives, strict=True):
             kept, step, values = float(constant.value), 1e-5 * abs(float(constant.value)), []
@@ -197,21 +238,28 @@ def test_constants_of_forms(settings):
 
 
 def test_constants_that_enter_nonlinearly():
-    """Of a slender body the derivative is that of UFL to 5e-6; narrow differences are wrong by 1e-4.
+    """Of a slender body the derivative is that of UFL to 5e-6; narrow differences are wrong by
+    1e-4.
 
-    What is left is round-off of residuals, another one with each compiler: 1.5e-6 with dolfinx 0.9, 2.9e-6 with 0.11.
+    What is left is round-off of residuals, another one with each compiler: 1.5e-6 with dolfinx 0.9,
+    2.9e-6 with 0.11.
     """
     mesh = plain_box((30.0, 1.0), (60, 2), dmesh.CellType.quadrilateral)
     space = fem.functionspace(mesh, ("Lagrange", 2, (2,)))
     poisson, share = (fem.Constant(mesh, value) for value in (0.3, 1.0))
     y, z = ufl.TrialFunction(space), ufl.TestFunction(space)
-    bcs = [fem.dirichletbc(np.zeros(2), fem.locate_dofs_topological(space, 1, side(mesh, 0, 0.0)), space)]
+    bcs = [
+        fem.dirichletbc(
+            np.zeros(2), fem.locate_dofs_topological(space, 1, side(mesh, 0, 0.0)), space
+        )
+    ]
     foundation = Foundation(side(mesh, 1, 0.0), gap=0.5)
     load = ufl.inner(fem.Constant(mesh, (0.0, -1e-3)), z) * ufl.dx
     ratio = ufl.variable(poisson)
     (work,) = (integral.integrand() for integral in hooke(y, z, 1000.0, ratio).integrals())
     exact = (
-        hooke(y, z, 1000.0, 0.3) + (share - 1) * ufl.replace(ufl.diff(work, ratio), {poisson: ufl.as_ufl(0.3)}) * ufl.dx
+        hooke(y, z, 1000.0, 0.3)
+        + (share - 1) * ufl.replace(ufl.diff(work, ratio), {poisson: ufl.as_ufl(0.3)}) * ufl.dx
     )
     slopes = []
     for form, constant in ((work * ufl.dx, poisson), (exact, share)):
@@ -228,7 +276,9 @@ def test_bad_arguments_of_gradient():
     y, z = ufl.TrialFunction(space), ufl.TestFunction(space)
     load = fem.Constant(mesh, -1.0)
     problem = ContactProblem(
-        hooke(y, z), load * z[1] * ufl.dx, contact=[Foundation(side(mesh, 1, 0.0), friction=Coulomb(0.3))]
+        hooke(y, z),
+        load * z[1] * ufl.dx,
+        contact=[Foundation(side(mesh, 1, 0.0), friction=Coulomb(0.3))],
     )
     with pytest.raises(RuntimeError, match="no solution"):
         problem.gradient("force 0 y", [load])
@@ -246,19 +296,24 @@ def test_bad_arguments_of_gradient():
 
 @pytest.mark.mpi(slow=True)
 def test_after_advance():
-    """A block that slides on and on has forgotten where it was: its friction is F times the pressing force, and a mean
-    displacement follows central differences over both steps.  Where points stick the step before matters.
+    """A block that slides on and on has forgotten where it was: its friction is F times the
+    pressing force, and a mean displacement follows central differences over both steps.  Where
+    points stick the step before matters.
     """
     mesh = plain_box((2.0, 1.0), (8, 4), dmesh.CellType.quadrilateral)
     space = fem.functionspace(mesh, ("Lagrange", 1, (2,)))
     friction, load, push = (fem.Constant(mesh, value) for value in (0.25, -4.0, 0.0))
     y, z, top = ufl.TrialFunction(space), ufl.TestFunction(space), np.sort(side(mesh, 1, 1.0))
-    ds = ufl.Measure("ds", mesh, subdomain_data=dmesh.meshtags(mesh, 1, top, np.ones(top.size, dtype=np.int32)))
+    ds = ufl.Measure(
+        "ds", mesh, subdomain_data=dmesh.meshtags(mesh, 1, top, np.ones(top.size, dtype=np.int32))
+    )
     bcs = [fem.dirichletbc(push, fem.locate_dofs_topological(space.sub(0), 1, top), space.sub(0))]
 
     def history(*places):
         foundation = Foundation(side(mesh, 1, 0.0), friction=Coulomb(friction))
-        problem = ContactProblem(hooke(y, z, 1000.0), load * z[1] * ds(1), bcs, contact=[foundation])
+        problem = ContactProblem(
+            hooke(y, z, 1000.0), load * z[1] * ds(1), bcs, contact=[foundation]
+        )
         for number, place in enumerate(places):
             if number:
                 problem.advance()

@@ -1,4 +1,6 @@
-"""Derivatives of results of nonlinear bodies, against central differences of solves, and by translations."""
+"""Derivatives of results of nonlinear bodies, against central differences of solves, and by
+translations.
+"""
 
 import numpy as np
 import pytest
@@ -25,7 +27,10 @@ STEP = 1e-4  # of differences, relative
 STEPS = {"load_steps": {"times": [0.5, 1.0, 1.5]}}
 MOVED = {"shift": ["0.06*t*(2 - t)", "0.05*t"], "rotation": "0.2*t"}
 TURNED = {"shift": ["0.06*t*(2 - t)", "0.05*t"], "rotation": "15*t", "pivot": [1.05, -0.45]}
-MOVED_IN_SPACE = {"shift": ["0.06*t*(2 - t)", "0.02*t", "0.05*t"], "rotation": ["0.1*t", "0.05*t", "0.2*t"]}
+MOVED_IN_SPACE = {
+    "shift": ["0.06*t*(2 - t)", "0.02*t", "0.05*t"],
+    "rotation": ["0.1*t", "0.05*t", "0.2*t"],
+}
 
 
 def rubber(friction=None, moved=None, algorithm="alm", **tables):
@@ -34,7 +39,10 @@ def rubber(friction=None, moved=None, algorithm="alm", **tables):
     contact = {"boundary": "bottom", "gap": 0.0, "foundation": foundation}
     gamma = {"gamma_n": 1e5, "gamma_t": 1e5} if algorithm == "ssn" else {}
     return {
-        "mesh": {"generator": "rectangle", "parameters": {"length": 2.0, "height": 1.0, "nx": 12, "ny": 6}},
+        "mesh": {
+            "generator": "rectangle",
+            "parameters": {"length": 2.0, "height": 1.0, "nx": 12, "ny": 6},
+        },
         "material": [{"law": "neo-hooke", "young": 100.0, "poisson": 0.3}],
         "displacement": [{"boundary": "top", "x": 0.0, "y": 0.0}],
         "traction": [{"boundary": "right", "x": 1.5}],
@@ -52,7 +60,11 @@ def in_space(friction=None, moved=None, **tables):
         "parameters": {"length": 2.0, "width": 2.0, "height": 1.0, "nx": 5, "ny": 5, "nz": 2},
     }
     scene["displacement"][0] |= {"z": 0.0}
-    scene["contact"][0]["foundation"] |= {"shape": "sphere", "centre": [1.05, 0.98, -0.6], "radius": 0.7}
+    scene["contact"][0]["foundation"] |= {
+        "shape": "sphere",
+        "centre": [1.05, 0.98, -0.6],
+        "radius": 0.7,
+    }
     return scene
 
 
@@ -60,7 +72,9 @@ def held_beside(**held):
     """A rough circle under all of the block, whose side is pushed up to its corner."""
     foundation = {"centre": [1.0, -10.0], "radius": 10.0, "shift": ["0.03*t*(2 - t)", "0.1*t"]}
     scene = rubber(COULOMB, foundation, **STEPS)
-    scene["displacement"].append({"boundary": "left", "x": 0.02, "factors": [0.5, 1.0, 1.2], **held})
+    scene["displacement"].append(
+        {"boundary": "left", "x": 0.02, "factors": [0.5, 1.0, 1.2], **held}
+    )
     return scene
 
 
@@ -80,9 +94,15 @@ COEFFICIENT = ["contact[0].friction.coefficient"]
 MOONEY = [{"law": "mooney-rivlin", "c10": 12.0, "c01": 5.0, "bulk": 100.0}]
 SCENES = {
     "friction": (rubber(COULOMB), [*BOTH, *PLACES, *COEFFICIENT]),
-    "friction without pressure": (rubber({"law": "tresca", "bound": 2.0}), [*BOTH, "contact[0].friction.bound"]),
+    "friction without pressure": (
+        rubber({"law": "tresca", "bound": 2.0}),
+        [*BOTH, "contact[0].friction.bound"],
+    ),
     "steps that turn": (rubber(COULOMB, TURNED, **STEPS), [BOTH[0], *COEFFICIENT]),
-    "steps, regularised": (rubber(COULOMB, MOVED, "ssn", **STEPS), [*BOTH, PLACES[0], *COEFFICIENT]),
+    "steps, regularised": (
+        rubber(COULOMB, MOVED, "ssn", **STEPS),
+        [*BOTH, PLACES[0], *COEFFICIENT],
+    ),
     "of revolution": (of_revolution(), [*BOTH[1:], *COEFFICIENT]),
     "space": (in_space(COULOMB, MOVED_IN_SPACE, **STEPS), [*BOTH, PLACES[0], *COEFFICIENT]),
     "held beside contact in one step": (held_beside(holds=[False, True, False]), HELD),
@@ -95,7 +115,10 @@ ON_RANKS = ("steps that turn", "space", "held beside contact in one step")
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("scene", "by"),
-    [pytest.param(*SCENES[name], id=name, marks=[pytest.mark.mpi] * (name in ON_RANKS)) for name in SCENES],
+    [
+        pytest.param(*SCENES[name], id=name, marks=[pytest.mark.mpi] * (name in ON_RANKS))
+        for name in SCENES
+    ],
 )
 def test_differences_of_solves(scene, by):
     across = "z" if scene["mesh"]["generator"] == "box" else "y"
@@ -108,7 +131,9 @@ def test_differences_of_solves(scene, by):
         ends = [
             [
                 entry.value
-                for entry in sensitivity(parse_scene(changed(scene, {path: value + sign * step})), of, [], COMM)
+                for entry in sensitivity(
+                    parse_scene(changed(scene, {path: value + sign * step})), of, [], COMM
+                )
             ]
             for sign in (1.0, -1.0)
         ]
@@ -120,7 +145,10 @@ def test_differences_of_solves(scene, by):
 
 DRIVEN = {"shape": "circle", "centre": [1.05, -0.45], "radius": 0.5, "force": [0.0, 1.0]}
 REFUSED = {
-    "state": ({"material": [{"law": "j2", "young": 100.0, "poisson": 0.3, "yield_stress": 5.0}]}, "has a state"),
+    "state": (
+        {"material": [{"law": "j2", "young": 100.0, "poisson": 0.3, "yield_stress": 5.0}]},
+        "has a state",
+    ),
     "tool": (
         {"contact[0].foundation": DRIVEN | {"prescribed": {"x": 0.0, "rotation": 0.0}}},
         r"contact\[0\].foundation: .* where a force moves it",
@@ -136,10 +164,12 @@ REFUSED = {
 @pytest.mark.parametrize(("change", "why"), REFUSED.values(), ids=list(REFUSED))
 def test_what_has_no_derivatives_is_refused_by_name(change, why):
     with pytest.raises(SceneError, match=why):
-        sensitivity(parse_scene(changed(rubber(), change)), "force bottom y", ["material[0].isochoric"])
+        sensitivity(
+            parse_scene(changed(rubber(), change)), "force bottom y", ["material[0].isochoric"]
+        )
 
 
-# --- forms ------------------------------------------------------------------------------------------------------------
+# --- forms ----------------------------------------------------------------------------------------
 
 
 class Pressed:
@@ -162,14 +192,22 @@ class Pressed:
         mu, body, self.gap = (self.data[name] for name in ("mu", "body", "gap"))
         gradient = ufl.Identity(dim) + ufl.grad(self.u)
         volume, dx = ufl.det(gradient), ufl.dx(metadata={"quadrature_degree": 2})
-        energy = mu / 2 * (ufl.inner(gradient, gradient) - dim) - mu * ufl.ln(volume) + 30 * ufl.ln(volume) ** 2
+        energy = (
+            mu / 2 * (ufl.inner(gradient, gradient) - dim)
+            - mu * ufl.ln(volume)
+            + 30 * ufl.ln(volume) ** 2
+        )
         v = ufl.TestFunction(V)
         self.F = ufl.derivative(energy * dx, self.u, v) - body * v[0] * dx
         bottom, self.top = (
-            dmesh.locate_entities_boundary(domain, dim - 1, lambda x, at=at: np.isclose(x[dim - 1], at))
+            dmesh.locate_entities_boundary(
+                domain, dim - 1, lambda x, at=at: np.isclose(x[dim - 1], at)
+            )
             for at in (0.0, 1.0)
         )
-        self.fixed = fem.dirichletbc(np.zeros(dim), fem.locate_dofs_topological(V, dim - 1, bottom), V)
+        self.fixed = fem.dirichletbc(
+            np.zeros(dim), fem.locate_dofs_topological(V, dim - 1, bottom), V
+        )
         side = dmesh.locate_entities_boundary(domain, dim - 1, lambda x: np.isclose(x[0], 0.0))
         across = fem.locate_dofs_topological(V.sub(0), dim - 1, side)
         self.data["pushed"] = fem.Constant(domain, 0.02)
@@ -191,7 +229,11 @@ class Pressed:
     def problem(self, **changes):
         contact = Foundation(self.top, shape=self.shape, gap=self.gap, **self.law)
         return NonlinearContactProblem(
-            **({"F": self.F, "u": self.u, "bcs": [self.fixed], "contact": contact} | self.settings | changes)
+            **(
+                {"F": self.F, "u": self.u, "bcs": [self.fixed], "contact": contact}
+                | self.settings
+                | changes
+            )
         )
 
     def solved(self, **changes):
@@ -204,7 +246,9 @@ class Pressed:
 
 @pytest.mark.one_quick
 @pytest.mark.mpi(slow=True)
-@pytest.mark.parametrize(("friction", "dim"), [(None, 2), ("coulomb", 2), ("tresca", 2), ("coulomb", 3)])
+@pytest.mark.parametrize(
+    ("friction", "dim"), [(None, 2), ("coulomb", 2), ("tresca", 2), ("coulomb", 3)]
+)
 def test_constants_of_a_residual(friction, dim):
     pressed = Pressed(friction, dim)
     names = ["mu", "body", "gap"] + ([] if friction is None else ["friction"])
@@ -219,7 +263,10 @@ def test_constants_of_a_residual(friction, dim):
             ends.append([varied.gradient(of, []).value for of in pressed.of])
         constant.value = value
         for gradient, ahead, behind in zip(found, *ends, strict=True):
-            difference, digits = (ahead - behind) / (2 * STEP * value), 1e-9 * abs(gradient.value) / (STEP * value)
+            difference, digits = (
+                (ahead - behind) / (2 * STEP * value),
+                1e-9 * abs(gradient.value) / (STEP * value),
+            )
             assert gradient.derivatives[column] == pytest.approx(difference, rel=3e-5, abs=digits)
 
 
@@ -237,7 +284,10 @@ def test_arguments_are_refused_by_name():
     def follows():
         pressed.data["body"].value = 2.0 + 10.0 * np.abs(pressed.u.x.array).max()
 
-    for changed_by, why in (({"J": other}, "J: is not the derivative of F"), ({"update": follows}, "J: is needed")):
+    for changed_by, why in (
+        ({"J": other}, "J: is not the derivative of F"),
+        ({"update": follows}, "J: is needed"),
+    ):
         wrong = pressed.solved(**changed_by, stability=False)
         with pytest.raises(FormError, match=why):
             wrong.gradient(pressed.of[1], [pressed.data["mu"]])

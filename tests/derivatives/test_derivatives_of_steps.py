@@ -1,4 +1,6 @@
-"""Derivatives of results of several load steps: against statics, central differences of solves, and other units."""
+"""Derivatives of results of several load steps: against statics, central differences of solves, and
+other units.
+"""
 
 import numpy as np
 import pytest
@@ -12,8 +14,8 @@ OF = ["force bottom x", "moment bottom step 3", "displacement 1.7,0.6 x step 2",
 
 
 def plane(friction, length=1.0, stress=1.0, **solver):
-    """A block on a shallow bowl that is pushed to and fro, and lifted by and by: points stick, slip, turn back, and
-    open.
+    """A block on a shallow bowl that is pushed to and fro, and lifted by and by: points stick,
+    slip, turn back, and open.
     """
     return parse_scene(
         {
@@ -32,7 +34,11 @@ def plane(friction, length=1.0, stress=1.0, **solver):
                 "gap": f"{0.003 / length}*(x[0]-{1.5 * length})**2",
                 "friction": friction,
             },
-            "solver": {"gamma_n": 1e7 * stress / length, "gamma_t": 1e7 * stress / length, **solver},
+            "solver": {
+                "gamma_n": 1e7 * stress / length,
+                "gamma_t": 1e7 * stress / length,
+                **solver,
+            },
         }
     )
 
@@ -41,7 +47,10 @@ def space(friction, **solver):
     """A block on a sphere that moves and turns under it."""
     return parse_scene(
         {
-            "mesh": {"generator": "box", "parameters": {"nx": 5, "ny": 2, "nz": 2, "cell": "hexahedron"}},
+            "mesh": {
+                "generator": "box",
+                "parameters": {"nx": 5, "ny": 2, "nz": 2, "cell": "hexahedron"},
+            },
             "material": {"young": 5000.0, "poisson": 0.33},
             "displacement": [{"boundary": "left", "x": 0.0, "y": 0.0, "z": 0.0}],
             "traction": [
@@ -68,7 +77,11 @@ def space(friction, **solver):
 DATA = ["contact.gap", "material.young", "traction[0]", "displacement[0].x"]
 WAYS = {
     "tresca alm": (TRESCA, ["contact.friction.bound"], {"algorithm": "alm"}),
-    "fixed point": (COULOMB, ["contact.friction.coefficient"], {"coulomb": "fp", "linear_algebra": "krylov"}),
+    "fixed point": (
+        COULOMB,
+        ["contact.friction.coefficient"],
+        {"coulomb": "fp", "linear_algebra": "krylov"},
+    ),
     "alm": (COULOMB, ["contact.friction.coefficient"], {"algorithm": "alm"}),
 }
 
@@ -79,7 +92,8 @@ WAYS = {
 def test_in_the_plane(way):
     """Each law, with regularisation and without, at the last load step and at earlier ones."""
     friction, more, solver = WAYS[way]
-    # With a given bound the node that a support pushes along slips in either direction: there the force jumps.
+    # With a given bound the node that a support pushes along slips in either direction: there the
+    # force jumps.
     data = DATA[:-1] if friction is TRESCA else DATA
     found = agrees(plane(friction, **solver), OF, [*more, *data])
     steps = [step.contact for step in found[0].solution.steps]
@@ -95,8 +109,9 @@ def test_in_the_plane(way):
 
 
 def test_a_block_that_has_slid_and_sticks():
-    """Pulled back by very little, a block keeps the friction of the first load step, F times the pressing force of 8,
-    less what the way back shears it by, which F does not change but for one corner that goes on slipping.
+    """Pulled back by very little, a block keeps the friction of the first load step, F times the
+    pressing force of 8, less what the way back shears it by, which F does not change but for one
+    corner that goes on slipping.
     """
     scene = parse_scene(
         {
@@ -107,7 +122,9 @@ def test_a_block_that_has_slid_and_sticks():
             "contact": {"boundary": "bottom", "friction": {"law": "coulomb", "coefficient": 0.25}},
         }
     )
-    slides, sticks = sensitivity(scene, ["force bottom x step 1", "force bottom x"], ["contact.friction.coefficient"])
+    slides, sticks = sensitivity(
+        scene, ["force bottom x step 1", "force bottom x"], ["contact.friction.coefficient"]
+    )
     assert slides.value == pytest.approx(-2.0, rel=1e-9)
     assert sticks.value > slides.value + 1e-3
     assert [slides.derivatives[0], sticks.derivatives[0]] == pytest.approx([-8.0, -8.0], rel=1e-5)
@@ -116,7 +133,9 @@ def test_a_block_that_has_slid_and_sticks():
 @pytest.mark.slow
 @pytest.mark.mpi(slow=True)
 def test_moduli_and_loads_of_many_kinds():
-    """Moduli that vary in the body, springs that do not follow them, heat that does, weight, and a load of the time."""
+    """Moduli that vary in the body, springs that do not follow them, heat that does, weight, and a
+    load of the time.
+    """
     scene = parse_scene(
         {
             "mesh": {"generator": "rectangle", "parameters": {"nx": 12, "ny": 4}},
@@ -152,7 +171,9 @@ def test_no_such_step(number):
 
 
 def test_friction_of_the_time_on_a_foundation_that_moves():
-    """A step has its friction coefficient, not that of the step before: where all slips, the shear is F(t) lambda."""
+    """A step has its friction coefficient, not that of the step before: where all slips, the shear
+    is F(t) lambda.
+    """
     found = sensitivity(space({"law": "coulomb", "coefficient": "0.02*t"}), "force bottom x", [])
     for number, step in enumerate(found.solution.steps, start=1):
         state = step.contact

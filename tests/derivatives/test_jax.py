@@ -10,7 +10,9 @@ DEMO = Path(__file__).parents[2] / "demos" / "studies" / "jax_gradient.py"
 
 
 def test_demo():
-    """Derivatives are those of differences of the whole function, and a fit by them finds the true weights."""
+    """Derivatives are those of differences of the whole function, and a fit by them finds the true
+    weights.
+    """
     pytest.importorskip("jax", reason="JAX is not installed: pip install jax")
     found = runpy.run_path(str(DEMO))
     assert np.abs(found["by_jax"]).min() > 1e-3

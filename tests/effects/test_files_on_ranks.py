@@ -23,7 +23,10 @@ def test_a_table_that_the_first_rank_has_alone(key, tmp_path):
         file.write_text(text, encoding="utf-8")
     scene = parse_scene(
         {
-            "mesh": {"generator": "rectangle", "parameters": {"length": 1.0, "height": 1.0, "nx": 4, "ny": 4}},
+            "mesh": {
+                "generator": "rectangle",
+                "parameters": {"length": 1.0, "height": 1.0, "nx": 4, "ny": 4},
+            },
             "material": {"young": 1000.0, "poisson": 0.3, "expansion": 1e-5},
             "displacement": {"boundary": "left", "x": 0.0},
             "traction": {"boundary": "top", "y": -1.0},

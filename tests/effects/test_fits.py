@@ -1,4 +1,6 @@
-"""Friction of a fit: its pressure balances itself, so that statics alone does not know what it can carry."""
+"""Friction of a fit: its pressure balances itself, so that statics alone does not know what it can
+carry.
+"""
 
 import numpy as np
 import pytest
@@ -14,10 +16,12 @@ YOUNG, OVERLAP, FRICTION = 100.0, 0.01, 0.3
 
 
 def pushed_between_walls(dimension, share, **settings):
-    """A unit block between two rigid walls, each of which overlaps it, pushed along them by its weight.
+    """A unit block between two rigid walls, each of which overlaps it, pushed along them by its
+    weight.
 
-    Without a Poisson effect the mean of the pressure follows from the overlap alone, E 2 d / L, however friction and
-    bending distribute it, as long as the contact is closed: the stress along x has the same mean in each section.
+    Without a Poisson effect the mean of the pressure follows from the overlap alone, E 2 d / L,
+    however friction and bending distribute it, as long as the contact is closed: the stress along x
+    has the same mean in each section.
     """
     cells = {2: (mesh.create_unit_square, (6, 5)), 3: (mesh.create_unit_cube, (4, 3, 2))}[dimension]
     kind = {2: mesh.CellType.quadrilateral, 3: mesh.CellType.hexahedron}[dimension]
@@ -33,13 +37,19 @@ def pushed_between_walls(dimension, share, **settings):
 
 def share_found(problem):
     """The share of the loads that the history names."""
-    told = [event for event in problem.history.events if event.startswith("friction at this pressure carries at most ")]
+    told = [
+        event
+        for event in problem.history.events
+        if event.startswith("friction at this pressure carries at most ")
+    ]
     return float(told[-1].split()[7])
 
 
 @pytest.mark.one_quick
 @pytest.mark.mpi(slow=True)
-@pytest.mark.parametrize("settings", [{}, {"algorithm": "alm"}, {"coulomb": "newton"}, {"fallbacks": False}], ids=str)
+@pytest.mark.parametrize(
+    "settings", [{}, {"algorithm": "alm"}, {"coulomb": "newton"}, {"fallbacks": False}], ids=str
+)
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_it_slides_beyond_what_its_pressure_can_carry(dimension, settings):
     """The limit is 2 F p A: at 1.01 the outcome says so, with the share that is carried."""
@@ -52,13 +62,19 @@ def test_it_slides_beyond_what_its_pressure_can_carry(dimension, settings):
 
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_below_it_is_held(dimension):
-    """At 0.99 there is a solution that carries the load; too few problems for it are no limit of friction."""
+    """At 0.99 there is a solution that carries the load; too few problems for it are no limit of
+    friction.
+    """
     problem = pushed_between_walls(dimension, 0.99)
     problem.solve()
     contact, friction = problem.state.forces
-    assert (contact + friction)[1] == pytest.approx(0.99 * 2 * FRICTION * YOUNG * 2 * OVERLAP, rel=1e-6)
+    assert (contact + friction)[1] == pytest.approx(
+        0.99 * 2 * FRICTION * YOUNG * 2 * OVERLAP, rel=1e-6
+    )
     assert len(problem.history.outer) > 2
-    short = pushed_between_walls(dimension, 0.99, coulomb="fp", max_outer_iterations=1, fallbacks=False)
+    short = pushed_between_walls(
+        dimension, 0.99, coulomb="fp", max_outer_iterations=1, fallbacks=False
+    )
     with pytest.raises(ConvergenceError):
         short.solve()
     assert short.status is Status.OUTER_MAX_ITERATIONS

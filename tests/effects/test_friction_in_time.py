@@ -1,4 +1,6 @@
-"""Friction that depends on the time: coefficient and bound of each load step, against statics by hand."""
+"""Friction that depends on the time: coefficient and bound of each load step, against statics by
+hand.
+"""
 
 import pytest
 from mpi4py import MPI
@@ -16,9 +18,14 @@ PRESS, AREA = 4.0, 2.0
 
 
 def dragged(friction, factors=(1.0, 2.0, 3.0), dim=2, more=None, **solver):
-    """A low block, 2 long and 1 wide, pressed on its foundation while its top is dragged along it."""
+    """A low block, 2 long and 1 wide, pressed on its foundation while its top is dragged along
+    it.
+    """
     if dim == 2:
-        mesh = {"generator": "rectangle", "parameters": {"length": 2.0, "height": 0.2, "nx": 10, "ny": 2}}
+        mesh = {
+            "generator": "rectangle",
+            "parameters": {"length": 2.0, "height": 0.2, "nx": 10, "ny": 2},
+        }
     else:
         mesh = box("hexahedra", (4, 2, 2), size=(2.0, 1.0, 0.2), comm=COMM)
     up = "xyz"[dim - 1]
@@ -64,13 +71,19 @@ def pull(solution):
 def test_a_coefficient_that_grows_and_falls(dim, solver):
     """The block slides in every step, so that friction is F(t) times the pressing force."""
     law = coulomb("0 if t < 1.5 else 0.6 - 0.1*t")
-    assert pull(solve(dragged(law, dim=dim, **solver), COMM)) == pytest.approx([0.0, 0.4, 0.3], rel=1e-8, abs=1e-12)
+    assert pull(solve(dragged(law, dim=dim, **solver), COMM)) == pytest.approx(
+        [0.0, 0.4, 0.3], rel=1e-8, abs=1e-12
+    )
 
 
 def test_only_the_fall_makes_a_block_at_rest_slide():
-    """The drag stays: a larger coefficient changes nothing, and a smaller one lets the body relax to its bound."""
+    """The drag stays: a larger coefficient changes nothing, and a smaller one lets the body relax
+    to its bound.
+    """
     law = coulomb("0.2 if t < 1.5 else 0.5 if t < 2.5 else 0.1")
-    assert pull(solve(dragged(law, (1.0, 1.0, 1.0)), COMM)) == pytest.approx([0.2, 0.2, 0.1], rel=1e-6)
+    assert pull(solve(dragged(law, (1.0, 1.0, 1.0)), COMM)) == pytest.approx(
+        [0.2, 0.2, 0.1], rel=1e-6
+    )
 
 
 NONLINEAR = [{"law": "neo-hooke"}, {"law": "j2", "yield_stress": 5.0}]
@@ -80,26 +93,32 @@ NONLINEAR = [{"law": "neo-hooke"}, {"law": "j2", "yield_stress": 5.0}]
 @pytest.mark.mpi
 @pytest.mark.parametrize("law", NONLINEAR)
 def test_a_nonlinear_body(law):
-    """Of a body that is rubber, or metal that does not yield here: coefficients that grow and fall while it is dragged,
-    a fall that lets it relax, and steps between the times of the factors.
+    """Of a body that is rubber, or metal that does not yield here: coefficients that grow and fall
+    while it is dragged, a fall that lets it relax, and steps between the times of the factors.
     """
     material = {"material": {"young": 1000.0, "poisson": 0.0} | law}
     grows = dragged(coulomb("0.1 if t < 1.5 else 0.6 - 0.1*t"), more=material)
     assert pull(solve(grows, COMM)) == pytest.approx([0.1, 0.4, 0.3], rel=1e-6)
-    falls = dragged(coulomb("0.2 if t < 1.5 else 0.5 if t < 2.5 else 0.1"), (1.0, 1.0, 1.0), more=material)
+    falls = dragged(
+        coulomb("0.2 if t < 1.5 else 0.5 if t < 2.5 else 0.1"), (1.0, 1.0, 1.0), more=material
+    )
     assert pull(solve(falls, COMM)) == pytest.approx([0.2, 0.2, 0.1], rel=1e-6)
     between = dragged(
         {"law": "tresca", "bound": "t*x[0]"},
         (1.0, 2.0),
         more=material | {"load_steps": {"steps": 2, "times": [1.0, 2.0]}},
     )
-    assert pull(solve(between, COMM)) == pytest.approx([2.0 * t / (PRESS * AREA) for t in (1.0, 1.5, 2.0)], rel=1e-6)
+    assert pull(solve(between, COMM)) == pytest.approx(
+        [2.0 * t / (PRESS * AREA) for t in (1.0, 1.5, 2.0)], rel=1e-6
+    )
 
 
 def test_place_and_time():
     """Of a Tresca bound t x the integral over the length is 2 t, whatever the pressure."""
     law = {"law": "tresca", "bound": "t*x[0]"}
-    assert pull(solve(dragged(law), COMM)) == pytest.approx([2.0 * t / (PRESS * AREA) for t in (1, 2, 3)], rel=1e-8)
+    assert pull(solve(dragged(law), COMM)) == pytest.approx(
+        [2.0 * t / (PRESS * AREA) for t in (1, 2, 3)], rel=1e-8
+    )
 
 
 def test_a_ramp():
@@ -112,7 +131,9 @@ def test_a_ramp():
 def test_times_alone_make_load_steps():
     """Without factors there is a load step for each time."""
     more = {"load_steps": {"times": [1.0, 2.0]}}
-    assert pull(solve(dragged(coulomb("0.4/t"), None, more=more), COMM)) == pytest.approx([0.4, 0.2], rel=1e-6)
+    assert pull(solve(dragged(coulomb("0.4/t"), None, more=more), COMM)) == pytest.approx(
+        [0.4, 0.2], rel=1e-6
+    )
 
 
 @pytest.mark.parametrize(

@@ -34,12 +34,18 @@ def square(x, *, n=8, degree=1, body_force=None, **more):
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("where", ["x[0] < 0.47", "0.4 < x[0] < 0.45", "x[0] < 0.5"])
 def test_a_load_has_one_rule_on_each_facet(where, degree):
-    """Of 11 points, also where it jumps inside a facet: force and moment by hand, and the certificate agrees."""
+    """Of 11 points, also where it jumps inside a facet: force and moment by hand, and the
+    certificate agrees.
+    """
     solution = alone(square(f"-1 if {where} else 0", degree=degree), check=False)
     assert solution.certificate.holds
     points, weights = np.polynomial.legendre.leggauss(11)
     x = ((points + 1) / 2 + np.arange(8)[:, None]) / 8
-    loaded = sample(Expression(f"1 if {where} else 0"), in_space(x.reshape(-1, 1))).reshape(x.shape) * weights / 16
+    loaded = (
+        sample(Expression(f"1 if {where} else 0"), in_space(x.reshape(-1, 1))).reshape(x.shape)
+        * weights
+        / 16
+    )
     assert solution.contact.forces[0][1] == pytest.approx(loaded.sum(), rel=1e-12, abs=1e-12)
     given = solution.resultants.of("top")
     assert given.force[1] == pytest.approx(-loaded.sum(), rel=1e-12, abs=1e-12)
@@ -53,8 +59,8 @@ BOX = {"length": 1.0, "width": 0.5, "height": 0.3, "nx": 5, "ny": 3, "nz": 2}
 @pytest.mark.mpi
 @pytest.mark.parametrize("cell", ["triangle", "quadrilateral", "tetrahedron", "hexahedron"])
 def test_forces_of_all_kinds_that_jump(cell):
-    """Tractions, total forces and body forces that jump at nodes, in two load steps between which the place moves: the
-    force of the foundation is by hand.
+    """Tractions, total forces and body forces that jump at nodes, in two load steps between which
+    the place moves: the force of the foundation is by hand.
     """
     space = cell in ("tetrahedron", "hexahedron")
     up = "yz"[space]

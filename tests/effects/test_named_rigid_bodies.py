@@ -1,4 +1,6 @@
-"""Rigid bodies that several contacts name: rollers, a sphere in a seat, keys and wedges, by statics and by hand."""
+"""Rigid bodies that several contacts name: rollers, a sphere in a seat, keys and wedges, by statics
+and by hand.
+"""
 
 import math
 from copy import deepcopy
@@ -38,7 +40,17 @@ def sums(solution):
     return COMM.allreduce(of @ forces)
 
 
-def roller(*, upper=None, load=None, law=FRICTION, cells=15, unit=(1.0, 1.0), mirrored=False, radius=1.0, **driving):
+def roller(
+    *,
+    upper=None,
+    load=None,
+    law=FRICTION,
+    cells=15,
+    unit=(1.0, 1.0),
+    mirrored=False,
+    radius=1.0,
+    **driving,
+):
     """A rigid roller between two plates; the upper one is moved, or else a load presses it down."""
     length, stress = unit
     sign = -1.0 if mirrored else 1.0
@@ -53,7 +65,10 @@ def roller(*, upper=None, load=None, law=FRICTION, cells=15, unit=(1.0, 1.0), mi
             rectangle("upper", **plate, shift=[-length / 2, 2 * middle]),
         ],
         "material": {"young": 1000.0 * stress, "poisson": 0.3},
-        "displacement": [{"boundary": "lower.bottom", "x": 0.0, "y": 0.0}, {"boundary": "upper.top", **top}],
+        "displacement": [
+            {"boundary": "lower.bottom", "x": 0.0, "y": 0.0},
+            {"boundary": "upper.top", **top},
+        ],
         "contact": [
             {"boundary": name, "foundation": foundation, "friction": law}
             for name, foundation in (("lower.top", driven), ("upper.bottom", shape))
@@ -66,7 +81,9 @@ def roller(*, upper=None, load=None, law=FRICTION, cells=15, unit=(1.0, 1.0), mi
 
 
 def test_a_roller_rolls():
-    """Between plates of which one moves by s it moves by s / 2 and turns by s / (2 R), and it resists with nothing."""
+    """Between plates of which one moves by s it moves by s / 2 and turns by s / (2 R), and it
+    resists with nothing.
+    """
     s, radius = 2.5e-3, 4.0
     solution = solve(parse_scene(roller(upper=(s, -0.01), radius=radius)))
     (row,), (below, above) = rows(solution), sums(solution)
@@ -85,7 +102,9 @@ def test_a_roller_rolls():
 def test_a_couple_turns_a_roller_as_soon_as_friction_gives_way(share):
     """Statics: it is held up to F P R at each of two plates."""
     load, radius = 4.0, 4.0
-    scene = parse_scene(roller(load=load, radius=radius, force=[0.0, 0.0], moment=share * 2 * F * load * radius))
+    scene = parse_scene(
+        roller(load=load, radius=radius, force=[0.0, 0.0], moment=share * 2 * F * load * radius)
+    )
     if share < 1:
         (row,) = rows(solve(scene))
         assert np.isclose(row["moment"], -share * 2 * F * load * radius, rtol=1e-9)
@@ -96,12 +115,25 @@ def test_a_couple_turns_a_roller_as_soon_as_friction_gives_way(share):
 
 
 def seat(turn=45.0, law=None, **driving):
-    """A sphere in a conical seat of revolution, a washer whose inner face is inclined by ``turn``."""
+    """A sphere in a conical seat of revolution, a washer whose inner face is inclined by
+    ``turn``.
+    """
     radius, angle, length, height = 2.0, math.radians(turn), 1.0, 0.5
-    ball = {"shape": "circle", "centre": [0.0, 0.0], "radius": radius, "pivot": [0.0, 0.0], "rigid": "ball", **driving}
-    # Where the sphere about the origin touches the cone, in the middle of the upper side of the washer's section.
+    ball = {
+        "shape": "circle",
+        "centre": [0.0, 0.0],
+        "radius": radius,
+        "pivot": [0.0, 0.0],
+        "rigid": "ball",
+        **driving,
+    }
+    # Where the sphere about the origin touches the cone, in the middle of the upper side of the
+    # washer's section.
     touched = radius * np.array([math.sin(angle), -math.cos(angle)])
-    along, normal = np.array([math.cos(angle), math.sin(angle)]), np.array([math.sin(angle), -math.cos(angle)])
+    along, normal = (
+        np.array([math.cos(angle), math.sin(angle)]),
+        np.array([math.sin(angle), -math.cos(angle)]),
+    )
     corner = touched - length / 2 * along + height * normal
     return {
         "body": rectangle("seat", length, height, 20, 10, rotation=turn, shift=corner.tolist()),
@@ -113,7 +145,9 @@ def seat(turn=45.0, law=None, **driving):
 
 @pytest.mark.parametrize("turn", [30.0, 45.0])
 def test_a_sphere_in_a_conical_seat(turn):
-    """Statics: all of the seat together pushes with P / cos of its inclination, whatever its radius is."""
+    """Statics: all of the seat together pushes with P / cos of its inclination, whatever its radius
+    is.
+    """
     load = 1.0
     solution = solve(parse_scene(seat(turn, force=[0.0, -load])))
     (row,), ((pressed, _),) = rows(solution), sums(solution)
@@ -123,12 +157,13 @@ def test_a_sphere_in_a_conical_seat(turn):
 
 
 def wedge(share, *, law=FRICTION, mirrored=False, **driving):
-    """A rigid wedge between two blocks that are pressed on its sides, inclined by an angle whose tangent is a share of
-    F.
+    """A rigid wedge between two blocks that are pressed on its sides, inclined by an angle whose
+    tangent is a share of F.
     """
     angle = math.degrees(math.atan(share * F))
     cos, sin = math.cos(math.radians(angle)), math.sin(math.radians(angle))
-    # The right block lies along the normal of the right side of the wedge, (cos, sin), the left one mirrored.
+    # The right block lies along the normal of the right side of the wedge, (cos, sin), the left one
+    # mirrored.
     right = rectangle("right", 1.0, 1.0, 4, 4, rotation=angle, shift=[1.0, 0.0])
     left = rectangle("left", 1.0, 1.0, 4, 4, rotation=-angle, shift=[-1.0 - cos, sin])
     planes = {
@@ -141,12 +176,20 @@ def wedge(share, *, law=FRICTION, mirrored=False, **driving):
     return {
         "body": [{"right": right, "left": left}[name] for name in order],
         "material": {"young": 1000.0, "poisson": 0.0},
-        "displacement": [{"boundary": f"{name}.{side}", "normal": 0.0} for name in order for side in ("top", "bottom")],
+        "displacement": [
+            {"boundary": f"{name}.{side}", "normal": 0.0}
+            for name in order
+            for side in ("top", "bottom")
+        ],
         "traction": [{"boundary": f"{name}.{faces[name][1]}", "pressure": 2.0} for name in order],
         "contact": [
             {
                 "boundary": f"{name}.{faces[name][0]}",
-                "foundation": {**planes[name], "rigid": "wedge", **(moved if name == order[0] else {})},
+                "foundation": {
+                    **planes[name],
+                    "rigid": "wedge",
+                    **(moved if name == order[0] else {}),
+                },
                 "friction": law,
             }
             for name in order
@@ -188,11 +231,17 @@ def test_what_nothing_holds_ends_with_its_name(scene, status):
 
 
 MISTAKES = [
-    ({"rigid": "another"}, r"contact\[1\].foundation.rigid: give force, .* in one contact of 'roller', not in 0"),
+    (
+        {"rigid": "another"},
+        r"contact\[1\].foundation.rigid: give force, .* in one contact of 'roller', not in 0",
+    ),
     ({"force": [0.0, 0.0, 0.0]}, "the mesh is plane"),
     ({"pivot": None, "force": [0.0, 0.0]}, "give the point where the force acts"),
     ({"spring": {"z": 1.0}}, "spring.z: the mesh is plane"),
-    ({"spring": {"x": 1.0}, "prescribed": {"x": 0.0}}, "spring.x: has no effect on a component that is prescribed"),
+    (
+        {"spring": {"x": 1.0}, "prescribed": {"x": 0.0}},
+        "spring.x: has no effect on a component that is prescribed",
+    ),
     ({"colour": "red"}, r"contact\[0\].foundation.colour: unknown key"),
 ]
 
@@ -208,5 +257,7 @@ def test_mistakes_are_named(change, words):
 
 
 def test_a_table_of_rigid_bodies_has_left():
-    with pytest.raises(SceneError, match="rigid: was removed: give its shape as foundation of each of its contacts"):
+    with pytest.raises(
+        SceneError, match="rigid: was removed: give its shape as foundation of each of its contacts"
+    ):
         parse_scene(roller(upper=(0.0, -0.04)) | {"rigid": [{"name": "roller"}]})

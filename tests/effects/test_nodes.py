@@ -1,4 +1,6 @@
-"""Forces at single nodes: statics, the certificate, load steps, several ranks, and what is refused."""
+"""Forces at single nodes: statics, the certificate, load steps, several ranks, and what is
+refused.
+"""
 
 import numpy as np
 import pytest

@@ -1,4 +1,6 @@
-"""Preload of bolts against springs in series and in parallel, by force and by shortening, in 2D and in 3D."""
+"""Preload of bolts against springs in series and in parallel, by force and by shortening, in 2D and
+in 3D.
+"""
 
 import numpy as np
 import pytest
@@ -21,7 +23,9 @@ WAYS = [
 @pytest.mark.one_quick
 @pytest.mark.parametrize(("cell", "degree", "solver", "unit"), WAYS)
 def test_statics(cell, degree, solver, unit):
-    """Tightened, locked and pulled: the bolt takes its preload, and then what clamps the sleeves and what pulls."""
+    """Tightened, locked and pulled: the bolt takes its preload, and then what clamps the sleeves
+    and what pulls.
+    """
     solution = solve(clamped(cell, degree=degree, solver=solver, unit=unit, poisson=0.3))
     assert solution.converged
     exact = 1e-7 if solver["linear_algebra"] == "krylov" else 1e-9
@@ -37,7 +41,9 @@ def test_statics(cell, degree, solver, unit):
 
 @pytest.mark.parametrize("cell", ["quadrilateral", "hexahedron"])
 def test_springs(cell):
-    """Under a stiff head bolt and sleeves are springs: in series when tightened, in parallel when pulled."""
+    """Under a stiff head bolt and sleeves are springs: in series when tightened, in parallel when
+    pulled.
+    """
     solution = solve(clamped(cell, stiff=1e6, solver={"linear_algebra": "full"}))
     bolt, clamp, shortening = figures(solution, 0)
     assert np.isclose(shortening, TIGHT / BOLT + TIGHT / SLEEVE, rtol=1e-4)
@@ -49,9 +55,14 @@ def test_springs(cell):
 def test_force_and_the_shortening_that_it_causes_give_the_same():
     forced = solve(clamped(poisson=0.3, degree=2, friction=FRICTION, gap=0.01))
     _, _, shortening = figures(forced, 0)
-    given = solve(clamped(poisson=0.3, degree=2, friction=FRICTION, gap=0.01, shortening=shortening))
+    given = solve(
+        clamped(poisson=0.3, degree=2, friction=FRICTION, gap=0.01, shortening=shortening)
+    )
     for one, other in zip(forced.steps, given.steps, strict=True):
-        far, off = np.abs(one.displacement.x.array), np.abs(one.displacement.x.array - other.displacement.x.array)
+        far, off = (
+            np.abs(one.displacement.x.array),
+            np.abs(one.displacement.x.array - other.displacement.x.array),
+        )
         assert COMM.allreduce(off.max(initial=0.0), op=MPI.MAX) < 1e-6 * COMM.allreduce(
             far.max(initial=0.0), op=MPI.MAX
         )
@@ -64,18 +75,31 @@ FRICTION = {"law": "coulomb", "coefficient": 0.2}
 def bar(cell, degree=1, *, preload=None, volumetric="full", heat=0.0, **more):
     """A bar of length 3 and section 1, held at both ends without Poisson's effect."""
     plane = cell in ("triangle", "quadrilateral")
-    size = {"length": 3.0, "height": 1.0, "nx": 7, "ny": 2} if plane else {"length": 3.0, "nx": 7, "ny": 2, "nz": 2}
+    size = (
+        {"length": 3.0, "height": 1.0, "nx": 7, "ny": 2}
+        if plane
+        else {"length": 3.0, "nx": 7, "ny": 2, "nz": 2}
+    )
     at = [1.37, *([0.0] * (1 if plane else 2))]
     axis = [1.0, *([0.0] * (1 if plane else 2))]
     law = {"hypothesis": "plane stress"} if plane else {}
     given = {"point": at, "axis": axis, "shortening": 0.03}
-    slides = [{"boundary": "bottom", "xyz"[len(axis) - 1]: 0.0}, *([] if plane else [{"boundary": "front", "y": 0.0}])]
+    slides = [
+        {"boundary": "bottom", "xyz"[len(axis) - 1]: 0.0},
+        *([] if plane else [{"boundary": "front", "y": 0.0}]),
+    ]
     return parse_scene(
         {
-            "mesh": {"generator": "rectangle" if plane else "box", "parameters": {**size, "cell": cell}},
+            "mesh": {
+                "generator": "rectangle" if plane else "box",
+                "parameters": {**size, "cell": cell},
+            },
             "element": {"degree": degree, "volumetric": volumetric},
             "material": {"young": YOUNG, "poisson": 0.0, "expansion": 1e-3, **law},
-            "displacement": [*({"boundary": name, "x": 0.0} for name in ("left", "right")), *slides],
+            "displacement": [
+                *({"boundary": name, "x": 0.0} for name in ("left", "right")),
+                *slides,
+            ],
             "preload": preload or given,
             **({"temperature": {"change": heat}} if heat else {}),
             **more,
@@ -85,9 +109,13 @@ def bar(cell, degree=1, *, preload=None, volumetric="full", heat=0.0, **more):
 
 @pytest.mark.one_quick
 @pytest.mark.parametrize("heat", [4.0, 0.0])
-@pytest.mark.parametrize(("cell", "degree"), [("quadrilateral", 2), ("quadrilateral", 1), ("tetrahedron", 2)])
+@pytest.mark.parametrize(
+    ("cell", "degree"), [("quadrilateral", 2), ("quadrilateral", 1), ("tetrahedron", 2)]
+)
 def test_a_clamped_bar_has_one_stress_everywhere(cell, degree, heat):
-    """Also in the cells beside the section, whose own displacement is not that of their nodes; heat lets it go."""
+    """Also in the cells beside the section, whose own displacement is not that of their nodes; heat
+    lets it go.
+    """
     solution = solve(bar(cell, degree, heat=heat))
     wanted, area = YOUNG * (0.03 / 3.0 - 1e-3 * heat), 1.0
     (section,) = solution.preloads
@@ -100,7 +128,10 @@ def test_a_clamped_bar_has_one_stress_everywhere(cell, degree, heat):
 def test_axisymmetric():
     """A round bar: the force is that of the whole section."""
     scene = {
-        "mesh": {"generator": "rectangle", "parameters": {"length": 0.5, "height": 3.0, "nx": 3, "ny": 7}},
+        "mesh": {
+            "generator": "rectangle",
+            "parameters": {"length": 0.5, "height": 3.0, "nx": 3, "ny": 7},
+        },
         "material": {"young": YOUNG, "poisson": 0.0, "hypothesis": "axisymmetric"},
         "displacement": [{"boundary": "bottom", "y": 0.0}, {"boundary": "top", "y": 0.0}],
         "preload": {"point": [0.0, 1.3], "axis": [0.0, 1.0], "shortening": 0.03},
@@ -135,9 +166,16 @@ def test_a_section_that_a_file_names(tmp_path, several):
     name = "bar." if several else ""
     scene = parse_scene(
         {
-            **({"body": [{"name": "bar", "mesh": {"file": str(file)}}]} if several else {"mesh": {"file": str(file)}}),
+            **(
+                {"body": [{"name": "bar", "mesh": {"file": str(file)}}]}
+                if several
+                else {"mesh": {"file": str(file)}}
+            ),
             "material": {"young": YOUNG, "poisson": 0.0},
-            "displacement": [{"boundary": f"{name}left", "x": 0.0, "y": 0.0}, {"boundary": f"{name}right", "x": 0.0}],
+            "displacement": [
+                {"boundary": f"{name}left", "x": 0.0, "y": 0.0},
+                {"boundary": f"{name}right", "x": 0.0},
+            ],
             "preload": {"section": f"{name}cut", "shortening": 0.03},
         }
     )
@@ -147,17 +185,41 @@ def test_a_section_that_a_file_names(tmp_path, several):
 
 
 MISTAKES = {
-    "no section": ({"section": "nowhere", "shortening": 0.1}, "preload[0].section: the mesh has no facets 'nowhere'"),
-    "outside": ({"section": "left", "shortening": 0.1}, "preload[0].section: 'left' has no facets inside the mesh"),
-    "beside": ({"point": [9.0, 0.0], "axis": [1.0, 0.0], "shortening": 0.1}, "the plane does not cut the mesh"),
-    "at a support": ({"point": [0.2, 0.0], "axis": [1.0, 0.0], "shortening": 0.1}, "holds nodes of the section"),
-    "three": ({"point": [1.0, 0.0, 0.0], "axis": [1.0, 0.0], "shortening": 0.1}, "give 2 numbers, not 3"),
-    "both": ({"point": [1.0, 0.0], "axis": [1.0, 0.0], "shortening": 0.1, "force": 1.0}, "give either force or"),
+    "no section": (
+        {"section": "nowhere", "shortening": 0.1},
+        "preload[0].section: the mesh has no facets 'nowhere'",
+    ),
+    "outside": (
+        {"section": "left", "shortening": 0.1},
+        "preload[0].section: 'left' has no facets inside the mesh",
+    ),
+    "beside": (
+        {"point": [9.0, 0.0], "axis": [1.0, 0.0], "shortening": 0.1},
+        "the plane does not cut the mesh",
+    ),
+    "at a support": (
+        {"point": [0.2, 0.0], "axis": [1.0, 0.0], "shortening": 0.1},
+        "holds nodes of the section",
+    ),
+    "three": (
+        {"point": [1.0, 0.0, 0.0], "axis": [1.0, 0.0], "shortening": 0.1},
+        "give 2 numbers, not 3",
+    ),
+    "both": (
+        {"point": [1.0, 0.0], "axis": [1.0, 0.0], "shortening": 0.1, "force": 1.0},
+        "give either force or",
+    ),
     "neither": ({"section": "cut"}, "give either force or shortening"),
     "nowhere": ({"point": [1.0, 0.0], "shortening": 0.1}, "give either section"),
     "pushes": ({"section": "cut", "force": -1.0}, "force must be positive"),
-    "field": ({"section": "cut", "shortening": "x[0]"}, "a number or an expression of the time t is expected"),
-    "locks": ({"section": "cut", "shortening": 1.0, "locked_after": 2}, "locked_after is that of a force"),
+    "field": (
+        {"section": "cut", "shortening": "x[0]"},
+        "a number or an expression of the time t is expected",
+    ),
+    "locks": (
+        {"section": "cut", "shortening": 1.0, "locked_after": 2},
+        "locked_after is that of a force",
+    ),
 }
 
 
@@ -170,7 +232,9 @@ def test_mistakes(name):
 
 
 def pressed_pair(points="boundary", axis=(0.0, 1.0), **contact):
-    """A coarse block on a fine one, of which one has a section between its only rows of nodes, in contact both."""
+    """A coarse block on a fine one, of which one has a section between its only rows of nodes, in
+    contact both.
+    """
 
     def block(nx, ny):
         parameters = {"length": 1.0, "height": 1.0, "nx": nx, "ny": ny, "cell": "triangle"}
@@ -184,8 +248,18 @@ def pressed_pair(points="boundary", axis=(0.0, 1.0), **contact):
             "displacement": [{"boundary": "lower.bottom", "y": 0.0}]
             + [{"boundary": f"{name}.left", "x": 0.0} for name in ("lower", "upper")],
             "traction": {"boundary": "upper.top", "y": -0.01 * YOUNG},
-            "contact": {"boundary": "lower.top", "against": "upper.bottom", "points": points, **contact},
-            "preload": {"point": [0.52, 1.47], "axis": list(axis), "region": "upper", "shortening": 0.01},
+            "contact": {
+                "boundary": "lower.top",
+                "against": "upper.bottom",
+                "points": points,
+                **contact,
+            },
+            "preload": {
+                "point": [0.52, 1.47],
+                "axis": list(axis),
+                "region": "upper",
+                "shortening": 0.01,
+            },
         }
     )
 

@@ -1,5 +1,5 @@
-"""A body with Coulomb friction whose contact is released exactly: no point presses, round-off decides which ones touch,
-and the solution is that without contact.
+"""A body with Coulomb friction whose contact is released exactly: no point presses, round-off
+decides which ones touch, and the solution is that without contact.
 """
 
 import numpy as np
@@ -36,7 +36,10 @@ def cycle(up="y", **entries):
 def size(step):
     """Of the largest nodal traction, stress."""
     contact = step.contact
-    largest = max((np.abs(values).max(initial=0.0) for values in (contact.pressure, contact.shear)), default=0.0)
+    largest = max(
+        (np.abs(values).max(initial=0.0) for values in (contact.pressure, contact.shear)),
+        default=0.0,
+    )
     return MPI.COMM_WORLD.allreduce(largest, MPI.MAX)
 
 
@@ -48,7 +51,10 @@ def size(step):
         {"displacement": [{"boundary": "top", "x": 0.0}]},
         {"element": {"degree": 2}},
         {"solver": {"algorithm": "alm"}},
-        {"material": STEEL | {"hypothesis": "axisymmetric"}, "displacement": [{"boundary": "left", "x": 0.0}]},
+        {
+            "material": STEEL | {"hypothesis": "axisymmetric"},
+            "displacement": [{"boundary": "left", "x": 0.0}],
+        },
         {"mesh": BOX, "up": "z", "displacement": [PUSHED[0] | {"y": 0.004}]},
     ],
     ids=["pushed", "pressed", "degree 2", "alm", "axisymmetric", "space"],
@@ -64,7 +70,9 @@ def test_nothing_is_left(entries):
 
 
 def test_what_friction_holds_stays():
-    """A wedge that its friction holds stays where it is driven to, though it would be in equilibrium elsewhere, too."""
+    """A wedge that its friction holds stays where it is driven to, though it would be in
+    equilibrium elsewhere, too.
+    """
     scene = Scene(
         mesh={"generator": "wedge", "parameters": {"angle": 15.0}},
         material={"young": 210e3, "poisson": 0.3},

@@ -15,7 +15,7 @@ from signorini_fx.results.accuracy.stress_recovery import StressRecovery
 from signorini_fx.scenes.checks import check_scene
 from signorini_fx.scenes.solver import solve
 
-# --- exact states ----------------------------------------------------------------------------------------------------
+# --- exact states ---------------------------------------------------------------------------------
 
 
 @pytest.mark.one_quick
@@ -23,11 +23,15 @@ from signorini_fx.scenes.solver import solve
 @pytest.mark.parametrize("keys", ["normal", "axis", "everything"])
 @pytest.mark.parametrize(("cells", "degree"), ELEMENTS)
 def test_bar_on_end_springs(cells, degree, keys):
-    """A bar that is pulled at one end and held by springs at the other: y = t / k + t x / E, without other supports."""
+    """A bar that is pulled at one end and held by springs at the other: y = t / k + t x / E,
+    without other supports.
+    """
     pull, stiffness = 3.0, 700.0
     springs = {
         "normal": [{"boundary": "left", "normal": stiffness, "tangential": 5.0}],
-        "axis": [{"boundary": "left", "x": stiffness, "y": 5.0, **({} if cells in PLANE else {"z": 5.0})}],
+        "axis": [
+            {"boundary": "left", "x": stiffness, "y": 5.0, **({} if cells in PLANE else {"z": 5.0})}
+        ],
         "everything": [
             {"boundary": "left", "normal": "300 + 0 * x[1]"},
             {"boundary": "left", "x": lambda x: 400 + 0 * x[0], "y": 0.0},
@@ -65,10 +69,12 @@ def test_bar_on_end_springs(cells, degree, keys):
 @pytest.mark.parametrize("linear_algebra", ["full", "condensed", "krylov"])
 @pytest.mark.parametrize("cells", ["quadrilateral", "hexahedra"])
 def test_rigid_block_under_a_plate(cells, linear_algebra):
-    """Springs below, a flat plate that has come down by d, a force at the left side: statics by hand.
+    """Springs below, a flat plate that has come down by d, a force at the left side: statics by
+    hand.
 
-    The plate lets the block sink without turning: the springs push up with k A d in the middle, the plate presses with
-    the rest, N = k A d - P, and balances the moment of P: it acts at 1 + P / N from the left.
+    The plate lets the block sink without turning: the springs push up with k A d in the middle, the
+    plate presses with the rest, N = k A d - P, and balances the moment of P: it acts at 1 + P / N
+    from the left.
     """
     if linear_algebra == "condensed" and COMM.size > 1:
         pytest.skip("condensation is for one rank")
@@ -82,7 +88,8 @@ def test_rigid_block_under_a_plate(cells, linear_algebra):
         springs=[{"boundary": "bottom", "normal": stiffness, "tangential": 1.0}],
         traction={"boundary": "left", up: -weight},
         contact={"boundary": "top", "gap": -down},
-        # The automatic gamma is that of the stiff body, with which the pressure of the soft springs has no digits.
+        # The automatic gamma is that of the stiff body, with which the pressure of the soft springs
+        # has no digits.
         solver={"linear_algebra": linear_algebra, "algorithm": "alm", "gamma_n": 1e6},
     )
     solution = solve(given, COMM, check=False)
@@ -98,10 +105,16 @@ def test_rigid_block_under_a_plate(cells, linear_algebra):
 
 
 def test_beam_on_an_elastic_foundation():
-    """A long slender beam under a force in its middle: P beta / (2 k) there (Hetenyi, Beams on Elastic Foundation)."""
+    """A long slender beam under a force in its middle: P beta / (2 k) there (Hetenyi, Beams on
+    Elastic Foundation).
+    """
     length, height, stiffness, force = 60.0, 1.0, 1.0, 1.0
-    mesh = dmesh.create_rectangle(MPI.COMM_SELF, [(0.0, 0.0), (length, height)], (240, 4), PLANE["quadrilateral"])
-    tagged = tag_boundaries(mesh, {"bottom": lambda x: x[1] < 1e-9, "top": lambda x: x[1] > height - 1e-9})
+    mesh = dmesh.create_rectangle(
+        MPI.COMM_SELF, [(0.0, 0.0), (length, height)], (240, 4), PLANE["quadrilateral"]
+    )
+    tagged = tag_boundaries(
+        mesh, {"bottom": lambda x: x[1] < 1e-9, "top": lambda x: x[1] > height - 1e-9}
+    )
     given = scene(
         tagged,
         2,
@@ -121,7 +134,7 @@ def test_beam_on_an_elastic_foundation():
     assert solution.resultants.of("bottom").force[1] == pytest.approx(force, rel=1e-9)
 
 
-# --- supports, and what is said --------------------------------------------------------------------------------------
+# --- supports, and what is said -------------------------------------------------------------------
 
 FREE = {
     "normal": ([{"boundary": "bottom", "normal": 1.0}], 1),

@@ -1,4 +1,6 @@
-"""Thermal strain: free and prevented expansion, exact states, a bimetal, a ring that is heated until it is loose."""
+"""Thermal strain: free and prevented expansion, exact states, a bimetal, a ring that is heated
+until it is loose.
+"""
 
 import numpy as np
 import pytest
@@ -20,12 +22,18 @@ STEEL = {"young": YOUNG, "poisson": POISSON, "expansion": ALPHA}
 def scene(tagged, degree=1, material=None, element=None, **more):
     """A heated body."""
     element = {"degree": degree, **(element or {})}
-    return parse_scene({"mesh": tagged, "element": element, "material": {**STEEL, **(material or {})}, **more})
+    return parse_scene(
+        {"mesh": tagged, "element": element, "material": {**STEEL, **(material or {})}, **more}
+    )
 
 
 def sides(cells, *, held=False):
     """Symmetry on the sides through the origin; with ``held`` on the opposite ones too."""
-    axes = {"left": "x", "bottom": "y"} if cells in PLANE else {"left": "x", "front": "y", "bottom": "z"}
+    axes = (
+        {"left": "x", "bottom": "y"}
+        if cells in PLANE
+        else {"left": "x", "front": "y", "bottom": "z"}
+    )
     opposite = {"left": "right", "bottom": "top", "front": "back"}
     names = list(axes.items())
     names += [(opposite[side], axis) for side, axis in axes.items() if held]
@@ -43,7 +51,7 @@ def extreme(function):
     return np.abs(function.x.array).max(initial=0.0)
 
 
-# --- exact states ----------------------------------------------------------------------------------------------------
+# --- exact states ---------------------------------------------------------------------------------
 
 FREE = [(*one, "plane strain" if one[0] in PLANE else None, "full") for one in ELEMENTS]
 FREE += [("triangle", 2, "plane stress", "full"), ("quadrilateral", 1, "plane stress", "full")]
@@ -54,7 +62,9 @@ FREE += [("quadrilateral", 1, "plane strain", "reduced"), ("hexahedra", 1, None,
 @pytest.mark.mpi
 @pytest.mark.parametrize(("cells", "degree", "hypothesis", "volumetric"), FREE)
 def test_free_expansion(cells, degree, hypothesis, volumetric):
-    """y = k alpha T x without stress; in plane strain k = 1 + nu, and E alpha T is pressed out of the plane."""
+    """y = k alpha T x without stress; in plane strain k = 1 + nu, and E alpha T is pressed out of
+    the plane.
+    """
     heat = 50.0
     material = {} if hypothesis is None else {"hypothesis": hypothesis}
     given = scene(
@@ -76,12 +86,19 @@ def test_free_expansion(cells, degree, hypothesis, volumetric):
         round_off = 1e-9 if stress is solution.stress else 1e-5
         for name in ("xx", "yy", "xy"):
             assert extreme(stress.component(name)) <= round_off * YOUNG * ALPHA * heat
-        assert np.abs(stress.component("zz").x.array + out).max(initial=0.0) <= round_off * YOUNG * ALPHA * heat
-    # Of the energy only that of the stress out of the plane is left, sigma_zz^2 / (2 E) times the area 2.
+        assert (
+            np.abs(stress.component("zz").x.array + out).max(initial=0.0)
+            <= round_off * YOUNG * ALPHA * heat
+        )
+    # Of the energy only that of the stress out of the plane is left, sigma_zz^2 / (2 E) times the
+    # area 2.
     energy = solution.certificate.strain_energy
     assert energy == (pytest.approx(out**2 / YOUNG, rel=1e-9) if out else 0.0)
     assert (solution.stress.error is None) is not bool(out)
-    assert StressRecovery.of(solution.model).error(solution.displacement) < 1e-5 * np.sqrt(YOUNG) * grown
+    assert (
+        StressRecovery.of(solution.model).error(solution.displacement)
+        < 1e-5 * np.sqrt(YOUNG) * grown
+    )
 
 
 @pytest.mark.parametrize(
@@ -93,7 +110,9 @@ def test_free_expansion(cells, degree, hypothesis, volumetric):
     ],
 )
 def test_prevented_expansion(cells, hypothesis, expected):
-    """A block held on all sides: sigma = -E alpha T / (1 - 2 nu), in plane stress / (1 - nu); in two steps."""
+    """A block held on all sides: sigma = -E alpha T / (1 - 2 nu), in plane stress / (1 - nu); in
+    two steps.
+    """
     given = scene(
         body(cells, MPI.COMM_SELF),
         2 if cells == "tetrahedra" else 1,
@@ -103,10 +122,16 @@ def test_prevented_expansion(cells, hypothesis, expected):
     )
     solution = alone(given, check=False)
     assert extreme(solution.displacement) <= 1e-13
-    assert solution.stress.component("xx").x.array == pytest.approx(-YOUNG * ALPHA * 40 * expected, rel=1e-10)
-    assert solution.stress.recovered.component("yy").x.array == pytest.approx(-YOUNG * ALPHA * 40 * expected, rel=1e-5)
+    assert solution.stress.component("xx").x.array == pytest.approx(
+        -YOUNG * ALPHA * 40 * expected, rel=1e-10
+    )
+    assert solution.stress.recovered.component("yy").x.array == pytest.approx(
+        -YOUNG * ALPHA * 40 * expected, rel=1e-5
+    )
     # The supports carry it: a force of the stress times the area 1, at rest in balance.
-    assert solution.resultants.of("right").force[0] == pytest.approx(-YOUNG * ALPHA * 40 * expected, rel=1e-9)
+    assert solution.resultants.of("right").force[0] == pytest.approx(
+        -YOUNG * ALPHA * 40 * expected, rel=1e-9
+    )
     first, last = (step.certificate for step in solution.steps)
     assert first.holds
     assert last.strain_energy == pytest.approx(4 * first.strain_energy, rel=1e-12)
@@ -120,16 +145,23 @@ def test_prevented_expansion(cells, hypothesis, expected):
 @pytest.mark.parametrize("linear_algebra", ["full", "condensed", "krylov"])
 @pytest.mark.parametrize("cells", ["quadrilateral", "hexahedra", "axisymmetric"])
 def test_thermal_gap(cells, linear_algebra):
-    """A bar between a wall and a stop at the distance d: heated, it presses with E (alpha T - d / l)."""
+    """A bar between a wall and a stop at the distance d: heated, it presses with E (alpha T - d /
+    l).
+    """
     if linear_algebra == "condensed" and COMM.size > 1:
         pytest.skip("condensation is for one rank")
     heat, gap = 50.0, 0.03
-    up, bottom, top = {"quadrilateral": ("x", "left", "right"), "hexahedra": ("x", "left", "right")}.get(
-        cells, ("y", "bottom", "top")
-    )
+    up, bottom, top = {
+        "quadrilateral": ("x", "left", "right"),
+        "hexahedra": ("x", "left", "right"),
+    }.get(cells, ("y", "bottom", "top"))
     tagged = section() if cells == "axisymmetric" else body(cells)
     length = 1.0 if cells == "axisymmetric" else 2.0
-    material = {} if cells == "hexahedra" else {"hypothesis": "axisymmetric" if up == "y" else "plane stress"}
+    material = (
+        {}
+        if cells == "hexahedra"
+        else {"hypothesis": "axisymmetric" if up == "y" else "plane stress"}
+    )
     held = [{"boundary": bottom, up: 0.0}]
     if cells != "axisymmetric":
         held += [one for one in sides(cells) if one["boundary"] != "left"]
@@ -161,16 +193,20 @@ def test_thermal_gap(cells, linear_algebra):
 
 @pytest.mark.parametrize("cells", ["quadrilateral", "triangle"])
 def test_linear_temperature(cells):
-    """A linear temperature without a heat source causes no stress in plane stress, only a parabolic displacement.
+    """A linear temperature without a heat source causes no stress in plane stress, only a parabolic
+    displacement.
 
-    With T = b y and alpha: u_x = alpha b x y, u_y = alpha b (y^2 - x^2) / 2 (Boley and Weiner, Theory of thermal
-    stresses, section 3.9).
+    With T = b y and alpha: u_x = alpha b x y, u_y = alpha b (y^2 - x^2) / 2 (Boley and Weiner,
+    Theory of thermal stresses, section 3.9).
     """
     given = scene(
         body(cells, MPI.COMM_SELF),
         2,
         {"hypothesis": "plane stress"},
-        displacement=[{"at": [0.0, 0.0], "x": 0.0, "y": 0.0}, {"at": [2.0, 0.0], "y": -ALPHA * 30 * 2}],
+        displacement=[
+            {"at": [0.0, 0.0], "x": 0.0, "y": 0.0},
+            {"at": [2.0, 0.0], "y": -ALPHA * 30 * 2},
+        ],
         temperature={"change": lambda x: 30 * x[1]},
     )
     solution = alone(given, check=False)
@@ -182,8 +218,9 @@ def test_linear_temperature(cells):
 
 
 def logarithmic(r, inside, outside, heat, alpha=ALPHA):
-    """Stresses of a long thick cylinder with T = heat ln(b / r) / ln(b / a), ends held, see Timoshenko and Goodier,
-    Theory of Elasticity, section 150; sigma_zz = nu (sigma_r + sigma_t) - E alpha T.
+    """Stresses of a long thick cylinder with T = heat ln(b / r) / ln(b / a), ends held, see
+    Timoshenko and Goodier, Theory of Elasticity, section 150; sigma_zz = nu (sigma_r + sigma_t) - E
+    alpha T.
     """
     k = YOUNG * alpha * heat / (2 * (1 - POISSON) * np.log(outside / inside))
     share = inside**2 / (outside**2 - inside**2) * np.log(outside / inside)
@@ -209,14 +246,16 @@ def test_thick_cylinder():
     exact = logarithmic(r, inside, outside, heat)
     sigma, size = solution.stress.tensor.x.array.reshape(-1, 3, 3), np.abs(exact[2]).max()
     for component, expected in zip(((0, 0), (2, 2), (1, 1)), exact, strict=True):
-        assert np.abs(sigma[:, *component] - expected).max() <= 4e-3 * size  # of the second order in 1/16
+        assert (
+            np.abs(sigma[:, *component] - expected).max() <= 4e-3 * size
+        )  # of the second order in 1/16
     axial = solution.stress.recovered.component("yy")
     r = axial.function_space.tabulate_dof_coordinates()[:, 0]
     assert np.abs(axial.x.array - logarithmic(r, inside, outside, heat)[2]).max() <= 1e-2 * size
     assert 1e-5 < solution.stress.error < 1e-2
 
 
-# --- values and what is said ------------------------------------------------------------------------------------------
+# --- values and what is said ----------------------------------------------------------------------
 
 
 @pytest.mark.mpi
@@ -226,12 +265,16 @@ def test_values_from_a_file(tmp_path_factory):
     if COMM.rank == 0:
         corners = [(x, y) for x in (0.0, 0.7, 2.0) for y in (0.0, 1.0)]
         rows = [f"{y},{x},{10 + 3 * x - 2 * y}" for x, y in corners]
-        (folder / "table.csv").write_text("y, x, change\n" + "\n".join(rows) + "\n", encoding="utf-8")
+        (folder / "table.csv").write_text(
+            "y, x, change\n" + "\n".join(rows) + "\n", encoding="utf-8"
+        )
     COMM.barrier()
     given = {"mesh": body(), "material": STEEL, "displacement": sides("quadrilateral")}
     read = parse_scene({**given, "temperature": {"file": "table.csv"}}, folder=folder)
     first = solve(read, COMM, check=False)
-    second = solve(parse_scene({**given, "temperature": {"change": "10 + 3*x[0] - 2*x[1]"}}), COMM, check=False)
+    second = solve(
+        parse_scene({**given, "temperature": {"change": "10 + 3*x[0] - 2*x[1]"}}), COMM, check=False
+    )
     assert first.certificate.holds
     assert first.displacement.x.array == pytest.approx(second.displacement.x.array, abs=1e-12)
 
@@ -242,7 +285,12 @@ def test_values_from_a_file(tmp_path_factory):
         ({}, {}, "temperature", "give either change or file"),
         ({"change": "x[3]"}, {}, "temperature.change", "not a coordinate"),
         ({"change": "log(x[0] - 1)"}, {}, "temperature[0].change", "at all nodes of the mesh"),
-        ({"change": "log(1.5 - t)", "factors": [1.0, 1.0]}, {}, "temperature[0].change", "at all nodes of the mesh"),
+        (
+            {"change": "log(1.5 - t)", "factors": [1.0, 1.0]},
+            {},
+            "temperature[0].change",
+            "at all nodes of the mesh",
+        ),
         ({"change": 1.0, "region": "rubber"}, {}, "temperature[0].region", "no region 'rubber'"),
         ({"change": 1.0, "boundary": "left"}, {}, "temperature.boundary", "unknown key"),
         ({"change": 1.0}, {"expansion": None}, "material", "has no expansion"),
@@ -253,8 +301,18 @@ def test_values_from_a_file(tmp_path_factory):
         ({"file": "words.csv"}, {}, "temperature.file", "not one number"),
         ({"file": "line.csv"}, {}, "temperature.file", "span no area"),
         ({"file": "small.csv"}, {}, "temperature.file", "has no points around"),
-        ({"file": "twice.csv"}, {}, "temperature.file", "has several values at one place, 1 and 2 at (1, 0.5)"),
-        ({"file": "nodal.vtu"}, {}, "temperature.file", "is no .csv: write the nodes and their values to one"),
+        (
+            {"file": "twice.csv"},
+            {},
+            "temperature.file",
+            "has several values at one place, 1 and 2 at (1, 0.5)",
+        ),
+        (
+            {"file": "nodal.vtu"},
+            {},
+            "temperature.file",
+            "is no .csv: write the nodes and their values to one",
+        ),
     ],
 )
 def test_what_is_wrong(temperature, material, place, words, tmp_path):
@@ -268,7 +326,11 @@ def test_what_is_wrong(temperature, material, place, words, tmp_path):
     }.items():
         (tmp_path / f"{name}.csv").write_text(text, encoding="utf-8")
     own = {key: value for key, value in {**STEEL, **material}.items() if value is not None}
-    given = {"mesh": body("quadrilateral", MPI.COMM_SELF), "material": own, "displacement": sides("quadrilateral")}
+    given = {
+        "mesh": body("quadrilateral", MPI.COMM_SELF),
+        "material": own,
+        "displacement": sides("quadrilateral"),
+    }
     with pytest.raises(SceneError) as caught:
         alone(parse_scene({**given, "temperature": temperature}, folder=tmp_path))
     ((path, message),) = caught.value.problems

@@ -1,4 +1,6 @@
-"""Foundations that forces move, in scenes and forms: as prescribed motions, statics by hand, named outcomes."""
+"""Foundations that forces move, in scenes and forms: as prescribed motions, statics by hand, named
+outcomes.
+"""
 
 import forms
 import numpy as np
@@ -9,7 +11,16 @@ from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
-from signorini_fx import ContactProblem, ConvergenceError, Coulomb, FormError, Foundation, SceneError, Tresca, solve
+from signorini_fx import (
+    ContactProblem,
+    ConvergenceError,
+    Coulomb,
+    FormError,
+    Foundation,
+    SceneError,
+    Tresca,
+    solve,
+)
 from signorini_fx.mechanics.mesh.tagged import tag_boundaries
 from signorini_fx.records import Status
 from signorini_fx.scenes.reading import parse_scene
@@ -36,13 +47,21 @@ def block(
     accuracy=None,
     **tool,
 ):
-    """A block on the ground, and a circle or a ball above it that is pressed down; ``unit``: of length and force."""
+    """A block on the ground, and a circle or a ball above it that is pressed down; ``unit``: of
+    length and force.
+    """
     length, force = unit
     stress = force / length**2  # in 2D forces are per thickness
     plane = dimension == 2
     mesh = {
         "generator": "rectangle" if plane else "box",
-        "parameters": {"length": length, "height": length / 2, "nx": 12, "ny": 6, "cell": cell or "quadrilateral"}
+        "parameters": {
+            "length": length,
+            "height": length / 2,
+            "nx": 12,
+            "ny": 6,
+            "cell": cell or "quadrilateral",
+        }
         if plane
         else {
             "length": length,
@@ -113,10 +132,15 @@ def apart(one, other):
     found = []
     for a, b in (
         (one.displacement.x.array, other.displacement.x.array),
-        *((getattr(one.contact, name), getattr(other.contact, name)) for name in ("pressure", "shear", "u_n", "u_t")),
+        *(
+            (getattr(one.contact, name), getattr(other.contact, name))
+            for name in ("pressure", "shear", "u_n", "u_t")
+        ),
     ):
         scale = COMM.allreduce(float(np.abs(a).max(initial=0.0)), op=MPI.MAX)
-        found.append(COMM.allreduce(float(np.abs(a - b).max(initial=0.0)), op=MPI.MAX) / (scale or 1.0))
+        found.append(
+            COMM.allreduce(float(np.abs(a - b).max(initial=0.0)), op=MPI.MAX) / (scale or 1.0)
+        )
     return max(found)
 
 
@@ -141,25 +165,36 @@ def test_a_force_and_the_motion_that_it_causes_give_the_same(dimension, law, alg
     assert np.abs(np.array(row["force"]) + given)[free].max() < 1e-9 * np.abs(given).max()
     assert forced.contact.in_contact.any() or COMM.size > 1
     driven = solve(block(dimension, law, algebra, **element, **prescribed(tool)))
-    assert apart(forced, driven) < 1e-10 + 10 * (forced.certificate.worst + driven.certificate.worst)
+    assert apart(forced, driven) < 1e-10 + 10 * (
+        forced.certificate.worst + driven.certificate.worst
+    )
     if law != "coulomb":  # whose fixed point contracts faster where the motion is prescribed
         assert forced.history.linear_solves <= 1.2 * driven.history.linear_solves + 1
     assert forced.certificate.worst < 1e-9
 
 
 def test_multigrid_moves_the_nodes_that_a_tool_holds():
-    """On the finer of two nested meshes, as on the coarser one: a Krylov method ends, and nothing is factorised."""
-    solution = solve(block(3, "coulomb", "krylov", parts=(4, 4, 2), solver={"levels": 2}, **pressed(3, "coulomb")))
+    """On the finer of two nested meshes, as on the coarser one: a Krylov method ends, and nothing
+    is factorised.
+    """
+    solution = solve(
+        block(
+            3, "coulomb", "krylov", parts=(4, 4, 2), solver={"levels": 2}, **pressed(3, "coulomb")
+        )
+    )
     assert solution.linear_algebra.startswith("krylov")
     assert "linear solver failed: the matrix is factorised" not in solution.history.events
 
 
 @pytest.mark.one_quick
 @pytest.mark.parametrize(
-    ("dimension", "algebra", "poisson"), [(2, "condensed", 0.49), (2, "full", 0.5), (3, "full", 0.5)]
+    ("dimension", "algebra", "poisson"),
+    [(2, "condensed", 0.49), (2, "full", 0.5), (3, "full", 0.5)],
 )
 def test_an_incompressible_body_under_a_tool(dimension, algebra, poisson):
-    """The mixed element, whose pressure stands behind the unknowns of the tool: force, statics and motion agree."""
+    """The mixed element, whose pressure stands behind the unknowns of the tool: force, statics and
+    motion agree.
+    """
 
     def made(**tool):
         cell = {2: "triangle", 3: "tetrahedron"}[dimension]
@@ -177,21 +212,33 @@ def test_an_incompressible_body_under_a_tool(dimension, algebra, poisson):
     driven = solve(made(**prescribed(tool)))
     assert apart(forced, driven) < 1e-10
     hydrostatic = [one.displacement.hydrostatic.x.array for one in (forced, driven)]
-    assert np.abs(hydrostatic[0] - hydrostatic[1]).max(initial=0.0) < 1e-8 * np.abs(hydrostatic[1]).max(initial=1e-300)
+    assert np.abs(hydrostatic[0] - hydrostatic[1]).max(initial=0.0) < 1e-8 * np.abs(
+        hydrostatic[1]
+    ).max(initial=1e-300)
 
 
 def posts(apart_by=10.0, width=0.1, height=1.0):
     """Two columns with one contact boundary, their tops."""
-    both = [Box("1", -width / 2, 0.0, width, height, 4, 6), Box("2", apart_by - width / 2, 0.0, width, height, 4, 6)]
+    both = [
+        Box("1", -width / 2, 0.0, width, height, 4, 6),
+        Box("2", apart_by - width / 2, 0.0, width, height, 4, 6),
+    ]
     mesh = boxes_mesh(COMM, both).mesh
     return tag_boundaries(
-        mesh, {"tops": lambda x: np.isclose(x[1], height), "bottoms": lambda x: np.isclose(x[1], 0.0)}
+        mesh,
+        {"tops": lambda x: np.isclose(x[1], height), "bottoms": lambda x: np.isclose(x[1], 0.0)},
     )
 
 
 def on_posts(force=(0.0, -3.0), at=2.5, law=None, algebra="full", **solver):
     """A plate on two columns without Poisson's effect, under a force beside its middle."""
-    tool = {"shape": "plane", "point": [0.0, 1.0], "normal": [0.0, -1.0], "pivot": [at, 1.0], "force": list(force)}
+    tool = {
+        "shape": "plane",
+        "point": [0.0, 1.0],
+        "normal": [0.0, -1.0],
+        "pivot": [at, 1.0],
+        "force": list(force),
+    }
     return parse_scene(
         {
             "mesh": posts(),
@@ -205,10 +252,19 @@ def on_posts(force=(0.0, -3.0), at=2.5, law=None, algebra="full", **solver):
 
 @pytest.mark.parametrize("algebra", ["full", "condensed"])
 def test_a_plate_on_two_posts_tilts_as_statics_says(algebra):
-    """The posts take 3/4 and 1/4 of the force, sink by N H / (E A) each, and the plate turns by the difference."""
+    """The posts take 3/4 and 1/4 of the force, sink by N H / (E A) each, and the plate turns by the
+    difference.
+    """
     solution = solve(on_posts(algebra=algebra))
-    x, pressure, weight = solution.contact.boundary.x, solution.contact.pressure, solution.contact.boundary.weight
-    taken = [COMM.allreduce(float((weight * pressure)[half].sum())) for half in (x[:, 0] < 5, x[:, 0] > 5)]
+    x, pressure, weight = (
+        solution.contact.boundary.x,
+        solution.contact.pressure,
+        solution.contact.boundary.weight,
+    )
+    taken = [
+        COMM.allreduce(float((weight * pressure)[half].sum()))
+        for half in (x[:, 0] < 5, x[:, 0] > 5)
+    ]
     assert np.allclose(taken, [2.25, 0.75], rtol=1e-4)
     (tool,) = solution.last_step.tools
     sunk = np.array(taken) / (1e5 * 0.1)
@@ -240,9 +296,13 @@ def test_a_force_just_below_the_limit_of_friction_is_held():
 
 def three_posts():
     """Three columns of hexahedra, cut out of a box, and the positions of their axes."""
-    mesh = dmesh.create_box(COMM, [(0.0, 0.0, 0.0), (2.1, 2.1, 0.5)], (21, 21, 2), dmesh.CellType.hexahedron)
+    mesh = dmesh.create_box(
+        COMM, [(0.0, 0.0, 0.0), (2.1, 2.1, 0.5)], (21, 21, 2), dmesh.CellType.hexahedron
+    )
     axes = np.array([[0.15, 0.25], [1.95, 0.45], [0.65, 1.95]])
-    middle = dmesh.compute_midpoints(mesh, 3, np.arange(mesh.topology.index_map(3).size_local, dtype=np.int32))
+    middle = dmesh.compute_midpoints(
+        mesh, 3, np.arange(mesh.topology.index_map(3).size_local, dtype=np.int32)
+    )
     near = (np.abs(middle[:, None, :2] - axes).max(axis=2) < 0.06).any(axis=1)
     columns = dmesh.create_submesh(mesh, 3, np.flatnonzero(near).astype(np.int32))[0]
     tops = {"tops": lambda x: np.isclose(x[2], 0.5), "bottoms": lambda x: np.isclose(x[2], 0.0)}
@@ -251,13 +311,18 @@ def three_posts():
 
 @pytest.mark.parametrize("pivot", [(0.8, 0.7), (0.2, 1.5)])
 def test_a_plate_on_three_posts_tilts_as_statics_says(pivot):
-    """In 3D: three unknown forces from a force and two moments, and the plane through what sinks; the same with the
-    force at another point, and its moment.
+    """In 3D: three unknown forces from a force and two moments, and the plane through what sinks;
+    the same with the force at another point, and its moment.
     """
     mesh, axes = three_posts()
     at, force = np.array([0.8, 0.7]), 2.0
     moment = np.cross([*(at - pivot), 0.0], [0.0, 0.0, -force])
-    tool = {"shape": "plane", "point": [0.0, 0.0, 0.5], "normal": [0.0, 0.0, -1.0], "pivot": [*pivot, 0.5]}
+    tool = {
+        "shape": "plane",
+        "point": [0.0, 0.0, 0.5],
+        "normal": [0.0, 0.0, -1.0],
+        "pivot": [*pivot, 0.5],
+    }
     if moment.any():
         tool["moment"] = moment.tolist()
     scene = parse_scene(
@@ -284,7 +349,9 @@ def test_a_plate_on_three_posts_tilts_as_statics_says(pivot):
 
 
 def test_load_steps_with_friction():
-    """A tool that is pressed and then pulled by functions of the time, and the same by prescribed motions."""
+    """A tool that is pressed and then pulled by functions of the time, and the same by prescribed
+    motions.
+    """
     force = {"force": ["3 * max(0, t - 1)", "-20"], "prescribed": {"rotation": 0.0}}
     forced = solve(block(2, "coulomb", times=[1.0, 2.0, 3.0], **force))
     assert [step.status for step in forced.steps] == [Status.CONVERGED] * 3
@@ -293,7 +360,10 @@ def test_load_steps_with_friction():
 
     def through(values):
         a, b, c = map(float, values)  # the parabola through them at t = 1, 2, 3
-        return f"{a!r} * (t - 2) * (t - 3) / 2 - {b!r} * (t - 1) * (t - 3) + {c!r} * (t - 1) * (t - 2) / 2"
+        return (
+            f"{a!r} * (t - 2) * (t - 3) / 2 - {b!r} * (t - 1) * (t - 3) + {c!r} * (t - 1) * (t "
+            "- 2) / 2"
+        )
 
     given = {name: through([one[k] for one in motion]) for k, name in enumerate(names)}
     driven = solve(block(2, "coulomb", times=[1.0, 2.0, 3.0], prescribed=given))
@@ -319,9 +389,17 @@ def test_bad_input_is_one_error(entry, words):
 
 @pytest.mark.parametrize("algebra", ["full", "condensed"])
 def test_rigid_coupling_bends_a_column_as_a_beam(algebra):
-    """Force and moment through the top of a column without Poisson's effect: u_y = (N / A + M x / I) y / E is exact."""
+    """Force and moment through the top of a column without Poisson's effect: u_y = (N / A + M x /
+    I) y / E is exact.
+    """
     young, half, height, push, pull = 1000.0, 0.5, 4.0, -3.0, 0.2
-    tool = {"shape": "plane", "point": [0.0, 7.0], "normal": [1.0, -1.0], "pivot": [half, height], "force": [0.0, push]}
+    tool = {
+        "shape": "plane",
+        "point": [0.0, 7.0],
+        "normal": [1.0, -1.0],
+        "pivot": [half, height],
+        "force": [0.0, push],
+    }
     mesh = {"length": 2 * half, "height": height, "nx": 2, "ny": 4}
     scene = parse_scene(
         {
@@ -329,7 +407,11 @@ def test_rigid_coupling_bends_a_column_as_a_beam(algebra):
             "element": {"degree": 2},
             "material": {"young": young, "poisson": 0.0},
             "displacement": {"boundary": "bottom", "x": 0.0, "y": 0.0},
-            "contact": {"boundary": "top", "kind": "bonded", "foundation": {**tool, "moment": pull}},
+            "contact": {
+                "boundary": "top",
+                "kind": "bonded",
+                "foundation": {**tool, "moment": pull},
+            },
             "solver": {"linear_algebra": algebra, "algorithm": "alm", "tolerance": 1e-9},
         }
     )
@@ -348,7 +430,7 @@ def test_rigid_coupling_bends_a_column_as_a_beam(algebra):
     assert solution.certificate.worst < 1e-8
 
 
-# --- forms ------------------------------------------------------------------------------------------------------------
+# --- forms ----------------------------------------------------------------------------------------
 
 FRICTION = {"none": None, "tresca": Tresca(4.0), "coulomb": Coulomb(0.3)}
 
@@ -358,7 +440,9 @@ def same_as(solution, law, **others):
     d, scene = solution.model, solution.statement
     space = fem.functionspace(d.tagged.mesh, ("Lagrange", scene.element.degree, (d.dimension,)))
     u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
-    bottom = np.unique(np.concatenate([d.tagged.facets(entry.boundary) for entry in scene.displacement]))
+    bottom = np.unique(
+        np.concatenate([d.tagged.facets(entry.boundary) for entry in scene.displacement])
+    )
     held = fem.locate_dofs_topological(space, d.dimension - 1, bottom)
     bcs = [fem.dirichletbc(np.zeros(d.dimension), held, space)]
     nothing = ufl.inner(fem.Constant(d.tagged.mesh, np.zeros(d.dimension)), v) * ufl.dx
@@ -373,35 +457,57 @@ def same_as(solution, law, **others):
         for contact in scene.contact
     ]
     (material,) = scene.material
-    settings = scene.solver.model_dump(include={"linear_algebra", "gamma_n", "gamma_t", "tolerance"})
+    settings = scene.solver.model_dump(
+        include={"linear_algebra", "gamma_n", "gamma_t", "tolerance"}
+    )
     return ContactProblem(
-        forms.hooke(u, v, material.young, material.poisson), nothing, bcs, foundations, algorithm=algorithm, **settings
+        forms.hooke(u, v, material.young, material.poisson),
+        nothing,
+        bcs,
+        foundations,
+        algorithm=algorithm,
+        **settings,
     )
 
 
 def differ(problem, result):
-    """The largest difference to a load step of a scene, relative to the largest displacement, pressure or motion."""
+    """The largest difference to a load step of a scene, relative to the largest displacement,
+    pressure or motion.
+    """
     (tool,), (other,) = problem.tools, result.tools
     pairs = [
         (problem.u.x.array, result.displacement.x.array),
-        *((getattr(problem.state, name), getattr(result.contact, name)) for name in ("pressure", "shear")),
+        *(
+            (getattr(problem.state, name), getattr(result.contact, name))
+            for name in ("pressure", "shear")
+        ),
         (np.append(tool.translation, tool.rotation), np.append(other.translation, other.rotation)),
     ]
     found = []
     for one, another in pairs:
         size = COMM.allreduce(float(np.abs(another).max(initial=0.0)), op=MPI.MAX)
-        found.append(COMM.allreduce(float(np.abs(one - another).max(initial=0.0)), op=MPI.MAX) / (size or 1.0))
+        found.append(
+            COMM.allreduce(float(np.abs(one - another).max(initial=0.0)), op=MPI.MAX)
+            / (size or 1.0)
+        )
     return max(found)
 
 
 def tilting(dimension, law):
-    """What drives a tool that may turn; its pivot is above the surface, where a force across tilts it."""
+    """What drives a tool that may turn; its pivot is above the surface, where a force across tilts
+    it.
+    """
     given = pressed(dimension, law)
     still = {"x": 0.0} if law == "none" else {}
     if dimension == 3:
         still |= {"rotation_z": 0.0} | ({"y": 0.0} if law == "none" else {})
     moment = 0.5 if dimension == 2 else [0.3, 0.2, 0.0]
-    return {"force": given["force"], "moment": moment, "prescribed": still, "pivot": [0.4, 0.5, 0.6][:dimension]}
+    return {
+        "force": given["force"],
+        "moment": moment,
+        "prescribed": still,
+        "pivot": [0.4, 0.5, 0.6][:dimension],
+    }
 
 
 WAYS_OF_FORMS = [

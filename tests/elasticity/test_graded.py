@@ -1,4 +1,6 @@
-"""Moduli that vary within a material: a bar, layers, a cylinder, and that a constant changes nothing."""
+"""Moduli that vary within a material: a bar, layers, a cylinder, and that a constant changes
+nothing.
+"""
 
 import numpy as np
 import pytest
@@ -19,12 +21,15 @@ YOUNG = 5000.0
 @pytest.mark.one_quick
 @pytest.mark.mpi
 @pytest.mark.parametrize("linear_algebra", ["full", "condensed", "krylov"])
-@pytest.mark.parametrize(("cells", "degree"), [("quadrilateral", 2), ("triangle", 1), ("hexahedra", 1)])
+@pytest.mark.parametrize(
+    ("cells", "degree"), [("quadrilateral", 2), ("triangle", 1), ("hexahedra", 1)]
+)
 def test_graded_bar(cells, degree, linear_algebra):
-    """A bar pressed on a wall: the pressure passes through it, and it shortens by the integral of p / E.
+    """A bar pressed on a wall: the pressure passes through it, and it shortens by the integral of p
+    / E.
 
-    Where E is constant in each cell, the integral is that of the midpoint rule; on triangles two halves of a column
-    differ, and only the pressure is known so well.
+    Where E is constant in each cell, the integral is that of the midpoint rule; on triangles two
+    halves of a column differ, and only the pressure is known so well.
     """
     if linear_algebra == "condensed" and COMM.size > 1:
         pytest.skip("condensation is for one rank")
@@ -49,7 +54,9 @@ def test_graded_bar(cells, degree, linear_algebra):
     x = solution.displacement.function_space.tabulate_dof_coordinates()
     end = np.isclose(x[:, 0], 2.0)
     shortened = -solution.displacement.x.array.reshape(len(x), -1)[end, 0]
-    exact = pressure / YOUNG * (2 + 0.25 * 4)  # the midpoint rule is exact for 1 / E, which is linear
+    exact = (
+        pressure / YOUNG * (2 + 0.25 * 4)
+    )  # the midpoint rule is exact for 1 / E, which is linear
     if cells != "triangle":
         assert solution.contact.pressure == pytest.approx(pressure, rel=1e-8)
         assert shortened == pytest.approx(exact, rel=1e-8)
@@ -58,10 +65,11 @@ def test_graded_bar(cells, degree, linear_algebra):
 
 
 def cylinder(n, power, **element):
-    """Error of the displacement of a long cylinder under a pressure inside, relative; E grows like r^power.
+    """Error of the displacement of a long cylinder under a pressure inside, relative; E grows like
+    r^power.
 
-    C. O. Horgan and A. M. Chan, J. Elasticity 55 (1999) 43-59, with the moduli of plane strain: u is a sum of powers k
-    of r with k^2 + power k + power nu' - 1 = 0.
+    C. O. Horgan and A. M. Chan, J. Elasticity 55 (1999) 43-59, with the moduli of plane strain: u
+    is a sum of powers k of r with k^2 + power k + power nu' - 1 = 0.
     """
     inside, outside, pressure, nu = 1.0, 2.0, 3.0, 0.3
     ratio = nu / (1 - nu)
@@ -105,8 +113,13 @@ def test_graded_cylinder():
 @pytest.mark.one_quick
 @pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
 def test_curved_cells(cell):
-    """The modulus is that in the middle of the corners, for the solver and the certificate alike."""
-    mesh = {"generator": "half_disk", "parameters": {"size": 0.4, "contact_size": 0.2, "order": 2, "cell": cell}}
+    """The modulus is that in the middle of the corners, for the solver and the certificate
+    alike.
+    """
+    mesh = {
+        "generator": "half_disk",
+        "parameters": {"size": 0.4, "contact_size": 0.2, "order": 2, "cell": cell},
+    }
     given = parse_scene(
         {
             "mesh": mesh,

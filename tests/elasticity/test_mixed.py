@@ -1,4 +1,6 @@
-"""The mixed element of Taylor and Hood: exact states for nu up to 1/2, rates without locking, contact as it is."""
+"""The mixed element of Taylor and Hood: exact states for nu up to 1/2, rates without locking,
+contact as it is.
+"""
 
 import numpy as np
 import pytest
@@ -45,7 +47,9 @@ def pressed(tagged, poisson, length=1.0, force=1.0, **solver):
 @pytest.mark.parametrize("poisson", [0.3, 0.5])
 @pytest.mark.parametrize("cell", CELLS)
 def test_patch(cell, poisson):
-    """A uniform state on uneven cells: strains and stresses are those of Hooke's law, contact carries the load."""
+    """A uniform state on uneven cells: strains and stresses are those of Hooke's law, contact
+    carries the load.
+    """
     tagged = uneven(cell, MPI.COMM_WORLD)
     solution = solve(pressed(tagged, poisson))
     assert solution.converged
@@ -62,13 +66,19 @@ def test_patch(cell, poisson):
     np.testing.assert_allclose(found, at * strains[: tagged.dimension], rtol=0, atol=1e-10)
     np.testing.assert_allclose(solution.displacement.hydrostatic.x.array, pressure, rtol=1e-9)
     tensor = solution.stress.tensor.x.array.reshape(-1, 3, 3)
-    np.testing.assert_allclose(tensor, np.broadcast_to(np.diag([0, -0.5, outward]), tensor.shape), atol=1e-9)
+    np.testing.assert_allclose(
+        tensor, np.broadcast_to(np.diag([0, -0.5, outward]), tensor.shape), atol=1e-9
+    )
     recovered = solution.stress.recovered.tensor.x.array.reshape(-1, 3, 3)
-    np.testing.assert_allclose(recovered, np.broadcast_to(np.diag([0, -0.5, outward]), recovered.shape), atol=2e-5)
+    np.testing.assert_allclose(
+        recovered, np.broadcast_to(np.diag([0, -0.5, outward]), recovered.shape), atol=2e-5
+    )
     np.testing.assert_allclose(solution.contact.pressure, 0.5, rtol=1e-8)
     assert solution.certificate.worst < 1e-9
     volume = 3.0
-    assert solution.last_step.strain_energy == pytest.approx(0.5 * 0.5 * -strains[1] * volume, rel=1e-9)
+    assert solution.last_step.strain_energy == pytest.approx(
+        0.5 * 0.5 * -strains[1] * volume, rel=1e-9
+    )
     assert solution.stress.error < 1e-4
 
 
@@ -80,7 +90,9 @@ def test_augmentation(poisson):
     found = []
     for settings in ({}, {"gamma_n": 1e3, "gamma_t": 1e3}):
         mesh = uneven("triangle", MPI.COMM_WORLD)
-        scene = pressed(mesh, poisson, algorithm="alm", **settings).model_dump(exclude_unset=True) | {
+        scene = pressed(mesh, poisson, algorithm="alm", **settings).model_dump(
+            exclude_unset=True
+        ) | {
             "mesh": mesh,
             "contact": {"boundary": "low1", "friction": friction},
             "traction": {"boundary": "high1", "y": "-1 + 0.45*x[0]", "x": 0.05},
@@ -92,7 +104,9 @@ def test_augmentation(poisson):
     assert 0 < closed.sum() < closed.size
     assert limit.contact.pressure == pytest.approx(other.contact.pressure, abs=1e-6)
     assert limit.contact.shear == pytest.approx(other.contact.shear, abs=1e-6)
-    assert limit.displacement.hydrostatic.x.array == pytest.approx(other.displacement.hydrostatic.x.array, abs=1e-6)
+    assert limit.displacement.hydrostatic.x.array == pytest.approx(
+        other.displacement.hydrostatic.x.array, abs=1e-6
+    )
 
 
 @pytest.mark.one_quick
@@ -100,7 +114,9 @@ def test_augmentation(poisson):
 @pytest.mark.parametrize("poisson", [0.3, 0.5])
 @pytest.mark.parametrize("cell", ["quadrilateral", "tetrahedra"])
 def test_heated_patch(cell, poisson):
-    """The same, heated: it expands freely but for plane strain, where E e is missing across the plane."""
+    """The same, heated: it expands freely but for plane strain, where E e is missing across the
+    plane.
+    """
     tagged, e = uneven(cell, MPI.COMM_WORLD), 0.02
     scene = pressed(tagged, poisson).model_dump(exclude_unset=True) | {
         "mesh": tagged,
@@ -114,18 +130,22 @@ def test_heated_patch(cell, poisson):
     strain = ((1 + poisson) * stress - poisson * np.trace(stress) * np.eye(3)) / 10.0
     at = solution.model.space.tabulate_dof_coordinates()[:, : tagged.dimension]
     found = solution.displacement.x.array.reshape(at.shape)
-    np.testing.assert_allclose(found, at * (np.diag(strain) + e)[: tagged.dimension], rtol=0, atol=1e-10)
+    np.testing.assert_allclose(
+        found, at * (np.diag(strain) + e)[: tagged.dimension], rtol=0, atol=1e-10
+    )
     tensor = solution.stress.tensor.x.array.reshape(-1, 3, 3)
     np.testing.assert_allclose(tensor, np.broadcast_to(stress, tensor.shape), atol=1e-9)
     recovered = solution.stress.recovered.tensor.x.array.reshape(-1, 3, 3)
     np.testing.assert_allclose(recovered, np.broadcast_to(stress, recovered.shape), atol=2e-5)
     np.testing.assert_allclose(solution.contact.pressure, 0.5, rtol=1e-8)
     assert solution.certificate.worst < 1e-9
-    assert solution.last_step.strain_energy == pytest.approx(np.sum(stress * strain) / 2 * 3.0, rel=1e-9)
+    assert solution.last_step.strain_energy == pytest.approx(
+        np.sum(stress * strain) / 2 * 3.0, rel=1e-9
+    )
     assert solution.stress.error < 1e-4
 
 
-# --- a state that was made up ----------------------------------------------------------------------------------------
+# --- a state that was made up ---------------------------------------------------------------------
 
 AMPLITUDE, TENSION, E = 1e-2, 0.3, 10.0
 
@@ -140,7 +160,10 @@ class MadeUp:
     def u(self, x):
         a = AMPLITUDE
         return np.array(
-            [a * np.sin(x[0]) * np.cos(x[1]) - self.c * x[0] ** 2 * x[1] / 2, -a * np.cos(x[0]) * np.sin(x[1])]
+            [
+                a * np.sin(x[0]) * np.cos(x[1]) - self.c * x[0] ** 2 * x[1] / 2,
+                -a * np.cos(x[0]) * np.sin(x[1]),
+            ]
         )
 
     def p(self, x):
@@ -183,7 +206,9 @@ class MadeUp:
         found = []
         for ours, theirs in ((y, ufl.as_vector((exact[0], exact[1]))), (p, exact[2])):
             squares = [ufl.inner(one, one) * ufl.dx for one in (ours - theirs, theirs)]
-            found.append(np.sqrt(np.divide(*(fem.assemble_scalar(fem.form(square)) for square in squares))))
+            found.append(
+                np.sqrt(np.divide(*(fem.assemble_scalar(fem.form(square)) for square in squares)))
+            )
         return np.array(found)
 
 
@@ -191,7 +216,12 @@ class MadeUp:
 @pytest.mark.parametrize("cell", PLANE)
 def test_rates_without_locking(cell):
     """Orders 3 and 2 in L2, and errors that do not depend on Poisson's ratio."""
-    errors = np.array([[MadeUp(nu).errors(count, cell, nu) for count in (4, 8)] for nu in (0.3, 0.49, 0.4999, 0.5)])
+    errors = np.array(
+        [
+            [MadeUp(nu).errors(count, cell, nu) for count in (4, 8)]
+            for nu in (0.3, 0.49, 0.4999, 0.5)
+        ]
+    )
     rates = np.log2(errors[:, 0] / errors[:, 1])
     assert (rates > [2.8, 1.9]).all()
     assert (errors[2:] < 1.2 * errors[1]).all()
@@ -199,7 +229,7 @@ def test_rates_without_locking(cell):
     assert (errors[:, 1] < [5e-4, 5e-3]).all()
 
 
-# --- contact ---------------------------------------------------------------------------------------------------------
+# --- contact --------------------------------------------------------------------------------------
 
 
 @pytest.mark.one_quick
@@ -214,7 +244,9 @@ def test_hertz_incompressible(cell):
     x, pressure, weight, _ = profile(solution)
     load = 2 * np.dot(weight, pressure)
     half_width = np.sqrt(4 * load * RADIUS / (np.pi * YOUNG / (1 - 0.25)))
-    assert ellipse(x, pressure, half_width) == pytest.approx((half_width, 2 * load / (np.pi * half_width)), rel=6e-3)
+    assert ellipse(x, pressure, half_width) == pytest.approx(
+        (half_width, 2 * load / (np.pi * half_width)), rel=6e-3
+    )
 
 
 INNER, OUTER, GAP, INSIDE = 1.0, 2.0, 0.01, 3.0
@@ -241,7 +273,9 @@ def in_a_pipe(count, cell="quadrilateral", comm=MPI.COMM_SELF, **solver):
 @pytest.mark.one_quick
 @pytest.mark.parametrize("cell", PLANE)
 def test_ring_in_a_pipe(cell):
-    """u = c / r with c = gap times radius, p uniform, and the contact pressure p_i - 2 mu c (1 / a^2 - 1 / b^2)."""
+    """u = c / r with c = gap times radius, p uniform, and the contact pressure p_i - 2 mu c (1 /
+    a^2 - 1 / b^2).
+    """
     c, mu, found = GAP * OUTER, 200.0 / 3, []
     for count in (2, 4, 8):
         solution = in_a_pipe(count, cell)
@@ -253,7 +287,11 @@ def test_ring_in_a_pipe(cell):
         expected = INSIDE - 2 * mu * c * (1 / INNER**2 - 1 / OUTER**2)
         exact = INSIDE - 2 * mu * c / INNER**2
         found.append(
-            [np.abs(radial - c / r).max() / c, np.abs(pressure - exact).max(), np.abs(touching - expected).max()]
+            [
+                np.abs(radial - c / r).max() / c,
+                np.abs(pressure - exact).max(),
+                np.abs(touching - expected).max(),
+            ]
         )
     rates = np.log2(np.divide(found[0], found[2])) / 2
     assert (rates > [2.5, 1.5, 1.5]).all()
@@ -265,11 +303,20 @@ def test_ring_in_a_pipe(cell):
 @pytest.mark.parametrize("linear_algebra", ["full", "condensed"])
 @pytest.mark.parametrize("cell", ["triangle", "tetrahedra"])
 def test_ways_to_solve(cell, linear_algebra):
-    """Friction of Coulomb, skew supports and a ramp: all unknowns or those of contact lead to one result."""
+    """Friction of Coulomb, skew supports and a ramp: all unknowns or those of contact lead to one
+    result.
+    """
     comm = MPI.COMM_WORLD
     tagged = uneven(cell, comm)  # one mesh: another one may be divided among the ranks differently
     reference = rubbed(cell, tagged, algorithm="ssn", linear_algebra="full")
-    other = rubbed(cell, tagged, algorithm="alm", coulomb="newton", tolerance=1e-11, linear_algebra=linear_algebra)
+    other = rubbed(
+        cell,
+        tagged,
+        algorithm="alm",
+        coulomb="newton",
+        tolerance=1e-11,
+        linear_algebra=linear_algebra,
+    )
     for solution in (reference, other):
         assert solution.converged
         assert solution.last_step.step == 2
@@ -288,15 +335,24 @@ def test_ways_to_solve(cell, linear_algebra):
 
 
 def rubbed(cell, tagged, poisson=0.5, **solver):
-    """The block, pressed and pushed sideways in two steps, with a support along no axis at one end."""
-    held = {"boundary": "low0", "normal": 0.0} if cell in PLANE else {"boundary": "low0", "x": 0.0, "z": 0.0}
+    """The block, pressed and pushed sideways in two steps, with a support along no axis at one
+    end.
+    """
+    held = (
+        {"boundary": "low0", "normal": 0.0}
+        if cell in PLANE
+        else {"boundary": "low0", "x": 0.0, "z": 0.0}
+    )
     scene = parse_scene(
         {
             "mesh": tagged,
             "element": MIXED,
             "material": {"young": 10.0, "poisson": poisson},
             "displacement": held,
-            "traction": [{"boundary": "high1", "y": -0.5}, {"boundary": "high0", "x": 0.2, "factors": [0.5, 1.0]}],
+            "traction": [
+                {"boundary": "high1", "y": -0.5},
+                {"boundary": "high0", "x": 0.2, "factors": [0.5, 1.0]},
+            ],
             "contact": {"boundary": "low1", "friction": {"law": "coulomb", "coefficient": 0.3}},
             "solver": solver,
         }
@@ -307,7 +363,9 @@ def rubbed(cell, tagged, poisson=0.5, **solver):
 @pytest.mark.mpi
 @pytest.mark.parametrize("cell", ["quadrilateral", "tetrahedra"])
 def test_certificate(cell):
-    """A pressure that is wrong, as a whole, at one node, or by a constant, is no solution; nor is a wrong volume."""
+    """A pressure that is wrong, as a whole, at one node, or by a constant, is no solution; nor is a
+    wrong volume.
+    """
     comm = MPI.COMM_WORLD
     solution = solve(pressed(uneven(cell, comm), 0.4999), comm)
 
@@ -331,7 +389,9 @@ def test_certificate(cell):
 
 
 def test_nothing_determines_the_pressure():
-    """An incompressible body whose whole boundary is held is refused; with a contact that yields, it is solved."""
+    """An incompressible body whose whole boundary is held is refused; with a contact that yields,
+    it is solved.
+    """
     tagged = rectangle(nx=3, ny=2)
     every = [{"boundary": side, "x": 0.0, "y": 0.0} for side in ("left", "right", "bottom", "top")]
     data = {
@@ -360,7 +420,7 @@ def test_nothing_determines_the_pressure():
     assert abs(flux) < 1e-12  # what goes down at one place comes up at another
 
 
-# --- estimates and sequences of meshes -----------------------------------------------------------------------------
+# --- estimates and sequences of meshes ------------------------------------------------------------
 
 
 def rubber(**more):
@@ -390,10 +450,16 @@ BASE = {
     "contact": {"boundary": "bottom"},
 }
 REFUSED = {
-    "no pressure": ({"element": {"degree": 2}, "material": {"young": 1.0, "poisson": 0.5}}, "must be below 0.5"),
+    "no pressure": (
+        {"element": {"degree": 2}, "material": {"young": 1.0, "poisson": 0.5}},
+        "must be below 0.5",
+    ),
     "degree": ({"element": {"degree": 1, "volumetric": "mixed"}}, "element.degree: must be 2"),
     "nu = 0": ({"material": {"young": 1.0, "poisson": 0.0}}, "poisson: must be above 0"),
-    "plane stress": ({"material": {"young": 1.0, "poisson": 0.4, "hypothesis": "plane stress"}}, "nothing locks"),
+    "plane stress": (
+        {"material": {"young": 1.0, "poisson": 0.4, "hypothesis": "plane stress"}},
+        "nothing locks",
+    ),
     "krylov": ({"solver": {"linear_algebra": "krylov"}}, "positive definite"),
 }
 

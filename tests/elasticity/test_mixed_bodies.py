@@ -1,4 +1,6 @@
-"""The mixed element in contact of two bodies: exact states on meshes that do not match, friction, and what encloses."""
+"""The mixed element in contact of two bodies: exact states on meshes that do not match, friction,
+and what encloses.
+"""
 
 from functools import partial
 
@@ -31,7 +33,9 @@ def block(cell, counts, unit=1.0):
     x, dim = mesh.geometry.x, mesh.topology.dim
     x[:, 0] += 0.1 * np.prod(np.sin(np.pi * x[:, :dim]), axis=1)
     x *= unit
-    ends = {f"{name}{k}": (k, at) for k in range(dim) for name, at in (("low", 0.0), ("high", unit))}
+    ends = {
+        f"{name}{k}": (k, at) for k in range(dim) for name, at in (("low", 0.0), ("high", unit))
+    }
     return tag_boundaries(
         mesh,
         {
@@ -42,11 +46,18 @@ def block(cell, counts, unit=1.0):
 
 
 def stacked(cell, below=RUBBER, above=RUBBER, unit=(1.0, 1.0), push=None, solver=None, **contact):
-    """One block on another, pressed together; in 3D between two planes.  The second step pushes the upper one."""
+    """One block on another, pressed together; in 3D between two planes.  The second step pushes the
+    upper one.
+    """
     (length, force), plane = unit, cell in PLANE
     stress, counts = force / length**2, ((3, 2), (4, 2)) if plane else ((2, 1, 1), (1, 2, 1))
     names = ("below", "above")
-    walls = [{"boundary": f"{name}.{side}2", "z": 0.0} for name in names for side in ("low", "high") if not plane]
+    walls = [
+        {"boundary": f"{name}.{side}2", "z": 0.0}
+        for name in names
+        for side in ("low", "high")
+        if not plane
+    ]
     guided = ["below.low0"] if push else ["below.low0", "above.low0"]
     loads = [{"boundary": "above.high1", "y": -PRESSURE * stress}]
     if push:
@@ -54,7 +65,11 @@ def stacked(cell, below=RUBBER, above=RUBBER, unit=(1.0, 1.0), push=None, solver
     return parse_scene(
         {
             "body": [
-                {"name": name, "mesh": block(cell, n, length), "shift": [0.0, y * length] + [0.0] * (not plane)}
+                {
+                    "name": name,
+                    "mesh": block(cell, n, length),
+                    "shift": [0.0, y * length] + [0.0] * (not plane),
+                }
                 for name, n, y in zip(names, counts, (-1, 0), strict=True)
             ],
             "element": MIXED,
@@ -77,7 +92,12 @@ def strains(young, poisson):
     return PRESSURE / young * np.array([poisson * (1 + poisson), -(1 - poisson**2)])
 
 
-KINDS = [("triangle", "full"), ("quadrilateral", "condensed"), ("tetrahedra", "full"), ("hexahedra", "full")]
+KINDS = [
+    ("triangle", "full"),
+    ("quadrilateral", "condensed"),
+    ("tetrahedra", "full"),
+    ("hexahedra", "full"),
+]
 
 
 @pytest.mark.one_quick
@@ -85,11 +105,20 @@ KINDS = [("triangle", "full"), ("quadrilateral", "condensed"), ("tetrahedra", "f
 @pytest.mark.parametrize(("cell", "linear_algebra"), KINDS)
 @pytest.mark.parametrize("contact", ["sliding", "bonded"])
 def test_patch(cell, linear_algebra, contact):
-    """The pressure passes from one to the other to round-off; each has its own strains and pressure inside."""
+    """The pressure passes from one to the other to round-off; each has its own strains and pressure
+    inside.
+    """
     joined = contact == "bonded"
-    other = (10.0 * 0.3 * 1.3 / 0.75, 0.3) if joined else (4.0, 0.3)  # bonded, of the same strain along x
+    other = (
+        (10.0 * 0.3 * 1.3 / 0.75, 0.3) if joined else (4.0, 0.3)
+    )  # bonded, of the same strain along x
     solution = solve(
-        stacked(cell, above=other, solver={"linear_algebra": linear_algebra}, **({"kind": "bonded"} if joined else {})),
+        stacked(
+            cell,
+            above=other,
+            solver={"linear_algebra": linear_algebra},
+            **({"kind": "bonded"} if joined else {}),
+        ),
         COMM,
     )
     assert solution.converged
@@ -103,10 +132,14 @@ def test_patch(cell, linear_algebra, contact):
         here = np.unique(nodes[tagged.cells(name)])
         exact = np.zeros((here.size, dim))
         exact[:, 0] = strain[0] * x[here, 0]
-        exact[:, 1] = soft[1] + strain[1] * x[here, 1] if name == "above" else soft[1] * (x[here, 1] + 1)
+        exact[:, 1] = (
+            soft[1] + strain[1] * x[here, 1] if name == "above" else soft[1] * (x[here, 1] + 1)
+        )
         np.testing.assert_allclose(found[here], exact, rtol=0, atol=1e-10)
         inside = y.hydrostatic.x.array[cells[tagged.cells(name)]]
-        np.testing.assert_allclose(inside, young / (1 + poisson) * strain[0], rtol=1e-8)  # sigma_xx = 0
+        np.testing.assert_allclose(
+            inside, young / (1 + poisson) * strain[0], rtol=1e-8
+        )  # sigma_xx = 0
     np.testing.assert_allclose(solution.contact.pressure, PRESSURE, rtol=1e-8)
     assert np.abs(solution.contact.shear).max(initial=0.0) < 1e-9
 
@@ -116,11 +149,19 @@ def test_patch(cell, linear_algebra, contact):
 @pytest.mark.parametrize("unit", [(1e-6, 1.0), (1e3, 1e-3)])
 @pytest.mark.parametrize("linear_algebra", ["full", "condensed"])
 def test_friction(unit, linear_algebra):
-    """Incompressible blocks, pressed and then pushed over two load steps: forces of statics in any units."""
+    """Incompressible blocks, pressed and then pushed over two load steps: forces of statics in any
+    units.
+    """
     push, (length, force) = 0.12, unit
     friction = {"law": "coulomb", "coefficient": FRICTION}
     solution = solve(
-        stacked("quadrilateral", unit=unit, push=push, friction=friction, solver={"linear_algebra": linear_algebra}),
+        stacked(
+            "quadrilateral",
+            unit=unit,
+            push=push,
+            friction=friction,
+            solver={"linear_algebra": linear_algebra},
+        ),
         COMM,
     )
     assert solution.converged
@@ -128,17 +169,23 @@ def test_friction(unit, linear_algebra):
     for step, sideways in zip(solution.steps, (0.0, push), strict=True):
         found = solution.at(step)
         every = in_balance(found)
-        assert every["below.high1"].force * length / force == pytest.approx([sideways, -PRESSURE], abs=1e-7)
+        assert every["below.high1"].force * length / force == pytest.approx(
+            [sideways, -PRESSURE], abs=1e-7
+        )
         bound = FRICTION * found.contact.pressure + 1e-6 * PRESSURE * force / length**2
         assert (np.abs(found.contact.shear).ravel() <= bound).all()
 
 
 @pytest.mark.slow
 def test_cattaneo_and_mindlin():
-    """Cylinders of nu = 1/2, pressed and pushed: Hertz's pressure, and the half-width that sticks, to a node."""
+    """Cylinders of nu = 1/2, pressed and pushed: Hertz's pressure, and the half-width that sticks,
+    to a node.
+    """
     scene = altered()
     scene["element"] = MIXED
-    scene["material"] = [{"region": name, "young": 200.0, "poisson": 0.5} for name in ("soft", "stiff")]
+    scene["material"] = [
+        {"region": name, "young": 200.0, "poisson": 0.5} for name in ("soft", "stiff")
+    ]
     found = solve(parse_scene(scene))
     tangential, normal = np.abs(sum(found.contact.forces))
     share = tangential / (0.3 * normal)

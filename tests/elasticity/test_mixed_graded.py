@@ -1,4 +1,6 @@
-"""Moduli that vary within a material, and the mixed element: exact states, and displacements alone."""
+"""Moduli that vary within a material, and the mixed element: exact states, and displacements
+alone.
+"""
 
 import numpy as np
 import pytest
@@ -18,13 +20,17 @@ YOUNG, PRESSURE = 5000.0, 3.0
 @pytest.mark.parametrize("linear_algebra", ["full", "condensed"])
 @pytest.mark.parametrize("cells", ["quadrilateral", "hexahedra"])
 def test_bar_between_walls(cells, linear_algebra):
-    """It shortens by the integral of p (1 + nu) (1 - 2 nu) / (E (1 - nu)), by the midpoint rule, and its stress does
-    not depend on E.
+    """It shortens by the integral of p (1 + nu) (1 - 2 nu) / (E (1 - nu)), by the midpoint rule,
+    and its stress does not depend on E.
     """
     nu = 0.3
     axes = "y" if cells in PLANE else "yz"
     sides = [("bottom", "top")] if cells in PLANE else [("front", "back"), ("bottom", "top")]
-    walls = [{"boundary": side, axis: 0.0} for axis, both in zip(axes, sides, strict=True) for side in both]
+    walls = [
+        {"boundary": side, axis: 0.0}
+        for axis, both in zip(axes, sides, strict=True)
+        for side in both
+    ]
     given = parse_scene(
         {
             "mesh": body(cells),
@@ -41,7 +47,9 @@ def test_bar_between_walls(cells, linear_algebra):
     x = solution.displacement.function_space.tabulate_dof_coordinates()
     end = np.isclose(x[:, 0], 2.0)
     shortened = PRESSURE / YOUNG * (1 + nu) * (1 - 2 * nu) / (1 - nu) * (2 + 0.25 * 4)
-    assert -solution.displacement.x.array.reshape(len(x), -1)[end, 0] == pytest.approx(shortened, rel=1e-9)
+    assert -solution.displacement.x.array.reshape(len(x), -1)[end, 0] == pytest.approx(
+        shortened, rel=1e-9
+    )
     assert solution.contact.pressure == pytest.approx(PRESSURE, rel=1e-8)
     lateral = PRESSURE * nu / (1 - nu)
     assert solution.displacement.hydrostatic.x.array == pytest.approx(lateral, rel=1e-9)

@@ -18,7 +18,11 @@ from signorini_fx.scenes.solver import solve
 MIXED = {"degree": 2, "volumetric": "mixed"}
 PLANE = ("triangle", "quadrilateral")
 LEFT, RIGHT = (10.0, 0.5, 0.004), (4.0, 0.3, 0.001)  # Young's modulus, Poisson's ratio, expansion
-LIKE_LEFT = 10.0 / 0.75 * (1 - 0.3**2), 0.3, 0.004 * 1.5 / 1.3  # of which the contact pressure is that of LEFT
+LIKE_LEFT = (
+    10.0 / 0.75 * (1 - 0.3**2),
+    0.3,
+    0.004 * 1.5 / 1.3,
+)  # of which the contact pressure is that of LEFT
 DOWN, HALF = 0.05, 1.5
 
 
@@ -31,15 +35,25 @@ def halves(cell, comm=MPI.COMM_WORLD):
         if plane
         else box(cell, (4, 2, 2), size=size, comm=comm)
     ).mesh
-    ends = {f"{name}{k}": (k, at) for k, end in enumerate(size) for name, at in (("low", 0.0), ("high", end))}
+    ends = {
+        f"{name}{k}": (k, at)
+        for k, end in enumerate(size)
+        for name, at in (("low", 0.0), ("high", end))
+    }
     tagged = tag_boundaries(
-        mesh, {name: partial(lambda x, k, at: np.isclose(x[k], at), k=k, at=at) for name, (k, at) in ends.items()}
+        mesh,
+        {
+            name: partial(lambda x, k, at: np.isclose(x[k], at), k=k, at=at)
+            for name, (k, at) in ends.items()
+        },
     )
     cells = mesh.topology.index_map(mesh.topology.dim)
     every = np.arange(cells.size_local + cells.num_ghosts, dtype=np.int32)
     middle = dmesh.compute_midpoints(mesh, mesh.topology.dim, every)[:, 0]
     x = mesh.geometry.x
-    bump = np.prod([np.sin((1 + (k == 0)) * np.pi * x[:, k] / end) for k, end in enumerate(size)], axis=0)
+    bump = np.prod(
+        [np.sin((1 + (k == 0)) * np.pi * x[:, k] / end) for k, end in enumerate(size)], axis=0
+    )
     x[:, 0] += 0.15 * bump  # nothing in the middle
     tags = dmesh.meshtags(mesh, mesh.topology.dim, every, (1 + (middle > HALF)).astype(np.int32))
     return replace(tagged, cell_tags=tags, regions={"left": 1, "right": 2})
@@ -48,7 +62,9 @@ def halves(cell, comm=MPI.COMM_WORLD):
 def columns(tagged, heat=0.0, left=LEFT, right=RIGHT, **more):
     """Both pressed down together onto a foundation without friction; in 3D between two planes."""
     dim = tagged.dimension
-    sides = [("low0", "x", 0.0), ("high1", "y", -DOWN), ("low2", "z", 0.0), ("high2", "z", 0.0)][: 2 * dim - 2]
+    sides = [("low0", "x", 0.0), ("high1", "y", -DOWN), ("low2", "z", 0.0), ("high2", "z", 0.0)][
+        : 2 * dim - 2
+    ]
     materials = [
         {"young": young, "poisson": poisson, "expansion": expansion, "region": name}
         for name, (young, poisson, expansion) in (("left", left), ("right", right))
@@ -96,7 +112,9 @@ def test_two_columns(cell, heat):
     states, y = [Column(one, heat) for one in (LEFT, right)], solution.displacement
     at = solution.model.space.tabulate_dof_coordinates()[:, : tagged.dimension]
     exact = np.zeros_like(at)
-    exact[:, 0] = states[0].along * np.minimum(at[:, 0], HALF) + states[1].along * np.maximum(at[:, 0] - HALF, 0)
+    exact[:, 0] = states[0].along * np.minimum(at[:, 0], HALF) + states[1].along * np.maximum(
+        at[:, 0] - HALF, 0
+    )
     exact[:, 1] = -DOWN * at[:, 1]
     np.testing.assert_allclose(y.x.array.reshape(at.shape), exact, rtol=0, atol=1e-10)
     raw, recovered = solution.stress.tensor, solution.stress.recovered.tensor
@@ -107,19 +125,25 @@ def test_two_columns(cell, heat):
         expected = np.diag([0, state.sigma, state.out])
         for tensor, accuracy in ((raw, 1e-9), (recovered, 1e-4)):
             values = tensor.x.array.reshape(-1, 3, 3)[tensor.function_space.dofmap.list[cells]]
-            np.testing.assert_allclose(values, np.broadcast_to(expected, values.shape), atol=accuracy)
+            np.testing.assert_allclose(
+                values, np.broadcast_to(expected, values.shape), atol=accuracy
+            )
     contact = solution.contact
     x = contact.boundary.x[:, 0]
     for side, state in ((x < HALF - 1e-6, states[0]), (x > HALF + 1e-6, states[1])):
         np.testing.assert_allclose(contact.pressure[side], -state.sigma, rtol=1e-7)
-    assert contact.forces[0][1] == pytest.approx(-HALF * sum(state.sigma for state in states), rel=1e-9)
+    assert contact.forces[0][1] == pytest.approx(
+        -HALF * sum(state.sigma for state in states), rel=1e-9
+    )
     energy = HALF * sum(state.density for state in states)
     assert solution.last_step.strain_energy == pytest.approx(energy, rel=1e-9)
     assert solution.stress.error < 1e-3
 
 
 def test_enclosed():
-    """Nothing determines the pressure of two incompressible materials together; a compressible one does."""
+    """Nothing determines the pressure of two incompressible materials together; a compressible one
+    does.
+    """
     tagged = halves("triangle", MPI.COMM_SELF)
 
     def held(poisson):
@@ -132,7 +156,9 @@ def test_enclosed():
                     {"young": 4.0, "poisson": poisson, "region": "right"},
                 ],
                 "displacement": [
-                    {"boundary": f"{end}{k}", "x": 0.0, "y": 0.0} for end in ("low", "high") for k in (0, 1)
+                    {"boundary": f"{end}{k}", "x": 0.0, "y": 0.0}
+                    for end in ("low", "high")
+                    for k in (0, 1)
                 ],
                 "body_force": {"x": 1.0},
             }

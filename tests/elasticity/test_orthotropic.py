@@ -1,4 +1,6 @@
-"""Orthotropic materials: uniform states by formulas, a tube, isotropic constants, turned scenes, products."""
+"""Orthotropic materials: uniform states by formulas, a tube, isotropic constants, turned scenes,
+products.
+"""
 
 from dataclasses import replace
 
@@ -26,8 +28,12 @@ PRESSURE = 3.0
 
 
 def wood(**more):
-    """The material of a scene; ``hypothesis`` and the like are its own keys, the others those of ``orthotropic``."""
-    own = {key: more.pop(key) for key in ("hypothesis", "region", "grading", "density") if key in more}
+    """The material of a scene; ``hypothesis`` and the like are its own keys, the others those of
+    ``orthotropic``.
+    """
+    own = {
+        key: more.pop(key) for key in ("hypothesis", "region", "grading", "density") if key in more
+    }
     return {"orthotropic": WOOD | more, **own}
 
 
@@ -45,8 +51,9 @@ def compliance():
 
 
 def off_axis(angle, hypothesis):
-    """Strains xx, yy, and xy twice, per stress along x, with axis 1 at an angle to x (R. M. Jones, Mechanics of
-    Composite Materials, 2nd ed., Taylor & Francis, 1999, section 2.8), and the stress zz per stress.
+    """Strains xx, yy, and xy twice, per stress along x, with axis 1 at an angle to x (R. M. Jones,
+    Mechanics of Composite Materials, 2nd ed., Taylor & Francis, 1999, section 2.8), and the stress
+    zz per stress.
     """
     c, s = np.cos(angle), np.sin(angle)
     s11, s22, s12, s66, out = 1 / E1, 1 / E2, -NU12 / E1, 1 / G12, 0.0
@@ -80,12 +87,16 @@ def uniform(tagged, material, degree, linear_algebra):
 
 
 def assert_uniform(solution, strain, stress, rel=1e-7):
-    """The displacement grad u X with no rotation of the wall, the recovered stress, energies and the certificate."""
+    """The displacement grad u X with no rotation of the wall, the recovered stress, energies and
+    the certificate.
+    """
     assert solution.converged
     assert solution.certificate.holds
     x = solution.displacement.function_space.tabulate_dof_coordinates()
     dim = solution.model.tagged.dimension
-    gradient = np.array([[strain[i, j] * (1 if i == j else 2 * (i > j)) for j in range(dim)] for i in range(dim)])
+    gradient = np.array(
+        [[strain[i, j] * (1 if i == j else 2 * (i > j)) for j in range(dim)] for i in range(dim)]
+    )
     exact = x[:, :dim] @ gradient.T
     found = solution.displacement.x.array.reshape(len(x), dim)
     assert np.abs(found - exact).max() <= rel * np.abs(strain).max() * 2
@@ -124,14 +135,17 @@ def test_off_axis(cells, degree, hypothesis, linear_algebra):
 @pytest.mark.parametrize("linear_algebra", ["full", "krylov"])
 @pytest.mark.parametrize(("cells", "degree"), [("hexahedra", 1), ("tetrahedra", 2)])
 def test_off_axis_in_space(cells, degree, linear_algebra):
-    """The same with three turned axes; E along x is also that of S. G. Lekhnitskii (Theory of Elasticity of an
-    Anisotropic Body, Mir, 1981, section 5), from the cosines of the angles between x and the axes.
+    """The same with three turned axes; E along x is also that of S. G. Lekhnitskii (Theory of
+    Elasticity of an Anisotropic Body, Mir, 1981, section 5), from the cosines of the angles between
+    x and the axes.
     """
     first, second = np.array([1.0, 0.5, -0.3]), np.array([0.2, 1.0, 0.7])
     axes, _ = np.linalg.qr(np.column_stack((first, second, np.cross(first, second))))
     normal, shear = compliance()
     own = axes.T @ np.diag([-PRESSURE, 0.0, 0.0]) @ axes
-    strained = np.diag(normal @ own.diagonal()) + np.divide(own, 2 * shear, out=np.zeros((3, 3)), where=shear > 0)
+    strained = np.diag(normal @ own.diagonal()) + np.divide(
+        own, 2 * shear, out=np.zeros((3, 3)), where=shear > 0
+    )
     strain = axes @ strained @ axes.T
     a, b, c = axes[0] ** 2
     soft = a**2 / E1 + b**2 / E2 + c**2 / E3 + a * b * (1 / G12 - 2 * NU12 / E1)
@@ -143,13 +157,16 @@ def test_off_axis_in_space(cells, degree, linear_algebra):
 
 
 def tube(n):
-    """Error of the displacement of a long tube of cylindrically orthotropic material under a pressure inside.
+    """Error of the displacement of a long tube of cylindrically orthotropic material under a
+    pressure inside.
 
     S. G. Lekhnitskii, section 26: u = A r^k + B r^-k with k^2 = C_tt / C_rr.
     """
     inside, outside = 1.0, 2.0
     s, _ = compliance()
-    c = np.linalg.inv(s)[np.ix_([1, 2, 0], [1, 2, 0])]  # axis 1 is along x[1], axis 2 towards the axis, 3 around it
+    c = np.linalg.inv(s)[
+        np.ix_([1, 2, 0], [1, 2, 0])
+    ]  # axis 1 is along x[1], axis 2 towards the axis, 3 around it
     k = np.sqrt(c[1, 1] / c[0, 0]) * np.array([1, -1])
     given = parse_scene(
         {
@@ -178,7 +195,7 @@ def test_tube():
     assert errors[0] / errors[1] == pytest.approx(4, rel=0.1)
 
 
-# --- isotropic constants, turned scenes ------------------------------------------------------------------------------
+# --- isotropic constants, turned scenes -----------------------------------------------------------
 
 
 @pytest.mark.one_quick
@@ -187,7 +204,11 @@ def test_isotropic_constants(hypothesis):
     """The same solution and the same scales."""
     young, poisson = 5000.0, 0.3
     shear = young / (2 * (1 + poisson))
-    axes = {"direction": [0.6, 0.8]} if hypothesis else {"direction": [1.0, 2.0, 2.0], "second": [0.0, 1.0, 0.0]}
+    axes = (
+        {"direction": [0.6, 0.8]}
+        if hypothesis
+        else {"direction": [1.0, 2.0, 2.0], "second": [0.0, 1.0, 0.0]}
+    )
     more = {} if hypothesis is None else {"hypothesis": hypothesis}
     constants = {"young": [young] * 3, "poisson": [poisson] * 3, "shear": [shear] * 3}
     tagged = body("hexahedra" if hypothesis is None else "quadrilateral", MPI.COMM_SELF)
@@ -199,7 +220,9 @@ def test_isotropic_constants(hypothesis):
     assert other.certificate.holds
     y = one.displacement.x.array
     assert np.abs(other.displacement.x.array - y).max() <= 1e-10 * np.abs(y).max()
-    assert other.contact.shear == pytest.approx(one.contact.shear, abs=1e-9 * np.abs(one.contact.pressure).max())
+    assert other.contact.shear == pytest.approx(
+        one.contact.shear, abs=1e-9 * np.abs(one.contact.pressure).max()
+    )
     field, same = other.stress.recovered, one.stress.recovered
     assert field.von_mises.x.array == pytest.approx(same.von_mises.x.array, rel=1e-8)
     assert other.model.scales == one.model.scales
@@ -219,20 +242,26 @@ def test_turned_and_mirrored(dim):
         tagged = body("triangle" if dim == 2 else "tetrahedra", MPI.COMM_SELF)
         own = [one.copy() for one in (tagged.facets("bottom"), tagged.facets("top"))]
         tagged.mesh.geometry.x[:, :dim] = tagged.mesh.geometry.x[:, :dim] @ motion.T
-        axes = {"direction": list(motion @ first)} | ({} if dim == 2 else {"second": list(motion @ second)})
+        axes = {"direction": list(motion @ first)} | (
+            {} if dim == 2 else {"second": list(motion @ second)}
+        )
         solution = alone(pushed_down(tagged, wood(**axes), motion))
         assert solution.certificate.holds
         assert all(
-            np.array_equal(a, b) for a, b in zip(own, (tagged.facets("bottom"), tagged.facets("top")), strict=True)
+            np.array_equal(a, b)
+            for a, b in zip(own, (tagged.facets("bottom"), tagged.facets("top")), strict=True)
         )
         found.append(solution.contact)
     for one in found[1:]:
         assert np.abs(one.pressure - found[0].pressure).max() <= 1e-8 * found[0].pressure.max()
-        sizes = [np.linalg.norm(state.shear.reshape(len(state.pressure), -1), axis=1) for state in (one, found[0])]
+        sizes = [
+            np.linalg.norm(state.shear.reshape(len(state.pressure), -1), axis=1)
+            for state in (one, found[0])
+        ]
         assert np.abs(sizes[0] - sizes[1]).max() <= 1e-7 * found[0].pressure.max()
 
 
-# --- independent check, several materials, products -------------------------------------------------------------------
+# --- independent check, several materials, products -----------------------------------------------
 
 
 def halves(tagged):
@@ -247,8 +276,14 @@ def halves(tagged):
 @pytest.mark.mpi
 @pytest.mark.parametrize("cells", ["quadrilateral", "hexahedra"])
 def test_bar_of_two_woods(cells):
-    """Along the fibres on the left, across them and softer on the right: it shortens by p (l / E1 + l / (E2 / 4))."""
-    across = {"direction": [0.0, 1.0]} if cells in PLANE else {"direction": [0.0, 1.0, 0.0], "second": [-1.0, 0.0, 0.0]}
+    """Along the fibres on the left, across them and softer on the right: it shortens by p (l / E1 +
+    l / (E2 / 4)).
+    """
+    across = (
+        {"direction": [0.0, 1.0]}
+        if cells in PLANE
+        else {"direction": [0.0, 1.0, 0.0], "second": [-1.0, 0.0, 0.0]}
+    )
     straight = {"poisson": [0.0] * 3}
     material = [wood(region="a", **straight), wood(region="b", grading=0.25, **straight, **across)]
     solution = solve(uniform(halves(body(cells)), material, 1, "full"), COMM, check=False)
@@ -259,15 +294,23 @@ def test_bar_of_two_woods(cells):
     assert shortened == pytest.approx(PRESSURE * (1 / E1 + 4 / E2), rel=1e-8)
 
 
-# --- what is refused and said ----------------------------------------------------------------------------------------
+# --- what is refused and said ---------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
     ("change", "place", "message"),
     [
-        ({"poisson": [4.0, 0.0, 0.0]}, "poisson", r"nu_12 = 4 must be between -3.65148 and 3.65148"),
+        (
+            {"poisson": [4.0, 0.0, 0.0]},
+            "poisson",
+            r"nu_12 = 4 must be between -3.65148 and 3.65148",
+        ),
         ({"poisson": [0.0, 0.0, -1.5]}, "poisson", r"nu_23 = -1.5 .* square root of E_2 / E_3"),
-        ({"poisson": [2.5, 3.5, 0.9]}, "poisson", "2 nu_21 nu_32 nu_13 = .* must be positive: otherwise some strain"),
+        (
+            {"poisson": [2.5, 3.5, 0.9]},
+            "poisson",
+            "2 nu_21 nu_32 nu_13 = .* must be positive: otherwise some strain",
+        ),
         ({"young": [1.0, 0.0, 1.0]}, "young", "greater than 0"),
         ({"shear": [1.0, -1.0, 1.0]}, "shear", "greater than 0"),
         ({"shear": [1.0, 1.0]}, "shear", "missing"),
@@ -291,21 +334,30 @@ def test_wrong_constants(change, place, message):
             {"element": {"degree": 2, "volumetric": "mixed"}},
             "element.volumetric: must be 'full' with an anisotropic",
         ),
-        ({"element": {"volumetric": "reduced"}}, "element.volumetric: must be 'full' with an anisotropic"),
+        (
+            {"element": {"volumetric": "reduced"}},
+            "element.volumetric: must be 'full' with an anisotropic",
+        ),
         ({"temperature": {"change": 1.0}}, "material: has no expansion"),
         ({"material": {**wood(), "young": 1.0}}, "material.young: unknown key"),
         ({"material": {"poisson": 0.3}}, "material.young: is missing"),
     ],
 )
 def test_refused(more, message):
-    data = {"mesh": body(comm=MPI.COMM_SELF), "material": wood(), "contact": {"boundary": "bottom"}} | more
+    data = {
+        "mesh": body(comm=MPI.COMM_SELF),
+        "material": wood(),
+        "contact": {"boundary": "bottom"},
+    } | more
     with pytest.raises(SceneError, match=message):
         parse_scene(data)
 
 
 @pytest.mark.mpi(slow=True)
 def test_free_expansion_and_prevented_expansion():
-    """Heat strains a free bar without stress; held along its length it has the stress of E along it."""
+    """Heat strains a free bar without stress; held along its length it has the stress of E along
+    it.
+    """
     turned = {"direction": [1.0, 0.0]}
     for hypothesis in ("plane strain", "plane stress"):
         material = wood(hypothesis=hypothesis, **turned) | {"expansion": 1e-4}

@@ -1,4 +1,6 @@
-"""``ContactProblem``: forms of the user's own, against exact states, scenes, and an independent judge."""
+"""``ContactProblem``: forms of the user's own, against exact states, scenes, and an independent
+judge.
+"""
 
 import runpy
 from contextlib import contextmanager
@@ -55,11 +57,13 @@ def counted(monkeypatch, owner, name):
         yield calls
 
 
-# --- gallery ---------------------------------------------------------------------------------------------------------
+# --- gallery --------------------------------------------------------------------------------------
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize("name", ["orthotropic_block", "winkler_springs", "heated_strip", "varying_modulus"])
+@pytest.mark.parametrize(
+    "name", ["orthotropic_block", "winkler_springs", "heated_strip", "varying_modulus"]
+)
 def test_exact_states(name):
     """Uniform pressures to round-off."""
     found = run(name)
@@ -72,7 +76,7 @@ def test_exact_states(name):
     assert repr(found["problem"]).endswith("unknowns, converged>")
 
 
-# --- time loops and changes ------------------------------------------------------------------------------------------
+# --- time loops and changes -----------------------------------------------------------------------
 
 
 @pytest.mark.one_quick
@@ -80,7 +84,9 @@ def test_exact_states(name):
 @pytest.mark.parametrize("algorithm", ["auto", "alm"])
 def test_own_loop_is_factors(algorithm):
     """The law is incremental: the steps of the scene, one by one."""
-    given = read_scene(ROOT / "demos" / "scenes" / "press_and_slide.toml").model_dump(exclude_unset=True)
+    given = read_scene(ROOT / "demos" / "scenes" / "press_and_slide.toml").model_dump(
+        exclude_unset=True
+    )
     given["mesh"]["parameters"] |= {"nx": 30, "ny": 10}
     given["solver"] = settings = {"gamma_n": 1e6, "gamma_t": 1e6, "algorithm": algorithm}
     factors = given["displacement"][1]["factors"] = given["displacement"][1]["factors"][:21]
@@ -113,7 +119,10 @@ def test_own_loop_is_factors(algorithm):
 def test_only_what_changes_is_assembled(monkeypatch):
     """And every change has its effect: the result is that of a fresh problem."""
     block = Block()
-    gap, friction = fem.Constant(block.mesh, 0.001), fem.Function(fem.functionspace(block.mesh, ("Lagrange", 1)))
+    gap, friction = (
+        fem.Constant(block.mesh, 0.001),
+        fem.Function(fem.functionspace(block.mesh, ("Lagrange", 1))),
+    )
     friction.x.array[:] = 0.3
     direction = fem.Constant(block.mesh, (0.0, -1.0))
     floor = Foundation(block.bottom, gap=gap, friction=Coulomb(friction), direction=direction)
@@ -153,13 +162,15 @@ def test_only_what_changes_is_assembled(monkeypatch):
 @pytest.mark.one_quick
 @pytest.mark.parametrize("settings", [{}, {"coulomb": "newton"}, {"linear_algebra": "full"}])
 def test_places_that_are_tried_in_a_step(settings):
-    """A circle on a block: wherever it has been since the last step, the result is that of its last place, and a place
-    that is near the last one takes one or two linear solves.
+    """A circle on a block: wherever it has been since the last step, the result is that of its last
+    place, and a place that is near the last one takes one or two linear solves.
     """
 
     def begun():
         block = Block((24, 8))
-        bottom = fem.dirichletbc(np.zeros(2), fem.locate_dofs_topological(block.V, 1, block.bottom), block.V)
+        bottom = fem.dirichletbc(
+            np.zeros(2), fem.locate_dofs_topological(block.V, 1, block.bottom), block.V
+        )
         circle = {"shape": "circle", "centre": (1.2, 1.5), "radius": 0.5}
         wheel = Foundation(block.top, shape=circle, friction=Coulomb(0.3))
         problem = ContactProblem(block.a, block.L, [bottom], wheel, **settings)
@@ -188,7 +199,7 @@ def test_what_is_not_certified_is_no_solution(monkeypatch):
     assert block.problem.status is Status.NOT_CERTIFIED
 
 
-# --- outcomes --------------------------------------------------------------------------------------------------------
+# --- outcomes -------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -205,7 +216,11 @@ def test_no_equilibrium(load, friction, status):
     v = ufl.TestFunction(block.V)
     force = fem.Constant(block.mesh, load)
     problem = ContactProblem(
-        block.a, ufl.inner(force, v) * ufl.dx, [], Foundation(block.bottom, friction=friction), u=fem.Function(block.V)
+        block.a,
+        ufl.inner(force, v) * ufl.dx,
+        [],
+        Foundation(block.bottom, friction=friction),
+        u=fem.Function(block.V),
     )
     with pytest.raises(RuntimeError, match="no solution"):
         problem.advance()
@@ -226,15 +241,22 @@ def test_no_equilibrium(load, friction, status):
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.mpi
 def test_fields_on_all_elements(kind, degree):
-    """Forces are the integrals of the fields, on any number of ranks; gap and slip are those of the displacement."""
+    """Forces are the integrals of the fields, on any number of ranks; gap and slip are those of the
+    displacement.
+    """
     block = Block((4, 2, 2), degree, kind, friction=Coulomb(0.3), gap=lambda x: 0.002 * x[0])
     block.aside.value = 0.004
     problem = block.problem
     problem.solve()
     assert problem.certificate.holds
-    tags = dmesh.meshtags(block.mesh, 2, np.sort(block.bottom), np.full(block.bottom.size, 1, dtype=np.int32))
+    tags = dmesh.meshtags(
+        block.mesh, 2, np.sort(block.bottom), np.full(block.bottom.size, 1, dtype=np.int32)
+    )
     ds = ufl.ds(domain=block.mesh, subdomain_data=tags)(1)
-    whole = [COMM.allreduce(fem.assemble_scalar(fem.form(f * ds))) for f in (problem.pressure, -problem.shear[0])]
+    whole = [
+        COMM.allreduce(fem.assemble_scalar(fem.form(f * ds)))
+        for f in (problem.pressure, -problem.shear[0])
+    ]
     contact, friction = problem.state.forces
     assert whole == pytest.approx([contact[2], friction[0]], rel=1e-12)
     serial = Block((4, 2, 2), degree, kind, MPI.COMM_SELF, Coulomb(0.3), lambda x: 0.002 * x[0])
@@ -245,14 +267,19 @@ def test_fields_on_all_elements(kind, degree):
 
 @pytest.mark.mpi(slow=True)
 def test_stresses_of_two_materials():
-    """They may jump from one to the other, as in a scene; without ``materials`` that is an error."""
+    """They may jump from one to the other, as in a scene; without ``materials`` that is an
+    error.
+    """
     mesh = forms.box((2.0, 1.0), (8, 4), comm=COMM)
     own = tag_boundaries(mesh, {"bottom": "x[1] < 1e-9", "top": "x[1] > 1 - 1e-9"})
     cells = mesh.topology.index_map(2)
     every = np.arange(cells.size_local + cells.num_ghosts, dtype=np.int32)
     upper = dmesh.compute_midpoints(mesh, 2, every)[:, 1] > 0.5
     tags = dmesh.meshtags(mesh, 2, every, np.where(upper, 5, 3).astype(np.int32))
-    settings, hooke = {"gamma_n": 1e6, "gamma_t": 1e6}, [LinearElastic(young=E, poisson=nu) for E, nu in MATERIALS]
+    settings, hooke = (
+        {"gamma_n": 1e6, "gamma_t": 1e6},
+        [LinearElastic(young=E, poisson=nu) for E, nu in MATERIALS],
+    )
     scene = {
         "mesh": TaggedMesh(mesh, own.facet_tags, own.boundaries, tags, {"soft": 3, "stiff": 5}),
         "material": [
@@ -260,23 +287,38 @@ def test_stresses_of_two_materials():
             for one, region in zip(hooke, ("soft", "stiff"), strict=True)
         ],
         "displacement": {"boundary": "top", "x": 0.001, "y": -0.01},
-        "contact": {"boundary": "bottom", "gap": "0.004*x[0]", "friction": {"law": "coulomb", "coefficient": 0.3}},
+        "contact": {
+            "boundary": "bottom",
+            "gap": "0.004*x[0]",
+            "friction": {"law": "coulomb", "coefficient": 0.3},
+        },
         "solver": settings,
     }
     theirs = solve(parse_scene(scene), COMM).stress
     V, Q = fem.functionspace(mesh, ("Lagrange", 1, (2,))), fem.functionspace(mesh, ("DG", 0))
     lame, mu = fem.Function(Q), fem.Function(Q)
-    for function, values in zip((lame, mu), zip(*(one.lame for one in hooke), strict=True), strict=True):
+    for function, values in zip(
+        (lame, mu), zip(*(one.lame for one in hooke), strict=True), strict=True
+    ):
         function.x.array[Q.dofmap.list[:, 0]] = np.where(upper, values[1], values[0])
     u, v = ufl.TrialFunction(V), ufl.TestFunction(V)
     e = ufl.sym(ufl.grad(u))
     inside = 2 * mu * e + lame * ufl.tr(e) * ufl.Identity(2)
-    whole = ufl.as_matrix([[inside[0, 0], inside[0, 1], 0], [inside[1, 0], inside[1, 1], 0], [0, 0, lame * ufl.tr(e)]])
+    whole = ufl.as_matrix(
+        [[inside[0, 0], inside[0, 1], 0], [inside[1, 0], inside[1, 1], 0], [0, 0, lame * ufl.tr(e)]]
+    )
     top = fem.locate_dofs_topological(V, 1, own.facets("top"))
     held = fem.dirichletbc(np.array([0.001, -0.01]), top, V)
     floor = Foundation(own.facets("bottom"), gap=lambda x: 0.004 * x[0], friction=Coulomb(0.3))
-    given = ufl.inner(inside, ufl.grad(v)) * ufl.dx, ufl.inner(fem.Constant(mesh, (0.0, 0.0)), v) * ufl.dx, held, floor
-    ours, mixed = (ContactProblem(*given, stress=whole, materials=one, **settings) for one in (tags, None))
+    given = (
+        ufl.inner(inside, ufl.grad(v)) * ufl.dx,
+        ufl.inner(fem.Constant(mesh, (0.0, 0.0)), v) * ufl.dx,
+        held,
+        floor,
+    )
+    ours, mixed = (
+        ContactProblem(*given, stress=whole, materials=one, **settings) for one in (tags, None)
+    )
     for problem in (ours, mixed):
         problem.solve()
     expected = theirs.recovered.tensor.x.array
@@ -288,7 +330,7 @@ def test_stresses_of_two_materials():
             ContactProblem(*given, materials=wrong)
 
 
-# --- bad input -------------------------------------------------------------------------------------------------------
+# --- bad input ------------------------------------------------------------------------------------
 
 
 def bad(**changes):
@@ -299,7 +341,9 @@ def bad(**changes):
     other = fem.functionspace(block.mesh, ("Lagrange", 2, (2,)))
     cubic = fem.functionspace(block.mesh, ("Lagrange", 3, (2,)))
     away = fem.functionspace(forms.box((1.0, 1.0), [2, 2]), ("Lagrange", 1))
-    inner = np.setdiff1d(np.arange(20, dtype=np.int32), dmesh.exterior_facet_indices(block.mesh.topology))
+    inner = np.setdiff1d(
+        np.arange(20, dtype=np.int32), dmesh.exterior_facet_indices(block.mesh.topology)
+    )
     known = {
         "block": block,
         "unsymmetric": block.a + u[0].dx(1) * v[1] * ufl.dx,
@@ -310,7 +354,9 @@ def bad(**changes):
         "scalar": ufl.inner(ufl.TrialFunction(scalar), ufl.TestFunction(scalar)) * ufl.dx,
         "cubic": ufl.inner(ufl.TrialFunction(cubic), ufl.TestFunction(cubic)) * ufl.dx,
         "elsewhere": ufl.inner(ufl.as_vector((0.0, 1.0)), ufl.TestFunction(other)) * ufl.dx,
-        "other": fem.dirichletbc(np.zeros(2), fem.locate_dofs_topological(other, 1, block.top), other),
+        "other": fem.dirichletbc(
+            np.zeros(2), fem.locate_dofs_topological(other, 1, block.top), other
+        ),
         "inner": Foundation(inner),
         "none": Foundation(np.empty(0, dtype=np.int32)),
         "far": Foundation(np.array([10**6])),
@@ -354,7 +400,10 @@ def bad(**changes):
         ({"bcs": "other"}, r"bcs\[0\]: is on another space"),
         ({"bcs": "held"}, r"contact\[0\]: bcs prescribe"),
         ({"contact": [3]}, r"contact\[0\]: must be a Foundation"),
-        ({"contact": "inner"}, r"contact\[0\].facets: \d+ of its \d+ facets are not on the boundary"),
+        (
+            {"contact": "inner"},
+            r"contact\[0\].facets: \d+ of its \d+ facets are not on the boundary",
+        ),
         ({"contact": "none"}, r"contact\[0\].facets: there are none"),
         ({"contact": "far"}, r"contact\[0\].facets: local numbers"),
         ({"contact": "words"}, r"contact\[0\].facets: local numbers"),
@@ -381,7 +430,7 @@ def test_bad_arguments_are_named(changes, message):
         ContactProblem(**bad(**changes)).solve()
 
 
-# --- random forms ----------------------------------------------------------------------------------------------------
+# --- random forms ---------------------------------------------------------------------------------
 
 
 @pytest.mark.one_quick

@@ -12,7 +12,9 @@ from signorini_fx.scenes.reading import parse_scene
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize("seed", [7, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (18, 153, 2012))])
+@pytest.mark.parametrize(
+    "seed", [7, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (18, 153, 2012))]
+)
 def test_fronts_agree(seed):
     """Status, load steps, sets, forces, displacements, pressures, states and estimated error."""
     _, found = compared(RandomProblem.drawn(seed), MPI.COMM_WORLD)
@@ -22,10 +24,11 @@ def test_fronts_agree(seed):
 @pytest.mark.mpi
 @pytest.mark.parametrize("moves", [False, True], ids=["still", "moving"])
 def test_load_steps_begin_with_the_sets_of_the_last_one(moves):
-    """A sphere that turns back with the body that it touches at one node: Newton's method finds a step in few solves.
+    """A sphere that turns back with the body that it touches at one node: Newton's method finds a
+    step in few solves.
 
-    From the iterate round-off would decide whether a point at its bound still slips, and a foundation that has moved
-    would begin with contact and stick everywhere.
+    From the iterate round-off would decide whether a point at its bound still slips, and a
+    foundation that has moved would begin with contact and stick everywhere.
     """
     drawn = RandomProblem.drawn(153)
     drawn = drawn if moves else replace(drawn, velocity=None)

@@ -1,4 +1,6 @@
-"""``ContactProblem.run``: the load steps, ramps and restarts of scenes, for forms of the user's own."""
+"""``ContactProblem.run``: the load steps, ramps and restarts of scenes, for forms of the user's
+own.
+"""
 
 from pathlib import Path
 from runpy import run_path
@@ -23,11 +25,16 @@ GAMMA = {"gamma_n": 1e6, "gamma_t": 1e6}
 
 
 def block(mesh, pushing=0.0, young=5000.0, friction=FRICTION, floor=None, **settings):
-    """The block of ``pushed_block``, and the Constant with the force that pushes it on its left side."""
+    """The block of ``pushed_block``, and the Constant with the force that pushes it on its left
+    side.
+    """
     V = fem.functionspace(mesh, ("Lagrange", 1, (2,)))
     u, v = ufl.TrialFunction(V), ufl.TestFunction(V)
     facets = [forms.side(mesh, axis, at) for axis, at in ((0, 0.0), (1, 1.0), (1, 0.0))]
-    numbers, marks = np.concatenate(facets[:2]), np.repeat([1, 2], [part.size for part in facets[:2]]).astype(np.int32)
+    numbers, marks = (
+        np.concatenate(facets[:2]),
+        np.repeat([1, 2], [part.size for part in facets[:2]]).astype(np.int32),
+    )
     order = np.argsort(numbers)
     ds = ufl.ds(domain=mesh, subdomain_data=dmesh.meshtags(mesh, 1, numbers[order], marks[order]))
     push = fem.Constant(mesh, pushing)
@@ -58,12 +65,18 @@ def test_a_path_is_a_loop(steps):
         by_hand.advance()
         np.testing.assert_array_equal(step.displacement.x.array, y.x.array)
         np.testing.assert_array_equal(step.contact.shear, by_hand.state.shear)
-    assert problem.history.linear_solves == by_hand.history.linear_solves == sum(s.linear_solves for s in solved.steps)
+    assert (
+        problem.history.linear_solves
+        == by_hand.history.linear_solves
+        == sum(s.linear_solves for s in solved.steps)
+    )
     np.testing.assert_array_equal(problem.u.x.array, y.x.array)
 
 
 def test_limit_load():
-    """Statics: the block slides at the coefficient times its weight, which the ramp encloses to 1 %."""
+    """Statics: the block slides at the coefficient times its weight, which the ramp encloses to 1
+    %.
+    """
     found = run_path(str(Path(__file__).parents[2] / "demos" / "forms" / "limit_load.py"))
     assert 0.99 * 18.0 <= found["limit"] <= 18.0
 
@@ -98,7 +111,9 @@ def test_another_problem(tmp_path):
 
 @pytest.mark.parametrize("change", ["tilt", "support"])
 def test_a_block_that_falls_first_bears_the_same(change):
-    """In the step in which it falls, and in the next one, before which its floor tilts or a support holds it."""
+    """In the step in which it falls, and in the next one, before which its floor tilts or a support
+    holds it.
+    """
     mesh, states = forms.box((3.0, 1.0), (9, 3)), []
     for gap in (0.0, 0.01):
         tilt = fem.Constant(mesh, 0.0)
@@ -113,7 +128,9 @@ def test_a_block_that_falls_first_bears_the_same(change):
             if change == "tilt":
                 tilt.value = 1e-3
             elif not problem.bcs:
-                top = fem.locate_dofs_geometrical(problem.u.function_space, lambda x: np.isclose(x[1], 1.0))
+                top = fem.locate_dofs_geometrical(
+                    problem.u.function_space, lambda x: np.isclose(x[1], 1.0)
+                )
                 problem.bcs = [fem.dirichletbc(problem.u.copy(), top)]
     for touching, fallen in zip(*states, strict=True):
         np.testing.assert_allclose(fallen.pressure, touching.pressure, rtol=1e-8)

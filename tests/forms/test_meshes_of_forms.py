@@ -1,4 +1,6 @@
-"""Nested meshes and a requested accuracy for forms of the user's own, by the algorithms of scenes."""
+"""Nested meshes and a requested accuracy for forms of the user's own, by the algorithms of
+scenes.
+"""
 
 from dataclasses import replace
 
@@ -36,7 +38,13 @@ def disks(size, cell="triangle"):
     """Half disks with smaller and smaller cells, and their named boundaries."""
 
     def disk(n, comm=COMM):
-        sizes = {"radius": RADIUS, "contact_size": size / n, "contact_zone": 0.6, "symmetric": True, "cell": cell}
+        sizes = {
+            "radius": RADIUS,
+            "contact_size": size / n,
+            "contact_zone": 0.6,
+            "symmetric": True,
+            "cell": cell,
+        }
         return generate_mesh("half_disk", {**sizes, "size": 1.0 / n}, comm)
 
     return disk
@@ -50,11 +58,16 @@ def hertz(degree=1, friction=0.0, **settings):
         u, v, x = ufl.TrialFunction(V), ufl.TestFunction(V), ufl.SpatialCoordinate(disk.mesh)
         stress = stress_of(YOUNG, POISSON, 2)
         top, axis, arc = (disk.facets(name) for name in ("top", "symmetry", "arc"))
-        ds = ufl.ds(domain=disk.mesh, subdomain_data=dmesh.meshtags(disk.mesh, 1, top, np.full(top.size, 1, np.int32)))
+        ds = ufl.ds(
+            domain=disk.mesh,
+            subdomain_data=dmesh.meshtags(disk.mesh, 1, top, np.full(top.size, 1, np.int32)),
+        )
         L = -load(0.4) / (2 * RADIUS) * v[1] * ds(1)
         held = fem.dirichletbc(0.0, fem.locate_dofs_topological(V.sub(0), 1, axis), V.sub(0))
         gap = RADIUS - ufl.sqrt(ufl.max_value(0.0, RADIUS**2 - x[0] ** 2))
-        plane = Foundation(arc, gap=gap, direction=(0.0, -1.0), friction=Coulomb(friction) if friction else None)
+        plane = Foundation(
+            arc, gap=gap, direction=(0.0, -1.0), friction=Coulomb(friction) if friction else None
+        )
         a = ufl.inner(stress(u), ufl.grad(v)) * ufl.dx
         return ContactProblem(a, L, [held], plane, stress=stress, **settings)
 
@@ -66,7 +79,9 @@ GAMMA = {"gamma_n": 1e5, "gamma_t": 1e5}
 
 @pytest.mark.mpi(slow=True)
 def test_tetrahedra_are_divided():
-    """In 3D, from a mesh of dolfinx: the finest solution is that of its mesh alone, from fewer solves."""
+    """In 3D, from a mesh of dolfinx: the finest solution is that of its mesh alone, from fewer
+    solves.
+    """
     make = block_on_a_floor(friction=Coulomb(0.3))
     nested = solve_nested(make, forms.box((3.0, 1.0, 1.0), (6, 2, 2)), 2)
     alone = make(nested.displacement.function_space.mesh)
@@ -83,8 +98,12 @@ def test_tetrahedra_are_divided():
 def test_adaptive_meshes_are_those_of_the_scene(of):
     """The same triangles are divided, and gamma is left to the program alike."""
     goal = Accuracy(target=0.15, of=of, refinement="adaptive")
-    bound = 0.01 if of == "peak" else 0.5  # a shear that jumps at the corner is a pressure without a limit there
-    coarsest = generate_mesh("rectangle", {"length": 3.0, "height": 1.0, "nx": 6, "ny": 2, "cell": "triangle"}, COMM)
+    bound = (
+        0.01 if of == "peak" else 0.5
+    )  # a shear that jumps at the corner is a pressure without a limit there
+    coarsest = generate_mesh(
+        "rectangle", {"length": 3.0, "height": 1.0, "nx": 6, "ny": 2, "cell": "triangle"}, COMM
+    )
     scene = parse_scene(
         {
             "mesh": {"generator": "rectangle", "parameters": {"length": 3.0, "nx": 6, "ny": 2}},
@@ -92,19 +111,31 @@ def test_adaptive_meshes_are_those_of_the_scene(of):
             "material": {"young": 1000.0, "poisson": 0.3},
             "displacement": [{"boundary": "left", "x": 0.0, "y": 0.0}],
             "body_force": {"y": -8.0},
-            "contact": {"boundary": "bottom", "gap": 0.002, "friction": {"law": "tresca", "bound": bound}},
+            "contact": {
+                "boundary": "bottom",
+                "gap": 0.002,
+                "friction": {"law": "tresca", "bound": bound},
+            },
             "solver": {} if of == "pressure" else GAMMA,
         }
     )
     theirs = solve(scene.model_copy(update={"mesh": coarsest, "accuracy": goal}), COMM)
-    ours = solve_to_accuracy(block_on_a_floor(2, Tresca(bound), **({} if of == "pressure" else GAMMA)), coarsest, goal)
+    ours = solve_to_accuracy(
+        block_on_a_floor(2, Tresca(bound), **({} if of == "pressure" else GAMMA)), coarsest, goal
+    )
     assert [level.dofs for level in ours.levels] == [level.dofs for level in theirs.levels]
-    assert ours.convergence_table[-2].pressure == pytest.approx(theirs.convergence_table[-2].pressure, rel=1e-6)
-    assert ours.convergence_table[-2].energy == pytest.approx(theirs.convergence_table[-2].energy, rel=1e-6)
+    assert ours.convergence_table[-2].pressure == pytest.approx(
+        theirs.convergence_table[-2].pressure, rel=1e-6
+    )
+    assert ours.convergence_table[-2].energy == pytest.approx(
+        theirs.convergence_table[-2].energy, rel=1e-6
+    )
     assert ours.history.linear_solves == theirs.history.linear_solves
     costs = ours.cost, theirs.cost
     assert [cost.of for cost in costs] == [of, of]
-    assert of != "peak" or ours.convergence_table[-2].peak == pytest.approx(theirs.convergence_table[-2].peak, rel=1e-5)
+    assert of != "peak" or ours.convergence_table[-2].peak == pytest.approx(
+        theirs.convergence_table[-2].peak, rel=1e-5
+    )
     for name in ("error", "dofs", "next_error", "next_dofs"):
         assert getattr(costs[0], name) == pytest.approx(getattr(costs[1], name), rel=1e-6), name
     took = sum(level.seconds for level in ours.levels)
@@ -115,7 +146,9 @@ def test_budget_ends_by_name():
     """The answer is that of the last mesh, in the error."""
     goal = Accuracy(target=1e-6, memory=1e-3)
     with pytest.raises(ConvergenceError, match="budget ends before the accuracy") as error:
-        solve_to_accuracy(block_on_a_floor(), forms.box((3.0, 1.0), (6, 2), comm=MPI.COMM_SELF), goal)
+        solve_to_accuracy(
+            block_on_a_floor(), forms.box((3.0, 1.0), (6, 2), comm=MPI.COMM_SELF), goal
+        )
     assert error.value.solution.status is Status.BUDGET
     assert error.value.solution.certificate.holds
 
@@ -135,10 +168,19 @@ def test_what_is_refused():
         solve_nested(block_on_a_floor(), squares)
     for wrong, reason in (
         (lambda: solve_nested(block_on_a_floor(), 3), "mesh: must be a mesh"),
-        (lambda: solve_nested(block_on_a_floor(), mesh, 0), "levels: must be a whole number from 1, got 0"),
+        (
+            lambda: solve_nested(block_on_a_floor(), mesh, 0),
+            "levels: must be a whole number from 1, got 0",
+        ),
         (lambda: solve_nested(lambda mesh: None, mesh), "make: must return a ContactProblem, not"),
-        (lambda: solve_to_accuracy(without_stress, mesh, Accuracy(target=0.1)), "stress: is needed"),
-        (lambda: solve_to_accuracy(hertz(), family, Accuracy(**adaptive)), "give the coarsest mesh, not a function"),
+        (
+            lambda: solve_to_accuracy(without_stress, mesh, Accuracy(target=0.1)),
+            "stress: is needed",
+        ),
+        (
+            lambda: solve_to_accuracy(hertz(), family, Accuracy(**adaptive)),
+            "give the coarsest mesh, not a function",
+        ),
     ):
         with pytest.raises(FormError, match=reason):
             wrong()

@@ -1,4 +1,6 @@
-"""Results of a ``ContactProblem``: the same problem as a scene and as UFL has the same folder and figures."""
+"""Results of a ``ContactProblem``: the same problem as a scene and as UFL has the same folder and
+figures.
+"""
 
 import json
 from pathlib import Path
@@ -24,7 +26,9 @@ OF_THE_RUN = {"cost", "finished", "timings", "scene", "findings", "versions", "f
 
 
 def as_forms(statement, tagged, **arguments):
-    """A scene with one material as forms on its mesh, and the Constant that multiplies its loads."""
+    """A scene with one material as forms on its mesh, and the Constant that multiplies its
+    loads.
+    """
     mesh, (material,), gdim = tagged.mesh, statement.material, tagged.dimension
     V = fem.functionspace(mesh, ("Lagrange", statement.element.degree, (gdim,)))
     u, v, x = ufl.TrialFunction(V), ufl.TestFunction(V), ufl.SpatialCoordinate(mesh)
@@ -33,8 +37,16 @@ def as_forms(statement, tagged, **arguments):
         sigma, lame = stress_of(y, material.young, material.poisson), 0.0
         if gdim == 3:
             return sigma
-        lame = material.young * material.poisson / (1 + material.poisson) / (1 - 2 * material.poisson)
-        return ufl.as_tensor([[sigma[0, 0], sigma[0, 1], 0], [sigma[1, 0], sigma[1, 1], 0], [0, 0, lame * ufl.div(y)]])
+        lame = (
+            material.young * material.poisson / (1 + material.poisson) / (1 - 2 * material.poisson)
+        )
+        return ufl.as_tensor(
+            [
+                [sigma[0, 0], sigma[0, 1], 0],
+                [sigma[1, 0], sigma[1, 1], 0],
+                [0, 0, lame * ufl.div(y)],
+            ]
+        )
 
     factor = fem.Constant(mesh, 1.0)
     a = ufl.inner(stress_of(u, material.young, material.poisson), ufl.sym(ufl.grad(v))) * ufl.dx
@@ -42,15 +54,23 @@ def as_forms(statement, tagged, **arguments):
     for load in statement.effects["traction"]:
         ds = on(tagged, load.boundary)
         components = [
-            ufl.conditional(ufl.And(ufl.ge(x[0], 1), ufl.le(x[0], 2)), -20.0, 0.0) if hasattr(value, "text") else value
+            ufl.conditional(ufl.And(ufl.ge(x[0], 1), ufl.le(x[0], 2)), -20.0, 0.0)
+            if hasattr(value, "text")
+            else value
             for value in load.components[:gdim]
         ]
-        L += factor * ufl.inner(ufl.as_vector(components), v) * ds(metadata={"quadrature_degree": 20})
+        L += (
+            factor
+            * ufl.inner(ufl.as_vector(components), v)
+            * ds(metadata={"quadrature_degree": 20})
+        )
     bcs = []
     for effect in statement.displacement:
         for k, value in enumerate(effect.components[:gdim]):
             if value is not None:
-                dofs = fem.locate_dofs_topological(V.sub(k), gdim - 1, tagged.facets(effect.boundary))
+                dofs = fem.locate_dofs_topological(
+                    V.sub(k), gdim - 1, tagged.facets(effect.boundary)
+                )
                 bcs.append(fem.dirichletbc(float(value), dofs, V.sub(k)))
     names = {name: tagged.facets(name) for name in tagged.boundaries}
     contact = []
@@ -59,7 +79,9 @@ def as_forms(statement, tagged, **arguments):
         if effect.against is None:
             contact.append(Foundation(tagged.facets(effect.boundary), effect.gap, **laws))
         else:
-            contact.append(Pair(tagged.facets(effect.boundary), tagged.facets(effect.against), **laws))
+            contact.append(
+                Pair(tagged.facets(effect.boundary), tagged.facets(effect.against), **laws)
+            )
     settings = statement.solver.model_dump(include={"gamma_n", "gamma_t", "error_bound", "coulomb"})
     arguments = {"stress": stress, "boundaries": names} | arguments
     return ContactProblem(a, L, bcs, contact, **arguments, **settings), factor
@@ -68,18 +90,27 @@ def as_forms(statement, tagged, **arguments):
 def on(tagged, name):
     """The measure of a boundary."""
     facets = tagged.facets(name)
-    tags = dmesh.meshtags(tagged.mesh, tagged.dimension - 1, facets, np.full(facets.size, 1, dtype=np.int32))
+    tags = dmesh.meshtags(
+        tagged.mesh, tagged.dimension - 1, facets, np.full(facets.size, 1, dtype=np.int32)
+    )
     return ufl.ds(domain=tagged.mesh, subdomain_data=tags)(1)
 
 
 def block(**changes):
     """A block in 3D on a rough foundation."""
     data = {
-        "mesh": {"generator": "box", "parameters": {"nx": 3, "ny": 2, "nz": 2, "cell": "tetrahedron"}},
+        "mesh": {
+            "generator": "box",
+            "parameters": {"nx": 3, "ny": 2, "nz": 2, "cell": "tetrahedron"},
+        },
         "material": {"young": 1000.0, "poisson": 0.3},
         "displacement": {"boundary": "top", "x": 0.002, "y": 0.0, "z": -0.01},
         "traction": {"boundary": "right", "x": 2.0},
-        "contact": {"boundary": "bottom", "gap": 0.002, "friction": {"law": "coulomb", "coefficient": 0.3}},
+        "contact": {
+            "boundary": "bottom",
+            "gap": 0.002,
+            "friction": {"law": "coulomb", "coefficient": 0.3},
+        },
         "solver": {"gamma_n": 1e7, "gamma_t": 1e7},
     }
     return parse_scene(data | changes)
@@ -88,10 +119,16 @@ def block(**changes):
 def two_blocks():
     """A block on another one, which is held."""
     low = {"generator": "rectangle", "parameters": {"length": 2.0, "height": 1.0, "nx": 5, "ny": 3}}
-    high = {"generator": "rectangle", "parameters": {"length": 1.0, "height": 1.0, "nx": 3, "ny": 3}}
+    high = {
+        "generator": "rectangle",
+        "parameters": {"length": 1.0, "height": 1.0, "nx": 3, "ny": 3},
+    }
     return parse_scene(
         {
-            "body": [{"name": "low", "mesh": low}, {"name": "high", "mesh": high, "shift": [0.5, 1.0]}],
+            "body": [
+                {"name": "low", "mesh": low},
+                {"name": "high", "mesh": high, "shift": [0.5, 1.0]},
+            ],
             "material": {"young": 1000.0, "poisson": 0.3},
             "displacement": [
                 {"boundary": "low.bottom", "x": 0.0, "y": 0.0},
@@ -110,35 +147,55 @@ def two_blocks():
 
 
 def numbers(value, path=""):
-    """All numbers of a value with their paths but places, which may lie where two extremes are equal."""
+    """All numbers of a value with their paths but places, which may lie where two extremes are
+    equal.
+    """
     if isinstance(value, dict | list):
         entries = value.items() if isinstance(value, dict) else enumerate(value)
         return {k: v for key, entry in entries for k, v in numbers(entry, f"{path}/{key}").items()}
-    is_number = isinstance(value, int | float) and not isinstance(value, bool) and "/place" not in path
+    is_number = (
+        isinstance(value, int | float) and not isinstance(value, bool) and "/place" not in path
+    )
     return {path: float(value)} if is_number else {}
 
 
 def differences(scene, forms):
-    """What two summaries differ in: keys of one alone, and figures that are further apart than round-off.
+    """What two summaries differ in: keys of one alone, and figures that are further apart than
+    round-off.
 
-    A penetration is rounded relative to the displacement and multiplied by gamma_n = 1e4 moduli, so that two
-    assemblies of one problem agree to a few 1e4 eps = 2e-12 of the forces, and to 1e-11 on any number of ranks.
+    A penetration is rounded relative to the displacement and multiplied by gamma_n = 1e4 moduli, so
+    that two assemblies of one problem agree to a few 1e4 eps = 2e-12 of the forces, and to 1e-11 on
+    any number of ranks.
     """
     apart = []
     for summary in (scene, forms):
         summary["resultants"] = {str(row["boundary"]): row for row in summary["resultants"]}
     for key in sorted((scene.keys() & forms.keys()) - OF_THE_RUN):
         ours, theirs = numbers(scene[key], key), numbers(forms[key], key)
-        beside = numbers(scene[key.replace("friction", "contact")]) if key.startswith("friction_") else {}
-        size = 1.0 if key == "certificate" else max(map(abs, [*ours.values(), *beside.values()]), default=1.0)
+        beside = (
+            numbers(scene[key.replace("friction", "contact")])
+            if key.startswith("friction_")
+            else {}
+        )
+        size = (
+            1.0
+            if key == "certificate"
+            else max(map(abs, [*ours.values(), *beside.values()]), default=1.0)
+        )
         common = ours.keys() & theirs.keys()
-        apart += [(k, ours[k], theirs[k]) for k in common if not abs(ours[k] - theirs[k]) <= 1e-11 * max(size, 1e-300)]
+        apart += [
+            (k, ours[k], theirs[k])
+            for k in common
+            if not abs(ours[k] - theirs[k]) <= 1e-11 * max(size, 1e-300)
+        ]
         apart += [(k, "not in both") for k in ours.keys() ^ theirs.keys()]
     return apart
 
 
 def files_in(folder):
-    return sorted(str(path.relative_to(folder)) for path in Path(folder).rglob("*") if path.is_file())
+    return sorted(
+        str(path.relative_to(folder)) for path in Path(folder).rglob("*") if path.is_file()
+    )
 
 
 def shared_folder(tmp_path):
@@ -154,14 +211,18 @@ def shared_folder(tmp_path):
     ids=["Example 1", "space", "pair"],
 )
 def test_a_problem_of_forms_has_the_results_of_its_scene(scene, tmp_path):
-    """Figures, files and tables of the same problem as a scene and as UFL; what forms cannot say is absent by name."""
+    """Figures, files and tables of the same problem as a scene and as UFL; what forms cannot say is
+    absent by name.
+    """
     folder, solution = shared_folder(tmp_path), solve(scene)
     problem, _ = as_forms(solution.statement, solution.model.tagged)
     for results in ("stress", "errors", "solution"):
         with pytest.raises(RuntimeError, match="no solution so far"):
             getattr(problem, results)
     problem.solve()
-    assert problem.solution.model.scales.modulus == pytest.approx(solution.model.scales.modulus, rel=1e-9)
+    assert problem.solution.model.scales.modulus == pytest.approx(
+        solution.model.scales.modulus, rel=1e-9
+    )
     of_scene = write_results(solution, folder / "scene", pictures=False)
     of_forms = problem.write(folder / "forms", title=scene.title, pictures=False)
     assert differences(of_scene, of_forms) == []
@@ -178,7 +239,9 @@ def test_a_problem_of_forms_has_the_results_of_its_scene(scene, tmp_path):
         ours, theirs = read.table("contact"), expected.table("contact")
         assert ours.keys() == theirs.keys()
         assert (ours["boundary"] == theirs["boundary"]).all()
-        np.testing.assert_allclose(ours["pressure"], theirs["pressure"], atol=1e-11 * theirs["pressure"].max(), rtol=0)
+        np.testing.assert_allclose(
+            ours["pressure"], theirs["pressure"], atol=1e-11 * theirs["pressure"].max(), rtol=0
+        )
         summary = json.loads((folder / "forms/summary.json").read_text())
         jsonschema.Draft202012Validator(summary_schema()).validate(summary)
 
@@ -189,8 +252,12 @@ def test_derivatives_of_quantities_of_scenes():
     tagged = solution.model.tagged
     problem, factor = as_forms(solution.statement, tagged)
     u = problem.solve()
-    mean, form = (problem.gradient(of, factor) for of in ("mean top y", u[1] / 3 * on(tagged, "top")))
-    assert (mean.value, mean.derivatives[0]) == pytest.approx((form.value, form.derivatives[0]), rel=1e-9)
+    mean, form = (
+        problem.gradient(of, factor) for of in ("mean top y", u[1] / 3 * on(tagged, "top"))
+    )
+    assert (mean.value, mean.derivatives[0]) == pytest.approx(
+        (form.value, form.derivatives[0]), rel=1e-9
+    )
     force, same = (problem.gradient(f"force {name} y", factor) for name in ("bottom", "0"))
     assert force.derivatives == pytest.approx([20.0], rel=1e-6)
     assert force.derivatives == pytest.approx(same.derivatives)

@@ -1,4 +1,6 @@
-"""Frozen scenes of one linear body, stated once more as forms or as a residual; public names only."""
+"""Frozen scenes of one linear body, stated once more as forms or as a residual; public names
+only.
+"""
 
 import tomllib
 
@@ -20,17 +22,28 @@ from signorini_fx import (
 
 
 def solution_of(text, *, residual):
-    """That of a rectangle or a box with loads on sides, and a floor, a wall or a rigid circle that stands still."""
+    """That of a rectangle or a box with loads on sides, and a floor, a wall or a rigid circle that
+    stands still.
+    """
     scene = tomllib.loads(text)
     tagged = generate_mesh(scene["mesh"]["generator"], scene["mesh"]["parameters"], MPI.COMM_WORLD)
     mesh, dim = tagged.mesh, tagged.mesh.geometry.dim
     V = fem.functionspace(mesh, ("Lagrange", scene["element"]["degree"], (dim,)))
-    u, v, x, factor = fem.Function(V), ufl.TestFunction(V), ufl.SpatialCoordinate(mesh), fem.Constant(mesh, 1.0)
+    u, v, x, factor = (
+        fem.Function(V),
+        ufl.TestFunction(V),
+        ufl.SpatialCoordinate(mesh),
+        fem.Constant(mesh, 1.0),
+    )
     young, poisson = scene["material"]["young"], scene["material"]["poisson"]
 
     def inner(y):
         e = ufl.sym(ufl.grad(y))
-        stress = young / (1 + poisson) * (e + poisson / (1 - 2 * poisson) * ufl.tr(e) * ufl.Identity(dim))
+        stress = (
+            young
+            / (1 + poisson)
+            * (e + poisson / (1 - 2 * poisson) * ufl.tr(e) * ufl.Identity(dim))
+        )
         return ufl.inner(stress, ufl.grad(v)) * ufl.dx
 
     def vector(entry):
@@ -41,8 +54,14 @@ def solution_of(text, *, residual):
         tag = tagged.boundaries[load["boundary"]]
         ds = ufl.ds(domain=mesh, subdomain_data=tagged.facet_tags, subdomain_id=tag)
         L += factor * ufl.inner(fem.Constant(mesh, vector(load)), v) * ds
-    supports = [(fem.Function(V), vector(entry), tagged.facets(entry["boundary"])) for entry in scene["displacement"]]
-    bcs = [fem.dirichletbc(moved, fem.locate_dofs_topological(V, dim - 1, facets)) for moved, _, facets in supports]
+    supports = [
+        (fem.Function(V), vector(entry), tagged.facets(entry["boundary"]))
+        for entry in scene["displacement"]
+    ]
+    bcs = [
+        fem.dirichletbc(moved, fem.locate_dofs_topological(V, dim - 1, facets))
+        for moved, _, facets in supports
+    ]
     contact = []
     for entry in scene["contact"]:
         law = entry["friction"]
@@ -52,7 +71,12 @@ def solution_of(text, *, residual):
         gap = eval(str(entry["gap"]), {"x": x})
         shape = {"shape": entry["foundation"]} if "foundation" in entry else {}
         contact.append(
-            Foundation(tagged.facets(entry["boundary"]), gap=gap, friction=friction[law["law"]](law), **shape)
+            Foundation(
+                tagged.facets(entry["boundary"]),
+                gap=gap,
+                friction=friction[law["law"]](law),
+                **shape,
+            )
         )
     times = scene["load_steps"].get("times", [1.0])
     factors = (scene["traction"] + scene["displacement"])[0]["factors"]
@@ -64,9 +88,13 @@ def solution_of(text, *, residual):
 
     try:
         if not residual:
-            problem = ContactProblem(inner(ufl.TrialFunction(V)), L, bcs, contact, **scene["solver"])
+            problem = ContactProblem(
+                inner(ufl.TrialFunction(V)), L, bcs, contact, **scene["solver"]
+            )
             return problem.run(LoadPath(tuple(times), steps=scene["load_steps"].get("steps")), at)
-        problem = NonlinearContactProblem(inner(u) - L, u, bcs=bcs, contact=contact, **scene["solver"])
+        problem = NonlinearContactProblem(
+            inner(u) - L, u, bcs=bcs, contact=contact, **scene["solver"]
+        )
         for time in times:
             at(time)
             problem.solve()

@@ -58,9 +58,11 @@ SPOILED = {
     "load x 1.3": ("shelf_CPE4", "BODY_TOP, P, 1.0", f"BODY_TOP, P, {1 / 1.3!r}", ANOTHER, r"on BODY_TOP is 1\.3"),
     "modulus": ("shelf_CPE4", r"\n1000.0, 0.3", r"\n700.0, 0.3", ANOTHER, r"moduli 1\.4\d* times"),
     "modulus of one body": ("stack_CPE8R", r"\n3000.0, 0.3", r"\n1500.0, 0.3", ANOTHER, "modulus of BASE is (2|1.9)"),
-    "gap": ("shelf_CPE4", r"(?m), -0\.020*\d*$", ", -0.005", ANOTHER, r"gap of BODY_BOTTOM is larger by 0\.01[45]"),
+    "gap": ("shelf_CPE4", r"(?m), -0\.020*\d*$", ", -0.005", ANOTHER, r"gap of BODY_BOTTOM is "
+                                                                      r"larger by 0\.01[45]"),
     "friction x 2": ("press_CPE4", r"FRICTION\n0.3", r"FRICTION\n0.15", ANOTHER, r"is 0\.(29|30?)\d*, not 0\.15"),
-    "no friction": ("press_CPE4", r"\*FRICTION\n.*\n", "", ANOTHER, "coefficient of friction on BODY_BOTTOM"),
+    "no friction": ("press_CPE4", r"\*FRICTION\n.*\n", "", ANOTHER, "coefficient of friction on "
+                                                                    "BODY_BOTTOM"),
     "support": ("press_C3D8", "BODY_TOP_N, 1, 1, 0.01", "BODY_TOP_N, 1, 1, 0.012", VIOLATES + "supports", "along x"),
 }  # fmt: skip
 
@@ -78,7 +80,9 @@ def test_what_is_another_problem_is_named(fault, tmp_path):
 
 @pytest.mark.slow
 def test_units_and_single_nodes():
-    """Displacements in millimetres, a node moved by a tenth of the largest displacement, and none that moves."""
+    """Displacements in millimetres, a node moved by a tenth of the largest displacement, and none
+    that moves.
+    """
     u = displacements("shelf_CPE4")
     deck = DATA / "shelf_CPE4.inp"
     judgement = judge(deck, 1000 * u)
@@ -90,7 +94,11 @@ def test_units_and_single_nodes():
     assert judgement.word == VIOLATES + "equilibrium", str(judgement)
     assert "around node 22" in judgement.reason
     judgement = judge(deck, 0 * u)
-    assert (judgement.word, judgement.reason, judgement.exit_code) == (NOT_TOLD, "nothing moves at all", 7)
+    assert (judgement.word, judgement.reason, judgement.exit_code) == (
+        NOT_TOLD,
+        "nothing moves at all",
+        7,
+    )
 
 
 def test_nodes_within_the_error_of_the_mesh():
@@ -104,13 +112,19 @@ def test_nodes_within_the_error_of_the_mesh():
         judgement = judge(deck, v)
         assert judgement.word == VIOLATES + "equilibrium", str(judgement)
         assert all(f"node {node} " in judgement.reason for node in nodes)
-    assert judge(deck, moved).figures["distance"]["value"] < 0.6 < judgement.figures["distance"]["threshold"]
+    assert (
+        judge(deck, moved).figures["distance"]["value"]
+        < 0.6
+        < judgement.figures["distance"]["threshold"]
+    )
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("share", "condition"), [(-0.7, "penetration"), (0.7, "complementarity")])
 def test_a_rigid_motion_has_no_strain(share, condition):
-    """The upper body of a stack is moved along the gap: its energy norm is that of the good result."""
+    """The upper body of a stack is moved along the gap: its energy norm is that of the good
+    result.
+    """
     u, deck = displacements("stack_CPE8R"), DATA / "stack_CPE8R.inp"
     stack = judged_problem(deck)
     upper = stack.names <= stack.names[stack.points[:, 1] > 0.1].max()
@@ -125,13 +139,18 @@ def test_what_a_result_lacks(tmp_path):
     text = (DATA / "shelf_CPE4.dat").read_text()
     (tmp_path / "three.dat").write_text(re.sub(r"(-?\d\.\d\d)\d{4}(E[+-]\d\d)", r"\1\2", text))
     assert "3 digits" in judge(DATA / "shelf_CPE4.inp", tmp_path / "three.dat").reason
-    (tmp_path / "some.dat").write_text("\n".join(row for row in text.splitlines() if not row.startswith("        17")))
+    (tmp_path / "some.dat").write_text(
+        "\n".join(row for row in text.splitlines() if not row.startswith("        17"))
+    )
     judgement = judge(DATA / "shelf_CPE4.inp", tmp_path / "some.dat")
     assert (judgement.word, judgement.exit_code) == (NOT_TOLD, 7)
     assert "1 nodes have no displacement, such as node 17" in judgement.reason
     (tmp_path / "early.dat").write_text(text.replace("0.1000000E+01", "0.5000000E+00"))
     judgement = judge(DATA / "shelf_CPE4.inp", tmp_path / "early.dat")
-    assert (judgement.word, judgement.reason) == (ANOTHER, "it ends at time 0.5, and the problem at 1")
+    assert (judgement.word, judgement.reason) == (
+        ANOTHER,
+        "it ends at time 0.5, and the problem at 1",
+    )
 
 
 @pytest.mark.parametrize(
@@ -156,7 +175,10 @@ def test_rows_that_are_none(tmp_path, spoil, says):
 def shelf(degree=1, **changes):
     """A body that is held on the left, and bent down onto a foundation."""
     stated = {
-        "mesh": {"generator": "rectangle", "parameters": {"length": 2.0, "height": 0.5, "nx": 12, "ny": 4}},
+        "mesh": {
+            "generator": "rectangle",
+            "parameters": {"length": 2.0, "height": 0.5, "nx": 12, "ny": 4},
+        },
         "element": {"degree": degree},
         "material": {"young": 1000.0, "poisson": 0.3},
         "displacement": {"boundary": "left", "x": 0.0, "y": 0.0},
@@ -177,11 +199,15 @@ def test_formats(tmp_path):
     scene = shelf()
     x, v = solved(scene)
     rows = np.hstack((x, v))[::-1].tolist()
-    (tmp_path / "xy.csv").write_text("x,y,ux,uy\n" + "\n".join(",".join(map(repr, row)) for row in rows))
+    (tmp_path / "xy.csv").write_text(
+        "x,y,ux,uy\n" + "\n".join(",".join(map(repr, row)) for row in rows)
+    )
     numbered = [f"{n},{a:.8e},{b:.8e}" for n, (a, b) in enumerate(v.tolist(), start=1)]
     (tmp_path / "node.csv").write_text("node,ux,uy\n" + "\n".join(numbered))
     at, u = (np.pad(values, ((0, 0), (0, 1))) for values in (x, v))
-    meshio.Mesh(at, [("vertex", np.arange(len(x))[:, None])], point_data={"u": u}).write(tmp_path / "u.vtu")
+    meshio.Mesh(at, [("vertex", np.arange(len(x))[:, None])], point_data={"u": u}).write(
+        tmp_path / "u.vtu"
+    )
     files = [tmp_path / name for name in ("xy.csv", "node.csv", "u.vtu")]
     for result in (v, *files):
         judgement = judge(scene, result)
@@ -193,7 +219,9 @@ def test_values_between_all_nodes(tmp_path):
     """Elements of degree 2 judged by a scene of degree 1: they agree at its nodes."""
     x, v = solved(shelf(2))
     rows = np.hstack((x, v)).tolist()
-    (tmp_path / "xy.csv").write_text("x,y,ux,uy\n" + "\n".join(",".join(map(repr, row)) for row in rows))
+    (tmp_path / "xy.csv").write_text(
+        "x,y,ux,uy\n" + "\n".join(",".join(map(repr, row)) for row in rows)
+    )
     judgement = judge(shelf(), tmp_path / "xy.csv")
     assert judgement.agrees, str(judgement)
     assert judge(shelf(2), tmp_path / "xy.csv").figures["distance"]["value"] < 1e-8
@@ -203,7 +231,9 @@ def test_contact_that_is_ignored():
     """The body goes through its foundation, which another gap explains, or it enters."""
     free = solved(shelf(contact=()))[1]
     judgement = judge(shelf(), free)
-    assert judgement.word == VIOLATES + "penetration" or "gap of bottom" in judgement.reason, str(judgement)
+    assert judgement.word == VIOLATES + "penetration" or "gap of bottom" in judgement.reason, str(
+        judgement
+    )
 
 
 def test_friction_turned_round():
@@ -211,7 +241,10 @@ def test_friction_turned_round():
     problem = judged_problem(DATA / "press_CPE4.inp")
     ours = SolutionOnMesh.of(problem, problem.arrays)
     state = ours.solution.contact
-    shear = np.einsum("nij,nj->ni", state.boundary.tangents, state.shear) * state.boundary.weight[:, None]
+    shear = (
+        np.einsum("nij,nj->ni", state.boundary.tangents, state.shear)
+        * state.boundary.weight[:, None]
+    )
     forces = ours.points_of_contact.T @ shear.ravel()
     free = np.flatnonzero(~ours.held.ravel())
     v = ours.displacement.ravel().copy()
@@ -236,7 +269,9 @@ def test_solutions_of_demos_agree(name, tmp_path):
     for number, step in enumerate(steps, start=1):
         if np.abs(step).any():
             other = judge(scene, step)
-            assert other.word == VIOLATES + "supports" or f"load step {number}" in other.reason, str(other)
+            assert other.word == VIOLATES + "supports" or f"load step {number}" in other.reason, (
+                str(other)
+            )
 
 
 def test_materials_that_are_not_linear_are_refused():
@@ -248,7 +283,9 @@ def test_materials_that_are_not_linear_are_refused():
 
 
 @pytest.mark.one_quick
-@pytest.mark.parametrize(("result", "code"), [("shelf_CPE4.dat", 0), ("press_CPE4.dat", 6), ("absent.dat", 2)])
+@pytest.mark.parametrize(
+    ("result", "code"), [("shelf_CPE4.dat", 0), ("press_CPE4.dat", 6), ("absent.dat", 2)]
+)
 def test_the_command(result, code, capsys):
     """Its exit code, and JSON."""
     assert cli.main(["judge", str(DATA / "shelf_CPE4.inp"), str(DATA / result), "--json"]) == code

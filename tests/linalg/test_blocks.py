@@ -1,4 +1,6 @@
-"""Matrices by blocks: products against scipy and PETSc, and whole solves against those with sparse matrices."""
+"""Matrices by blocks: products against scipy and PETSc, and whole solves against those with sparse
+matrices.
+"""
 
 import functools
 from pathlib import Path
@@ -16,7 +18,14 @@ from scenes import example1, same_answer
 from spaces import LAWS, block, box
 from two_bodies import paraboloids
 
-from signorini_fx.algebra.linalg import blocks, factorisation, is_by_blocks, kernels, krylov, petsc_calls
+from signorini_fx.algebra.linalg import (
+    blocks,
+    factorisation,
+    is_by_blocks,
+    kernels,
+    krylov,
+    petsc_calls,
+)
 from signorini_fx.errors import MachineError
 from signorini_fx.mechanics import model as models
 from signorini_fx.mechanics.assembly.nodal_stiffness import NodalStiffness, block_stiffness
@@ -28,7 +37,9 @@ WORLD = MPI.COMM_WORLD
 
 @pytest.mark.parametrize("size", kernels.SIZES)
 def test_products_of_random_blocks(size):
-    """As scipy's, to the round-off of sums, with rows and columns that are empty, and columns of other ranks."""
+    """As scipy's, to the round-off of sums, with rows and columns that are empty, and columns of
+    other ranks.
+    """
     generator = np.random.default_rng(7)
     folder = Path(jit.get_options()["cache_dir"])
     kernels.load(MPI.COMM_SELF, folder)
@@ -50,11 +61,15 @@ def test_room_for_contact_is_empty():
 
 
 def two_matrices(dimension, comm):
-    """A stiffness with random moduli and one end prescribed, and random springs at nodes, by blocks and sparse."""
+    """A stiffness with random moduli and one end prescribed, and random springs at nodes, by blocks
+    and sparse.
+    """
     mesh = (
         box("tetrahedra", (5, 3, 4), comm=comm).mesh
         if dimension == 3
-        else dmesh.create_rectangle(comm, [(0.0, 0.0), (3.0, 1.0)], (9, 4), dmesh.CellType.quadrilateral)
+        else dmesh.create_rectangle(
+            comm, [(0.0, 0.0), (3.0, 1.0)], (9, 4), dmesh.CellType.quadrilateral
+        )
     )
     space = fem.functionspace(mesh, ("Lagrange", 1, (dimension,)))
     moduli = fem.Function(fem.functionspace(mesh, ("DG", 0)))
@@ -65,7 +80,9 @@ def two_matrices(dimension, comm):
     forms = [fem.form(strain * ufl.dx), fem.form(moduli * ufl.div(y) * ufl.div(z) * ufl.dx)]
     nodes = np.flatnonzero(space.tabulate_dof_coordinates()[:, 0] < 1e-9)
     zero, first = default_scalar_type(0), (dimension * nodes).astype(np.int32)
-    bcs = [fem.dirichletbc(zero, first + np.int32(axis), space.sub(axis)) for axis in range(dimension)]
+    bcs = [
+        fem.dirichletbc(zero, first + np.int32(axis), space.sub(axis)) for axis in range(dimension)
+    ]
     fixed = np.zeros(space.dofmap.index_map.size_local * dimension, dtype=bool)
     fixed.reshape(-1, dimension)[nodes[nodes < len(fixed) // dimension]] = True
     some = np.arange(0, len(fixed) // dimension, 3)
@@ -81,7 +98,9 @@ def two_matrices(dimension, comm):
 
 @pytest.fixture
 def either(monkeypatch):
-    """Solves a scene by blocks and with a sparse matrix; with each solution the Krylov steps of all solves."""
+    """Solves a scene by blocks and with a sparse matrix; with each solution the Krylov steps of all
+    solves.
+    """
 
     def solved(make, comm=MPI.COMM_SELF, *, solving=True):
         answers = []
@@ -92,7 +111,9 @@ def either(monkeypatch):
             def watched(self, ksp, *, _steps=steps, _kinds=kinds, **how):
                 configure(self, ksp, **how)
                 _kinds.add(is_by_blocks(self.matrix))
-                ksp.setPostSolve(lambda solver, b, x: _steps.append((b.getSize(), solver.getIterationNumber())))
+                ksp.setPostSolve(
+                    lambda solver, b, x: _steps.append((b.getSize(), solver.getIterationNumber()))
+                )
 
             monkeypatch.setattr(models, "FEWEST_BLOCK_UNKNOWNS", fewest)
             monkeypatch.setattr(krylov.KrylovSystem, "configure", watched)
@@ -106,12 +127,16 @@ def either(monkeypatch):
 
 BODIES = {
     **{
-        f"{cells}, {law}": functools.partial(block, 12, cells, gamma=1e6, linear_algebra="krylov", **LAWS[law])
+        f"{cells}, {law}": functools.partial(
+            block, 12, cells, gamma=1e6, linear_algebra="krylov", **LAWS[law]
+        )
         for cells in ("hexahedra", "tetrahedra")
         for law in LAWS
     },
     "plane": functools.partial(example1, bound=1.5, nx=60, ny=20, linear_algebra="krylov"),
-    "quadratic": functools.partial(block, 6, degree=2, gamma=1e6, linear_algebra="krylov", bound=1.5),
+    "quadratic": functools.partial(
+        block, 6, degree=2, gamma=1e6, linear_algebra="krylov", bound=1.5
+    ),
 }
 
 
@@ -137,7 +162,9 @@ def test_two_bodies_by_blocks(either):
 
 @pytest.mark.mpi(slow=True)
 def test_solves_by_blocks_on_ranks(either):
-    """As with PETSc's matrix on as many ranks; round-off at a tolerance decides about a single Krylov step."""
+    """As with PETSc's matrix on as many ranks; round-off at a tolerance decides about a single
+    Krylov step.
+    """
     # One mesh for both: another one may be divided among the ranks differently.
     scene = block(9, "tetrahedra", coefficient=0.3, gamma=1e6, linear_algebra="krylov", comm=WORLD)
     (ours, steps), (theirs, wanted) = either(lambda: scene, WORLD)
@@ -146,7 +173,9 @@ def test_solves_by_blocks_on_ranks(either):
     assert np.abs(steps - wanted)[:, 1].sum() <= 1
     assert ours.status is theirs.status is Status.CONVERGED
     far = WORLD.allreduce(np.abs(theirs.displacement.x.array).max(), op=MPI.MAX)
-    np.testing.assert_allclose(ours.displacement.x.array, theirs.displacement.x.array, rtol=0, atol=1e-12 * far)
+    np.testing.assert_allclose(
+        ours.displacement.x.array, theirs.displacement.x.array, rtol=0, atol=1e-12 * far
+    )
 
 
 def test_without_a_compiler(monkeypatch):
@@ -179,20 +208,26 @@ def test_a_factor_of_blocks(symmetric, regular):
         ksp.setOperators(matrix)
         if matrix is tangent:
             ksp.setType(PETSc.KSP.Type.PREONLY)
-            blocks.use_entries(ksp.getPC(), lambda pc: factorisation.use_factor(pc, symmetric=symmetric))
+            blocks.use_entries(
+                ksp.getPC(), lambda pc: factorisation.use_factor(pc, symmetric=symmetric)
+            )
         else:
             factorisation.use_factorisation(ksp, symmetric=symmetric)
         x, right = matrix.createVecs()
         right.set(1.0)
         try:
             petsc_calls.solve(ksp.solve, right, x)
-            results.append((ksp.getConvergedReason(), ksp.getPC().getFailedReason(), x.array.copy()))
+            results.append(
+                (ksp.getConvergedReason(), ksp.getPC().getFailedReason(), x.array.copy())
+            )
         except PETSc.Error as error:
             results.append((error.ierr, None, None))
     (*reasons, solution), (*wanted, reference) = results
     assert reasons == wanted
     if regular:
         assert reasons[0] > 0
-        np.testing.assert_allclose(solution, reference, rtol=0, atol=1e-13 * np.abs(reference).max())
+        np.testing.assert_allclose(
+            solution, reference, rtol=0, atol=1e-13 * np.abs(reference).max()
+        )
     else:
         assert reasons[1] is None or reasons[1] != PETSc.PC.FailedReason.NOERROR

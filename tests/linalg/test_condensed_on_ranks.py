@@ -31,7 +31,9 @@ def test_one_body(name):
 
 
 def test_a_rank_that_cannot_condense(monkeypatch):
-    """One rank has no memory for its factor: all of them take the full system, and none waits for it."""
+    """One rank has no memory for its factor: all of them take the full system, and none waits for
+    it.
+    """
     scene = example1(bound=1.5, nx=96, ny=32, linear_algebra="condensed")
     expected = solve(scene, WORLD)
     assert expected.linear_algebra.startswith("condensed")

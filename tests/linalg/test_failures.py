@@ -1,4 +1,6 @@
-"""Memory that ends is told from a matrix that is singular: with one mesh and several, of scenes and of forms."""
+"""Memory that ends is told from a matrix that is singular: with one mesh and several, of scenes and
+of forms.
+"""
 
 import subprocess
 import sys
@@ -25,8 +27,9 @@ FAULTS = {
     "petsc": (lambda: PETSc.Error(55), Status.NO_MEMORY),
     "package": (lambda: PETSc.Error(76), Status.SINGULAR),
 }
-# A process that may take no more memory than it has and a bit factorises a matrix without zeros, whose factor takes 32
-# MB; before that, small ones of which some have no factor.  It prints whether memory was why one failed.
+# A process that may take no more memory than it has and a bit factorises a matrix without zeros,
+# whose factor takes 32 MB; before that, small ones of which some have no factor.  It prints whether
+# memory was why one failed.
 LIMITED = """
 import resource
 from pathlib import Path
@@ -80,8 +83,12 @@ def lacking(fault, monkeypatch, above=0):
 
 
 def test_packages_that_run_out():
-    """CHOLMOD's error and MUMPS's reason are told from those of matrices that have no factor; nothing is printed."""
-    ended = subprocess.run([sys.executable, "-c", LIMITED], capture_output=True, text=True, check=True)
+    """CHOLMOD's error and MUMPS's reason are told from those of matrices that have no factor;
+    nothing is printed.
+    """
+    ended = subprocess.run(
+        [sys.executable, "-c", LIMITED], capture_output=True, text=True, check=True
+    )
     assert ended.stdout.splitlines() == ["False False False False", "True True"]
     assert "CHOLMOD" not in ended.stderr
 
@@ -95,7 +102,9 @@ def test_one_mesh(fault, coulomb, monkeypatch):
     solution = solve(scene, MPI.COMM_SELF, check=False)
     assert solution.status is FAULTS[fault][1]
     if solution.status is Status.NO_MEMORY:
-        assert solution.advice.startswith("the memory was used up by the factor of the matrix: use a larger machine")
+        assert solution.advice.startswith(
+            "the memory was used up by the factor of the matrix: use a larger machine"
+        )
         assert solution.history.linear_solves == 0
 
 
@@ -129,7 +138,9 @@ def test_forms(monkeypatch):
         solve_to_accuracy(block_on_a_floor(**settings), boxed, Accuracy(target=1e-6))
     assert error.value.solution.certificate.holds
     lacking("petsc", monkeypatch)
-    with pytest.raises(ConvergenceError, match="memory ends before a solution: the memory was used up"):
+    with pytest.raises(
+        ConvergenceError, match="memory ends before a solution: the memory was used up"
+    ):
         block_on_a_floor(**settings)(boxed).solve()
 
 
@@ -142,7 +153,11 @@ def test_an_error_that_is_no_outcome(capsys):
 
         return on_ranks(raises), capsys.readouterr().err
 
-    for error in (MemoryError(), PETSc.Error(55), RuntimeError("Failed to call PETSc. PETSc error code is: 55, Out")):
+    for error in (
+        MemoryError(),
+        PETSc.Error(55),
+        RuntimeError("Failed to call PETSc. PETSc error code is: 55, Out"),
+    ):
         code, said = run(error)
         assert memory_ended(error)
         assert said.startswith("signorini-fx: error: memory ran out")

@@ -1,4 +1,6 @@
-"""A Krylov method with multigrid gives the answers of a factorisation, for the price of about one linear solve."""
+"""A Krylov method with multigrid gives the answers of a factorisation, for the price of about one
+linear solve.
+"""
 
 from itertools import groupby
 
@@ -29,10 +31,17 @@ def turned(**solver):
     """Half a disk, whose contact nodes have normals of their own, held by friction."""
     return parse_scene(
         {
-            "mesh": {"generator": "half_disk", "parameters": {"radius": 1.0, "size": 0.2, "contact_size": 0.1}},
+            "mesh": {
+                "generator": "half_disk",
+                "parameters": {"radius": 1.0, "size": 0.2, "contact_size": 0.1},
+            },
             "material": {"young": 5000.0, "poisson": 0.3},
             "traction": {"boundary": "top", "x": 0.5, "y": -5.0},
-            "contact": {"boundary": "arc", "gap": 1e-3, "friction": {"law": "tresca", "bound": 1.0}},
+            "contact": {
+                "boundary": "arc",
+                "gap": 1e-3,
+                "friction": {"law": "tresca", "bound": 1.0},
+            },
             "solver": solver,
         }
     )
@@ -46,7 +55,14 @@ def steps(monkeypatch):
 
     def watched(self, ksp, **how):
         def note(solver, b, _x):
-            found.append((b.getSize(), solver.getType(), solver.getPC().getType(), solver.getIterationNumber()))
+            found.append(
+                (
+                    b.getSize(),
+                    solver.getType(),
+                    solver.getPC().getType(),
+                    solver.getIterationNumber(),
+                )
+            )
 
         configure(self, ksp, **how)
         ksp.setPostSolve(note)
@@ -84,8 +100,16 @@ def glued(**solver):
 
 
 SCENES = {
-    **{f"hexahedra, {law}": lambda law=law, **s: block(12, gamma=1e8, **LAWS[law], **s) for law in LAWS},
-    **{f"tetrahedra, {law}": lambda law=law, **s: block(12, "tetrahedra", gamma=1e5, **LAWS[law], **s) for law in LAWS},
+    **{
+        f"hexahedra, {law}": lambda law=law, **s: block(12, gamma=1e8, **LAWS[law], **s)
+        for law in LAWS
+    },
+    **{
+        f"tetrahedra, {law}": lambda law=law, **s: block(
+            12, "tetrahedra", gamma=1e5, **LAWS[law], **s
+        )
+        for law in LAWS
+    },
     "small gamma": lambda **s: block(12, bound=1.5, gamma=1e3, **s),
     "plane": lambda **s: example1(bound=1.5, nx=60, ny=20, **s),
     "plane, fixed point": lambda **s: example1(coefficient=0.5, nx=60, ny=20, **s),
@@ -95,7 +119,9 @@ SCENES = {
     "tilted, held by contact alone": turned,
     "leaning": leaning,
     "leaning, augmented": lambda **s: leaning(algorithm="alm", **s),
-    "augmented, monolithic": lambda **s: block(12, gamma="auto", algorithm="alm", **LAWS["coulomb"], **s),
+    "augmented, monolithic": lambda **s: block(
+        12, gamma="auto", algorithm="alm", **LAWS["coulomb"], **s
+    ),
     "augmented": lambda **s: block(12, bound=1.5, gamma=1e6, algorithm="alm", **s),
     "quadratic": lambda **s: example1(bound=1.5, nx=30, ny=10, degree=2, **s),
 }
@@ -113,7 +139,9 @@ def test_same_answer_as_a_factorisation(name, set_ups):
 
 
 def linear_solve(scene, steps):
-    """Steps of CG for the same body held where it may touch, with multigrid set up for that, to the same residual."""
+    """Steps of CG for the same body held where it may touch, with multigrid set up for that, to the
+    same residual.
+    """
     held = (*scene.displacement, PrescribedDisplacement(boundary="bottom", x=0.0, y=0.0, z=0.0))
     alone(scene.model_copy(update={"displacement": held, "contact": ()}))
     return steps.pop()[3]
@@ -126,15 +154,19 @@ def linear_solve(scene, steps):
     ids=["hexahedra", "hexahedra, tresca", "tetrahedra"],
 )
 def test_about_one_linear_solve(cells, laws, steps):
-    """On the finer of two meshes at most twice as many, whatever gamma is and whatever the law, and half as many again
-    for what gamma leaves; and from one mesh to the next, eight times as large, they hardly grow.
+    """On the finer of two meshes at most twice as many, whatever gamma is and whatever the law, and
+    half as many again for what gamma leaves; and from one mesh to the next, eight times as large,
+    they hardly grow.
     """
     for law in laws:
         for gamma in (1e5, 1e9):
             spent = []
             for nx in (12, 24):
                 steps.clear()
-                scenes = [block(n, cells, gamma=gamma, linear_algebra="krylov", **LAWS[law]) for n in (nx // 2, nx)]
+                scenes = [
+                    block(n, cells, gamma=gamma, linear_algebra="krylov", **LAWS[law])
+                    for n in (nx // 2, nx)
+                ]
                 comm, history = MPI.COMM_SELF, History()
                 meshes = [MeshedScene(comm=comm, history=history, scene=scene) for scene in scenes]
                 assert solve_nested(meshes, 2, comm, history).converged
@@ -146,7 +178,9 @@ def test_about_one_linear_solve(cells, laws, steps):
 
 
 def test_a_finer_mesh_begins_with_the_displacement_of_the_coarser_one(monkeypatch):
-    """With 316,899 unknowns in 3D its sets settle after five linear solves; from zero they take seven."""
+    """With 316,899 unknowns in 3D its sets settle after five linear solves; from zero they take
+    seven.
+    """
     begun, begin = [], solve_on_mesh._begin_at_coarser
 
     def noted(task, model):
@@ -156,13 +190,20 @@ def test_a_finer_mesh_begins_with_the_displacement_of_the_coarser_one(monkeypatc
     monkeypatch.setattr(solve_on_mesh, "_begin_at_coarser", noted)
     ended = alone(SCENES["nested"](linear_algebra="krylov")).displacement.x.array
     assert len(begun) == 2
-    moved = (ended - begun[-1]).reshape(-1, 2)  # the same everywhere: a reference motion, from which iterates count
+    moved = (ended - begun[-1]).reshape(
+        -1, 2
+    )  # the same everywhere: a reference motion, from which iterates count
     assert np.ptp(moved, axis=0).max() < 0.05 * np.abs(ended).max()
 
 
 def test_the_monolithic_method(steps):
-    """Its tangent is unsymmetric, with entries as large as gamma; FGMRES takes few steps, and Newton few solves."""
-    ours, theirs = (alone(block(12, gamma=1e9, linear_algebra=kind, **LAWS["coulomb"])) for kind in ("krylov", "full"))
+    """Its tangent is unsymmetric, with entries as large as gamma; FGMRES takes few steps, and
+    Newton few solves.
+    """
+    ours, theirs = (
+        alone(block(12, gamma=1e9, linear_algebra=kind, **LAWS["coulomb"]))
+        for kind in ("krylov", "full")
+    )
     assert ours.algorithm == theirs.algorithm == "coulomb-newton"
     assert ours.history.events == []
     assert ours.history.linear_solves <= theirs.history.linear_solves + 4
@@ -184,7 +225,11 @@ def test_the_monolithic_method(steps):
 def test_options_of_the_user_win(options, method, kind, steps):
     """The method, the preconditioner, the tolerance; the answer is that of a factorisation."""
     scene = block(6, bound=1.5, gamma=1e6, linear_algebra="krylov")
-    reference = alone(scene.model_copy(update={"solver": scene.solver.model_copy(update={"linear_algebra": "full"})}))
+    reference = alone(
+        scene.model_copy(
+            update={"solver": scene.solver.model_copy(update={"linear_algebra": "full"})}
+        )
+    )
     table = PETSc.Options("sfx_")
     try:
         for name, value in options.items():
@@ -200,10 +245,14 @@ def test_options_of_the_user_win(options, method, kind, steps):
         assert min(count for *_, count in steps) >= 8
 
 
-@pytest.mark.parametrize(("coulomb", "kind"), [("fp", PETSc.KSP.Type.CG), ("newton", PETSc.KSP.Type.FGMRES)])
+@pytest.mark.parametrize(
+    ("coulomb", "kind"), [("fp", PETSc.KSP.Type.CG), ("newton", PETSc.KSP.Type.FGMRES)]
+)
 @pytest.mark.parametrize("enough", [True, False])
 def test_what_fails_is_factorised(coulomb, kind, enough, monkeypatch):
-    """A Krylov method that fails is replaced for the rest of the load step, if the memory is large enough."""
+    """A Krylov method that fails is replaced for the rest of the load step, if the memory is large
+    enough.
+    """
     usual, used = krylov.KrylovSystem.keep_factor, []
 
     def keep(self, ksp, *arguments, **how):
@@ -214,7 +263,9 @@ def test_what_fails_is_factorised(coulomb, kind, enough, monkeypatch):
         return kept
 
     def two_steps(linear_algebra):
-        scene = block(6, coefficient=0.3, coulomb=coulomb, linear_algebra=linear_algebra, fallbacks=False)
+        scene = block(
+            6, coefficient=0.3, coulomb=coulomb, linear_algebra=linear_algebra, fallbacks=False
+        )
         loads = tuple(load.model_copy(update={"factors": (1.0, 1.2)}) for load in scene.traction)
         return scene.model_copy(update={"traction": loads})
 
@@ -232,12 +283,16 @@ def test_what_fails_is_factorised(coulomb, kind, enough, monkeypatch):
 
 
 def test_chosen_for_large_bodies_in_space(monkeypatch):
-    """By the number of unknowns in 3D, by memory anywhere; not near incompressibility, and not against the user."""
+    """By the number of unknowns in 3D, by memory anywhere; not near incompressibility, and not
+    against the user.
+    """
 
     def kind(scene):
         cost = check_scene(scene, MPI.COMM_SELF).cost
         d = assembled(scene)
-        chosen = choice.choose_system(d.elasticity(d.cases), d.system_size(), scene.solver.linear_algebra)
+        chosen = choice.choose_system(
+            d.elasticity(d.cases), d.system_size(), scene.solver.linear_algebra
+        )
         assert cost.linear_algebra == chosen[1]
         return cost.linear_algebra.partition(":")[0]
 
@@ -245,7 +300,9 @@ def test_chosen_for_large_bodies_in_space(monkeypatch):
         return prepare(scene.statement, load_mesh(scene, MPI.COMM_SELF), Timings())
 
     plane, solid = example1(nx=96, ny=32), block(6, linear_algebra="auto")
-    rubber = solid.model_copy(update={"material": (solid.material[0].model_copy(update={"poisson": 0.499}),)})
+    rubber = solid.model_copy(
+        update={"material": (solid.material[0].model_copy(update={"poisson": 0.499}),)}
+    )
     assert [kind(scene) for scene in (plane, solid, rubber)] == ["condensed", "full", "full"]
     monkeypatch.setattr(choice, "FEWEST_KRYLOV_UNKNOWNS", 100)
     assert [kind(scene) for scene in (plane, solid, rubber)] == ["condensed", "krylov", "full"]
@@ -261,8 +318,12 @@ def test_chosen_for_large_bodies_in_space(monkeypatch):
 
 
 RANKED = {
-    "hexahedra": lambda comm: block(9, gamma=1e8, linear_algebra="krylov", comm=comm, **LAWS["tresca"]),
-    "tetrahedra": lambda comm: block(6, "tetrahedra", gamma=1e8, linear_algebra="krylov", comm=comm, **LAWS["coulomb"]),
+    "hexahedra": lambda comm: block(
+        9, gamma=1e8, linear_algebra="krylov", comm=comm, **LAWS["tresca"]
+    ),
+    "tetrahedra": lambda comm: block(
+        6, "tetrahedra", gamma=1e8, linear_algebra="krylov", comm=comm, **LAWS["coulomb"]
+    ),
     "held by contact": lambda comm: pushed_brick(comm, solver={"linear_algebra": "krylov"}),
     "plane": lambda comm: example1(bound=1.5, nx=30, ny=10, linear_algebra="krylov"),
     "leaning, augmented": lambda comm: leaning(comm, algorithm="alm", linear_algebra="krylov"),
@@ -276,7 +337,8 @@ RANKED = {
 def test_one_rank_or_many(name, steps):
     """As many solves but for one, as many steps but for a fifth, and the same answer to 1e-8.
 
-    What multigrid puts together at the borders of the parts differs, and so does what a loose solve leaves.
+    What multigrid puts together at the borders of the parts differs, and so does what a loose solve
+    leaves.
     """
     together = solve(RANKED[name](WORLD), WORLD)
     ours = same_on_all_ranks([count for *_, count in steps])
@@ -297,7 +359,10 @@ def test_one_rank_or_many(name, steps):
 @pytest.mark.parametrize("algorithm", ["ssn", "alm"])
 def test_condensed_with_turned_nodes(algorithm):
     """The dense matrix in the frames of the nodes, against the sparse one."""
-    ours, theirs = (table_of(alone(turned(algorithm=algorithm, linear_algebra=k))) for k in ("condensed", "full"))
+    ours, theirs = (
+        table_of(alone(turned(algorithm=algorithm, linear_algebra=k)))
+        for k in ("condensed", "full")
+    )
     for name in ("pressure", "shear"):
         close = 1e-7 * theirs.columns["pressure"].max()
         np.testing.assert_allclose(ours.columns[name], theirs.columns[name], rtol=0, atol=close)

@@ -1,4 +1,6 @@
-"""Objects of PETSc on several ranks: that ranks do not wait for each other, and that nothing stays behind."""
+"""Objects of PETSc on several ranks: that ranks do not wait for each other, and that nothing stays
+behind.
+"""
 
 import gc
 import resource
@@ -22,7 +24,9 @@ COMM = MPI.COMM_WORLD
 @pytest.mark.mpi
 @pytest.mark.parametrize("where", ["plane", "space"])
 def test_garbage_is_collected_at_another_time_on_each_rank(where):
-    """One rank never collects what is in cycles of references, another one all the time: no rank waits for ever."""
+    """One rank never collects what is in cycles of references, another one all the time: no rank
+    waits for ever.
+    """
     before = gc.get_threshold()
     if COMM.rank % 2:
         gc.disable()
@@ -45,7 +49,9 @@ def test_garbage_is_collected_at_another_time_on_each_rank(where):
 
 @pytest.mark.mpi
 def test_what_is_not_used_is_freed():
-    """Vectors of 8 MB that are forgotten one after the other; without a clean-up 400 MB are in use on several ranks."""
+    """Vectors of 8 MB that are forgotten one after the other; without a clean-up 400 MB are in use
+    on several ranks.
+    """
     mesh = dmesh.create_unit_square(COMM, 4, 4)
     free_unused(mesh)
     begin = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss

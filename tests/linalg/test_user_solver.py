@@ -1,4 +1,6 @@
-"""Linear solvers of other packages: the same answer, however exact they are, and names for what goes wrong."""
+"""Linear solvers of other packages: the same answer, however exact they are, and names for what
+goes wrong.
+"""
 
 import runpy
 from pathlib import Path
@@ -53,7 +55,10 @@ def test_same_answer(register, monkeypatch, kind):
     solver = runpy.run_path(str(DEMO))["BlockLowRank"] if kind == "compressed" else Diagonal
     register(kind, solver)
     nx, ny = (24, 8) if kind == "compressed" else (12, 4)
-    theirs, ours = (solve(example1(coefficient=0.3, nx=nx, ny=ny, linear_algebra=name)) for name in (kind, "full"))
+    theirs, ours = (
+        solve(example1(coefficient=0.3, nx=nx, ny=ny, linear_algebra=name))
+        for name in (kind, "full")
+    )
     assert theirs.converged
     assert theirs.linear_algebra == f"{kind}: as asked for"
     assert theirs.history.linear_solves == ours.history.linear_solves
@@ -87,17 +92,29 @@ def test_exceptions_arrive(register):
 
 
 def test_names(register, tmp_path, monkeypatch):
-    """A name that is not known is refused with those that are; one that cannot be imported says where it is from."""
+    """A name that is not known is refused with those that are; one that cannot be imported says
+    where it is from.
+    """
     register("mine", Diagonal)
-    with pytest.raises(SceneError, match=r"linear_algebra.*'auto', 'full', 'krylov', 'condensed', 'mine' are known"):
+    with pytest.raises(
+        SceneError, match=r"linear_algebra.*'auto', 'full', 'krylov', 'condensed', 'mine' are known"
+    ):
         example1(linear_algebra="yours")
-    assert "mine" in scene_schema()["$defs"]["SolverSettings"]["properties"]["linear_algebra"]["enum"]
+    assert (
+        "mine" in scene_schema()["$defs"]["SolverSettings"]["properties"]["linear_algebra"]["enum"]
+    )
     data = tmp_path / "theirs-1.dist-info"
     data.mkdir()
     (data / "METADATA").write_text("Name: theirs\nVersion: 1\n", encoding="utf-8")
-    (data / "entry_points.txt").write_text(f"[{LINEAR_SOLVERS}]\ntheirs = no_such_module:Solver\n", encoding="utf-8")
+    (data / "entry_points.txt").write_text(
+        f"[{LINEAR_SOLVERS}]\ntheirs = no_such_module:Solver\n", encoding="utf-8"
+    )
     monkeypatch.syspath_prepend(tmp_path)
-    with pytest.raises(InstallationError, match=r"'theirs', no_such_module:Solver of theirs, cannot be imported"):
+    with pytest.raises(
+        InstallationError, match=r"'theirs', no_such_module:Solver of theirs, cannot be imported"
+    ):
         solve(example1(nx=12, ny=4, linear_algebra="theirs"))
-    with pytest.raises(InstallationError, match=r"is no group of extensions; these are: .*linear_solvers"):
+    with pytest.raises(
+        InstallationError, match=r"is no group of extensions; these are: .*linear_solvers"
+    ):
         extensions.register("signorini_fx.solvers", "mine", None)

@@ -1,4 +1,6 @@
-"""Compilation of forms: processes that want the same form wait for each other, and killed ones leave nothing behind."""
+"""Compilation of forms: processes that want the same form wait for each other, and killed ones
+leave nothing behind.
+"""
 
 import os
 import signal
@@ -30,7 +32,9 @@ with compiling():
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
-    """An empty folder of compiled forms, the same on all ranks, in which FFCx waits for one second."""
+    """An empty folder of compiled forms, the same on all ranks, in which FFCx waits for one
+    second.
+    """
     common = Path(MPI.COMM_WORLD.bcast(str(tmp_path / "cache")))
     monkeypatch.setitem(jit.DOLFINX_DEFAULT_JIT_OPTIONS, "cache_dir", (str(common), ""))
     monkeypatch.setitem(jit.DOLFINX_DEFAULT_JIT_OPTIONS, "timeout", (1, ""))
@@ -52,7 +56,10 @@ def begin(folder, compiler, tmp_path):
     script.chmod(0o755)
     environment = {**os.environ, "CC": str(script)}
     return subprocess.Popen(
-        [sys.executable, "-c", PROGRAM, str(folder)], env=environment, stderr=subprocess.PIPE, start_new_session=True
+        [sys.executable, "-c", PROGRAM, str(folder)],
+        env=environment,
+        stderr=subprocess.PIPE,
+        start_new_session=True,
     )
 
 
@@ -78,7 +85,9 @@ def test_a_compilation_that_was_killed(folder, tmp_path):
 
 @pytest.mark.slow
 def test_two_processes_at_once(folder, tmp_path):
-    """The second one waits as long as the first one compiles, which is longer than FFCx waits, and takes its form."""
+    """The second one waits as long as the first one compiles, which is longer than FFCx waits, and
+    takes its form.
+    """
     process = begin(folder, f'touch {tmp_path}/begun; sleep 2; exec cc "$@"', tmp_path)
     wait_for((tmp_path / "begun").exists)
     assert compile_it() == pytest.approx(1.0)
@@ -118,7 +127,9 @@ def test_what_is_not_whole_is_compiled_again(folder, missing):
 
 
 def test_a_form_that_is_loaded_is_not_looked_for_again(folder):
-    """The third time it is not even missed: the first time it is compiled, the second time it is loaded."""
+    """The third time it is not even missed: the first time it is compiled, the second time it is
+    loaded.
+    """
     for _ in range(2):
         assert compile_it() == pytest.approx(1.0)
     for path in folder.iterdir():

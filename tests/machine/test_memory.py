@@ -1,8 +1,9 @@
 """What a solve leaves behind: nothing, also for a collector of cycles that does not see into PETSc.
 
-petsc4py built for Python's stable ABI hides from the collector what PETSc objects hold.  Therefore the collector is off
-here: what is freed is freed because nothing refers to it.  Only ``Function.interpolate`` of dolfinx leaves a cycle of
-its own, which any collector sees.
+petsc4py built for Python's stable ABI hides from the collector what PETSc objects hold.  Therefore
+the collector is off
+here: what is freed is freed because nothing refers to it.  Only ``Function.interpolate`` of dolfinx
+leaves a cycle of its own, which any collector sees.
 """
 
 import gc
@@ -50,8 +51,9 @@ def counted(monkeypatch):
 def communicators():
     """A number that grows with that of the communicators in use.
 
-    Every object of PETSc keeps the copy of the communicator that it lives on, and every mesh has several.  Open MPI has
-    a table: new ones fill its holes, and the last one is behind all.  MPICH has room for a few thousand.
+    Every object of PETSc keeps the copy of the communicator that it lives on, and every mesh has
+    several.  Open MPI has a table: new ones fill its holes, and the last one is behind all.  MPICH
+    has room for a few thousand.
     """
     for _ in range(3):  # what is freed on several ranks may hold other objects
         free_unused(dmesh.create_unit_square(COMM, 2, 2))
@@ -73,7 +75,12 @@ def ramp(**solver):
         {
             "mesh": {"generator": "rectangle", "parameters": {"nx": 6, "ny": 2}},
             "material": {"young": 5000.0, "poisson": 0.3},
-            "displacement": {"boundary": "top", "x": 0.002, "y": "-0.01 * (1 + 0.1 * x[0])", "factors": [0.5, 0.7, 1]},
+            "displacement": {
+                "boundary": "top",
+                "x": 0.002,
+                "y": "-0.01 * (1 + 0.1 * x[0])",
+                "factors": [0.5, 0.7, 1],
+            },
             "contact": {"boundary": "bottom", "friction": {"law": "coulomb", "coefficient": 0.3}},
             **solver,
         }
@@ -87,7 +94,9 @@ def plane(**more):
 SCENES = {
     "full": lambda: plane(linear_algebra="full"),
     "condensed": lambda: plane(linear_algebra="condensed"),
-    "krylov": lambda: block(3, "tetrahedra", coefficient=0.3, gamma="auto", linear_algebra="krylov", comm=COMM),
+    "krylov": lambda: block(
+        3, "tetrahedra", coefficient=0.3, gamma="auto", linear_algebra="krylov", comm=COMM
+    ),
     "alm": lambda: plane(algorithm="alm"),
     "path-following": lambda: plane(algorithm="path-following", coulomb="newton"),
     "several steps": ramp,
@@ -118,7 +127,9 @@ def test_nothing_is_left_of_a_nonlinear_body(counted):
     """But cycles, which any collector sees."""
     before = None
     for _ in range(3):
-        assert solve(ramp(material={"law": "neo-hooke", "young": 5000.0, "poisson": 0.3}), COMM).converged
+        assert solve(
+            ramp(material={"law": "neo-hooke", "young": 5000.0, "poisson": 0.3}), COMM
+        ).converged
         gc.collect()
         before = before or counted()
     assert counted() == before

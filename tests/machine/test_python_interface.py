@@ -21,7 +21,8 @@ from signorini_fx.scenes.template import described
 COMM = MPI.COMM_SELF
 DOLFINX_MESH = mesh.create_rectangle(COMM, [[0, 0], [3, 1]], [6, 2])
 TAGGED = sfx.tag_boundaries(
-    DOLFINX_MESH, {"left": "x[0] < 1e-9", "bottom": lambda x: np.isclose(x[1], 0), "top": "x[1] > 1 - 1e-9"}
+    DOLFINX_MESH,
+    {"left": "x[0] < 1e-9", "bottom": lambda x: np.isclose(x[1], 0), "top": "x[1] > 1 - 1e-9"},
 )
 
 
@@ -61,9 +62,15 @@ def test_every_effect_is_public():
 
 @pytest.mark.parametrize("name", sfx.__all__)
 def test_every_public_name_is_explained(name):
-    """With a docstring; each field of a table of the scene stands in that of its class, which help() shows first."""
+    """With a docstring; each field of a table of the scene stands in that of its class, which
+    help() shows first.
+    """
     thing = getattr(sfx, name)
-    explained = "".join(kind.__doc__ for kind in thing.__mro__[:2]) if isinstance(thing, type) else thing.__doc__
+    explained = (
+        "".join(kind.__doc__ for kind in thing.__mro__[:2])
+        if isinstance(thing, type)
+        else thing.__doc__
+    )
     assert explained
     for field in getattr(thing, "model_fields", {}):
         assert f"{field}:" in explained or f"{field}, " in explained, field
@@ -73,8 +80,10 @@ def test_what_can_be_accepted(tmp_path):
     """The path of a scene for a scene, NumPy's numbers, a field of the mesh as a traction."""
     path = tmp_path / "scene.toml"
     path.write_text(
-        '[mesh]\ngenerator = "rectangle"\nparameters = {nx = 6, ny = 2}\n[material]\nyoung = 5000.0\npoisson = 0.3\n'
-        '[displacement]\nboundary = "left"\nx = 0.0\ny = 0.0\n[traction]\nboundary = "top"\ny = -20.0\n'
+        '[mesh]\ngenerator = "rectangle"\nparameters = {nx = 6, ny = 2}\n[material]\nyoung = '
+        "5000.0\npoisson = 0.3\n"
+        '[displacement]\nboundary = "left"\nx = 0.0\ny = 0.0\n[traction]\nboundary = "top"\ny = '
+        "-20.0\n"
         '[contact]\nboundary = "bottom"\n'
     )
     for given in (path, str(path)):
@@ -96,18 +105,30 @@ WRONG = {
         lambda: sfx.LinearElastic(young=function(), poisson=0.3),
         "young: must be a number, not dolfinx's Function",
     ),
-    "gap": (lambda: sfx.UnilateralContact(boundary="bottom", gap=function()), "gap: dolfinx's Function cannot be"),
+    "gap": (
+        lambda: sfx.UnilateralContact(boundary="bottom", gap=function()),
+        "gap: dolfinx's Function cannot be",
+    ),
     "bound": (
         lambda: sfx.UnilateralContact(boundary="bottom", friction=sfx.Tresca(function())),
         "friction: bound: dolfinx's Function cannot be",
     ),
     "negative": (lambda: sfx.Coulomb(-0.1), "Coulomb: coefficient: must not be negative, got -0.1"),
-    "displacement": (lambda: sfx.PrescribedDisplacement(boundary="left", x=function()), "x: dolfinx's Function cannot"),
-    "array": (lambda: sfx.SurfaceTraction(boundary="top", y=np.ones(2)), "y: must be a number, not numpy's ndarray"),
+    "displacement": (
+        lambda: sfx.PrescribedDisplacement(boundary="left", x=function()),
+        "x: dolfinx's Function cannot",
+    ),
+    "array": (
+        lambda: sfx.SurfaceTraction(boundary="top", y=np.ones(2)),
+        "y: must be a number, not numpy's ndarray",
+    ),
     "mesh": (lambda: scene(mesh=DOLFINX_MESH), "mesh: .* see tag_boundaries"),
     "file": (lambda: scene(mesh="body.msh"), "mesh: a table with file or generator"),
     "key": (lambda: sfx.SurfaceTraction(boundary="top", yy=3.0), "yy: unknown key"),
-    "kind": (lambda: scene(contact=sfx.SurfaceTraction(boundary="top")), "contact: must be a table"),
+    "kind": (
+        lambda: scene(contact=sfx.SurfaceTraction(boundary="top")),
+        "contact: must be a table",
+    ),
 }
 
 
@@ -142,15 +163,19 @@ def test_wrong_kinds_of_arguments(call, told):
 
 def test_numbers_of_numpy_in_settings():
     """Where a word would do as well."""
-    settings = sfx.SolverSettings(gamma_n=np.float64(1e6), gamma_t=np.float32(2e6), inner_iterations=np.int64(3))
+    settings = sfx.SolverSettings(
+        gamma_n=np.float64(1e6), gamma_t=np.float32(2e6), inner_iterations=np.int64(3)
+    )
     assert (settings.gamma_n, settings.gamma_t, settings.inner_iterations) == (1e6, 2e6, 3)
 
 
 def test_signature_of_a_table():
     """Keys and defaults, as help and a notebook show them."""
     shown = (
-        "(*, boundary, against=None, points='auto', distance='geometry', adjust=None, sliding='finite', gap=0.0, "
-        "direction=None, foundation=None, friction=NoFriction(law='none'), contact_size=None, kind='unilateral', "
+        "(*, boundary, against=None, points='auto', distance='geometry', adjust=None, "
+        "sliding='finite', gap=0.0, "
+        "direction=None, foundation=None, friction=NoFriction(law='none'), contact_size=None, "
+        "kind='unilateral', "
         "overclosure=None)"
     )
     assert str(inspect.signature(sfx.UnilateralContact)) == shown
@@ -160,10 +185,12 @@ def test_signature_of_a_table():
 
 
 @pytest.mark.one_quick
-@pytest.mark.parametrize("scene", [lambda: example1(nx=6, ny=2), lambda: block(3, "tetrahedra", degree=2)])
+@pytest.mark.parametrize(
+    "scene", [lambda: example1(nx=6, ny=2), lambda: block(3, "tetrahedra", degree=2)]
+)
 def test_grid_for_pyvista(scene, monkeypatch):
-    """Its volume is that of the body, and the fields are those of the solution where they are; without PyVista an
-    error says what to install.
+    """Its volume is that of the body, and the fields are those of the solution where they are;
+    without PyVista an error says what to install.
     """
     pytest.importorskip("pyvista")
     solution = alone(scene())
@@ -175,7 +202,9 @@ def test_grid_for_pyvista(scene, monkeypatch):
     away, at = cKDTree(space.tabulate_dof_coordinates()).query(grid.points)
     assert away.max() < 1e-12
     np.testing.assert_allclose(
-        grid["displacement"][:, :size], solution.displacement.x.array.reshape(-1, size)[at], atol=1e-15
+        grid["displacement"][:, :size],
+        solution.displacement.x.array.reshape(-1, size)[at],
+        atol=1e-15,
     )
     assert {"von_mises", "recovered_von_mises", "stress", "density"} <= set(grid.point_data)
     monkeypatch.setattr(plot, "find_spec", lambda name: None)

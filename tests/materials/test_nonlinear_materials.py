@@ -1,4 +1,6 @@
-"""Nonlinear materials at points: their energies and stresses, and what is found of materials of a user's own."""
+"""Nonlinear materials at points: their energies and stresses, and what is found of materials of a
+user's own.
+"""
 
 from typing import ClassVar, Literal
 
@@ -24,22 +26,24 @@ def named(name, **changes):
 @pytest.mark.one_quick
 @pytest.mark.parametrize("name", LAWS)
 def test_what_they_say_of_themselves(name):
-    """The energy does not change when the body turns, and has the moduli at rest; the stress of metal has its
-    derivative.
+    """The energy does not change when the body turns, and has the moduli at rest; the stress of
+    metal has its derivative.
     """
     assert fault_of(named(name)) == ""
     assert fault_of(named("j2", yield_stress=0.1, hardening=[[0.001, 0.3], [0.05, 0.5]])) == ""
 
 
 def test_flow_that_ends_at_a_row():
-    """Metal whose flow ends at a point of its table, to round-off, has the yield stress of that point, with the same
-    plastic strain.
+    """Metal whose flow ends at a point of its table, to round-off, has the yield stress of that
+    point, with the same plastic strain.
     """
     rows = np.array([[0.0031, 0.37], [0.0123, 0.61], [0.0255, 0.61]])
     for young in np.linspace(30.0, 90.0, 25):
         metal = named("j2", young=young, yield_stress=0.1, hardening=rows.tolist())
         shear, _ = metal.constants_at_rest
-        angle = (rows[:, 1] / (3 * shear) + rows[:, 0]) * np.sqrt(3) / 2  # of simple shear, half of it
+        angle = (
+            (rows[:, 1] / (3 * shear) + rows[:, 0]) * np.sqrt(3) / 2
+        )  # of simple shear, half of it
         angle = (angle[:, None] * (1 + np.finfo(float).eps * np.arange(-4, 5))).ravel()
         strain = np.zeros((angle.size, 3, 3))
         strain[:, 0, 1] = strain[:, 1, 0] = angle
@@ -57,7 +61,9 @@ ENERGIES = {
     ),
     "neo-hooke, isochoric": (
         {"young": 100.0, "poisson": 0.3, "isochoric": True},
-        lambda s, J: MU / 2 * (J ** (-2 / 3) * np.sum(s**2) - 3) + (LAME + 2 * MU / 3) / 2 * (J - 1) ** 2,
+        lambda s, J: (
+            MU / 2 * (J ** (-2 / 3) * np.sum(s**2) - 3) + (LAME + 2 * MU / 3) / 2 * (J - 1) ** 2
+        ),
     ),
     "mooney-rivlin": (
         {"c10": 7.0, "c01": 3.0, "bulk": KAPPA},
@@ -70,7 +76,10 @@ ENERGIES = {
     "ogden": (
         {"mu": [3.0, -0.4], "alpha": [1.7, -2.0], "bulk": KAPPA},
         lambda s, J: (
-            sum(m / a * (np.sum((s * J ** (-1 / 3)) ** a) - 3) for m, a in ((3.0, 1.7), (-0.4, -2.0)))
+            sum(
+                m / a * (np.sum((s * J ** (-1 / 3)) ** a) - 3)
+                for m, a in ((3.0, 1.7), (-0.4, -2.0))
+            )
             + KAPPA / 2 * (J - 1) ** 2
         ),
     ),
@@ -87,16 +96,22 @@ def test_energies_of_stretches(law, stretches):
     """By their formulas in principal stretches, of a body that turns before and after."""
     constants, formula = ENERGIES[law]
     made = TypeAdapter(OneMaterial).validate_python({"law": law.partition(",")[0], **constants})
-    first, second = ([[np.cos(a), -np.sin(a), 0], [np.sin(a), np.cos(a), 0], [0, 0, 1]] for a in (0.4, -1.1))
+    first, second = (
+        [[np.cos(a), -np.sin(a), 0], [np.sin(a), np.cos(a), 0], [0, 0, 1]] for a in (0.4, -1.1)
+    )
     change = np.array(first) @ np.diag(stretches) @ np.array(second) - np.eye(3)
     J = float(np.prod(stretches))
     energy = apply_algebra_lowering(made.shape_energy_by_change(ufl.as_matrix(change.tolist())))(())
-    energy += apply_algebra_lowering(ufl.as_ufl(made.volume_energy_by_change(ufl.as_ufl(J - 1))))(())
+    energy += apply_algebra_lowering(ufl.as_ufl(made.volume_energy_by_change(ufl.as_ufl(J - 1))))(
+        ()
+    )
     assert energy == pytest.approx(formula(np.array(stretches), J), rel=1e-9)
 
 
 class Soft(Hyperelastic):
-    """Hencky's material, whose energy is quadratic in the logarithms of the stretches of a body without shear."""
+    """Hencky's material, whose energy is quadratic in the logarithms of the stretches of a body
+    without shear.
+    """
 
     law: Literal["soft"] = "soft"
     shear: float
@@ -121,21 +136,29 @@ class Soft(Hyperelastic):
 
 
 WRONG = {
-    "is not objective": {"shape_energy": lambda self, gradient: self.shear * (gradient[0, 0] - 1) ** 2},
+    "is not objective": {
+        "shape_energy": lambda self, gradient: self.shear * (gradient[0, 0] - 1) ** 2
+    },
     "has a stress without strain": {"volume_energy": lambda self, volume: self.bulk * volume},
-    "is not finite": {"volume_energy": lambda self, volume: self.bulk * (volume - 1) ** 2 + float("nan")},
+    "is not finite": {
+        "volume_energy": lambda self, volume: self.bulk * (volume - 1) ** 2 + float("nan")
+    },
     "constants_at_rest of Wrong are not those of its energy": {
         "constants_at_rest": property(lambda self: (self.shear, 1.1 * self.bulk))
     },
     "both must be positive": {"constants_at_rest": property(lambda self: (self.shear, -self.bulk))},
-    "inf.*both must be positive": {"constants_at_rest": property(lambda self: (self.shear, float("inf")))},
+    "inf.*both must be positive": {
+        "constants_at_rest": property(lambda self: (self.shear, float("inf")))
+    },
     "does not say all": {"shape_energy": Hyperelastic.shape_energy},
     "fails: ZeroDivisionError": {"volume_energy": lambda self, volume: 1 / 0},
 }
 
 
 def test_a_material_of_ones_own(monkeypatch):
-    """Of another package, by its name in a scene: a block of it has the force of a neo-Hookean one at first."""
+    """Of another package, by its name in a scene: a block of it has the force of a neo-Hookean one
+    at first.
+    """
     monkeypatch.setattr(extensions, "_registered", {MATERIALS: {"soft": Soft}})
     law = {"law": "soft", "shear": 3.0, "bulk": 10.0}
     (step,) = solve(block(law, "1e-4*t"), MPI.COMM_SELF).steps
@@ -167,7 +190,11 @@ def test_a_path_dependent_one_of_ones_own():
 
     constants = metal.model_dump(exclude_unset=True)
     assert issubclass(Wrong, PathDependent)
-    for fault, words in (("", ""), ("mean", "not deviatoric"), ("tangent", "is not that of its stress")):
+    for fault, words in (
+        ("", ""),
+        ("mean", "not deviatoric"),
+        ("tangent", "is not that of its stress"),
+    ):
         Wrong.fault = fault
         assert words in fault_of(Wrong(**constants))
         assert bool(fault_of(Wrong(**constants))) == bool(fault)

@@ -1,4 +1,6 @@
-"""A material from outside the package, demos/extensions/material.py, beside the orthotropic one with its constants."""
+"""A material from outside the package, demos/extensions/material.py, beside the orthotropic one
+with its constants.
+"""
 
 import runpy
 from pathlib import Path
@@ -27,7 +29,9 @@ def _registered(monkeypatch):
 
 
 def hill(n, c, k, m, p):
-    """Young's moduli, Poisson's ratios and shear moduli by R. Hill, J. Mech. Phys. Solids 12 (1964) 199-212."""
+    """Young's moduli, Poisson's ratios and shear moduli by R. Hill, J. Mech. Phys. Solids 12 (1964)
+    199-212.
+    """
     along = n - c**2 / k
     across = 4 * m * (k * n - c**2) / (k * n - c**2 + m * n)
     nu, nu_across = c / (2 * k), across / (2 * m) - 1
@@ -46,7 +50,9 @@ def orthotropic(dimension, **more):
 
 @pytest.mark.one_quick
 @pytest.mark.mpi
-@pytest.mark.parametrize("hypothesis", ["plane strain", "plane stress", "axisymmetric", None], ids=str)
+@pytest.mark.parametrize(
+    "hypothesis", ["plane strain", "plane stress", "axisymmetric", None], ids=str
+)
 def test_as_the_orthotropic_one(hypothesis):
     """Displacement, recovered stress, energies, and iterations; with heat, and in 3D."""
     tagged = body("tetrahedra" if hypothesis is None else "triangle")
@@ -55,15 +61,22 @@ def test_as_the_orthotropic_one(hypothesis):
     held = {"displacement": [{"boundary": "left", "x": 0.0}], "temperature": {"change": 3.0}}
     first, second = (
         solve(pushed_down(tagged, material, **held), COMM)
-        for material in (own(dimension, **more, expansion=1e-4), orthotropic(dimension, **more, expansion=1e-4))
+        for material in (
+            own(dimension, **more, expansion=1e-4),
+            orthotropic(dimension, **more, expansion=1e-4),
+        )
     )
     assert first.certificate.holds
     assert len(first.history.iterations) == len(second.history.iterations)
     size = np.abs(second.displacement.x.array).max()
-    np.testing.assert_allclose(first.displacement.x.array, second.displacement.x.array, atol=1e-9 * size)
+    np.testing.assert_allclose(
+        first.displacement.x.array, second.displacement.x.array, atol=1e-9 * size
+    )
     stresses = [solution.stress.recovered.tensor.x.array for solution in (first, second)]
     np.testing.assert_allclose(*stresses, atol=1e-8 * np.abs(stresses[1]).max())
-    assert first.certificate.strain_energy == pytest.approx(second.certificate.strain_energy, rel=1e-9)
+    assert first.certificate.strain_energy == pytest.approx(
+        second.certificate.strain_energy, rel=1e-9
+    )
 
 
 def lying(**methods):

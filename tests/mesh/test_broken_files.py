@@ -1,4 +1,6 @@
-"""Files that are broken end in one clear error with their name, and scripts that do more than draw are refused."""
+"""Files that are broken end in one clear error with their name, and scripts that do more than draw
+are refused.
+"""
 
 import meshio
 import numpy as np
@@ -27,7 +29,9 @@ def sound(tmp_path_factory):
     write_msh(folder / "body.geo", folder / "body.msh")
     mesh = read_file(folder / "body.geo")
     foot = mesh.facets[mesh.boundaries["foot"]]
-    cells = meshio.Mesh(mesh.points, [("triangle", mesh.cells)], point_sets={"foot": np.unique(foot)})
+    cells = meshio.Mesh(
+        mesh.points, [("triangle", mesh.cells)], point_sets={"foot": np.unique(foot)}
+    )
     meshio.write(folder / "body.inp", cells)
     meshio.xdmf.write(folder / "body.xdmf", cells, data_format="XML")
     both = meshio.Mesh(mesh.points, [("triangle", mesh.cells), ("line", foot)])
@@ -50,7 +54,9 @@ def sound(tmp_path_factory):
 
 
 def refused(file, capfd):
-    """The message, which names the file, prints nothing, and has no characters that a terminal would obey."""
+    """The message, which names the file, prints nothing, and has no characters that a terminal
+    would obey.
+    """
     names = {"foot": lambda x: x[1] < 1e-9} if file.suffix in (".vtu", ".xdmf") else None
     with pytest.raises(MeshError) as caught:
         read_mesh(file, MPI.COMM_SELF, names)

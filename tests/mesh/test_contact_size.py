@@ -1,4 +1,6 @@
-"""``contact_size``: facets in contact have the length that was asked for, cells far away are no smaller than before."""
+"""``contact_size``: facets in contact have the length that was asked for, cells far away are no
+smaller than before.
+"""
 
 import tomllib
 
@@ -24,7 +26,10 @@ def _read(text):
 
 
 # Half of a lug of STEP in 2D, whose hole is on the origin.
-BOUNDARIES = {"hole": "abs(x[0]**2 + x[1]**2 - 100) < 0.5 and x[1] < 1e-9", "top": "x[1] > 40 - 1e-9"}
+BOUNDARIES = {
+    "hole": "abs(x[0]**2 + x[1]**2 - 100) < 0.5 and x[1] < 1e-9",
+    "top": "x[1] > 40 - 1e-9",
+}
 
 
 @pytest.fixture(scope="module")
@@ -36,9 +41,15 @@ def drawings(tmp_path_factory):
             gmsh.clear()
             occ = gmsh.model.occ
             if solid:
-                plate, hole = occ.addBox(0, -20, 0, 20, 60, 10), occ.addCylinder(0, 0, -1, 0, 0, 12, RADIUS)
+                plate, hole = (
+                    occ.addBox(0, -20, 0, 20, 60, 10),
+                    occ.addCylinder(0, 0, -1, 0, 0, 12, RADIUS),
+                )
             else:
-                plate, hole = occ.addRectangle(0, -20, 0, 20, 60), occ.addDisk(0, 0, 0, RADIUS, RADIUS)
+                plate, hole = (
+                    occ.addRectangle(0, -20, 0, 20, 60),
+                    occ.addDisk(0, 0, 0, RADIUS, RADIUS),
+                )
             dim = 3 if solid else 2
             occ.cut([(dim, plate)], [(dim, hole)])
             occ.synchronize()
@@ -63,7 +74,11 @@ Physical Surface("lug") = {1};
 def scene(file, *, contact=None, degree=1, bodies=(), more=""):
     """A scene whose boundary ``hole`` is in contact, of one mesh or of several bodies."""
     table = f'file = "{file}"\n' + ("" if file.suffix == ".geo" else "size = 3.0\n")
-    named = "" if file.suffix == ".geo" else "".join(f'{key} = "{rule}"\n' for key, rule in BOUNDARIES.items())
+    named = (
+        ""
+        if file.suffix == ".geo"
+        else "".join(f'{key} = "{rule}"\n' for key, rule in BOUNDARIES.items())
+    )
     mesh = f"[mesh]\n{table}[mesh.boundaries]\n{named}"
     for name in bodies:
         mesh = mesh if name != bodies[0] else ""
@@ -89,12 +104,14 @@ def far_sizes(tagged: TaggedMesh) -> np.ndarray:
 
 @pytest.mark.one_quick
 @pytest.mark.parametrize(
-    ("name", "size"), [("plane.step", 0.3), ("plane.geo", 0.3), ("quads.geo", 0.3), ("space.step", 0.9)]
+    ("name", "size"),
+    [("plane.step", 0.3), ("plane.geo", 0.3), ("quads.geo", 0.3), ("space.step", 0.9)],
 )
 @pytest.mark.parametrize("degree", [1, 2])
 def test_facets_in_contact_have_the_length(drawings, name, size, degree):
     before, after = (
-        load_mesh(scene(drawings / name, contact=own, degree=degree), MPI.COMM_SELF) for own in (None, size)
+        load_mesh(scene(drawings / name, contact=own, degree=degree), MPI.COMM_SELF)
+        for own in (None, size)
     )
     lengths = edges(after, "hole")
     assert np.median(lengths) == pytest.approx(size, rel=0.15)
@@ -116,7 +133,10 @@ def test_facets_in_contact_have_the_length(drawings, name, size, degree):
 
 def test_of_two_bodies_the_one_that_is_named_has_the_size(drawings):
     two = scene(drawings / "plane.geo", contact=0.5, bodies=("upper", "lower"))
-    assert [[one.boundary for one in contact_sizes(two, body)] for body in range(2)] == [["hole"], []]
+    assert [[one.boundary for one in contact_sizes(two, body)] for body in range(2)] == [
+        ["hole"],
+        [],
+    ]
 
 
 def test_sizes_grow_by_a_quarter_per_length(drawings):
@@ -148,9 +168,15 @@ def test_sizes_grow_by_a_quarter_per_length(drawings):
     ],
 )
 def test_generators_that_gmsh_meshes(generator, boundary, size, parameters):
-    text = f'[mesh]\ngenerator = "{generator}"\nparameters = {{ {parameters} }}\n[[contact]]\nboundary = "{boundary}"\n'
+    text = (
+        f'[mesh]\ngenerator = "{generator}"\nparameters = '
+        f'{{ {parameters} }}\n[[contact]]\nboundary = "{boundary}"\n'
+    )
     rest = "[[material]]\nyoung = 1e3\npoisson = 0.3\n[element]\ndegree = 2\n"
-    before, after = (load_mesh(_read(text + own + rest), MPI.COMM_SELF) for own in ("", f"contact_size = {size}\n"))
+    before, after = (
+        load_mesh(_read(text + own + rest), MPI.COMM_SELF)
+        for own in ("", f"contact_size = {size}\n")
+    )
     lengths = edges(after, boundary)
     assert lengths.max() < 1.5 * size
     assert lengths.max() > 0.8 * size
@@ -175,7 +201,9 @@ def test_a_size_that_is_no_length_is_refused(size):
 
 def test_what_cannot_be_had_is_refused_with_its_place(drawings, tmp_path):
     plain = f'[mesh]\ngenerator = "rectangle"\n{CONTACT}contact_size = 0.01\n{REST}'
-    assert "contact[0].contact_size: the cells of the generator 'rectangle' are in rows" in refused(plain)
+    assert "contact[0].contact_size: the cells of the generator 'rectangle' are in rows" in refused(
+        plain
+    )
     rows = f'[mesh]\ngenerator = "block"\n{CONTACT}contact_size = 0.01\n{REST}'
     message = refused(rows)
     assert "contact[0].contact_size: the cells of the generator 'block' are in rows" in message
@@ -192,5 +220,7 @@ def test_what_cannot_be_had_is_refused_with_its_place(drawings, tmp_path):
     assert "contact[0].contact_size: all bodies have their cells already" in refused(text)
     script = tmp_path / "rows.geo"
     script.write_text(SCRIPT + "Transfinite Curve {6} = 5;\n")
-    text = f'[mesh]\nfile = "{script}"\n{CONTACT}contact_size = 0.5\n{REST}'.replace("bottom", "hole")
+    text = f'[mesh]\nfile = "{script}"\n{CONTACT}contact_size = 0.5\n{REST}'.replace(
+        "bottom", "hole"
+    )
     assert "Transfinite" in refused(text)

@@ -1,4 +1,6 @@
-"""Mesh files in 3D: names, volume and moments survive every format; drawings of CAD programs; what is refused."""
+"""Mesh files in 3D: names, volume and moments survive every format; drawings of CAD programs; what
+is refused.
+"""
 
 import itertools
 
@@ -25,7 +27,9 @@ FOOT, OUTSIDE = np.pi / 4 * 3, np.pi * 1.5
 
 
 def quarter(folder, kind):
-    """The quarter of a ring by gmsh, its names overlapping and its inside without one; two regions."""
+    """The quarter of a ring by gmsh, its names overlapping and its inside without one; two
+    regions.
+    """
     recombine = "Recombine;" if kind.startswith("hexa") else ""
     file = folder / f"{kind}.geo"
     file.write_text(
@@ -69,7 +73,9 @@ def integrals(tagged):
 def check_quarter(found, rel):
     """Names and sizes, of a straight mesh (rel 3e-2) or of a curved one."""
     assert volumes(found) == pytest.approx({"lower half": VOLUME / 2, "all": VOLUME}, rel=rel)
-    assert areas(found) == pytest.approx({"foot": FOOT, "ends": 2 * FOOT, "outside": OUTSIDE}, rel=rel)
+    assert areas(found) == pytest.approx(
+        {"foot": FOOT, "ends": 2 * FOOT, "outside": OUTSIDE}, rel=rel
+    )
 
 
 @each_kind
@@ -88,7 +94,9 @@ def in_meshio(elements, cell):
 
 
 def foreign(folder, kind):
-    """The quarter as another program has it: points in another order, every other cell mirrored, triangles apart."""
+    """The quarter as another program has it: points in another order, every other cell mirrored,
+    triangles apart.
+    """
     own = read_file(quarter(folder, kind))
     order = np.random.default_rng(1).permutation(len(own.points))
     points = np.empty_like(own.points)
@@ -110,7 +118,9 @@ def foreign(folder, kind):
     ("kind", "form"),
     [
         *((kind, form) for kind in KINDS for form in ("gmsh22", "vtu")),
-        *((kind, form) for kind in KINDS[:3] for form in ("med", "abaqus")),  # which have no hexahedra of 27 nodes
+        *(
+            (kind, form) for kind in KINDS[:3] for form in ("med", "abaqus")
+        ),  # which have no hexahedra of 27 nodes
     ],
 )
 def test_files_of_others(tmp_path, kind, form):
@@ -134,7 +144,10 @@ def test_files_of_others(tmp_path, kind, form):
     found = read_file(file, {"foot": 8} if form == "vtu" else None)
     own = read_file(tmp_path / f"{kind}.geo")
     assert areas(found)["foot"] == pytest.approx(areas(own)["foot"], rel=1e-12)
-    tagged = [read_mesh(tmp_path / f"{kind}.geo", MPI.COMM_SELF), read_mesh(file, MPI.COMM_SELF, {"foot": low})]
+    tagged = [
+        read_mesh(tmp_path / f"{kind}.geo", MPI.COMM_SELF),
+        read_mesh(file, MPI.COMM_SELF, {"foot": low}),
+    ]
     assert integrals(tagged[1]) == pytest.approx(integrals(tagged[0]), rel=1e-12)
     assert tagged[1].facets("foot").size == len(own.boundaries["foot"])
 
@@ -146,10 +159,14 @@ def low(x):
 
 @pytest.mark.parametrize("kind", ["quad8", "hexahedron20"])
 def test_shape_of_completed_elements(kind):
-    """The nodes that are added are where the element has them: exact for all polynomials of its space."""
+    """The nodes that are added are where the element has them: exact for all polynomials of its
+    space.
+    """
     cell, weights = completed(kind)
     x = 2 * np.array([np.mean([cell.corners[c] for c in own], axis=0) for own in cell.nodes]) - 1
-    powers = [p for p in itertools.product(range(3), repeat=cell.dim) if sum(n for n in p if n > 1) <= 2]
+    powers = [
+        p for p in itertools.product(range(3), repeat=cell.dim) if sum(n for n in p if n > 1) <= 2
+    ]
     assert len(powers) == weights.shape[1]
     for power in powers:
         values = (x**power).prod(axis=1)
@@ -165,7 +182,11 @@ APEX = [3, 2, 0, 1]
 
 def abaqus(folder, element, points, sets="", surfaces=""):
     """A file with one element."""
-    lines = ["*HEADING", "*NODE", *(f"{n}, {x}, {y}, {z}" for n, (x, y, z) in enumerate(points, start=1))]
+    lines = [
+        "*HEADING",
+        "*NODE",
+        *(f"{n}, {x}, {y}, {z}" for n, (x, y, z) in enumerate(points, start=1)),
+    ]
     numbers = [str(n) for n in range(1, len(points) + 1)]
     rows = ",\n".join(", ".join(part) for part in (numbers[:12], numbers[12:]) if part)
     lines += [f"*ELEMENT, TYPE={element}, ELSET=solid", f"1, {rows}", sets, surfaces]
@@ -183,7 +204,20 @@ def between(corners, edges):
 @pytest.mark.parametrize("element", ["C3D8", "C3D8R", "C3D8I", "C3D20", "C3D20R"])
 def test_faces_of_abaqus_hexahedra(tmp_path, element):
     """Each face is where the manual says, by number and by a set of elements."""
-    edges = [(0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7)]
+    edges = [
+        (0, 1),
+        (1, 2),
+        (2, 3),
+        (3, 0),
+        (4, 5),
+        (5, 6),
+        (6, 7),
+        (7, 4),
+        (0, 4),
+        (1, 5),
+        (2, 6),
+        (3, 7),
+    ]
     points = between(CUBE, edges if "20" in element else [])
     surfaces = "\n".join(f"*SURFACE, NAME=face{n}\nsolid, S{n}" for n in range(1, 7))
     found = read_file(abaqus(tmp_path, element, points, surfaces=surfaces))
@@ -212,7 +246,7 @@ def test_faces_of_abaqus_tetrahedra(tmp_path, element):
         read_file(abaqus(tmp_path, element, points, surfaces="*SURFACE, NAME=no\n1, S5"))
 
 
-# --- drawings of CAD programs ----------------------------------------------------------------------------------------
+# --- drawings of CAD programs ---------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")
@@ -234,7 +268,9 @@ def drawings(tmp_path_factory):
     gmsh.write(str(folder / "flat.step"))
     gmsh.finalize()
     text = (folder / "plain.step").read_text()
-    (folder / "metres.stp").write_text(text.replace("SI_UNIT(.MILLI.,.METRE.)", "SI_UNIT($,.METRE.)"))
+    (folder / "metres.stp").write_text(
+        text.replace("SI_UNIT(.MILLI.,.METRE.)", "SI_UNIT($,.METRE.)")
+    )
     return folder
 
 
@@ -242,7 +278,15 @@ def drawings(tmp_path_factory):
 NAMES = ["left", "front", "cover", "back", "foot", "right end", "hole"]
 NUMBERS = {name: number for number, name in enumerate(NAMES, start=1)}
 PLATE, SHEET, RIM = 8000 - 250 * np.pi, 800 - 25 * np.pi, 100 * np.pi
-SIDES = {"left": 200, "front": 400, "back": 400, "right end": 200, "cover": SHEET, "foot": SHEET, "hole": RIM}
+SIDES = {
+    "left": 200,
+    "front": 400,
+    "back": 400,
+    "right end": 200,
+    "cover": SHEET,
+    "foot": SHEET,
+    "hole": RIM,
+}
 
 
 @pytest.mark.one_quick
@@ -256,15 +300,23 @@ def test_faces_of_step(drawings, name):
     assert {label: sizes[label] for label in SIDES} == pytest.approx(
         {label: unit**2 * area for label, area in SIDES.items()}, rel=1e-4
     )
-    assert measures(found.points, found.cells, found.cell).sum() == pytest.approx(unit**3 * PLATE, rel=1e-4)
+    assert measures(found.points, found.cells, found.cell).sum() == pytest.approx(
+        unit**3 * PLATE, rel=1e-4
+    )
     assert set(found.boundaries) == {*SIDES, *(f"boundary_{n}" for n in range(1, 8))}
-    assert list(found.regions) == ["region_1"]  # and not the name that OpenCASCADE gives to a part without one
+    assert list(found.regions) == [
+        "region_1"
+    ]  # and not the name that OpenCASCADE gives to a part without one
 
 
 @pytest.mark.parametrize(
     ("name", "content", "message"),
     [
-        ("odd.step", b"no drawing", "is no file of the format step: it does not begin with ISO-10303-21"),
+        (
+            "odd.step",
+            b"no drawing",
+            "is no file of the format step: it does not begin with ISO-10303-21",
+        ),
         ("odd.stp", b"ISO-10303-21;\nHEADER;\n", "gmsh cannot read it"),
         ("odd.brep", b"Point(1) = {0, 0, 0};", "is no file of the format brep"),
         ("odd.brep", b"DBRep_DrawableShape\n\nCASCADE Topology V1", "gmsh cannot read it"),
@@ -280,7 +332,7 @@ def test_drawings_that_are_none(tmp_path, name, content, message, capfd):
     assert capfd.readouterr() == ("", "")
 
 
-# --- what is refused -------------------------------------------------------------------------------------------------
+# --- what is refused ------------------------------------------------------------------------------
 
 TETRA = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]
 BALL = [[1, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0], [0, 0, 1]]
@@ -294,7 +346,11 @@ BALL = [[1, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0], [0, 0, 1]]
             [("hexahedron", [list(range(8))]), ("tetra", [[4, 5, 6, 8], [4, 6, 7, 8]])],
             "1 hexahedron, 2 tetra: tetrahedra are made of all by gmsh without Recombine",
         ),
-        (CUBE, [("hexahedron", [[0, 1, 3, 2, 4, 5, 7, 6]])], r"1 cells are folded, the first at \(0.5, 0.5, 0.5\)"),
+        (
+            CUBE,
+            [("hexahedron", [[0, 1, 3, 2, 4, 5, 7, 6]])],
+            r"1 cells are folded, the first at \(0.5, 0.5, 0.5\)",
+        ),
         ([*TETRA[:3], [1, 1, 0]], [("tetra", [[0, 1, 2, 3]])], "without an angle"),
         (TETRA, [("tetra", [[0, 1, 2, 3], [1, 0, 2, 3]])], "every facet belongs to two cells"),
         (
@@ -325,17 +381,22 @@ def test_curved_cells_that_are_folded(tmp_path):
     """Also between their corners: two nodes in the middle of edges are exchanged."""
     found = read_file(quarter(tmp_path, "tetra10"))
     found.cells[0, [8, 9]] = found.cells[0, [9, 8]]
-    meshio.write(tmp_path / "odd.vtu", meshio.Mesh(found.points, [("tetra10", in_meshio(found.cells, found.cell))]))
+    meshio.write(
+        tmp_path / "odd.vtu",
+        meshio.Mesh(found.points, [("tetra10", in_meshio(found.cells, found.cell))]),
+    )
     with pytest.raises(MeshError, match="1 cells are folded"):
         read_file(tmp_path / "odd.vtu")
 
 
-# --- halving, info, ranks --------------------------------------------------------------------------------------------
+# --- halving, info, ranks -------------------------------------------------------------------------
 
 
 @each_kind
 def test_halved(tmp_path, kind):
-    """Eight children each; volume, areas and moments stay to round-off, and the mesh is conforming."""
+    """Eight children each; volume, areas and moments stay to round-off, and the mesh is
+    conforming.
+    """
     first = read_file(quarter(tmp_path, kind))
     finer = halved(first)
     assert len(finer.cells) == 8 * len(first.cells)
@@ -348,15 +409,22 @@ def test_halved(tmp_path, kind):
     file = tmp_path / "finer.vtu"
     meshio.write(file, meshio.Mesh(finer.points, [(kind, in_meshio(finer.cells, finer.cell))]))
     again = read_file(file)  # which counts the facets that one cell has alone
-    assert {tuple(row) for row in np.sort(again.facet_corners)} == {tuple(row) for row in np.sort(finer.facet_corners)}
-    tagged = [read_mesh(file, MPI.COMM_SELF, {"foot": low}), read_mesh(tmp_path / f"{kind}.geo", MPI.COMM_SELF)]
+    assert {tuple(row) for row in np.sort(again.facet_corners)} == {
+        tuple(row) for row in np.sort(finer.facet_corners)
+    }
+    tagged = [
+        read_mesh(file, MPI.COMM_SELF, {"foot": low}),
+        read_mesh(tmp_path / f"{kind}.geo", MPI.COMM_SELF),
+    ]
     assert integrals(tagged[0]) == pytest.approx(integrals(tagged[1]), rel=1e-12)
 
 
 @pytest.mark.mpi
 @each_kind
 def test_on_ranks(tmp_path, kind):
-    """A file is read on one rank; names that overlap have all their facets and cells on any number of ranks."""
+    """A file is read on one rank; names that overlap have all their facets and cells on any number
+    of ranks.
+    """
     comm = MPI.COMM_WORLD
     folder = comm.bcast(tmp_path)
     if comm.rank == 0:
@@ -367,7 +435,9 @@ def test_on_ranks(tmp_path, kind):
     counts = {name: comm.allreduce(int(tagged.facets(name).size)) for name in tagged.boundaries}
     assert counts == {name: 4 * len(rows) for name, rows in own.boundaries.items()}
     owned = tagged.mesh.topology.index_map(3).size_local
-    cells = {name: comm.allreduce(int((tagged.cells(name) < owned).sum())) for name in tagged.regions}
+    cells = {
+        name: comm.allreduce(int((tagged.cells(name) < owned).sum())) for name in tagged.regions
+    }
     assert cells == {name: 8 * len(rows) for name, rows in own.regions.items()}
     rel = 3e-4 if kind[-1].isdigit() else 6e-2
     assert integrals(tagged) == pytest.approx([VOLUME, MOMENT], rel=rel)

@@ -1,4 +1,6 @@
-"""Every generator: names, sizes and shapes; the same mesh every time, on ranks, in all units; what is refused."""
+"""Every generator: names, sizes and shapes; the same mesh every time, on ranks, in all units; what
+is refused.
+"""
 
 import inspect
 import re
@@ -47,11 +49,21 @@ PLANE = {
     "wedge": (
         {"nx": 6, "ny": 10},
         2 * (1 + 2 * tan(pi / 12)),
-        {"tip": 1, "top": 1 + 4 * tan(pi / 12), "left": 2 / cos(pi / 12), "right": 2 / cos(pi / 12)},
+        {
+            "tip": 1,
+            "top": 1 + 4 * tan(pi / 12),
+            "left": 2 / cos(pi / 12),
+            "right": 2 / cos(pi / 12),
+        },
     ),
-    "plate_with_hole": ({}, 32 - pi, {"hole": 2 * pi, "bottom": 8, "right": 4, "top": 8, "left": 4}),
+    "plate_with_hole": (
+        {},
+        32 - pi,
+        {"hole": 2 * pi, "bottom": 8, "right": 4, "top": 8, "left": 4},
+    ),
 }
-# The bracket's seat is a ring, its hole goes through the foot; beside the fillet a square less a quarter of a circle.
+# The bracket's seat is a ring, its hole goes through the foot; beside the fillet a square less a
+# quarter of a circle.
 SEAT, HOLE, FILLET = pi * (10**2 - 5.5**2), pi * 5.5**2, 6**2 * (1 - pi / 4)
 # Parameters of a small mesh: its volume and the areas of its boundaries.
 SPACE = {
@@ -102,7 +114,9 @@ each = pytest.mark.parametrize("name", SMALL)
 
 def with_cells(names):
     """Each of the generators with each kind of cell that it has."""
-    pairs = [(name, cell) for name in names for cell in (PLANE_CELLS if name in PLANE else SPACE_CELLS)]
+    pairs = [
+        (name, cell) for name in names for cell in (PLANE_CELLS if name in PLANE else SPACE_CELLS)
+    ]
     return pytest.mark.parametrize(("name", "cell"), pairs)
 
 
@@ -114,16 +128,23 @@ def make(name, comm=MPI.COMM_SELF, **changes):
 def integral(tagged, boundary=None):
     """The size of the body, or of a boundary, with curved sides; over all ranks."""
     mesh = tagged.mesh
-    one, measure = fem.Constant(mesh, default_scalar_type(1.0)), ufl.dx(metadata={"quadrature_degree": 6})
+    one, measure = (
+        fem.Constant(mesh, default_scalar_type(1.0)),
+        ufl.dx(metadata={"quadrature_degree": 6}),
+    )
     if boundary is not None:
         facets = tagged.facets(boundary)
-        tags = dmesh.meshtags(mesh, tagged.dimension - 1, facets, np.ones(len(facets), dtype=np.int32))
+        tags = dmesh.meshtags(
+            mesh, tagged.dimension - 1, facets, np.ones(len(facets), dtype=np.int32)
+        )
         measure = ufl.Measure("ds", mesh, subdomain_data=tags, metadata={"quadrature_degree": 6})(1)
     return mesh.comm.allreduce(fem.assemble_scalar(fem.form(one * measure)))
 
 
 def check(name, tagged, rel):
-    """Names and sizes; in 3D no facet is without a name, which is also to say that the mesh is conforming."""
+    """Names and sizes; in 3D no facet is without a name, which is also to say that the mesh is
+    conforming.
+    """
     _, whole, sizes = SMALL[name]
     assert set(tagged.boundaries) == set(sizes)
     for boundary, expected in sizes.items():
@@ -165,7 +186,11 @@ def test_names_sizes_and_quality(name, cell):
     low, mean = (0.15, 0.4) if name in ("block", "wedge") else (0.35, 0.8)
     if name in SPACE:
         # Tetrahedra that are divided make hexahedra of a worse shape than a grid has.
-        low, mean = (0.15, 0.45) if cell == "hexahedron" and name in ("half_sphere", "bracket") else (0.3, 0.6)
+        low, mean = (
+            (0.15, 0.45)
+            if cell == "hexahedron" and name in ("half_sphere", "bracket")
+            else (0.3, 0.6)
+        )
     assert shape.min() > low
     assert shape.mean() > mean
 
@@ -173,7 +198,9 @@ def test_names_sizes_and_quality(name, cell):
 @pytest.mark.one_quick
 @with_cells(CURVED)
 def test_geometry_of_degree_two(name, cell):
-    """The nodes within facets and edges are on the surfaces: sizes are right to the fourth order, not the second."""
+    """The nodes within facets and edges are on the surfaces: sizes are right to the fourth order,
+    not the second.
+    """
     straight, curved = (make(name, cell=cell, order=order) for order in (1, 2))
     assert (geometry_degree(straight.mesh), geometry_degree(curved.mesh)) == (1, 2)
     check(name, curved, 5e-4)
@@ -201,11 +228,17 @@ def test_the_same_mesh_in_all_units(name, unit):
     """A body of nanometres or of kilometres has the same cells."""
     parameters = inspect.signature(known_generators()[name]()).parameters.items()
     values = {key: p.default for key, p in parameters} | SMALL[name][0]
-    lengths = {k: unit * value for k, value in values.items() if isinstance(value, float) and k not in NO_LENGTHS}
+    lengths = {
+        k: unit * value
+        for k, value in values.items()
+        if isinstance(value, float) and k not in NO_LENGTHS
+    }
     first, second = make(name), make(name, **lengths)
     np.testing.assert_array_equal(geometry_cells(first.mesh), geometry_cells(second.mesh))
     size = np.abs(first.mesh.geometry.x).max()
-    np.testing.assert_allclose(second.mesh.geometry.x / unit, first.mesh.geometry.x, rtol=0, atol=1e-8 * size)
+    np.testing.assert_allclose(
+        second.mesh.geometry.x / unit, first.mesh.geometry.x, rtol=0, atol=1e-8 * size
+    )
 
 
 @pytest.mark.one_quick
@@ -231,7 +264,9 @@ def test_coarser(name):
     """Facets twice as long: about a quarter, or an eighth, of the cells, the same names."""
     parameters = SMALL[name][0] | COARSER.get(name, {})
     coarse = generate_mesh(
-        name, MeshGenerator(generator=name, parameters=parameters).coarser(2.0).parameters, MPI.COMM_SELF
+        name,
+        MeshGenerator(generator=name, parameters=parameters).coarser(2.0).parameters,
+        MPI.COMM_SELF,
     )
     fine = generate_mesh(name, parameters, MPI.COMM_SELF)
     assert set(coarse.boundaries) == set(fine.boundaries)
@@ -329,7 +364,7 @@ def test_more_cells_than_there_could_be(name, changes):
         make(name, MPI.COMM_WORLD, **changes)
 
 
-# --- generators of other packages ------------------------------------------------------------------------------------
+# --- generators of other packages -----------------------------------------------------------------
 
 GUIDE = Path(__file__).parents[2] / "docs" / "meshes.md"
 
@@ -340,13 +375,17 @@ def installed(tmp_path, monkeypatch):
 
     def install(*generators):
         guide = GUIDE.read_text(encoding="utf-8")
-        code, settings = (re.search(rf"```{kind}\n(.*?)```", guide, re.DOTALL)[1] for kind in ("python", "toml"))
+        code, settings = (
+            re.search(rf"```{kind}\n(.*?)```", guide, re.DOTALL)[1] for kind in ("python", "toml")
+        )
         (tmp_path / "wavy.py").write_text(code, encoding="utf-8")
         project = tomllib.loads(settings)["project"]
         ((group, names),) = project["entry-points"].items()
         data = tmp_path / f"{project['name']}-{project['version']}.dist-info"
         data.mkdir()
-        (data / "METADATA").write_text(f"Name: {project['name']}\nVersion: {project['version']}\n", encoding="utf-8")
+        (data / "METADATA").write_text(
+            f"Name: {project['name']}\nVersion: {project['version']}\n", encoding="utf-8"
+        )
         lines = [*(f"{name} = {value}" for name, value in names.items()), *generators]
         (data / "entry_points.txt").write_text("\n".join([f"[{group}]", *lines]), encoding="utf-8")
         monkeypatch.syspath_prepend(tmp_path)
@@ -369,7 +408,9 @@ def wavy(parameters, **settings):
 
 
 def test_generator_of_another_package(installed):
-    """That of the guide is named in a scene as ours are, on several meshes too, and its parameters are checked."""
+    """That of the guide is named in a scene as ours are, on several meshes too, and its parameters
+    are checked.
+    """
     installed()
     assert "wavy" in scene_schema()["$defs"]["MeshGenerator"]["properties"]["generator"]["enum"]
     solution = alone(wavy({"nx": 24}, solver={"levels": 2}))
@@ -379,7 +420,11 @@ def test_generator_of_another_package(installed):
     assert columns["y"].max() == pytest.approx(0.1)
     assert (columns["state"] != "open").any()
     assert MeshGenerator(generator="wavy").of_simplices is None
-    for parameters, told in (({"depth": 2}, "less than 1"), ({"length": -1.0}, "greater than 0"), ({"n": 1}, "nx, ny")):
+    for parameters, told in (
+        ({"depth": 2}, "less than 1"),
+        ({"length": -1.0}, "greater than 0"),
+        ({"n": 1}, "nx, ny"),
+    ):
         with pytest.raises(SceneError, match=told):
             alone(wavy(parameters))
 
@@ -397,14 +442,19 @@ def test_generators_of_other_packages_that_cannot_be_used(installed):
     assert generate_mesh("box", {"nx": 2, "ny": 1, "nz": 1}, MPI.COMM_SELF).dimension == 3
 
 
-# --- bodies in contact -----------------------------------------------------------------------------------------------
+# --- bodies in contact ----------------------------------------------------------------------------
 
 STEEL = {"young": 210000.0, "poisson": 0.3}
 
 
 def solved(name, parameters, contact, **effects):
     """A solution, its contact force checked against the loads by the certificate."""
-    data = {"mesh": {"generator": name, "parameters": parameters}, "contact": contact, "material": STEEL, **effects}
+    data = {
+        "mesh": {"generator": name, "parameters": parameters},
+        "contact": contact,
+        "material": STEEL,
+        **effects,
+    }
     solution = alone(parse_scene(data))
     assert solution.converged
     return solution
@@ -412,12 +462,17 @@ def solved(name, parameters, contact, **effects):
 
 @pytest.mark.parametrize("friction", [0.0, 0.1, 0.2])
 def test_wedge_in_its_groove(friction):
-    """The normal force on each flank balances the load: P / (2 (sin a + F cos a)) while it slides down."""
+    """The normal force on each flank balances the load: P / (2 (sin a + F cos a)) while it slides
+    down.
+    """
     angle, load = radians(15.0), 100.0
     solution = solved(
         "wedge",
         {"nx": 8, "ny": 16},
-        [{"boundary": side, "friction": {"law": "coulomb", "coefficient": friction}} for side in ("left", "right")],
+        [
+            {"boundary": side, "friction": {"law": "coulomb", "coefficient": friction}}
+            for side in ("left", "right")
+        ],
         traction={"boundary": "top", "pressure": load},
     )
     columns = table_of(solution).columns
@@ -432,14 +487,19 @@ def test_linear_elements_on_curved_cells(cell):
     """They cannot turn without strain, so they are refused."""
     scene = parse_scene(
         {
-            "mesh": {"generator": "punch", "parameters": {"order": 2, "cell": cell, "contact_size": 0.2}},
+            "mesh": {
+                "generator": "punch",
+                "parameters": {"order": 2, "cell": cell, "contact_size": 0.2},
+            },
             "material": STEEL,
             "displacement": {"boundary": "top", "x": 0.0, "y": -0.001},
             "contact": {"boundary": "foot", "gap": "x[1]", "direction": [0, -1]},
         }
     )
     for ask in (solve, check_scene):
-        with pytest.raises(SceneError, match=r"element\.degree: the mesh has curved cells: set degree = 2"):
+        with pytest.raises(
+            SceneError, match=r"element\.degree: the mesh has curved cells: set degree = 2"
+        ):
             ask(scene, MPI.COMM_WORLD)
     quadratic = scene.model_copy(update={"element": Discretised(degree=2)})
     assert solve(quadratic, MPI.COMM_WORLD).converged

@@ -35,7 +35,9 @@ def squares(tmp_path):
 
 
 def test_mesh_info(capsys, squares):
-    """Counts, size, names, and what would hurt: a hinge, nodes that coincide, facets without a name."""
+    """Counts, size, names, and what would hurt: a hinge, nodes that coincide, facets without a
+    name.
+    """
     code, out, err = run(capsys, "mesh-info", squares)
     assert (code, err) == (0, ""), err
     for text in (

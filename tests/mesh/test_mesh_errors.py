@@ -65,7 +65,9 @@ def test_interior_facets_are_no_boundary():
 
 @pytest.mark.parametrize("use", ["contact", "traction", "displacement"])
 def test_facets_inside_of_a_boundary_are_told(use):
-    """A boundary of which some facets are inside of the body is refused wherever it is used, with both counts."""
+    """A boundary of which some facets are inside of the body is refused wherever it is used, with
+    both counts.
+    """
     tagged = rectangle(nx=4, ny=2)
     inside = mesh.locate_entities(tagged.mesh, 1, lambda x: np.isclose(x[1], 0.5))
     extra = mesh.meshtags(tagged.mesh, 1, inside, np.full(inside.size, 9, dtype=np.int32))
@@ -80,7 +82,10 @@ def test_facets_inside_of_a_boundary_are_told(use):
     before = tagged.facets(name).size
     found = mistakes(on_mesh(scene, type(tagged)(tagged.mesh, tags, boundaries)))
     assert list(found) == [f"{use}[0].boundary"]
-    text = f"{inside.size} of the {inside.size + before} facets of boundary {name!r} are inside of the body"
+    text = (
+        f"{inside.size} of the {inside.size + before} facets of boundary {name!r} are inside "
+        "of the body"
+    )
     assert text in found[f"{use}[0].boundary"]
 
 
@@ -117,8 +122,14 @@ NO_LIBRARY = 'raise OSError("libGLU.so.1: cannot open shared object file")'
 @pytest.mark.parametrize(
     ("module", "message"),
     [
-        ("raise ModuleNotFoundError('gmsh')", "cannot be loaded: gmsh: pip install gmsh, or apt install"),
-        (NO_LIBRARY, "cannot be loaded: libGLU.so.1: cannot open .*; its wheel needs libgl1 libglu1-mesa"),
+        (
+            "raise ModuleNotFoundError('gmsh')",
+            "cannot be loaded: gmsh: pip install gmsh, or apt install",
+        ),
+        (
+            NO_LIBRARY,
+            "cannot be loaded: libGLU.so.1: cannot open .*; its wheel needs libgl1 libglu1-mesa",
+        ),
     ],
 )
 @pytest.mark.mpi

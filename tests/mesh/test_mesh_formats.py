@@ -1,4 +1,6 @@
-"""Meshes that others made: the same body in every format gives the same answer; what is no plane mesh, a clear word."""
+"""Meshes that others made: the same body in every format gives the same answer; what is no plane
+mesh, a clear word.
+"""
 
 import sys
 
@@ -55,11 +57,15 @@ def same_answer(one, other):
 
 
 def numbered(cell):
-    """Points, cells and the lines of the four sides of the rectangle, as someone else would number them.
+    """Points, cells and the lines of the four sides of the rectangle, as someone else would number
+    them.
 
-    The points are in an order of their own, every other cell runs clockwise, and one point belongs to no cell.
+    The points are in an order of their own, every other cell runs clockwise, and one point belongs
+    to no cell.
     """
-    x, y = np.meshgrid(np.linspace(0, LENGTH, NX + 1), np.linspace(0, HEIGHT, NY + 1), indexing="ij")
+    x, y = np.meshgrid(
+        np.linspace(0, LENGTH, NX + 1), np.linspace(0, HEIGHT, NY + 1), indexing="ij"
+    )
     points = np.column_stack((x.ravel(), y.ravel()))
     node = np.arange((NX + 1) * (NY + 1)).reshape(NX + 1, NY + 1)
     corners = [node[:-1, :-1], node[1:, :-1], node[1:, 1:], node[:-1, 1:]]
@@ -80,7 +86,9 @@ def numbered(cell):
 
 
 def written(folder, cell, form):
-    """The rectangle written by meshio in one of the formats, with the names that the format can hold."""
+    """The rectangle written by meshio in one of the formats, with the names that the format can
+    hold.
+    """
     points, cells, lines = numbered(cell)
     kind = {"triangle": "triangle", "quadrilateral": "quad"}[cell]
     every = np.concatenate(list(lines.values()))
@@ -100,12 +108,16 @@ def written(folder, cell, form):
         if form == "msh41":  # and says nothing of physical groups in the entities: gmsh itself does
             write_msh(written(folder, cell, "msh22"), file)
     elif form == "inp":
-        mesh = meshio.Mesh(points, [(kind, cells)], point_sets={n: np.unique(side) for n, side in lines.items()})
+        mesh = meshio.Mesh(
+            points, [(kind, cells)], point_sets={n: np.unique(side) for n, side in lines.items()}
+        )
         mesh.cell_sets = {"body": [np.arange(len(cells))]}
         meshio.write(file := file.with_suffix(".inp"), mesh)
     elif form == "med":
         mesh.cell_data = {"cell_tags": [-side, -inside]}
-        mesh.cell_tags = {-tag: [name] for tag, name in enumerate(lines, start=1)} | {-9: ["body", "all of it"]}
+        mesh.cell_tags = {-tag: [name] for tag, name in enumerate(lines, start=1)} | {
+            -9: ["body", "all of it"]
+        }
         meshio.write(file := file.with_suffix(".med"), mesh)
     else:
         mesh.cell_data = {"side": [side, inside]}
@@ -118,7 +130,9 @@ def written(folder, cell, form):
 @pytest.mark.parametrize("form", FORMATS)
 @each_cell
 def test_the_same_answer(tmp_path, cell, form):
-    """A foreign mesh of each format, its nodes and cells in another order: the answer of our own mesh to 1e-10."""
+    """A foreign mesh of each format, its nodes and cells in another order: the answer of our own
+    mesh to 1e-10.
+    """
     file = written(tmp_path, cell, form)
     if form.startswith("msh"):
         assert file.read_text().splitlines()[1].split()[0] == {"msh22": "2.2", "msh41": "4.1"}[form]
@@ -128,7 +142,12 @@ def test_the_same_answer(tmp_path, cell, form):
     same_answer(ours(cell), alone(scene(table)))
 
 
-RULES = {"bottom": "x[1] < 1e-9", "top": "x[1] > 1 - 1e-9", "left": "x[0] < 1e-9", "right": "x[0] > 3 - 1e-9"}
+RULES = {
+    "bottom": "x[1] < 1e-9",
+    "top": "x[1] > 1 - 1e-9",
+    "left": "x[0] < 1e-9",
+    "right": "x[0] > 3 - 1e-9",
+}
 
 
 @pytest.mark.one_quick
@@ -150,7 +169,9 @@ def test_names_by_rules(tmp_path, cell, suffix):
 
 
 def body(folder):
-    """Two squares side by side: the left one and both are regions, foot is a part of low, the top has no name."""
+    """Two squares side by side: the left one and both are regions, foot is a part of low, the top
+    has no name.
+    """
     file = folder / "body.geo"
     file.write_text(
         """
@@ -171,7 +192,9 @@ def body(folder):
 
 @pytest.mark.mpi
 def test_names_that_must_not_overlap(tmp_path):
-    """One foundation for each facet, one material for each cell; else there would be two answers."""
+    """One foundation for each facet, one material for each cell; else there would be two
+    answers.
+    """
     comm = MPI.COMM_WORLD
     folder = comm.bcast(tmp_path)
     if comm.rank == 0:
@@ -179,12 +202,16 @@ def test_names_that_must_not_overlap(tmp_path):
     comm.barrier()
     data = {
         "mesh": {"file": folder / "body.msh", "regions": {"right": "x[0] > 1 - 1e-9"}},
-        "material": [{"young": 1.0, "poisson": 0.3, "region": region} for region in ("left", "right")],
+        "material": [
+            {"young": 1.0, "poisson": 0.3, "region": region} for region in ("left", "right")
+        ],
         "displacement": {"boundary": "side of it", "x": 0.0, "y": 0.0},
         "contact": [{"boundary": "foot"}],
     }
     assert solve(parse_scene(data), comm).converged
-    with pytest.raises(SceneError, match=r"contact\[1\]\.boundary: boundary 'low' shares 3 facets with .* 'foot'"):
+    with pytest.raises(
+        SceneError, match=r"contact\[1\]\.boundary: boundary 'low' shares 3 facets with .* 'foot'"
+    ):
         solve(parse_scene({**data, "contact": [{"boundary": "foot"}, {"boundary": "low"}]}), comm)
     data["material"][1]["region"] = "both"
     with pytest.raises(SceneError, match="material: 9 cells are in several of the regions"):
@@ -196,7 +223,11 @@ def test_regions_by_rule_and_number(tmp_path):
     points, cells, _ = numbered("quadrilateral")
     file = tmp_path / "two.vtu"
     low = points[cells][..., 1].max(axis=1) < 0.51
-    mesh = meshio.Mesh(np.column_stack((points, 0 * points[:, 0])), [("quad", cells)], cell_data={"part": [low + 5]})
+    mesh = meshio.Mesh(
+        np.column_stack((points, 0 * points[:, 0])),
+        [("quad", cells)],
+        cell_data={"part": [low + 5]},
+    )
     meshio.write(file, mesh)
     selections = ({"hard": 5, "soft": 6}, {"hard": "x[1] > 0.49", "soft": "x[1] < 0.51"})
     by_number, by_rule = (read_file(file, regions=r, boundaries=None) for r in (selections[0], {}))
@@ -266,7 +297,11 @@ def test_abaqus(tmp_path, kind):
         "again": 1,
         "_roof_S3": 2,
     }
-    assert {name: len(rows) for name, rows in mesh.boundaries.items()} == {"everything": 6, "floor": 2, "the roof": 2}
+    assert {name: len(rows) for name, rows in mesh.boundaries.items()} == {
+        "everything": 6,
+        "floor": 2,
+        "the roof": 2,
+    }
     assert (mesh.points[mesh.facets[mesh.boundaries["the roof"]]][..., 1] == 1).all()
 
 
@@ -275,11 +310,19 @@ def test_abaqus(tmp_path, kind):
     [
         ("{kind}", "GK3D8", "GK3D8 is neither a plane one nor a solid"),
         ("{kind}", "CPE3", "3 nodes per element are expected"),
-        ("1, 1, 2, 12, 11", "1, 1, 2, 12, 99", "element 1 has the node 99, which the file does not define"),
+        (
+            "1, 1, 2, 12, 11",
+            "1, 1, 2, 12, 99",
+            "element 1 has the node 99, which the file does not define",
+        ),
         ("1, 1, 2, 12, 11", "2, 1, 2, 12, 11", "element 2 is defined twice"),
         (" first,", " second,", "set 'second' does not exist"),
         ("*End Instance", "1., 0.\n*End Instance", "a shift of three numbers is expected"),
-        ("*Material", "*Include, input=rest.inp\n*Material", "INCLUDE: there is no file 'rest.inp'"),
+        (
+            "*Material",
+            "*Include, input=rest.inp\n*Material",
+            "INCLUDE: there is no file 'rest.inp'",
+        ),
         ("*End Part", "*Node\n1, 5., 5.", "node 1 is defined twice"),
         ("*End Part", "*Ngen\n1, 5, 1", "NGEN: nodes and elements are not generated here"),
         ("1.D0", "one", "could not convert string to float"),
@@ -313,14 +356,22 @@ SQUARE = [[0, 0], [1, 0], [1, 1], [0, 1], [2, 0], [2, 1]]
             [("quad", [[0, 1, 2, 3]]), ("triangle6", [[1, 4, 2, 0, 0, 0]])],
             "1 quad, 1 triangle6: triangles are made of all",
         ),
-        (SQUARE, [("triangle", [[0, 1, 2]]), ("triangle6", [[0, 1, 2, 3, 4, 5]])], "one kind of cell"),
+        (
+            SQUARE,
+            [("triangle", [[0, 1, 2]]), ("triangle6", [[0, 1, 2, 3, 4, 5]])],
+            "one kind of cell",
+        ),
         (SQUARE, [("line", [[0, 1]])], "no cells"),
         ([[*x, 0.0] for x in SQUARE], [("wedge", [list(range(6))])], "no wedges"),
         ([[0, 0, 0], [1, 0, 0], [0, 0, 1]], [("triangle", [[0, 1, 2]])], "not in a plane"),
         (SQUARE, [("quad", [[0, 1, 3, 2]])], "1 cells are folded, the first at \\(0.5, 0.5\\)"),
         (SQUARE, [("triangle", [[0, 1, 4]])], "without an angle"),
         (SQUARE, [("quad", [[0, 1, 2, 3]] * 3)], "a facet belongs to 3 cells"),
-        ([*SQUARE, [0.4, 0.7]], [("triangle", [[0, 1, k] for k in (2, 3, 6)])], "a facet belongs to 3 cells"),
+        (
+            [*SQUARE, [0.4, 0.7]],
+            [("triangle", [[0, 1, k] for k in (2, 3, 6)])],
+            "a facet belongs to 3 cells",
+        ),
         ([[0, 0], [1, 0], [1, float("nan")]], [("triangle", [[0, 1, 2]])], "not finite"),
     ],
 )
@@ -335,7 +386,11 @@ def test_meshes_that_are_refused(tmp_path, points, blocks, message):
 @pytest.mark.parametrize(
     ("changes", "path", "message"),
     [
-        ({"boundaries": {"foot": "x[1] < -1"}}, "mesh.boundaries.foot", "selects no exterior facet"),
+        (
+            {"boundaries": {"foot": "x[1] < -1"}},
+            "mesh.boundaries.foot",
+            "selects no exterior facet",
+        ),
         (
             {"boundaries": {"foot": "x[2] < 1"}},
             "mesh.boundaries.foot",
@@ -347,7 +402,11 @@ def test_meshes_that_are_refused(tmp_path, points, blocks, message):
             "selects no exterior facet; the numbers there are: 1, 2,",
         ),
         ({"regions": {"part": "x[0] > 5"}}, "mesh.regions.part", "selects no cell"),
-        ({"data": "colour"}, "mesh.data", "no cell data 'colour' of whole numbers; there are: 'side'"),
+        (
+            {"data": "colour"},
+            "mesh.data",
+            "no cell data 'colour' of whole numbers; there are: 'side'",
+        ),
     ],
 )
 def test_selections_that_take_nothing(tmp_path, changes, path, message):
@@ -380,7 +439,9 @@ def test_selections_in_the_scene(given):
 
 def test_tags_of_dolfinx(tmp_path):
     """A mesh with tags on facets and cells as dolfinx writes them into one XDMF file."""
-    own = mesh.create_rectangle(MPI.COMM_SELF, [[0.0, 0.0], [LENGTH, HEIGHT]], [NX, NY], mesh.CellType.quadrilateral)
+    own = mesh.create_rectangle(
+        MPI.COMM_SELF, [[0.0, 0.0], [LENGTH, HEIGHT]], [NX, NY], mesh.CellType.quadrilateral
+    )
     sides = {
         1: lambda x: x[1] < 1e-9,
         2: lambda x: x[1] > 1 - 1e-9,
@@ -388,7 +449,9 @@ def test_tags_of_dolfinx(tmp_path):
         4: lambda x: x[0] > 3 - 1e-9,
     }
     found = [mesh.locate_entities_boundary(own, 1, marker) for marker in sides.values()]
-    values = np.concatenate([np.full(len(f), tag, dtype=np.int32) for tag, f in zip(sides, found, strict=True)])
+    values = np.concatenate(
+        [np.full(len(f), tag, dtype=np.int32) for tag, f in zip(sides, found, strict=True)]
+    )
     facets = np.concatenate(found)
     order = np.argsort(facets)
     facet_tags = mesh.meshtags(own, 1, facets[order], values[order])
@@ -404,7 +467,9 @@ def test_tags_of_dolfinx(tmp_path):
     assert {name: len(rows) for name, rows in arrays.regions.items()} == {"region_7": 24}
     assert set(arrays.boundaries) == {"boundary_1", "boundary_2", "boundary_3", "boundary_4"}
     names = {name: tag for tag, name in enumerate(RULES, start=1)}
-    same_answer(ours("quadrilateral"), alone(scene({"file": tmp_path / "mesh.xdmf", "boundaries": names})))
+    same_answer(
+        ours("quadrilateral"), alone(scene({"file": tmp_path / "mesh.xdmf", "boundaries": names}))
+    )
 
 
 def test_a_package_that_is_not_installed(tmp_path, monkeypatch):

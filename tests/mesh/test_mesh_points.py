@@ -1,4 +1,6 @@
-"""Points in the cells of meshes that are not nested, curved ones too: exact where they can be, on ranks as alone."""
+"""Points in the cells of meshes that are not nested, curved ones too: exact where they can be, on
+ranks as alone.
+"""
 
 import numpy as np
 import pytest
@@ -16,7 +18,9 @@ PLANE = (dmesh.CellType.quadrilateral, dmesh.CellType.triangle)
 def distorted(cell, n=3, comm=SELF):
     """A unit square or cube whose nodes are moved, the same whatever their numbers."""
     dim = 2 if cell in PLANE else 3
-    mesh = (dmesh.create_unit_square if dim == 2 else dmesh.create_unit_cube)(comm, *[n] * dim, cell)
+    mesh = (dmesh.create_unit_square if dim == 2 else dmesh.create_unit_cube)(
+        comm, *[n] * dim, cell
+    )
     x = mesh.geometry.x
     x[:, :dim] += 0.05 * np.sin(7 * x[:, :dim] + 5 * np.roll(x[:, :dim], 1, axis=1))
     return mesh
@@ -51,7 +55,9 @@ def test_quadratic_functions_on_meshes_that_are_not_nested(cell):
     """Exact at all points of straight simplices, and linear ones on distorted cells of any kind."""
     dim = 2 if cell in PLANE else 3
     simplex = cell in (dmesh.CellType.triangle, dmesh.CellType.tetrahedron)
-    fine = (dmesh.create_unit_square if dim == 2 else dmesh.create_unit_cube)(COMM, *[7] * dim, cell)
+    fine = (dmesh.create_unit_square if dim == 2 else dmesh.create_unit_cube)(
+        COMM, *[7] * dim, cell
+    )
     x = (0.1 + 0.8 * nodes(fine)) * (np.arange(3) < dim)
     function = quadratic if simplex else lambda x: 1 + x[0] - 2 * x[1] + x[2]
     found = values_at(distorted(cell, 4, COMM), x, 2 if simplex else 1, function)

@@ -19,22 +19,36 @@ COMM, SELF = MPI.COMM_WORLD, MPI.COMM_SELF
 
 @pytest.mark.mpi
 def test_markers_that_share_facets():
-    """A facet belongs to every boundary whose marker holds on it, whichever markers come first, on all ranks."""
+    """A facet belongs to every boundary whose marker holds on it, whichever markers come first, on
+    all ranks.
+    """
     square = mesh.create_unit_square(COMM, 4, 4)
-    markers = {"low": "x[1] < 1e-9", "corner": lambda x: (x[1] < 1e-9) & (x[0] < 0.51), "nothing": "x[0] - 5"}
+    markers = {
+        "low": "x[1] < 1e-9",
+        "corner": lambda x: (x[1] < 1e-9) & (x[0] < 0.51),
+        "nothing": "x[0] - 5",
+    }
     markers |= {"all": lambda x: x[0] > -1, "right": "x[0] > 1 - 1e-9"}
     expected = {"low": 4, "corner": 2, "nothing": 0, "all": 16, "right": 4}
     for names in (list(markers), list(markers)[::-1]):
         tagged = tag_boundaries(square, {name: markers[name] for name in names})
         assert COMM.bcast(tagged.boundaries) == tagged.boundaries
-        assert {name: COMM.allreduce(len(tagged.facets(name))) for name in names} == {n: expected[n] for n in names}
+        assert {name: COMM.allreduce(len(tagged.facets(name))) for name in names} == {
+            n: expected[n] for n in names
+        }
     assert tag_boundaries(square, {}).boundaries == {}
 
 
 def test_forces_on_boundaries_that_overlap():
-    """Pressure 3 on all of the top and 1 more on its right half: the foundation bears both, 3 * 2 + 1 * 1."""
+    """Pressure 3 on all of the top and 1 more on its right half: the foundation bears both, 3 * 2 +
+    1 * 1.
+    """
     own = mesh.create_rectangle(SELF, [[0.0, 0.0], [2.0, 1.0]], [8, 4], mesh.CellType.quadrilateral)
-    sides = {"side": "x[0] < 1e-9", "low": "x[1] < 1e-9", "right of the top": lambda x: (x[1] > 0.99) & (x[0] > 0.99)}
+    sides = {
+        "side": "x[0] < 1e-9",
+        "low": "x[1] < 1e-9",
+        "right of the top": lambda x: (x[1] > 0.99) & (x[0] > 0.99),
+    }
     data = {
         "mesh": tag_boundaries(own, sides | {"top": "x[1] > 0.99"}),
         "material": {"young": 1000.0, "poisson": 0.3},
@@ -57,7 +71,7 @@ def test_gmsh_that_is_open_already():
         gmsh.finalize()
 
 
-# --- drawings --------------------------------------------------------------------------------------------------------
+# --- drawings -------------------------------------------------------------------------------------
 
 DISK = """
 Point(1) = {0, 0, 0, 0.5}; Point(2) = {1, 0, 0, 0.5}; Point(3) = {0, 1, 0, 0.5};
@@ -68,13 +82,23 @@ Physical Curve("low") = {1}; Physical Curve("left") = {3}; Physical Curve("arc")
 
 @pytest.mark.parametrize(
     "more",
-    ["", "Mesh.ElementOrder = 1;", "Mesh.ElementOrder = 2; Mesh.SecondOrderIncomplete = 1; Recombine Surface{1};"],
+    [
+        "",
+        "Mesh.ElementOrder = 1;",
+        "Mesh.ElementOrder = 2; Mesh.SecondOrderIncomplete = 1; Recombine Surface{1};",
+    ],
 )
 def test_curved_scripts(tmp_path, more):
-    """Elements of degree 2 get curved cells on the curves of a script, whatever order it names; others do not."""
+    """Elements of degree 2 get curved cells on the curves of a script, whatever order it names;
+    others do not.
+    """
     file = tmp_path / "disk.geo"
     file.write_text(DISK.replace("MORE", more))
-    data = {"mesh": {"file": file}, "material": {"young": 1.0, "poisson": 0.3}, "contact": {"boundary": "low"}}
+    data = {
+        "mesh": {"file": file},
+        "material": {"young": 1.0, "poisson": 0.3},
+        "contact": {"boundary": "low"},
+    }
     curved = load_mesh(parse_scene(data | {"element": {"degree": 2}}), SELF)
     assert geometry_degree(curved.mesh) == 2
     one = fem.Constant(curved.mesh, 1.0)

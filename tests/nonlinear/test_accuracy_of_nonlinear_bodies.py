@@ -1,4 +1,6 @@
-"""A requested accuracy of nonlinear bodies: met, on a finer mesh, too, by the command that is printed."""
+"""A requested accuracy of nonlinear bodies: met, on a finer mesh, too, by the command that is
+printed.
+"""
 
 from functools import cache, partial
 
@@ -14,23 +16,39 @@ from signorini_fx.results.accuracy.error_estimates import combined
 from signorini_fx.scenes.reading import parse_scene
 
 PRESSED = {
-    "mesh": {"generator": "rectangle", "parameters": {"length": 2.0, "height": 1.0, "nx": 8, "ny": 4}},
+    "mesh": {
+        "generator": "rectangle",
+        "parameters": {"length": 2.0, "height": 1.0, "nx": 8, "ny": 4},
+    },
     "displacement": {"boundary": "bottom", "x": 0.0, "y": 0.0},
     "contact": {
         "boundary": "top",
-        "foundation": {"shape": "circle", "centre": [0.8, 1.5], "radius": 0.5, "shift": [0.0, "-0.2*t"]},
+        "foundation": {
+            "shape": "circle",
+            "centre": [0.8, 1.5],
+            "radius": 0.5,
+            "shift": [0.0, "-0.2*t"],
+        },
         "friction": {"law": "coulomb", "coefficient": 0.3},
     },
     "load_steps": {"times": [0.5, 1.0]},
 }
-MATERIALS = {"rubber": material("neo-hooke"), "metal": material("j2", yield_stress=5.0, hardening=100.0)}
+MATERIALS = {
+    "rubber": material("neo-hooke"),
+    "metal": material("j2", yield_stress=5.0, hardening=100.0),
+}
 
 
 def pressed(name, comm=MPI.COMM_SELF, times=1, **accuracy):
     """A block under a rough circle, with cells so many times as small."""
     parameters = {**PRESSED["mesh"]["parameters"], "nx": 8 * times, "ny": 4 * times}
-    scene = PRESSED | {"material": MATERIALS[name], "mesh": {"generator": "rectangle", "parameters": parameters}}
-    return solve(parse_scene(scene | ({"accuracy": accuracy} if accuracy else {})), comm, check=False)
+    scene = PRESSED | {
+        "material": MATERIALS[name],
+        "mesh": {"generator": "rectangle", "parameters": parameters},
+    }
+    return solve(
+        parse_scene(scene | ({"accuracy": accuracy} if accuracy else {})), comm, check=False
+    )
 
 
 def distances(solution, fine):
@@ -38,7 +56,9 @@ def distances(solution, fine):
     forces = [sum(one.contact.forces) for one in (solution, fine)]
     columns = fine.table.columns
     away = interpolated(solution.table, fine.table, "pressure") - columns["pressure"]
-    norms = [np.sqrt(np.dot(columns["weight"], values**2)) for values in (away, columns["pressure"])]
+    norms = [
+        np.sqrt(np.dot(columns["weight"], values**2)) for values in (away, columns["pressure"])
+    ]
     return np.linalg.norm(forces[0] - forces[1]) / np.linalg.norm(forces[1]), norms[0] / norms[1]
 
 
@@ -46,7 +66,9 @@ def distances(solution, fine):
 @pytest.mark.parametrize("of", ["energy", "pressure", "force"])
 @pytest.mark.parametrize("name", MATERIALS)
 def test_it_is_met(name, of):
-    """The error that is told is met, and force and pressure are those of a finer mesh to as much."""
+    """The error that is told is met, and force and pressure are those of a finer mesh to as
+    much.
+    """
     target = 0.02 if of == "force" else 0.06
     found, fine = pressed(name, target=target, of=of), pressed(name, times=16)
     assert found.status is fine.status is Status.CONVERGED
@@ -69,7 +91,9 @@ def test_errors_on_one_mesh(name, fine):
     for times in (1, 2):
         found = pressed(name, times=times)
         errors = combined(found.model, found.table, found.error_shares, 0.5)
-        forces = [step.contact.forces_of_each for solution in (found, fine) for step in solution.steps]
+        forces = [
+            step.contact.forces_of_each for solution in (found, fine) for step in solution.steps
+        ]
         force = np.linalg.norm(np.subtract(forces[:2], forces[2:])) / np.linalg.norm(forces[2:])
         assert 1 / 3 < errors.force / force < 3
         assert 1 / 3 < errors.pressure / distances(found, fine)[1] < 3
@@ -79,8 +103,13 @@ def test_a_mesh_study(fine):
     """Each mesh is solved anew, and the last row of the table tells its errors."""
     fine = fine("rubber")
     parameters = {**PRESSED["mesh"]["parameters"], "nx": 32, "ny": 16}
-    study = PRESSED | {"mesh": {"generator": "rectangle", "parameters": parameters}, "solver": {"levels": 3}}
-    found = solve(parse_scene(study | {"material": MATERIALS["rubber"]}), MPI.COMM_SELF, check=False)
+    study = PRESSED | {
+        "mesh": {"generator": "rectangle", "parameters": parameters},
+        "solver": {"levels": 3},
+    }
+    found = solve(
+        parse_scene(study | {"material": MATERIALS["rubber"]}), MPI.COMM_SELF, check=False
+    )
     row = found.convergence_table[-2]
     alone = pressed("rubber", times=4)
     np.testing.assert_allclose(found.displacement.x.array, alone.displacement.x.array, atol=1e-9)
@@ -90,16 +119,31 @@ def test_a_mesh_study(fine):
 
 
 def test_a_body_of_revolution():
-    """At small strains the error of the pressure is that of a linear body: both are integrated over rings."""
+    """At small strains the error of the pressure is that of a linear body: both are integrated over
+    rings.
+    """
     scene = {
-        "mesh": {"generator": "rectangle", "parameters": {"length": 5.0, "height": 2.0, "nx": 20, "ny": 8}},
-        "displacement": [{"boundary": "left", "x": 0.0}, {"boundary": "top", "x": 0.0, "y": -0.003}],
+        "mesh": {
+            "generator": "rectangle",
+            "parameters": {"length": 5.0, "height": 2.0, "nx": 20, "ny": 8},
+        },
+        "displacement": [
+            {"boundary": "left", "x": 0.0},
+            {"boundary": "top", "x": 0.0, "y": -0.003},
+        ],
         "contact": {"boundary": "bottom", "gap": "x[0]**2 / 2000"},
     }
     errors = []
     for law in ("neo-hooke", None):
-        materials = {"young": 1000.0, "poisson": 0.3, "hypothesis": "axisymmetric", **({"law": law} if law else {})}
-        found = solve(parse_scene(scene | {"material": materials, "solver": {"levels": 2}}), MPI.COMM_SELF)
+        materials = {
+            "young": 1000.0,
+            "poisson": 0.3,
+            "hypothesis": "axisymmetric",
+            **({"law": law} if law else {}),
+        }
+        found = solve(
+            parse_scene(scene | {"material": materials, "solver": {"levels": 2}}), MPI.COMM_SELF
+        )
         errors.append(found.convergence_table[-2].pressure)
     assert errors[0] == pytest.approx(errors[1], rel=0.02)
 
@@ -115,7 +159,9 @@ def test_what_is_not_known():
     scene = PRESSED | {"material": material("neo-hooke") | {"poisson": 0.49}}
     with pytest.raises(SceneError, match="cells lock"):
         parse_scene(scene | {"accuracy": {"target": 0.1, "of": "pressure"}})
-    study = solve(parse_scene(scene | {"solver": {"levels": 3}}), MPI.COMM_SELF, check=False).convergence_table
+    study = solve(
+        parse_scene(scene | {"solver": {"levels": 3}}), MPI.COMM_SELF, check=False
+    ).convergence_table
     assert {(row.pressure, row.force) for row in study} == {(None, None)}
     assert all(row.energy > 0 for row in study)
 

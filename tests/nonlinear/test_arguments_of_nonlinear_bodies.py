@@ -17,7 +17,9 @@ def block(**arguments):
     space, side = rectangle([1.0, 1.0], [2, 2], MPI.COMM_SELF)
     u = fem.Function(space)
     contact = Foundation(side(1, 1.0), shape=PLATE | {"shift": (0.0, -0.05)})
-    return NonlinearContactProblem(residual(u), u, bcs=[held(space, side(1, 0.0))], contact=contact, **arguments)
+    return NonlinearContactProblem(
+        residual(u), u, bcs=[held(space, side(1, 0.0))], contact=contact, **arguments
+    )
 
 
 def test_wrong_arguments_are_named():
@@ -29,7 +31,10 @@ def test_wrong_arguments_are_named():
         ({"J": z[0] * ufl.dx}, "J: must have 2 arguments, not 1"),
         ({"J": "K"}, "J: must be a UFL form"),
         ({"J": ufl.Form([])}, "J: is zero"),
-        ({"J": ufl.inner(other, ufl.TestFunction(other.ufl_function_space())) * ufl.dx}, "J: its arguments are on"),
+        (
+            {"J": ufl.inner(other, ufl.TestFunction(other.ufl_function_space())) * ufl.dx},
+            "J: its arguments are on",
+        ),
         ({"P": ufl.inner(w, z) * ufl.dx}, "P: is not used"),
         ({"kind": "mpi"}, "kind: is not used"),
         ({"gamma": 1.0}, "gamma"),
@@ -42,7 +47,10 @@ def test_wrong_arguments_are_named():
     for form, wrong in (
         (residual(fem.Function(space)), "F: does not contain u, so that its derivative is zero"),
         (ufl.Form([]), "F: must be a UFL form with one test function"),
-        (0 * residual(u), "F: must be a UFL form with one test function; what is 0 times a form has none"),
+        (
+            0 * residual(u),
+            "F: must be a UFL form with one test function; what is 0 times a form has none",
+        ),
     ):
         with pytest.raises(FormError, match=f"^contact problem: {wrong}"):
             NonlinearContactProblem(form, u, contact=contact)
@@ -53,7 +61,9 @@ def test_wrong_arguments_are_named():
     )
     u = fem.Function(mixed)
     form = ufl.inner(u, ufl.TestFunction(mixed)) * ufl.dx
-    with pytest.raises(FormError, match=r"u: its space is .* a vector Lagrange space of degree 1 or 2 is needed"):
+    with pytest.raises(
+        FormError, match=r"u: its space is .* a vector Lagrange space of degree 1 or 2 is needed"
+    ):
         NonlinearContactProblem(form, u, contact=Foundation(side(1, 1.0), shape=PLATE))
     tetrahedra = dmesh.create_unit_cube(MPI.COMM_SELF, 1, 1, 1)
     u = fem.Function(fem.functionspace(tetrahedra, ("Lagrange", 2, (3,))))
@@ -67,7 +77,12 @@ def test_wrong_placements_are_named():
     """Numbers that are none, other keys, and other kinds of values; the shape stays where it is."""
     problem = block()
     before = problem.shapes[0].shape
-    for placement in ({"shift": (0.0, np.nan)}, {"rotation": np.inf}, {"turn": 3.0}, {"shift": "up"}):
+    for placement in (
+        {"shift": (0.0, np.nan)},
+        {"rotation": np.inf},
+        {"turn": 3.0},
+        {"shift": "up"},
+    ):
         with pytest.raises(FormError, match=r"contact\[0\]\.shape"):
             problem.place(0, **placement)
     assert problem.shapes[0].shape == before
@@ -84,7 +99,9 @@ def test_update_that_raises_on_one_rank():
             raise ValueError("no return")
 
     contact = Foundation(side(1, 1.0), shape=PLATE | {"shift": (0.0, -0.05)})
-    problem = NonlinearContactProblem(residual(u), u, bcs=[held(space, side(1, 0.0))], contact=contact, update=update)
+    problem = NonlinearContactProblem(
+        residual(u), u, bcs=[held(space, side(1, 0.0))], contact=contact, update=update
+    )
     with pytest.raises(FormError, match="update: raised ValueError: no return"):
         problem.solve()
     raising = False

@@ -1,4 +1,6 @@
-"""Sliding pairs whose certificate makes the map anew: held sides, tips on an axis, and points that supports fix."""
+"""Sliding pairs whose certificate makes the map anew: held sides, tips on an axis, and points that
+supports fix.
+"""
 
 import numpy as np
 import pytest
@@ -20,7 +22,8 @@ def punch(dim, kind=None, degree=1, away=1e-6, clamped=-np.inf, **settings):
         kind: of the cells.
         degree: of the displacement.
         away: distance of the undeformed bodies.
-        clamped: all nodes of the parabola are driven, and those of the upper side of the block are held up to here.
+        clamped: all nodes of the parabola are driven, and those of the upper side of the block are
+        held up to here.
         settings: see ``SlidingBodies``.
     """
     up = dim - 1
@@ -81,9 +84,14 @@ def far():
 
 
 def two_pairs(slave=0):
-    """A block on another one, whose sides are two pairs each, which share the nodes in the middle."""
+    """A block on another one, whose sides are two pairs each, which share the nodes in the
+    middle.
+    """
     kind = "quadrilateral"
-    bodies = grid(kind, (8, 3), [-1.0, -1.0], [1.0, 0.0]), grid(kind, (6, 3), [-0.75, 1e-6], [0.75, 1.0])
+    bodies = (
+        grid(kind, (8, 3), [-1.0, -1.0], [1.0, 0.0]),
+        grid(kind, (6, 3), [-0.75, 1e-6], [0.75, 1.0]),
+    )
     level = [lambda x, y=y: np.isclose(x[1], y, atol=1e-9) for y in (0.0, 1e-6, -1.0, 1.0)]
     scene = SlidingBodies(kind, bodies, level[:2], level[2:], friction=Coulomb(0.3))
 
@@ -124,7 +132,9 @@ def test_what_is_right_is_certified(scene):
 
 
 def cone(slope, slave, degree=1):
-    """A cone of revolution in a wider one: on the axis its sides are not level, and normals are along that."""
+    """A cone of revolution in a wider one: on the axis its sides are not level, and normals are
+    along that.
+    """
 
     def below(x):
         return np.column_stack((1.3 * x[:, 0], x[:, 1] + (1 + x[:, 1]) * 1.3 * slope * x[:, 0]))
@@ -137,9 +147,14 @@ def cone(slope, slave, degree=1):
         grid(kind, (6, 3), [0.0, -1.0], [1.0, 0.0], below),
         grid(kind, (5, 3), [0.0, away], [1.0, 1.0], above),
     )
-    touching = [lambda x: np.isclose(x[1], slope * x[0], atol=1e-9), lambda x: x[1] <= slope * x[0] + 2 * away]
+    touching = [
+        lambda x: np.isclose(x[1], slope * x[0], atol=1e-9),
+        lambda x: x[1] <= slope * x[0] + 2 * away,
+    ]
     held = [lambda x: np.isclose(x[1], -1.0), lambda x: np.isclose(x[1], 1.0)]
-    return SlidingBodies(kind, bodies, touching, held, half=True, revolved=True, slave=slave, degree=degree)
+    return SlidingBodies(
+        kind, bodies, touching, held, half=True, revolved=True, slave=slave, degree=degree
+    )
 
 
 @pytest.mark.parametrize("slave", [0, 1])
@@ -161,9 +176,9 @@ def test_tips_on_an_axis_are_in_the_plane_of_symmetry(slope, slave):
     ],
 )
 def test_a_step_begins_with_what_supports_fix_there(dim, kind, upto):
-    """Sides that are held over each other and slide: who meets whom as a step begins is known from where bodies are
-    then, not from where the step before had begun, so that slips are those of the certificate, and nothing slides where
-    nothing moves.
+    """Sides that are held over each other and slide: who meets whom as a step begins is known from
+    where bodies are then, not from where the step before had begun, so that slips are those of the
+    certificate, and nothing slides where nothing moves.
     """
     scene = driven(punch(dim, kind, 4 - dim, clamped=upto, slave=1), 0.02, 0.1)
     certificate = scene.problem.certificate
@@ -187,12 +202,17 @@ ANGLES = (0.0, np.pi / 2, 1.0, 4.5)
     ],
 )
 def test_nodes_over_each_other_that_are_held(degree, upto, friction):
-    """A node of the one side lies exactly over the last held one of the other side, and both are held along the axes
-    of space: forces are those of any other rotation of the scene, as no plane of symmetry is there.
+    """A node of the one side lies exactly over the last held one of the other side, and both are
+    held along the axes of space: forces are those of any other rotation of the scene, as no plane
+    of symmetry is there.
     """
     forces = []
     for angle in ANGLES:
-        scene = punch(2, degree=degree, clamped=upto, slave=1, friction=friction, angle=angle, algorithm="alm")
+        scene = punch(
+            2, degree=degree, clamped=upto, slave=1, friction=friction, angle=angle, algorithm="alm"
+        )
         forces.append(scene.move(0.0, -DEPTH))
     assert np.abs(forces[0][1]) > 0.1
-    assert np.array(forces) == pytest.approx(np.tile(forces[0], (len(ANGLES), 1)), abs=1e-9 * np.abs(forces[0]).max())
+    assert np.array(forces) == pytest.approx(
+        np.tile(forces[0], (len(ANGLES), 1)), abs=1e-9 * np.abs(forces[0]).max()
+    )

@@ -18,7 +18,9 @@ def test_pressed_and_released(algorithm, friction):
     space, side = rectangle([2.0, 1.0], [8, 4], MPI.COMM_SELF)
     u = fem.Function(space)
     circle = {"shape": "circle", "centre": (0.8, 1.5), "radius": 0.5}
-    contact = Foundation(side(1, 1.0), shape=circle, friction=None if friction is None else Coulomb(friction))
+    contact = Foundation(
+        side(1, 1.0), shape=circle, friction=None if friction is None else Coulomb(friction)
+    )
     problem = NonlinearContactProblem(
         residual(u), u, bcs=[held(space, side(1, 0.0))], contact=contact, algorithm=algorithm
     )
@@ -41,8 +43,9 @@ def turned(angle, dimension):
 @pytest.mark.parametrize("dimension", [2, 3])
 @pytest.mark.parametrize("algorithm", ["ssn", "alm"])
 def test_stuck_contact_that_turns(algorithm, dimension):
-    """A block that sticks to a tool turns by 90 degrees with it and with its ground, in three steps: forces and shears
-    turn too, as nothing else has changed; with the elastic slip of the regularised law, and about the normal.
+    """A block that sticks to a tool turns by 90 degrees with it and with its ground, in three
+    steps: forces and shears turn too, as nothing else has changed; with the elastic slip of the
+    regularised law, and about the normal.
     """
     comm = MPI.COMM_SELF
     if dimension == 2:
@@ -57,11 +60,17 @@ def test_stuck_contact_that_turns(algorithm, dimension):
     up = dimension - 1
     point, normal, shift = np.eye(dimension)[up], -np.eye(dimension)[up], np.zeros(dimension)
     shift[[0, up]] = 0.05, -0.1
-    u, ground, x = fem.Function(space), fem.Function(space), space.tabulate_dof_coordinates()[:, :dimension]
+    u, ground, x = (
+        fem.Function(space),
+        fem.Function(space),
+        space.tabulate_dof_coordinates()[:, :dimension],
+    )
     bottom = fem.dirichletbc(ground, fem.locate_dofs_topological(space, up, side(up, 0.0)))
     plate = {"shape": "plane", "point": tuple(point), "normal": tuple(normal)}
     contact = Foundation(side(up, 1.0), shape=plate, friction=Coulomb(2.0))
-    problem = NonlinearContactProblem(residual(u), u, bcs=[bottom], contact=contact, algorithm=algorithm)
+    problem = NonlinearContactProblem(
+        residual(u), u, bcs=[bottom], contact=contact, algorithm=algorithm
+    )
     problem.place(0, shift=tuple(shift), pivot=(0.0,) * dimension)
     problem.solve()
     problem.advance()
@@ -76,6 +85,8 @@ def test_stuck_contact_that_turns(algorithm, dimension):
         problem.place(0, shift=tuple(turn @ shift), rotation=rotation, pivot=(0.0,) * dimension)
         problem.solve()
         problem.advance()
-        assert sum(problem.state.forces) == pytest.approx(turn @ force, abs=1e-9 * np.linalg.norm(force))
+        assert sum(problem.state.forces) == pytest.approx(
+            turn @ force, abs=1e-9 * np.linalg.norm(force)
+        )
         now = problem.shear.x.array.reshape(-1, dimension)
         assert now == pytest.approx(shear @ turn.T, abs=1e-9 * np.abs(shear).max())

@@ -30,7 +30,9 @@ def rolled(tool, law="rubber", friction=ROUGH, **further):
     contact = {"boundary": "top", "foundation": tool} | ({"friction": friction} if friction else {})
     exact = {"solver": {"algorithm": "alm", "tolerance": 1e-11}}
     return indented(
-        LAWS[law] if isinstance(law, str) else law, cells=(8, 4), **({"contact": contact} | exact | further)
+        LAWS[law] if isinstance(law, str) else law,
+        cells=(8, 4),
+        **({"contact": contact} | exact | further),
     )
 
 
@@ -39,14 +41,20 @@ def total(step):
     return np.sum(step.contact.forces, axis=0)
 
 
-@pytest.mark.parametrize("law", ["saint-venant-kirchhoff", pytest.param("j2", marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "law", ["saint-venant-kirchhoff", pytest.param("j2", marks=pytest.mark.slow)]
+)
 def test_linear_limit(law):
-    """At small forces the tool moves as on the linear body: half the force, a quarter of the difference."""
+    """At small forces the tool moves as on the linear body: half the force, a quarter of the
+    difference.
+    """
     plate = {"shape": "plane", "point": [0.0, 1.0], "normal": [0.0, -1.0], "prescribed": UPRIGHT}
     differences = []
     for force in (2e-3, 1e-3):
         ways = [
-            solve(rolled(plate | {"force": [0.1 * force, -force]}, body, load_steps={}), MPI.COMM_SELF)
+            solve(
+                rolled(plate | {"force": [0.1 * force, -force]}, body, load_steps={}), MPI.COMM_SELF
+            )
             for body in (material(law), {"young": 100.0, "poisson": 0.3})
         ]
         ours, linear = (way.last_step.tools[0].translation for way in ways)
@@ -57,9 +65,13 @@ def test_linear_limit(law):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", [pytest.param("plane strain", marks=pytest.mark.slow), "axisymmetric"])
+@pytest.mark.parametrize(
+    "kind", [pytest.param("plane strain", marks=pytest.mark.slow), "axisymmetric"]
+)
 def test_a_block_under_a_plate(kind):
-    """A block between plates, one pressed by a force: its height is that of the stretches; a spring takes its part."""
+    """A block between plates, one pressed by a force: its height is that of the stretches; a spring
+    takes its part.
+    """
     plate = {"shape": "plane", "point": [0.0, 1.0], "normal": [0.0, -1.0]}
     law = material("neo-hooke", hypothesis=kind)
     way = block(law, "0.3", cells=(2, 2), load_steps={"times": [1.0]})
@@ -67,29 +79,47 @@ def test_a_block_under_a_plate(kind):
     upright = UPRIGHT | {"x": 0.0} if kind == "plane strain" else {}
     for spring in ({}, {"spring": {"y": 10.0}}):
         pressed = force - 10.0 * 0.3 * bool(spring)
-        tool = plate | spring | {"force": [0.0, pressed]} | ({"prescribed": upright} if upright else {})
-        solution = solve(block(law, "0", cells=(2, 2), foundation=tool, load_steps={"steps": 3}), MPI.COMM_SELF)
+        tool = (
+            plate
+            | spring
+            | {"force": [0.0, pressed]}
+            | ({"prescribed": upright} if upright else {})
+        )
+        solution = solve(
+            block(law, "0", cells=(2, 2), foundation=tool, load_steps={"steps": 3}), MPI.COMM_SELF
+        )
         assert solution.last_step.tools[0].translation == pytest.approx([0.0, -0.3], abs=1e-8)
         assert total(solution.last_step)[1] == pytest.approx(force, rel=1e-9)
 
 
 @pytest.mark.mpi
 def test_a_rank_without_contact_points():
-    """Of a tall block some rank has no part of its top: the tool rests where it does on one rank."""
-    mesh = {"generator": "rectangle", "parameters": {"length": 1.0, "height": 4.0, "nx": 2, "ny": 8}}
+    """Of a tall block some rank has no part of its top: the tool rests where it does on one
+    rank.
+    """
+    mesh = {
+        "generator": "rectangle",
+        "parameters": {"length": 1.0, "height": 4.0, "nx": 2, "ny": 8},
+    }
     tool = {"shape": "circle", "centre": [0.5, 5.5], "radius": 1.5, "force": [0.0, -5.0]}
     tool |= {"prescribed": UPRIGHT | {"x": 0.0}}
     scene = rolled(tool, mesh=mesh, load_steps={"times": [1.0]})
     together, alone = (solve(scene, comm).last_step for comm in (MPI.COMM_WORLD, MPI.COMM_SELF))
     assert together.status is Status.CONVERGED
-    assert MPI.COMM_WORLD.size == 1 or MPI.COMM_WORLD.allreduce(together.contact.boundary.size == 0, MPI.LOR)
+    assert MPI.COMM_WORLD.size == 1 or MPI.COMM_WORLD.allreduce(
+        together.contact.boundary.size == 0, MPI.LOR
+    )
     assert total(together)[1] == pytest.approx(-5.0, rel=1e-9)
-    assert together.tools[0].translation == pytest.approx(alone.tools[0].translation, rel=1e-9, abs=1e-12)
+    assert together.tools[0].translation == pytest.approx(
+        alone.tools[0].translation, rel=1e-9, abs=1e-12
+    )
 
 
 @pytest.mark.mpi(slow=True)
 def test_between_a_ground_and_a_tool():
-    """Contact alone holds the block: it falls to the ground, and the tool with it, by the gap more."""
+    """Contact alone holds the block: it falls to the ground, and the tool with it, by the gap
+    more.
+    """
     plate = {"shape": "plane", "point": [0.0, 1.0], "normal": [0.0, -1.0]}
     plate |= {"force": ["0", "-20 * t"], "prescribed": UPRIGHT | {"x": 0.0}}
     ways = []
@@ -111,7 +141,9 @@ def test_between_a_ground_and_a_tool():
 
 @pytest.mark.slow
 def test_what_pulls_away():
-    """A named outcome: at once, or after the load step that had a solution; and where nothing holds a tool."""
+    """A named outcome: at once, or after the load step that had a solution; and where nothing holds
+    a tool.
+    """
     away = CIRCLE | {"force": ["0", "5 * t"], "prescribed": UPRIGHT}
     later = CIRCLE | {"force": ["0", "-5 * t * (1.5 - t)"], "prescribed": UPRIGHT}
     loose = {"shape": "plane", "point": [0.0, 1.0], "normal": [0.0, -1.0]}
@@ -130,12 +162,16 @@ def test_what_pulls_away():
 
 
 def test_what_is_refused():
-    """By one sentence that names the place: what moves it, and what turns it without a place to turn about."""
+    """By one sentence that names the place: what moves it, and what turns it without a place to
+    turn about.
+    """
     with pytest.raises(SceneError, match="give the point where the force acts"):
         solve(rolled(CIRCLE | {"force": [0.0, -1.0]}, load_steps={}), MPI.COMM_SELF)
     space, side = rectangle([1.0, 1.0], [2, 2], MPI.COMM_SELF)
     u = fem.Function(space)
     circle = CIRCLE | {"force": (0.0, -1.0), "prescribed": UPRIGHT, "pivot": (0.8, 1.5)}
-    problem = NonlinearContactProblem(residual(u, neo_hooke), u, contact=Foundation(side(1, 1.0), shape=circle))
+    problem = NonlinearContactProblem(
+        residual(u, neo_hooke), u, contact=Foundation(side(1, 1.0), shape=circle)
+    )
     with pytest.raises(FormError, match=r"contact\[0\].shape.shift: stays"):
         problem.place(0, shift=(0.0, -0.1))

@@ -1,4 +1,6 @@
-"""Nonlinear scenes far from the origin: coordinates lose digits there, and answers and verdicts no more than these."""
+"""Nonlinear scenes far from the origin: coordinates lose digits there, and answers and verdicts no
+more than these.
+"""
 
 import numpy as np
 import pytest
@@ -12,9 +14,9 @@ from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene
 
 COMM = MPI.COMM_SELF
-UNITS_OF_PLACES = (
-    4.0  # units in the last place of coordinates that displacements may lose, and strains over the size of a cell
-)
+# units in the last place of coordinates that displacements may lose, and strains over the size of a
+# cell
+UNITS_OF_PLACES = 4.0
 
 
 def moved(stated, far):
@@ -35,8 +37,9 @@ def moved(stated, far):
 @pytest.mark.one_quick
 @pytest.mark.parametrize("seed", [6, 15, 35])
 def test_a_scene_as_the_judge_sees_it(seed):
-    """1e6 times its size away from the origin: certified, right for another program that looks at the origin, and with
-    the displacements of the scene at the origin, to the last digits of coordinates.
+    """1e6 times its size away from the origin: certified, right for another program that looks at
+    the origin, and with the displacements of the scene at the origin, to the last digits of
+    coordinates.
     """
     drawn = RandomScene.drawn(seed)
     size, dim = drawn.sizes.max(), drawn.sizes.size
@@ -44,14 +47,22 @@ def test_a_scene_as_the_judge_sees_it(seed):
     if drawn.kind == "axisymmetric":
         far[0] = 0.0
     there, here = (
-        solve(scene, COMM, check=False) for scene in (moved(drawn.stated(), far), parse_scene(drawn.stated()))
+        solve(scene, COMM, check=False)
+        for scene in (moved(drawn.stated(), far), parse_scene(drawn.stated()))
     )
     assert there.status is here.status
     at_origin = {step.time: step.displacement.x.array for step in here.steps}
     x, cells, displacements = gathered(there, COMM)
-    judge, before = Judge(drawn, x - far, cells), Step(0.0, np.zeros_like(x), np.zeros(dim), np.zeros(dim))
+    judge, before = (
+        Judge(drawn, x - far, cells),
+        Step(0.0, np.zeros_like(x), np.zeros(dim), np.zeros(dim)),
+    )
     for step, u in zip(there.steps, displacements, strict=True):
-        motion = step.tools[0].translation if drawn.push is not None else drawn.between(step.time, drawn.ways)
+        motion = (
+            step.tools[0].translation
+            if drawn.push is not None
+            else drawn.between(step.time, drawn.ways)
+        )
         now = Step(step.time, u, motion, np.sum(step.contact.forces, axis=0))
         assert judge.faults(now, before) == []
         before = now
@@ -62,10 +73,20 @@ def test_a_scene_as_the_judge_sees_it(seed):
 @pytest.mark.one_quick
 @pytest.mark.parametrize(("unit", "far"), [(1e-6, 1e6), (1e6, 1e3)])
 def test_block_between_plates(unit, far):
-    """Compressed by a third in plane strain: the pressure in closed form, to the digits of coordinates over a cell."""
-    plate = {"shape": "plane", "point": [0.0, unit], "normal": [0.0, -1.0], "shift": [0.0, f"-{unit / 3}*t"]}
+    """Compressed by a third in plane strain: the pressure in closed form, to the digits of
+    coordinates over a cell.
+    """
+    plate = {
+        "shape": "plane",
+        "point": [0.0, unit],
+        "normal": [0.0, -1.0],
+        "shift": [0.0, f"-{unit / 3}*t"],
+    }
     stated = {
-        "mesh": {"generator": "rectangle", "parameters": {"length": unit, "height": unit, "nx": 4, "ny": 4}},
+        "mesh": {
+            "generator": "rectangle",
+            "parameters": {"length": unit, "height": unit, "nx": 4, "ny": 4},
+        },
         "material": material("neo-hooke"),
         "displacement": [{"boundary": "left", "x": 0.0}, {"boundary": "bottom", "y": 0.0}],
         "contact": {"boundary": "top", "foundation": plate},

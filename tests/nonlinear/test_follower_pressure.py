@@ -1,4 +1,6 @@
-"""Pressure that follows a body at finite strains: work on a volume, objectivity, closed forms, and free edges."""
+"""Pressure that follows a body at finite strains: work on a volume, objectivity, closed forms, and
+free edges.
+"""
 
 import numpy as np
 import pytest
@@ -23,11 +25,17 @@ from signorini_fx.scenes.reading import parse_scene
 
 
 def domain(kind, degree):
-    """A mesh away from the axis, and a displacement that is not small; quadratic ones have curved sides."""
+    """A mesh away from the axis, and a displacement that is not small; quadratic ones have curved
+    sides.
+    """
     if kind == "space":
-        mesh = dmesh.create_box(MPI.COMM_WORLD, [[0.0] * 3, [1.0] * 3], [2, 2, 2], dmesh.CellType.hexahedron)
+        mesh = dmesh.create_box(
+            MPI.COMM_WORLD, [[0.0] * 3, [1.0] * 3], [2, 2, 2], dmesh.CellType.hexahedron
+        )
     else:
-        mesh = dmesh.create_rectangle(MPI.COMM_WORLD, [[1.0, 0.0], [2.0, 1.0]], [3, 2], dmesh.CellType.triangle)
+        mesh = dmesh.create_rectangle(
+            MPI.COMM_WORLD, [[1.0, 0.0], [2.0, 1.0]], [3, 2], dmesh.CellType.triangle
+        )
     dim = mesh.geometry.dim
     u = fem.Function(fem.functionspace(mesh, ("Lagrange", degree, (dim,))))
     waves = np.array([[1.1, 0.7, 0.4], [0.3, 1.9, 0.8], [0.5, 0.2, 1.3]])[:dim]
@@ -60,11 +68,17 @@ def test_work_on_a_closed_boundary_is_that_of_its_volume(kind, degree):
 
 
 def tube(pressure, law, comm, **further):
-    """The wall of a tube whose length does not change, pressed from inside; a wall around it is far away."""
-    mesh = dmesh.create_rectangle(comm, [[1.0, 0.0], [2.0, 0.1]], [16, 1], dmesh.CellType.quadrilateral)
+    """The wall of a tube whose length does not change, pressed from inside; a wall around it is far
+    away.
+    """
+    mesh = dmesh.create_rectangle(
+        comm, [[1.0, 0.0], [2.0, 0.1]], [16, 1], dmesh.CellType.quadrilateral
+    )
     places = {"left": (0, 1.0), "right": (0, 2.0), "bottom": (1, 0.0), "top": (1, 0.1)}
     sides = {
-        name: dmesh.locate_entities_boundary(mesh, 1, lambda x, axis=axis, at=at: np.isclose(x[axis], at))
+        name: dmesh.locate_entities_boundary(
+            mesh, 1, lambda x, axis=axis, at=at: np.isclose(x[axis], at)
+        )
         for name, (axis, at) in places.items()
     }
     scene = {
@@ -85,11 +99,14 @@ def tube(pressure, law, comm, **further):
 def widened(pressure, inner, outer):
     """The radius of the inside of a neo-Hookean tube in plane strain, by its radial equilibrium.
 
-    P_R = mu (a - 1 / a) + Lambda ln J / a, P_Theta likewise with the stretches a = dr / dR and b = r / R, J = a b.
+    P_R = mu (a - 1 / a) + Lambda ln J / a, P_Theta likewise with the stretches a = dr / dR and b =
+    r / R, J = a b.
     """
 
     def nominal(a, b):
-        return MU * (a - 1 / a) + LAME * np.log(a * b) / a, MU * (b - 1 / b) + LAME * np.log(a * b) / b
+        return MU * (a - 1 / a) + LAME * np.log(a * b) / a, MU * (b - 1 / b) + LAME * np.log(
+            a * b
+        ) / b
 
     def stretch(radial, b):
         return brentq(lambda a: nominal(a, b)[0] - radial, 0.05, 5.0, xtol=1e-15)
@@ -123,9 +140,14 @@ def test_a_tube_by_its_radial_equilibrium():
 
 
 def beam(pressure, **further):
-    """A cantilever with free edges that is pressed from above, over a foundation that it may reach."""
+    """A cantilever with free edges that is pressed from above, over a foundation that it may
+    reach.
+    """
     scene = {
-        "mesh": {"generator": "rectangle", "parameters": {"length": 4.0, "height": 0.5, "nx": 24, "ny": 4}},
+        "mesh": {
+            "generator": "rectangle",
+            "parameters": {"length": 4.0, "height": 0.5, "nx": 24, "ny": 4},
+        },
         "material": material("neo-hooke"),
         "displacement": {"boundary": "left", "x": 0.0, "y": 0.0},
         "traction": {"boundary": "top", "pressure": pressure},
@@ -145,8 +167,13 @@ def chord(solution, ends):
 
 @pytest.mark.slow
 def test_a_cantilever(tmp_path):
-    """Its tangent is not symmetric.  What holds it takes p times the chord of the deformed side, turned."""
-    ground = {"boundary": "bottom", "foundation": {"shape": "circle", "centre": [3.0, -1.5], "radius": 0.5}}
+    """Its tangent is not symmetric.  What holds it takes p times the chord of the deformed side,
+    turned.
+    """
+    ground = {
+        "boundary": "bottom",
+        "foundation": {"shape": "circle", "centre": [3.0, -1.5], "radius": 0.5},
+    }
     solution = solve(beam("0.5 * t", load_steps={"times": [1.0]}, contact=ground), MPI.COMM_SELF)
     assert solution.status is Status.CONVERGED
     assert solution.certificate.holds

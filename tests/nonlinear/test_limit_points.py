@@ -1,4 +1,6 @@
-"""An arch that snaps through: a circle whose displacement is prescribed follows it, and a force takes it to its end."""
+"""An arch that snaps through: a circle whose displacement is prescribed follows it, and a force
+takes it to its end.
+"""
 
 import numpy as np
 import pytest
@@ -15,7 +17,9 @@ FORCE, HELD = 0.15, {"x": 0.0, "rotation": 0.0}
 
 def arch(**shape):
     """The right half of a shallow arch that is clamped at its end, below a circle."""
-    mesh = dmesh.create_rectangle(MPI.COMM_SELF, [[0.0, 0.0], [4.0, 0.3]], [12, 1], dmesh.CellType.quadrilateral)
+    mesh = dmesh.create_rectangle(
+        MPI.COMM_SELF, [[0.0, 0.0], [4.0, 0.3]], [12, 1], dmesh.CellType.quadrilateral
+    )
     space = fem.functionspace(mesh, ("Lagrange", 2, (2,)))
 
     def side(axis, at):
@@ -25,15 +29,19 @@ def arch(**shape):
     mesh.geometry.x[:, 1] += 0.8 * np.cos(np.pi * mesh.geometry.x[:, 0] / 8)
     u = fem.Function(space)
     circle = {"shape": "circle", "centre": (0.0, 1.6), "radius": 0.5, "pivot": (0.0, 1.6)} | shape
-    F = ufl.derivative(neo_hooke(u) * ufl.dx(metadata={"quadrature_degree": 4}), u, ufl.TestFunction(space))
+    F = ufl.derivative(
+        neo_hooke(u) * ufl.dx(metadata={"quadrature_degree": 4}), u, ufl.TestFunction(space)
+    )
     bcs = [held(space, end), held(space, middle, 0)]
-    return NonlinearContactProblem(F, u, bcs=bcs, contact=Foundation(top, shape=circle), algorithm="alm")
+    return NonlinearContactProblem(
+        F, u, bcs=bcs, contact=Foundation(top, shape=circle), algorithm="alm"
+    )
 
 
 @pytest.mark.slow
 def test_an_arch_snaps_through():
-    """The force on the prescribed circle rises, falls and rises again.  A force on the circle beyond the limit point
-    takes it to where the prescribed one needs the same force.
+    """The force on the prescribed circle rises, falls and rises again.  A force on the circle
+    beyond the limit point takes it to where the prescribed one needs the same force.
     """
     driven = arch(force=(0.0, 0.0), prescribed=HELD)
     times = np.linspace(0.1, 1.0, 10)

@@ -15,15 +15,21 @@ from signorini_fx.algebra.linalg import is_by_blocks
 @pytest.mark.one_quick
 @pytest.mark.parametrize(("hollow", "most"), [(False, 6), (True, 8)])
 def test_a_deep_press_from_rest(hollow, most):
-    """Points that stick come along a plane that turns by the way to the shape over its radius: Newton's method knows,
-    and its last increments fall quadratically, not by this factor.  In a bowl, which squeezes the corners, the first
-    increment is halved.
+    """Points that stick come along a plane that turns by the way to the shape over its radius:
+    Newton's method knows, and its last increments fall quadratically, not by this factor.  In a
+    bowl, which squeezes the corners, the first increment is halved.
     """
     space, side = rectangle([2.0, 1.0], [16, 8], MPI.COMM_SELF)
     u, radius = fem.Function(space), 2.0 if hollow else 0.5
-    circle = {"shape": "circle", "centre": (1.03, 1.0 + radius * (-1 if hollow else 1)), "radius": radius}
+    circle = {
+        "shape": "circle",
+        "centre": (1.03, 1.0 + radius * (-1 if hollow else 1)),
+        "radius": radius,
+    }
     contact = Foundation(side(1, 1.0), shape=circle | {"hollow": hollow}, friction=Coulomb(0.6))
-    problem = NonlinearContactProblem(residual(u), u, bcs=[held(space, side(1, 0.0))], contact=contact)
+    problem = NonlinearContactProblem(
+        residual(u), u, bcs=[held(space, side(1, 0.0))], contact=contact
+    )
     problem.place(0, shift=(0.0, -0.2))
     problem.solve()
     assert problem.iterations <= most
@@ -33,15 +39,26 @@ def test_a_deep_press_from_rest(hollow, most):
 @pytest.mark.slow
 @pytest.mark.mpi
 def test_a_ball_with_multigrid():
-    """A matrix by blocks has the curvature of shapes too: otherwise its solution is not that of the residual."""
-    mesh = dmesh.create_box(MPI.COMM_WORLD, [[0.0, 0.0, 0.0], [2.0, 2.0, 1.0]], [12, 12, 5], dmesh.CellType.hexahedron)
+    """A matrix by blocks has the curvature of shapes too: otherwise its solution is not that of the
+    residual.
+    """
+    mesh = dmesh.create_box(
+        MPI.COMM_WORLD, [[0.0, 0.0, 0.0], [2.0, 2.0, 1.0]], [12, 12, 5], dmesh.CellType.hexahedron
+    )
     space = fem.functionspace(mesh, ("Lagrange", 1, (3,)))
-    bottom, top = (dmesh.locate_entities_boundary(mesh, 2, lambda x, at=at: np.isclose(x[2], at)) for at in (0.0, 1.0))
+    bottom, top = (
+        dmesh.locate_entities_boundary(mesh, 2, lambda x, at=at: np.isclose(x[2], at))
+        for at in (0.0, 1.0)
+    )
     u = fem.Function(space)
     ball = {"shape": "sphere", "centre": (1.0, 1.0, 1.55), "radius": 0.6}
-    F = ufl.derivative(neo_hooke(u) * ufl.dx(metadata={"quadrature_degree": 2}), u, ufl.TestFunction(space))
+    F = ufl.derivative(
+        neo_hooke(u) * ufl.dx(metadata={"quadrature_degree": 2}), u, ufl.TestFunction(space)
+    )
     options = {"linear_algebra": "krylov", "stability": False}
-    problem = NonlinearContactProblem(F, u, bcs=[held(space, bottom)], contact=Foundation(top, shape=ball), **options)
+    problem = NonlinearContactProblem(
+        F, u, bcs=[held(space, bottom)], contact=Foundation(top, shape=ball), **options
+    )
     problem.solve()
     assert problem.status is Status.CONVERGED
     assert problem.iterations <= 5
@@ -49,25 +66,32 @@ def test_a_ball_with_multigrid():
 
 
 def test_line_search():
-    """Springs that soften like an arctangent, from far away: whole increments of Newton's method go ever farther."""
+    """Springs that soften like an arctangent, from far away: whole increments of Newton's method go
+    ever farther.
+    """
     space, side = rectangle([1.0, 1.0], [2, 2], MPI.COMM_SELF)
     u = fem.Function(space)
     spring = MU * ufl.atan(20 * u[0]) * ufl.TestFunction(space)[0] * ufl.dx
     contact = Foundation(side(1, 1.0), shape=PLATE | {"shift": (0.0, -1e-3)})
-    problem = NonlinearContactProblem(residual(u) + spring, u, bcs=[held(space, side(1, 0.0), 1)], contact=contact)
+    problem = NonlinearContactProblem(
+        residual(u) + spring, u, bcs=[held(space, side(1, 0.0), 1)], contact=contact
+    )
     u.x.array[::2] = 0.1
     problem.solve()
     assert np.abs(u.x.array).max() < 2e-3
 
 
 def test_a_wrong_tangent_goes_on_until_the_forces_balance():
-    """Increments of a method that converges linearly are small before the residual is: it goes on, or says that its
-    iterations have ended.
+    """Increments of a method that converges linearly are small before the residual is: it goes on,
+    or says that its iterations have ended.
     """
     space, side = rectangle([1.0, 1.0], [1, 1], MPI.COMM_SELF)
     u, trial, test = fem.Function(space), ufl.TrialFunction(space), ufl.TestFunction(space)
     F = residual(u) - 1e-2 * MU * test[1] * ufl.ds
-    J = ufl.derivative(residual(u), u, trial) + 0.5 * MU * ufl.inner(ufl.grad(trial), ufl.grad(test)) * ufl.dx
+    J = (
+        ufl.derivative(residual(u), u, trial)
+        + 0.5 * MU * ufl.inner(ufl.grad(trial), ufl.grad(test)) * ufl.dx
+    )
     contact = Foundation(side(1, 1.0), shape=PLATE | {"shift": (0.0, 1.0)})
     options = {"bcs": [held(space, side(1, 0.0))], "contact": contact, "J": J}
     problem = NonlinearContactProblem(F, u, **options)
@@ -85,7 +109,9 @@ def test_a_wrong_tangent_goes_on_until_the_forces_balance():
 @pytest.mark.one_quick
 @pytest.mark.parametrize("hollow", [False, True])
 def test_a_bilateral_shape_in_tension(hollow):
-    """It pulls the body, whose normals turn as under pressure; a node of two such shapes has both curvatures."""
+    """It pulls the body, whose normals turn as under pressure; a node of two such shapes has both
+    curvatures.
+    """
     space, side = rectangle([2.0, 1.0], [16, 8], MPI.COMM_SELF)
     u, radius = fem.Function(space), 4.0
     centre = (1.0, 1.0 + radius * (-1 if hollow else 1))
@@ -95,7 +121,9 @@ def test_a_bilateral_shape_in_tension(hollow):
         Foundation(side(1, 1.0), shape=roof, bilateral=True),
         Foundation(side(0, 2.0), shape=wall, bilateral=True),
     ]
-    problem = NonlinearContactProblem(residual(u), u, bcs=[held(space, side(1, 0.0))], contact=contact)
+    problem = NonlinearContactProblem(
+        residual(u), u, bcs=[held(space, side(1, 0.0))], contact=contact
+    )
     for step in range(1, 5):
         problem.place(0, shift=(0.0, 0.05 * step))
         problem.place(1, shift=(0.03 * step, 0.0))

@@ -1,4 +1,6 @@
-"""Contact of nonlinear bodies: energies minimised by a library, the certificate, and named outcomes."""
+"""Contact of nonlinear bodies: energies minimised by a library, the certificate, and named
+outcomes.
+"""
 
 import re
 
@@ -32,18 +34,23 @@ from signorini_fx.results.certificate.law_of_method import Tractions
 
 
 def triangles_of(space):
-    """Vertices, shape (n, 2), triangles, shape (m, 3), and the unknowns of the vertices, of one rank."""
+    """Vertices, shape (n, 2), triangles, shape (m, 3), and the unknowns of the vertices, of one
+    rank.
+    """
     return space.tabulate_dof_coordinates()[:, :2], space.dofmap.list
 
 
 def least_energy(space, apart):
-    """The displacement of least energy of a body that is held below, by SciPy with exact constraints at the vertices of
-    its top; and their distances.
+    """The displacement of least energy of a body that is held below, by SciPy with exact
+    constraints at the vertices of its top; and their distances.
     """
     x, cells = triangles_of(space)
     shapes = np.array([[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0]])
     jacobians = np.einsum("mai,aj->mij", x[cells], shapes)
-    gradients, areas = np.einsum("aj,mji->mai", shapes, np.linalg.inv(jacobians)), np.abs(np.linalg.det(jacobians)) / 2
+    gradients, areas = (
+        np.einsum("aj,mji->mai", shapes, np.linalg.inv(jacobians)),
+        np.abs(np.linalg.det(jacobians)) / 2,
+    )
     free = np.flatnonzero(np.repeat(x[:, 1] > 1e-9, 2))
     above = np.flatnonzero(np.isclose(x[:, 1], 1.0))
 
@@ -55,7 +62,9 @@ def least_energy(space, apart):
     def energy(values):
         f = np.eye(2) + np.einsum("mai,maj->mij", whole(values)[cells], gradients)
         growth = np.linalg.det(f)[:, None, None] - 1
-        cofactors = np.array([[f[:, 1, 1], -f[:, 1, 0]], [-f[:, 0, 1], f[:, 0, 0]]]).transpose(2, 0, 1)
+        cofactors = np.array([[f[:, 1, 1], -f[:, 1, 0]], [-f[:, 0, 1], f[:, 0, 0]]]).transpose(
+            2, 0, 1
+        )
         stress = MU * f + ((LAME + MU) * growth - MU) * cofactors
         forces = np.zeros_like(x)
         np.add.at(forces, cells, np.einsum("mij,maj,m->mai", stress, gradients, areas))
@@ -68,7 +77,14 @@ def least_energy(space, apart):
 
     constraint = {"type": "ineq", "fun": distances}
     options = {"maxiter": 500, "ftol": 1e-14}
-    found = minimize(energy, np.zeros(free.size), jac=True, method="SLSQP", constraints=constraint, options=options)
+    found = minimize(
+        energy,
+        np.zeros(free.size),
+        jac=True,
+        method="SLSQP",
+        constraints=constraint,
+        options=options,
+    )
     assert found.status in (
         0,
         8,
@@ -77,7 +93,9 @@ def least_energy(space, apart):
 
 
 def test_energy_minimised_by_a_library():
-    """Circles and oblique planes pressed into a block, frictionless: the displacement of a minimiser of the energy."""
+    """Circles and oblique planes pressed into a block, frictionless: the displacement of a
+    minimiser of the energy.
+    """
     touching = 0
     for seed in range(4):
         chance = np.random.default_rng(seed)
@@ -105,8 +123,12 @@ def test_energy_minimised_by_a_library():
         u = fem.Function(space)
         contact = Foundation(side(1, 1.0), shape=shape)
         bcs = [held(space, side(1, 0.0))]
-        problem = NonlinearContactProblem(residual(u, polynomial), u, bcs=bcs, contact=contact, algorithm="alm")
-        problem.run([1.0], lambda t, problem=problem, depth=depth: problem.place(0, shift=(0.0, -depth * t)))
+        problem = NonlinearContactProblem(
+            residual(u, polynomial), u, bcs=bcs, contact=contact, algorithm="alm"
+        )
+        problem.run(
+            [1.0], lambda t, problem=problem, depth=depth: problem.place(0, shift=(0.0, -depth * t))
+        )
         expected, distances = least_energy(space, apart)
         assert problem.certificate.holds
         assert u.x.array.reshape(-1, 2) == pytest.approx(expected, abs=5e-6), seed
@@ -115,9 +137,14 @@ def test_energy_minimised_by_a_library():
 
 
 def test_state_of_the_material():
-    """A viscoelastic block, whose state is committed after each step, relaxes as the implicit Euler method says."""
+    """A viscoelastic block, whose state is committed after each step, relaxes as the implicit Euler
+    method says.
+    """
     space, side = rectangle([1.0, 1.0], [2, 2])
-    u, viscous = fem.Function(space), fem.Function(space)  # the displacement that the dashpot has followed
+    u, viscous = (
+        fem.Function(space),
+        fem.Function(space),
+    )  # the displacement that the dashpot has followed
     share, step, time = 0.6, 0.5, 1.0
 
     def stress(y):
@@ -126,7 +153,11 @@ def test_state_of_the_material():
 
     follows = share / (1 + step / time)
     form = (
-        ufl.inner((1 - share) * stress(u) + follows * stress(u - viscous), ufl.grad(ufl.TestFunction(space))) * ufl.dx
+        ufl.inner(
+            (1 - share) * stress(u) + follows * stress(u - viscous),
+            ufl.grad(ufl.TestFunction(space)),
+        )
+        * ufl.dx
     )
 
     def commit():
@@ -134,7 +165,9 @@ def test_state_of_the_material():
 
     bcs = [held(space, side(1, 0.0), 1), held(space, side(0, 0.0), 0)]
     contact = Foundation(side(1, 1.0), shape=PLATE | {"shift": (0.0, -0.01)})
-    problem = NonlinearContactProblem(form, u, bcs=bcs, contact=contact, commit=commit, algorithm="alm")
+    problem = NonlinearContactProblem(
+        form, u, bcs=bcs, contact=contact, commit=commit, algorithm="alm"
+    )
     forces = []
     for _ in range(4):
         problem.solve()
@@ -152,7 +185,9 @@ def column(coefficient, **options):
     u = fem.Function(space)
     friction = coefficient and Coulomb(coefficient)
     contact = Foundation(side(1, 8.0), shape=PLATE | {"point": (0.0, 8.0)}, friction=friction)
-    return NonlinearContactProblem(residual(u), u, bcs=[held(space, side(1, 0.0))], contact=contact, **options)
+    return NonlinearContactProblem(
+        residual(u), u, bcs=[held(space, side(1, 0.0))], contact=contact, **options
+    )
 
 
 @pytest.mark.one_quick
@@ -162,7 +197,9 @@ def column(coefficient, **options):
     ("friction", "stable", "unstable"), [(1.0, 0.03, 0.1), (1e-3, 0.003, 0.02), (None, 0.003, 0.02)]
 )
 def test_buckled_columns_are_called_unstable(friction, stable, unstable, system):
-    """The straight state of a column is an equilibrium at every load; beyond Euler's it is not called converged."""
+    """The straight state of a column is an equilibrium at every load; beyond Euler's it is not
+    called converged.
+    """
     problem = column(friction, linear_algebra=system)
     problem.place(0, shift=(0.0, -8 * stable))
     problem.solve()
@@ -179,18 +216,24 @@ def test_buckled_columns_are_called_unstable(friction, stable, unstable, system)
 
 
 def test_certificate_notices_what_is_wrong():
-    """Another pressure, a displacement that is not in equilibrium, a shape at another place, friction the other way."""
+    """Another pressure, a displacement that is not in equilibrium, a shape at another place,
+    friction the other way.
+    """
     space, side = rectangle([2.0, 1.0], [8, 4], MPI.COMM_SELF)
     u = fem.Function(space)
     circle = {"shape": "circle", "centre": (0.8, 1.5), "radius": 0.5}
     contact = Foundation(side(1, 1.0), shape=circle, friction=Coulomb(0.3))
-    problem = NonlinearContactProblem(residual(u), u, bcs=[held(space, side(1, 0.0))], contact=contact, algorithm="alm")
+    problem = NonlinearContactProblem(
+        residual(u), u, bcs=[held(space, side(1, 0.0))], contact=contact, algorithm="alm"
+    )
     problem.place(0, shift=(0.0, -0.1))
     problem.solve()
     linear, form = problem.linear, fem.form(residual(u))
 
     def judged(of=lambda tractions: tractions):
-        return certified(fem.assemble_vector(form).array, linear, tractions=of(Tractions.of(problem.state)))[0]
+        return certified(
+            fem.assemble_vector(form).array, linear, tractions=of(Tractions.of(problem.state))
+        )[0]
 
     from dataclasses import replace
 

@@ -9,7 +9,14 @@ from dolfinx import fem
 from mpi4py import MPI
 from support.nonlinear_bodies import held, neo_hooke, polynomial, rectangle, residual
 
-from signorini_fx import ConvergenceError, Coulomb, FormError, Foundation, NonlinearContactProblem, Status
+from signorini_fx import (
+    ConvergenceError,
+    Coulomb,
+    FormError,
+    Foundation,
+    NonlinearContactProblem,
+    Status,
+)
 
 
 def pressed(update=None, energy=neo_hooke, made=NonlinearContactProblem, **options):
@@ -18,7 +25,14 @@ def pressed(update=None, energy=neo_hooke, made=NonlinearContactProblem, **optio
     u = fem.Function(space)
     circle = {"shape": "circle", "centre": (0.8, 1.5), "radius": 0.5}
     contact = Foundation(side(1, 1.0), shape=circle, friction=Coulomb(0.3))
-    return made(residual(u, energy), u, bcs=[held(space, side(1, 0.0))], contact=contact, update=update, **options)
+    return made(
+        residual(u, energy),
+        u,
+        bcs=[held(space, side(1, 0.0))],
+        contact=contact,
+        update=update,
+        **options,
+    )
 
 
 def down(problem, depth=0.2):
@@ -31,9 +45,16 @@ def everything(problem):
     fields = (problem.u, problem.pressure, problem.shear, problem.gap, problem.slip)
     figures = [] if problem.certificate is None else [problem.certificate.worst]
     state = problem.state
-    forces = [*np.ravel(state.forces), *state.pressure, *np.ravel(state.shear), *np.ravel(state.u_t)]
+    forces = [
+        *np.ravel(state.forces),
+        *state.pressure,
+        *np.ravel(state.shear),
+        *np.ravel(state.u_t),
+    ]
     place = problem.shapes[0].shape.shift
-    return np.concatenate([*(field.x.array for field in fields), figures, forces, place, [problem.iterations]])
+    return np.concatenate(
+        [*(field.x.array for field in fields), figures, forces, place, [problem.iterations]]
+    )
 
 
 class Unlike(Exception):
@@ -42,8 +63,8 @@ class Unlike(Exception):
 
 @pytest.mark.parametrize("fault", ["update", "unstable"])
 def test_a_failure_goes_back_to_the_last_step(fault, monkeypatch):
-    """Displacement, tractions, certificate and shapes are those of the last step, at which ``update`` was called, and
-    from which it goes on.
+    """Displacement, tractions, certificate and shapes are those of the last step, at which
+    ``update`` was called, and from which it goes on.
     """
     called, kept, problem = [], [], None
 
@@ -60,14 +81,19 @@ def test_a_failure_goes_back_to_the_last_step(fault, monkeypatch):
     values = problem.u.x.array
     monkeypatch.setattr(inertia, lambda *_: (int(fault == "unstable" and fails()), values))
     with pytest.raises(FormError if fault == "update" else ConvergenceError) as raised:
-        problem.run([0.25, 0.5, 0.75], down(problem), on_step=lambda step: kept.append(everything(problem)))
+        problem.run(
+            [0.25, 0.5, 0.75], down(problem), on_step=lambda step: kept.append(everything(problem))
+        )
     assert everything(problem) == pytest.approx(kept[-1], rel=0, abs=0)
     assert (called[-1] == problem.u.x.array).all()
-    said = {"update": "update: raised Unlike: no return to the yield surface", "unstable": "unstable equilibrium"}[
-        fault
-    ]
+    said = {
+        "update": "update: raised Unlike: no return to the yield surface",
+        "unstable": "unstable equilibrium",
+    }[fault]
     assert problem.status is (Status.UNSTABLE if fault == "unstable" else None)
-    assert re.search(rf"{said}.*at time 0\.\d+; there is a solution at time 0\.\d+", str(raised.value))
+    assert re.search(
+        rf"{said}.*at time 0\.\d+; there is a solution at time 0\.\d+", str(raised.value)
+    )
     problem.place(0, shift=(0.0, 1.05 * problem.shapes[0].shape.shift[1]))
     fault = ""
     problem.solve()
@@ -75,12 +101,18 @@ def test_a_failure_goes_back_to_the_last_step(fault, monkeypatch):
 
 
 def test_cells_turned_inside_out():
-    """An energy that is finite for every displacement lets a plate press a block through its ground."""
+    """An energy that is finite for every displacement lets a plate press a block through its
+    ground.
+    """
     space, side = rectangle([1.0, 1.0], [2, 2], MPI.COMM_SELF)
     u = fem.Function(space)
-    contact = Foundation(side(0, 1.0), shape={"shape": "plane", "point": (3.0, 0.0), "normal": (-1.0, 0.0)})
+    contact = Foundation(
+        side(0, 1.0), shape={"shape": "plane", "point": (3.0, 0.0), "normal": (-1.0, 0.0)}
+    )
     bcs = [held(space, side(1, 0.0)), push := held(space, side(1, 1.0))]
-    problem = NonlinearContactProblem(residual(u, polynomial), u, bcs=bcs, contact=contact, stability=False)
+    problem = NonlinearContactProblem(
+        residual(u, polynomial), u, bcs=bcs, contact=contact, stability=False
+    )
     push.g.value[:] = (0.0, -1.2)
     with pytest.raises(ConvergenceError, match="inside out"):
         problem.solve()
@@ -89,11 +121,17 @@ def test_cells_turned_inside_out():
 
 @pytest.mark.mpi
 def test_no_first_step():
-    """A block that is lifted off its ground: the problem shows the body before, and the next solution takes over."""
+    """A block that is lifted off its ground: the problem shows the body before, and the next
+    solution takes over.
+    """
     space, side = rectangle([2.0, 1.0], [8, 4], MPI.COMM_WORLD)
     u, load = fem.Function(space), fem.Constant(space.mesh, 0.0)
     F = residual(u, neo_hooke) - load * ufl.TestFunction(space)[1] * ufl.dx
-    walls = [fem.dirichletbc(0.0, fem.locate_dofs_topological(space.sub(0), 1, side(0, 0.0)), space.sub(0))]
+    walls = [
+        fem.dirichletbc(
+            0.0, fem.locate_dofs_topological(space.sub(0), 1, side(0, 0.0)), space.sub(0)
+        )
+    ]
     problem = NonlinearContactProblem(F, u, bcs=walls, contact=Foundation(side(1, 0.0)))
 
     def lift(time):

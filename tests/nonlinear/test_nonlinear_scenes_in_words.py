@@ -30,12 +30,16 @@ REFUSED = {
     "torsion: a nonlinear material with torsion|a nonlinear material with torsion": {
         "material": RUBBER | {"hypothesis": "axisymmetric", "torsion": True}
     },
-    "element.volumetric: a pressure as an unknown": {"element": {"degree": 2, "volumetric": "mixed"}},
+    "element.volumetric: a pressure as an unknown": {
+        "element": {"degree": 2, "volumetric": "mixed"}
+    },
     "element.volumetric: 'reduced' needs an energy of the volume": {
         "material": material("saint-venant-kirchhoff"),
         "element": {"volumetric": "reduced"},
     },
-    "solver.error_bound: a nonlinear body has no guaranteed bound": {"solver": {"error_bound": True}},
+    "solver.error_bound: a nonlinear body has no guaranteed bound": {
+        "solver": {"error_bound": True}
+    },
     "solver.regularisation_error: must be a number": {"solver": {"algorithm": "path-following"}},
     "accuracy.of: of a nonlinear body": {"accuracy": {"target": 0.05, "of": "peak"}},
     "accuracy.of: is not known where cells lock": {
@@ -51,29 +55,40 @@ REFUSED = {
         "contact": {
             "boundary": "top",
             "kind": "bonded",
-            "foundation": CIRCLE | {"shift": [0.0, 0.0], "force": [0.0, -1.0], "prescribed": {"rotation": 0.0}},
+            "foundation": CIRCLE
+            | {"shift": [0.0, 0.0], "force": [0.0, -1.0], "prescribed": {"rotation": 0.0}},
         },
         "load_steps": {},
     },
-    "fluid: changes as the body moves": {"fluid": {"boundary": "left", "level": 1.0, "weight": 1.0}},
+    "fluid: changes as the body moves": {
+        "fluid": {"boundary": "left", "level": 1.0, "weight": 1.0}
+    },
     "displacement.rotation: is a small one": {
         "displacement": {"boundary": "bottom", "x": 0.0, "y": 0.0, "rotation": 0.1}
     },
     "there is no material 'neohooke'": {"material": RUBBER | {"law": "neohooke"}},
     "material.poisson: must be less than 0.5": {"material": RUBBER | {"poisson": 0.5}},
     "material.young: must be greater than 0": {"material": RUBBER | {"young": -1.0}},
-    "material.mu[1]: must have the sign of its exponent": {"material": material("ogden", mu=[40.0, -2.0, -5.0])},
-    "material.alpha: has 1 exponents, one for each of 3": {"material": material("ogden", alpha=[2.0])},
+    "material.mu[1]: must have the sign of its exponent": {
+        "material": material("ogden", mu=[40.0, -2.0, -5.0])
+    },
+    "material.alpha: has 1 exponents, one for each of 3": {
+        "material": material("ogden", alpha=[2.0])
+    },
     "material.hardening[1]: plastic strains must increase": {
         "material": material("j2", hardening=[[0.1, 2e3], [0.2, 1.5e3]])
     },
-    "material.c10: must be above 0, or c01": {"material": material("mooney-rivlin", c10=0.0, c01=0.0)},
+    "material.c10: must be above 0, or c01": {
+        "material": material("mooney-rivlin", c10=0.0, c01=0.0)
+    },
 }
 
 
 @pytest.mark.parametrize("message", REFUSED)
 def test_what_is_refused(message):
-    """By one error that names the place and the way out, before anything is solved, by ``check`` too."""
+    """By one error that names the place and the way out, before anything is solved, by ``check``
+    too.
+    """
     begins = message.split("|")[-1]
     for use in (solve, check_scene):
         with pytest.raises(SceneError) as refused:
@@ -94,13 +109,20 @@ def test_ogden_in_space_is_refused():
     """Three stretches at once are not derived."""
     cube = {"generator": "box", "parameters": {"nx": 1, "ny": 1, "nz": 1}}
     plate = {"shape": "plane", "point": [0.0, 0.0, 1.0], "normal": [0.0, 0.0, -1.0]}
-    scene = indented(material("ogden"), mesh=cube, contact={"boundary": "top", "foundation": plate}, load_steps={})
+    scene = indented(
+        material("ogden"),
+        mesh=cube,
+        contact={"boundary": "top", "foundation": plate},
+        load_steps={},
+    )
     with pytest.raises(SceneError, match=r"material\[0\].law: 'ogden' is not possible in 3D yet"):
         solve(scene, MPI.COMM_SELF)
 
 
 def test_check():
-    """It says what will be solved: Newton's method, the material, and what each load step may take."""
+    """It says what will be solved: Newton's method, the material, and what each load step may
+    take.
+    """
     checked = check_scene(indented(material("j2", yield_stress=5.0)), MPI.COMM_SELF)
     acts = "; ".join(checked.acts)
     assert "small strains, Newton's method" in checked.acts[0]
@@ -112,7 +134,10 @@ def test_check():
         indented(
             RUBBER | {"poisson": 0.499},
             mesh={"generator": "rectangle", "parameters": {"nx": 4, "ny": 4, "cell": "triangle"}},
-            contact={"boundary": "top", "foundation": {"shape": "plane", "point": [0.0, 2.0], "normal": [0.0, -1.0]}},
+            contact={
+                "boundary": "top",
+                "foundation": {"shape": "plane", "point": [0.0, 2.0], "normal": [0.0, -1.0]},
+            },
             load_steps={},
         ),
         MPI.COMM_SELF,
@@ -121,18 +146,29 @@ def test_check():
 
 
 def test_folder(tmp_path):
-    """That of a scene: its own title, names, units and load steps; what makes no sense is left out."""
+    """That of a scene: its own title, names, units and load steps; what makes no sense is left
+    out.
+    """
     path = {"times": [1.0, 2.0], "names": ["press", "slide"], "steps": 2}
-    scene = indented(RUBBER, title="Rubber", units={"length": "mm", "stress": "MPa"}, load_steps=path)
+    scene = indented(
+        RUBBER, title="Rubber", units={"length": "mm", "stress": "MPa"}, load_steps=path
+    )
     solution = solve(scene, MPI.COMM_SELF)
     summary = write_results(solution, tmp_path, pictures=False)
     assert not {"strain_energy", "friction_used", "plastic_strain"} & set(summary)
     assert summary["stress"]["recovered"] is summary["stress"]["error"] is None
-    jsonschema.Draft202012Validator(summary_schema()).validate(json.loads((tmp_path / "summary.json").read_text()))
+    jsonschema.Draft202012Validator(summary_schema()).validate(
+        json.loads((tmp_path / "summary.json").read_text())
+    )
     assert summary["scene"]["material"][0]["law"] == "neo-hooke"
     assert summary["title"] == "Rubber"
     rows = read_results(tmp_path).summary.steps
-    assert [(row.time, row.name) for row in rows] == [(0.5, "press"), (1.0, "press"), (1.5, "slide"), (2.0, "slide")]
+    assert [(row.time, row.name) for row in rows] == [
+        (0.5, "press"),
+        (1.0, "press"),
+        (1.5, "slide"),
+        (2.0, "slide"),
+    ]
     assert summary["contact_boundaries"][0]["boundary"] == "top"
     bottom, top = (solution.resultants.of(name).force for name in ("bottom", "top"))
     assert np.abs(bottom + top).max() < 1e-8 * np.abs(top).max()
@@ -144,10 +180,14 @@ def test_folder(tmp_path):
 @pytest.mark.mpi
 @pytest.mark.parametrize("law", ["neo-hooke", "j2"])
 def test_resultants(law):
-    """Of supports, contact and loads, at each load step, in balance; moments, too, of finite strains at the displaced
-    points and of small ones at the undeformed points: the metal yields, and slides under the circle.
+    """Of supports, contact and loads, at each load step, in balance; moments, too, of finite
+    strains at the displaced points and of small ones at the undeformed points: the metal yields,
+    and slides under the circle.
     """
-    loads = {"traction": {"boundary": "right", "x": 2.0, "factors": [0.5, 1.0]}, "body_force": {"y": -1.0}}
+    loads = {
+        "traction": {"boundary": "right", "x": 2.0, "factors": [0.5, 1.0]},
+        "body_force": {"y": -1.0},
+    }
     further = {"yield_stress": 2.0, "hardening": 20.0} if law == "j2" else {}
     solution = solve(indented(material(law, **further), **loads), MPI.COMM_WORLD)
     for step, factor in zip(solution.steps, (0.5, 1.0), strict=True):
@@ -162,14 +202,20 @@ def test_resultants(law):
 
 def drawn_out(law, **further):
     """A block that is drawn out to three times its length, away from its foundation."""
-    held = [{"boundary": "left", "x": 0.0}, {"boundary": "right", "x": "t"}, {"boundary": "bottom", "y": 0.0}]
+    held = [
+        {"boundary": "left", "x": 0.0},
+        {"boundary": "right", "x": "t"},
+        {"boundary": "bottom", "y": 0.0},
+    ]
     further = {"displacement": held, "load_steps": {"times": [0.2, 2.0]}} | further
     return solve(block(material(law), "0", cells=(3, 3), **further), MPI.COMM_SELF, check=False)
 
 
 @pytest.mark.slow
 def test_small_strains_that_are_not_small_are_no_solution():
-    """A metal at small strains says so, as a linear body does; rubber may be drawn out, and so may who wants it."""
+    """A metal at small strains says so, as a linear body does; rubber may be drawn out, and so may
+    who wants it.
+    """
     solution = drawn_out("j2")
     assert solution.status is Status.TOO_LARGE
     assert all(step.deformation.largest <= 0.5 for step in solution.steps)

@@ -1,4 +1,6 @@
-"""Scenes of two nonlinear bodies: a closed form, gaps that depend on the time, and what is refused."""
+"""Scenes of two nonlinear bodies: a closed form, gaps that depend on the time, and what is
+refused.
+"""
 
 import pytest
 from mpi4py import MPI
@@ -12,7 +14,9 @@ MODULI = {"law": "neo-hooke", **LINEAR}
 
 
 def two_blocks(contact, depths=(0.4,), **settings):
-    """A unit square on another one, both free to the right, pressed by these depths one after the other."""
+    """A unit square on another one, both free to the right, pressed by these depths one after the
+    other.
+    """
     counts = {"lower": 3, "upper": 2}
     body = [
         {
@@ -36,7 +40,12 @@ def two_blocks(contact, depths=(0.4,), **settings):
 @pytest.mark.one_quick
 @pytest.mark.parametrize(
     "contact",
-    [{}, {"sliding": "small"}, {"sliding": "small", "distance": "nominal"}, {"sliding": "small", "adjust": 0.1}],
+    [
+        {},
+        {"sliding": "small"},
+        {"sliding": "small", "distance": "nominal"},
+        {"sliding": "small", "adjust": 0.1},
+    ],
 )
 def test_blocks(contact):
     """Each is compressed by a fifth: the pressure of a block in plane strain, in closed form."""
@@ -48,13 +57,17 @@ def test_blocks(contact):
 @pytest.mark.slow
 @pytest.mark.parametrize("sliding", [True, "small"])
 def test_forces_act_where_a_body_has_slid_to(sliding):
-    """What acts on each body balances with its moment about any point, after it has slid by its length, or by a facet
-    with partners that it keeps: then the moments on both bodies differ, as a warning says.
+    """What acts on each body balances with its moment about any point, after it has slid by its
+    length, or by a facet with partners that it keeps: then the moments on both bodies differ, as a
+    warning says.
     """
     sizes = {"lower": (1.6, 0.4, 8), "upper": (0.6, 0.3, 4)}
     way = 0.3 if sliding is True else 0.05
     meshes = {
-        name: {"generator": "rectangle", "parameters": {"length": length, "height": height, "nx": count, "ny": 2}}
+        name: {
+            "generator": "rectangle",
+            "parameters": {"length": length, "height": height, "nx": count, "ny": 2},
+        }
         for name, (length, height, count) in sizes.items()
     }
     scene = Scene(
@@ -79,7 +92,9 @@ def test_forces_act_where_a_body_has_slid_to(sliding):
     rows = {row.boundary: row for row in solution.resultants.every()}
     held = rows["upper.top"]
     for contact, support in (("upper.bottom", "upper.top"), ("lower.top", "lower.bottom")):
-        assert rows[contact].force == pytest.approx(-rows[support].force, abs=1e-7 * abs(held.force[1]))
+        assert rows[contact].force == pytest.approx(
+            -rows[support].force, abs=1e-7 * abs(held.force[1])
+        )
         assert rows[contact].moment == pytest.approx(-rows[support].moment, rel=1e-5)
     if sliding is True:
         assert 0.8 < rows["upper.bottom"].acts_at[0] < 1.4
@@ -91,7 +106,9 @@ def test_forces_act_where_a_body_has_slid_to(sliding):
 
 def test_bonds():
     """Tied sides of the same blocks, which pull, too."""
-    solution = solve(two_blocks({"kind": "bonded", "sliding": "small"}, depths=(-0.4,)), MPI.COMM_SELF)
+    solution = solve(
+        two_blocks({"kind": "bonded", "sliding": "small"}, depths=(-0.4,)), MPI.COMM_SELF
+    )
     assert solution.certificate.holds
     assert solution.contact.pressure == pytest.approx(-stress_of_block(1.2, 1), rel=1e-4)
 
@@ -101,5 +118,8 @@ def test_what_is_refused():
     with pytest.raises(SceneError, match="sliding: is for contact against another boundary"):
         two_blocks({"against": None, "sliding": "small"})
     for key, value in {"kind": "bonded", "distance": "nominal", "adjust": 0.1}.items():
-        with pytest.raises(SceneError, match=rf"contact\[0\].{key}: .* where sides slide.* give sliding = \"small\""):
+        with pytest.raises(
+            SceneError,
+            match=rf"contact\[0\].{key}: .* where sides slide.* give sliding = \"small\"",
+        ):
             solve(two_blocks({key: value}), MPI.COMM_SELF)

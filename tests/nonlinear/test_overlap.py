@@ -1,4 +1,6 @@
-"""Shapes that a step leads into the body, or through it: never *converged*, halved by a ramp, or seen in time."""
+"""Shapes that a step leads into the body, or through it: never *converged*, halved by a ramp, or
+seen in time.
+"""
 
 import numpy as np
 import pytest
@@ -27,7 +29,9 @@ def test_a_circle_that_is_moved_into_the_body_in_one_step(degree):
     circle = {"centre": (1.52, 1.051), "radius": 0.05}
     found = problem((4.0, 1.0), (16, 4), circle, degree=degree, comm=MPI.COMM_WORLD)
     found.place(0, shift=(0.0, -0.3))
-    with pytest.raises(ConvergenceError, match=r"rigid shape inside the body \(contact\[0\]: 0\.0\d+ at \(1\.5"):
+    with pytest.raises(
+        ConvergenceError, match=r"rigid shape inside the body \(contact\[0\]: 0\.0\d+ at \(1\.5"
+    ):
         found.solve()
     assert found.status is Status.INSIDE
     assert not found.u.x.array.any()
@@ -59,11 +63,15 @@ POST = {"corner": (0.5, 2.0), "cells": (3, 10), "sides": ((0, 0.0), (0, 0.5), (1
     ids=lambda shape: shape["shape"],
 )
 def test_the_way_through_a_body(shape):
-    """A ball or a tip that is led through a post in one step has passed through it; around it, it has not."""
+    """A ball or a tip that is led through a post in one step has passed through it; around it, it
+    has not.
+    """
     found = with_shape(shape, **POST)
     found.solve()
     found.place(0, shift=(5.0, 0.0))
-    with pytest.raises(ConvergenceError, match=r"rigid shape inside the body \(contact\[0\]: on its way, "):
+    with pytest.raises(
+        ConvergenceError, match=r"rigid shape inside the body \(contact\[0\]: on its way, "
+    ):
         found.solve()
     for place in ((0.0, 2.0), (5.0, 2.0), (5.0, 0.0)):
         found.place(0, shift=place)
@@ -93,7 +101,8 @@ def test_a_way_into_the_body_says_so():
     """The reason of its last step comes first, with the time, and the time that has a solution."""
     found = problem((4.0, 1.0), (16, 4), {"centre": (1.52, 1.051), "radius": 0.05})
     reason = (
-        r"^rigid shape inside the body \(contact\[0\]: .*\): at time 0\.1\d*; there is a solution at time 0\.09\d*\. A"
+        r"^rigid shape inside the body \(contact\[0\]: .*\): at time 0\.1\d*; there is a "
+        r"solution at time 0\.09\d*\. A"
     )
     with pytest.raises(ConvergenceError, match=reason):  # into it from 0.1 on
         found.run([1.0], lambda t: found.place(0, shift=(0.0, -0.03 * t if t < 0.1 else -0.3)))

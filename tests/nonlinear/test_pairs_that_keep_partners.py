@@ -1,4 +1,6 @@
-"""Two nonlinear bodies whose points keep their partners: joint rotations, limits, arguments and ranks."""
+"""Two nonlinear bodies whose points keep their partners: joint rotations, limits, arguments and
+ranks.
+"""
 
 import re
 
@@ -14,8 +16,8 @@ KEPT = {"pair": {"sliding": False}}
 
 
 def turned_as_a_whole(scene, way, angle, steps=4):
-    """Both ends of a scene moved, the second one pressed by a way and both turned by an angle; the force on the slave
-    in axes that turn with them.
+    """Both ends of a scene moved, the second one pressed by a way and both turned by an angle; the
+    force on the slave in axes that turn with them.
     """
     space, dim = scene.u.function_space, len(way)
     values = [fem.Function(space), fem.Function(space)]
@@ -38,7 +40,10 @@ def turned_as_a_whole(scene, way, angle, steps=4):
     ("make", "way"),
     [
         (lambda: blocks(lower=(6, 3), upper=(3, 2), **KEPT), (0.0, -0.1)),
-        (lambda: blocks(lower=(6, 3), upper=(3, 2), pair={"sliding": False, "bonded": True}), (0.0, 0.1)),
+        (
+            lambda: blocks(lower=(6, 3), upper=(3, 2), pair={"sliding": False, "bonded": True}),
+            (0.0, 0.1),
+        ),
         (lambda: blocks(lower=(4, 2), upper=(3, 2), degree=2, slave=1, **KEPT), (0.0, -0.1)),
         pytest.param(
             lambda: stacked("hexahedron", lower=(2, 2, 1), upper=(1, 1, 1), degree=2, **KEPT),
@@ -49,8 +54,8 @@ def turned_as_a_whole(scene, way, angle, steps=4):
     ids=["plane", "tied", "quadratic", "space"],
 )
 def test_joint_rotations_do_not_matter(make, way):
-    """Blocks that are pressed, or tied and pulled, and turned by half a right angle together: the same force, turned,
-    to what Newton's method leaves.
+    """Blocks that are pressed, or tied and pulled, and turned by half a right angle together: the
+    same force, turned, to what Newton's method leaves.
     """
     still, _ = turned_as_a_whole(make(), way, 0.0)
     turned, problem = turned_as_a_whole(make(), way, np.pi / 4)
@@ -90,7 +95,13 @@ def test_what_a_pair_may_be():
 def test_ranks():
     """Forces with friction do not depend on the ranks."""
     comm = MPI.COMM_WORLD
-    settings = {"lower": (6, 3), "upper": (4, 2), "friction": Coulomb(0.3), "algorithm": "alm", **KEPT}
+    settings = {
+        "lower": (6, 3),
+        "upper": (4, 2),
+        "friction": Coulomb(0.3),
+        "algorithm": "alm",
+        **KEPT,
+    }
     alone, shared = blocks(**settings), blocks(comm=comm, **settings)
     for way in ((0.0, -0.03), (0.02, -0.03)):
         force, of_ranks = alone.move(*way), shared.move(*way)

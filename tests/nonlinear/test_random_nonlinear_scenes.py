@@ -1,4 +1,6 @@
-"""Random scenes with nonlinear materials: what is called converged is so for another program, which sees faults."""
+"""Random scenes with nonlinear materials: what is called converged is so for another program, which
+sees faults.
+"""
 
 from dataclasses import replace
 
@@ -24,7 +26,10 @@ def test_they_agree(seed):
 @pytest.mark.parametrize(
     ("changes", "fault"),
     [
-        ({"law": {"law": "neo-hooke", "young": 1.01, "poisson": 0.3}}, "force reported is another one"),
+        (
+            {"law": {"law": "neo-hooke", "young": 1.01, "poisson": 0.3}},
+            "force reported is another one",
+        ),
         ({"law": {"law": "neo-hooke", "young": 1.0, "poisson": 0.31}}, "out of balance"),
         ({"friction": {"law": "coulomb", "coefficient": 0.1}}, "friction beyond its bound"),
         ({"sizes": 1.01}, "penetration"),
@@ -33,16 +38,32 @@ def test_they_agree(seed):
     ],
 )
 def test_the_judge_sees_what_is_wrong(changes, fault):
-    """Of a scene that is another one than the solution is of: stiffness, Poisson's ratio, friction, place,
-    temperature.
+    """Of a scene that is another one than the solution is of: stiffness, Poisson's ratio, friction,
+    place, temperature.
     """
-    scene = next(s for s in map(RandomScene.drawn, range(300)) if s.kind == "plane strain" and s.shape == "circle")
+    scene = next(
+        s
+        for s in map(RandomScene.drawn, range(300))
+        if s.kind == "plane strain" and s.shape == "circle"
+    )
     rubber = {"law": "neo-hooke", "young": 1.0, "poisson": 0.3}
-    scene = replace(scene, law=rubber, friction={"law": "coulomb", "coefficient": 0.3}, push=None, volumetric="full")
-    scene = replace(scene, ways=0.02 * scene.sizes[1] * (scene.ways / abs(scene.ways).max()), pull=0.0 * scene.pull)
+    scene = replace(
+        scene,
+        law=rubber,
+        friction={"law": "coulomb", "coefficient": 0.3},
+        push=None,
+        volumetric="full",
+    )
+    scene = replace(
+        scene,
+        ways=0.02 * scene.sizes[1] * (scene.ways / abs(scene.ways).max()),
+        pull=0.0 * scene.pull,
+    )
     scene = replace(scene, centre=np.array([scene.centre[0], scene.sizes[1] + scene.radius]))
     if "warmth" in changes:
-        scene = replace(scene, warmth=np.outer(np.array(scene.times) / scene.times[-1], [0.02, 0.01, -0.02]))
+        scene = replace(
+            scene, warmth=np.outer(np.array(scene.times) / scene.times[-1], [0.02, 0.01, -0.02])
+        )
     solution = solve(parse_scene(scene.stated()), MPI.COMM_SELF)
     assert judged(scene, solution, MPI.COMM_SELF) == []
     if "sizes" in changes:  # of the foundation's place

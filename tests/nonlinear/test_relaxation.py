@@ -1,4 +1,6 @@
-"""The generalised Maxwell material in contact: against its differential equations, and what is refused."""
+"""The generalised Maxwell material in contact: against its differential equations, and what is
+refused.
+"""
 
 from itertools import pairwise
 
@@ -24,7 +26,10 @@ def confined_scene(top, times):
     """A block between smooth walls on a plate, whose strain is uniform."""
     walls = [{"boundary": side, "x": 0.0} for side in ("left", "right")]
     return {
-        "mesh": {"generator": "rectangle", "parameters": {"length": 2.0, "height": 1.0, "nx": 4, "ny": 2}},
+        "mesh": {
+            "generator": "rectangle",
+            "parameters": {"length": 2.0, "height": 1.0, "nx": 4, "ny": 2},
+        },
         "material": MATERIAL,
         "displacement": [*walls, {"boundary": "top", "y": top}],
         "contact": {"boundary": "bottom", "foundation": PLATE},
@@ -44,12 +49,17 @@ def pressures(solution):
 
 
 def relaxed(strain, times):
-    """The pressure under a strain in time, by a solver of differential equations that knows no load steps."""
+    """The pressure under a strain in time, by a solver of differential equations that knows no load
+    steps.
+    """
     parts, found = np.zeros(2), []
 
     def rates(t, parts):
         rate = (strain(t + 1e-7) - strain(t - 1e-7)) / 2e-7
-        return [4 / 3 * shear * rate - part / time for part, (shear, time) in zip(parts, BRANCHES, strict=True)]
+        return [
+            4 / 3 * shear * rate - part / time
+            for part, (shear, time) in zip(parts, BRANCHES, strict=True)
+        ]
 
     breaks = sorted({0.0, 0.5, *times})
     for begin, end in pairwise(breaks):
@@ -70,15 +80,23 @@ def test_a_strain_that_is_held_relaxes():
 
 
 def test_fast_and_slow_limits_are_those_of_the_linear_material():
-    """A load step far shorter than all times knows the stiffness at first alone, a far longer one that at last."""
+    """A load step far shorter than all times knows the stiffness at first alone, a far longer one
+    that at last.
+    """
     for times, shear in (([1e-9], SHEAR + 85.0), ([1e9], SHEAR)):
         young = 9 * BULK * shear / (3 * BULK + shear)
         linear = {"young": young, "poisson": (3 * BULK - 2 * shear) / (2 * (3 * BULK + shear))}
         circle = {"shape": "circle", "centre": [1.0, -3.0], "radius": 3.0}
-        contact = {"boundary": "bottom", "foundation": circle, "friction": {"law": "coulomb", "coefficient": 0.2}}
+        contact = {
+            "boundary": "bottom",
+            "foundation": circle,
+            "friction": {"law": "coulomb", "coefficient": 0.2},
+        }
         held = [{"boundary": "top", "x": 0.0, "y": -1e-6}]
         both = [
-            confined("0", times, displacement=held, contact=contact, material=law).steps[-1].contact.forces[0]
+            confined("0", times, displacement=held, contact=contact, material=law)
+            .steps[-1]
+            .contact.forces[0]
             for law in (MATERIAL, linear)
         ]
         assert both[0] == pytest.approx(both[1], rel=2e-4, abs=1e-9)

@@ -19,7 +19,10 @@ from signorini_fx import (
 from signorini_fx.mechanics.contact_points.contact_table import contact_table
 from signorini_fx.records import StepRecord
 
-LAWS = {"rubber": material("neo-hooke"), "metal": material("j2", yield_stress=2.0, hardening=[[0.2, 6.0]])}
+LAWS = {
+    "rubber": material("neo-hooke"),
+    "metal": material("j2", yield_stress=2.0, hardening=[[0.2, 6.0]]),
+}
 METHODS = {"fp": {}, "driven": {}, "newton": {"coulomb": "newton"}}
 # Pressed, moved sideways and lifted by half; a wall closes in from the side and rises.
 ROLL = {
@@ -28,10 +31,18 @@ ROLL = {
     "radius": 0.5,
     "shift": ["max(0.1 * (min(t, 2) - 1), 0)", "-0.1 * min(t, 1) + 0.05 * max(t - 2, 0)"],
 }
-WALL = {"shape": "plane", "point": [2.005, 0.0], "normal": [-1.0, 0.0], "shift": ["-0.01 * t", "0.02 * t"]}
+WALL = {
+    "shape": "plane",
+    "point": [2.005, 0.0],
+    "normal": [-1.0, 0.0],
+    "shift": ["-0.01 * t", "0.02 * t"],
+}
 
 
-DRIVEN = {"force": ["0", "-1.5 * min(t, 2) + max(t - 2, 0)"], "prescribed": {"rotation": 0.0, "x": "0.03 * t"}}
+DRIVEN = {
+    "force": ["0", "-1.5 * min(t, 2) + max(t - 2, 0)"],
+    "prescribed": {"rotation": 0.0, "x": "0.03 * t"},
+}
 
 
 def pressed(law="rubber", steps=2, driven=False, **further):
@@ -40,11 +51,17 @@ def pressed(law="rubber", steps=2, driven=False, **further):
     if driven:
         rough = [("top", {key: ROLL[key] for key in ("shape", "centre", "radius")} | DRIVEN, 0.3)]
     contact = [
-        {"boundary": name, "foundation": shape, "friction": {"law": "coulomb", "coefficient": coefficient}}
+        {
+            "boundary": name,
+            "foundation": shape,
+            "friction": {"law": "coulomb", "coefficient": coefficient},
+        }
         for name, shape, coefficient in rough
     ]
     steps = {"times": [1.0, 2.0, 3.0], "names": ["press", "slide", "lift"], "steps": steps}
-    return indented(LAWS[law], cells=(6, 3), **({"contact": contact, "load_steps": steps} | further))
+    return indented(
+        LAWS[law], cells=(6, 3), **({"contact": contact, "load_steps": steps} | further)
+    )
 
 
 def interrupted(scene, comm, folder, at):
@@ -62,10 +79,17 @@ def assert_same(solution, reference, tolerance):
     """All load steps have the same contact, on any number of ranks."""
     assert solution.converged
     assert not any("solved again" in event for event in solution.history.events)
-    assert [step.linear_solves > 0 for step in solution.steps] == [step.linear_solves > 0 for step in reference.steps]
+    assert [step.linear_solves > 0 for step in solution.steps] == [
+        step.linear_solves > 0 for step in reference.steps
+    ]
     sides = reference.statement.sides
     for ours, theirs in zip(solution.steps, reference.steps, strict=True):
-        assert (ours.step, ours.place, ours.time, ours.name) == (theirs.step, theirs.place, theirs.time, theirs.name)
+        assert (ours.step, ours.place, ours.time, ours.name) == (
+            theirs.step,
+            theirs.place,
+            theirs.time,
+            theirs.name,
+        )
         assert ours.certificate.holds
         for one, other in zip(ours.tools, theirs.tools, strict=True):
             assert one.translation == pytest.approx(other.translation, abs=1e-9)
@@ -93,7 +117,9 @@ def shared(tmp_path):
     ],
 )
 def test_with_as_many_ranks(tmp_path, law, method, at):
-    """Metal keeps what has flowed, friction where it began: all figures are those of the run in one go."""
+    """Metal keeps what has flowed, friction where it began: all figures are those of the run in one
+    go.
+    """
     folder = shared(tmp_path)
     scene = pressed(law, driven=method == "driven", solver=METHODS[method])
     interrupted(scene, MPI.COMM_WORLD, folder, at)
@@ -110,7 +136,9 @@ def test_another_scene_is_refused(tmp_path):
     """By what differs, before anything is solved; so is a folder of another problem of forms."""
     interrupted(pressed(), MPI.COMM_SELF, tmp_path, 2)
     stiffer = pressed(material=LAWS["rubber"] | {"young": 110.0})
-    with pytest.raises(SceneError, match=r"material\[0\].*: was .* in the run to go on from") as refused:
+    with pytest.raises(
+        SceneError, match=r"material\[0\].*: was .* in the run to go on from"
+    ) as refused:
         solve(stiffer, MPI.COMM_SELF, checkpoint=tmp_path, restart=True)
     assert "solve without restart" in str(refused.value)
     space, side = rectangle([1.0, 1.0], [2, 2], MPI.COMM_SELF)

@@ -1,4 +1,6 @@
-"""Results of nonlinear bodies: load steps, forces in balance at the displaced points, and fields."""
+"""Results of nonlinear bodies: load steps, forces in balance at the displaced points, and
+fields.
+"""
 
 import numpy as np
 import pytest
@@ -24,7 +26,9 @@ def pressed(comm=MPI.COMM_SELF, degree=1, **arguments):
     contact = Foundation(side(1, 1.0), shape=CIRCLE, friction=Coulomb(0.3))
     names = {"bottom": side(1, 0.0), "top": side(1, 1.0)}
     bcs = [held(space, names["bottom"])]
-    return NonlinearContactProblem(residual(u, neo_hooke), u, bcs=bcs, contact=contact, boundaries=names, **arguments)
+    return NonlinearContactProblem(
+        residual(u, neo_hooke), u, bcs=bcs, contact=contact, boundaries=names, **arguments
+    )
 
 
 def moved(problem):
@@ -34,7 +38,9 @@ def moved(problem):
 
 @pytest.mark.mpi(slow=True)
 def test_load_steps():
-    """Each has its time, and the displacement that ``u`` had; the foundation is where the last left it."""
+    """Each has its time, and the displacement that ``u`` had; the foundation is where the last left
+    it.
+    """
     problem, seen = pressed(MPI.COMM_WORLD), []
     times = [0.25, 0.5, 0.75, 1.0]
     problem.run(times, moved(problem), on_step=lambda step: seen.append(problem.u.x.array.copy()))
@@ -44,7 +50,10 @@ def test_load_steps():
     for step in solution.steps:
         bottom, top = (solution.at(step).resultants.of(name).force for name in ("bottom", "top"))
         assert np.abs(bottom + top).max() < 1e-8 * np.abs(top).max()
-    assert all(np.array_equal(step.displacement.x.array, u) for step, u in zip(solution.steps, seen, strict=True))
+    assert all(
+        np.array_equal(step.displacement.x.array, u)
+        for step, u in zip(solution.steps, seen, strict=True)
+    )
     assert solution.status is Status.CONVERGED
     assert solution.certificate is problem.certificate
     assert solution.statement.contact[0].foundation.shift == (0.2, -0.3)
@@ -56,7 +65,9 @@ def test_load_steps():
 
 @pytest.mark.mpi
 def test_fields_on_the_boundary():
-    """Of linear elements the integral of the pressure is the sum over the nodes with their weights."""
+    """Of linear elements the integral of the pressure is the sum over the nodes with their
+    weights.
+    """
     problem = pressed(MPI.COMM_WORLD)
     problem.run([0.5], moved(problem))
     fields, state, comm = problem.solution.boundary_fields(0), problem.state, MPI.COMM_WORLD
@@ -66,7 +77,9 @@ def test_fields_on_the_boundary():
         float(
             np.dot(
                 state.pressure,
-                np.linalg.norm(state.boundary.nodal_forces(1.0 + 0 * state.pressure, 0 * state.shear), axis=1),
+                np.linalg.norm(
+                    state.boundary.nodal_forces(1.0 + 0 * state.pressure, 0 * state.shear), axis=1
+                ),
             )
         )
     )

@@ -1,4 +1,6 @@
-"""Tools that turn as forces and moments ask for it: rolling, statics, objectivity, and what is refused."""
+"""Tools that turn as forces and moments ask for it: rolling, statics, objectivity, and what is
+refused.
+"""
 
 import numpy as np
 import pytest
@@ -33,7 +35,9 @@ ROUGH = {"law": "coulomb", "coefficient": 0.3}
 def polyline(values):
     """An expression of t that is zero at 0 and has these values at 1, 2, 3."""
     steps = np.diff([0.0, *values])
-    return " + ".join(f"({float(step)!r}) * min(max(t - {k}, 0), 1)" for k, step in enumerate(steps))
+    return " + ".join(
+        f"({float(step)!r}) * min(max(t - {k}, 0), 1)" for k, step in enumerate(steps)
+    )
 
 
 def under(tool, law="rubber", **further):
@@ -45,7 +49,9 @@ def under(tool, law="rubber", **further):
 
 
 def wrench(contact, u, pivot):
-    """Force and moment that a tool takes about a place, from the tractions at displaced points; collective."""
+    """Force and moment that a tool takes about a place, from the tractions at displaced points;
+    collective.
+    """
     boundary = contact.boundary
     forces = boundary.nodal_forces(contact.pressure, contact.shear)
     arms = boundary.x + u.x.array.reshape(-1, 2)[boundary.nodes] - pivot
@@ -57,25 +63,38 @@ def wrench(contact, u, pivot):
 @pytest.mark.mpi
 @pytest.mark.parametrize("law", ["rubber", pytest.param("metal", marks=pytest.mark.slow)])
 def test_the_forces_of_a_way_give_the_way(law, tmp_path):
-    """Pressed, and rolled by a prescribed way and turn; then the weight and the moment of these turn it as far."""
+    """Pressed, and rolled by a prescribed way and turn; then the weight and the moment of these
+    turn it as far.
+    """
     way, turn = "0.1 * max(t - 1, 0)", "-0.21 * max(t - 1, 0)"
-    placed = {"shift": [way, "-0.12 * min(t, 1)"], "rotation": f"{float(np.degrees(1.0))!r} * ({turn})"}
+    placed = {
+        "shift": [way, "-0.12 * min(t, 1)"],
+        "rotation": f"{float(np.degrees(1.0))!r} * ({turn})",
+    }
     by_way = solve(under(ROLLER | placed, law))
-    places = np.array([[0.1 * max(t - 1, 0), -0.12 * min(t, 1), -0.21 * max(t - 1, 0)] for t in TIMES])
+    places = np.array(
+        [[0.1 * max(t - 1, 0), -0.12 * min(t, 1), -0.21 * max(t - 1, 0)] for t in TIMES]
+    )
     wrenches = np.array(
         [
             wrench(step.contact, step.displacement, CENTRE + place[:2])
             for step, place in zip(by_way.steps, places, strict=True)
         ]
     )
-    drive = {"force": ["0", polyline(-wrenches[:, 1])], "moment": polyline(-wrenches[:, 2]), "prescribed": {"x": way}}
+    drive = {
+        "force": ["0", polyline(-wrenches[:, 1])],
+        "moment": polyline(-wrenches[:, 2]),
+        "prescribed": {"x": way},
+    }
     by_force = solve(under(ROLLER | drive, law))
     assert [step.time for step in by_force.steps] == list(TIMES)
     size = np.abs(wrenches).max()
     for step, place, taken in zip(by_force.steps, places, wrenches, strict=True):
         (tool,) = step.tools
         assert [*tool.translation, *tool.rotation] == pytest.approx(place, abs=1e-8)
-        assert wrench(step.contact, step.displacement, CENTRE + place[:2]) == pytest.approx(taken, abs=1e-8 * size)
+        assert wrench(step.contact, step.displacement, CENTRE + place[:2]) == pytest.approx(
+            taken, abs=1e-8 * size
+        )
         assert step.certificate.holds
     u, v = (solution.displacement.x.array for solution in (by_force, by_way))
     assert np.abs(u - v).max() < 1e-9
@@ -86,7 +105,9 @@ def test_the_forces_of_a_way_give_the_way(law, tmp_path):
         held_by = by_force.resultants.of("bottom")
         arm = np.array(row["reference"]) + row["displacement"] - held_by.about
         moment = row["moment"] + arm[0] * row["force"][1] - arm[1] * row["force"][0]
-        assert [*held_by.force, held_by.moment] == pytest.approx([*row["force"], moment], abs=1e-8 * size)
+        assert [*held_by.force, held_by.moment] == pytest.approx(
+            [*row["force"], moment], abs=1e-8 * size
+        )
 
 
 def problem(shape, angle=0.0, unit=1.0, friction=0.5, **settings):
@@ -98,7 +119,9 @@ def problem(shape, angle=0.0, unit=1.0, friction=0.5, **settings):
     u = fem.Function(space)
     contact = Foundation(top, shape=shape, friction=Coulomb(friction) if friction else None)
     settings = {"algorithm": "alm", "tolerance": 1e-11} | settings
-    return NonlinearContactProblem(residual(u), u, bcs=[held(space, bottom)], contact=contact, **settings)
+    return NonlinearContactProblem(
+        residual(u), u, bcs=[held(space, bottom)], contact=contact, **settings
+    )
 
 
 def turn_matrix(angle):
@@ -114,13 +137,22 @@ def turned_roller(angle, unit=1.0):
 
 @pytest.mark.slow
 def test_objectivity():
-    """The whole scene is turned: so is all that a force askew and a moment do to a tool that springs hold."""
+    """The whole scene is turned: so is all that a force askew and a moment do to a tool that
+    springs hold.
+    """
     unit, ends = 1e3, []
     for angle in (0.0, 0.7):
         turn = turn_matrix(angle)
         alike = {"x": SPRING, "y": SPRING}  # in 2D stiffnesses do not depend on the unit of length
-        rolled = problem(turned_roller(angle, unit) | {"force": (0.0, 0.0), "spring": alike}, angle, unit)
-        for force, moment in (((0.0, -8.0), 0.0), ((1.0, -10.0), 0.6), ((1.25, -9.5), 0.8), ((1.5, -9.0), 1.0)):
+        rolled = problem(
+            turned_roller(angle, unit) | {"force": (0.0, 0.0), "spring": alike}, angle, unit
+        )
+        for force, moment in (
+            ((0.0, -8.0), 0.0),
+            ((1.0, -10.0), 0.6),
+            ((1.25, -9.5), 0.8),
+            ((1.5, -9.0), 1.0),
+        ):
             rolled.place(0, force=tuple(map(float, unit * turn @ force)), moment=moment * unit**2)
             rolled.solve()
             assert rolled.certificate.holds
@@ -130,7 +162,9 @@ def test_objectivity():
         pushed = -loads[:2] + SPRING * tool.translation
         assert pushed @ turn == pytest.approx(unit * np.array([1.5, -9.0]), abs=1e-8 * unit)
         assert -loads[2] == pytest.approx(moment * unit**2, abs=1e-8 * unit**2)
-        ends.append((rolled.u.x.array.reshape(-1, 2) @ turn, tool.translation @ turn, tool.rotation))
+        ends.append(
+            (rolled.u.x.array.reshape(-1, 2) @ turn, tool.translation @ turn, tool.rotation)
+        )
     assert abs(ends[0][2][0]) > 0.02
     for first, second in zip(*ends, strict=True):
         assert second == pytest.approx(first, abs=1e-9 * (unit if len(first) > 1 else 1.0))
@@ -146,12 +180,19 @@ def seesaw(**driven):
         {"shape": "circle", "centre": (at, 1.25), "radius": 0.25, "rigid": "lever"} | more
         for at, more in ((0.5, {"pivot": (0.8, 1.5)} | driven), (1.5, {}))
     ]
-    contact = [Foundation(top[on], shape=roller) for on, roller in zip((x < 1.0, x > 1.0), rollers, strict=True)]
-    return NonlinearContactProblem(residual(u), u, bcs=[held(space, side(1, 0.0))], contact=contact, algorithm="alm")
+    contact = [
+        Foundation(top[on], shape=roller)
+        for on, roller in zip((x < 1.0, x > 1.0), rollers, strict=True)
+    ]
+    return NonlinearContactProblem(
+        residual(u), u, bcs=[held(space, side(1, 0.0))], contact=contact, algorithm="alm"
+    )
 
 
 def test_a_lever_on_two_rollers():
-    """Statics of where it is: both rollers share the force as their arms, which turn with the lever, ask for it."""
+    """Statics of where it is: both rollers share the force as their arms, which turn with the
+    lever, ask for it.
+    """
     tilted = seesaw(force=(0.0, -10.0), prescribed={"x": 0.0})
     tilted.solve()
     assert tilted.iterations <= 6
@@ -177,7 +218,12 @@ def test_a_lever_on_two_rollers():
 
 def on_a_box(drive, law="rubber", **further):
     """A clamped cube under a rough cylinder along x[1], or another tool."""
-    roller = {"shape": "cylinder", "axis": [0.0, 1.0, 0.0], "centre": [0.4, 0.0, 1.5], "radius": 0.5}
+    roller = {
+        "shape": "cylinder",
+        "axis": [0.0, 1.0, 0.0],
+        "centre": [0.4, 0.0, 1.5],
+        "radius": 0.5,
+    }
     return under(
         roller | {"pivot": [0.4, 0.5, 1.5]} | drive,
         law,
@@ -190,7 +236,9 @@ def on_a_box(drive, law="rubber", **further):
 def test_what_is_refused():
     """By one sentence that names the place."""
     drive = {"force": [0.0, 0.0, -1.0], "prescribed": {"rotation_x": 0.0}}
-    with pytest.raises(SceneError, match="turn about more than one axis is not possible yet") as refused:
+    with pytest.raises(
+        SceneError, match="turn about more than one axis is not possible yet"
+    ) as refused:
         solve(on_a_box(drive, load_steps={}), MPI.COMM_SELF)
     assert "contact[0].foundation.prescribed" in str(refused.value)
     assert "prescribe rotation_x = 0 and rotation_z = 0, or all of" in str(refused.value)
@@ -198,10 +246,14 @@ def test_what_is_refused():
     with pytest.raises(SceneError, match="turn about more than one axis"):
         solve(on_a_box(drive, load_steps={}), MPI.COMM_SELF)
     drive |= {"prescribed": {"rotation_x": 0.0, "rotation_z": 0.0}, "rotation": [0.0, 0.0, 10.0]}
-    with pytest.raises(SceneError, match=r"foundation\.rotation: forces turn this rigid body about another axis"):
+    with pytest.raises(
+        SceneError, match=r"foundation\.rotation: forces turn this rigid body about another axis"
+    ):
         check_scene(on_a_box(drive, load_steps={}), MPI.COMM_SELF)
     space, side = rectangle([1.0, 1.0], [2, 2], MPI.COMM_SELF)
     u = fem.Function(space)
-    contact = Foundation(side(1, 1.0), shape=ROLLER | {"force": (0.0, -1.0)}, measure=lambda x: x[0])
+    contact = Foundation(
+        side(1, 1.0), shape=ROLLER | {"force": (0.0, -1.0)}, measure=lambda x: x[0]
+    )
     with pytest.raises(FormError, match="a tool that forces turn is not possible"):
         NonlinearContactProblem(residual(u, neo_hooke), u, contact=contact)

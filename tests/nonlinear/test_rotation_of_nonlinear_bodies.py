@@ -21,7 +21,9 @@ INSIDE, OUTSIDE = 1.0, 2.0
 
 
 def ring(law, speed, comm=MPI.COMM_SELF, **further):
-    """A ring in plane strain that rotates about its axis, as a body of revolution whose length does not change."""
+    """A ring in plane strain that rotates about its axis, as a body of revolution whose length does
+    not change.
+    """
     size = [[INSIDE, 0.0], [OUTSIDE, 0.1]]
     mesh = dmesh.create_rectangle(comm, size, [16, 1], dmesh.CellType.quadrilateral)
     ends = {
@@ -39,12 +41,15 @@ def ring(law, speed, comm=MPI.COMM_SELF, **further):
 
 
 def radius_of_inside(speed):
-    """By radial equilibrium of the deformed ring: d P_R / dR + (P_R - P_Theta) / R + rho omega^2 r = 0, with the
-    stresses P_R = mu (a - 1 / a) + Lambda ln J / a and P_Theta likewise of the stretches a = dr / dR and b = r / R.
+    """By radial equilibrium of the deformed ring: d P_R / dR + (P_R - P_Theta) / R + rho omega^2 r
+    = 0, with the stresses P_R = mu (a - 1 / a) + Lambda ln J / a and P_Theta likewise of the
+    stretches a = dr / dR and b = r / R.
     """
 
     def nominal(a, b):
-        return MU * (a - 1 / a) + LAME * np.log(a * b) / a, MU * (b - 1 / b) + LAME * np.log(a * b) / b
+        return MU * (a - 1 / a) + LAME * np.log(a * b) / a, MU * (b - 1 / b) + LAME * np.log(
+            a * b
+        ) / b
 
     def slope(R, y):
         r, radial = y
@@ -64,11 +69,13 @@ def moved(solution, step):
 
 
 def test_a_ring_of_rubber():
-    """Its radius grows, and the force with it, over two load steps, one of which is at three quarters of the last
-    square of the speed.
+    """Its radius grows, and the force with it, over two load steps, one of which is at three
+    quarters of the last square of the speed.
     """
     speed = 0.35 * np.sqrt(MU / 2.0)
-    solution = ring(RUBBER, speed, rotation={"speed": speed, "axis": [0.0, 1.0], "factors": [0.75, 1.0]})
+    solution = ring(
+        RUBBER, speed, rotation={"speed": speed, "axis": [0.0, 1.0], "factors": [0.75, 1.0]}
+    )
     for step, share in zip(solution.steps, (0.75, 1.0), strict=True):
         expected = radius_of_inside(np.sqrt(share) * speed) - INSIDE
         assert moved(solution, step) == pytest.approx(expected, rel=2e-6)
@@ -77,10 +84,14 @@ def test_a_ring_of_rubber():
 
 @pytest.mark.parametrize("name", ["neo-hooke", "j2"])
 def test_small_speeds_are_those_of_the_linear_scene(name):
-    """At small strains the forces are those of the undeformed radius; both are the same to first order."""
+    """At small strains the forces are those of the undeformed radius; both are the same to first
+    order.
+    """
     law = material(name)
     solution = ring(law, "1e-3 * t", load_steps={"times": [1.0]})
-    linear = ring({key: law[key] for key in ("young", "poisson")}, "1e-3 * t", load_steps={"times": [1.0]})
+    linear = ring(
+        {key: law[key] for key in ("young", "poisson")}, "1e-3 * t", load_steps={"times": [1.0]}
+    )
     wanted = linear.displacement.x.array
     assert np.abs(wanted).max() > 1e-9
     assert np.abs(solution.displacement.x.array - wanted).max() < 1e-5 * np.abs(wanted).max()
@@ -88,8 +99,8 @@ def test_small_speeds_are_those_of_the_linear_scene(name):
 
 @pytest.mark.mpi
 def test_a_block_off_the_axis():
-    """In 3D about an axis that is no edge of the block: the reactions are the mass times the square of the speed
-    times the distance of the deformed centre of mass from the axis.
+    """In 3D about an axis that is no edge of the block: the reactions are the mass times the square
+    of the speed times the distance of the deformed centre of mass from the axis.
     """
     speed, comm = 2.0, MPI.COMM_WORLD
     size = {"length": 1.0, "width": 0.5, "height": 0.5, "nx": 4, "ny": 2, "nz": 2}
@@ -102,7 +113,10 @@ def test_a_block_off_the_axis():
     solution = solve(parse_scene(scene), comm)
     mesh, u = solution.model.space.mesh, solution.displacement
     place = ufl.SpatialCoordinate(mesh) + u
-    moments = [fem.assemble_scalar(fem.form(place[k] * ufl.dx(metadata={"quadrature_degree": 4}))) for k in range(3)]
+    moments = [
+        fem.assemble_scalar(fem.form(place[k] * ufl.dx(metadata={"quadrature_degree": 4})))
+        for k in range(3)
+    ]
     volume = 0.25
     centre = np.array([comm.allreduce(moment) for moment in moments]) / volume
     along = np.array([0.0, 1.0, 1.0]) / np.sqrt(2)
@@ -118,18 +132,33 @@ CALCULIX = {
 }
 
 
-@pytest.mark.parametrize("name", ["mooney-rivlin", pytest.param("neo-hooke, isochoric", marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "name", ["mooney-rivlin", pytest.param("neo-hooke, isochoric", marks=pytest.mark.slow)]
+)
 def test_a_blade_of_calculix(name):
-    """A blade that bends as far as a sixth of its length: CalculiX 2.20, C3D8 with NLGEOM and CENTRIF, whose forces are
-    those of the places where a step begins, in 22 steps with the same speed, the last two of which have these digits.
+    """A blade that bends as far as a sixth of its length: CalculiX 2.20, C3D8 with NLGEOM and
+    CENTRIF, whose forces are those of the places where a step begins, in 22 steps with the same
+    speed, the last two of which have these digits.
     """
-    size = {"length": 2.0, "width": 1.0, "height": 1.0, "nx": 4, "ny": 2, "nz": 2, "cell": "hexahedron"}
+    size = {
+        "length": 2.0,
+        "width": 1.0,
+        "height": 1.0,
+        "nx": 4,
+        "ny": 2,
+        "nz": 2,
+        "cell": "hexahedron",
+    }
     scene = {
         "mesh": {"generator": "box", "parameters": size},
         "material": material(name, density=1.5),
         "element": {"volumetric": "full"},
         "displacement": {"boundary": "left", "x": 0.0, "y": 0.0, "z": 0.0},
-        "rotation": {"speed": float(np.sqrt(6.0)), "axis": [0.0, 1.0, 1.0], "about": [-0.5, 0.2, 0.0]},
+        "rotation": {
+            "speed": float(np.sqrt(6.0)),
+            "axis": [0.0, 1.0, 1.0],
+            "about": [-0.5, 0.2, 0.0],
+        },
     }
     solution = solve(parse_scene(scene), MPI.COMM_SELF)
     x = solution.model.space.tabulate_dof_coordinates()

@@ -1,5 +1,5 @@
-"""Digits of nonlinear bodies at strains of any size: such a body is a linear one up to its strain, or a finding tells
-how large errors may be.
+"""Digits of nonlinear bodies at strains of any size: such a body is a linear one up to its strain,
+or a finding tells how large errors may be.
 """
 
 import numpy as np
@@ -39,14 +39,18 @@ def of_digits(solution):
 @pytest.mark.one_quick
 @pytest.mark.parametrize("law", LAWS)
 def test_a_block_under_a_load_of_any_size(law):
-    """It is as far from the linear one as its strain, which round-off of I + grad u would hide from 1e-8 on."""
+    """It is as far from the linear one as its strain, which round-off of I + grad u would hide from
+    1e-8 on.
+    """
     for scale in SCALES:
         loads = {
             "displacement": [{"boundary": "bottom", "x": 0.0, "y": 0.0}],
             "traction": [{"boundary": "top", "x": 30.0 * scale, "y": -100.0 * scale}],
         }
         solution, linear = (
-            solve(Scene(mesh=block(one, "t").mesh, material=one, **loads), MPI.COMM_SELF, check=False)
+            solve(
+                Scene(mesh=block(one, "t").mesh, material=one, **loads), MPI.COMM_SELF, check=False
+            )
             for one in (material(law), linear_twin(law))
         )
         assert apart(solution, linear) <= BESIDE * scale + ROUND_OFF
@@ -56,11 +60,17 @@ def test_a_block_under_a_load_of_any_size(law):
 @pytest.mark.slow
 @pytest.mark.parametrize("contact", ["plane", "kept partners", "sliding"])
 def test_contact_at_displacements_of_any_size(contact):
-    """Gaps of the undeformed bodies keep their digits; what is met at displaced points has those of its coordinates,
-    and a finding says how many.
+    """Gaps of the undeformed bodies keep their digits; what is met at displaced points has those of
+    its coordinates, and a finding says how many.
     """
-    large = {"generator": "rectangle", "parameters": {"length": 1.5, "height": 0.5, "nx": 7, "ny": 2}}
-    small = {"generator": "rectangle", "parameters": {"length": 1.0, "height": 0.5, "nx": 6, "ny": 3}}
+    large = {
+        "generator": "rectangle",
+        "parameters": {"length": 1.5, "height": 0.5, "nx": 7, "ny": 2},
+    }
+    small = {
+        "generator": "rectangle",
+        "parameters": {"length": 1.0, "height": 0.5, "nx": 6, "ny": 3},
+    }
     plate = {"shape": "plane", "point": [0.0, 0.0], "normal": [0.0, 1.0]}
     rough = {"friction": {"law": "coulomb", "coefficient": 0.3}}
     for scale in SCALES:
@@ -74,7 +84,10 @@ def test_contact_at_displacements_of_any_size(contact):
         else:
             sliding = {"sliding": "small"} if contact == "kept partners" else {}
             one = {
-                "body": [{"name": "u", "mesh": small, "shift": [0.2, 0.5]}, {"name": "l", "mesh": large}],
+                "body": [
+                    {"name": "u", "mesh": small, "shift": [0.2, 0.5]},
+                    {"name": "l", "mesh": large},
+                ],
                 "displacement": [
                     {"boundary": "u.top", "x": 0.2 * scale, "y": -0.5 * scale},
                     {"boundary": "l.bottom", "x": 0.0, "y": 0.0},
@@ -107,7 +120,8 @@ def lossy(h, one):
 
 
 def own_block(change, scale, comm=MPI.COMM_SELF):
-    """A block of Saint Venant-Kirchhoff's material with a residual of one's own, its load, and a linear one.
+    """A block of Saint Venant-Kirchhoff's material with a residual of one's own, its load, and a
+    linear one.
 
     Args:
         change: gives F and E from grad u and I.
@@ -119,7 +133,11 @@ def own_block(change, scale, comm=MPI.COMM_SELF):
     u, v, identity = fem.Function(space), ufl.TestFunction(space), ufl.Identity(2)
     mu, lame = 100 / 2.6, 100 * 0.3 / (1.3 * 0.4)
     top = np.sort(dmesh.locate_entities_boundary(mesh, 1, lambda x: np.isclose(x[1], 0.5)))
-    ds = ufl.Measure("ds", mesh, subdomain_data=dmesh.meshtags(mesh, 1, top, np.full(top.size, 1, dtype=np.int32)))
+    ds = ufl.Measure(
+        "ds",
+        mesh,
+        subdomain_data=dmesh.meshtags(mesh, 1, top, np.full(top.size, 1, dtype=np.int32)),
+    )
     load = fem.Constant(mesh, (30.0 * scale, -100.0 * scale))
     held = fem.locate_dofs_geometrical(space, lambda x: np.isclose(x[1], 0.0))
     bcs = [fem.dirichletbc(np.zeros(2), held, space)]
@@ -148,8 +166,8 @@ def along(problem, load, factors):
 @pytest.mark.parametrize("scale", [1e-15, 3e-15])
 @pytest.mark.parametrize("factors", [None, (0, 1), (0, 0.8, 1), (0, 1, 0), (0, 0, 1)])
 def test_a_body_of_which_no_digit_is_known(scale, factors):
-    """The check after the solve would accept the body at rest: the outcome has a name, of a solve and of load steps,
-    and there are no figures of it.
+    """The check after the solve would accept the body at rest: the outcome has a name, of a solve
+    and of load steps, and there are no figures of it.
     """
     problem, load, _ = own_block(lossy, scale)
     with pytest.raises(ConvergenceError, match=r"no digit known: .*[Rr]ound-off"):
@@ -166,10 +184,12 @@ def test_a_body_of_which_no_digit_is_known(scale, factors):
 
 @pytest.mark.one_quick
 @pytest.mark.parametrize("advances", [True, False])
-@pytest.mark.parametrize("change", [lossy, lambda h, one: (one, ufl.sym(h))], ids=["finite", "linear"])
+@pytest.mark.parametrize(
+    "change", [lossy, lambda h, one: (one, ufl.sym(h))], ids=["finite", "linear"]
+)
 def test_steps_without_load(change, advances):
-    """A body that nothing moves is where it was; a loop that ends at rest, too, whether the residual has the round-off
-    of I + grad u or none but that of the displacement.
+    """A body that nothing moves is where it was; a loop that ends at rest, too, whether the
+    residual has the round-off of I + grad u or none but that of the displacement.
     """
     problem, load, _ = own_block(change, 1e-3)
     full = load.value.copy()

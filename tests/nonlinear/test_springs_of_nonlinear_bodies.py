@@ -18,7 +18,9 @@ def sprung_cube(law, springs, comm=MPI.COMM_SELF, **further):
 
 
 def squeezed(name, pressure, expansion=0.0):
-    """The stretches along and across a block under a pressure on its deformed ends, in energies of stretches."""
+    """The stretches along and across a block under a pressure on its deformed ends, in energies of
+    stretches.
+    """
     energy, grown = energy_of_stretches(name), 1 + expansion
 
     def stored(along, across):
@@ -39,8 +41,8 @@ def squeezed(name, pressure, expansion=0.0):
 @pytest.mark.mpi
 @pytest.mark.parametrize("keys", [{"z": STIFFNESS}, {"normal": STIFFNESS}])
 def test_a_warm_cube_under_a_pressure_that_follows_it(keys):
-    """The springs below carry the pressure on the top, which is larger the wider this is; both are on sides that move,
-    and the cube becomes warmer.
+    """The springs below carry the pressure on the top, which is larger the wider this is; both are
+    on sides that move, and the cube becomes warmer.
     """
     name, pressure, expansion = "mooney-rivlin", 15.0, 0.05
     solution = sprung_cube(
@@ -68,7 +70,12 @@ def test_metal_on_springs():
     free = [{"boundary": "front", "y": 0.0}, {"boundary": "bottom", "z": 0.0}]
     pull = {"boundary": "right", "x": 2.0}
     smooth, rough = (
-        sprung_cube(law, {"boundary": "left", "normal": STIFFNESS, **along}, displacement=free, traction=pull)
+        sprung_cube(
+            law,
+            {"boundary": "left", "normal": STIFFNESS, **along},
+            displacement=free,
+            traction=pull,
+        )
         for along in ({}, {"tangential": 2 * STIFFNESS})
     )
     x = smooth.model.space.tabulate_dof_coordinates()

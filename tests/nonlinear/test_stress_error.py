@@ -23,7 +23,11 @@ MU, LAME = YOUNG / 2 / (1 + POISSON), YOUNG * POISSON / (1 + POISSON) / (1 - 2 *
 def neo_hooke(u):
     gradient = ufl.Identity(len(u)) + ufl.grad(u)
     volume = ufl.det(gradient)
-    energy = MU / 2 * ufl.inner(gradient, gradient) - MU * ufl.ln(volume) + LAME / 2 * ufl.ln(volume) ** 2
+    energy = (
+        MU / 2 * ufl.inner(gradient, gradient)
+        - MU * ufl.ln(volume)
+        + LAME / 2 * ufl.ln(volume) ** 2
+    )
     return ufl.derivative(energy * ufl.dx, u, ufl.TestFunction(u.function_space))
 
 
@@ -36,8 +40,13 @@ def pressed(cells, degree):
     comm, kind = MPI.COMM_SELF, mesh.CellType.quadrilateral
     block = mesh.create_rectangle(comm, [[0.0, 0.0], [2.0, 1.0]], [2 * cells, cells], kind)
     u = fem.Function(fem.functionspace(block, ("Lagrange", degree, (2,))))
-    top, bottom = (mesh.locate_entities_boundary(block, 1, lambda x, at=at: np.isclose(x[1], at)) for at in (1.0, 0.0))
-    fixed = fem.dirichletbc(np.zeros(2), fem.locate_dofs_topological(u.function_space, 1, bottom), u.function_space)
+    top, bottom = (
+        mesh.locate_entities_boundary(block, 1, lambda x, at=at: np.isclose(x[1], at))
+        for at in (1.0, 0.0)
+    )
+    fixed = fem.dirichletbc(
+        np.zeros(2), fem.locate_dofs_topological(u.function_space, 1, bottom), u.function_space
+    )
     foundation = Foundation(top, shape={"shape": "circle", "centre": (1.03, 1.5), "radius": 0.5})
     problem = NonlinearContactProblem(neo_hooke(u), u, bcs=[fixed], contact=foundation)
     problem.run([0.5, 1.0], lambda t: problem.place(0, shift=(0.0, -0.2 * t)))
@@ -53,13 +62,17 @@ def test_stress_of_a_residual(dim):
     u = fem.Function(fem.functionspace(body, ("Lagrange", 1, (dim,))))
     u.interpolate(lambda x: 0.1 * np.sin(2 * x[:dim] + x[::-1][:dim]))
     test, normal = ufl.TestFunction(u.function_space), ufl.FacetNormal(body)
-    found = stress_of(lowered(neo_hooke(u) + ufl.inner(u, test) * ufl.dx - ufl.inner(normal, test) * ufl.ds), u)
+    found = stress_of(
+        lowered(neo_hooke(u) + ufl.inner(u, test) * ufl.dx - ufl.inner(normal, test) * ufl.ds), u
+    )
     gradient = ufl.Identity(dim) + ufl.grad(u)
     inverse = ufl.inv(gradient).T
     expected = MU * (gradient - inverse) + LAME * ufl.ln(ufl.det(gradient)) * inverse
     rows = ufl.as_vector([expected[i, j] for i in range(dim) for j in range(dim)])
     exact = fem.Function(found.function_space)
-    exact.interpolate(fem.Expression(rows, compat.interpolation_points(exact.function_space.element)))
+    exact.interpolate(
+        fem.Expression(rows, compat.interpolation_points(exact.function_space.element))
+    )
     np.testing.assert_allclose(found.x.array, exact.x.array, rtol=1e-10, atol=1e-12 * YOUNG)
 
 
@@ -69,7 +82,9 @@ def test_a_stress_that_the_cells_have():
     body = mesh.create_unit_square(WORLD, 3, 3)
     u = fem.Function(fem.functionspace(body, ("Lagrange", 2, (2,))))
     strain = ufl.sym(ufl.grad(u))
-    residual = lowered(ufl.inner(2 * MU * strain, ufl.grad(ufl.TestFunction(u.function_space))) * ufl.dx)
+    residual = lowered(
+        ufl.inner(2 * MU * strain, ufl.grad(ufl.TestFunction(u.function_space))) * ufl.dx
+    )
     every_cell = [np.arange(u.function_space.dofmap.list.shape[0], dtype=np.int32)]
 
     def error():
@@ -92,7 +107,9 @@ def fine():
 def test_against_a_fine_mesh(fine, cells, degree):
     """Within a factor of two of the difference to a finer mesh."""
     coarse = pressed(cells, degree)
-    found, exact = (stress_of(lowered(neo_hooke(problem.u)), problem.u) for problem in (coarse, fine))
+    found, exact = (
+        stress_of(lowered(neo_hooke(problem.u)), problem.u) for problem in (coarse, fine)
+    )
     space = exact.function_space
     owned = np.arange(space.mesh.topology.index_map(2).size_local, dtype=np.int32)
     difference = fem.Function(space)
@@ -103,23 +120,39 @@ def test_against_a_fine_mesh(fine, cells, degree):
     error = np.sqrt(coarse.solution.error_shares.sum())
     assert 0.5 < error / np.sqrt(squares[0] / squares[1]) < 2.0
     assert str(coarse.solution.cost).startswith(f"{100 * error:.2g} % error of the stress took")
-    errors, force = coarse.errors, [sum(problem.solution.contact.forces) for problem in (coarse, fine)]
+    errors, force = (
+        coarse.errors,
+        [sum(problem.solution.contact.forces) for problem in (coarse, fine)],
+    )
     assert errors.energy == pytest.approx(error)
     columns = fine.solution.table.columns
-    away = interpolated(coarse.solution.table, fine.solution.table, "pressure") - columns["pressure"]
-    true = np.sqrt(np.dot(columns["weight"], away**2) / np.dot(columns["weight"], columns["pressure"] ** 2))
+    away = (
+        interpolated(coarse.solution.table, fine.solution.table, "pressure") - columns["pressure"]
+    )
+    true = np.sqrt(
+        np.dot(columns["weight"], away**2) / np.dot(columns["weight"], columns["pressure"] ** 2)
+    )
     assert 1 / 3 < errors.pressure / true < 3
     assert np.linalg.norm(force[0] - force[1]) < 3 * errors.force * np.linalg.norm(force[1])
 
 
 def test_force_of_a_punch_on_metal():
-    """Strains grow where the stress hardly does: the square of its error is a quarter of that of the force.  The exact
-    force is extrapolated from meshes of degree 2 with up to 66,306 unknowns.
+    """Strains grow where the stress hardly does: the square of its error is a quarter of that of
+    the force.  The exact force is extrapolated from meshes of degree 2 with up to 66,306 unknowns.
     """
     scene = {
-        "mesh": {"generator": "rectangle", "parameters": {"length": 2.0, "height": 1.0, "nx": 16, "ny": 8}},
+        "mesh": {
+            "generator": "rectangle",
+            "parameters": {"length": 2.0, "height": 1.0, "nx": 16, "ny": 8},
+        },
         "element": {"volumetric": "reduced"},
-        "material": {"law": "j2", "young": 2e5, "poisson": 0.3, "yield_stress": 300.0, "hardening": 2000.0},
+        "material": {
+            "law": "j2",
+            "young": 2e5,
+            "poisson": 0.3,
+            "yield_stress": 300.0,
+            "hardening": 2000.0,
+        },
         "displacement": [{"boundary": "top", "y": "-0.004*t"}, {"boundary": "left", "x": 0.0}],
         "contact": {"boundary": "bottom", "gap": "0.0 if x[0] <= 1.0 else 1.0"},
         "load_steps": {"times": [0.25, 0.5, 0.75, 1.0]},

@@ -1,4 +1,6 @@
-"""The Cauchy stress of scenes with nonlinear materials: closed forms, linear scenes, balance, units and ranks."""
+"""The Cauchy stress of scenes with nonlinear materials: closed forms, linear scenes, balance, units
+and ranks.
+"""
 
 import numpy as np
 import pytest
@@ -30,14 +32,16 @@ def tensors(solution):
 
 
 def neo_hooke(high, free):
-    """Principal Cauchy stresses of E = 100, nu = .3 where the stretches along the axes ``free`` adjust themselves, from
-    W = mu / 2 (sum of squares - 3) - mu ln J + lambda / 2 ln^2 J.
+    """Principal Cauchy stresses of E = 100, nu = .3 where the stretches along the axes ``free``
+    adjust themselves, from W = mu / 2 (sum of squares - 3) - mu ln J + lambda / 2 ln^2 J.
     """
     mu = 100.0 / 2.6
     lame = 2 * mu * 0.3 / 0.4
 
     def stresses(wide):
-        stretches = np.array([high if axis == 1 else wide if axis in free else 1.0 for axis in range(3)])
+        stretches = np.array(
+            [high if axis == 1 else wide if axis in free else 1.0 for axis in range(3)]
+        )
         volume = stretches.prod()
         return (mu * (stretches**2 - 1) + lame * np.log(volume)) / volume
 
@@ -45,14 +49,22 @@ def neo_hooke(high, free):
 
 
 @pytest.mark.parametrize(
-    "kind", [kind if kind == "plane strain" else pytest.param(kind, marks=pytest.mark.slow) for kind in PRESSED_BLOCKS]
+    "kind",
+    [
+        kind if kind == "plane strain" else pytest.param(kind, marks=pytest.mark.slow)
+        for kind in PRESSED_BLOCKS
+    ],
 )
 def test_a_block_of_rubber_between_plates(kind):
-    """The same stress everywhere, at finite strains: neither the nominal one nor that of the undeformed area."""
+    """The same stress everywhere, at finite strains: neither the nominal one nor that of the
+    undeformed area.
+    """
     further, element, free = PRESSED_BLOCKS[kind]
     steps = {"times": [1.0, 2.0]}
     law = material("neo-hooke", **RUBBER, **further)
-    solution = solve(block(law, "0.15*t", cells=(2, 2), element=element, load_steps=steps), MPI.COMM_SELF)
+    solution = solve(
+        block(law, "0.15*t", cells=(2, 2), element=element, load_steps=steps), MPI.COMM_SELF
+    )
     for step, high in zip(solution.steps, (0.85, 0.7), strict=True):
         at_step, expected = solution.at(step), neo_hooke(high, free)
         wanted = np.broadcast_to(np.diag(expected), tensors(at_step).shape)
@@ -75,8 +87,9 @@ def test_a_cube_of_rubber_between_plates(cells):
 
 
 def confined(depths, young, poisson, yields, hardening):
-    """Stresses across and along, and plastic strains, of a metal that is pressed between smooth walls, by the return to
-    the yield surface along the axis: the deviator of the strain is 2/3 of it.
+    """Stresses across and along, and plastic strains, of a metal that is pressed between smooth
+    walls, by the return to the yield surface along the axis: the deviator of the strain is 2/3 of
+    it.
     """
     bulk, shear = young / 3 / (1 - 2 * poisson), young / 2 / (1 + poisson)
     plastic = hardened = 0.0
@@ -92,24 +105,39 @@ def confined(depths, young, poisson, yields, hardening):
     "body",
     [
         "plane strain",
-        *(pytest.param(body, marks=pytest.mark.slow) for body in ("degree 2", "reduced", "axisymmetric", "space")),
+        *(
+            pytest.param(body, marks=pytest.mark.slow)
+            for body in ("degree 2", "reduced", "axisymmetric", "space")
+        ),
     ],
 )
 def test_a_block_of_metal_between_walls(body):
     """Loaded, unloaded without flow, and loaded again; whichever load step is looked at first."""
     depths, times = (0.02, 0.06, 0.05, 0.08), [1.0, 2.0, 3.0, 4.0]
-    path = "0.02*t if t <= 1 else (0.04*t - 0.02 if t <= 2 else (0.08 - 0.01*t if t <= 3 else 0.03*t - 0.04))"
-    walls = [{"boundary": side, "x": 0.0} for side in ("left", "right")] + [{"boundary": "bottom", "y": 0.0}]
+    path = (
+        "0.02*t if t <= 1 else (0.04*t - 0.02 if t <= 2 else (0.08 - 0.01*t if t <= 3 else "
+        "0.03*t - 0.04))"
+    )
+    walls = [{"boundary": side, "x": 0.0} for side in ("left", "right")] + [
+        {"boundary": "bottom", "y": 0.0}
+    ]
     steps, along = {"times": times}, 1
     if body == "space":
         walls = [{"boundary": side, "x": 0.0} for side in ("left", "right")]
-        walls += [{"boundary": side, "y": 0.0} for side in ("front", "back")] + [{"boundary": "bottom", "z": 0.0}]
-        scene, along = pressed_cube(material("j2", **METAL), path, displacement=walls, load_steps=steps), 2
+        walls += [{"boundary": side, "y": 0.0} for side in ("front", "back")] + [
+            {"boundary": "bottom", "z": 0.0}
+        ]
+        scene, along = (
+            pressed_cube(material("j2", **METAL), path, displacement=walls, load_steps=steps),
+            2,
+        )
     else:
         element = {"degree 2": {"degree": 2}, "reduced": {"volumetric": "reduced"}}.get(body, {})
         further = {"hypothesis": "axisymmetric"} if body == "axisymmetric" else {}
         law = material("j2", **METAL, **further)
-        scene = block(law, path, cells=(2, 2), element=element, displacement=walls, load_steps=steps)
+        scene = block(
+            law, path, cells=(2, 2), element=element, displacement=walls, load_steps=steps
+        )
     solution, expected = solve(scene, MPI.COMM_SELF), list(confined(depths, *METAL.values()))
     assert [hardened > 0 for _, _, hardened in expected] == [False, True, True, True]
     assert expected[3][2] > 1.5 * expected[2][2]
@@ -138,7 +166,12 @@ def at_quadrature(solution, points, expression=None):
 LIMITS = [
     ("neo-hooke", {}, {}),
     pytest.param("j2", {}, {"degree": 2}, marks=pytest.mark.slow),
-    pytest.param("saint-venant-kirchhoff", {"hypothesis": "axisymmetric"}, {"degree": 2}, marks=pytest.mark.slow),
+    pytest.param(
+        "saint-venant-kirchhoff",
+        {"hypothesis": "axisymmetric"},
+        {"degree": 2},
+        marks=pytest.mark.slow,
+    ),
     pytest.param("j2", {"hypothesis": "axisymmetric"}, {}, marks=pytest.mark.slow),
 ]
 
@@ -146,8 +179,8 @@ LIMITS = [
 @pytest.mark.mpi
 @pytest.mark.parametrize(("name", "further", "element"), LIMITS)
 def test_small_depths_have_the_stress_of_the_linear_scene(name, further, element):
-    """Point by point, of a stress that varies, at a depth of 1e-6, on each rank; and the field on cells, the projection
-    of that stress.
+    """Point by point, of a stress that varies, at a depth of 1e-6, on each rank; and the field on
+    cells, the projection of that stress.
     """
     law, comm, depth = material(name, **further), MPI.COMM_WORLD, 1e-6
     plain = {key: law[key] for key in ("young", "poisson", "hypothesis") if key in law}
@@ -155,7 +188,15 @@ def test_small_depths_have_the_stress_of_the_linear_scene(name, further, element
     middle = 1.0 if further else 0.0  # of the top; on an axis a node has no area
     bump = {"shape": "circle", "centre": [middle, 1.0 + 0.5 - depth], "radius": 0.5}
     scenes = [
-        block(one, "0", length=2.0, cells=(6, 3), element=element, foundation=bump, displacement=ground)
+        block(
+            one,
+            "0",
+            length=2.0,
+            cells=(6, 3),
+            element=element,
+            foundation=bump,
+            displacement=ground,
+        )
         for one in (law, plain)
     ]
     nonlinear, linear = (solve(scene, comm) for scene in scenes)
@@ -165,18 +206,27 @@ def test_small_depths_have_the_stress_of_the_linear_scene(name, further, element
     assert size > 0
     np.testing.assert_allclose(at_points.stress, wanted, atol=3e-5 * size)
     deviator = wanted - np.trace(wanted, axis1=2, axis2=3)[..., None, None] / 3 * np.eye(3)
-    mises, largest = np.sqrt(1.5) * np.linalg.norm(deviator, axis=(2, 3)), nonlinear.stress.largest()
+    mises, largest = (
+        np.sqrt(1.5) * np.linalg.norm(deviator, axis=(2, 3)),
+        nonlinear.stress.largest(),
+    )
     assert largest.value == pytest.approx(comm.allreduce(mises.max(), op=MPI.MAX), rel=1e-4)
-    places = at_quadrature(linear, at_points.points, ufl.SpatialCoordinate(linear.model.tagged.mesh))
+    places = at_quadrature(
+        linear, at_points.points, ufl.SpatialCoordinate(linear.model.tagged.mesh)
+    )
     at = np.unravel_index(mises.argmax(), mises.shape)
     ranks = comm.allgather((mises[at], tuple(places[at])))
     assert largest.place == pytest.approx(max(ranks)[1], abs=1e-9)
     if not further:
-        np.testing.assert_allclose(projected(linear), nonlinear.stress.tensor.x.array, atol=3e-5 * size)
+        np.testing.assert_allclose(
+            projected(linear), nonlinear.stress.tensor.x.array, atol=3e-5 * size
+        )
 
 
 def projected(solution):
-    """The stress of a linear scene, projected onto functions of degree k - 1 on cells by assembled forms."""
+    """The stress of a linear scene, projected onto functions of degree k - 1 on cells by assembled
+    forms.
+    """
     mesh, degree = solution.model.tagged.mesh, solution.model.space.element.basix_element.degree
     space = fem.functionspace(mesh, ("DG", degree - 1, (3, 3)))
     u, v = ufl.TrialFunction(space), ufl.TestFunction(space)

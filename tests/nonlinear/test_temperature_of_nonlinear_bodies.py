@@ -1,4 +1,6 @@
-"""Nonlinear bodies that expand as they become warmer: closed forms, CalculiX, and what is refused."""
+"""Nonlinear bodies that expand as they become warmer: closed forms, CalculiX, and what is
+refused.
+"""
 
 import numpy as np
 import pytest
@@ -15,7 +17,9 @@ EXPANSION = 1e-2
 
 def warmed_cube(law, change, *further_supports, **further):
     """A cube on rollers without anything else."""
-    return cube(law | {"expansion": EXPANSION}, *further_supports, temperature={"change": change}, **further)
+    return cube(
+        law | {"expansion": EXPANSION}, *further_supports, temperature={"change": change}, **further
+    )
 
 
 def stresses(solution):
@@ -28,7 +32,9 @@ def stresses(solution):
 @pytest.mark.parametrize("change", [30.0, -20.0])
 def test_free_expansion(name, change):
     """A cube becomes larger by the expansion, far from small, and no stress arises."""
-    solution = solve(warmed_cube(material(name), change, solver={"largest_deformation": 1.0}), MPI.COMM_SELF)
+    solution = solve(
+        warmed_cube(material(name), change, solver={"largest_deformation": 1.0}), MPI.COMM_SELF
+    )
     assert solution.status is Status.CONVERGED
     x = solution.model.space.tabulate_dof_coordinates()
     expected = EXPANSION * change * x
@@ -37,10 +43,11 @@ def test_free_expansion(name, change):
 
 
 def held_bar(name, expansion):
-    """The force per undeformed area along a bar of fixed length that may become thicker, and its stretch across.
+    """The force per undeformed area along a bar of fixed length that may become thicker, and its
+    stretch across.
 
-    Energies per undeformed volume are (1 + s)^3 W(stretches / (1 + s)); this is minimal across the bar, and its
-    derivative by the stretch along it is the force.
+    Energies per undeformed volume are (1 + s)^3 W(stretches / (1 + s)); this is minimal across the
+    bar, and its derivative by the stretch along it is the force.
     """
     energy, grown = energy_of_stretches(name), 1 + expansion
 
@@ -50,7 +57,9 @@ def held_bar(name, expansion):
     def slope(of, at, step=1e-5):
         return (of(at + step) - of(at - step)) / (2 * step)
 
-    across = brentq(lambda b: slope(lambda a: stored(1.0, a), b), 0.6 * grown, 1.8 * grown, xtol=1e-14)
+    across = brentq(
+        lambda b: slope(lambda a: stored(1.0, a), b), 0.6 * grown, 1.8 * grown, xtol=1e-14
+    )
     return slope(lambda along: stored(along, across), 1.0), across
 
 
@@ -86,12 +95,15 @@ def test_a_bar_that_is_held(name, volumetric):
 
 
 def test_a_bar_that_yields():
-    """In one direction: the yield stress is reached, hardens, and leaves tension as the bar is cold again."""
+    """In one direction: the yield stress is reached, hardens, and leaves tension as the bar is cold
+    again.
+    """
     young, first, slope = 100.0, 1.0, 20.0
     law = {"law": "j2", "young": young, "poisson": 0.3, "yield_stress": first, "hardening": slope}
     times = {"times": [0.5, 1.0, 2.0]}
     solution = solve(
-        warmed_cube(law, "4 * min(t, 2 - t)", {"boundary": "right", "x": 0.0}, load_steps=times), MPI.COMM_SELF
+        warmed_cube(law, "4 * min(t, 2 - t)", {"boundary": "right", "x": 0.0}, load_steps=times),
+        MPI.COMM_SELF,
     )
     expansions = EXPANSION * np.array([2.0, 4.0])
     plastic = (young * expansions - first) / (young + slope)
@@ -104,13 +116,23 @@ def test_a_bar_that_yields():
 
 def between_walls(law, change, **further):
     """A bar whose ends are held in all directions."""
-    size = {"length": 2.0, "width": 1.0, "height": 1.0, "nx": 4, "ny": 2, "nz": 2, "cell": "hexahedron"}
+    size = {
+        "length": 2.0,
+        "width": 1.0,
+        "height": 1.0,
+        "nx": 4,
+        "ny": 2,
+        "nz": 2,
+        "cell": "hexahedron",
+    }
     scene = {
         "mesh": {"generator": "box", "parameters": size},
         "material": law | {"expansion": EXPANSION},
         "element": {"volumetric": "full"},
         "temperature": {"change": change},
-        "displacement": [{"boundary": side, "x": 0.0, "y": 0.0, "z": 0.0} for side in ("left", "right")],
+        "displacement": [
+            {"boundary": side, "x": 0.0, "y": 0.0, "z": 0.0} for side in ("left", "right")
+        ],
     }
     return solve(parse_scene(scene | further), MPI.COMM_SELF)
 
@@ -122,10 +144,16 @@ def at_middle(solution, step):
 
 
 def test_metal_of_calculix():
-    """Displacements of CalculiX 2.20 with *PLASTIC, *EXPANSION and *TEMPERATURE, which differ from node to node, in two
-    load steps in which more and more of the bar yields.
+    """Displacements of CalculiX 2.20 with *PLASTIC, *EXPANSION and *TEMPERATURE, which differ from
+    node to node, in two load steps in which more and more of the bar yields.
     """
-    law = {"law": "j2", "young": 100.0, "poisson": 0.3, "yield_stress": 0.5, "hardening": [[0.1, 1.5]]}
+    law = {
+        "law": "j2",
+        "young": 100.0,
+        "poisson": 0.3,
+        "yield_stress": 0.5,
+        "hardening": [[0.1, 1.5]],
+    }
     solution = between_walls(law, "0.5 * (1 + x[0]) * t", load_steps={"times": [0.5, 1.0]})
     expected = [(-1.860600e-3, 3.728933e-3, 3.728933e-3), (-4.114901e-3, 8.300234e-3, 8.300234e-3)]
     for step, moved in zip(solution.steps, expected, strict=True):

@@ -35,14 +35,17 @@ def bar(**material):
 
 
 def stretches(pull):
-    """Those along and across a neo-Hookean bar in plane strain, from its energy mu/2 (tr C - 3) - mu ln J +
+    """Those along and across a neo-Hookean bar in plane strain, from its energy mu/2 (tr C - 3) -
+    mu ln J +
     lambda/2 ln^2 J: nominal stresses are its derivatives.
     """
 
     def unbalanced(both):
         along, across = both
         volume = LAME * np.log(along * across)
-        return SHEAR * (along - 1 / along) + volume / along - pull, SHEAR * (across - 1 / across) + volume / across
+        return SHEAR * (along - 1 / along) + volume / along - pull, SHEAR * (
+            across - 1 / across
+        ) + volume / across
 
     solved = root(unbalanced, (1.0, 1.0), tol=1e-14)
     assert solved.success
@@ -59,12 +62,17 @@ def certified(solution):
 
 @pytest.mark.mpi
 def test_a_bar_of_rubber():
-    """Its stretches follow from its energy; forces at both ends balance, and the stress is that of the pull."""
+    """Its stretches follow from its energy; forces at both ends balance, and the stress is that of
+    the pull.
+    """
     solution = certified(solve(bar(law="neo-hooke"), MPI.COMM_WORLD))
     for step, share in zip(solution.steps, (0.5, 1.0), strict=True):
         (along, across), space = stretches(share * PULL), step.displacement.function_space
         count = space.dofmap.index_map.size_local
-        x, y = space.tabulate_dof_coordinates()[:count, :2], step.displacement.x.array.reshape(-1, 2)[:count]
+        x, y = (
+            space.tabulate_dof_coordinates()[:count, :2],
+            step.displacement.x.array.reshape(-1, 2)[:count],
+        )
         np.testing.assert_allclose(y, x * (along - 1, across - 1), atol=1e-9)
         assert step.linear_solves > 2
     rows = {row.boundary: row for row in solution.resultants.every()}
@@ -75,19 +83,32 @@ def test_a_bar_of_rubber():
 
 
 def forms(mesh):
-    """The linear bar as forms: a, L, its stress, conditions, parts of its boundary, and the pull."""
+    """The linear bar as forms: a, L, its stress, conditions, parts of its boundary, and the
+    pull.
+    """
     space = fem.functionspace(mesh, ("Lagrange", 1, (2,)))
     sides = {
-        name: dmesh.locate_entities_boundary(mesh, 1, lambda x, axis=axis, at=at: np.isclose(x[axis], at))
+        name: dmesh.locate_entities_boundary(
+            mesh, 1, lambda x, axis=axis, at=at: np.isclose(x[axis], at)
+        )
         for name, axis, at in (("left", 0, 0.0), ("right", 0, 2.0), ("bottom", 1, 0.0))
     }
-    tags = dmesh.meshtags(mesh, 1, np.sort(sides["right"]), np.full(sides["right"].size, 1, dtype=np.int32))
+    tags = dmesh.meshtags(
+        mesh, 1, np.sort(sides["right"]), np.full(sides["right"].size, 1, dtype=np.int32)
+    )
     pull, v = fem.Constant(mesh, 0.0), ufl.TestFunction(space)
 
     def stress(y):
         strain = ufl.sym(ufl.grad(y))
-        mean, (xx, xy, _, yy) = LAME * ufl.tr(strain), (strain[i, j] for i in (0, 1) for j in (0, 1))
-        rows = [[2 * SHEAR * xx + mean, 2 * SHEAR * xy, 0], [2 * SHEAR * xy, 2 * SHEAR * yy + mean, 0], [0, 0, mean]]
+        mean, (xx, xy, _, yy) = (
+            LAME * ufl.tr(strain),
+            (strain[i, j] for i in (0, 1) for j in (0, 1)),
+        )
+        rows = [
+            [2 * SHEAR * xx + mean, 2 * SHEAR * xy, 0],
+            [2 * SHEAR * xy, 2 * SHEAR * yy + mean, 0],
+            [0, 0, mean],
+        ]
         return ufl.as_matrix(rows)
 
     strain = ufl.sym(ufl.grad(v))
@@ -107,15 +128,23 @@ def test_three_fronts_agree():
     residual = ufl.action(a, u) - L
     newton = NonlinearContactProblem(residual, u, bcs=bcs, boundaries=sides)
     for problem in (linear, newton):
-        solution = certified(problem.run([0.5, 1.0], lambda time: setattr(pull, "value", PULL * time)))
+        solution = certified(
+            problem.run([0.5, 1.0], lambda time: setattr(pull, "value", PULL * time))
+        )
         assert [step.time for step in solution.steps] == [0.5, 1.0]
         for step, reference in zip(solution.steps, scene.steps, strict=True):
-            np.testing.assert_allclose(step.displacement.x.array, reference.displacement.x.array, atol=1e-12)
+            np.testing.assert_allclose(
+                step.displacement.x.array, reference.displacement.x.array, atol=1e-12
+            )
         force = {row.boundary: row.force for row in solution.resultants.every()}["left"]
         np.testing.assert_allclose(force, (-PULL, 0.0), atol=1e-9)
     assert scene.error_bound.error < 1e-6 * scene.error_bound.size  # the stress is constant
-    assert linear.solution.last_step.strain_energy == pytest.approx(scene.last_step.strain_energy, rel=1e-12)
-    assert linear.solution.stress.largest().value == pytest.approx(scene.stress.largest().value, rel=1e-9)
+    assert linear.solution.last_step.strain_energy == pytest.approx(
+        scene.last_step.strain_energy, rel=1e-12
+    )
+    assert linear.solution.stress.largest().value == pytest.approx(
+        scene.stress.largest().value, rel=1e-9
+    )
 
 
 def test_what_needs_contact_says_so():
@@ -138,11 +167,15 @@ def test_what_needs_contact_says_so():
 
 def bar_mesh():
     """That of the bar."""
-    return dmesh.create_rectangle(MPI.COMM_SELF, [(0.0, 0.0), (2.0, 1.0)], [8, 4], dmesh.CellType.triangle)
+    return dmesh.create_rectangle(
+        MPI.COMM_SELF, [(0.0, 0.0), (2.0, 1.0)], [8, 4], dmesh.CellType.triangle
+    )
 
 
 def column(share):
-    """A slender column, clamped at one end, under this share of Euler's load pi^2 E' h^3 / (48 l^2)."""
+    """A slender column, clamped at one end, under this share of Euler's load pi^2 E' h^3 / (48
+    l^2).
+    """
     length, height = 10.0, 1.0
     space, side = rectangle([length, height], [40, 2], MPI.COMM_SELF, degree=2)
     u, v, mesh = fem.Function(space), ufl.TestFunction(space), space.mesh
@@ -159,8 +192,8 @@ def column(share):
 
 
 def test_a_column_is_stable_up_to_the_load_of_euler():
-    """A straight column is in equilibrium under any load: beyond 1.02 times that of a bar without shear it is
-    unstable, and said to be.
+    """A straight column is in equilibrium under any load: beyond 1.02 times that of a bar without
+    shear it is unstable, and said to be.
     """
     problem = column(0.96)
     problem.solve()

@@ -1,4 +1,6 @@
-"""Two bodies that end at a plane of symmetry: half a model is the whole one, with no shear across the plane."""
+"""Two bodies that end at a plane of symmetry: half a model is the whole one, with no shear across
+the plane.
+"""
 
 import numpy as np
 import pytest
@@ -27,9 +29,20 @@ def doubled(cells, x, axis):
 
 
 def pressed(
-    kind, degree, counts, *, half, slope=0.0, comm=MPI.COMM_SELF, side=0.0, of_master=None, beyond=-9.0, **given
+    kind,
+    degree,
+    counts,
+    *,
+    half,
+    slope=0.0,
+    comm=MPI.COMM_SELF,
+    side=0.0,
+    of_master=None,
+    beyond=-9.0,
+    **given,
 ):
-    """A block pressed into another one and pushed along the plane of symmetry, which is across the last but one axis.
+    """A block pressed into another one and pushed along the plane of symmetry, which is across the
+    last but one axis.
 
     Args:
         kind: of the cells.
@@ -53,7 +66,9 @@ def pressed(
             return np.column_stack((x[:, :up], x[:, up] + along * (1 - np.abs(x[:, up]))))
 
         cells = (*(count * (1 if k == axis else 2) for k in range(up)), max(2, count // 2))
-        made = grid(kind, cells, (*wide * low, min(sign, 0.0)), (*[wide] * up, max(sign, 0.0)), place)
+        made = grid(
+            kind, cells, (*wide * low, min(sign, 0.0)), (*[wide] * up, max(sign, 0.0)), place
+        )
         return made if half else doubled(*made, axis)
 
     bodies = body(counts[0], 1.0, slope, 1.0), body(counts[1], -1.0, slope / 2, 1.3)
@@ -87,7 +102,9 @@ def tractions(problem):
     """Places, pressures and shears as vectors, of all ranks."""
     state = problem.state
     shear = np.einsum("nij,nj->ni", state.boundary.tangents, state.shear)
-    rows = parallel.gather_rows(state.boundary.comm, np.column_stack((state.boundary.x, state.pressure, shear)))
+    rows = parallel.gather_rows(
+        state.boundary.comm, np.column_stack((state.boundary.x, state.pressure, shear))
+    )
     dim = shear.shape[1]
     return rows[:, :dim], rows[:, dim], rows[:, dim + 1 :]
 
@@ -116,9 +133,11 @@ def differences(half, whole):
     ],
 )
 def test_half_a_model(kind, degree, counts, given):
-    """Flat sides: pressure and shear are those of the whole model, and none of the shear is across the plane.
+    """Flat sides: pressure and shear are those of the whole model, and none of the shear is across
+    the plane.
 
-    In 3D without the components that are left out, up to nine tenths of the friction bound were across it.
+    In 3D without the components that are left out, up to nine tenths of the friction bound were
+    across it.
     """
     comm, axis = MPI.COMM_WORLD, KINDS[kind] - 2
     if comm.size > 1 and given.get("linear_algebra") is None:
@@ -133,9 +152,13 @@ def test_half_a_model(kind, degree, counts, given):
 
 
 @pytest.mark.one_quick
-@pytest.mark.parametrize(("kind", "degree", "counts"), [("triangle", 1, (5, 6)), ("hexahedron", 1, (3, 4))])
+@pytest.mark.parametrize(
+    ("kind", "degree", "counts"), [("triangle", 1, (5, 6)), ("hexahedron", 1, (3, 4))]
+)
 def test_half_of_curved_sides(kind, degree, counts):
-    """The normals on the plane are in it.  In 3D the sides are projected along facets, which do not know of it."""
+    """The normals on the plane are in it.  In 3D the sides are projected along facets, which do not
+    know of it.
+    """
     given = {"friction": Coulomb(0.3), "slope": 0.05}
     half = pressed(kind, degree, counts, half=True, of_master=0.0, **given)
     whole = pressed(kind, degree, counts, half=False, **given)
@@ -148,9 +171,13 @@ def test_half_of_curved_sides(kind, degree, counts):
 @pytest.mark.one_quick
 @pytest.mark.parametrize("of_master", [None, 0.0])
 def test_where_it_is_no_plane_of_symmetry(of_master):
-    """A support that holds the slave alone, or moves it past the other body, is none: friction acts across it."""
+    """A support that holds the slave alone, or moves it past the other body, is none: friction acts
+    across it.
+    """
     side = 0.0 if of_master is None else 0.02
-    problem = pressed("hexahedron", 1, (3, 4), half=True, side=side, of_master=of_master, friction=Coulomb(0.3))
+    problem = pressed(
+        "hexahedron", 1, (3, 4), half=True, side=side, of_master=of_master, friction=Coulomb(0.3)
+    )
     pair = problem.assembled.foundations.pairs[0]
     assert not pair.across.any()
     x, pressure, shear = tractions(problem)
@@ -161,7 +188,9 @@ def test_where_it_is_no_plane_of_symmetry(of_master):
 
 def test_where_the_master_is_held_elsewhere():
     """Farther away than a facet is long it is no plane of symmetry of the slave."""
-    problem = pressed("hexahedron", 1, (3, 4), half=True, of_master=0.0, beyond=0.6, friction=Coulomb(0.3))
+    problem = pressed(
+        "hexahedron", 1, (3, 4), half=True, of_master=0.0, beyond=0.6, friction=Coulomb(0.3)
+    )
     found = problem.assembled.foundations.pairs[0].across.any(axis=(1, 2))
     x = problem.state.boundary.x
     on_plane = np.isclose(x[:, 1], 0)
@@ -170,11 +199,17 @@ def test_where_the_master_is_held_elsewhere():
 
 
 def two_boxes(support, **further):
-    """A box upon another one, both of which end at y = 0, where supports hold them along the normal."""
+    """A box upon another one, both of which end at y = 0, where supports hold them along the
+    normal.
+    """
 
     def body(name, count, height):
         size = {"length": 2.0, "nx": count, "ny": 2, "nz": 1, "cell": "hexahedron"}
-        return {"name": name, "mesh": {"generator": "box", "parameters": size}, "shift": [0.0, 0.0, height]}
+        return {
+            "name": name,
+            "mesh": {"generator": "box", "parameters": size},
+            "shift": [0.0, 0.0, height],
+        }
 
     friction = {"law": "coulomb", "coefficient": 0.3}
     return parse_scene(
@@ -186,15 +221,24 @@ def two_boxes(support, **further):
                 *({"boundary": f"{name}.front", "normal": support} for name in ("lower", "upper")),
                 {"boundary": "upper.top", "x": 0.01, "z": -0.03},
             ],
-            "contact": {"boundary": "upper.bottom", "against": "lower.top", "points": "boundary", "friction": friction},
+            "contact": {
+                "boundary": "upper.bottom",
+                "against": "lower.top",
+                "points": "boundary",
+                "friction": friction,
+            },
         }
         | further
     )
 
 
-@pytest.mark.parametrize(("support", "symmetric"), [(0.0, True), (0.001, False), ("0.001 * t", False)])
+@pytest.mark.parametrize(
+    ("support", "symmetric"), [(0.0, True), (0.001, False), ("0.001 * t", False)]
+)
 def test_supports_that_move(support, symmetric):
     """A support that moves, now or later, is no plane of symmetry."""
-    scene = two_boxes(support, **({"load_steps": {"times": [0.0, 1.0]}} if isinstance(support, str) else {}))
+    scene = two_boxes(
+        support, **({"load_steps": {"times": [0.0, 1.0]}} if isinstance(support, str) else {})
+    )
     found = prepare(scene.statement, load_mesh(scene, MPI.COMM_SELF), Timings())
     assert found.pairs[0].across.any() == symmetric

@@ -29,11 +29,15 @@ def ball(cells, centre, radius, **more):
     """A circle, or a sphere in the middle of the width."""
     plane = cells.x.shape[1] == 2
     centre = centre if plane else (centre[0], 0.53, centre[1])
-    return read_shape({"shape": "circle" if plane else "sphere", "centre": centre, "radius": radius, **more})
+    return read_shape(
+        {"shape": "circle" if plane else "sphere", "centre": centre, "radius": radius, **more}
+    )
 
 
 def in_body(cell, centre, radius):
-    """Depth by the distance of the centre from the block [0, 4] x [0, 1]: the closest point is that deep."""
+    """Depth by the distance of the centre from the block [0, 4] x [0, 1]: the closest point is that
+    deep.
+    """
     outside = np.linalg.norm(np.array(centre) - np.clip(centre, [0.0, 0.0], [4.0, 1.0]))
     return radius - outside
 
@@ -55,7 +59,9 @@ def in_body(cell, centre, radius):
     ],
 )
 def test_depth_of_a_ball(cell, degree, centre, radius):
-    """By the distance of its centre from the block; a point that is said to be deep is in the body, and that deep."""
+    """By the distance of its centre from the block; a point that is said to be deep is in the body,
+    and that deep.
+    """
     cells = body(cell, degree)
     shape, depth = ball(cells, centre, radius), in_body(cell, centre, radius)
     deep = cells.inside(cells.x, shape)
@@ -87,18 +93,26 @@ def test_a_linear_body_refuses_a_circle_in_it(unit):
                 "displacement": {"boundary": "bottom", "x": 0.0, "y": 0.0},
                 "contact": {
                     "boundary": "top",
-                    "foundation": {"shape": "circle", "centre": [unit, height * unit], "radius": 0.05 * unit},
+                    "foundation": {
+                        "shape": "circle",
+                        "centre": [unit, height * unit],
+                        "radius": 0.05 * unit,
+                    },
                 },
             }
         )
 
-    with pytest.raises(SceneError, match=r"contact\[0\]: the foundation lies inside the body, at \("):
+    with pytest.raises(
+        SceneError, match=r"contact\[0\]: the foundation lies inside the body, at \("
+    ):
         solve(scene(0.7), MPI.COMM_SELF)
     assert solve(scene(1.049), MPI.COMM_SELF).contact.pressure.max() > 0
 
 
 def test_a_linear_result_names_a_circle_between_its_nodes():
-    """It is not refused, as the nodes keep to what contact says; and not named where the facets are finer."""
+    """It is not refused, as the nodes keep to what contact says; and not named where the facets are
+    finer.
+    """
 
     def told(cells):
         scene = parse_scene(
@@ -114,7 +128,11 @@ def test_a_linear_result_names_a_circle_between_its_nodes():
             }
         )
         solution = solve(scene, MPI.COMM_SELF)
-        return [found.message for found in solution.findings if "lies inside the deformed body" in found.message]
+        return [
+            found.message
+            for found in solution.findings
+            if "lies inside the deformed body" in found.message
+        ]
 
     assert len(told(4)) == 1
     assert not told(60)
@@ -134,7 +152,11 @@ def test_elongated_cells(cell, axis):
     for gap in (1e-3, -0.4):
         centre = 0.37 * upper
         centre[1 - axis] = 1.0 + radius + gap
-        entry = {"shape": "circle" if dim == 2 else "sphere", "centre": tuple(centre), "radius": radius}
+        entry = {
+            "shape": "circle" if dim == 2 else "sphere",
+            "centre": tuple(centre),
+            "radius": radius,
+        }
         shape = read_shape(entry)
         deep = cells.inside(cells.x, shape)
         assert (deep is None) == (gap > 0)

@@ -1,4 +1,6 @@
-"""A block that is bonded beneath another one, pressed on a foundation and lifted off it: no load is left at all."""
+"""A block that is bonded beneath another one, pressed on a foundation and lifted off it: no load is
+left at all.
+"""
 
 import numpy as np
 import pytest
@@ -30,9 +32,19 @@ def hanging(**solver):
                 {"region": "lower", "young": 1120.5, "poisson": -0.3},
                 {"region": "upper", "young": 1120.5, "poisson": 0.3},
             ],
-            "displacement": {"boundary": "upper.top", "x": -3.47e-4, "y": -3.09e-4, "factors": list(FACTORS)},
+            "displacement": {
+                "boundary": "upper.top",
+                "x": -3.47e-4,
+                "y": -3.09e-4,
+                "factors": list(FACTORS),
+            },
             "contact": [
-                {"boundary": "lower.top", "against": "upper.bottom", "points": "boundary", "kind": "bonded"},
+                {
+                    "boundary": "lower.top",
+                    "against": "upper.bottom",
+                    "points": "boundary",
+                    "kind": "bonded",
+                },
                 {"boundary": "lower.bottom", "friction": {"law": "coulomb", "coefficient": 0.23}},
             ],
             "solver": solver,
@@ -41,9 +53,13 @@ def hanging(**solver):
 
 
 @pytest.mark.one_quick
-@pytest.mark.parametrize("solver", [{"algorithm": "alm"}, {"algorithm": "alm", "coulomb": "newton"}, {}])
+@pytest.mark.parametrize(
+    "solver", [{"algorithm": "alm"}, {"algorithm": "alm", "coulomb": "newton"}, {}]
+)
 def test_lifted(solver):
-    """The bodies hang on the support without stress: that is found in a few solves, by the method asked for."""
+    """The bodies hang on the support without stress: that is found in a few solves, by the method
+    asked for.
+    """
     solution = alone(hanging(**solver))
     lifted = solution.steps[-1]
     assert lifted.linear_solves <= 12

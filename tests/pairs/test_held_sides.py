@@ -1,6 +1,8 @@
-"""Sides of two bodies with nodes that supports hold: these push the other body, whichever side has the points.
+"""Sides of two bodies with nodes that supports hold: these push the other body, whichever side has
+the points.
 
-The reference is the problem with both sides exchanged, where the points are on the side that is free.
+The reference is the problem with both sides exchanged, where the points are on the side that is
+free.
 """
 
 import numpy as np
@@ -18,8 +20,8 @@ KINDS = {2: "quadrilateral", 3: "hexahedron"}
 
 
 def plate(dim, kind=None, cells=3, finer=1, upto=0.0, **settings):
-    """A plate of the length 1 and the thickness 0.1, held where x[0] is at most ``upto``, above a block that is held
-    below.
+    """A plate of the length 1 and the thickness 0.1, held where x[0] is at most ``upto``, above a
+    block that is held below.
 
     Args:
         dim: of space.
@@ -36,7 +38,10 @@ def plate(dim, kind=None, cells=3, finer=1, upto=0.0, **settings):
         grid(kind, (*[finer * cells] * (dim - 1), 1), [*low, away], [*high, 0.1]),
     )
     touching = [lambda x: np.isclose(x[up], 0.0), lambda x: np.isclose(x[up], away)]
-    held = [lambda x: np.isclose(x[up], -1.0), lambda x: (x[0] <= upto + 1e-9) & (x[up] >= away / 2)]
+    held = [
+        lambda x: np.isclose(x[up], -1.0),
+        lambda x: (x[0] <= upto + 1e-9) & (x[up] >= away / 2),
+    ]
     return SlidingBodies(kind, bodies, touching, held, reach=0.5, **settings)
 
 
@@ -49,13 +54,16 @@ def pressed(scene, depth=DEPTH):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("dim", "kind", "upto"), [(2, "quadrilateral", 0.0), (2, "triangle", 0.34), (3, "tetrahedron", 0.34)]
+    ("dim", "kind", "upto"),
+    [(2, "quadrilateral", 0.0), (2, "triangle", 0.34), (3, "tetrahedron", 0.34)],
 )
 def test_both_choices_of_the_slave(dim, kind, upto):
-    """An edge that is held, and a third of the side, on coarse meshes that match: linear bodies have one force, and
-    those that slide differ by what turns.
+    """An edge that is held, and a third of the side, on coarse meshes that match: linear bodies
+    have one force, and those that slide differ by what turns.
     """
-    slid, linear = np.transpose([pressed(plate(dim, kind, upto=upto, slave=slave)) for slave in (0, 1)])
+    slid, linear = np.transpose(
+        [pressed(plate(dim, kind, upto=upto, slave=slave)) for slave in (0, 1)]
+    )
     assert slid[1] == pytest.approx(slid[0], rel=0.005)
     assert linear[1] == pytest.approx(linear[0], rel=1e-6)
 
@@ -64,7 +72,8 @@ STRAIN, YOUNG_AND_LAME = 0.01, (100.0, 50.0)
 
 
 def evenly_pressed(kind, degree, bodies, held, slave, sides=None):
-    """Two blocks between smooth walls, pressed evenly, of which supports that move along hold some facets of both
+    """Two blocks between smooth walls, pressed evenly, of which supports that move along hold some
+    facets of both
     sides: the problem, and its displacement without these.
 
     Args:
@@ -79,22 +88,34 @@ def evenly_pressed(kind, degree, bodies, held, slave, sides=None):
     up, strain, (young, lame) = dim - 1, STRAIN, YOUNG_AND_LAME
     mesh, count = assembled(kind, *bodies), len(bodies[0][0])
     of_body = np.arange(count), np.arange(count, count + len(bodies[1][0]))
-    all_facets = [facets_of_cells(mesh, lambda x: np.isclose(x[up], 0.0), cells) for cells in of_body]
+    all_facets = [
+        facets_of_cells(mesh, lambda x: np.isclose(x[up], 0.0), cells) for cells in of_body
+    ]
     middles = [dmesh.compute_midpoints(mesh, up, listed)[:, :up] for listed in all_facets]
-    held = [listed[chosen(at)] for listed, chosen, at in zip(all_facets, held, middles, strict=True)]
+    held = [
+        listed[chosen(at)] for listed, chosen, at in zip(all_facets, held, middles, strict=True)
+    ]
     if sides is not None:
-        all_facets = [listed[chosen(at)] for listed, chosen, at in zip(all_facets, sides, middles, strict=True)]
+        all_facets = [
+            listed[chosen(at)]
+            for listed, chosen, at in zip(all_facets, sides, middles, strict=True)
+        ]
     space = fem.functionspace(mesh, ("Lagrange", degree, (dim,)))
     exact = fem.Function(space)
     exact.interpolate(lambda x: np.stack([*[0.0 * x[0]] * up, -strain * x[up]]))
     ends = [*held, facets(mesh, lambda x: np.isclose(np.abs(x[up]), 1.0))]
     bcs = [fem.dirichletbc(exact, fem.locate_dofs_topological(space, up, end)) for end in ends]
     for axis in range(up):
-        walls = facets(mesh, lambda x, axis=axis: np.isclose(x[axis], 0.0) | np.isclose(x[axis], 1.0))
+        walls = facets(
+            mesh, lambda x, axis=axis: np.isclose(x[axis], 0.0) | np.isclose(x[axis], 1.0)
+        )
         dofs = fem.locate_dofs_topological(space.sub(axis), up, walls)
         bcs.append(fem.dirichletbc(fem.Constant(mesh, 0.0), dofs, space.sub(axis)))
     u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
-    a = young * ufl.inner(ufl.sym(ufl.grad(u)), ufl.sym(ufl.grad(v))) * ufl.dx + lame * ufl.div(u) * ufl.div(v) * ufl.dx
+    a = (
+        young * ufl.inner(ufl.sym(ufl.grad(u)), ufl.sym(ufl.grad(v))) * ufl.dx
+        + lame * ufl.div(u) * ufl.div(v) * ufl.dx
+    )
     nothing = ufl.inner(fem.Constant(mesh, np.zeros(dim)), v) * ufl.dx
     pair = Pair(all_facets[slave], all_facets[1 - slave], reach=0.5)
     return ContactProblem(a, nothing, bcs=bcs, contact=pair, algorithm="alm"), exact
@@ -114,9 +135,9 @@ def evenly_pressed(kind, degree, bodies, held, slave, sides=None):
     ],
 )
 def test_constant_stress_beside_a_region_in_which_both_sides_are_held(kind, degree, upto, slave):
-    """Two blocks of meshes that do not match, between smooth walls, pressed evenly: where supports that move along hold
-    a part of both sides, displacements and pressures are those without, and the force is that of the rest, also where
-    one of both ends before the other.
+    """Two blocks of meshes that do not match, between smooth walls, pressed evenly: where supports
+    that move along hold a part of both sides, displacements and pressures are those without, and
+    the force is that of the rest, also where one of both ends before the other.
     """
     dim = 2 if kind in ("quadrilateral", "triangle") else 3
     up = dim - 1

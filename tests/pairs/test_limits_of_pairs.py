@@ -1,4 +1,6 @@
-"""Maps of linear pairs at their limits: small parts of facets, the reach, and facets that another contact owns."""
+"""Maps of linear pairs at their limits: small parts of facets, the reach, and facets that another
+contact owns.
+"""
 
 import numpy as np
 import pytest
@@ -17,22 +19,26 @@ def stacked(kind, counts, low, high, degree):
         grid(kind, (*counts[1], 1), [0.0] * 3, [1.0, 1.0, 0.3]),
     )
     level = [lambda x, z=z: np.isclose(x[2], z) for z in (0.0, -0.3, 0.3)]
-    scene = SlidingBodies(kind, bodies, [level[0]] * 2, level[1:], slave=1, degree=degree, pair={"sliding": False})
+    scene = SlidingBodies(
+        kind, bodies, [level[0]] * 2, level[1:], slave=1, degree=degree, pair={"sliding": False}
+    )
     scene.drive.value[-1] = -1e-3
     return scene
 
 
 @pytest.mark.slow
 def test_functions_of_small_parts_of_facets_multiply_round_off():
-    """Dual functions on a tenth of the width of 9-node facets are large: distances of sides that touch are round-off
-    times these, which is no fault.
+    """Dual functions on a tenth of the width of 9-node facets are large: distances of sides that
+    touch are round-off times these, which is no fault.
     """
     scene = stacked("hexahedron", [(2, 2), (2, 2)], (0.0, 0.0), (0.606, 0.967), 2)
     assert as_linear_bodies(scene).certificate.coupling < 1e-7
 
 
 def test_whether_a_node_carries_a_point_is_no_matter_of_round_off():
-    """The function at the corner keeps the share of its weight below which there is no point, but for round-off."""
+    """The function at the corner keeps the share of its weight below which there is no point, but
+    for round-off.
+    """
     scene = stacked("tetrahedron", [(4, 4), (1, 4)], (0.2, 0.2), (0.7, 0.7), 1)
     assert as_linear_bodies(scene).certificate.coupling < 1e-9
 
@@ -40,9 +46,14 @@ def test_whether_a_node_carries_a_point_is_no_matter_of_round_off():
 @pytest.mark.parametrize("far", [0.1, 0.3, 0.7])
 def test_facets_as_far_apart_as_the_reach_are_partners(far):
     """All of them, not those whose distance is more but for round-off."""
-    bodies = grid("triangle", (3, 1), [0.0, -0.3], [1.0, 0.0]), grid("triangle", (4, 1), [0.0, far], [1.0, far + 0.3])
+    bodies = (
+        grid("triangle", (3, 1), [0.0, -0.3], [1.0, 0.0]),
+        grid("triangle", (4, 1), [0.0, far], [1.0, far + 0.3]),
+    )
     level = [lambda x, y=y: np.isclose(x[1], y) for y in (0.0, far, -0.3, far + 0.3)]
-    scene = SlidingBodies("triangle", bodies, level[:2], level[2:], slave=1, pair={"reach": far, "sliding": False})
+    scene = SlidingBodies(
+        "triangle", bodies, level[:2], level[2:], slave=1, pair={"reach": far, "sliding": False}
+    )
     scene.drive.value[-1] = -1e-3
     certificate = as_linear_bodies(scene).certificate
     assert certificate.holds
@@ -50,8 +61,9 @@ def test_facets_as_far_apart_as_the_reach_are_partners(far):
 
 
 def third_of_four(kind, degree=1):
-    """A block on another one with four facets along its upper side, of which one contact has the first and the third,
-    and a second contact the others: of the second facet all nodes belong to the first contact.
+    """A block on another one with four facets along its upper side, of which one contact has the
+    first and the third, and a second contact the others: of the second facet all nodes belong to
+    the first contact.
     """
     up = 2 if kind == "hexahedron" else 1
     bodies = (
@@ -59,7 +71,9 @@ def third_of_four(kind, degree=1):
         grid(kind, (5, *[2] * up), [0.0] * up + [1e-6], [1.0] * up + [1.0]),
     )
     level = [lambda x, z=z: np.isclose(x[up], z, atol=1e-9) for z in (0.0, 1e-6, -1.0, 1.0)]
-    scene = SlidingBodies(kind, bodies, level[:2], level[2:], degree=degree, pair={"sliding": False, "reach": 0.1})
+    scene = SlidingBodies(
+        kind, bodies, level[:2], level[2:], degree=degree, pair={"sliding": False, "reach": 0.1}
+    )
     slave, master = scene.sides
     quarter = np.floor(4 * compute_midpoints(scene.mesh, up, slave)[:, 0]).astype(int)
     parts = [slave[np.isin(quarter, numbers)] for numbers in ((0, 2), (1, 3))]
@@ -68,9 +82,13 @@ def third_of_four(kind, degree=1):
     return scene
 
 
-@pytest.mark.parametrize(("kind", "degree"), [("quadrilateral", 1), ("triangle", 1), ("hexahedron", 1)])
+@pytest.mark.parametrize(
+    ("kind", "degree"), [("quadrilateral", 1), ("triangle", 1), ("hexahedron", 1)]
+)
 def test_facets_of_which_another_contact_owns_all_nodes(kind, degree):
-    """Nobody carries what is between both bodies there: an error that names the contact and the place."""
+    """Nobody carries what is between both bodies there: an error that names the contact and the
+    place.
+    """
     scene = third_of_four(kind, degree)
     count = 2 if kind == "hexahedron" else 1
     with pytest.raises(FormError) as raised:

@@ -1,4 +1,6 @@
-"""A block between two others: whether it is pressed, squeezed or loose follows from how far the upper one is lifted."""
+"""A block between two others: whether it is pressed, squeezed or loose follows from how far the
+upper one is lifted.
+"""
 
 import numpy as np
 import pytest
@@ -31,7 +33,8 @@ def forces(solution):
 def test_lifted(below, above, solver):
     """The middle block has room; the outcome names it, and no other one.
 
-    By round-off an iteration may end at one of the many positions without forces, with dolfinx 0.11 the first one.
+    By round-off an iteration may end at one of the many positions without forces, with dolfinx 0.11
+    the first one.
     """
     solution = alone(stack_of_three(0.02, below, above, **solver), check=False)
     if solution.status is Status.CONVERGED:
@@ -43,21 +46,30 @@ def test_lifted(below, above, solver):
     assert "body 'upper'" not in solution.advice
 
 
-@pytest.mark.parametrize(("gap", "size", "stress"), [(0.5, 1.0, 1.0), (0.02, 1e-6, 1e9), (0.02, 1e5, 1e-3)])
+@pytest.mark.parametrize(
+    ("gap", "size", "stress"), [(0.5, 1.0, 1.0), (0.02, 1e-6, 1e9), (0.02, 1e5, 1e-3)]
+)
 def test_nothing_moves(gap, size, stress):
-    """Nothing is loaded or moved, and the block has room: that is found wherever the methods have left the body."""
+    """Nothing is loaded or moved, and the block has room: that is found wherever the methods have
+    left the body.
+    """
     solution = alone(stack_of_three(0.0, COULOMB, COULOMB, gap, size, stress), check=False)
     assert solution.status is Status.OPEN
     assert "body 'middle'" in solution.advice
-    assert sum(step.linear_solves for step in solution.steps) < 500  # how soon is a matter of round-off
+    assert (
+        sum(step.linear_solves for step in solution.steps) < 500
+    )  # how soon is a matter of round-off
 
 
 @pytest.mark.one_quick
 @pytest.mark.parametrize(
-    ("lift", "gap", "size", "stress"), [(-0.02, 0.0, 1.0, 1.0), (0.02, -0.03, 1e-6, 1e9), (-0.01, -0.01, 1e5, 1e-3)]
+    ("lift", "gap", "size", "stress"),
+    [(-0.02, 0.0, 1.0, 1.0), (0.02, -0.03, 1e-6, 1e9), (-0.01, -0.01, 1e5, 1e-3)],
 )
 def test_pressed_or_squeezed(lift, gap, size, stress):
-    """Where the blocks overlap by more than the upper one is lifted, both contacts carry the same force."""
+    """Where the blocks overlap by more than the upper one is lifted, both contacts carry the same
+    force.
+    """
     below, above = forces(alone(stack_of_three(lift, TRESCA, COULOMB, gap, size, stress)))
     assert below == pytest.approx(above, rel=1e-6)
     assert below / (size * stress) > 0.1
@@ -67,7 +79,10 @@ def unloaded(friction, factors, check=True):
     """A block alone that is pressed on, and then is not: its solution."""
     contact = {"boundary": "bottom"} | ({} if friction is None else {"friction": friction})
     scene = {
-        "mesh": {"generator": "rectangle", "parameters": {"length": 1.0, "height": 1.0, "nx": 4, "ny": 4}},
+        "mesh": {
+            "generator": "rectangle",
+            "parameters": {"length": 1.0, "height": 1.0, "nx": 4, "ny": 4},
+        },
         "material": {"young": 100.0, "poisson": 0.3},
         "displacement": [] if friction else [{"boundary": "left", "x": 0.0}],
         "traction": [{"boundary": "top", "y": -1.0, "factors": factors}],

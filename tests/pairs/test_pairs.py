@@ -32,8 +32,14 @@ def relative(coupling, slave, master):
 def joint_motions(dimension):
     """A translation and a rotation, as functions of positions."""
     if dimension == 2:
-        return [lambda x: np.tile([0.3, -0.7], (len(x), 1)), lambda x: np.stack((-x[:, 1], x[:, 0]), axis=1)]
-    return [lambda x: np.tile([0.3, -0.7, 0.2], (len(x), 1)), lambda x: np.cross([0.4, -0.9, 0.5], x)]
+        return [
+            lambda x: np.tile([0.3, -0.7], (len(x), 1)),
+            lambda x: np.stack((-x[:, 1], x[:, 0]), axis=1),
+        ]
+    return [
+        lambda x: np.tile([0.3, -0.7, 0.2], (len(x), 1)),
+        lambda x: np.cross([0.4, -0.9, 0.5], x),
+    ]
 
 
 @pytest.mark.one_quick
@@ -41,33 +47,45 @@ def joint_motions(dimension):
 @pytest.mark.parametrize("overhang", [0.0, 0.33, 0.505])
 @pytest.mark.parametrize(("dimension", "element", "other"), PAIRS)
 def test_identities(dimension, element, other, overhang, curved):
-    """D 1 = M 1 = 1, D x - M x + d = 0, B R = 0, the weights are the covered area, forces and moments balance."""
+    """D 1 = M 1 = 1, D x - M x + d = 0, B R = 0, the weights are the covered area, forces and
+    moments balance.
+    """
     slave, master = both(element, other, curved, overhang=overhang, dimension=dimension)
     found = coupled(slave, master)
     for shares in (found.slave, found.master):
         np.testing.assert_allclose(shares.sum(axis=1), 1.0, rtol=0, atol=1e-11)
-    np.testing.assert_allclose(found.slave @ slave.x - found.master @ master.x + found.distance, 0, atol=1e-12)
+    np.testing.assert_allclose(
+        found.slave @ slave.x - found.master @ master.x + found.distance, 0, atol=1e-12
+    )
     for motion in joint_motions(dimension):
-        np.testing.assert_allclose(relative(found, motion(slave.x), motion(master.x)), 0, atol=1e-11)
+        np.testing.assert_allclose(
+            relative(found, motion(slave.x), motion(master.x)), 0, atol=1e-11
+        )
     assert (found.weight > 0).all()
     assert found.weight.sum() == pytest.approx(found.covered, rel=1e-12)
     width = 1.0 - max(0.0, overhang - 0.05)
     if not curved:
         assert found.weight.sum() == pytest.approx(width, rel=1e-12)
     # The same said of forces.
-    traction = np.random.default_rng(1).standard_normal(found.distance.shape) * found.weight[:, None]
+    traction = (
+        np.random.default_rng(1).standard_normal(found.distance.shape) * found.weight[:, None]
+    )
     on_slave, on_master = found.slave.T @ traction, -found.master.T @ traction
     turning = (found.turning.T @ traction.ravel()).reshape(-1, dimension)
     on_slave, on_master = on_slave + turning[: len(on_slave)], on_master + turning[len(on_slave) :]
     np.testing.assert_allclose(on_slave.sum(axis=0) + on_master.sum(axis=0), 0, atol=1e-12)
     for motion in joint_motions(dimension):
-        assert abs(np.sum(on_slave * motion(slave.x)) + np.sum(on_master * motion(master.x))) < 1e-12
+        assert (
+            abs(np.sum(on_slave * motion(slave.x)) + np.sum(on_master * motion(master.x))) < 1e-12
+        )
 
 
 @pytest.mark.one_quick
 @pytest.mark.parametrize(("dimension", "element", "other"), PAIRS)
 def test_nodes_that_cannot_carry_a_point(dimension, element, other):
-    """Held nodes are given to their neighbours: the weights still are the covered area, and shares sum to one."""
+    """Held nodes are given to their neighbours: the weights still are the covered area, and shares
+    sum to one.
+    """
     slave, master = both(element, other, True, dimension=dimension)
     unable = slave.x[:, 0] < 0.3
     whole, found = coupled(slave, master), coupled(slave, master, unable=unable)
@@ -75,13 +93,17 @@ def test_nodes_that_cannot_carry_a_point(dimension, element, other):
     assert found.nodes.size < whole.nodes.size
     assert found.weight.sum() == pytest.approx(whole.weight.sum(), rel=1e-12)
     for motion in joint_motions(dimension):
-        np.testing.assert_allclose(relative(found, motion(slave.x), motion(master.x)), 0, atol=1e-11)
+        np.testing.assert_allclose(
+            relative(found, motion(slave.x), motion(master.x)), 0, atol=1e-11
+        )
     with pytest.raises(PairingError, match="own all nodes"):
         coupled(slave, master, unable=np.ones(len(slave.x), dtype=bool))
 
 
 def test_points_have_positive_weights():
-    """A node whose own function has one, but takes over a larger negative one, carries no point: the next one does."""
+    """A node whose own function has one, but takes over a larger negative one, carries no point:
+    the next one does.
+    """
     side, weight = curve("P1", 2, lambda s: [s, 0.0], (0, 1)), np.array([-0.5, 0.3, 1.0])
     nodes, shares = carried(side, np.arange(2), weight, np.zeros(3, dtype=bool))
     assert nodes.tolist() == [2]
@@ -89,7 +111,9 @@ def test_points_have_positive_weights():
 
 
 def test_sides_that_do_not_fit():
-    """They overlap nowhere, are far apart, face the same way, or lie over each other twice: each is said."""
+    """They overlap nowhere, are far apart, face the same way, or lie over each other twice: each is
+    said.
+    """
     slave, master = both("P1", "P1", False)
     with pytest.raises(PairingError, match="none of its facets finds one"):
         coupled(slave, both("P1", "P1", False, overhang=3.0)[1])
@@ -110,7 +134,9 @@ def test_sides_that_do_not_fit():
         coupled(slave, twice)
 
 
-@pytest.mark.parametrize(("dim", "element"), [(dim, element) for dim, names in ELEMENTS.items() for element in names])
+@pytest.mark.parametrize(
+    ("dim", "element"), [(dim, element) for dim, names in ELEMENTS.items() for element in names]
+)
 def test_how_normals_turn(dim, element):
     """As differences of the normals of sides that bend say."""
     side = both(element, element, curved=True, counts=(4, 4), dimension=dim, bent=True)[0]

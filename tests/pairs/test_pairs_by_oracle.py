@@ -1,4 +1,6 @@
-"""The maps of two sides: points, gaps, frames and shares are those of the oracle's own integrals."""
+"""The maps of two sides: points, gaps, frames and shares are those of the oracle's own
+integrals.
+"""
 
 import numpy as np
 import pytest
@@ -16,10 +18,20 @@ PLACES = {
     "triangle": CORNERS,
     "quadrilateral": [*CORNERS, [1.0, 1.0]],
     "quadratic triangle": [*CORNERS, [0.5, 0.5], [0.0, 0.5], [0.5, 0.0]],
-    "quadratic quadrilateral": [*CORNERS, [1.0, 1.0], [0.5, 0.0], [0.0, 0.5], [1.0, 0.5], [0.5, 1.0], [0.5, 0.5]],
+    "quadratic quadrilateral": [
+        *CORNERS,
+        [1.0, 1.0],
+        [0.5, 0.0],
+        [0.0, 0.5],
+        [1.0, 0.5],
+        [0.5, 1.0],
+        [0.5, 0.5],
+    ],
 }
 SLIDING = [kind for kind in PLACES if "quadratic" not in str(kind)]
-BUT_SLOW = [pytest.param(kind, marks=[pytest.mark.slow] * (kind == "quadrilateral")) for kind in SLIDING]
+BUT_SLOW = [
+    pytest.param(kind, marks=[pytest.mark.slow] * (kind == "quadrilateral")) for kind in SLIDING
+]
 
 
 def level(kind, cells, low, high):
@@ -30,17 +42,25 @@ def level(kind, cells, low, high):
     if places.shape[1] == 1:
         first = degree * np.arange(cells)[:, None]
         return first + (degree * places[:, 0]).astype(int), np.column_stack((axis, 0.0 * axis))
-    first = degree * np.stack(np.meshgrid(np.arange(cells), np.arange(cells), indexing="ij"), axis=-1).reshape(-1, 1, 2)
+    first = degree * np.stack(
+        np.meshgrid(np.arange(cells), np.arange(cells), indexing="ij"), axis=-1
+    ).reshape(-1, 1, 2)
     turns = (
-        [np.eye(2)] if len(places) in (4, 9) else [np.array([[1.0, 1.0], [0.0, 1.0]]), np.array([[1.0, 0.0], [1, 1]])]
+        [np.eye(2)]
+        if len(places) in (4, 9)
+        else [np.array([[1.0, 1.0], [0.0, 1.0]]), np.array([[1.0, 0.0], [1, 1]])]
     )
     nodes = [(first + (degree * places @ turn.T).astype(int)) @ [axis.size, 1] for turn in turns]
-    x = np.stack([*np.meshgrid(axis, axis, indexing="ij"), np.zeros((axis.size, axis.size))], axis=-1).reshape(-1, 3)
+    x = np.stack(
+        [*np.meshgrid(axis, axis, indexing="ij"), np.zeros((axis.size, axis.size))], axis=-1
+    ).reshape(-1, 3)
     return np.concatenate(nodes), x
 
 
 def displacement(x, upper, seed):
-    """Both sides bend alike, and each a little by itself; the upper one slides; then both turn by up to a radian."""
+    """Both sides bend alike, and each a little by itself; the upper one slides; then both turn by
+    up to a radian.
+    """
     rng, dim = np.random.default_rng(seed), x.shape[1]
     phase, height = rng.uniform(0.0, 6.0, 3), dim - 1
     moved = x + 0.0
@@ -54,16 +74,23 @@ def displacement(x, upper, seed):
 
 
 def differences(kind, seed, *, slides):
-    """The largest differences of weights, gaps, normals, D and M of a side that is wholly over the other one."""
+    """The largest differences of weights, gaps, normals, D and M of a side that is wholly over the
+    other one.
+    """
     (nodes, x), (others, y) = level(kind, 2, -0.5, 0.5), level(kind, 3, -0.9, 0.8)
     dim, count, places = x.shape[1], len(x), np.concatenate((x, y))
     moved = displacement(places, np.arange(len(places)) < count, seed)
     # The normal of a line is its direction turned clockwise.
-    signs = np.full(len(nodes), 1.0 if dim == 2 else -1.0), np.full(len(others), -1.0 if dim == 2 else 1.0)
+    signs = (
+        np.full(len(nodes), 1.0 if dim == 2 else -1.0),
+        np.full(len(others), -1.0 if dim == 2 else 1.0),
+    )
     functions, undeformed = Lagrange(np.array(PLACES[kind])), places if slides else places + moved
     slave, master = (
         PairSurface.of(of_side, at, functions, sign)
-        for of_side, at, sign in zip((nodes, others), np.split(undeformed, [count]), signs, strict=True)
+        for of_side, at, sign in zip(
+            (nodes, others), np.split(undeformed, [count]), signs, strict=True
+        )
     )
     if slides:
         slave, master = slave.displaced(moved[:count]), master.displaced(moved[count:])
@@ -73,7 +100,8 @@ def differences(kind, seed, *, slides):
         found = couple(slave, master, reach=0.5)
         shares = found.slave, found.master
     sides = [
-        Side(at, places + moved, sign, undeformed) for at, sign in zip((nodes, count + others), signs, strict=True)
+        Side(at, places + moved, sign, undeformed)
+        for at, sign in zip((nodes, count + others), signs, strict=True)
     ]
     expected = points_of_moved(*sides)
     assert np.array_equal(expected.nodes, found.nodes)
@@ -86,7 +114,9 @@ def differences(kind, seed, *, slides):
     ]
 
 
-@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2))])
+@pytest.mark.parametrize(
+    "seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2))]
+)
 @pytest.mark.parametrize("kind", BUT_SLOW)
 def test_sides_that_have_moved(kind, seed):
     """At X + u, with the areas of X."""
@@ -94,10 +124,14 @@ def test_sides_that_have_moved(kind, seed):
 
 
 def test_points_at_a_rim():
-    """Where a node has hardly anything of the other side, those that are wholly over it keep their weights."""
+    """Where a node has hardly anything of the other side, those that are wholly over it keep their
+    weights.
+    """
     (nodes, x), (others, y) = level(2, 4, -0.5, 0.5), level(2, 3, -0.9, 0.3)
     slave, master = (
-        PairSurface.of(of_side, at, Lagrange(np.array(PLACES[2])), np.full(len(of_side), sign)).displaced(0 * at)
+        PairSurface.of(
+            of_side, at, Lagrange(np.array(PLACES[2])), np.full(len(of_side), sign)
+        ).displaced(0 * at)
         for of_side, at, sign in ((nodes, x, 1.0), (others, y, -1.0))
     )
     found = slide(slave, master, np.arange(len(x)), 0.5)
@@ -112,7 +146,10 @@ def test_parts_of_no_facets(kind):
     places = np.array(PLACES[kind])
     x = np.column_stack((places, np.zeros(len(places))))
     side = PairSurface.of(np.arange(len(x))[None], x, Lagrange(places), np.ones(1))
-    assert [len(Parts.of(side, np.arange(count)).centre) for count in (0, 1)] == [0, len(side.functions.parts)]
+    assert [len(Parts.of(side, np.arange(count)).centre) for count in (0, 1)] == [
+        0,
+        len(side.functions.parts),
+    ]
 
 
 def test_shears_move_on_with_partners():
@@ -123,16 +160,27 @@ def test_shears_move_on_with_partners():
         for of_side, at, sign in ((nodes, x, 1.0), (others, y, -1.0))
     )
     way, shear = np.array([1e-6, 0.0]), np.arange(1.0, 1.0 + len(x))[:, None]
-    old, new = (slide(slave.displaced(0 * x), master.displaced(0 * y + to), np.arange(len(x)), 0.5) for to in (0, way))
-    change = [old.stiffness(0 * old.weight, shear, symmetric=symmetric) for symmetric in (False, True)]
+    old, new = (
+        slide(slave.displaced(0 * x), master.displaced(0 * y + to), np.arange(len(x)), 0.5)
+        for to in (0, way)
+    )
+    change = [
+        old.stiffness(0 * old.weight, shear, symmetric=symmetric) for symmetric in (False, True)
+    ]
     along = (change[0] - change[1]) @ np.concatenate((0 * x, 0 * y + way)).ravel()
-    forces = (new.frames.both - old.frames.both).T @ (old.weight[:, None] * shear * old.frames.tangents[:, :, 0])
+    forces = (new.frames.both - old.frames.both).T @ (
+        old.weight[:, None] * shear * old.frames.tangents[:, :, 0]
+    )
     assert np.abs(forces).max() > 1e-7
     assert along == pytest.approx(forces.ravel(), rel=1e-4, abs=1e-12)
 
 
 @pytest.mark.parametrize(
-    "kind", [*BUT_SLOW, *(pytest.param(kind, marks=pytest.mark.slow) for kind in PLACES if kind not in SLIDING)]
+    "kind",
+    [
+        *BUT_SLOW,
+        *(pytest.param(kind, marks=pytest.mark.slow) for kind in PLACES if kind not in SLIDING),
+    ],
 )
 def test_undeformed_sides(kind):
     """Curved ones, which keep their partners."""

@@ -17,11 +17,14 @@ from signorini_fx.scenes.template import summary_schema
 @pytest.mark.slow
 @pytest.mark.parametrize("push", [0.02, 0.035])
 def test_cattaneo_and_mindlin(push):
-    """Cylinders of one material: the zone that sticks has the half width c = a (1 - Q / F P)^(1/2), to a node, and
-    the shear is that of the theory, the same on both sides, but next to the ends of this zone, where it has a kink.
+    """Cylinders of one material: the zone that sticks has the half width c = a (1 - Q / F P)^(1/2),
+    to a node, and the shear is that of the theory, the same on both sides, but next to the ends of
+    this zone, where it has a kink.
     """
     scene = altered()
-    scene["material"] = [{"region": name, "young": 200.0, "poisson": 0.3} for name in ("soft", "stiff")]
+    scene["material"] = [
+        {"region": name, "young": 200.0, "poisson": 0.3} for name in ("soft", "stiff")
+    ]
     scene["displacement"][2]["x"] = push
     found = solve(parse_scene(scene))
     tangential, normal = np.abs(sum(found.contact.forces))
@@ -47,9 +50,15 @@ def test_cattaneo_and_mindlin(push):
     [
         ({"against": "upper"}, r"contact\[0\].against: is the boundary itself"),
         ({"direction": [0.0, -1.0]}, r"contact\[0\].direction: is that of the normal"),
-        ({"against": None, "distance": "nominal"}, r"contact\[0\].distance: is for contact against"),
+        (
+            {"against": None, "distance": "nominal"},
+            r"contact\[0\].distance: is for contact against",
+        ),
         ({"kind": "bonded"}, r"contact\[0\].friction: a bond has none"),
-        ({"kind": "bonded", "friction": None, "against": None}, r"contact\[0\]: a bond needs the boundary"),
+        (
+            {"kind": "bonded", "friction": None, "against": None},
+            r"contact\[0\]: a bond needs the boundary",
+        ),
     ],
 )
 def test_what_a_scene_cannot_say(changes, match):
@@ -74,9 +83,11 @@ def test_what_the_mesh_refuses(changes, match):
 
 @pytest.mark.slow
 def test_shrink_fit(tmp_path):
-    """Lame's pressure, and both sides carry the torque; the gap by geometry of straight facets is warned of.
+    """Lame's pressure, and both sides carry the torque; the gap by geometry of straight facets is
+    warned of.
 
-    The seat closes around the shaft: resultants on it are round-off, and friction transmits the torque.
+    The seat closes around the shaft: resultants on it are round-off, and friction transmits the
+    torque.
     """
     solution = solve(read_scene(DEMO.parent / "shrink_fit.toml"))
     weight = solution.contact.boundary.weight
@@ -96,15 +107,24 @@ def test_shrink_fit(tmp_path):
     write_results(solution, tmp_path / "out", fields=False, pictures=False)
     written = json.loads((tmp_path / "out" / "summary.json").read_text(encoding="utf-8"))
     jsonschema.Draft202012Validator(summary_schema()).validate(written)
-    steps = {name: np.array([row[name] for row in summary["steps"]]) for name in summary["steps"][0]}
+    steps = {
+        name: np.array([row[name] for row in summary["steps"]]) for name in summary["steps"][0]
+    }
     assert steps["pressure_integral"] == pytest.approx([92.87 * 40 * np.pi] * 2, rel=1e-3)
-    assert steps["friction_moment"] == pytest.approx([0.0, figures["friction_moment"]], abs=1e-6 * torque)
+    assert steps["friction_moment"] == pytest.approx(
+        [0.0, figures["friction_moment"]], abs=1e-6 * torque
+    )
 
 
 @pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("changes", "side"),
-    [({}, "upper"), ({"points": "boundary"}, "lower"), ({"points": "against"}, "upper"), ({"gap": "0*x[0]"}, "lower")],
+    [
+        ({}, "upper"),
+        ({"points": "boundary"}, "lower"),
+        ({"points": "against"}, "upper"),
+        ({"gap": "0*x[0]"}, "lower"),
+    ],
 )
 def test_where_points_are(changes, side):
     """By rule only where no value is a function, which was written for ``boundary``."""
@@ -115,21 +135,33 @@ def test_where_points_are(changes, side):
     from signorini_fx.scenes.mesh import load_mesh
 
     scene = parse_scene(altered(boundary="lower", against="upper", **changes))
-    found = prepare(scene.statement, load_mesh(scene, MPI.COMM_SELF), Timings()).statement.contact[0]
+    found = prepare(scene.statement, load_mesh(scene, MPI.COMM_SELF), Timings()).statement.contact[
+        0
+    ]
     assert found.boundary == side
     assert found.against == {"upper": "lower", "lower": "upper"}[side]
 
 
 @pytest.mark.parametrize("holds", [[False, True], [True, False]])
 def test_a_plane_of_symmetry_that_comes_or_goes(holds):
-    """The slip of points on it counts from where both bodies were; points on either side give one answer."""
+    """The slip of points on it counts from where both bodies were; points on either side give one
+    answer.
+    """
 
     def body(name, height, cells):
         sizes = {"length": 1.0, "height": 0.5, "nx": cells, "ny": 3}
-        return {"name": name, "shift": [0.0, height], "mesh": {"generator": "rectangle", "parameters": sizes}}
+        return {
+            "name": name,
+            "shift": [0.0, height],
+            "mesh": {"generator": "rectangle", "parameters": sizes},
+        }
 
     def forces(boundary, against):
-        contact = {"boundary": boundary, "against": against, "friction": {"law": "coulomb", "coefficient": 0.4}}
+        contact = {
+            "boundary": boundary,
+            "against": against,
+            "friction": {"law": "coulomb", "coefficient": 0.4},
+        }
         found = solve(parse_scene(scene | {"contact": contact}))
         return np.abs(found.contact.forces)[[0, 1], [1, 0]]
 
@@ -139,11 +171,16 @@ def test_a_plane_of_symmetry_that_comes_or_goes(holds):
         "material": {"young": 100.0, "poisson": 0.3},
         "displacement": [
             {"boundary": "lower.bottom", "x": 0.0, "y": 0.0},
-            *({"boundary": f"{name}.left", "x": 0.0, "holds": holds} for name in ("lower", "upper")),
+            *(
+                {"boundary": f"{name}.left", "x": 0.0, "holds": holds}
+                for name in ("lower", "upper")
+            ),
             {"boundary": "upper.top", "y": -0.01, "factors": [0.5, 1.0]},
             {"boundary": "upper.right", "x": 0.004, "factors": [1.0, 1.0]},
         ],
     }
-    normal, friction = np.transpose([forces("lower.top", "upper.bottom"), forces("upper.bottom", "lower.top")])
+    normal, friction = np.transpose(
+        [forces("lower.top", "upper.bottom"), forces("upper.bottom", "lower.top")]
+    )
     assert normal[0] == pytest.approx(normal[1], rel=1e-3)
     assert friction[0] == pytest.approx(friction[1], rel=0.05)

@@ -1,4 +1,6 @@
-"""The picture of the deformed body: where body and foundation are drawn, and when one panel is not enough."""
+"""The picture of the deformed body: where body and foundation are drawn, and when one panel is not
+enough.
+"""
 
 from dataclasses import replace
 
@@ -69,7 +71,9 @@ def test_round_off_is_not_magnified():
     assert magnification(replace(BODY, displacement=sinking(1e-12)), []) > 1e10
 
 
-@pytest.mark.parametrize("gap", [0.3 * (X - 1.5) ** 2, np.where(X < 2, 0.0, 0.1 * (X - 2)), np.full(13, 0.2)])
+@pytest.mark.parametrize(
+    "gap", [0.3 * (X - 1.5) ** 2, np.where(X < 2, 0.0, 0.1 * (X - 2)), np.full(13, 0.2)]
+)
 def test_a_foundation_that_would_be_bent_is_drawn_where_it_is(gap):
     """All as it is then, and nothing is magnified."""
     gap = gap + 0.001
@@ -94,7 +98,9 @@ def test_a_small_contact_zone_is_enlarged():
 
 
 def test_axisymmetric_bodies_are_mirrored():
-    """Points, displacements and foundation are reflected at the axis, which is no edge of the body."""
+    """Points, displacements and foundation are reflected at the axis, which is no edge of the
+    body.
+    """
     displacement = np.column_stack((0.1 * POINTS[:, 0], -POINTS[:, 1]))
     edges = np.array([[0, 13], [0, 1], [12, 25]])
     body = replace(BODY, displacement=displacement, outline=edges).with_mirror_image()

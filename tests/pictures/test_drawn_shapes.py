@@ -1,4 +1,6 @@
-"""Rigid shapes are drawn whole and where they are: lines in 2D, triangles in 3D, the body outside of them."""
+"""Rigid shapes are drawn whole and where they are: lines in 2D, triangles in 3D, the body outside
+of them.
+"""
 
 import numpy as np
 import pytest
@@ -16,12 +18,16 @@ def mesh_of(dimension):
     name = {2: "rectangle", 3: "box"}[dimension]
     parameters = {"nx": 2, "ny": 2} | ({"nz": 2} if dimension == 3 else {})
     mesh = {"generator": name, "parameters": {"length": 1.0, "height": 1.0, **parameters}}
-    return load_mesh(parse_scene({"mesh": mesh, "material": {"young": 1.0, "poisson": 0.3}}), MPI.COMM_SELF)
+    return load_mesh(
+        parse_scene({"mesh": mesh, "material": {"young": 1.0, "poisson": 0.3}}), MPI.COMM_SELF
+    )
 
 
 @pytest.mark.parametrize("hollow", [False, True])
 def test_a_circle_is_a_closed_line_of_its_length(hollow):
-    """The body, outside or inside, is on the left of the line; what is added to the gap takes the line nearer."""
+    """The body, outside or inside, is on the left of the line; what is added to the gap takes the
+    line nearer.
+    """
     shape = {"shape": "circle", "centre": [0.5, 0.5], "radius": RADIUS, "hollow": hollow}
     (line,) = lines_of(distance_from(shape, 2), mesh_of(2))
     np.testing.assert_allclose(np.linalg.norm(line - 0.5, axis=1), RADIUS, rtol=1e-4)
@@ -34,14 +40,21 @@ def test_a_circle_is_a_closed_line_of_its_length(hollow):
 
 @pytest.mark.parametrize("hollow", [False, True])
 def test_a_sphere_has_its_volume(hollow):
-    """Its triangles are closed, each side shared by two, and counterclockwise as seen from the body."""
+    """Its triangles are closed, each side shared by two, and counterclockwise as seen from the
+    body.
+    """
     pytest.importorskip("pyvista")
     shape = {"shape": "sphere", "centre": [0.5, 0.5, 0.5], "radius": RADIUS, "hollow": hollow}
     points, triangles = triangles_of(distance_from(shape, 3), mesh_of(3))
-    # The distance is linear along the diagonals of the grid, of 40 points along the longest side and what is beside it.
+    # The distance is linear along the diagonals of the grid, of 40 points along the longest side
+    # and what is beside it.
     longest = np.sqrt(3) * (1 + 2 * 2.2 * RADIUS) / 39
-    np.testing.assert_allclose(np.linalg.norm(points - 0.5, axis=1), RADIUS, rtol=longest**2 / (8 * RADIUS**2))
-    sides = np.sort(np.concatenate([triangles[:, pair] for pair in ([0, 1], [1, 2], [2, 0])]), axis=1)
+    np.testing.assert_allclose(
+        np.linalg.norm(points - 0.5, axis=1), RADIUS, rtol=longest**2 / (8 * RADIUS**2)
+    )
+    sides = np.sort(
+        np.concatenate([triangles[:, pair] for pair in ([0, 1], [1, 2], [2, 0])]), axis=1
+    )
     _, often = np.unique(sides, axis=0, return_counts=True)
     assert set(often) == {2}
     volume = np.linalg.det(points[triangles] - 0.5).sum() / 6

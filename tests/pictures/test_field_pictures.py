@@ -38,8 +38,8 @@ def half_disk():
 
 @pytest.mark.mpi(slow=True)
 def test_curved_cells_are_drawn_curved():
-    """The outline is the boundary of the quarter disk, a closed line; its arc is a parabola through three points of the
-    circle in each cell, not a chord.
+    """The outline is the boundary of the quarter disk, a closed line; its arc is a parabola through
+    three points of the circle in each cell, not a chord.
     """
     comm = MPI.COMM_WORLD
     gathered = comm.bcast(gather_body(solve(half_disk(), comm)))
@@ -49,18 +49,25 @@ def test_curved_cells_are_drawn_curved():
     area = 0.5 * np.abs((x * np.roll(y, -1, axis=1) - y * np.roll(x, -1, axis=1)).sum())
     assert area == pytest.approx(np.pi * 64 / 4, rel=3e-3)
     ends = gathered.points[gathered.outline]
-    assert np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).sum() == pytest.approx(16 + 4 * np.pi, rel=2e-3)
+    assert np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).sum() == pytest.approx(
+        16 + 4 * np.pi, rel=2e-3
+    )
     radii = np.hypot(ends[..., 0], ends[..., 1] - 8.0).ravel()
     on_arc = (ends[..., 0].ravel() > 1e-6) & (ends[..., 1].ravel() < 8.0 - 1e-6)
     longest = max(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)) * 4
-    assert np.abs(radii[on_arc] - 8.0).max() < 0.2 * longest**2 / (8 * 8.0)  # a fifth of the sagitta
+    assert np.abs(radii[on_arc] - 8.0).max() < 0.2 * longest**2 / (
+        8 * 8.0
+    )  # a fifth of the sagitta
 
 
 @pytest.mark.mpi(slow=True)
 def test_fields_are_the_same_on_any_number_of_ranks():
     """In 2D and in 3D, cell by cell at their places."""
     comm = MPI.COMM_WORLD
-    plane, space = (lambda ranks: example1(bound=1.5, nx=12, ny=4)), (lambda ranks: block(6, bound=1.5, comm=ranks))
+    plane, space = (
+        (lambda ranks: example1(bound=1.5, nx=12, ny=4)),
+        (lambda ranks: block(6, bound=1.5, comm=ranks)),
+    )
     for scene in (plane, space):
         both = []
         for ranks in (comm, MPI.COMM_SELF):
@@ -83,7 +90,7 @@ def test_fields_that_are_none(tmp_path, capsys):
     assert f"choose from {', '.join(ON_DEMAND)}" in capsys.readouterr().err.replace("'", "")
 
 
-# --- values at points of the cells -----------------------------------------------------------------------------------
+# --- values at points of the cells ----------------------------------------------------------------
 
 
 NODAL = {
@@ -100,13 +107,19 @@ NODAL = {
 @pytest.mark.mpi
 @pytest.mark.parametrize("scene", NODAL.values(), ids=NODAL)
 def test_vertices_have_the_recovered_values(scene):
-    """At each vertex of each cell stands what ``recovered`` has there; the displacement is that of the elements."""
+    """At each vertex of each cell stands what ``recovered`` has there; the displacement is that of
+    the elements.
+    """
     comm = MPI.COMM_WORLD
     solution = solve(scene(comm), comm)
     plane = solution.model.tagged.dimension == 2
     found = gather_body(solution, ("von_mises", *ON_DEMAND))
     own = solution.stress.recovered
-    nodal = {"von_mises": own.von_mises, "density": own.shear_energy_density, "pressure": own.tensor}
+    nodal = {
+        "von_mises": own.von_mises,
+        "density": own.shear_energy_density,
+        "pressure": own.tensor,
+    }
     local = own.von_mises.function_space.tabulate_dof_coordinates()[:, : 2 if plane else 3]
     places = parallel.gather_rows(comm, local)
     for name, function in nodal.items():
@@ -126,11 +139,15 @@ def test_vertices_have_the_recovered_values(scene):
             drawn[:, found.tiles.vertices], values[at[1]], rtol=1e-9, atol=1e-9 * abs(values).max()
         )
     size = np.linalg.norm(found.displacement, axis=1)
-    np.testing.assert_allclose(found.values["displacement"], size[found.within], rtol=1e-9, atol=1e-15)
+    np.testing.assert_allclose(
+        found.values["displacement"], size[found.within], rtol=1e-9, atol=1e-15
+    )
 
 
 def two_layers():
-    """A strip of two materials, drawn out by the same amount everywhere: the stress is E times the strain in each."""
+    """A strip of two materials, drawn out by the same amount everywhere: the stress is E times the
+    strain in each.
+    """
     tagged = rectangle(nx=6, ny=4)
     mesh = tagged.mesh
     cells = np.arange(24, dtype=np.int32)
@@ -150,7 +167,9 @@ def two_layers():
             ],
         }
     )
-    return solve(on_mesh(scene, replace(tagged, cell_tags=tags, regions={"below": 1, "above": 2})), mesh.comm)
+    return solve(
+        on_mesh(scene, replace(tagged, cell_tags=tags, regions={"below": 1, "above": 2})), mesh.comm
+    )
 
 
 def test_a_jump_between_materials_is_not_smeared(tmp_path):
@@ -175,7 +194,8 @@ def test_a_jump_between_materials_in_space():
         {
             "mesh": replace(tagged, cell_tags=tags, regions={"below": 1, "above": 2}),
             "material": [
-                {"region": name, "young": young, "poisson": 0.0} for name, young in (("below", 1000.0), ("above", 10.0))
+                {"region": name, "young": young, "poisson": 0.0}
+                for name, young in (("below", 1000.0), ("above", 10.0))
             ],
             "displacement": [
                 {"boundary": "left", "x": 0.0},
@@ -186,7 +206,9 @@ def test_a_jump_between_materials_in_space():
         }
     )
     surface = gather_body(alone(scene), ("von_mises",))
-    assert np.ptp(np.bincount(surface.perimeters.ravel())[np.unique(surface.perimeters)]) > 0  # points are shared
+    assert (
+        np.ptp(np.bincount(surface.perimeters.ravel())[np.unique(surface.perimeters)]) > 0
+    )  # points are shared
     middle = surface.points[surface.perimeters].mean(axis=1)[:, 2]
     expected = np.where(middle > 0.5, 0.1, 10.0)[:, None].repeat(5, axis=1)
     np.testing.assert_allclose(surface.values["von_mises"], expected, rtol=1e-5)

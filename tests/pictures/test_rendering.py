@@ -16,7 +16,9 @@ from signorini_fx.addons.pictures.style import VALUES
 from signorini_fx.errors import PictureError
 
 CUBE = np.array([[x, y, z] for z in (0.0, 1.0) for y in (0.0, 1.0) for x in (0.0, 1.0)])
-SIDES = np.array([[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]])
+SIDES = np.array(
+    [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]]
+)
 TRIANGLES = SIDES[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3)
 WIDTH = 120
 
@@ -29,7 +31,9 @@ def needed():
 
 def solid(values, points=CUBE, triangles=TRIANGLES, **more):
     """What is drawn of triangles with one value each, or one for each corner."""
-    values = np.broadcast_to(np.asarray(values, dtype=float).reshape(len(triangles), -1), (len(triangles), 3))
+    values = np.broadcast_to(
+        np.asarray(values, dtype=float).reshape(len(triangles), -1), (len(triangles), 3)
+    )
     return Solid(points, triangles, values, (0.0, 1.0), **more)
 
 
@@ -47,31 +51,44 @@ def at(picture, camera, points):
 
 
 def test_colours_are_those_of_the_field():
-    """On each side one value, or a field that is linear on it; the light changes the brightness only."""
+    """On each side one value, or a field that is linear on it; the light changes the brightness
+    only.
+    """
     camera = view.Camera.on(view.oblique(), CUBE)
     sides = np.array([0.0, 0.9, 0.5, 0.0, 0.0, 0.2])
     front = [1, 2, 5]  # top, front, right
     picture = drawing.image(solid(sides.repeat(2)), camera, WIDTH)
     middles = CUBE[SIDES].mean(axis=1)[front]
-    np.testing.assert_allclose(hue(at(picture, camera, middles)), hue(VALUES(sides[front])), atol=0.02)
+    np.testing.assert_allclose(
+        hue(at(picture, camera, middles)), hue(VALUES(sides[front])), atol=0.02
+    )
     brightness = at(picture, camera, middles).sum(axis=1) / VALUES(sides[front])[:, :3].sum(axis=1)
     assert np.ptp(brightness) > 0.05 * brightness.max()
-    assert (at(picture, camera, np.array([camera.centre + 0.995 * camera.half[0] * camera.view.right])) == 255).all()
+    assert (
+        at(picture, camera, np.array([camera.centre + 0.995 * camera.half[0] * camera.view.right]))
+        == 255
+    ).all()
     rising = drawing.image(solid(CUBE[TRIANGLES][..., 0]), camera, WIDTH)
     along = np.array([[x, 0.5, 1.0] for x in (0.1, 0.4, 0.6, 0.9)])
     np.testing.assert_allclose(hue(at(rising, camera, along)), hue(VALUES(along[:, 0])), atol=0.02)
-    np.testing.assert_array_equal(drawing.image(solid(CUBE[TRIANGLES][..., 0]), camera, WIDTH), rising)
+    np.testing.assert_array_equal(
+        drawing.image(solid(CUBE[TRIANGLES][..., 0]), camera, WIDTH), rising
+    )
 
 
 def test_a_jump_of_the_field_is_not_smeared():
-    """Beside an edge between two values there is neither of the other, however smooth the surface."""
+    """Beside an edge between two values there is neither of the other, however smooth the
+    surface.
+    """
     flat = view.View(*np.eye(3))
     points = np.array([[0.0, 0, 0], [1, 0, 0], [2, 0, 0], [0, 1, 0], [1, 1, 0], [2, 1, 0]])
     triangles = np.array([[0, 1, 4], [0, 4, 3], [1, 2, 5], [1, 5, 4]])
     camera = view.Camera.on(flat, points)
     picture = drawing.image(solid([0.0, 0.0, 1.0, 1.0], points, triangles), camera, WIDTH)
     for x, value in ((0.95, 0.0), (1.05, 1.0)):
-        np.testing.assert_allclose(hue(at(picture, camera, [[x, 0.5, 0.0]])), [hue(VALUES(value))], atol=0.02)
+        np.testing.assert_allclose(
+            hue(at(picture, camera, [[x, 0.5, 0.0]])), [hue(VALUES(value))], atol=0.02
+        )
 
 
 def test_foundations_are_seen_from_the_body():
@@ -82,7 +99,9 @@ def test_foundations_are_seen_from_the_body():
     corner = ground[0][np.argmin(ground[0] @ view.oblique().right)]
     inside = corner + 0.1 * (ground[0].mean(axis=0) - corner)
     for elevation in (24.0, -24.0):
-        camera = view.Camera.on(view.oblique(elevation=elevation), np.concatenate((CUBE, ground[0])))
+        camera = view.Camera.on(
+            view.oblique(elevation=elevation), np.concatenate((CUBE, ground[0]))
+        )
         picture = drawing.image(solid(np.ones(12), grounds=[ground]), camera, WIDTH)
         (colour,) = at(picture, camera, [inside]).astype(int)
         assert np.ptp(colour) < 6
@@ -95,10 +114,14 @@ def over(gap):
     return Foundation(CUBE[:4], down, np.array(gap), np.full(4, True), np.array([[0, 1, 3, 2]]))
 
 
-@pytest.mark.parametrize(("old", "message"), [(False, "is drawn by PyVista"), (True, "needs a display")])
+@pytest.mark.parametrize(
+    ("old", "message"), [(False, "is drawn by PyVista"), (True, "needs a display")]
+)
 def test_what_is_missing(monkeypatch, old, message):
     """The error says what to install."""
-    monkeypatch.setitem(sys.modules, "pyvista", SimpleNamespace(vtk_version_info=(9, 3, 0)) if old else None)
+    monkeypatch.setitem(
+        sys.modules, "pyvista", SimpleNamespace(vtk_version_info=(9, 3, 0)) if old else None
+    )
     monkeypatch.setenv("DISPLAY", "")
     monkeypatch.setenv("PATH", "")  # no Xvfb
     with pytest.raises(PictureError, match=rf"{message}.*pip install pyvista"):

@@ -17,7 +17,10 @@ COMM = MPI.COMM_WORLD
 BOX = {
     "mesh": {"generator": "box", "parameters": {"nx": 3, "ny": 2, "nz": 2, "cell": "hexahedron"}},
     "material": {"young": 1.0, "poisson": 0.3},
-    "traction": [{"boundary": "top", "pressure": 2.0, "x": "x[1]"}, {"boundary": "right", "x": 0.0}],
+    "traction": [
+        {"boundary": "top", "pressure": 2.0, "x": "x[1]"},
+        {"boundary": "right", "x": 0.0},
+    ],
     "displacement": [
         {"boundary": "left", "x": 0.0, "y": 0.0, "z": 0.0},
         {"boundary": "back", "normal": 0.0},
@@ -76,7 +79,9 @@ def test_in_space():
     assert by_name["right"].kinds == ("springs",)
     assert by_name["left"].held == ("x", "y", "z")
     assert by_name["back"].held == ("normal",)
-    np.testing.assert_array_equal(by_name["front"].moved, np.broadcast_to([0, 0.5, 0], by_name["front"].moved.shape))
+    np.testing.assert_array_equal(
+        by_name["front"].moved, np.broadcast_to([0, 0.5, 0], by_name["front"].moved.shape)
+    )
     top = by_name["top"]
     np.testing.assert_allclose(
         top.load, np.column_stack((top.middles[:, 1], 0 * top.load[:, 0], 0 * top.load[:, 0] - 2))
@@ -95,8 +100,10 @@ def test_commands(tmp_path, capsys, suffix):
     """``check`` and ``mesh-info`` draw, and their text is what it is without a picture."""
     body = tmp_path / "body.geo"
     body.write_text(
-        "Point(1) = {0,0,0}; Point(2) = {2,0,0}; Point(3) = {0,1,0}; Line(1) = {1,2}; Line(2) = {2,3}; Line(3) = {3,1};"
-        'Curve Loop(1) = {1:3}; Plane Surface(1) = {1}; Physical Curve("$foot") = {1}; Physical Curve("back") = {3};'
+        "Point(1) = {0,0,0}; Point(2) = {2,0,0}; Point(3) = {0,1,0}; Line(1) = {1,2}; Line(2) = "
+        "{2,3}; Line(3) = {3,1};"
+        'Curve Loop(1) = {1:3}; Plane Surface(1) = {1}; Physical Curve("$foot") = {1}; Physical '
+        'Curve("back") = {3};'
     )
     scene = tmp_path / "scene.toml"
     scene.write_text(
@@ -113,7 +120,10 @@ def test_commands(tmp_path, capsys, suffix):
         assert picture.stat().st_size > 5000
     if suffix == "svg":
         drawn = (tmp_path / "check.svg").read_text()
-        assert all(f"<!-- {name} -->" in drawn for name in ("$foot: contact", "back: displacement (x, y)", "x (mm)"))
+        assert all(
+            f"<!-- {name} -->" in drawn
+            for name in ("$foot: contact", "back: displacement (x, y)", "x (mm)")
+        )
     assert cli.main([*command, "--picture", str(tmp_path / "mesh.bmp")]) == 2
     assert "mesh.bmp: a picture is .png, .pdf or .svg" in capsys.readouterr().err
     assert cli.main([*command, "--picture", str(tmp_path / "body.geo" / "mesh.png")]) == 2
@@ -121,14 +131,19 @@ def test_commands(tmp_path, capsys, suffix):
 
 
 def test_the_legend_says_what_acts(monkeypatch):
-    """Each boundary has its name, its colour and what acts on it; a support with all components has a square."""
+    """Each boundary has its name, its colour and what acts on it; a support with all components has
+    a square.
+    """
     drawn = []
     monkeypatch.setattr(setup_pictures, "finish", lambda figure, *_: drawn.append(figure))
     scene = parse_scene(
         BOX
         | {
             "mesh": {"generator": "rectangle"},
-            "displacement": [{"boundary": "left", "x": 0.0, "y": 0.0}, {"boundary": "right", "normal": 0.0}],
+            "displacement": [
+                {"boundary": "left", "x": 0.0, "y": 0.0},
+                {"boundary": "right", "normal": 0.0},
+            ],
             "springs": [],
             "traction": [{"boundary": "top", "pressure": 2.0}],
         }
@@ -149,4 +164,6 @@ def test_the_legend_says_what_acts(monkeypatch):
     assert lines[texts[1]].get_marker() == "o"
     (arrows,) = (one for one in drawn[0].axes[0].collections if isinstance(one, Quiver) and one.N)
     np.testing.assert_allclose(arrows.V, -LONGEST_ARROW_OF_SETUP * 3.0)
-    np.testing.assert_allclose(np.asarray(arrows.get_offsets())[:, 1] + arrows.V, 1.0)  # they end at the body
+    np.testing.assert_allclose(
+        np.asarray(arrows.get_offsets())[:, 1] + arrows.V, 1.0
+    )  # they end at the body

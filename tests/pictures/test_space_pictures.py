@@ -1,4 +1,6 @@
-"""Pictures and page of a body in 3D: they say what the files say, on any number of ranks; no plane scene pays."""
+"""Pictures and page of a body in 3D: they say what the files say, on any number of ranks; no plane
+scene pays.
+"""
 
 import json
 import re
@@ -82,7 +84,9 @@ def folder(request, folders):
 def surface_in(folder):
     """The columns of the contact surface, and its rows at each facet, from the files."""
     arrays = arrays_of(folder / "contact.vtu")
-    return read_csv(folder / "contact.csv"), arrays["connectivity"].reshape(len(arrays["offsets"]), -1)
+    return read_csv(folder / "contact.csv"), arrays["connectivity"].reshape(
+        len(arrays["offsets"]), -1
+    )
 
 
 def drawn(folder):
@@ -112,7 +116,9 @@ def test_files(folder):
 
 @pytest.mark.slow
 def test_pressure_is_that_of_the_table(folder):
-    """Colours are the pressures of contact.csv at its nodes, in the plane of the picture; the scale reaches the top."""
+    """Colours are the pressures of contact.csv at its nodes, in the plane of the picture; the scale
+    reaches the top.
+    """
     sides, figure = drawn(folder)
     pressed = [axes for axes in panels(figure) if "seen along" in axes.get_title(loc="left")]
     assert len(pressed) == len(sides)
@@ -136,7 +142,9 @@ def test_pressure_is_that_of_the_table(folder):
 
 @pytest.mark.slow
 def test_states_and_slip_are_those_of_the_table(folders):
-    """Each node has the colour of its state on its own part of the area; arrows are the slip times what is said."""
+    """Each node has the colour of its state on its own part of the area; arrows are the slip times
+    what is said.
+    """
     (side,), figure = drawn(folders["coulomb"])
     _, right = panels(figure)
     regions = next(c for c in right.collections if isinstance(c, PolyCollection))
@@ -146,7 +154,9 @@ def test_states_and_slip_are_those_of_the_table(folders):
     x, y = where[..., 0], where[..., 1]
     pieces = np.abs((x * np.roll(y, -1, axis=1) - y * np.roll(x, -1, axis=1)).sum(axis=1)) / 2
     np.testing.assert_allclose(np.bincount(owner, pieces), side.floats("weight"))
-    assert np.abs(where - side.nodes[owner][:, None]).max() == pytest.approx(0.125)  # half of a facet
+    assert np.abs(where - side.nodes[owner][:, None]).max() == pytest.approx(
+        0.125
+    )  # half of a facet
     (arrows,) = [c for c in right.collections if isinstance(c, Quiver)]
     factor = float(re.search(r"slip . (\d+)$", right.get_title(loc="left")).group(1))
     slips = np.flatnonzero(side.columns["friction"] == "slip")
@@ -154,12 +164,14 @@ def test_states_and_slip_are_those_of_the_table(folders):
     rows = [at[tuple(np.round(place, 9))] for place in arrows.get_offsets()]
     assert len(rows) == len(slips)  # few enough to show all
     for component, axis in ((arrows.U, "x"), (arrows.V, "y")):
-        np.testing.assert_allclose(component, factor * side.floats(f"slip_{axis}")[rows], rtol=1e-9, atol=1e-15)
+        np.testing.assert_allclose(
+            component, factor * side.floats(f"slip_{axis}")[rows], rtol=1e-9, atol=1e-15
+        )
     legend = {text.get_text() for text in figure.legends[0].get_texts()}
     assert legend == {"open", "slip", "stick"} & {str(s) for s in side.columns["state"]}
 
 
-# --- the body --------------------------------------------------------------------------------------------------------
+# --- the body -------------------------------------------------------------------------------------
 
 
 def areas_of(surface):
@@ -173,10 +185,14 @@ def areas_of(surface):
 @pytest.mark.mpi
 @pytest.mark.parametrize("cells", ["hexahedra", "tetrahedra"])
 def test_outer_surface(cells):
-    """It is closed, has the area and the volume of the body, and is the same on any number of ranks."""
+    """It is closed, has the area and the volume of the body, and is the same on any number of
+    ranks.
+    """
     comm = MPI.COMM_WORLD
     together = gather.gather_body(solve(block(6, cells, bound=1.5, comm=comm)), ["von_mises"])
-    assert comm.rank == 0 or len(together.perimeters) == len(together.points) == 0  # the other ranks do not hold it
+    assert (
+        comm.rank == 0 or len(together.perimeters) == len(together.points) == 0
+    )  # the other ranks do not hold it
     together = comm.bcast(together)
     solution = alone(block(6, cells, bound=1.5))
     single = gather.gather_body(solution, ["von_mises"])
@@ -214,7 +230,8 @@ def test_pictures_on_ranks(tmp_path):
         write_results(alone(block(6, coefficient=0.3)), tmp_path / "one", fields=False)
         for name in ("contact_surface.png", "deformed.png"):
             ours, theirs = (
-                np.asarray(Image.open(tmp_path / kind / name).convert("L"), dtype=int) for kind in ("all", "one")
+                np.asarray(Image.open(tmp_path / kind / name).convert("L"), dtype=int)
+                for kind in ("all", "one")
             )
             assert ours.shape == theirs.shape
             assert np.mean(np.abs(ours - theirs) > 8) < 0.005
@@ -223,7 +240,9 @@ def test_pictures_on_ranks(tmp_path):
 @pytest.mark.slow
 @pytest.mark.mpi(slow=True)
 def test_too_many_facets(tmp_path, monkeypatch, capsys):
-    """The body is left out with a line that says why and where to look, the rest is drawn; on any number of ranks."""
+    """The body is left out with a line that says why and where to look, the rest is drawn; on any
+    number of ranks.
+    """
     comm = MPI.COMM_WORLD
     folder = comm.bcast(str(tmp_path / "out"))
     monkeypatch.setattr(gather, "MOST_FACETS", 50)
@@ -239,7 +258,7 @@ def test_too_many_facets(tmp_path, monkeypatch, capsys):
         assert "too many facets" in (tmp_path / "out" / page.PAGE).read_text(encoding="utf-8")
 
 
-# --- the page --------------------------------------------------------------------------------------------------------
+# --- the page -------------------------------------------------------------------------------------
 
 
 @pytest.mark.slow
@@ -283,6 +302,8 @@ write_report(sys.argv[1], sys.argv[2])
 print([name for name in sys.modules if name in ("dolfinx", "mpi4py", "petsc4py", "ufl")])
 """
     arguments = [str(folders["coulomb"]), str(tmp_path / "page.html")]
-    run = subprocess.run([sys.executable, "-c", code, *arguments], check=True, capture_output=True, text=True)
+    run = subprocess.run(
+        [sys.executable, "-c", code, *arguments], check=True, capture_output=True, text=True
+    )
     assert run.stdout.strip() == "[]"
     assert json.loads((folders["coulomb"] / "summary.json").read_text())["dimension"] == 3

@@ -22,7 +22,20 @@ from signorini_fx.scenes.reading import parse_scene_text
 from signorini_fx.scenes.template import starting_scene
 
 DEMOS = sorted((Path(__file__).parents[2] / "demos" / "scenes").glob("*.toml"))
-NUMBERS = ("0", "-1", "1", "3", "1e9", "1_000_000_000", "-1e400", "1e-320", "nan", "inf", "2147483648", "9" * 30)
+NUMBERS = (
+    "0",
+    "-1",
+    "1",
+    "3",
+    "1e9",
+    "1_000_000_000",
+    "-1e400",
+    "1e-320",
+    "nan",
+    "inf",
+    "2147483648",
+    "9" * 30,
+)
 _HUGE = "0x" + "f" * 5000
 VALUES = (
     *NUMBERS, _HUGE, "true", '""', "[]", "{}", "[[[[]]]]", "1979-05-27", '"auto"', "'x[0]'", '"x[2]"', '"1/0"',
@@ -127,7 +140,15 @@ def _expression(chance, depth):
 def test_spoilt_texts():
     """An error with its place, or numbers; nothing is executed, nothing is imported."""
     bases, executed, watching = [starting_scene(), *(path.read_text() for path in DEMOS)], [], False
-    watched = {"os.system", "os.exec", "os.posix_spawn", "subprocess.Popen", "import", "open", "socket.connect"}
+    watched = {
+        "os.system",
+        "os.exec",
+        "os.posix_spawn",
+        "subprocess.Popen",
+        "import",
+        "open",
+        "socket.connect",
+    }
 
     def watch(event, arguments):
         if watching and (event in watched or (event == "exec" and "PWNED" in repr(arguments))):
@@ -141,7 +162,9 @@ def test_spoilt_texts():
             refusal = error
         if refusal is not None:
             assert refusal.problems
-            assert all(path.strip() and len(message) > 5 for path, message in refusal.problems), number
+            assert all(path.strip() and len(message) > 5 for path, message in refusal.problems), (
+                number
+            )
             assert len(str(refusal)) < 20_000
         try:
             function = Expression(spoilt_expression(chance))
@@ -174,7 +197,9 @@ def harmless(file, seconds=30, memory=4 << 30):
 
 @pytest.mark.parametrize("form", ["text", "binary"])
 def test_spoilt_meshes(tmp_path, form):
-    """They are refused by their name, or are meshes, or gmsh breaks; another error, and no end, are mistakes."""
+    """They are refused by their name, or are meshes, or gmsh breaks; another error, and no end, are
+    mistakes.
+    """
     geo, sound, file = tmp_path / "body.geo", tmp_path / "body.msh", tmp_path / "spoilt.msh"
     geo.write_text(GEO)
     write_msh(geo, sound)
@@ -194,13 +219,18 @@ def test_spoilt_meshes(tmp_path, form):
     assert 0 in codes
 
 
-@pytest.mark.parametrize("key", ["young", "poisson", "nx", "gamma_n", "levels", "coefficient", "kind", "x"])
+@pytest.mark.parametrize(
+    "key", ["young", "poisson", "nx", "gamma_n", "levels", "coefficient", "kind", "x"]
+)
 def test_number_of_thousands_of_digits(key):
     """TOML takes it in hexadecimal, and Python will not print it."""
     lines = [
-        line.lstrip("# ") if line.lstrip("# ").startswith(f"{key} ") else line for line in starting_scene().split("\n")
+        line.lstrip("# ") if line.lstrip("# ").startswith(f"{key} ") else line
+        for line in starting_scene().split("\n")
     ]
-    text = "\n".join(f"{key} = 0x{'f' * 5000}" if line.startswith(f"{key} ") else line for line in lines)
+    text = "\n".join(
+        f"{key} = 0x{'f' * 5000}" if line.startswith(f"{key} ") else line for line in lines
+    )
     try:
         parse_scene_text(text, Path("scene.toml"))
     except SceneError as refusal:
@@ -232,14 +262,18 @@ ELEMENTS = "2\n1 1 2 1 1 1 7\n2 3 2 2 1 1 7 9 20"
 def test_numbers_with_holes(tmp_path):
     """Nodes may have any numbers."""
     file = tmp_path / "body.msh"
-    file.write_text(MESH.replace("NODES", NODES, 1).replace("$NODES", "$Nodes").replace("ELEMENTS", ELEMENTS))
+    file.write_text(
+        MESH.replace("NODES", NODES, 1).replace("$NODES", "$Nodes").replace("ELEMENTS", ELEMENTS)
+    )
     tagged = read_mesh(file, MPI.COMM_SELF)
     assert tagged.mesh.topology.index_map(2).size_local == 1
     assert tagged.facets("bottom").size == 1
 
 
 def test_nodes_outside_the_body(tmp_path):
-    """Nodes that no cell has, and facets of them, are left behind: dolfinx does not survive them."""
+    """Nodes that no cell has, and facets of them, are left behind: dolfinx does not survive
+    them.
+    """
     file = tmp_path / "body.msh"
     elements = ELEMENTS.replace("2\n", "3\n", 1) + "\n3 1 2 1 1 20 30"
     nodes = NODES.replace("4\n", "5\n") + "\n30 0 9 0"
@@ -263,7 +297,11 @@ def test_nodes_outside_the_body(tmp_path):
             "4\n1 1 2 1 1 1 7" + "".join(f"\n{k} 3 2 2 1 1 7 9 20" for k in (2, 3, 4)),
             "belongs to 3 cells",
         ),
-        (NODES, ELEMENTS.replace("2\n", "3\n", 1) + "\n3 3 2 5 1 1 7 9 20", "format 2.2 has cells twice"),
+        (
+            NODES,
+            ELEMENTS.replace("2\n", "3\n", 1) + "\n3 3 2 5 1 1 7 9 20",
+            "format 2.2 has cells twice",
+        ),
         (NODES, "1\n2 3 2 2 1 1 7 9 20", "no named boundary"),
         (NODES, "1\n1 1 2 1 1 1 7", "dimension 2"),
         (NODES.replace("4\n", "1000000000\n"), ELEMENTS, "body.msh"),

@@ -36,7 +36,9 @@ OWN = {"benchmarks", "numpy", "scipy", "cvxopt", "tomli_w"}
 
 
 def test_the_oracle_shares_no_code_with_the_package():
-    """What judges imports NumPy, SciPy, CVXOPT and itself, and none of the modules that start the package."""
+    """What judges imports NumPy, SciPy, CVXOPT and itself, and none of the modules that start the
+    package.
+    """
     seen = set()
     for file in ORACLE.rglob("*.py"):
         if file.name in STARTERS:
@@ -53,15 +55,28 @@ def test_the_oracle_shares_no_code_with_the_package():
                 assert node.id not in ("__import__", "importlib")
             for name in names:
                 first = name.split(".")[0]
-                assert first in OWN or first in sys.stdlib_module_names, f"{file.name} imports {name}"
+                assert first in OWN or first in sys.stdlib_module_names, (
+                    f"{file.name} imports {name}"
+                )
                 if first == "benchmarks":
                     assert name.startswith("benchmarks.stability.oracle"), name
                     assert not {f"{part}.py" for part in name.split(".")} & STARTERS, name
-    assert {"elements.py", "body.py", "conditions.py", "convex.py", "statics.py", "judge.py", "scenes.py"} <= seen
+    assert {
+        "elements.py",
+        "body.py",
+        "conditions.py",
+        "convex.py",
+        "statics.py",
+        "judge.py",
+        "scenes.py",
+    } <= seen
 
 
 # The image has CVXOPT if the Dockerfile says so; elsewhere it may be missing.
-PROMISED = "python3-cvxopt" in (ROOT / "Dockerfile").read_text(encoding="utf-8") and "SFX_ENVIRONMENT" in os.environ
+PROMISED = (
+    "python3-cvxopt" in (ROOT / "Dockerfile").read_text(encoding="utf-8")
+    and "SFX_ENVIRONMENT" in os.environ
+)
 
 
 # ---- what is wrong is noticed
@@ -80,7 +95,9 @@ def body(nx=8, ny=4, cell="quadrilateral", turn=0.0, inner=0.0):
 
 
 def scene(friction, degree=1, solver=None, **others):
-    """Two materials, a traction that presses and pulls, a body force, a gap that is not constant."""
+    """Two materials, a traction that presses and pulls, a body force, a gap that is not
+    constant.
+    """
     return {
         "mesh": {"file": "body.inp"},
         "element": {"degree": degree},
@@ -114,7 +131,12 @@ TRIALS = {
             TRESCA,
             displacement=[],
             contact=[
-                {"boundary": "bottom", "gap": "0.01 + 0.002*x[0]", "direction": [0.0, -1.0], "friction": TRESCA},
+                {
+                    "boundary": "bottom",
+                    "gap": "0.01 + 0.002*x[0]",
+                    "direction": [0.0, -1.0],
+                    "friction": TRESCA,
+                },
                 {"boundary": "right", "gap": 0.02, "direction": [1.0, 0.0]},
             ],
             traction=[{"boundary": "top", "x": 2.0, "y": -4.0}],
@@ -138,7 +160,9 @@ def verdict(name, given):
 
 
 def nodes(name, given, wanted=lambda table: table["state"] != "open"):
-    """The contact table of the last step and its rows that are expected, those that carry most first."""
+    """The contact table of the last step and its rows that are expected, those that carry most
+    first.
+    """
     table = given.steps[-1].table
     rows = np.flatnonzero(wanted(table))
     assert rows.size, name
@@ -149,7 +173,9 @@ def moved(given, change, *, told=True):
     """Another displacement, and if ``told`` a contact table that says the same."""
     place, step = given.place, given.steps[-1]
     u, table = step.displacement + change, step.table
-    at = np.array([np.argmin(np.hypot(*(place - p).T)) for p in np.stack([table["x"], table["y"]], axis=1)])
+    at = np.array(
+        [np.argmin(np.hypot(*(place - p).T)) for p in np.stack([table["x"], table["y"]], axis=1)]
+    )
     if told:
         origin = table["u_t"] - table["slip"]
         table["u_n"] = u[at, 0] * table["n_x"] + u[at, 1] * table["n_y"]
@@ -241,7 +267,9 @@ INJECTED = {
 
 @pytest.mark.parametrize("name", TRIALS)
 def test_an_honest_answer_is_right(name, tmp_path_factory):
-    """Each of the scenes that faults are put into: contact, stick and slip are all there where they are asked for."""
+    """Each of the scenes that faults are put into: contact, stick and slip are all there where they
+    are asked for.
+    """
     given = answer(name, tmp_path_factory)
     found = verdict(name, given)
     assert found.kind == RIGHT, found
@@ -249,7 +277,9 @@ def test_an_honest_answer_is_right(name, tmp_path_factory):
 
 
 @pytest.mark.one_quick
-@pytest.mark.parametrize(("fault", "name"), [(fault, name) for fault, names in INJECTED.items() for name in names])
+@pytest.mark.parametrize(
+    ("fault", "name"), [(fault, name) for fault, names in INJECTED.items() for name in names]
+)
 def test_an_injected_fault_is_noticed(fault, name, tmp_path_factory):
     """A wrong displacement, pressure, shear, state, bound, gap or gamma."""
     found = verdict(name, fault(name, answer(name, tmp_path_factory)))
@@ -290,7 +320,9 @@ def test_a_wrong_step_in_the_middle(tmp_path_factory):
     assert verdict("steps", given).kind == WRONG
 
 
-@pytest.mark.skipif(convex.cvxopt is None and not PROMISED, reason="CVXOPT (python3-cvxopt) is missing")
+@pytest.mark.skipif(
+    convex.cvxopt is None and not PROMISED, reason="CVXOPT (python3-cvxopt) is missing"
+)
 def test_what_gamma_leaves(tmp_path):
     """Path-following reports how far it is from the unregularised solution: the programme knows."""
     solver = {"algorithm": "path-following", "regularisation_error": 1e-3}
@@ -300,7 +332,10 @@ def test_what_gamma_leaves(tmp_path):
     assert given.regularisation_error < 1e-3
     better = replace(given, regularisation_error=given.regularisation_error / 5)
     assert judge(asked.scene, asked.mesh, better).kind == WRONG
-    finer = {**asked.scene, "solver": {**solver, "regularisation_error": given.regularisation_error / 5}}
+    finer = {
+        **asked.scene,
+        "solver": {**solver, "regularisation_error": given.regularisation_error / 5},
+    }
     assert judge(finer, asked.mesh, given).kind == WRONG
 
 
@@ -312,16 +347,23 @@ def test_an_outcome_is_asked_of_statics(tmp_path):
     lifted = {**loose.scene, "traction": [{"boundary": "top", "y": 40.0}]}
     assert judge(lifted, loose.mesh, empty).kind == NO_BALANCE
     for outcome, sideways in (("body not held", True), (OPEN, False)):
-        flat = {**loose.scene, "contact": [loose.scene["contact"][0] | {"friction": {"law": "none"}}]}
+        flat = {
+            **loose.scene,
+            "contact": [loose.scene["contact"][0] | {"friction": {"law": "none"}}],
+        }
         if not sideways:
             flat["displacement"] = [{"boundary": "left", "x": 0.0}]
         kind = judge(flat, loose.mesh, replace(empty, outcome=outcome)).kind
         assert kind == (NO_BALANCE if sideways else DENIED)
 
 
-@pytest.mark.skipif(convex.cvxopt is None and not PROMISED, reason="CVXOPT (python3-cvxopt) is missing")
+@pytest.mark.skipif(
+    convex.cvxopt is None and not PROMISED, reason="CVXOPT (python3-cvxopt) is missing"
+)
 def test_a_solution_refutes_that_coulomb_friction_slides():
-    """A block on a plane, pushed by 0.3 and by 0.6 of its load at F = 0.5, said to slide both times."""
+    """A block on a plane, pushed by 0.3 and by 0.6 of its load at F = 0.5, said to slide both
+    times.
+    """
     mesh = replace(body(), regions={})
     empty = Answer("slides, no static equilibrium", mesh.points, [], gamma=(np.inf, np.inf))
     for push, kind in ((0.3, DENIED), (0.6, NO_BALANCE)):
@@ -339,7 +381,9 @@ def test_a_solution_refutes_that_coulomb_friction_slides():
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
 def test_a_constant_stress_is_in_balance(cell, degree):
-    """The patch test of the oracle's elements: distorted, turned cells, forces of constant tractions."""
+    """The patch test of the oracle's elements: distorted, turned cells, forces of constant
+    tractions.
+    """
     mesh = body(3, 2, cell, turn=0.7, inner=0.04)
     mesh = replace(mesh, regions={})
     sides = {name: {"boundary": name} for name in mesh.boundaries}
@@ -354,7 +398,12 @@ def test_a_constant_stress_is_in_balance(cell, degree):
         unit = normal / np.linalg.norm(normal)
         loads.append({"boundary": name, "x": float(stress[0] @ unit), "y": float(stress[1] @ unit)})
     patch = Body(
-        {"element": {"degree": degree}, "material": {"young": young, "poisson": poisson}, "traction": loads}, mesh
+        {
+            "element": {"degree": degree},
+            "material": {"young": young, "poisson": poisson},
+            "traction": loads,
+        },
+        mesh,
     )
     forces = patch.stiffness @ (patch.x @ strain).ravel()
     np.testing.assert_allclose(forces, patch.load(0), atol=1e-15)
@@ -379,17 +428,28 @@ def test_one_triangle_with_three_solutions():
     assert contact.weight == pytest.approx([0.5, 0.5])
 
     def kind(u, force, state):
-        table = {name: np.zeros(2) for name in ("gap", "u_n", "u_t", "pressure", "shear", "bound", "slip", "n_x")}
-        table |= {"x": np.array([0.0, 1.0]), "y": np.zeros(2), "weight": np.full(2, 0.5), "n_y": -np.ones(2)}
+        table = {
+            name: np.zeros(2)
+            for name in ("gap", "u_n", "u_t", "pressure", "shear", "bound", "slip", "n_x")
+        }
+        table |= {
+            "x": np.array([0.0, 1.0]),
+            "y": np.zeros(2),
+            "weight": np.full(2, 0.5),
+            "n_y": -np.ones(2),
+        }
         table |= {"boundary": np.array(["bottom"] * 2), "state": np.array([state, "stick"])}
-        # The foundation's force on the body is minus w (lambda n + mu t), with n = (0, -1) and t = (1, 0).
+        # The foundation's force on the body is minus w (lambda n + mu t), with n = (0, -1) and t =
+        # (1, 0).
         table["pressure"][0], table["shear"][0] = 2 * force[1], -2 * force[0]
         table["bound"] = 3 * table["pressure"]
         table["u_n"][0], table["u_t"][0] = -u[1], u[0]
         table["slip"] = table["u_t"]
         displacement = np.array([u, (0.0, 0.0), (0.0, 0.0)])
         steps = [Step(displacement, table)]
-        return judge(data, mesh, Answer("converged", mesh.points, steps, gamma=(np.inf, np.inf))).kind
+        return judge(
+            data, mesh, Answer("converged", mesh.points, steps, gamma=(np.inf, np.inf))
+        ).kind
 
     # Sliding: 3 u = 2.5 - 3 p and -root u = -1 + p.
     slip = 0.5 / (3 * (root - 1))

@@ -22,7 +22,8 @@ def answers(tmp_path_factory):
     """What the package says of two scenes."""
     drawn = {seed: trial(seed, 2 + seed % 2) for seed in SPOILT}
     return {
-        seed: answer_of(solution_of(one.write(tmp_path_factory.mktemp("s"))), one.units) for seed, one in drawn.items()
+        seed: answer_of(solution_of(one.write(tmp_path_factory.mktemp("s"))), one.units)
+        for seed, one in drawn.items()
     }
 
 
@@ -55,7 +56,9 @@ def weight_of_another_overlap(given):
 
 
 @pytest.mark.one_quick
-@pytest.mark.parametrize("spoil", [None, one_pressure, one_body_moves, shear_reversed, weight_of_another_overlap])
+@pytest.mark.parametrize(
+    "spoil", [None, one_pressure, one_body_moves, shear_reversed, weight_of_another_overlap]
+)
 @pytest.mark.parametrize("seed", SPOILT)
 def test_what_is_wrong_is_noticed(seed, spoil, answers):
     """One mistake at a time, and nothing where there is none."""

@@ -1,4 +1,6 @@
-"""The oracle of random scenes with further effects: it notices an answer to a scene in which one of them is off."""
+"""The oracle of random scenes with further effects: it notices an answer to a scene in which one of
+them is off.
+"""
 
 import copy
 from functools import cache
@@ -116,10 +118,16 @@ def test_an_honest_answer_is_right(answer, dimension):
     """With all effects at once, of which there are open, sticking and slipping points."""
     found = judge(SCENES[dimension], MESHES[dimension], answer(dimension))
     assert found.kind == RIGHT, found
-    assert {str(state)[:4] for state in answer(dimension).steps[0].table["state"]} == {"open", "stic", "slip"}
+    assert {str(state)[:4] for state in answer(dimension).steps[0].table["state"]} == {
+        "open",
+        "stic",
+        "slip",
+    }
 
 
-@pytest.mark.parametrize(("dimension", "path"), [(d, path) for d, changes in CHANGES.items() for path in changes])
+@pytest.mark.parametrize(
+    ("dimension", "path"), [(d, path) for d, changes in CHANGES.items() for path in changes]
+)
 def test_another_value_is_noticed(answer, dimension, path):
     """The oracle reads the value from the scene, and takes it for what the package does."""
     scene = copy.deepcopy(SCENES[dimension])

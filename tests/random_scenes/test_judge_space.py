@@ -26,7 +26,9 @@ from benchmarks.stability.oracle.scenes import Trial
 from benchmarks.stability.oracle.scenes_in_space import grid
 from benchmarks.stability.oracle.units import Units, same
 
-needs_cvxopt = pytest.mark.skipif(convex.cvxopt is None, reason="CVXOPT (python3-cvxopt) is missing")
+needs_cvxopt = pytest.mark.skipif(
+    convex.cvxopt is None, reason="CVXOPT (python3-cvxopt) is missing"
+)
 
 
 # ---- the oracle's own elements
@@ -35,7 +37,9 @@ needs_cvxopt = pytest.mark.skipif(convex.cvxopt is None, reason="CVXOPT (python3
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("cell", ["tetrahedron", "hexahedron"])
 def test_a_constant_stress_is_in_balance(cell, degree):
-    """The patch test: distorted, turned cells under the tractions of a constant stress, and under contact pressure."""
+    """The patch test: distorted, turned cells under the tractions of a constant stress, and under
+    contact pressure.
+    """
     mesh, _ = block(cell, inner=0.04)
     mesh = replace(mesh, regions={})
     young, poisson = 10.0, 0.3
@@ -61,7 +65,9 @@ def test_a_constant_stress_is_in_balance(cell, degree):
     contact = contact_of(patch)
     pressed = Body(given | {"traction": [{"boundary": "bottom", "pressure": 1.0}]}, mesh)
     ones = np.ones(len(contact.weight))
-    np.testing.assert_allclose(-contact.forces(ones, 0 * contact.normal), pressed.load(0), atol=1e-15)
+    np.testing.assert_allclose(
+        -contact.forces(ones, 0 * contact.normal), pressed.load(0), atol=1e-15
+    )
     assert contact.weight.sum() == pytest.approx(1.5)
 
 
@@ -71,8 +77,12 @@ def test_a_constant_stress_is_in_balance(cell, degree):
 TRESCA, COULOMB = {"law": "tresca", "bound": 0.5}, {"law": "coulomb", "coefficient": 0.2}
 TRIALS = {
     "tresca": Trial(0, scene(TRESCA), block(inner=0.03)[0], same(3)),
-    "coulomb": Trial(0, scene(COULOMB, 2), block("tetrahedron", shape=(2, 2, 1))[0], Units(1e-6, 1e5, 3)),
-    "limit": Trial(0, scene(COULOMB, solver={"algorithm": "alm"}), block("tetrahedron")[0], same(3)),
+    "coulomb": Trial(
+        0, scene(COULOMB, 2), block("tetrahedron", shape=(2, 2, 1))[0], Units(1e-6, 1e5, 3)
+    ),
+    "limit": Trial(
+        0, scene(COULOMB, solver={"algorithm": "alm"}), block("tetrahedron")[0], same(3)
+    ),
 }
 ANSWERS: dict[str, Answer] = {}
 
@@ -101,7 +111,9 @@ def put(table, name, values):
 def moved(given, change):
     """Another displacement; where contact points are nodes, the contact table says the same."""
     step = given.steps[-1]
-    return replace(given, steps=[*given.steps[:-1], replace(step, displacement=step.displacement + change)])
+    return replace(
+        given, steps=[*given.steps[:-1], replace(step, displacement=step.displacement + change)]
+    )
 
 
 def one_percent_more(given):
@@ -204,7 +216,9 @@ def test_the_cone_programme_notices_too(name, tmp_path):
     law = (0.0, 0.0) if name == "limit" else (1 / given.gamma[0], 1 / given.gamma[1])
     nothing = Origin.nothing(contact)
     right, wrong = (
-        convex.compare(body_, contact, 0, given.steps[-1].displacement[order], factor * bound, nothing, law)
+        convex.compare(
+            body_, contact, 0, given.steps[-1].displacement[order], factor * bound, nothing, law
+        )
         for factor in (1.0, 1.01)
     )
     assert wrong.displacement > 20 * right.displacement
@@ -219,7 +233,9 @@ def vectors_of_place(table):
 
 @needs_cvxopt
 def test_the_room_that_statics_leaves():
-    """A block on a plane, pressed by 1, holds a push of F in any direction, and none if it is lifted."""
+    """A block on a plane, pressed by 1, holds a push of F in any direction, and none if it is
+    lifted.
+    """
     points, cells, boundaries = grid(2, 2, 2, "hexahedron")
     mesh = Mesh(points, cells, boundaries)
 

@@ -1,4 +1,6 @@
-"""Random scenes, valid and invalid: an outcome with a name, or an error with a path; never a traceback."""
+"""Random scenes, valid and invalid: an outcome with a name, or an error with a path; never a
+traceback.
+"""
 
 import contextlib
 import tomllib
@@ -15,13 +17,17 @@ from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
 from signorini_fx.scenes.template import starting_scene
 
-FEW = settings(max_examples=150, suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large])
+FEW = settings(
+    max_examples=150, suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large]
+)
 SIDES = ("left", "right", "bottom", "top")
 
 
 def numbers(*usual):
     """Ordinary values, and now and then those that make trouble."""
-    return st.one_of(st.sampled_from(usual), st.sampled_from(usual), st.sampled_from((0.0, 1e-12, 1e12, -1.0)))
+    return st.one_of(
+        st.sampled_from(usual), st.sampled_from(usual), st.sampled_from((0.0, 1e-12, 1e12, -1.0))
+    )
 
 
 def tables(required, optional):
@@ -30,15 +36,22 @@ def tables(required, optional):
 
 
 # Few kinds of expressions: each makes a form that has to be compiled once.
-values = st.one_of(numbers(0.0, 1.0, -20.0, 300.0), st.sampled_from(("-20 if 1 <= x[0] <= 2 else 0", "5*(x[0] - 1.5)")))
-lengths = st.one_of(numbers(0.0, 1e-3, -1e-3), st.sampled_from(("0.003*(x[0] - 1.5)**2 + 0.001", "-1e-3*x[1]")))
+values = st.one_of(
+    numbers(0.0, 1.0, -20.0, 300.0),
+    st.sampled_from(("-20 if 1 <= x[0] <= 2 else 0", "5*(x[0] - 1.5)")),
+)
+lengths = st.one_of(
+    numbers(0.0, 1e-3, -1e-3), st.sampled_from(("0.003*(x[0] - 1.5)**2 + 0.001", "-1e-3*x[1]"))
+)
 sides = st.sampled_from(SIDES)
 factors = st.sampled_from(([1.0], [0.5, 1.0], [0.5, 1.0], [1.0, -1.0], [0.0, 0.0]))
 history = {"factors": factors}
 frictions = st.one_of(
     st.just({"law": "none"}),
     tables({"law": st.just("tresca"), "bound": st.one_of(numbers(1.5, 10.0), st.just("x[0]"))}, {}),
-    tables({"law": st.just("coulomb"), "coefficient": numbers(0.3, 1.0, 5.0)}, {"cap": numbers(5.0)}),
+    tables(
+        {"law": st.just("coulomb"), "coefficient": numbers(0.3, 1.0, 5.0)}, {"cap": numbers(5.0)}
+    ),
 )
 solvers = tables(
     {"max_iterations": st.sampled_from((1, 30)), "max_outer_iterations": st.sampled_from((1, 20))},
@@ -88,7 +101,9 @@ contacts = tables(
         "direction": st.sampled_from(([0.0, -1.0], [0.3, -1.0], [0.0, 1.0])),
     },
 )
-tractions = st.lists(tables({"boundary": sides, "y": values}, {"pressure": numbers(2.0), **history}), max_size=2)
+tractions = st.lists(
+    tables({"boundary": sides, "y": values}, {"pressure": numbers(2.0), **history}), max_size=2
+)
 pressed = st.just([{"boundary": "top", "y": -20.0}])
 materials = tables(
     {
@@ -103,10 +118,15 @@ scenes = tables(
         "material": materials,
         "displacement": st.one_of(st.sampled_from(held), st.sampled_from(held), supports),
         "traction": st.one_of(pressed, tractions),
-        "contact": st.one_of(st.lists(contacts, min_size=1, max_size=1), st.lists(contacts, max_size=2)),
+        "contact": st.one_of(
+            st.lists(contacts, min_size=1, max_size=1), st.lists(contacts, max_size=2)
+        ),
     },
     {
-        "element": tables({}, {"degree": st.sampled_from((1, 2)), "volumetric": st.sampled_from(("reduced", "auto"))}),
+        "element": tables(
+            {},
+            {"degree": st.sampled_from((1, 2)), "volumetric": st.sampled_from(("reduced", "auto"))},
+        ),
         "body_force": tables({"y": numbers(-1.0)}, {"x": numbers(1.0), **history}),
         "solver": solvers,
     },
@@ -127,7 +147,9 @@ def attempt(function, *arguments):
 
 
 def ends_well(data):
-    """A scene ends with a certificate, with another outcome that has a name, or with the paths of its mistakes."""
+    """A scene ends with a certificate, with another outcome that has a name, or with the paths of
+    its mistakes.
+    """
     scene, problems = attempt(parse_scene, data)
     if problems:
         return
@@ -163,16 +185,24 @@ junk = st.recursive(
         st.integers(),
         st.floats(),
         st.text(max_size=5),
-        st.sampled_from(("auto", "x[0]", "1/0", "x[2]", "1e400", "__import__('os')", "exit()", "nan")),
+        st.sampled_from(
+            ("auto", "x[0]", "1/0", "x[2]", "1e400", "__import__('os')", "exit()", "nan")
+        ),
     ),
-    lambda inner: st.one_of(st.lists(inner, max_size=3), st.dictionaries(st.text(max_size=5), inner, max_size=3)),
+    lambda inner: st.one_of(
+        st.lists(inner, max_size=3), st.dictionaries(st.text(max_size=5), inner, max_size=3)
+    ),
     max_leaves=4,
 )
 GOOD = tomllib.loads(starting_scene())
 
 
 @settings(FEW, max_examples=30)
-@given(st.dictionaries(st.sampled_from(("length", "height", "nx", "ny", "cell", "diagonal", "x")), junk, max_size=3))
+@given(
+    st.dictionaries(
+        st.sampled_from(("length", "height", "nx", "ny", "cell", "diagonal", "x")), junk, max_size=3
+    )
+)
 def test_spoilt_meshes(parameters):
     """A generator refuses its parameters by their paths, or makes a mesh of them."""
     parameters = {"nx": 4, "ny": 3, **parameters}

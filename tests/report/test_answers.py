@@ -1,4 +1,6 @@
-"""What is printed after every outcome, and of everything that may be known: no figure where there is none."""
+"""What is printed after every outcome, and of everything that may be known: no figure where there
+is none.
+"""
 
 import math
 import random
@@ -62,7 +64,9 @@ def test_terminal(drawn):
         lines = list(map(str, short_answer(summary, Path("results/scene"))))
         labels = [line[:14].strip() for line in lines]
         advised = said_of(lines, "what to do")
-        assert " ".join(advised) == ("" if summary["converged"] else " ".join(summary["advice"].split()))
+        assert " ".join(advised) == (
+            "" if summary["converged"] else " ".join(summary["advice"].split())
+        )
         assert max(map(len, lines)) <= 80
         figures = status.value in SOLVED or step
         good = status is Status.CONVERGED
@@ -72,7 +76,9 @@ def test_terminal(drawn):
         for name, how in EXCEEDED.items():
             if figures and strength.startswith(name):
                 assert f"{how}{' of' * ('%' in how)} yield" in " ".join(said_of(lines, "stress"))
-        assert ("'alm' was asked for" in " ".join(said_of(lines, "warning"))) == (law == "another one"), lines
+        assert ("'alm' was asked for" in " ".join(said_of(lines, "warning"))) == (
+            law == "another one"
+        ), lines
         assert ("incomplete" in lines[0]) == (complete == "incomplete")
 
 
@@ -87,6 +93,10 @@ def test_larger_one_of_two_stresses(raw, recovered):
     stress = {**extremes["raw"], "recovered": extremes["recovered"], "error": None}
     summary = page.known(stress=stress)
     where = "(2, 0)" if recovered == 96.0 else "(1, 0)"
-    (line,) = (str(line) for line in short_answer(summary, Path("results")) if str(line).startswith("  stress"))
+    (line,) = (
+        str(line)
+        for line in short_answer(summary, Path("results"))
+        if str(line).startswith("  stress")
+    )
     assert "von Mises 96" in line
     assert line.endswith(f"at {where}")

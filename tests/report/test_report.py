@@ -1,4 +1,6 @@
-"""The report of a result folder: one page, whole, with the numbers of the files, and nothing from outside."""
+"""The report of a result folder: one page, whole, with the numbers of the files, and nothing from
+outside.
+"""
 
 import base64
 import csv
@@ -69,7 +71,10 @@ def two_boundaries():
     }
     data = example1(bound=1.5, nx=12, ny=4)
     (first,) = data.contact
-    halves = (first.model_copy(update={"boundary": "<a&b>"}), UnilateralContact(boundary="$c$", gap=first.gap))
+    halves = (
+        first.model_copy(update={"boundary": "<a&b>"}),
+        UnilateralContact(boundary="$c$", gap=first.gap),
+    )
     return on_mesh(data.model_copy(update={"contact": halves}), tag_boundaries(tagged.mesh, sides))
 
 
@@ -113,7 +118,14 @@ class Page(HTMLParser):
     def __init__(self, folder):
         super().__init__(convert_charrefs=True)
         self.source = (folder / report.PAGE).read_text(encoding="utf-8")
-        self.open, self.tags, self.attributes, self.ids, self.texts, self.cells = [], [], [], set(), [], []
+        self.open, self.tags, self.attributes, self.ids, self.texts, self.cells = (
+            [],
+            [],
+            [],
+            set(),
+            [],
+            [],
+        )
         self.feed(self.source)
         self.close()
         assert self.open == []
@@ -144,7 +156,9 @@ class Page(HTMLParser):
 
     @property
     def classes(self):
-        return {name for _, kind, value in self.attributes if kind == "class" for name in value.split()}
+        return {
+            name for _, kind, value in self.attributes if kind == "class" for name in value.split()
+        }
 
     def of(self, kind):
         return [text for tag, text in self.cells if tag == kind]
@@ -161,7 +175,9 @@ def pictures(page):
 
 @pytest.mark.slow
 def test_page_is_whole(folder):
-    """Well-formed, one of each frame, readable on a phone, results before what stands behind them; links lead on."""
+    """Well-formed, one of each frame, readable on a phone, results before what stands behind them;
+    links lead on.
+    """
     page = Page(folder)
     assert page.source.startswith("<!DOCTYPE html>")
     for name in ("html", "head", "body", "title", "h1", "main"):
@@ -173,15 +189,29 @@ def test_page_is_whole(folder):
     assert headings[-1] == "Made with"
     assert ("Figures" in headings) == summary_of(folder)["converged"]
     assert headings[-1] == "Made with"
-    behind = [headings.index(name) for name in ("Convergence table", "Certificate", "Iteration") if name in headings]
-    assert all(headings.index(name) < min(behind) for name in headings if name.startswith(("Contact", "Load")))
-    targets = {value.removeprefix("#") for tag, name, value in page.attributes if (tag, name) == ("a", "href")}
+    behind = [
+        headings.index(name)
+        for name in ("Convergence table", "Certificate", "Iteration")
+        if name in headings
+    ]
+    assert all(
+        headings.index(name) < min(behind)
+        for name in headings
+        if name.startswith(("Contact", "Load"))
+    )
+    targets = {
+        value.removeprefix("#")
+        for tag, name, value in page.attributes
+        if (tag, name) == ("a", "href")
+    }
     assert targets == page.ids
     assert len(targets) == len(page.of("h2"))
 
 
 def test_page_needs_nothing_else(folder):
-    """No address, no file, no script: pictures are in the page, each with words for those who do not see it."""
+    """No address, no file, no script: pictures are in the page, each with words for those who do
+    not see it.
+    """
     page = Page(folder)
     assert not set(page.tags) & {"link", "iframe", "object", "embed", "base", "form", "script"}
     rest = re.sub(r'"data:[^"]*"', "", page.source)
@@ -211,7 +241,9 @@ def test_numbers(folder):
     assert f"The law is {markup.in_text(summary['certificate']['law'])}." in page.text
     for name, value in summary["certificate"].items():
         if name not in ("holds", "law"):
-            assert float(cells[cells.index(name.replace("_", " ")) + 1]) == pytest.approx(value, rel=0.05, abs=1e-300)
+            assert float(cells[cells.index(name.replace("_", " ")) + 1]) == pytest.approx(
+                value, rel=0.05, abs=1e-300
+            )
     if "convergence_table" not in summary and summary["converged"]:
         if "strain_energy" in summary:
             assert f"{summary['strain_energy']:.6g}" in cells
@@ -243,7 +275,9 @@ def test_sections(folders):
 
 
 def test_escapes(folders):
-    """Names with markup, quotes and dollars are shown as they are, and are no markup; pictures are drawn too."""
+    """Names with markup, quotes and dollars are shown as they are, and are no markup; pictures are
+    drawn too.
+    """
     page = Page(folders["steps"])
     assert page.texts.count(TITLE) == 1
     assert any(text == f"{TITLE}: converged" for text in page.texts)
@@ -265,7 +299,10 @@ def test_verdict(folders):
     refused = summary["certificate"] | {"holds": False, "equilibrium": 1.0}
     files = folders["steps"]
     failed = summary | {"status": "active sets cycle", "converged": False, "certificate": refused}
-    assert "does NOT hold. All figures are of the last iterate: do not use them." in sections.outcome(failed, files)
+    assert (
+        "does NOT hold. All figures are of the last iterate: do not use them."
+        in sections.outcome(failed, files)
+    )
     assert ">violated<" in sections.certificate(failed)
     place = {"value": 2.0, "place": [1.0, 0.0]}
     known = {"stress": {"von_mises": place, "recovered": {"von_mises": place}}}
@@ -274,7 +311,9 @@ def test_verdict(folders):
     assert "Of the last iterate, which is no solution." in iterate
     assert "circle" not in iterate
     warning = {"level": "warning", "path": "material", "message": "strains of 3.5e+02"}
-    assert f"strains of {markup.in_text('3.5e+02')}." in sections.outcome(failed | {"findings": [warning]}, files)
+    assert f"strains of {markup.in_text('3.5e+02')}." in sections.outcome(
+        failed | {"findings": [warning]}, files
+    )
     assert any(value == "status bad" for _, name, value in page.attributes if name == "class")
     good = Page(folders["levels"])
     assert "violated" not in good.of("td")
@@ -293,7 +332,9 @@ def test_the_short_answer_comes_first(folders):
 
 
 def test_figures_of_the_certificate():
-    """Every figure has a meaning; those that are judged refuse the certificate, and no others do."""
+    """Every figure has a meaning; those that are judged refuse the certificate, and no others
+    do.
+    """
     zero = Certificate()
     assert zero.holds
     for name in (*JUDGED, *REPORTED):
@@ -304,7 +345,7 @@ def test_figures_of_the_certificate():
         assert not replace(zero, **{name: 1.01 * CERTIFICATE_TOLERANCE}).holds
 
 
-# --- folders that are no result --------------------------------------------------------------------------------------
+# --- folders that are no result -------------------------------------------------------------------
 
 
 def broken(folder, tmp_path, *names, **texts):
@@ -387,19 +428,25 @@ def test_no_solver_is_imported(folders, tmp_path):
     code = (
         "import sys\n"
         "from signorini_fx.scenes.cli import main\n"
-        f"code = main(['report', {str(folders['steps'])!r}, '--out', {str(tmp_path / 'page.html')!r}])\n"
-        "print(code, [name for name in ('dolfinx', 'petsc4py', 'mpi4py', 'ufl', 'gmsh') if name in sys.modules])\n"
+        f"code = main(['report', {str(folders['steps'])!r}, '--out', "
+        f"{str(tmp_path / 'page.html')!r}])\n"
+        "print(code, [name for name in ('dolfinx', 'petsc4py', 'mpi4py', 'ufl', 'gmsh') if name "
+        "in sys.modules])\n"
     )
-    done = subprocess.run([sys.executable, "-W", "error", "-c", code], capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", code], capture_output=True, text=True, check=False
+    )
     assert (done.stdout.splitlines()[-1:], done.stderr) == (["0 []"], "")
 
 
-# --- the contact boundary of every load step -------------------------------------------------------------------------
+# --- the contact boundary of every load step ------------------------------------------------------
 
 
 @pytest.mark.mpi(slow=True)
 def test_contact_of_every_step():
-    """contact_steps.csv has each step's contact boundary, whole, on any number of ranks; the last is contact.csv."""
+    """contact_steps.csv has each step's contact boundary, whole, on any number of ranks; the last
+    is contact.csv.
+    """
     comm = MPI.COMM_WORLD
     folder = Path(parallel.on_root(comm, tempfile.mkdtemp))
     try:
@@ -418,7 +465,7 @@ def test_contact_of_every_step():
         parallel.on_root(comm, lambda: shutil.rmtree(folder))
 
 
-# --- digits ----------------------------------------------------------------------------------------------------------
+# --- digits ---------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -434,7 +481,11 @@ def test_contact_of_every_step():
         (9.9996, 0.001, "10.000"),
         (20.0, 0.0, "20"),
         (-20.0, 0.01, "-20.0"),
-        ([0.00123, -20.056], 0.01, "(0, -20.1)"),  # components are uncertain by 0.2, as the vector is
+        (
+            [0.00123, -20.056],
+            0.01,
+            "(0, -20.1)",
+        ),  # components are uncertain by 0.2, as the vector is
         ([0.0, 0.0], 0.1, "(0, 0)"),
         (math.inf, 0.1, "inf"),
         (17, 0.3, "17"),  # a count
@@ -446,4 +497,4 @@ def test_digits(value, error, text):
     assert figure(value, error) == text
 
 
-# --- provenance ------------------------------------------------------------------------------------------------------
+# --- provenance -----------------------------------------------------------------------------------

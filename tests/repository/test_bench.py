@@ -9,7 +9,9 @@ import run
 
 from signorini_fx.algebra.linalg.factorisation import has_package
 
-needs_cholmod = pytest.mark.skipif(not has_package("cholmod", "cholesky"), reason="PETSc without CHOLMOD")
+needs_cholmod = pytest.mark.skipif(
+    not has_package("cholmod", "cholesky"), reason="PETSc without CHOLMOD"
+)
 
 
 @needs_cholmod

@@ -28,7 +28,9 @@ def run(tmp_path, monkeypatch):
         return whole(solution, to, fields=False, pictures=False)
 
     def demo(name, cells, *, drawn=True):
-        """Of many load steps, and in 3D, only the figure of the demo itself is drawn: the files have their tests."""
+        """Of many load steps, and in 3D, only the figure of the demo itself is drawn: the files
+        have their tests.
+        """
         monkeypatch.setenv("CELLS", str(cells))
         if not drawn:
             monkeypatch.setattr(files, "write_results", tables)
@@ -57,7 +59,11 @@ def test_all_are_here():
     for name in scripts:
         text = (DEMOS / f"{name}.py").read_text(encoding="utf-8")
         assert text.startswith("# %% [markdown]\n# # ")
-        assert "$$" in text.partition("\n# %%\n")[0] or name == "own_effect" or name == "friction_sweep"
+        assert (
+            "$$" in text.partition("\n# %%\n")[0]
+            or name == "own_effect"
+            or name == "friction_sweep"
+        )
 
 
 @pytest.mark.slow
@@ -75,7 +81,9 @@ def test_examples_of_the_paper(run):
 @pytest.mark.slow
 @pytest.mark.mpi(slow=True)
 def test_hertz(run):
-    """Half-width and peak of the formula without friction; friction narrows the contact and raises its peak."""
+    """Half-width and peak of the formula without friction; friction narrows the contact and raises
+    its peak.
+    """
     found = run("hertz", 20)
     assert found["widths"][0.0] == pytest.approx(1.0, abs=3e-3)
     assert found["peaks"][0.0] == pytest.approx(1.0, abs=3e-3)
@@ -143,7 +151,9 @@ def test_own_friction(run):
 
 @pytest.mark.mpi(slow=True)
 def test_friction_sweep(run):
-    """More friction, more stick, more force, and a lower peak, close to those of the 120 x 40 mesh."""
+    """More friction, more stick, more force, and a lower peak, close to those of the 120 x 40
+    mesh.
+    """
     found = run("friction_sweep", 48)
     assert (np.diff(found["stick"]) >= 0).all()
     assert (np.diff(found["drag"]) > 0).all()
@@ -155,7 +165,9 @@ def test_friction_sweep(run):
 
 @pytest.mark.slow
 def test_sphere_under_tangential_load(run):
-    """Hertz's radius and peak for the force; Cattaneo's stick radius and Mindlin's displacement, where nu = 0.49."""
+    """Hertz's radius and peak for the force; Cattaneo's stick radius and Mindlin's displacement,
+    where nu = 0.49.
+    """
     found = run("sphere_under_tangential_load", 3, drawn=False)
     columns = found["table"][0.49]
     np.testing.assert_allclose(columns["a computed"], columns["a"], rtol=5e-3)
@@ -184,10 +196,14 @@ def test_torsion_of_a_pressed_cylinder(run):
 
 @pytest.mark.slow
 def test_bracket(run):
-    """The pressure acts where statics says; the foot is held up to the limit of a rigid foot, and no further."""
+    """The pressure acts where statics says; the foot is held up to the limit of a rigid foot, and
+    no further.
+    """
     found = run("bracket", 6, drawn=False)
     np.testing.assert_allclose(found["through"], found["statics"], rtol=0, atol=1e-8)
-    np.testing.assert_allclose(found["pull"], np.outer((0.0, 0.5, 1.0), (320.0, 160.0)), rtol=0, atol=1e-6)
+    np.testing.assert_allclose(
+        found["pull"], np.outer((0.0, 0.5, 1.0), (320.0, 160.0)), rtol=0, atol=1e-6
+    )
     assert found["simple"] == pytest.approx(1 / 6.70, rel=0.01)
     assert found["used"] == pytest.approx(1 / 3.206, rel=0.02)
     assert 0.97 < found["at_limit"] * found["used"] < 1.03
@@ -200,7 +216,9 @@ def test_bracket(run):
 @pytest.mark.slow
 @pytest.mark.mpi(slow=True)
 def test_friction_from_slip(run):
-    """The coefficient is found where there is no noise, and else within its interval of confidence."""
+    """The coefficient is found where there is no noise, and else within its interval of
+    confidence.
+    """
     found = run("friction_from_slip", 18)
     assert found["without_noise"] == pytest.approx(0.3, abs=1e-6)
     assert found["solves"] <= 10
@@ -210,7 +228,9 @@ def test_friction_from_slip(run):
 
 @pytest.mark.slow
 def test_crowned_profile(run):
-    """The largest pressure comes down to the mean one; the nodes at the edges of the punch have half a cell more."""
+    """The largest pressure comes down to the mean one; the nodes at the edges of the punch have
+    half a cell more.
+    """
     found = run("crowned_profile", 48)
     least = 1.5 / (1.5 + 3.0 / 48)
     assert found["before"] > 2.5
@@ -221,7 +241,9 @@ def test_crowned_profile(run):
 @pytest.mark.slow
 @pytest.mark.mpi(slow=True)
 def test_joint_diagram(run):
-    """The share of the bolt is that of springs while the joint is closed; once it is open, the bolt takes all."""
+    """The share of the bolt is that of springs while the joint is closed; once it is open, the bolt
+    takes all.
+    """
     found = run("joint_diagram", 1, drawn=False)
     bolt, clamp, loads = found["bolt"], found["clamp"], found["LOADS"]
     assert bolt - clamp == pytest.approx(loads, rel=1e-9, abs=1e-6)
@@ -233,7 +255,9 @@ def test_joint_diagram(run):
 
 @pytest.mark.slow
 def test_dent(run):
-    """The force grows less and less, is gone before the circle is back, and leaves a dent; as on any ranks."""
+    """The force grows less and less, is gone before the circle is back, and leaves a dent; as on
+    any ranks.
+    """
     found = run("dent", 6)
     depth, force = found["path"].T
     assert found["problem"].certificate.holds

@@ -1,9 +1,10 @@
-"""README and docs: every block runs, every link resolves, every key, default, outcome and result is named.
+"""README and docs: every block runs, every link resolves, every key, default, outcome and result is
+named.
 
-A fenced block is run unless the line before it says ``<!-- not run: REASON -->``: python is executed; toml is a scene
-that is checked, or a part of one; sh holds commands of signorini-fx.  A text that follows one of these without a word
-between is what it prints, or some of these lines, with ``...`` for what differs from run to run.  Blocks of a document
-share a folder.
+A fenced block is run unless the line before it says ``<!-- not run: REASON -->``: python is
+executed; toml is a scene that is checked, or a part of one; sh holds commands of signorini-fx.  A
+text that follows one of these without a word between is what it prints, or some of these lines,
+with ``...`` for what differs from run to run.  Blocks of a document share a folder.
 """
 
 import csv
@@ -33,7 +34,12 @@ import signorini_fx
 from signorini_fx.mechanics.effects import contact, displacement, loads
 from signorini_fx.mechanics.effects.contact import Overclosure
 from signorini_fx.mechanics.laws.coulomb import Coulomb, NoFriction, Tresca
-from signorini_fx.mechanics.materials.hyperelastic import MooneyRivlin, NeoHooke, Ogden, SaintVenantKirchhoff
+from signorini_fx.mechanics.materials.hyperelastic import (
+    MooneyRivlin,
+    NeoHooke,
+    Ogden,
+    SaintVenantKirchhoff,
+)
 from signorini_fx.mechanics.materials.isotropic import LinearElastic
 from signorini_fx.mechanics.materials.orthotropic import Orthotropic, OrthotropicElastic
 from signorini_fx.mechanics.materials.path_dependent import J2, Maxwell
@@ -58,16 +64,20 @@ EXAMPLES = DOCS / "i-want-to.md"
 # Pages whose blocks are run; the others are theory, and comparisons with other programs.
 OTHERS = ("theory", "verification", "architecture", "coming-from", "gallery")
 MANUAL = [page for page in sorted(DOCS.glob("*.md")) if page.stem not in OTHERS]
-PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md"), *(ROOT / ".github").rglob("*.md")])
+PAGES = sorted(
+    [*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md"), *(ROOT / ".github").rglob("*.md")]
+)
 MODULES = {module.name for module in pkgutil.iter_modules(signorini_fx.__path__)}
 
 
-# --- blocks ----------------------------------------------------------------------------------------------------------
+# --- blocks ---------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
 class Block:
-    """A fenced block: where it begins, its language and text, why it is not run, if so, and what it prints."""
+    """A fenced block: where it begins, its language and text, why it is not run, if so, and what it
+    prints.
+    """
 
     page: Path
     line: int
@@ -84,9 +94,13 @@ def blocks_of(page):
     """The fenced blocks of a page, in order."""
     text = page.read_text(encoding="utf-8")
     found = []
-    for match in re.finditer(r"(?:<!-- not run: (.+) -->\n)?^```(.*)\n((?:(?!```).*\n)*)^```$", text, re.MULTILINE):
+    for match in re.finditer(
+        r"(?:<!-- not run: (.+) -->\n)?^```(.*)\n((?:(?!```).*\n)*)^```$", text, re.MULTILINE
+    ):
         line = text[: match.start(2)].count("\n") + 1
-        follows = re.match(r"\n\n```text\n((?:(?!```).*\n)*)```$", text[match.end() :], re.MULTILINE)
+        follows = re.match(
+            r"\n\n```text\n((?:(?!```).*\n)*)```$", text[match.end() :], re.MULTILINE
+        )
         found.append(Block(page, line, match[2], match[3], match[1], follows[1] if follows else ""))
     assert text.count("```") == 2 * len(found), f"{page}: a block is not understood"
     return found
@@ -96,19 +110,22 @@ BLOCKS = [block for page in (README, *MANUAL) for block in blocks_of(page)]
 
 
 def each_block(language):
-    """All blocks of a language that are to be run; each has the name of its page and its number there, since the list
-    of slow tests has these names, and lines change with every edit.
+    """All blocks of a language that are to be run; each has the name of its page and its number
+    there, since the list of slow tests has these names, and lines change with every edit.
     """
     wanted = [block for block in BLOCKS if block.language == language and block.reason is None]
     names = [
-        f"{one.page.name} {[other for other in BLOCKS if other.page == one.page].index(one) + 1}" for one in wanted
+        f"{one.page.name} {[other for other in BLOCKS if other.page == one.page].index(one) + 1}"
+        for one in wanted
     ]
     return pytest.mark.parametrize("block", wanted, ids=names)
 
 
 @pytest.fixture(scope="module")
 def folders(tmp_path_factory):
-    """One folder a page, with the scene that its commands and scripts are about, and the meshes that it shows."""
+    """One folder a page, with the scene that its commands and scripts are about, and the meshes
+    that it shows.
+    """
     found = {page: tmp_path_factory.mktemp(page.stem) for page in (README, *MANUAL)}
     bracket = first_block(OWN_BODY, "geo").text
     for page, folder in found.items():
@@ -153,7 +170,9 @@ def test_blocks():
     assert languages == {"geo", "python", "sh", "text", "toml", "{api}", "{toctree}"}
     for page, languages in ((README, ("toml", "python", "sh")), (OWN_BODY, ("geo", "toml", "sh"))):
         for language in languages:
-            assert any(b.page == page and b.language == language and b.reason is None for b in BLOCKS)
+            assert any(
+                b.page == page and b.language == language and b.reason is None for b in BLOCKS
+            )
     not_run = {block.reason for block in BLOCKS if block.reason is not None}
     assert not_run <= {
         "installs packages",
@@ -166,7 +185,9 @@ def test_blocks():
 
 
 def test_length_and_readability():
-    """The README is read in five minutes; few sentences have more than 25 words (docs/words.py --long)."""
+    """The README is read in five minutes; few sentences have more than 25 words (docs/words.py
+    --long).
+    """
     assert words.words(README) <= 900
     assert words.long_sentences(README) == []
     assert sum(map(words.words, words.pages())) <= 27_000
@@ -175,12 +196,18 @@ def test_length_and_readability():
 
 
 def test_length_of_the_examples():
-    """Each has twelve lines or fewer beside its name and imports, a command or a program, and a picture of its own."""
+    """Each has twelve lines or fewer beside its name and imports, a command or a program, and a
+    picture of its own.
+    """
     text = EXAMPLES.read_text(encoding="utf-8")
     asked = re.split(r"^## ", text, flags=re.MULTILINE)[1:]
     assert len(asked) == 13
     for block in blocks_of(EXAMPLES):
-        lines = [line for line in block.text.splitlines() if line and not re.match("#|import |from ", line)]
+        lines = [
+            line
+            for line in block.text.splitlines()
+            if line and not re.match("#|import |from ", line)
+        ]
         assert 0 < len(lines) <= 12, block
         assert all(len(line) <= 120 for line in lines), block
     pictures = [re.findall(r"!\[.+\]\((images/[\w/-]+\.png)\)", one) for one in asked]
@@ -192,7 +219,9 @@ def test_length_of_the_examples():
 @pytest.mark.one_quick
 @each_block("toml")
 def test_toml(block, folder):
-    """A whole scene passes ``check`` without a warning; tables alone fit the scene of the README."""
+    """A whole scene passes ``check`` without a warning; tables alone fit the scene of the
+    README.
+    """
     data = tomllib.loads(block.text)
     if {"mesh", "body"} & data.keys():
         file = folder / "shown.toml"
@@ -231,7 +260,9 @@ def alike(wanted, printed):
 
 def alike_word(wanted, word):
     try:
-        return wanted == "..." or float(word.strip("(),:")) == pytest.approx(float(wanted.strip("(),:")), rel=CLOSE)
+        return wanted == "..." or float(word.strip("(),:")) == pytest.approx(
+            float(wanted.strip("(),:")), rel=CLOSE
+        )
     except ValueError:
         return wanted == word
 
@@ -247,7 +278,9 @@ def test_alike():
 @pytest.mark.one_quick
 @each_block("sh")
 def test_commands(block, folder, capsys):
-    """They end well, on one rank, without their pictures and fields; PETSc knows all their options."""
+    """They end well, on one rank, without their pictures and fields; PETSc knows all their
+    options.
+    """
     printed = ""
     for line in block.text.replace("\\\n", " ").splitlines():
         words = shlex.split(line, comments=True)
@@ -288,8 +321,14 @@ PROGRAMS |= {name: (ROOT / name).read_text(encoding="utf-8") for name in SCRIPTS
 
 @pytest.mark.parametrize("name", PROGRAMS)
 def test_mpi_is_imported_first(name):
-    """Wheels of FEniCSx load the library of MPI with mpi4py: what imports dolfinx or PETSc before it does not start."""
-    imports = re.findall(r"^\s*(?:from|import) (mpi4py|dolfinx|petsc4py|signorini_fx)\b", PROGRAMS[name], re.MULTILINE)
+    """Wheels of FEniCSx load the library of MPI with mpi4py: what imports dolfinx or PETSc before
+    it does not start.
+    """
+    imports = re.findall(
+        r"^\s*(?:from|import) (mpi4py|dolfinx|petsc4py|signorini_fx)\b",
+        PROGRAMS[name],
+        re.MULTILINE,
+    )
     assert not imports or imports[0] in ("mpi4py", "signorini_fx")
 
 
@@ -297,11 +336,14 @@ def test_synopsis():
     """The page of the command line lists the commands with all their options, and explains them."""
     page = DOCS / "command-line.md"
     (synopsis,) = (block.text for block in blocks_of(page) if block.language == "text")
-    (commands,) = (action.choices for action in cli.parser()._actions if isinstance(action.choices, dict))
+    (commands,) = (
+        action.choices for action in cli.parser()._actions if isinstance(action.choices, dict)
+    )
     lines = synopsis.replace("\n  ", "").splitlines()
     shown = {line.split()[1]: set(re.findall(r"--\w[\w-]*", line)) for line in lines}
     known = {
-        name: {o for action in parser._actions for o in action.option_strings if o.startswith("--")} - {"--help"}
+        name: {o for action in parser._actions for o in action.option_strings if o.startswith("--")}
+        - {"--help"}
         for name, parser in commands.items()
     }
     assert shown == known
@@ -311,7 +353,7 @@ def test_synopsis():
         assert options <= set(re.findall(r"--\w[\w-]*", explained))
 
 
-# --- links -----------------------------------------------------------------------------------------------------------
+# --- links ----------------------------------------------------------------------------------------
 
 
 def anchors(page):
@@ -350,13 +392,19 @@ def test_contributing():
         assert any((folder / name).is_file() for folder in folders), name
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
     targets = set(re.findall(r"`make ([a-z-]+)`|^make ([a-z-]+) ", text, re.MULTILINE))
-    assert {name for pair in targets for name in pair if f"\n{name}:" not in makefile and name} == set()
+    assert {
+        name for pair in targets for name in pair if f"\n{name}:" not in makefile and name
+    } == set()
 
 
 def test_hooks_are_the_commands_of_ci():
     """pre-commit runs what .ci/run runs."""
-    hooks = re.findall(r"entry: (.+)", (ROOT / ".pre-commit-config.yaml").read_text(encoding="utf-8"))
-    commands = re.findall(r"^make .+", (ROOT / ".ci" / "run").read_text(encoding="utf-8"), re.MULTILINE)
+    hooks = re.findall(
+        r"entry: (.+)", (ROOT / ".pre-commit-config.yaml").read_text(encoding="utf-8")
+    )
+    commands = re.findall(
+        r"^make .+", (ROOT / ".ci" / "run").read_text(encoding="utf-8"), re.MULTILINE
+    )
     assert hooks == commands
     assert hooks
 
@@ -367,7 +415,9 @@ def test_one_version():
     assert re.fullmatch(r"\d+\.\d+\.\d+", version)
     citation = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
     assert f"\nversion: {version}\n" in citation
-    headings = re.findall(r"^## \[(.+?)\]", (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"), re.MULTILINE)
+    headings = re.findall(
+        r"^## \[(.+?)\]", (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"), re.MULTILINE
+    )
     assert version in headings[:2]
     assert headings[0] in (version, "Unreleased")
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
@@ -377,13 +427,19 @@ def test_one_version():
 
 def test_everything_is_shipped():
     """Files that are no Python, py.typed among them, and all packages."""
-    settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["setuptools"]
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"][
+        "setuptools"
+    ]
     package = ROOT / "signorini_fx"
-    others = [file for file in package.rglob("*") if file.is_file() and "__pycache__" not in file.parts]
+    others = [
+        file for file in package.rglob("*") if file.is_file() and "__pycache__" not in file.parts
+    ]
     data = {str(file.relative_to(package)) for file in others if file.suffix != ".py"}
     assert "py.typed" in data
     assert set(settings["package-data"]["signorini_fx"]) == data
-    folders = {".".join(file.parent.relative_to(ROOT).parts) for file in package.rglob("__init__.py")}
+    folders = {
+        ".".join(file.parent.relative_to(ROOT).parts) for file in package.rglob("__init__.py")
+    }
     found = find_packages(str(ROOT), include=settings["packages"]["find"]["include"])
     assert set(found) == folders | {"signorini_fx.meshes"}
 
@@ -397,7 +453,7 @@ def test_description():
     assert all(target.startswith("https:") for target in re.findall(r"\]\((.*?)\)", text))
 
 
-# --- scenes ----------------------------------------------------------------------------------------------------------
+# --- scenes ---------------------------------------------------------------------------------------
 
 
 def cells_of(row):
@@ -407,7 +463,9 @@ def cells_of(row):
 
 @dataclass(frozen=True)
 class Table:
-    """A table: the heading above it, the name that the paragraph before begins with, its first line and the others."""
+    """A table: the heading above it, the name that the paragraph before begins with, its first line
+    and the others.
+    """
 
     heading: str
     name: str
@@ -434,7 +492,9 @@ def tables_of(page):
 
 def table(pages, *words):
     """The only table of these pages whose heading and first line hold all these words."""
-    (found,) = (t for page in pages for t in tables_of(page) if {t.heading, *t.header} >= set(words))
+    (found,) = (
+        t for page in pages for t in tables_of(page) if {t.heading, *t.header} >= set(words)
+    )
     return found.rows
 
 
@@ -502,13 +562,22 @@ def shown_default(default):
             return '`{ law = "none" }`'
         case BaseModel():
             return "see below"
-    text = "[]" if default == () else repr(default) if isinstance(default, float) else json.dumps(default)
+    text = (
+        "[]"
+        if default == ()
+        else repr(default)
+        if isinstance(default, float)
+        else json.dumps(default)
+    )
     return f"`{text.replace('1e-07', '1e-7')}`"
 
 
 def test_every_class_has_a_table():
     """Walked from the scene."""
-    assert classes_in(model := described()) == {model}.union(*MODELS.values()) - {scene.Scene, RigidMotion}
+    assert classes_in(model := described()) == {model}.union(*MODELS.values()) - {
+        scene.Scene,
+        RigidMotion,
+    }
 
 
 @pytest.mark.parametrize("place", MODELS, ids=" ".join)
@@ -528,8 +597,12 @@ def test_scene_keys(place):
 
 
 def test_generators():
-    """Every generator with all of its boundaries; its parameters are those of its docstring, which the page shows."""
-    rows = [row for t in tables_of(DOCS / "meshes.md") if t.header[0] == "generator" for row in t.rows]
+    """Every generator with all of its boundaries; its parameters are those of its docstring, which
+    the page shows.
+    """
+    rows = [
+        row for t in tables_of(DOCS / "meshes.md") if t.header[0] == "generator" for row in t.rows
+    ]
     known = known_generators()
     assert sorted(re.match(r"\[(\w+)\]", row[0])[1] for row in rows) == list(known)
     for link, _body, boundaries in rows:
@@ -549,19 +622,29 @@ def test_how_to_choose(key):
 def test_public_names():
     """The guides together, and the API reference alone, name all that the package exports."""
     for pages in (MANUAL, [DOCS / "api.md"]):
-        words = set().union(*(re.findall(r"\w+", page.read_text(encoding="utf-8")) for page in pages))
+        words = set().union(
+            *(re.findall(r"\w+", page.read_text(encoding="utf-8")) for page in pages)
+        )
         assert set(signorini_fx.__all__) - words == set(), pages
 
 
 def test_returned_classes():
-    """The API reference has each class that what it has returns, and that a solution has as an attribute."""
+    """The API reference has each class that what it has returns, and that a solution has as an
+    attribute.
+    """
     page = (DOCS / "api.md").read_text(encoding="utf-8")
     listed = [
-        line.partition(":")[0] for block in re.findall(r"(?s)```\{api\}\n(.*?)```", page) for line in block.split("\n")
+        line.partition(":")[0]
+        for block in re.findall(r"(?s)```\{api\}\n(.*?)```", page)
+        for line in block.split("\n")
     ]
     listed = [name for name in listed if name]
     package = Path(signorini_fx.__file__).parent
-    ours = {name for file in package.rglob("*.py") for name in re.findall(r"(?m)^class (\w+)", file.read_text())}
+    ours = {
+        name
+        for file in package.rglob("*.py")
+        for name in re.findall(r"(?m)^class (\w+)", file.read_text())
+    }
     inner = {
         "FormSolver",
         "SolidBody",
@@ -571,11 +654,17 @@ def test_returned_classes():
     }  # what the solver works with
     for entry in listed:
         module, _, name = entry.rpartition(".")
-        shown = getattr(importlib.import_module(f"signorini_fx.{module}") if module else signorini_fx, name)
-        members = (
-            [member for key, member in vars(shown).items() if key[0] != "_"] if inspect.isclass(shown) else [shown]
+        shown = getattr(
+            importlib.import_module(f"signorini_fx.{module}") if module else signorini_fx, name
         )
-        plain = [getattr(member, "fget", None) or getattr(member, "func", member) for member in members]
+        members = (
+            [member for key, member in vars(shown).items() if key[0] != "_"]
+            if inspect.isclass(shown)
+            else [shown]
+        )
+        plain = [
+            getattr(member, "fget", None) or getattr(member, "func", member) for member in members
+        ]
         returned = [getattr(member, "__annotations__", {}).get("return", "") for member in plain]
         if name in ("Solution", "StepResult"):
             returned += shown.__annotations__.values()
@@ -583,21 +672,29 @@ def test_returned_classes():
         assert named & ours - inner - {one.rpartition(".")[2] for one in listed} == set(), entry
 
 
-# --- results ---------------------------------------------------------------------------------------------------------
+# --- results --------------------------------------------------------------------------------------
 
 
 def test_outcomes():
     """Every status with its text."""
     rows = table(MANUAL, "`Status`")
-    assert [(row[0].strip("`"), row[1]) for row in rows] == [(status.name, status.value) for status in Status]
+    assert [(row[0].strip("`"), row[1]) for row in rows] == [
+        (status.name, status.value) for status in Status
+    ]
     assert all(row[2] and (row[3] or row[0] == "`CONVERGED`") for row in rows)
 
 
 def test_symptoms():
-    """What a first run is said to print, in italics, is a text of the package; ``...`` and numbers stand for others."""
-    package = "".join(path.read_text(encoding="utf-8") for path in sorted((ROOT / "signorini_fx").rglob("*.py")))
+    """What a first run is said to print, in italics, is a text of the package; ``...`` and numbers
+    stand for others.
+    """
+    package = "".join(
+        path.read_text(encoding="utf-8") for path in sorted((ROOT / "signorini_fx").rglob("*.py"))
+    )
     package = re.sub(r'"\s*\n\s*f?"', "", package)
-    symptoms = [row[0] for row in table([DOCS / "outcomes.md"], "My first run failed", "what you see")]
+    symptoms = [
+        row[0] for row in table([DOCS / "outcomes.md"], "My first run failed", "what you see")
+    ]
     quoted = [text for symptom in symptoms for text in re.findall(r"\*([^*]+)\*", symptom)]
     assert len(quoted) > len(symptoms) / 2
     for text in quoted:
@@ -608,7 +705,9 @@ def test_symptoms():
 @pytest.mark.slow
 def test_results(tmp_path):
     """Every file, every key of the summary and every column, of scenes that make all of them."""
-    named = set(re.findall(r"`([\w.]+)`", (DOCS / "results.md").read_text(encoding="utf-8") + markdown()))
+    named = set(
+        re.findall(r"`([\w.]+)`", (DOCS / "results.md").read_text(encoding="utf-8") + markdown())
+    )
     stepped = example1(coefficient=0.3, nx=12, ny=4)
     loads = [load.model_copy(update={"factors": (0.5, 1.0)}) for load in stepped.traction]
     kinds = {
@@ -618,7 +717,9 @@ def test_results(tmp_path):
     }
     for kind, data in kinds.items():
         folder = tmp_path / kind
-        summary = write_results(alone(data), folder, pictures=kind == "levels", fields=kind == "levels")
+        summary = write_results(
+            alone(data), folder, pictures=kind == "levels", fields=kind == "levels"
+        )
         written = {file.name for file in folder.iterdir()}
         assert {name for name in written if not {name, Path(name).stem} & named} == set()
         assert {*summary, *summary["parameters"], *summary["zones"]} - named == set()
@@ -633,7 +734,7 @@ def test_certificate():
     assert sorted(shown) == sorted((*JUDGED, *REPORTED))
 
 
-# --- code ------------------------------------------------------------------------------------------------------------
+# --- code -----------------------------------------------------------------------------------------
 
 
 def test_code_that_is_named():
@@ -659,12 +760,16 @@ def test_linear_solves():
         {"algorithm": "path-following", "regularisation_error": 1e-4},
         {"algorithm": "alm", "gamma": 1e7},
     ]
-    for (name, tresca, coulomb, *_), setting in zip(table([THEORY], "Tresca, g = 1.5"), settings, strict=True):
+    for (name, tresca, coulomb, *_), setting in zip(
+        table([THEORY], "Tresca, g = 1.5"), settings, strict=True
+    ):
         assert f"`{setting['algorithm']}`" in name
         assert alone(example1(bound=1.5, **setting)).history.linear_solves == int(tresca), name
         counts = [alone(example1(coefficient=0.3, **setting)).history.linear_solves]
         if "newton" in coulomb:
-            counts.append(alone(example1(coefficient=0.3, coulomb="newton", **setting)).history.linear_solves)
+            counts.append(
+                alone(example1(coefficient=0.3, coulomb="newton", **setting)).history.linear_solves
+            )
         assert counts == [int(number) for number in re.findall(r"\d+", coulomb)], name
 
 
@@ -677,4 +782,9 @@ def test_linear_solves_on_a_fine_mesh():
     settings = ({}, {"algorithm": "continuation"}, {"levels": 3})
     plain, continued, nested = (alone(example1(**fine, **setting)) for setting in settings)
     counts = [solution.history.linear_solves for solution in (plain, continued, nested)]
-    assert [int(number) for number in shown] == [*counts[:2], 3, counts[2], nested.levels[-1].linear_solves]
+    assert [int(number) for number in shown] == [
+        *counts[:2],
+        3,
+        counts[2],
+        nested.levels[-1].linear_solves,
+    ]

@@ -1,4 +1,6 @@
-"""The tutorial as a notebook: it is what its script makes, it runs, and its outputs are those that are stored."""
+"""The tutorial as a notebook: it is what its script makes, it runs, and its outputs are those that
+are stored.
+"""
 
 import base64
 import io
@@ -28,13 +30,20 @@ def test_notebook_is_up_to_date():
         for key in ("outputs", "execution_count", "metadata"):
             cell.pop(key, None)
     assert stored["cells"] == made["cells"], "./env python3 docs/percent.py demos/tutorial.py"
-    assert {output["output_type"] for cell in outputs for output in cell} == {"stream", "execute_result"}
+    assert {output["output_type"] for cell in outputs for output in cell} == {
+        "stream",
+        "execute_result",
+    }
 
 
 @pytest.fixture
 def run(tmp_path, monkeypatch):
-    """A function that runs a notebook in a kernel of its own, which knows nothing of the MPI of this process."""
-    monkeypatch.setenv("JUPYTER_PLATFORM_DIRS", "1")  # jupyter_core warns without it when it is imported
+    """A function that runs a notebook in a kernel of its own, which knows nothing of the MPI of
+    this process.
+    """
+    monkeypatch.setenv(
+        "JUPYTER_PLATFORM_DIRS", "1"
+    )  # jupyter_core warns without it when it is imported
     pytest.importorskip("nbformat")
     nbclient = pytest.importorskip("nbclient")
     for name in [name for name in os.environ if name.startswith(("OMPI_COMM", "PMIX_"))]:
@@ -65,7 +74,9 @@ def test_progress_line(run):
     """One output of its cell, which changes, and is empty in the end; nothing on standard error."""
     from nbformat.v4 import new_code_cell, new_notebook
 
-    notebook = new_notebook(cells=[new_code_cell(PROGRESS), new_code_cell(f"{PROGRESS}line.erase()")])
+    notebook = new_notebook(
+        cells=[new_code_cell(PROGRESS), new_code_cell(f"{PROGRESS}line.erase()")]
+    )
     run(notebook)
     assert [[output.data["text/plain"] for output in cell.outputs] for cell in notebook.cells] == [
         ["linear solve 2, residual 5.0e-01"],
@@ -109,7 +120,9 @@ def test_notebook_runs(tmp_path, run):
     notebook = nbformat.read(SOURCE.with_suffix(".ipynb"), as_version=4)
     run(notebook)
     outputs = [output for cell in notebook.cells for output in cell.get("outputs", ())]
-    tables = [output.data["text/html"] for output in outputs if "text/html" in output.get("data", {})]
+    tables = [
+        output.data["text/html"] for output in outputs if "text/html" in output.get("data", {})
+    ]
     assert len(tables) >= 3
     assert "converged" in tables[0]
     assert any("image/png" in output.get("data", {}) for output in outputs)
@@ -121,7 +134,14 @@ def test_notebook_runs(tmp_path, run):
 
 def printed(notebook):
     """What the cells print, without the seconds and residuals of the iteration, to three digits."""
-    texts = ["".join(o["text"]) for cell in PERCENT["outputs_of"](notebook) for o in cell if "text" in o]
+    texts = [
+        "".join(o["text"]) for cell in PERCENT["outputs_of"](notebook) for o in cell if "text" in o
+    ]
     assert len(texts) >= 4
-    words = [word for text in texts for word in text.split() if not re.search(r"e-\d\d|^\d\.\d{3}$", word)]
+    words = [
+        word
+        for text in texts
+        for word in text.split()
+        if not re.search(r"e-\d\d|^\d\.\d{3}$", word)
+    ]
     return [re.sub(r"(\.\d)\d+$", r"\1", word) for word in words]

@@ -1,7 +1,8 @@
-"""Objects from outside: one file of at most 40 lines each, and refused by name where its independent check is another
-one.
+"""Objects from outside: one file of at most 40 lines each, and refused by name where its
+independent check is another one.
 
-Each file runs as it is, and once more with one sign changed in what the solver or the certificate takes of it.
+Each file runs as it is, and once more with one sign changed in what the solver or the certificate
+takes of it.
 """
 
 import runpy
@@ -20,11 +21,27 @@ DEMOS = ROOT / "demos" / "extensions"
 # Of each file what is changed to what, and what the refusal says.
 SPOILED = {
     "body": ("J=tangent", "J=-tangent", "give the derivative of F as J"),
-    "effect": ("* on.vector((0.0, -1.0, 0.0))", "", r"magnet\[0\]: density of Magnet has the shape \(\), not \(2,\)"),
-    "kinematics": ("return self.angle * x[0]", "return -self.angle * x[0]", "measure of 'slice' is not positive"),
+    "effect": (
+        "* on.vector((0.0, -1.0, 0.0))",
+        "",
+        r"magnet\[0\]: density of Magnet has the shape \(\), not \(2,\)",
+    ),
+    "kinematics": (
+        "return self.angle * x[0]",
+        "return -self.angle * x[0]",
+        "measure of 'slice' is not positive",
+    ),
     "law": ("return self.coefficient /", "return -self.coefficient /", "limit of Smooth exceeds"),
-    "linear_solver": ("self.pc.apply(b, x)", "x.set(0.0)", "the linear solver 'block-low-rank' of another package"),
-    "material": ("s = 2 * self.p * e", "s = -2 * self.p * e", "stress of Fibres does no work on some strain"),
+    "linear_solver": (
+        "self.pc.apply(b, x)",
+        "x.set(0.0)",
+        "the linear solver 'block-low-rank' of another package",
+    ),
+    "material": (
+        "s = 2 * self.p * e",
+        "s = -2 * self.p * e",
+        "stress of Fibres does no work on some strain",
+    ),
     "quantity": (
         '= "mean_pressure_right", "',
         '= "max_pressure", "',
@@ -103,7 +120,9 @@ friction = { law = "tresca", bound = 0.5 }
 
 @pytest.mark.slow
 def test_installed(tmp_path):
-    """By entry points of an installed package, from the command line: keys, shapes and hypotheses have their names."""
+    """By entry points of an installed package, from the command line: keys, shapes and hypotheses
+    have their names.
+    """
     modules = {name: DEMOS / f"{name}.py" for name in ("effect", "kinematics", "shape")}
     for name, file in modules.items():
         (tmp_path / f"their_{name}.py").write_bytes(file.read_bytes())
@@ -117,25 +136,52 @@ def test_installed(tmp_path):
         encoding="utf-8",
     )
     program = (
-        "import sys; sys.path.insert(0, sys.argv.pop(1)); from signorini_fx.scenes.cli import main; sys.exit(main())"
+        "import sys; sys.path.insert(0, sys.argv.pop(1)); from signorini_fx.scenes.cli "
+        "import main; sys.exit(main())"
     )
     for hypothesis, code in (("plane strain", 0), ("slice", 0), ("slices", 2)):
-        (tmp_path / "scene.toml").write_text(SCENE.replace("HYPOTHESIS", hypothesis), encoding="utf-8")
-        command = [sys.executable, "-c", program, str(tmp_path), "solve", "scene.toml", "--no-pictures"]
+        (tmp_path / "scene.toml").write_text(
+            SCENE.replace("HYPOTHESIS", hypothesis), encoding="utf-8"
+        )
+        command = [
+            sys.executable,
+            "-c",
+            program,
+            str(tmp_path),
+            "solve",
+            "scene.toml",
+            "--no-pictures",
+        ]
         ended = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
         assert ended.returncode == code, ended.stdout + ended.stderr
-        wanted = "converged" if code == 0 else "'plane strain', 'plane stress', 'axisymmetric', 'slice', got 'slices'"
+        wanted = (
+            "converged"
+            if code == 0
+            else "'plane strain', 'plane stress', 'axisymmetric', 'slice', got 'slices'"
+        )
         assert wanted in ended.stdout + ended.stderr
     explained = [sys.executable, "-c", program, str(tmp_path), "schema"]
-    schema = subprocess.run(explained, cwd=tmp_path, capture_output=True, text=True, check=True).stdout
+    schema = subprocess.run(
+        explained, cwd=tmp_path, capture_output=True, text=True, check=True
+    ).stdout
     assert '"magnet"' in schema
 
 
 @pytest.mark.parametrize(
     ("group", "name", "entries", "message"),
     [
-        (SHAPES, "blob", {"contact": {"boundary": "bottom", "foundation": {"shape": "blob"}}}, "is not a Shape"),
-        (KINEMATICS, "odd", {"material": {"young": 1.0, "poisson": 0.3, "hypothesis": "odd"}}, "is no Kinematics"),
+        (
+            SHAPES,
+            "blob",
+            {"contact": {"boundary": "bottom", "foundation": {"shape": "blob"}}},
+            "is not a Shape",
+        ),
+        (
+            KINEMATICS,
+            "odd",
+            {"material": {"young": 1.0, "poisson": 0.3, "hypothesis": "odd"}},
+            "is no Kinematics",
+        ),
         (EFFECTS, "wind", {"wind": {"boundary": "top"}}, "is not an Effect"),
     ],
 )

@@ -1,4 +1,6 @@
-"""Whoever still writes a name that left is told what to use instead, wherever such names are written."""
+"""Whoever still writes a name that left is told what to use instead, wherever such names are
+written.
+"""
 
 import pytest
 from mpi4py import MPI

@@ -16,7 +16,10 @@ class Item:
     path = Path("test_a.py")
 
     def __init__(self, nodeid, **marks):
-        self.nodeid, self.marks = nodeid, {name: SimpleNamespace(kwargs=kwargs) for name, kwargs in marks.items()}
+        self.nodeid, self.marks = (
+            nodeid,
+            {name: SimpleNamespace(kwargs=kwargs) for name, kwargs in marks.items()},
+        )
 
     def get_closest_marker(self, name):
         return self.marks.get(name)
@@ -26,7 +29,8 @@ class Item:
 
 
 @pytest.mark.parametrize(
-    ("ranks", "slow"), [(1, ["b[1]", "b[2]", "c[2]", "c[3]"]), (2, ["b[1]", "b[2]", "c[2]", "c[3]", "d[2]", "e"])]
+    ("ranks", "slow"),
+    [(1, ["b[1]", "b[2]", "c[2]", "c[3]"]), (2, ["b[1]", "b[2]", "c[2]", "c[3]", "d[2]", "e"])],
 )
 def test_what_is_slow(pytestconfig, monkeypatch, ranks, slow):
     """By the marks of its function, and on several ranks all but one set of parameters of each."""
@@ -41,19 +45,38 @@ def test_what_is_slow(pytestconfig, monkeypatch, ranks, slow):
 
 
 def test_ci_and_nightly_run_all():
-    """Each test with any of the marks is run on one rank, and if it is marked mpi on two and three, once."""
-    makefile, default = ((ROOT / name).read_text(encoding="utf-8") for name in ("Makefile", "pyproject.toml"))
+    """Each test with any of the marks is run on one rank, and if it is marked mpi on two and three,
+    once.
+    """
+    makefile, default = (
+        (ROOT / name).read_text(encoding="utf-8") for name in ("Makefile", "pyproject.toml")
+    )
     for name, value in re.findall(r"^(\w+) := (.*)", makefile, re.MULTILINE):
         makefile = makefile.replace(f"$({name})", value)
     (default,) = re.findall(r"addopts = .*-m '([^']*)'", default)
-    targets = re.findall(r"^make (.*)", (ROOT / ".ci" / "run").read_text(encoding="utf-8"), re.MULTILINE)
+    targets = re.findall(
+        r"^make (.*)", (ROOT / ".ci" / "run").read_text(encoding="utf-8"), re.MULTILINE
+    )
     targets += re.search(r"^nightly:.*\n\t\$\(MAKE\) -k (.*)", makefile, re.MULTILINE)[1].split()
-    recipes = [re.search(rf"^{name}:.*\n((?:\t.*\n)+)", makefile, re.MULTILINE)[1] for name in targets]
+    recipes = [
+        re.search(rf"^{name}:.*\n((?:\t.*\n)+)", makefile, re.MULTILINE)[1] for name in targets
+    ]
     lines = [line for recipe in recipes for line in recipe.splitlines() if " pytest " in line]
-    lines = [line for line in lines if "SFX_WHEELS" not in line]  # another installation, on which all run once more
+    lines = [
+        line for line in lines if "SFX_WHEELS" not in line
+    ]  # another installation, on which all run once more
     on_one = [line for line in lines if "mpirun" not in line]
-    for several, run in ((False, on_one), *((True, [line for line in lines if f"n={n};" in line]) for n in (2, 3))):
+    for several, run in (
+        (False, on_one),
+        *((True, [line for line in lines if f"n={n};" in line]) for n in (2, 3)),
+    ):
         marks = [(re.findall(r'-m "([^"]*)"', line) or [default])[0] for line in run]
         for slow in (False, True):
             has = {"mpi": several, "slow": slow}
-            assert sum(Expression.compile(mark).evaluate(lambda name, has=has: has[name]) for mark in marks) == 1, has
+            assert (
+                sum(
+                    Expression.compile(mark).evaluate(lambda name, has=has: has[name])
+                    for mark in marks
+                )
+                == 1
+            ), has

@@ -1,4 +1,6 @@
-"""Contact fields on the mesh of the contact boundary: of scenes and forms, all elements, on any number of ranks."""
+"""Contact fields on the mesh of the contact boundary: of scenes and forms, all elements, on any
+number of ranks.
+"""
 
 import numpy as np
 import pytest
@@ -31,18 +33,27 @@ def positions(function):
 
 
 def block(generator, cell, degree):
-    """A block that is pressed and pushed on a regularised foundation with a constant state of stress: it moves by
+    """A block that is pressed and pushed on a regularised foundation with a constant state of
+    stress: it moves by
     p / gamma_n downwards and t / gamma_t along.
     """
     plane = generator == "rectangle"
     down = "y" if plane else "z"
     counts = {"nx": 4, "ny": 3} if plane else {"nx": 3, "ny": 2, "nz": 2}
     traction = [{"boundary": "top", down: -PRESSURE, "x": SHEAR}]
-    traction += [{"boundary": side, down: sign * SHEAR} for side, sign in (("left", -1.0), ("right", 1.0))]
+    traction += [
+        {"boundary": side, down: sign * SHEAR} for side, sign in (("left", -1.0), ("right", 1.0))
+    ]
     return {
-        "mesh": {"generator": generator, "parameters": {"length": 1.5, "height": 1.0, **counts, "cell": cell}},
+        "mesh": {
+            "generator": generator,
+            "parameters": {"length": 1.5, "height": 1.0, **counts, "cell": cell},
+        },
         "element": {"degree": degree},
-        "material": {"young": YOUNG, "poisson": 0.0},  # otherwise it widens, and slips by more at its ends
+        "material": {
+            "young": YOUNG,
+            "poisson": 0.0,
+        },  # otherwise it widens, and slips by more at its ends
         "traction": traction,
         "contact": {"boundary": "bottom", "friction": {"law": "coulomb", "coefficient": 0.5}},
         "solver": {"gamma_n": GAMMA, "gamma_t": GAMMA},
@@ -62,14 +73,22 @@ def test_a_constant_state(generator, cell, degree):
     assert fields.pressure.x.array == pytest.approx(PRESSURE, rel=ROUND_OFF)
     shear = np.zeros(last + 1)
     shear[0] = SHEAR
-    assert columns(fields.shear) == pytest.approx(np.tile(shear, (len(columns(fields.shear)), 1)), abs=1e-8)
+    assert columns(fields.shear) == pytest.approx(
+        np.tile(shear, (len(columns(fields.shear)), 1)), abs=1e-8
+    )
     assert fields.gap.x.array == pytest.approx(-PRESSURE / GAMMA, rel=1e-7)
     assert columns(fields.slip)[:, 0] == pytest.approx(SHEAR / GAMMA, rel=1e-5)
     area = 1.5
-    assert whole(ufl.inner(fields.shear, fields.slip) * ufl.dx) == pytest.approx(SHEAR**2 / GAMMA * area, rel=1e-5)
+    assert whole(ufl.inner(fields.shear, fields.slip) * ufl.dx) == pytest.approx(
+        SHEAR**2 / GAMMA * area, rel=1e-5
+    )
     assert whole(fem.Constant(mesh, 1.0) * ufl.dx) == pytest.approx(area, rel=ROUND_OFF)
-    assert whole(fields.pressure * ufl.dx) == pytest.approx(solution.contact.forces[0][last], rel=ROUND_OFF)
-    assert whole(fields.shear[0] * ufl.dx) == pytest.approx(-solution.contact.forces[1][0], rel=ROUND_OFF)
+    assert whole(fields.pressure * ufl.dx) == pytest.approx(
+        solution.contact.forces[0][last], rel=ROUND_OFF
+    )
+    assert whole(fields.shear[0] * ufl.dx) == pytest.approx(
+        -solution.contact.forces[1][0], rel=ROUND_OFF
+    )
     assert np.abs(positions(fields.pressure)[:, last]).max(initial=0) == 0
 
 
@@ -77,7 +96,9 @@ def test_a_constant_state(generator, cell, degree):
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.mpi
 def test_values_at_points(degree):
-    """Each node has the value that the contact table has at its position; forces are integrals, on any ranks."""
+    """Each node has the value that the contact table has at its position; forces are integrals, on
+    any ranks.
+    """
     scene = example1(coefficient=0.3, nx=24, ny=8, degree=degree)
     solution = solve(scene, COMM)
     fields, table = solution.boundary_fields(0), solution.table.columns

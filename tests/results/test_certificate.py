@@ -1,4 +1,6 @@
-"""The certificate believes nothing of the solver: wrong answers of every kind, and faults put into the solver."""
+"""The certificate believes nothing of the solver: wrong answers of every kind, and faults put into
+the solver.
+"""
 
 from dataclasses import replace
 from functools import cache
@@ -23,7 +25,9 @@ from signorini_fx.tuned import CERTIFICATE_TOLERANCE
 
 
 def wedge(**solver):
-    """A wedge in a groove whose flanks are oblique, held sideways at its top: two contact nodes have a support."""
+    """A wedge in a groove whose flanks are oblique, held sideways at its top: two contact nodes
+    have a support.
+    """
     return parse_scene(
         {
             "mesh": {"generator": "wedge", "parameters": {"nx": 6, "ny": 12}},
@@ -31,7 +35,8 @@ def wedge(**solver):
             "displacement": [{"boundary": "top", "x": 0.0}],
             "traction": [{"boundary": "top", "y": -20.0}],
             "contact": [
-                {"boundary": side, "friction": {"law": "coulomb", "coefficient": 0.2}} for side in ("left", "right")
+                {"boundary": side, "friction": {"law": "coulomb", "coefficient": 0.2}}
+                for side in ("left", "right")
             ],
             "solver": solver,
         }
@@ -42,7 +47,9 @@ SCENES = {
     "no friction": lambda **s: example1(nx=30, ny=10, gamma="auto", **s),
     "Tresca": lambda **s: example1(bound=1.5, nx=30, ny=10, gamma="auto", **s),
     "Coulomb": lambda **s: example1(coefficient=0.3, nx=30, ny=10, gamma="auto", **s),
-    "Coulomb, degree 2": lambda **s: example1(coefficient=0.3, nx=15, ny=5, degree=2, gamma="auto", **s),
+    "Coulomb, degree 2": lambda **s: example1(
+        coefficient=0.3, nx=15, ny=5, degree=2, gamma="auto", **s
+    ),
     "wedge": wedge,
 }
 METHODS = ("ssn", "alm")
@@ -58,7 +65,9 @@ def solved(name, algorithm):
 
 
 def judged(solution, displacement=None, statement=None, **changes):
-    """The certificate of a solution with another displacement, other tractions, or of another scene."""
+    """The certificate of a solution with another displacement, other tractions, or of another
+    scene.
+    """
     moved = solution.displacement.copy()
     if displacement is not None:
         moved.x.array[:] = displacement(moved.x.array.copy())
@@ -95,7 +104,9 @@ by = pytest.mark.parametrize("algorithm", METHODS)
 @pytest.mark.slow
 @each
 def test_wrong_displacements(name, algorithm):
-    """Scaled, turned, moved, one degree of freedom off by a thousandth, one off by a few millionths: none passes."""
+    """Scaled, turned, moved, one degree of freedom off by a thousandth, one off by a few
+    millionths: none passes.
+    """
     solution = solved(name, algorithm)
     x = solution.model.space.tabulate_dof_coordinates()
     largest = np.abs(solution.displacement.x.array).max()
@@ -103,7 +114,11 @@ def test_wrong_displacements(name, algorithm):
     refused(judged(solution, lambda u: 1.2 * u))
     refused(judged(solution, lambda u: 0.8 * u))
     refused(judged(solution, lambda u: (1 + 1e-4) * u))
-    refused(judged(solution, lambda u: u + 1e-4 * largest * np.column_stack((-x[:, 1], x[:, 0])).ravel()))
+    refused(
+        judged(
+            solution, lambda u: u + 1e-4 * largest * np.column_stack((-x[:, 1], x[:, 0])).ravel()
+        )
+    )
     refused(judged(solution, lambda u: u + 1e-3 * largest * np.tile([0.0, 1.0], u.size // 2)))
     for dof in rng.integers(0, 2 * len(x), 40):
         refused(judged(solution, at(dof, lambda value: value + 1e-3 * largest)))
@@ -116,41 +131,68 @@ def test_one_node_of_many(algorithm):
     solution = solved("Coulomb", algorithm)
     pressure = solution.contact.pressure
     row = int(np.argmax(pressure))
-    certificate = judged(solution, pressure=at(row, lambda value: (1 + 2 * CERTIFICATE_TOLERANCE) * value))
+    certificate = judged(
+        solution, pressure=at(row, lambda value: (1 + 2 * CERTIFICATE_TOLERANCE) * value)
+    )
     refused(certificate, "equilibrium")
 
 
 KINDS = {
-    "shear the other way": ({"shear": lambda c: -Tractions.of(c).shear}, ("equilibrium", "wrong_way_slip")),
+    "shear the other way": (
+        {"shear": lambda c: -Tractions.of(c).shear},
+        ("equilibrium", "wrong_way_slip"),
+    ),
     "no shear": ({"shear": lambda c: 0 * Tractions.of(c).shear}, ("equilibrium",)),
-    "beyond the bound": ({"shear": lambda c: Tractions.of(c).shear + 0.1 * c.pressure.max()}, ("friction_cone",)),
-    "tension": ({"pressure": lambda c: c.pressure - 0.1 * c.pressure.max()}, ("negative_pressure",)),
-    "pressure without contact": ({"pressure": lambda c: c.pressure + 0.01 * c.pressure.max()}, ("equilibrium",)),
+    "beyond the bound": (
+        {"shear": lambda c: Tractions.of(c).shear + 0.1 * c.pressure.max()},
+        ("friction_cone",),
+    ),
+    "tension": (
+        {"pressure": lambda c: c.pressure - 0.1 * c.pressure.max()},
+        ("negative_pressure",),
+    ),
+    "pressure without contact": (
+        {"pressure": lambda c: c.pressure + 0.01 * c.pressure.max()},
+        ("equilibrium",),
+    ),
 }
 
 
 @pytest.mark.one_quick
 @pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize(("name", "algorithm"), [pair for pair in PAIRS if pair[0] in ("Coulomb", "Tresca", "wedge")])
+@pytest.mark.parametrize(
+    ("name", "algorithm"), [pair for pair in PAIRS if pair[0] in ("Coulomb", "Tresca", "wedge")]
+)
 def test_kinds_of_wrong_tractions(kind, name, algorithm):
     """Each violation has its figure."""
     solution = solved(name, algorithm)
     changes, figures = KINDS[kind]
     values = {key: change(solution.contact) for key, change in changes.items()}
-    refused(judged(solution, **{key: lambda _, value=value: value for key, value in values.items()}), *figures)
+    refused(
+        judged(solution, **{key: lambda _, value=value: value for key, value in values.items()}),
+        *figures,
+    )
 
 
 @pytest.mark.parametrize("push", [0.0, 1e-3])
 @pytest.mark.parametrize("gamma", [1e1, 1e11])
 def test_nodes_held_inside_with_a_tangent_free(gamma, push):
-    """Supports hold all nodes inside the foundation and leave one tangential direction free, in which the normals have
-    a component of round-off: loads and shear along this direction are judged, and a pressure is refused.
+    """Supports hold all nodes inside the foundation and leave one tangential direction free, in
+    which the normals have a component of round-off: loads and shear along this direction are
+    judged, and a pressure is refused.
     """
     scene = parse_scene(
         {
             "mesh": {
                 "generator": "ring",
-                "parameters": {"radius": 1.0, "inner_radius": 0.5, "height": 0.7, "nt": 3, "nr": 1, "nz": 2}
+                "parameters": {
+                    "radius": 1.0,
+                    "inner_radius": 0.5,
+                    "height": 0.7,
+                    "nt": 3,
+                    "nr": 1,
+                    "nz": 2,
+                }
                 | {"cell": "tetrahedron"},
             },
             "material": {"young": 1000.0, "poisson": 0.3},
@@ -185,31 +227,44 @@ def test_another_scene():
     }
     for key, value in others.items():
         refused(judged(solution, statement=scene.changed(**{key: value})), "equilibrium")
-    pulled = scene.changed(displacement=(support.model_copy(update={"x": 1e-6}), scene.displacement[1]))
+    pulled = scene.changed(
+        displacement=(support.model_copy(update={"x": 1e-6}), scene.displacement[1])
+    )
     refused(judged(solution, statement=pulled), "supports")
 
 
 def test_the_law_itself_does_not_allow_for_gamma():
-    """A regularised solution is none of the unregularised law: penetration and elastic slip refuse it."""
+    """A regularised solution is none of the unregularised law: penetration and elastic slip refuse
+    it.
+    """
     solution = alone(example1(coefficient=0.6, nx=30, ny=10, gamma=1e6))
     assert solution.certificate.law == Law(1e6, 1e6)
     contact, tagged = solution.contact, solution.model.tagged
     certificate = certify(solution.statement, tagged, solution.displacement, Tractions.of(contact))
     refused(certificate, "entered", "slip_below_bound")
-    half = certify(solution.statement, tagged, solution.displacement, Tractions.of(contact), law=Law(2e6, 2e6))
+    half = certify(
+        solution.statement, tagged, solution.displacement, Tractions.of(contact), law=Law(2e6, 2e6)
+    )
     refused(half, "entered", "slip_below_bound")
 
 
 def test_a_body_that_sinks_unhindered_is_refused():
-    """The linear solution goes through the foundation, in equilibrium and with multipliers that violate nothing."""
+    """The linear solution goes through the foundation, in equilibrium and with multipliers that
+    violate nothing.
+    """
     scene = example1(nx=60, ny=20)
     clamped = tuple(support.model_copy(update={"y": 0.0}) for support in scene.displacement)
     scene = scene.model_copy(update={"displacement": clamped})
     contact = alone(scene).contact
     free = alone(scene.model_copy(update={"contact": ()}))
-    nothing = replace(Tractions.of(contact), pressure=0 * contact.pressure, shear=0 * Tractions.of(contact).shear)
+    nothing = replace(
+        Tractions.of(contact), pressure=0 * contact.pressure, shear=0 * Tractions.of(contact).shear
+    )
     certificate = certify(scene.statement, free.model.tagged, free.displacement, nothing)
-    assert max(certificate.equilibrium, certificate.negative_pressure, certificate.friction_cone) < 1e-6
+    assert (
+        max(certificate.equilibrium, certificate.negative_pressure, certificate.friction_cone)
+        < 1e-6
+    )
     assert certificate.entered > 0.1
     assert not certificate.holds
 
@@ -217,8 +272,8 @@ def test_a_body_that_sinks_unhindered_is_refused():
 @pytest.mark.parametrize("offset", [1e-4, -1e-4])
 @pytest.mark.parametrize("algorithm", METHODS)
 def test_bilateral_contact_where_a_support_holds_a_node(algorithm, offset):
-    """The corner of a clamped side cannot follow bilateral contact with a gap: all other nodes do, and one more that
-    does not is noticed.
+    """The corner of a clamped side cannot follow bilateral contact with a gap: all other nodes do,
+    and one more that does not is noticed.
     """
     scene = parse_scene(
         {
@@ -234,13 +289,15 @@ def test_bilateral_contact_where_a_support_holds_a_node(algorithm, offset):
     columns = table_of(solution).columns
     u_n, pressure = columns["u_n"], columns["pressure"]
     assert u_n[0] == 0
-    assert u_n[1:] - pressure[1:] / solution.certificate.law.gamma_n == pytest.approx(offset, rel=1e-9)
+    assert u_n[1:] - pressure[1:] / solution.certificate.law.gamma_n == pytest.approx(
+        offset, rel=1e-9
+    )
     for change in (1e-3 * offset, -1e-3 * offset):
         other = scene.contact[0].model_copy(update={"gap": offset + change})
         refused(judged(solution, statement=scene.statement.changed(contact=(other,))), "entered")
 
 
-# --- faults in the solver ---------------------------------------------------------------------------------------------
+# --- faults in the solver -------------------------------------------------------------------------
 
 
 def without_rotation(rest):
@@ -255,7 +312,9 @@ def without_reference_motion(right):
 
 def with_turned_rest(right):
     """The rotation of the reference motion is dropped from the displacement that the user gets."""
-    return lambda discretisation, rest, displacement: right(discretisation, without_rotation(rest), displacement)
+    return lambda discretisation, rest, displacement: right(
+        discretisation, without_rotation(rest), displacement
+    )
 
 
 def stiffer(right):
@@ -330,7 +389,9 @@ def test_faults_of_the_solver_are_refused(monkeypatch, fault, algorithm):
 
 
 def on_a_slope(**solver):
-    """A block that falls onto a slope and turns until it lies on it, where friction alone holds it."""
+    """A block that falls onto a slope and turns until it lies on it, where friction alone holds
+    it.
+    """
     return parse_scene(
         {
             "mesh": {"generator": "rectangle", "parameters": {"nx": 20, "ny": 8}},
@@ -347,14 +408,18 @@ def on_a_slope(**solver):
 
 
 def test_a_rigid_motion_is_no_deformation():
-    """Lengths are judged by the deformation: a body that turns far has no leave to enter its foundation farther."""
+    """Lengths are judged by the deformation: a body that turns far has no leave to enter its
+    foundation farther.
+    """
     solution = alone(on_a_slope())
     x = solution.model.space.tabulate_dof_coordinates()[:, :2]
     u = solution.displacement.x.array
     motions = np.zeros((u.size, 3))
     motions[::2, 0] = motions[1::2, 1] = 1.0
     motions[::2, 2], motions[1::2, 2] = -x[:, 1], x[:, 0]
-    left = np.linalg.norm((u - motions @ np.linalg.lstsq(motions, u)[0]).reshape(-1, 2), axis=1).max()
+    left = np.linalg.norm(
+        (u - motions @ np.linalg.lstsq(motions, u)[0]).reshape(-1, 2), axis=1
+    ).max()
     assert left < 0.1 * np.abs(u).max()
     effect = solution.statement.contact[0]
     gap = lambda x: effect.gap(x) - 3 * CERTIFICATE_TOLERANCE * left  # noqa: E731
@@ -365,8 +430,8 @@ def test_a_rigid_motion_is_no_deformation():
 @pytest.mark.one_quick
 @pytest.mark.parametrize(("size", "stress"), [(1.0, 1.0), (1e-6, 1e9)])
 def test_a_body_that_moves_far_does_not_deform_another_one(size, stress):
-    """Two blocks move by half of their size until a third one deforms them by a thousandth of that: a gap that is wrong
-    by a share of what deforms them is not right because they have moved far.
+    """Two blocks move by half of their size until a third one deforms them by a thousandth of that:
+    a gap that is wrong by a share of what deforms them is not right because they have moved far.
     """
     friction = {"law": "coulomb", "coefficient": 0.5}
     solution = alone(stack_of_three(-0.5005, friction, friction, gap=0.5, size=size, stress=stress))
@@ -386,12 +451,16 @@ def test_a_body_that_moves_far_does_not_deform_another_one(size, stress):
     contact = solution.statement.contact
     for error, figure in ((3, "entered"), (-3, "pressure_at_distance")):
         gap = 0.5 * size - error * CERTIFICATE_TOLERANCE * left
-        scene = solution.statement.changed(contact=(contact[0].model_copy(update={"gap": gap}), contact[1]))
+        scene = solution.statement.changed(
+            contact=(contact[0].model_copy(update={"gap": gap}), contact[1])
+        )
         refused(judged(solution, statement=scene), figure)
 
 
 def test_a_node_smaller_than_the_digits_of_the_displacement():
-    """Halved thirty times at a corner in contact, facets are 1e-9 long: no round-off is taken for a stress there."""
+    """Halved thirty times at a corner in contact, facets are 1e-9 long: no round-off is taken for a
+    stress there.
+    """
     scene = example1(bound=1.5, nx=6, ny=2, cell="triangle", degree=2)
     scene = scene.model_copy(
         update={

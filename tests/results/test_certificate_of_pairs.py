@@ -13,10 +13,18 @@ COMM = MPI.COMM_WORLD
 
 
 def scene():
-    """A block on another one, beyond whose end it stands out; the points are on the lower one, which is softer."""
+    """A block on another one, beyond whose end it stands out; the points are on the lower one,
+    which is softer.
+    """
 
     def mesh(count):
-        parameters = {"length": 1.0, "height": 1.0, "nx": count, "ny": count, "cell": "quadrilateral"}
+        parameters = {
+            "length": 1.0,
+            "height": 1.0,
+            "nx": count,
+            "ny": count,
+            "cell": "quadrilateral",
+        }
         return {"generator": "rectangle", "parameters": parameters}
 
     return parse_scene(
@@ -57,8 +65,12 @@ def test_faces_that_are_no_parallelograms(degree):
         def place(x):
             return x + 16 * np.outer(np.prod(x[:, :2] * (1 - x[:, :2]), axis=1), twist)
 
-        mesh = assembled("hexahedron", grid("hexahedron", counts, (0, 0, low), (1, 1, low + 1), place))
-        return tag_boundaries(mesh, {"bottom": f"abs(x[2] - {low}) < 1e-9", "top": f"abs(x[2] - {low + 1}) < 1e-9"})
+        mesh = assembled(
+            "hexahedron", grid("hexahedron", counts, (0, 0, low), (1, 1, low + 1), place)
+        )
+        return tag_boundaries(
+            mesh, {"bottom": f"abs(x[2] - {low}) < 1e-9", "top": f"abs(x[2] - {low + 1}) < 1e-9"}
+        )
 
     found = solve(
         parse_scene(

@@ -1,4 +1,6 @@
-"""The certificate judges each piece by its own scale: wrong answers of one that is hardly loaded, on slender bodies."""
+"""The certificate judges each piece by its own scale: wrong answers of one that is hardly loaded,
+on slender bodies.
+"""
 
 from dataclasses import replace
 from functools import cache
@@ -15,8 +17,8 @@ from signorini_fx.tuned import CERTIFICATE_TOLERANCE
 
 @cache
 def solved(share, dim, algorithm="ssn"):
-    """Two blocks beside each other on foundations with friction; loads and gap of the second are a share of those of
-    the first.
+    """Two blocks beside each other on foundations with friction; loads and gap of the second are a
+    share of those of the first.
     """
     sizes = dict.fromkeys(("length", "height") if dim == 2 else ("length", "width", "height"), 1.0)
     counts = dict.fromkeys(("nx", "ny", "nz")[:dim], 6 if dim == 2 else 3)
@@ -25,12 +27,16 @@ def solved(share, dim, algorithm="ssn"):
     names = {"first": 1.0, "second": share}
     friction = {"law": "coulomb", "coefficient": 0.3}
     scene = {
-        "body": [{"name": n, "mesh": mesh, "shift": [3.0 * k] + [0.0] * (dim - 1)} for k, n in enumerate(names)],
+        "body": [
+            {"name": n, "mesh": mesh, "shift": [3.0 * k] + [0.0] * (dim - 1)}
+            for k, n in enumerate(names)
+        ],
         "material": {"young": 1000.0, "poisson": 0.3},
         "displacement": [{"boundary": f"{name}.left", **held} for name in names],
         "traction": [{"boundary": f"{name}.top", up: -10.0 * part} for name, part in names.items()],
         "contact": [
-            {"boundary": f"{name}.bottom", "gap": 0.001 * part, "friction": friction} for name, part in names.items()
+            {"boundary": f"{name}.bottom", "gap": 0.001 * part, "friction": friction}
+            for name, part in names.items()
         ],
         "solver": {"algorithm": algorithm},
     }
@@ -40,7 +46,9 @@ def solved(share, dim, algorithm="ssn"):
 
 
 def judged(solution, displacement=lambda y: y, pressure=lambda p: p, shear=lambda s: s):
-    """The certificate of a solution whose second block has another displacement, pressure or shear."""
+    """The certificate of a solution whose second block has another displacement, pressure or
+    shear.
+    """
     moved, dim = solution.displacement.copy(), solution.model.tagged.mesh.geometry.dim
     y, x = moved.x.array.reshape(-1, dim), solution.model.space.tabulate_dof_coordinates()
     second = x[:, 0] > 2
@@ -51,11 +59,15 @@ def judged(solution, displacement=lambda y: y, pressure=lambda p: p, shear=lambd
         values[there] = change(values[there])
         assert np.abs(values).max() > 0, name
     tractions = replace(tractions, **changed)
-    return certify(solution.statement, solution.model.tagged, moved, tractions, law=solution.certificate.law)
+    return certify(
+        solution.statement, solution.model.tagged, moved, tractions, law=solution.certificate.law
+    )
 
 
 @pytest.mark.one_quick
-@pytest.mark.parametrize(("share", "dim", "algorithm"), [(1e-8, 2, "ssn"), (1e-5, 2, "alm"), (1e-8, 3, "ssn")])
+@pytest.mark.parametrize(
+    ("share", "dim", "algorithm"), [(1e-8, 2, "ssn"), (1e-5, 2, "alm"), (1e-8, 3, "ssn")]
+)
 def test_a_body_that_is_hardly_loaded(share, dim, algorithm):
     """Its displacement, pressure and shear may be no more wrong than those of the other one."""
     solution, rng = solved(share, dim, algorithm), np.random.default_rng(0)
@@ -73,7 +85,9 @@ def test_a_body_that_is_hardly_loaded(share, dim, algorithm):
 
 
 def test_round_off_of_the_other_body_is_no_fault():
-    """The unknowns of both are solved for at once: what is less than the last digit of the larger one is nothing."""
+    """The unknowns of both are solved for at once: what is less than the last digit of the larger
+    one is nothing.
+    """
     solution, rng = solved(1e-11, 2), np.random.default_rng(0)
     last_digit = np.finfo(float).eps * np.abs(solution.displacement.x.array).max()
     found = judged(solution, lambda y: y + 0.05 * last_digit * rng.standard_normal(y.shape))
@@ -82,7 +96,9 @@ def test_round_off_of_the_other_body_is_no_fault():
 
 
 def test_a_body_between_a_support_and_springs():
-    """Without loads and contact the springs alone say how large forces are, when they are wrong by a share."""
+    """Without loads and contact the springs alone say how large forces are, when they are wrong by
+    a share.
+    """
     block = {"length": 2.0, "height": 1.0, "nx": 6, "ny": 3}
     scene = parse_scene(
         {
@@ -95,15 +111,26 @@ def test_a_body_between_a_support_and_springs():
     solution = alone(scene)
     stiffer = scene.springs[0].model_copy(update={"x": 100.0 * (1 + 1e-3), "y": 100.0 * (1 + 1e-3)})
     other = scene.model_copy(update={"springs": (stiffer,)})
-    found = certify(other.statement, solution.model.tagged, solution.displacement, None, law=solution.certificate.law)
+    found = certify(
+        other.statement,
+        solution.model.tagged,
+        solution.displacement,
+        None,
+        law=solution.certificate.law,
+    )
     assert found.equilibrium == pytest.approx(1e-3, rel=0.01)
 
 
 def test_a_slender_body():
-    """The clamp of a cantilever takes 100 times the load: a load that is wrong by 1e-5 is refused all the same."""
+    """The clamp of a cantilever takes 100 times the load: a load that is wrong by 1e-5 is refused
+    all the same.
+    """
     scene = parse_scene(
         {
-            "mesh": {"generator": "rectangle", "parameters": {"length": 100.0, "height": 1.0, "nx": 100, "ny": 2}},
+            "mesh": {
+                "generator": "rectangle",
+                "parameters": {"length": 100.0, "height": 1.0, "nx": 100, "ny": 2},
+            },
             "material": {"young": 1e6, "poisson": 0.3},
             "displacement": {"boundary": "left", "x": 0.0, "y": 0.0},
             "traction": {"boundary": "right", "y": -1.0},
@@ -115,5 +142,7 @@ def test_a_slender_body():
     load = scene.traction[0].model_copy(update={"y": -1.0 * (1 + 1e-5)})
     other = scene.model_copy(update={"traction": (load,)})
     tractions, tagged = Tractions.of(solution.contact), solution.model.tagged
-    found = certify(other.statement, tagged, solution.displacement, tractions, law=solution.certificate.law)
+    found = certify(
+        other.statement, tagged, solution.displacement, tractions, law=solution.certificate.law
+    )
     assert found.equilibrium > CERTIFICATE_TOLERANCE

@@ -1,4 +1,6 @@
-"""What is said about a result that stands may fail, on any rank: the result is kept, and nobody waits for ever."""
+"""What is said about a result that stands may fail, on any rank: the result is kept, and nobody
+waits for ever.
+"""
 
 import json
 
@@ -59,7 +61,14 @@ def test_a_failure_is_one_of_all_ranks(rank, solution, tmp_path, monkeypatch):
     assert all(other == summary["findings"] for other in COMM.allgather(summary["findings"]))
     COMM.Barrier()
     there = {path.name for path in folder.iterdir()}
-    assert there == {"summary.json", "contact.csv", "history.csv", "outer.csv", *there & set(files.FILES), MANIFEST}
+    assert there == {
+        "summary.json",
+        "contact.csv",
+        "history.csv",
+        "outer.csv",
+        *there & set(files.FILES),
+        MANIFEST,
+    }
     assert not any(path.suffix == ".png" for path in folder.iterdir())
     assert json.loads((folder / "summary.json").read_text())["findings"] == summary["findings"]
     COMM.Barrier()
@@ -87,17 +96,23 @@ def test_ctrl_c_during_an_afterthought(tmp_path, monkeypatch, capfd):
 
     monkeypatch.setattr(results, "gather_pictures", interrupted)
     out = tmp_path / "out"
-    assert cli.main(["solve", str(tmp_path / "scene.toml"), "--out", str(out), "--no-fields"]) == 130
+    assert (
+        cli.main(["solve", str(tmp_path / "scene.toml"), "--out", str(out), "--no-fields"]) == 130
+    )
     assert f"interrupted: the results are in {out}/" in capfd.readouterr().err
     summary = json.loads((out / "summary.json").read_text())
-    assert [found["path"] for found in summary["findings"] if "is missing" in found["message"]] == ["pictures"]
+    assert [found["path"] for found in summary["findings"] if "is missing" in found["message"]] == [
+        "pictures"
+    ]
     assert "cost" in summary
     assert not (out / PART).exists()
 
 
 def test_a_report_that_fails_costs_no_result(tmp_path, monkeypatch):
     """Nothing in the folder changes."""
-    write_results(alone(example1(bound=1.5, nx=6, ny=2)), tmp_path / "out", pictures=False, fields=False)
+    write_results(
+        alone(example1(bound=1.5, nx=6, ny=2)), tmp_path / "out", pictures=False, fields=False
+    )
     before = {path: path.read_bytes() for path in (tmp_path / "out").iterdir()}
     monkeypatch.setattr("signorini_fx.addons.report.page._page", fails)
     with pytest.raises(ResultError, match="broke down"):

@@ -1,4 +1,6 @@
-"""The files of fields: their formats, what a reader finds in them, and what is left of older ones."""
+"""The files of fields: their formats, what a reader finds in them, and what is left of older
+ones.
+"""
 
 from xml.etree import ElementTree
 
@@ -15,7 +17,8 @@ from signorini_fx.scenes.solver import solve
 COMM = MPI.COMM_WORLD
 YOUNG, POISSON = 5000.0, 0.3
 GRADIENT = 1e-3 * np.array([[1.0, 0.5, 0.0], [-0.2, 0.7, 0.3], [0.1, 0.0, -0.4]])
-# Cells, degree -> kind of cell in VTK (from degree 2 on a Lagrange cell of any degree), and how many there are.
+# Cells, degree -> kind of cell in VTK (from degree 2 on a Lagrange cell of any degree), and how
+# many there are.
 CELLS = {
     ("triangle", 1): (5, 12),
     ("triangle", 2): (69, 12),
@@ -34,7 +37,9 @@ def folder(tmp_path):
 def stretched(cells, degree):
     """A body with a constant displacement gradient."""
     dim = 2 if cells in ("triangle", "quadrilateral") else 3
-    moves = {"xyz"[i]: " + ".join(f"{GRADIENT[i, j]} * x[{j}]" for j in range(dim)) for i in range(dim)}
+    moves = {
+        "xyz"[i]: " + ".join(f"{GRADIENT[i, j]} * x[{j}]" for j in range(dim)) for i in range(dim)
+    }
     sides = ["left", "right", "bottom", "top", "front", "back"][: 2 * dim]
     mesh = {"generator": "rectangle", "parameters": {"nx": 3, "ny": 2, "cell": cells}}
     return parse_scene(
@@ -51,7 +56,9 @@ def stretched(cells, degree):
 @pytest.mark.mpi
 @pytest.mark.parametrize(("cells", "degree"), CELLS)
 def test_vtu(folder, cells, degree):
-    """One file of all ranks has every cell once, in VTK's kind for the degree, and every field at its points."""
+    """One file of all ranks has every cell once, in VTK's kind for the degree, and every field at
+    its points.
+    """
     summary = write_results(solve(stretched(cells, degree), COMM), folder, pictures=False)
     assert summary["fields"] == ["fields.vtu"]
     kind, count = CELLS[cells, degree]
@@ -72,7 +79,9 @@ def test_vtu(folder, cells, degree):
         expected = np.tile(stress.ravel(), (len(points), 1))
         np.testing.assert_allclose(arrays[name], expected, atol=1e-6 * np.abs(stress).max())
     principal = np.linalg.eigvalsh(stress)[::-1]
-    np.testing.assert_allclose(arrays["principal_stresses"], np.tile(principal, (len(points), 1)), atol=1e-6)
+    np.testing.assert_allclose(
+        arrays["principal_stresses"], np.tile(principal, (len(points), 1)), atol=1e-6
+    )
     mises = np.sqrt(1.5) * np.linalg.norm(stress - np.trace(stress) / 3 * np.eye(3))
     for name in ("von_mises", "recovered_von_mises"):
         np.testing.assert_allclose(arrays[name][:, 0], mises, rtol=1e-6)
@@ -99,14 +108,18 @@ def test_load_steps(tmp_path):
         {
             "mesh": {"generator": "rectangle", "parameters": {"nx": 3, "ny": 2}},
             "material": {"young": YOUNG, "poisson": POISSON},
-            "displacement": [{"boundary": "left", "x": 0.0, "y": 0.0}, {"boundary": "right", "x": "t"}],
+            "displacement": [
+                {"boundary": "left", "x": 0.0, "y": 0.0},
+                {"boundary": "right", "x": "t"},
+            ],
             "load_steps": {"times": [0.5, 1.0]},
         }
     )
     summary = write_results(solve(scene, MPI.COMM_SELF), tmp_path, pictures=False)
     assert summary["fields"] == ["fields.pvd"]
     listed = [
-        (row.get("timestep"), row.get("file")) for row in ElementTree.parse(tmp_path / "fields.pvd").iter("DataSet")
+        (row.get("timestep"), row.get("file"))
+        for row in ElementTree.parse(tmp_path / "fields.pvd").iter("DataSet")
     ]
     assert listed == [("0.5", "fields/0001.vtu"), ("1.0", "fields/0002.vtu")]
     largest = [arrays_of(tmp_path / file)["displacement"][:, 0].max() for _, file in listed]
@@ -120,5 +133,7 @@ def test_without_fields(tmp_path):
     assert (out / "fields.vtu").exists()
     write_results(solution, out, fields=False, pictures=False)
     assert not (out / "fields.vtu").exists()
-    with pytest.raises(ValueError, match=r"True or False is expected, got 'vtx': all of them are in fields\.vtu"):
+    with pytest.raises(
+        ValueError, match=r"True or False is expected, got 'vtx': all of them are in fields\.vtu"
+    ):
         write_results(solution, out, fields="vtx")

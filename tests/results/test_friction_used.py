@@ -28,7 +28,11 @@ def hub(torque, **load_steps):
                 "y": f"{torque} * x[0]",
                 **({"factors": [0.0, 1.0]} if load_steps else {}),
             },
-            "contact": {"boundary": "inner", "gap": -1e-3, "friction": {"law": "coulomb", "coefficient": 0.3}},
+            "contact": {
+                "boundary": "inner",
+                "gap": -1e-3,
+                "friction": {"law": "coulomb", "coefficient": 0.3},
+            },
             **({"load_steps": load_steps} if load_steps else {}),
         }
     )
@@ -41,7 +45,9 @@ def beyond_the_limit():
 
 
 def test_a_hub_at_its_slip_torque():
-    """The torque itself takes a per cent of the pressure away; a ramp ends where all of the friction is used."""
+    """The torque itself takes a per cent of the pressure away; a ramp ends where all of the
+    friction is used.
+    """
     shares = np.array([alone(hub(torque)).friction_used / torque for torque in (0.5, 1.5, 1.95)])
     np.testing.assert_allclose(shares, 1 / 2.02, rtol=0.01)
     assert (np.diff(shares) > 0).all()
@@ -53,7 +59,9 @@ def test_a_hub_at_its_slip_torque():
 
 @pytest.mark.parametrize("beyond", [False, True])
 def test_a_page_says_the_friction_or_the_limit(tmp_path, beyond):
-    """Of a press fit that holds the share of its friction, of a ramp beyond its limit that limit, never both."""
+    """Of a press fit that holds the share of its friction, of a ramp beyond its limit that limit,
+    never both.
+    """
     solution = beyond_the_limit() if beyond else alone(hub(1.5))
     write_results(solution, tmp_path / "hub", fields=False, pictures=False)
     page = write_report(tmp_path / "hub", None).read_text(encoding="utf-8")
@@ -66,24 +74,45 @@ def test_a_page_says_the_friction_or_the_limit(tmp_path, beyond):
 @pytest.mark.parametrize("pushes", [(0.1, 0.2), (0.2, 0.1)])
 def test_of_several_pieces_the_weakest_counts(pushes):
     boxes = [Box("one", 0.0, 0.0, 1.0, 1.0, 2, 2), Box("other", 2.0, 0.0, 1.0, 1.0, 2, 2)]
-    tractions = [{"boundary": f"left {box.name}", "x": push} for box, push in zip(boxes, pushes, strict=True)]
+    tractions = [
+        {"boundary": f"left {box.name}", "x": push} for box, push in zip(boxes, pushes, strict=True)
+    ]
     friction = {"law": "coulomb", "coefficient": 0.8}
     contact = [{"boundary": f"bottom {box.name}", "friction": friction} for box in boxes]
-    scene = scene_on(boxes_mesh(MPI.COMM_SELF, boxes), body_force={"y": -1.0}, traction=tractions, contact=contact)
+    scene = scene_on(
+        boxes_mesh(MPI.COMM_SELF, boxes),
+        body_force={"y": -1.0},
+        traction=tractions,
+        contact=contact,
+    )
     assert alone(scene).friction_used == pytest.approx(0.2 / 0.8, rel=1e-6)
 
 
 def test_of_a_wheel_the_nodes_in_contact_count():
-    """A braked wheel that is pushed: it would rest at steeper nodes if it slid, which this solution does not use."""
+    """A braked wheel that is pushed: it would rest at steeper nodes if it slid, which this solution
+    does not use.
+    """
     push, weight, radius = 0.6, 2.0, 4.0
-    wheel = {"shape": "circle", "centre": [5.0, 3.0 + radius], "radius": radius, "pivot": [5.0, 3.0 + radius]}
+    wheel = {
+        "shape": "circle",
+        "centre": [5.0, 3.0 + radius],
+        "radius": radius,
+        "pivot": [5.0, 3.0 + radius],
+    }
     wheel |= {"force": [push, -weight], "prescribed": {"rotation": 0.0}}
     scene = parse_scene(
         {
-            "mesh": {"generator": "rectangle", "parameters": {"length": 10.0, "height": 3.0, "nx": 40, "ny": 12}},
+            "mesh": {
+                "generator": "rectangle",
+                "parameters": {"length": 10.0, "height": 3.0, "nx": 40, "ny": 12},
+            },
             "material": {"young": 20.0, "poisson": 0.3},
             "displacement": {"boundary": "bottom", "x": 0.0, "y": 0.0},
-            "contact": {"boundary": "top", "foundation": wheel, "friction": {"law": "coulomb", "coefficient": 0.5}},
+            "contact": {
+                "boundary": "top",
+                "foundation": wheel,
+                "friction": {"law": "coulomb", "coefficient": 0.5},
+            },
         }
     )
     solution = alone(scene)
@@ -92,7 +121,8 @@ def test_of_a_wheel_the_nodes_in_contact_count():
     normal = np.column_stack((table["n_x"], table["n_y"]))[touching]
     along = np.column_stack((-normal[:, 1], normal[:, 0]))
     bound = (table["bound"] * table["weight"])[touching]
-    # Forces of the wheel on the body: pressures along -n, shears within their bounds; the multiple is the last unknown.
+    # Forces of the wheel on the body: pressures along -n, shears within their bounds; the multiple
+    # is the last unknown.
     rows = np.column_stack((-normal.T, along.T, [-push, weight]))
     limits = [(0, None)] * len(bound) + [(-b, b) for b in bound] + [(0, None)]
     best = linprog([0.0] * (2 * len(bound)) + [-1.0], A_eq=rows, b_eq=[0.0, 0.0], bounds=limits)

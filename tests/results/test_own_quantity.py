@@ -1,4 +1,6 @@
-"""A quantity that a program adds: it is everywhere where those of the package are, and its failure is a warning."""
+"""A quantity that a program adds: it is everywhere where those of the package are, and its failure
+is a warning.
+"""
 
 import json
 import runpy
@@ -44,8 +46,8 @@ def scene(coefficient=0.3):
 
 @pytest.mark.slow
 def test_one_file(register, monkeypatch, tmp_path):
-    """The demo: summary, schema, terminal, report, table of load steps, documentation; without it nothing of it is
-    left.
+    """The demo: summary, schema, terminal, report, table of load steps, documentation; without it
+    nothing of it is left.
     """
     assert KEY not in markdown()
     assert KEY not in summary_schema()["properties"]
@@ -65,12 +67,16 @@ def test_one_file(register, monkeypatch, tmp_path):
     assert 0 < first < last
     assert f"  mean pressure right {mean:.6g}" in "\n".join(map(str, lines_of(summary, tmp_path)))
     # Its label is longer than the column of the short answer.
-    assert f"  mean pressure right: {mean:.6g}" in "\n".join(map(str, short_answer(summary, tmp_path)))
+    assert f"  mean pressure right: {mean:.6g}" in "\n".join(
+        map(str, short_answer(summary, tmp_path))
+    )
     assert f"<dt>mean pressure right</dt><dd>{mean:.6g}</dd>" in page(tmp_path)
     assert f"| `{KEY}` | stress | Mean pressure right of the middle |" in markdown()
     monkeypatch.setattr(extensions, "_registered", {})
     assert KEY not in summary_schema()["properties"]
-    assert getattr(read_results(tmp_path).summary, KEY) == summary[KEY]  # a folder of somebody who has it
+    assert (
+        getattr(read_results(tmp_path).summary, KEY) == summary[KEY]
+    )  # a folder of somebody who has it
 
 
 class Fails(Quantity):

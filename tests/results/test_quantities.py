@@ -1,4 +1,6 @@
-"""What is measured after a solve, against the same computed in another way: energies, means, displacements at rest."""
+"""What is measured after a solve, against the same computed in another way: energies, means,
+displacements at rest.
+"""
 
 import numpy as np
 import pytest
@@ -57,7 +59,9 @@ def scene(gradient, hypothesis, cell, degree=1):
             "mesh": {"generator": "rectangle", "parameters": {"nx": 6, "ny": 4, "cell": cell}},
             "element": {"degree": degree},
             "material": {"young": YOUNG, "poisson": POISSON, "hypothesis": hypothesis},
-            "displacement": [{"boundary": name, **sides} for name in ("left", "right", "top", "bottom")],
+            "displacement": [
+                {"boundary": name, **sides} for name in ("left", "right", "top", "bottom")
+            ],
         }
     )
 
@@ -68,7 +72,9 @@ def scene(gradient, hypothesis, cell, degree=1):
 @pytest.mark.parametrize("hypothesis", ["plane strain", "plane stress"])
 @pytest.mark.parametrize("name", GRADIENTS)
 def test_cells_for_pictures(name, hypothesis, cell):
-    """Cells of all ranks tile the body, with the displacement and the shear energy density of a constant strain."""
+    """Cells of all ranks tile the body, with the displacement and the shear energy density of a
+    constant strain.
+    """
     gradient = GRADIENTS[name]
     comm = MPI.COMM_WORLD
     solution = solve(scene(gradient, hypothesis, cell), comm)
@@ -77,21 +83,34 @@ def test_cells_for_pictures(name, hypothesis, cell):
         comm.rank == 0 or len(gathered.perimeters) == len(gathered.points) == 0
     )  # the other ranks do not hold the mesh
     gathered = comm.bcast(gathered)
-    exact = {"density": shear_energy(gradient, hypothesis), "von_mises": von_mises(gradient, hypothesis)}
+    exact = {
+        "density": shear_energy(gradient, hypothesis),
+        "von_mises": von_mises(gradient, hypothesis),
+    }
     raw = {"density": solution.stress.shear_energy_density, "von_mises": solution.stress.von_mises}
     for name, value in exact.items():
         np.testing.assert_allclose(raw[name].x.array, value, rtol=1e-10)
-        # Recovered by an average over cells, with weights that are solved for to a residual of 1.5e-8.
-        np.testing.assert_allclose(gathered.values[name], value, rtol=1e-8 if comm.size == 1 else 1e-7)
+        # Recovered by an average over cells, with weights that are solved for to a residual of
+        # 1.5e-8.
+        np.testing.assert_allclose(
+            gathered.values[name], value, rtol=1e-8 if comm.size == 1 else 1e-7
+        )
     assert len(gathered.perimeters) == {"quadrilateral": 24, "triangle": 48}[cell]
     corners = gathered.points[gathered.perimeters]
     following = np.roll(corners, -1, axis=1)
-    areas = np.abs((corners[..., 0] * following[..., 1] - corners[..., 1] * following[..., 0]).sum(axis=1)) / 2
+    areas = (
+        np.abs(
+            (corners[..., 0] * following[..., 1] - corners[..., 1] * following[..., 0]).sum(axis=1)
+        )
+        / 2
+    )
     np.testing.assert_allclose(areas, 3.0 / len(areas), rtol=1e-12)
     middles = {(round(x, 9), round(y, 9)) for x, y in corners.mean(axis=1)}
     assert len(middles) == len(areas)
     expected = gathered.points @ np.transpose(gradient)
-    np.testing.assert_allclose(gathered.displacement, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
+    np.testing.assert_allclose(
+        gathered.displacement, expected, rtol=0, atol=1e-12 * np.abs(expected).max()
+    )
 
 
 @pytest.mark.one_quick
@@ -100,7 +119,9 @@ def test_cells_for_pictures(name, hypothesis, cell):
 @pytest.mark.parametrize("hypothesis", ["plane strain", "plane stress"])
 @pytest.mark.parametrize("name", GRADIENTS)
 def test_stresses(name, hypothesis, cell, degree):
-    """The tensor with the component out of the plane, von Mises and principal stresses of a constant strain."""
+    """The tensor with the component out of the plane, von Mises and principal stresses of a
+    constant strain.
+    """
     gradient = GRADIENTS[name]
     found = solve(scene(gradient, hypothesis, cell, degree), MPI.COMM_WORLD).stress
     _, sigma = strain_and_stress(gradient, hypothesis)
@@ -111,20 +132,31 @@ def test_stresses(name, hypothesis, cell, degree):
         (found.principal, np.linalg.eigvalsh(sigma)[::-1]),
     ):
         values = function.x.array.reshape(-1, *np.shape(expected))
-        np.testing.assert_allclose(values, np.broadcast_to(expected, values.shape), rtol=0, atol=1e-9 * size)
-    assert found.smallest().value == pytest.approx(np.linalg.eigvalsh(sigma)[0], rel=1e-9, abs=1e-9 * size)
+        np.testing.assert_allclose(
+            values, np.broadcast_to(expected, values.shape), rtol=0, atol=1e-9 * size
+        )
+    assert found.smallest().value == pytest.approx(
+        np.linalg.eigvalsh(sigma)[0], rel=1e-9, abs=1e-9 * size
+    )
 
 
 @pytest.mark.mpi
 def test_extremes_of_the_stress():
-    """Bending: von Mises and compression are largest at the top, tension at the bottom, on every rank alike."""
-    sides = {"x": "-1e-3 * x[0] * (x[1] - 0.4)", "y": f"5e-4 * (x[0]**2 + {POISSON} * (x[1] - 0.4)**2)"}
+    """Bending: von Mises and compression are largest at the top, tension at the bottom, on every
+    rank alike.
+    """
+    sides = {
+        "x": "-1e-3 * x[0] * (x[1] - 0.4)",
+        "y": f"5e-4 * (x[0]**2 + {POISSON} * (x[1] - 0.4)**2)",
+    }
     bent = parse_scene(
         {
             "mesh": {"generator": "rectangle", "parameters": {"nx": 6, "ny": 4}},
             "element": {"degree": 2},
             "material": {"young": YOUNG, "poisson": POISSON, "hypothesis": "plane stress"},
-            "displacement": [{"boundary": name, **sides} for name in ("left", "right", "top", "bottom")],
+            "displacement": [
+                {"boundary": name, **sides} for name in ("left", "right", "top", "bottom")
+            ],
         }
     )
     found = solve(bent, MPI.COMM_WORLD).stress
@@ -146,7 +178,9 @@ def test_extremes_of_the_stress():
 @pytest.mark.parametrize("hypothesis", ["plane strain", "plane stress"])
 @pytest.mark.parametrize("name", GRADIENTS)
 def test_compliance_is_the_inverse_of_the_stiffness(name, hypothesis):
-    """The energy of a stress, by which errors are measured, is that of the strain that it comes from."""
+    """The energy of a stress, by which errors are measured, is that of the strain that it comes
+    from.
+    """
     solution = alone(scene(GRADIENTS[name], hypothesis, "triangle"))
     constants = LinearElastic(young=YOUNG, poisson=POISSON, hypothesis=hypothesis).lame
     lame, mu = constants
@@ -156,7 +190,9 @@ def test_compliance_is_the_inverse_of_the_stiffness(name, hypothesis):
     components = ufl.as_vector([sigma[pair] for pair in kinematics.pairs])
     energy = estimators.compliance(components, kinematics, *constants)
     strained = ufl.inner(sigma, strain)
-    found, expected = (fem.assemble_scalar(fem.form(density * ufl.dx)) for density in (energy, strained))
+    found, expected = (
+        fem.assemble_scalar(fem.form(density * ufl.dx)) for density in (energy, strained)
+    )
     assert found == pytest.approx(expected, rel=1e-12)
 
 
@@ -165,7 +201,9 @@ def test_mean_tangential_displacement(degree):
     """It is an integral over the boundary, of which the nodes of degree 2 have different shares."""
     symmetric = example1(bound=1.5, nx=6, ny=2, degree=degree)
     left, right = symmetric.displacement
-    solution = alone(symmetric.model_copy(update={"displacement": (left.model_copy(update={"x": 0.001}), right)}))
+    solution = alone(
+        symmetric.model_copy(update={"displacement": (left.model_copy(update={"x": 0.001}), right)})
+    )
     tagged = solution.model.tagged
     tag = tagged.boundaries["bottom"]
     ds = ufl.Measure("ds", domain=tagged.mesh, subdomain_data=tagged.facet_tags)(tag)
@@ -176,7 +214,9 @@ def test_mean_tangential_displacement(degree):
 
 @pytest.mark.parametrize("degree", [1, 2])
 def test_arc_length(degree):
-    """Nodes come in order along the boundary, those inside facets too, and count from its beginning."""
+    """Nodes come in order along the boundary, those inside facets too, and count from its
+    beginning.
+    """
     columns = alone(example1(bound=1.5, nx=6, ny=2, degree=degree)).table.columns
     np.testing.assert_allclose(columns["x"], np.linspace(0.0, 3.0, 6 * degree + 1), atol=1e-12)
     np.testing.assert_allclose(columns["s"], columns["x"], atol=1e-12)

@@ -1,4 +1,6 @@
-"""Result folders: only what an earlier run has written is replaced or removed, whatever else is there."""
+"""Result folders: only what an earlier run has written is replaced or removed, whatever else is
+there.
+"""
 
 import shutil
 import tomllib
@@ -37,7 +39,11 @@ boundary = "bottom"
 
 def content(folder):
     """All files and what is in them."""
-    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+    return {
+        str(path.relative_to(folder)): path.read_bytes()
+        for path in folder.rglob("*")
+        if path.is_file()
+    }
 
 
 @pytest.fixture(scope="module")
@@ -72,7 +78,9 @@ def test_files_of_others(scene, tmp_path, monkeypatch, capsys, name):
 
 
 def test_the_result_of_another_scene(scene, tmp_path, capsys):
-    """It is replaced, and the command says so before it solves; the result of the same scene is replaced as always."""
+    """It is replaced, and the command says so before it solves; the result of the same scene is
+    replaced as always.
+    """
     out = tmp_path / "out"
     solved = ["solve", str(scene), "--out", str(out), "--no-fields", "--no-pictures"]
     told = []
@@ -92,9 +100,13 @@ def test_a_file_that_appears_meanwhile(solution, tmp_path):
     assert content(tmp_path) == {"history.csv": b"mine"}
 
 
-@pytest.mark.parametrize("line", ["../mine.txt", "/{folder}/mine.txt", "link/mine.txt", "a/../../mine.txt", "fields"])
+@pytest.mark.parametrize(
+    "line", ["../mine.txt", "/{folder}/mine.txt", "link/mine.txt", "a/../../mine.txt", "fields"]
+)
 def test_a_manifest_of_others(solution, tmp_path, line):
-    """What a manifest says of places outside does not count; no folder is removed with what is in it."""
+    """What a manifest says of places outside does not count; no folder is removed with what is in
+    it.
+    """
     out = tmp_path / "out"
     (out / "fields").mkdir(parents=True)
     (out / "link").symlink_to(tmp_path)
@@ -120,7 +132,9 @@ def test_what_a_killed_run_leaves(tmp_path, monkeypatch):
     history = History()
     MeshCheckpoint(SELF, out, scene, history, restart=True)
     assert "2 complete load steps" in history.events[0]
-    monkeypatch.setattr(manifest, "remove", lambda _: 1 / 0)  # killed while the folder is put in order
+    monkeypatch.setattr(
+        manifest, "remove", lambda _: 1 / 0
+    )  # killed while the folder is put in order
     with pytest.raises(ZeroDivisionError):
         files.write_results(solution, out, fields=False, pictures=False)
     monkeypatch.undo()
@@ -156,7 +170,13 @@ def test_reports(solution, tmp_path, monkeypatch):
 
 @pytest.mark.parametrize(
     "words",
-    [["solve", "SCENE", "--out", ""], ["solve", ""], ["report", ""], ["report", "out", "--out", ""], ["new", ""]],
+    [
+        ["solve", "SCENE", "--out", ""],
+        ["solve", ""],
+        ["report", ""],
+        ["report", "out", "--out", ""],
+        ["new", ""],
+    ],
 )
 def test_empty_names(scene, tmp_path, monkeypatch, capsys, words):
     """A variable of the shell that is not set does not mean the current folder."""
@@ -170,10 +190,14 @@ def test_empty_names(scene, tmp_path, monkeypatch, capsys, words):
 
 
 def test_without_matplotlib(solution, tmp_path, monkeypatch):
-    """The results are whole, and a note says which package draws them; a picture that is asked for is an error."""
+    """The results are whole, and a note says which package draws them; a picture that is asked for
+    is an error.
+    """
 
     def missing(name):
-        raise MissingPackageError(f"{name!r} needs matplotlib, which is not installed: pip install matplotlib")
+        raise MissingPackageError(
+            f"{name!r} needs matplotlib, which is not installed: pip install matplotlib"
+        )
 
     monkeypatch.setattr(files, "add_on", missing)
     summary = files.write_results(solution, tmp_path)

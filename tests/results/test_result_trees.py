@@ -1,4 +1,6 @@
-"""In any tree of folders a run removes and replaces only what an earlier run into the same folder has written."""
+"""In any tree of folders a run removes and replaces only what an earlier run into the same folder
+has written.
+"""
 
 import os
 import random
@@ -65,7 +67,9 @@ class Tree:
         self.writer = {}  # of each file: the folder that the run was told to fill; None: a stranger
 
     def run(self, folder, run):
-        """Run something that fills a folder, and check that all that others have written is still there."""
+        """Run something that fills a folder, and check that all that others have written is still
+        there.
+        """
         before = every(self.root)
         refused = False
         try:
@@ -82,7 +86,9 @@ class Tree:
         return refused
 
     def grow(self, folder, depth):
-        """Random results, strangers' files, links and half-written runs, in a folder and below it."""
+        """Random results, strangers' files, links and half-written runs, in a folder and below
+        it.
+        """
         folder.mkdir(exist_ok=True)
         for what in self.chance.sample(("result", "fields", "killed", "part", "file", "link"), 3):
             self.put(folder, what)
@@ -110,7 +116,9 @@ class Tree:
         elif what == "link":
             path = folder / self.chance.choice((*NAMES, *STRANGERS[:7]))
             if not os.path.lexists(path):
-                path.symlink_to(self.chance.choice([self.root / "outside", self.root / "outside" / "mine.txt"]))
+                path.symlink_to(
+                    self.chance.choice([self.root / "outside", self.root / "outside" / "mine.txt"])
+                )
                 self.writer[path] = None
 
 
@@ -146,12 +154,16 @@ def killed(tmp_path_factory, solution):
 
 @pytest.mark.slow
 def test_what_is_not_of_this_run_stays(solution, killed, tmp_path, monkeypatch, capsys):
-    """In random trees every command is run on each level in a random order: what others have written stays as it is."""
+    """In random trees every command is run on each level in a random order: what others have
+    written stays as it is.
+    """
     scene = tmp_path / "scene.toml"
     scene.write_text(SCENE)
     # Sweeps write their files as always; what is in them does not matter here.
     monkeypatch.setattr(sweep, "sweep", lambda scene, path, values, comm: iter(values))
-    monkeypatch.setattr(sweep, "row_of", lambda value, solution: {"value": value, "status": "converged"})
+    monkeypatch.setattr(
+        sweep, "row_of", lambda value, solution: {"value": value, "status": "converged"}
+    )
     monkeypatch.setattr(sweep, "line_of", str)
     monkeypatch.setattr("signorini_fx.scenes.cli.commands.EXIT_NO_SOLUTION", 0)
     refusals = runs = 0
@@ -163,13 +175,21 @@ def test_what_is_not_of_this_run_stays(solution, killed, tmp_path, monkeypatch, 
         tree = Tree(root, solution, killed, chance)
         tree.grow(root / "top", 2)
         commands = [
-            lambda out: main(["solve", str(scene), "--out", str(out), "--no-fields", "--no-pictures", "--quiet"]),
-            lambda out: main(["sweep", str(scene), "--out", str(out), "--set", "material.young=1:2:2"]),
+            lambda out: main(
+                ["solve", str(scene), "--out", str(out), "--no-fields", "--no-pictures", "--quiet"]
+            ),
+            lambda out: main(
+                ["sweep", str(scene), "--out", str(out), "--set", "material.young=1:2:2"]
+            ),
             report,
             partial(write, solution, False),
             partial(write, solution, True),
         ]
-        levels = [Path(place) for place, _, _ in os.walk(root / "top") if not place.endswith(manifest.PART)]
+        levels = [
+            Path(place)
+            for place, _, _ in os.walk(root / "top")
+            if not place.endswith(manifest.PART)
+        ]
         for folder in chance.sample(levels, min(len(levels), 4)):
             for command in chance.sample(commands, 2):
                 refusals += tree.run(folder, command)

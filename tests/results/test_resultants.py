@@ -47,11 +47,17 @@ def near(expected, scale):
 def test_clamped_beam_in_space(cells, degree):
     """Force and all three moments, of a load that bends and twists."""
     load = {"boundary": "right", "x": 1.0, "y": "x[2]", "z": "2 * x[1]"}
-    beam = space(cells, degree, displacement={"boundary": "left", "x": 0.0, "y": 0.0, "z": 0.0}, traction=load)
+    beam = space(
+        cells,
+        degree,
+        displacement={"boundary": "left", "x": 0.0, "y": 0.0, "z": 0.0},
+        traction=load,
+    )
     found = solve(beam, COMM).resultants
     area, (y, z) = DEPTH * HEIGHT, (DEPTH / 2, HEIGHT / 2)
     force = np.array([1.0, z, 2 * y]) * area
-    # r x t over the end x[0] = LENGTH: the squares of x[1] and x[2] have means DEPTH^2 / 3 and HEIGHT^2 / 3.
+    # r x t over the end x[0] = LENGTH: the squares of x[1] and x[2] have means DEPTH^2 / 3 and
+    # HEIGHT^2 / 3.
     twist = 2 * DEPTH**2 / 3 - HEIGHT**2 / 3
     moment = np.array([twist, z - 2 * LENGTH * y, LENGTH * z - y]) * area
     size = 2 * np.abs(moment).max()
@@ -69,10 +75,14 @@ def test_clamped_beam_in_space(cells, degree):
 @pytest.mark.mpi
 @pytest.mark.parametrize("where", ["plane", "space", "quadratic tetrahedra"])
 def test_balance(where):
-    """With supports, loads and contact: of all forces and moments nothing is left, about any point."""
+    """With supports, loads and contact: of all forces and moments nothing is left, about any
+    point.
+    """
     if where == "plane":
         scene = example1(coefficient=0.3, nx=24, ny=8)
-        scene = scene.model_copy(update={"body_force": plane(body_force={"x": "x[1]", "y": -1.0}).body_force})
+        scene = scene.model_copy(
+            update={"body_force": plane(body_force={"x": "x[1]", "y": -1.0}).body_force}
+        )
     else:
         cells, degree = ("hexahedra", 1) if where == "space" else ("tetrahedra", 2)
         scene = block_in_space(6, cells, coefficient=0.3, gamma="auto", degree=degree, comm=COMM)
@@ -110,12 +120,16 @@ def test_block_that_may_tip(cell, degree, push):
     assert foot.touching_nodes == np.count_nonzero(solution.table.columns["pressure"] > 0)
     assert foot.area == pytest.approx(LENGTH)
     assert solution.friction_used == pytest.approx(push / (2.0 * weight), rel=1e-6)
-    assert solution.resultants.of("bottom").acts_at == near([LENGTH / 2 + overturning / weight, 0.0], 1.0)
+    assert solution.resultants.of("bottom").acts_at == near(
+        [LENGTH / 2 + overturning / weight, 0.0], 1.0
+    )
 
 
 @pytest.mark.mpi
 def test_two_feet():
-    """The base of a body on two feet reaches from one to the other; each foot has its own figures."""
+    """The base of a body on two feet reaches from one to the other; each foot has its own
+    figures.
+    """
     mesh = dmesh.create_rectangle(COMM, [(0.0, 0.0), (4.0, 1.0)], (16, 4))
     sides = {
         "one": lambda x: np.isclose(x[1], 0.0) & (x[0] < 1.01),
@@ -127,7 +141,10 @@ def test_two_feet():
             "mesh": tag_boundaries(mesh, sides),
             "material": STEEL,
             "traction": {"boundary": "top", "y": -1.0},
-            "contact": [{"boundary": "one", "friction": COULOMB}, {"boundary": "other", "friction": COULOMB}],
+            "contact": [
+                {"boundary": "one", "friction": COULOMB},
+                {"boundary": "other", "friction": COULOMB},
+            ],
         }
     )
     solution = solve(scene, COMM)
@@ -140,7 +157,9 @@ def test_two_feet():
 
 @pytest.mark.mpi
 def test_support_and_contact_on_one_boundary():
-    """The foundation presses, and what the push needs the support takes; with the factors of the last load step."""
+    """The foundation presses, and what the push needs the support takes; with the factors of the
+    last load step.
+    """
     scene = plane(
         displacement={"boundary": "bottom", "x": 0.0},
         traction={"boundary": "top", "x": 0.4, "y": -2.0, "factors": [2.0, 0.5]},
@@ -151,7 +170,8 @@ def test_support_and_contact_on_one_boundary():
     foot = found.of("bottom")
     assert foot.acts == ("support", "contact")
     assert foot.force == near([-0.2 * LENGTH, LENGTH], 1.0)
-    # The load acts at the middle of the top; the push moves the place at the bottom by HEIGHT times its share.
+    # The load acts at the middle of the top; the push moves the place at the bottom by HEIGHT times
+    # its share.
     assert foot.acts_at == near([LENGTH / 2 + 0.2 * HEIGHT, 0.0], 1.0)
 
 

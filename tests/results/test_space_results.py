@@ -1,4 +1,6 @@
-"""What a result in 3D is written as: tables with vectors, areas and moments, the contact surface and the fields."""
+"""What a result in 3D is written as: tables with vectors, areas and moments, the contact surface
+and the fields.
+"""
 
 import csv
 import json
@@ -31,12 +33,16 @@ def written(request, tmp_path):
 
 @pytest.mark.slow
 def test_files(written):
-    """Summary, table, contact surface; the surface has the area of the boundary and the numbers of the table."""
+    """Summary, table, contact surface; the surface has the area of the boundary and the numbers of
+    the table.
+    """
     _, folder = written
     summary = json.loads((folder / "summary.json").read_text())
     assert summary["dimension"] == 3
     assert "zones" not in summary
-    assert summary["areas"]["stick"] + summary["areas"]["slip"] == pytest.approx(summary["areas"]["contact"])
+    assert summary["areas"]["stick"] + summary["areas"]["slip"] == pytest.approx(
+        summary["areas"]["contact"]
+    )
     with (folder / "contact.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert {"x", "y", "z", "shear_x", "slip_z", "n_z", "state"} <= set(rows[0])
@@ -44,12 +50,18 @@ def test_files(written):
         vector = [float(row[f"shear_{axis}"]) for axis in "xyz"]
         assert np.linalg.norm(vector) == pytest.approx(float(row["shear"]), abs=1e-12)
     arrays = arrays_of(folder / "contact.vtu")
-    np.testing.assert_array_equal(arrays["pressure"][:, 0], [float(row["pressure"]) for row in rows])
-    np.testing.assert_array_equal(arrays["shear vector"][:, 1], [float(row["shear_y"]) for row in rows])
+    np.testing.assert_array_equal(
+        arrays["pressure"][:, 0], [float(row["pressure"]) for row in rows]
+    )
+    np.testing.assert_array_equal(
+        arrays["shear vector"][:, 1], [float(row["shear_y"]) for row in rows]
+    )
     cells = arrays["connectivity"].astype(int).reshape(len(arrays["offsets"]), -1)
     corners = arrays["points"][cells[:, : 3 if arrays["types"][0, 0] == 5 else 4]][:, :, :2]
     nxt = np.roll(corners, -1, axis=1)
-    areas = np.abs((corners[:, :, 0] * nxt[:, :, 1] - corners[:, :, 1] * nxt[:, :, 0]).sum(axis=1)) / 2
+    areas = (
+        np.abs((corners[:, :, 0] * nxt[:, :, 1] - corners[:, :, 1] * nxt[:, :, 0]).sum(axis=1)) / 2
+    )
     assert areas.sum() == pytest.approx(3.0)
     assert (folder / "fields.vtu").exists()
 
@@ -57,7 +69,9 @@ def test_files(written):
 @pytest.mark.one_quick
 @pytest.mark.parametrize("kind", CELLS)
 def test_moment_of_a_push(kind):
-    """A push at a height tips the body: the pressure goes to the other end, where its resultant balances it."""
+    """A push at a height tips the body: the pressure goes to the other end, where its resultant
+    balances it.
+    """
     height, press, push = 1.0, 10.0, 4.0
     scene = parse_scene(
         {

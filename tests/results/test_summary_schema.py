@@ -1,4 +1,6 @@
-"""summary.json against its schema: every key of every kind of scene is described, and nothing else is in the schema."""
+"""summary.json against its schema: every key of every kind of scene is described, and nothing else
+is in the schema.
+"""
 
 import json
 from copy import deepcopy
@@ -32,7 +34,10 @@ def standing(push, law, press=1.0):
     """A block on its foundation, pushed sideways and pressed down."""
     return parse_scene(
         {
-            "mesh": {"generator": "rectangle", "parameters": {"length": 1.0, "height": 1.0, "nx": 4, "ny": 4}},
+            "mesh": {
+                "generator": "rectangle",
+                "parameters": {"length": 1.0, "height": 1.0, "nx": 4, "ny": 4},
+            },
             "material": {"young": 1000.0, "poisson": 0.3},
             "body_force": {"x": push, "y": -press},
             "contact": {"boundary": "bottom", "friction": law},
@@ -69,13 +74,25 @@ def linear():
 def tool(dimension=2):
     """A block under a plate that a force presses."""
     down = [0.0] * (dimension - 1) + [-1.0]
-    shape = {"shape": "plane", "point": [0.0] * (dimension - 1) + [1.0], "normal": down, "pivot": [0.4] * dimension}
+    shape = {
+        "shape": "plane",
+        "point": [0.0] * (dimension - 1) + [1.0],
+        "normal": down,
+        "pivot": [0.4] * dimension,
+    }
     return parse_scene(
         {
-            "mesh": {"generator": "rectangle" if dimension == 2 else "box", "parameters": {"nx": 3, "ny": 2}},
+            "mesh": {
+                "generator": "rectangle" if dimension == 2 else "box",
+                "parameters": {"nx": 3, "ny": 2},
+            },
             "material": {"young": 1000.0, "poisson": 0.3, "yield_stress": 10.0},
             "displacement": {"boundary": "bottom", **dict.fromkeys("xyz"[:dimension], 0.0)},
-            "contact": {"boundary": "top", "foundation": {**shape, "force": down}, "friction": COULOMB},
+            "contact": {
+                "boundary": "top",
+                "foundation": {**shape, "force": down},
+                "friction": COULOMB,
+            },
         }
     )
 
@@ -84,7 +101,9 @@ def preloaded():
     """A block without contact, shortened across its middle."""
     preload = {"point": [0.5, 0.0], "axis": [1.0, 0.0], "shortening": 0.01}
     scene = linear()
-    return parse_scene(scene.model_dump(include={"mesh", "material", "displacement"}) | {"preload": preload})
+    return parse_scene(
+        scene.model_dump(include={"mesh", "material", "displacement"}) | {"preload": preload}
+    )
 
 
 def twisted():
@@ -92,8 +111,18 @@ def twisted():
     return parse_scene(
         {
             "mesh": {"generator": "rectangle", "parameters": {"nx": 3, "ny": 2}},
-            "material": {"young": 1000.0, "poisson": 0.3, "hypothesis": "axisymmetric", "torsion": True},
-            "displacement": {"boundary": "top", "y": -0.01, "z": "-0.01 * x[0]", "factors": [0.5, 1.0]},
+            "material": {
+                "young": 1000.0,
+                "poisson": 0.3,
+                "hypothesis": "axisymmetric",
+                "torsion": True,
+            },
+            "displacement": {
+                "boundary": "top",
+                "y": -0.01,
+                "z": "-0.01 * x[0]",
+                "factors": [0.5, 1.0],
+            },
             "contact": {"boundary": "bottom", "friction": COULOMB},
         }
     )
@@ -177,7 +206,14 @@ def test_every_key_is_used(written):
 @pytest.mark.one_quick
 @pytest.mark.parametrize(
     "place",
-    [(), ("certificate",), ("resultants", 0), ("contact_boundaries", 0), ("stress", "von_mises"), ("parameters",)],
+    [
+        (),
+        ("certificate",),
+        ("resultants", 0),
+        ("contact_boundaries", 0),
+        ("stress", "von_mises"),
+        ("parameters",),
+    ],
     ids=str,
 )
 def test_what_is_not_described(written, place):

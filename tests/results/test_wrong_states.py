@@ -1,4 +1,6 @@
-"""States that a run could end in and that are no solution: the figure of the certificate that refuses each of them."""
+"""States that a run could end in and that are no solution: the figure of the certificate that
+refuses each of them.
+"""
 
 from dataclasses import replace
 
@@ -18,7 +20,14 @@ from signorini_fx.tuned import CERTIFICATE_TOLERANCE
 COMM, RIGHT = MPI.COMM_WORLD, SolidBody.certified
 BOWL = {"gap": "0.01*(x[0] - 1)**2"}
 PULLED = {"boundary": "right", "x": 1.0, "factors": [1.0, 1.0001]}
-SLIDING = {"foundation": {"shape": "plane", "point": [0.0, 0.0], "normal": [0.0, 1.0], "shift": ["1e-3*t", "0"]}}
+SLIDING = {
+    "foundation": {
+        "shape": "plane",
+        "point": [0.0, 0.0],
+        "normal": [0.0, 1.0],
+        "shift": ["1e-3*t", "0"],
+    }
+}
 CUBE = {
     "mesh": {"generator": "box", "parameters": dict.fromkeys(("nx", "ny", "nz"), 2)},
     "displacement": [{"boundary": "top", "x": 0.01, "y": 0.0, "z": -0.003}],
@@ -34,8 +43,15 @@ def block(contact=BOWL, coefficient=0.3, factors=None, **more):
         {
             "mesh": {"generator": "rectangle", "parameters": {"length": 2.0, "nx": 12, "ny": 6}},
             "material": {"young": 5000.0, "poisson": 0.3},
-            "displacement": [{"boundary": "top", "y": -0.003}, {"boundary": "top", "x": 0.001, "factors": factors}],
-            "contact": {"boundary": "bottom", "friction": {"law": "coulomb", "coefficient": coefficient}, **contact},
+            "displacement": [
+                {"boundary": "top", "y": -0.003},
+                {"boundary": "top", "x": 0.001, "factors": factors},
+            ],
+            "contact": {
+                "boundary": "bottom",
+                "friction": {"law": "coulomb", "coefficient": coefficient},
+                **contact,
+            },
             "solver": {"fallbacks": False},
         }
         | more
@@ -50,13 +66,17 @@ def of_before(y, tractions, of):
 
 def elsewhere(y, tractions, of):
     """A rigid body that is not where contact has met it."""
-    of["rigid"] = tuple(replace(body, translation=body.translation * 1.0001) for body in of["rigid"])
+    of["rigid"] = tuple(
+        replace(body, translation=body.translation * 1.0001) for body in of["rigid"]
+    )
     return y, tractions
 
 
 def begun(change):
     """A load step that has begun elsewhere; ``change``: of the end of the one before."""
-    return lambda y, tractions, of: of.update(last=of["last"] and change(of["last"])) or (y, tractions)
+    return lambda y, tractions, of: (
+        of.update(last=of["last"] and change(of["last"])) or (y, tractions)
+    )
 
 
 def of_another(**problem):
@@ -73,7 +93,9 @@ def of_another(**problem):
 
 
 def inexact(y, tractions, of):
-    """What a linear solve that is said to have converged leaves, on several ranks at the nodes that they share."""
+    """What a linear solve that is said to have converged leaves, on several ranks at the nodes that
+    they share.
+    """
     first = 2 * y.function_space.dofmap.index_map.size_local if COMM.size > 1 else 0
     y.x.array[first:] *= 1.0 + 1e-4 * np.sin(np.arange(len(y.x.array) - first))
     return y, tractions
@@ -84,12 +106,28 @@ WRONG = {
     "support of the step before": (block(factors=[1.0, 1.00001]), of_before, "supports"),
     "load of the step before": (block(traction=PULLED), of_before, "equilibrium"),
     "gap of the step before, nearer": (block({"gap": "-1e-4*t"}, **STEPS), of_before, "entered"),
-    "gap of the step before, farther": (block({"gap": "1e-4*t"}, **STEPS), of_before, "pressure_at_distance"),
-    "friction bound of the step before": (block(coefficient="0.3/t", **STEPS), of_before, "friction_cone"),
-    "restart without the step before": (block(factors=BACK), begun(lambda last: None), "slip_below_bound"),
+    "gap of the step before, farther": (
+        block({"gap": "1e-4*t"}, **STEPS),
+        of_before,
+        "pressure_at_distance",
+    ),
+    "friction bound of the step before": (
+        block(coefficient="0.3/t", **STEPS),
+        of_before,
+        "friction_cone",
+    ),
+    "restart without the step before": (
+        block(factors=BACK),
+        begun(lambda last: None),
+        "slip_below_bound",
+    ),
     "restart from another shear": (
         block(factors=BACK),
-        begun(lambda last: replace(last, tractions=replace(last.tractions, shear=0.0 * last.tractions.shear))),
+        begun(
+            lambda last: replace(
+                last, tractions=replace(last.tractions, shear=0.0 * last.tractions.shear)
+            )
+        ),
         "wrong_way_slip",
     ),
     "foundation that has not moved": (
@@ -111,16 +149,26 @@ WRONG = {
         "wrong_way_slip",
     ),
     "stopped early": (block(), of_another(solver={"max_iterations": 2}), "negative_pressure"),
-    "open points are closed": (block(), of_another(contact=BOWL | {"kind": "bilateral"}), "negative_pressure"),
+    "open points are closed": (
+        block(),
+        of_another(contact=BOWL | {"kind": "bilateral"}),
+        "negative_pressure",
+    ),
     "closed points are open": (block(), of_another(contact={"gap": 0.1}), "entered"),
     "slip points stick": (block(), of_another(coefficient=100.0), "friction_cone"),
     "stick points slip": (block(), of_another(coefficient=0.1), "slip_below_bound"),
 }
 # What joins two bodies, spoilt after it was set up.
 MAPS = {
-    "forces of the slave": lambda map: {"both": sp.hstack((1.001 * map.slave, -map.master), format="csr")},
-    "forces of the master": lambda map: {"both": sp.hstack((map.slave, -1.001 * map.master), format="csr")},
-    "moments of both": lambda map: {"turning": map.turning + 1e-3 * sp.eye_array(*map.turning.shape)},
+    "forces of the slave": lambda map: {
+        "both": sp.hstack((1.001 * map.slave, -map.master), format="csr")
+    },
+    "forces of the master": lambda map: {
+        "both": sp.hstack((map.slave, -1.001 * map.master), format="csr")
+    },
+    "moments of both": lambda map: {
+        "turning": map.turning + 1e-3 * sp.eye_array(*map.turning.shape)
+    },
     "distance": lambda map: {"distance": map.distance + 1e-3},
     "area": lambda map: {"weight": 1.001 * map.weight},
 }
@@ -132,7 +180,9 @@ def test_states(state, monkeypatch):
     """No status says that one has converged, and all ranks say the same."""
     scene, wrong, figure = WRONG[state]
     assert solve(scene, COMM).converged
-    monkeypatch.setattr(SolidBody, "certified", lambda self, y, t, **of: RIGHT(self, *wrong(y, t, of), **of))
+    monkeypatch.setattr(
+        SolidBody, "certified", lambda self, y, t, **of: RIGHT(self, *wrong(y, t, of), **of)
+    )
     step = solve(scene, COMM, check=False).steps[-1]
     assert COMM.allgather(step.status) == [Status.NOT_CERTIFIED] * COMM.size
     assert getattr(step.certificate, figure) > CERTIFICATE_TOLERANCE

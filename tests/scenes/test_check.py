@@ -1,4 +1,6 @@
-"""The commands check, new and schema: what is said of a scene before it is solved, and whether it comes true."""
+"""The commands check, new and schema: what is said of a scene before it is solved, and whether it
+comes true.
+"""
 
 import json
 import re
@@ -37,20 +39,28 @@ FREE = {"displacement": []}
 
 def said(data, level="warning"):
     """{path: message} of the warnings."""
-    return {finding.path: finding.message for finding in check(data).findings if finding.level == level}
+    return {
+        finding.path: finding.message for finding in check(data).findings if finding.level == level
+    }
 
 
-# --- effects ---------------------------------------------------------------------------------------------------------
+# --- effects --------------------------------------------------------------------------------------
 
 
 ALL = {
     "element": {"degree": 2, "volumetric": "auto"},
     "material": {"young": 5000.0, "poisson": 0.49},
     "displacement": [{"boundary": "left", "x": 0.0, "y": 0.0}, {"boundary": "left", "x": 0.0}],
-    "traction": [{"boundary": "top", "y": -20.0, "factors": [0.5, 1.0]}, {"boundary": "right", "pressure": 0.0}],
+    "traction": [
+        {"boundary": "top", "y": -20.0, "factors": [0.5, 1.0]},
+        {"boundary": "right", "pressure": 0.0},
+    ],
     "body_force": {"y": "-x[0]"},
     "springs": [{"boundary": "right", "tangential": "1 + x[1]"}, {"boundary": "top", "x": 0.0}],
-    "contact": [{"boundary": "bottom", "friction": {"law": "tresca", "bound": 0.0}}, {"boundary": "right", "gap": 1.0}],
+    "contact": [
+        {"boundary": "bottom", "friction": {"law": "tresca", "bound": 0.0}},
+        {"boundary": "right", "gap": 1.0},
+    ],
 }
 VARIANTS = {
     "plain": block(),
@@ -59,7 +69,9 @@ VARIANTS = {
     "everything": block(**ALL),
     "linear": block(**{**ALL, "contact": []}),
     "path-following": block(solver={"algorithm": "path-following"}),
-    "path-following to a given error": block(solver={"algorithm": "path-following", "regularisation_error": 1e-4}),
+    "path-following to a given error": block(
+        solver={"algorithm": "path-following", "regularisation_error": 1e-4}
+    ),
     "path-following without contact": block(contact=[], solver={"algorithm": "path-following"}),
 }
 
@@ -68,11 +80,17 @@ VARIANTS = {
 @pytest.mark.parametrize("variant", [*VARIANTS, *(demo.stem for demo in DEMOS)])
 def test_the_unknowns_are_those_of_the_solve(variant):
     """Those of the body that no support holds, and those of rigid bodies."""
-    data = VARIANTS[variant] if variant in VARIANTS else read_scene(next(d for d in DEMOS if d.stem == variant))
+    data = (
+        VARIANTS[variant]
+        if variant in VARIANTS
+        else read_scene(next(d for d in DEMOS if d.stem == variant))
+    )
     report, solution = check(data), alone(data, check=False)
     fixed = np.count_nonzero(solution.model.fixed)
     tools = [
-        one.foundation for one in solution.statement.contact if one.foundation is not None and one.foundation.driven
+        one.foundation
+        for one in solution.statement.contact
+        if one.foundation is not None and one.foundation.driven
     ]
     free = sum(3 - len(tool.prescribed) for tool in tools)  # in 2D, besides those of the body
     assert report.cost.unknowns == solution.model.dofs - fixed + free
@@ -83,7 +101,9 @@ def test_the_unknowns_are_those_of_the_solve(variant):
 def test_the_demos_are_fine(demo):
     """Nothing hurts there, but what the paper itself chose."""
     of_the_paper = {"example2_tresca": ["material[0]"]}  # nu = 0.45 with linear elements
-    assert [warning.path for warning in check(read_scene(demo)).warnings] == of_the_paper.get(demo.stem, [])
+    assert [warning.path for warning in check(read_scene(demo)).warnings] == of_the_paper.get(
+        demo.stem, []
+    )
 
 
 ESTIMATED = {
@@ -94,7 +114,9 @@ ESTIMATED = {
     "newton": example1(coefficient=0.3, generator="rectangle", coulomb="newton"),
     "nested": example1(coefficient=0.3, generator="rectangle", levels=3),
     "alm": example1(bound=1.5, generator="rectangle", algorithm="alm"),
-    "steps": block(**tresca(1.0), traction={"boundary": "top", "y": -20.0, "factors": [0.5, 1.0, 1.5]}),
+    "steps": block(
+        **tresca(1.0), traction={"boundary": "top", "y": -20.0, "factors": [0.5, 1.0, 1.5]}
+    ),
 }
 
 
@@ -114,23 +136,29 @@ def test_too_little_memory(monkeypatch):
     assert "use a coarser mesh" in said(block())["mesh"]
 
 
-# --- what may go wrong ------------------------------------------------------------------------------------------------
+# --- what may go wrong ----------------------------------------------------------------------------
 
 QUIET = {
     "plain": block(),
     "friction": block(**coulomb(0.3)),
     "reduced": block(material={"young": 5000.0, "poisson": 0.499}, element={"volumetric": "auto"}),
     "degree 2": block(material={"young": 5000.0, "poisson": 0.499}, element={"degree": 2}),
-    "plane stress": block(material={"young": 5000.0, "poisson": 0.499, "hypothesis": "plane stress"}),
+    "plane stress": block(
+        material={"young": 5000.0, "poisson": 0.499, "hypothesis": "plane stress"}
+    ),
     "body force": block(traction=[], body_force={"y": -1.0}, **FREE, **coulomb(0.3)),
     "penalty of alm": block(solver={"algorithm": "alm", "gamma_n": 1e4, "gamma_t": 1e4}),
     "path-following": block(solver={"algorithm": "path-following", "gamma_n": 1.0}),
     "gap that closes": block(**contact(gap=1e-3)),
-    "pushed, but held by friction": block(traction={"boundary": "top", "x": 2.0, "y": -20.0}, **FREE, **coulomb(0.3)),
+    "pushed, but held by friction": block(
+        traction={"boundary": "top", "x": 2.0, "y": -20.0}, **FREE, **coulomb(0.3)
+    ),
     "bilateral contact with friction": block(
         **contact(kind="bilateral", friction={"law": "coulomb", "coefficient": 0.3})
     ),
-    "held by bilateral contact": block(traction={"boundary": "top", "y": 20.0}, **contact(kind="bilateral")),
+    "held by bilateral contact": block(
+        traction={"boundary": "top", "y": 20.0}, **contact(kind="bilateral")
+    ),
 }
 
 
@@ -141,10 +169,20 @@ def test_no_warning(name):
     assert alone(QUIET[name], check=False).status is Status.CONVERGED
 
 
-NARROW = {"mesh": {"generator": "rectangle", "parameters": {"length": 1.0, "height": 3.0, "nx": 4, "ny": 12}}}
+NARROW = {
+    "mesh": {
+        "generator": "rectangle",
+        "parameters": {"length": 1.0, "height": 3.0, "nx": 4, "ny": 12},
+    }
+}
 # A scene, the path and words of its warning, and how it ends.
 LOOSE = {
-    "nothing": (block(contact=[], **FREE), "displacement", "translations and rotations", Status.NOT_HELD),
+    "nothing": (
+        block(contact=[], **FREE),
+        "displacement",
+        "translations and rotations",
+        Status.NOT_HELD,
+    ),
     "half a support": (
         block(contact=[], displacement={"boundary": "left", "x": 0.0}),
         "displacement",
@@ -152,7 +190,12 @@ LOOSE = {
         Status.NOT_HELD,
     ),
     "sideways": (block(**FREE), "displacement", "the translation along (1, 0)", Status.NOT_HELD),
-    "frictionless by its coefficient": (block(**FREE, **coulomb(0.0)), "displacement", "add friction", Status.NOT_HELD),
+    "frictionless by its coefficient": (
+        block(**FREE, **coulomb(0.0)),
+        "displacement",
+        "add friction",
+        Status.NOT_HELD,
+    ),
     "pulled off": (
         block(traction={"boundary": "top", "y": 20.0}, displacement={"boundary": "left", "x": 0.0}),
         "traction, body_force",
@@ -166,7 +209,9 @@ LOOSE = {
         Status.SLIDES,
     ),
     "a force": (
-        block(traction=[], force={"boundary": "top", "x": 30.0, "y": -60.0}, **FREE, **coulomb(0.3)),
+        block(
+            traction=[], force={"boundary": "top", "x": 30.0, "y": -60.0}, **FREE, **coulomb(0.3)
+        ),
         "force",
         "no static equilibrium",
         Status.SLIDES,
@@ -178,7 +223,9 @@ LOOSE = {
         Status.SLIDES,
     ),
     "second step": (
-        block(traction={"boundary": "top", "y": -20.0, "factors": [1.0, -1.0]}, **FREE, **coulomb(0.3)),
+        block(
+            traction={"boundary": "top", "y": -20.0, "factors": [1.0, -1.0]}, **FREE, **coulomb(0.3)
+        ),
         "traction, body_force",
         "load step 2: contact opens, no static equilibrium",
         Status.OPEN,
@@ -194,13 +241,22 @@ def test_bodies_that_nothing_holds(case):
     assert words in expected[path]
     solution = alone(data, check=False)
     assert solution.status is status
-    assert expected.keys() <= {finding.path for finding in solution.findings}  # the words are those of the result
+    assert expected.keys() <= {
+        finding.path for finding in solution.findings
+    }  # the words are those of the result
 
 
 def test_units_that_do_not_agree():
-    """A modulus in GPa for a load in kPa: the body would move by more than its size, and the summary says so too."""
-    data = block(material={"young": 5.0, "poisson": 0.3}, traction={"boundary": "top", "y": -2000.0})
-    assert "check the units of E and of the loads" in said(data)["material, traction, body_force, displacement"]
+    """A modulus in GPa for a load in kPa: the body would move by more than its size, and the
+    summary says so too.
+    """
+    data = block(
+        material={"young": 5.0, "poisson": 0.3}, traction={"boundary": "top", "y": -2000.0}
+    )
+    assert (
+        "check the units of E and of the loads"
+        in said(data)["material, traction, body_force, displacement"]
+    )
     solution = alone(data, check=False)
     assert solution.status is Status.TOO_LARGE
     assert solution.certificate.displacement > 1
@@ -214,7 +270,9 @@ def test_units_that_do_not_agree():
 @pytest.mark.parametrize("law", ["tresca", "coulomb"])
 @pytest.mark.parametrize("push", [-5.9, 5.9, -6.1, 6.1])
 def test_friction_holds_either_way(law, push):
-    """A block that nothing but friction holds sideways: up to its bound, and no farther, in both directions."""
+    """A block that nothing but friction holds sideways: up to its bound, and no farther, in both
+    directions.
+    """
     friction = tresca(2.0) if law == "tresca" else coulomb(0.1)
     loads = [{"boundary": "top", "y": -20.0}, {"boundary": "bottom", "x": push / 3}]
     told = [f.message for f in check(block(displacement=[], traction=loads, **friction)).findings]
@@ -233,7 +291,9 @@ def test_tipping():
     """A narrow block, pushed at its side, turns about its corner; twice as heavy, it stands."""
     pushed = {**NARROW, **FREE, **coulomb(0.9)}
     for weight, tips in ((-2.0, True), (-8.0, False)):
-        data = block(**pushed, traction={"boundary": "left", "pressure": 1.0}, body_force={"y": weight})
+        data = block(
+            **pushed, traction={"boundary": "left", "pressure": 1.0}, body_force={"y": weight}
+        )
         message = said(data).get("traction, body_force", "")
         assert ("rotation" in message) == tips
         assert (alone(data, check=False).status is not Status.CONVERGED) == tips
@@ -247,7 +307,11 @@ HURTING = [
         "penetrates its foundation",
     ),
     (
-        {"traction": [], "displacement": {"boundary": "left", "x": 1e-3, "y": 0.0}, **contact(gap=0.1)},
+        {
+            "traction": [],
+            "displacement": {"boundary": "left", "x": 1e-3, "y": 0.0},
+            **contact(gap=0.1),
+        },
         "contact.gap",
         "contact is unlikely to close",
     ),
@@ -272,7 +336,7 @@ def test_warnings(changes, path, words):
     assert words in found[path]
 
 
-# --- the commands ----------------------------------------------------------------------------------------------------
+# --- the commands ---------------------------------------------------------------------------------
 
 EXAMPLE = DEMOS[[demo.stem for demo in DEMOS].index("example1_coulomb")]
 
@@ -323,7 +387,9 @@ BAD = [
 
 @pytest.mark.parametrize(("change", "path"), BAD)
 def test_bad_scenes(capsys, tmp_path, change, path):
-    """Exit code 2, and a line that begins with the file and the path of the mistake; with --json also as data."""
+    """Exit code 2, and a line that begins with the file and the path of the mistake; with --json
+    also as data.
+    """
     file = written(tmp_path, EXAMPLE.read_text().replace(*change))
     code, out, err = run(capsys, "check", file)
     assert (code, out) == (2, "")
@@ -333,7 +399,7 @@ def test_bad_scenes(capsys, tmp_path, change, path):
     assert path in [problem["path"] for problem in json.loads(out)["problems"]]
 
 
-# --- new -------------------------------------------------------------------------------------------------------------
+# --- new ------------------------------------------------------------------------------------------
 
 TEMPLATE = template.starting_scene()
 
@@ -357,7 +423,9 @@ def test_new(capsys, tmp_path):
 
 
 def keys_by_table():
-    """{table: keys that the template names in it, switched on or off}, inline tables under their own keys."""
+    """{table: keys that the template names in it, switched on or off}, inline tables under their
+    own keys.
+    """
     found, table = {"": set()}, ""
     for line in TEMPLATE.splitlines():
         if header := re.match(r"#?\[+([a-z_]+)\]+", line):
@@ -365,7 +433,9 @@ def keys_by_table():
             found[table] = set()
         elif key := re.match(r"#?([a-z_]+) = ", line):
             found[table].add(key[1])
-            found.setdefault(f"{table}.{key[1]}", set()).update(re.findall(r"[{,] ([a-z_]+) = ", line))
+            found.setdefault(f"{table}.{key[1]}", set()).update(
+                re.findall(r"[{,] ([a-z_]+) = ", line)
+            )
     return found
 
 
@@ -377,7 +447,8 @@ MODELS = {
     **{
         key: list(tables(field.annotation))
         for key, field in scene.Scene.model_fields.items()
-        if any(issubclass(kind, Effect) for kind in tables(field.annotation)) and key not in ("displacement", "contact")
+        if any(issubclass(kind, Effect) for kind in tables(field.annotation))
+        and key not in ("displacement", "contact")
     },
     "contact": [contact_of.Contact],
     "contact.friction": [Tresca, Coulomb],
@@ -395,13 +466,33 @@ def test_the_template_names_every_key():
     assert named[""] | {t for t in named if t and "." not in t} == set(scene.Scene.model_fields)
 
 
-# --- schema ----------------------------------------------------------------------------------------------------------
+# --- schema ---------------------------------------------------------------------------------------
 
 
 def fits(schema, value, root):
     """Whether a value fits a JSON schema: the part of draft 7 that ours uses, and nothing else."""
-    known = {"$ref", "$schema", "$defs", "title", "description", "default", "format", "type", "properties", "required"}
-    known |= {"additionalProperties", "items", "minItems", "maxItems", "enum", "const", "anyOf", "oneOf"}
+    known = {
+        "$ref",
+        "$schema",
+        "$defs",
+        "title",
+        "description",
+        "default",
+        "format",
+        "type",
+        "properties",
+        "required",
+    }
+    known |= {
+        "additionalProperties",
+        "items",
+        "minItems",
+        "maxItems",
+        "enum",
+        "const",
+        "anyOf",
+        "oneOf",
+    }
     known |= {"discriminator", "minimum", "maximum", "exclusiveMinimum", "exclusiveMaximum"}
     assert set(schema) <= known, set(schema) - known
     if "$ref" in schema:
@@ -417,9 +508,14 @@ def fits(schema, value, root):
     }
     wanted = schema.get("type", list(kinds))
     wanted = [wanted] if isinstance(wanted, str) else wanted
-    if not any(isinstance(value, kinds[kind]) and (kind == "boolean") == isinstance(value, bool) for kind in wanted):
+    if not any(
+        isinstance(value, kinds[kind]) and (kind == "boolean") == isinstance(value, bool)
+        for kind in wanted
+    ):
         return "type" not in schema
-    if ("enum" in schema and value not in schema["enum"]) or ("const" in schema and value != schema["const"]):
+    if ("enum" in schema and value not in schema["enum"]) or (
+        "const" in schema and value != schema["const"]
+    ):
         return False
     if "anyOf" in schema and not any(fits(choice, value, root) for choice in schema["anyOf"]):
         return False
@@ -427,7 +523,9 @@ def fits(schema, value, root):
         return False
     if isinstance(value, dict):
         properties, others = schema.get("properties", {}), schema.get("additionalProperties", True)
-        if not set(schema.get("required", [])) <= set(value) or (others is False and not set(value) <= set(properties)):
+        if not set(schema.get("required", [])) <= set(value) or (
+            others is False and not set(value) <= set(properties)
+        ):
             return False
         others = others if isinstance(others, dict) else {}
         return all(fits(properties.get(key, others), item, root) for key, item in value.items())
@@ -496,11 +594,13 @@ def test_the_schema_refuses(mistake):
         parse_scene({**good, **mistake})
 
 
-# --- how light the light commands are --------------------------------------------------------------------------------
+# --- how light the light commands are -------------------------------------------------------------
 
 
 @pytest.mark.one_quick
-@pytest.mark.parametrize("arguments", [["--help"], ["check", "--help"], ["schema"], ["new", "scene.toml"]])
+@pytest.mark.parametrize(
+    "arguments", [["--help"], ["check", "--help"], ["schema"], ["new", "scene.toml"]]
+)
 def test_light_commands(tmp_path, arguments):
     """Without dolfinx, PETSc or MPI."""
     code = (
@@ -508,8 +608,11 @@ def test_light_commands(tmp_path, arguments):
         "from signorini_fx.scenes.cli import main\n"
         f"try: main({arguments!r})\n"
         "except SystemExit: pass\n"
-        "print([m for m in ('dolfinx', 'petsc4py', 'mpi4py', 'ufl', 'matplotlib', 'scipy') if m in sys.modules],"
+        "print([m for m in ('dolfinx', 'petsc4py', 'mpi4py', 'ufl', 'matplotlib', 'scipy') if m "
+        "in sys.modules],"
         " file=sys.stderr)"
     )
-    ended = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=True)
+    ended = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=True
+    )
     assert ended.stderr.splitlines()[-1] == "[]"

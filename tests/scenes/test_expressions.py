@@ -22,7 +22,9 @@ MEANINGS = {
     "where(x[0] < x[1], x[0], x[1])": np.minimum(x0, x1),
     "1 if x[0] < 1 and x[1] > 0 else 2": np.where((x0 < 1) & (x1 > 0), 1.0, 2.0),
     "1 if x[0] < 0 or not x[1] < 1 else 2": np.where((x0 < 0) | (x1 >= 1), 1.0, 2.0),
-    "1 if (x[0] < 1) & (x[1] > 0) | (x[0] >= 2) else 2": np.where(((x0 < 1) & (x1 > 0)) | (x0 >= 2), 1.0, 2.0),
+    "1 if (x[0] < 1) & (x[1] > 0) | (x[0] >= 2) else 2": np.where(
+        ((x0 < 1) & (x1 > 0)) | (x0 >= 2), 1.0, 2.0
+    ),
     "max(0.0015, x[0], x[1])": np.maximum(np.maximum(x0, x1), 0.0015),
     "min(x[0], 1)": np.minimum(x0, 1),
     "abs(x[0]) + sign(x[1])": np.abs(x0) + np.sign(x1),
@@ -53,21 +55,32 @@ def test_comparisons_at_round_off(text, at, away):
     """A point that is on a jump but for round-off is on it, wherever its position was computed."""
     place = 1.0 if at == 4.0 else at
     points = np.array([[place + away, 5.0], [0.0, 0.0], [0.0, 0.0]])
-    for op, turned, holds in ("<=", ">=", True), (">=", "<=", True), ("<", ">", False), (">", "<", False):
+    for op, turned, holds in (
+        ("<=", ">=", True),
+        (">=", "<=", True),
+        ("<", ">", False),
+        (">", "<", False),
+    ):
         assert Expression(f"{text} {op} {at}")(points)[0] == holds
         assert Expression(f"{at} {turned} {text}")(points)[0] == holds
 
 
 def test_numpy_and_compiled_ufl_agree():
-    """Each expression, compiled by FFCx and evaluated at the nodes of P2, has the values of NumPy."""
-    square = mesh.create_rectangle(MPI.COMM_SELF, [np.array([-1.0, -1.3]), np.array([2.1, 1.7])], [3, 4])
+    """Each expression, compiled by FFCx and evaluated at the nodes of P2, has the values of
+    NumPy.
+    """
+    square = mesh.create_rectangle(
+        MPI.COMM_SELF, [np.array([-1.0, -1.3]), np.array([2.1, 1.7])], [3, 4]
+    )
     space = fem.functionspace(square, ("DG", 2, (len(MEANINGS),)))
     function = fem.Function(space)
     together = ufl.as_vector([Expression(text).ufl(square) for text in MEANINGS])
     function.interpolate(fem.Expression(together, interpolation_points(space.element)))
     points = space.tabulate_dof_coordinates().T
     for values, text in zip(function.x.array.reshape(-1, len(MEANINGS)).T, MEANINGS, strict=True):
-        np.testing.assert_allclose(values, Expression(text)(points), rtol=1e-13, atol=1e-13, err_msg=text)
+        np.testing.assert_allclose(
+            values, Expression(text)(points), rtol=1e-13, atol=1e-13, err_msg=text
+        )
 
 
 @pytest.mark.parametrize(
@@ -125,12 +138,16 @@ def test_refused(text):
 
 def test_refusal_says_what_is_allowed():
     """The message names the mistake and the functions there are."""
-    with pytest.raises(ValueError, match=r"'sinh' of 1 arguments is not available.*Allowed are .*x\[0\].*tanh"):
+    with pytest.raises(
+        ValueError, match=r"'sinh' of 1 arguments is not available.*Allowed are .*x\[0\].*tanh"
+    ):
         Expression("sinh(x[0])")
 
 
 def test_undefined_values():
-    """What is not defined somewhere is inf or nan there, never an exception: who uses it says where."""
+    """What is not defined somewhere is inf or nan there, never an exception: who uses it says
+    where.
+    """
     assert np.isinf(Expression("1/0")(X)).all()
     assert np.isnan(Expression("(-1)**0.5")(X)).all()
     assert np.isnan(Expression("sqrt(x[0])")(X)).tolist() == [True, False, False, False, False]

@@ -1,4 +1,6 @@
-"""Functions of a user that fail: one error with its place on all ranks, and no rank that waits for another."""
+"""Functions of a user that fail: one error with its place on all ranks, and no rank that waits for
+another.
+"""
 
 import numpy as np
 import pytest
@@ -26,20 +28,30 @@ def entries(function):
     return {
         "traction[0].x": {"traction": sfx.SurfaceTraction(**left, x=function)},
         "body_force.y": {"body_force": sfx.BodyForce(y=function)},
-        "displacement[0].y": {"displacement": sfx.PrescribedDisplacement(boundary="top", x=0.0, y=function)},
+        "displacement[0].y": {
+            "displacement": sfx.PrescribedDisplacement(boundary="top", x=0.0, y=function)
+        },
         "contact[0].gap": {"contact": sfx.UnilateralContact(**bottom, gap=function)},
-        "contact[0].friction": {"contact": sfx.UnilateralContact(**bottom, friction=sfx.Coulomb(coefficient=function))},
+        "contact[0].friction": {
+            "contact": sfx.UnilateralContact(**bottom, friction=sfx.Coulomb(coefficient=function))
+        },
         "material[0].grading": {"material": {"young": 200.0, "poisson": 0.3, "grading": function}},
         "springs[0]": {"springs": sfx.Springs(**left, normal=function)},
         "force[0]": {"force": sfx.TotalForce(boundary="top", x=1.0, spread=function)},
-        "temperature[0].change": {"material": heated, "temperature": sfx.TemperatureChange(change=function)},
+        "temperature[0].change": {
+            "material": heated,
+            "temperature": sfx.TemperatureChange(change=function),
+        },
     }
 
 
 def scene(changes):
     """A block pressed onto a flat foundation."""
     data = {
-        "mesh": {"generator": "rectangle", "parameters": {"nx": 6, "ny": 4, "length": 2.0, "height": 1.0}},
+        "mesh": {
+            "generator": "rectangle",
+            "parameters": {"nx": 6, "ny": 4, "length": 2.0, "height": 1.0},
+        },
         "material": {"young": 200.0, "poisson": 0.3},
         "displacement": {"boundary": "top", "x": 0.0, "y": -0.01},
         "contact": {"boundary": "bottom"},

@@ -46,16 +46,25 @@ def test_what_is_given(text, path, value):
     assert parsed_change(text) == (path, value)
 
 
-@pytest.mark.parametrize("text", ["", "=1", "a", "a..b=1", "a[x]=1", "a[-1]=1", "[0]=1", "1a=2", "a b=1"])
+@pytest.mark.parametrize(
+    "text", ["", "=1", "a", "a..b=1", "a[x]=1", "a[-1]=1", "[0]=1", "1a=2", "a b=1"]
+)
 def test_what_is_no_change(text):
     with pytest.raises(ValueError, match="PATH=VALUE is expected"):
         parsed_change(text)
 
 
 def test_entries_are_changed_and_the_others_are_not():
-    data = {"contact": [{"gap": 0.0}, {"gap": 1.0}], "mesh": {"parameters": {"nx": 3}}, "traction": {"x": 1.0}}
+    data = {
+        "contact": [{"gap": 0.0}, {"gap": 1.0}],
+        "mesh": {"parameters": {"nx": 3}},
+        "traction": {"x": 1.0},
+    }
     before = repr(data)
-    found = changed(data, {"contact[1].gap": 2.0, "mesh.parameters.nx": 4, "traction[0].x": 3.0, "solver.levels": 2})
+    found = changed(
+        data,
+        {"contact[1].gap": 2.0, "mesh.parameters.nx": 4, "traction[0].x": 3.0, "solver.levels": 2},
+    )
     assert found == {
         "contact": [{"gap": 0.0}, {"gap": 2.0}],
         "mesh": {"parameters": {"nx": 4}},
@@ -69,7 +78,10 @@ def test_entries_are_changed_and_the_others_are_not():
 def test_a_table_of_python_keeps_its_law():
     """It is not among the keys that were given."""
     made = parse_scene(
-        {**tomllib.loads(PUSHED), "contact": [UnilateralContact(boundary="bottom", friction=Coulomb(coefficient=0.1))]}
+        {
+            **tomllib.loads(PUSHED),
+            "contact": [UnilateralContact(boundary="bottom", friction=Coulomb(coefficient=0.1))],
+        }
     )
     found = parse_scene(changed(made, {"contact[0].friction.coefficient": 0.2}))
     assert found.contact[0].friction == Coulomb(coefficient=0.2)
@@ -116,11 +128,21 @@ def test_a_block_that_is_pushed(scene, tmp_path, capsys):
 
 def test_bodies_without_contact(tmp_path, capsys):
     """Figures stand below their names, and the strain energy of rubber is not known."""
-    pulled = PUSHED.replace("[[contact]]", "[[displacement]]").split("friction")[0] + "x = 0.0\ny = 0.0\n"
+    pulled = (
+        PUSHED.replace("[[contact]]", "[[displacement]]").split("friction")[0]
+        + "x = 0.0\ny = 0.0\n"
+    )
     for law, known in (("", True), ('law = "neo-hooke"\n', False)):
         path = tmp_path / "pulled.toml"
         path.write_text(pulled.replace("poisson", f"{law}poisson"))
-        arguments = ["sweep", str(path), "--set", "material.young=5000,6000", "--out", str(tmp_path / "out")]
+        arguments = [
+            "sweep",
+            str(path),
+            "--set",
+            "material.young=5000,6000",
+            "--out",
+            str(tmp_path / "out"),
+        ]
         assert cli.main(arguments) == 0
         header, first = capsys.readouterr().out.splitlines()[1:3]
         end = header.index("strain energy") + len("strain energy")
@@ -138,7 +160,10 @@ def test_bodies_without_contact(tmp_path, capsys):
         (["solve", "--set", "contact.friction.coeficient=1"], "did you mean 'coefficient'"),
         (["check", "--set", "traction[4].x=1"], "traction[4]: is not there"),
         (["sweep", "--set", "traction.x=1"], "one entry must have several values"),
-        (["sweep", "--set", "contact.friction.coefficient=0.1,-3"], "contact[0].friction.coefficient"),
+        (
+            ["sweep", "--set", "contact.friction.coefficient=0.1,-3"],
+            "contact[0].friction.coefficient",
+        ),
     ],
 )
 def test_what_is_refused(scene, capsys, arguments, message):

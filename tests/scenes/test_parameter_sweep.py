@@ -21,9 +21,14 @@ ENTRIES = {
 
 
 def leaning(path=None, value=None):
-    """A block that drops on its foundation, pressed against a smooth wall, with another value of an entry."""
+    """A block that drops on its foundation, pressed against a smooth wall, with another value of an
+    entry.
+    """
     data = {
-        "mesh": {"generator": "rectangle", "parameters": {"length": 1.0, "height": 0.3, "nx": 24, "ny": 6}},
+        "mesh": {
+            "generator": "rectangle",
+            "parameters": {"length": 1.0, "height": 0.3, "nx": 24, "ny": 6},
+        },
         "material": {"young": 1000.0, "poisson": 0.3},
         "traction": [{"boundary": "top", "y": "-1 - x[0]"}, {"boundary": "right", "x": -0.05}],
         "contact": [
@@ -58,7 +63,9 @@ def test_values_of_an_entry(path):
             continue
         assert point.certificate.holds
         size = np.abs(solution.contact.forces).max()
-        np.testing.assert_allclose(point.contact.forces, solution.contact.forces, rtol=0, atol=1e-8 * size)
+        np.testing.assert_allclose(
+            point.contact.forces, solution.contact.forces, rtol=0, atol=1e-8 * size
+        )
         pressure = MPI.COMM_WORLD.allreduce(point.contact.pressure.max(initial=0.0), MPI.MAX)
         np.testing.assert_allclose(pressure, solution.contact.pressure.max(), rtol=1e-6)
     assert len({id(point.model.stiffness) for point in points}) == matrices
@@ -69,11 +76,15 @@ def test_load_steps_and_several_meshes():
     slid = leaning("traction", [{"boundary": "top", "y": -1.0, "factors": [0.5, 1.0]}])
     finer = leaning("solver", {"levels": 2})
     for scene, steps in ((slid, 2), (finer, 1)):
-        for value, point in zip((0.1, 0.3), sweep(scene, "contact[0].friction.coefficient", (0.1, 0.3)), strict=True):
+        for value, point in zip(
+            (0.1, 0.3), sweep(scene, "contact[0].friction.coefficient", (0.1, 0.3)), strict=True
+        ):
             wanted = alone(scene.remade(contact=point.statement.contact))
             assert point.statement.contact[0].friction.coefficient == value
             assert len(point.steps) == steps
-            np.testing.assert_allclose(point.contact.forces, wanted.contact.forces, rtol=0, atol=1e-8)
+            np.testing.assert_allclose(
+                point.contact.forces, wanted.contact.forces, rtol=0, atol=1e-8
+            )
 
 
 def test_values_are_refused_by_their_place():

@@ -1,4 +1,6 @@
-"""What ``solve`` refuses before it has solved anything, ``check`` refuses as well, with the same words."""
+"""What ``solve`` refuses before it has solved anything, ``check`` refuses as well, with the same
+words.
+"""
 
 import pytest
 from mpi4py import MPI
@@ -12,7 +14,10 @@ from signorini_fx.scenes.reading import parse_scene
 COMM = MPI.COMM_SELF
 COULOMB = {"law": "coulomb", "coefficient": 0.3}
 BLOCK = {
-    "mesh": {"generator": "rectangle", "parameters": {"length": 2.0, "height": 1.0, "nx": 8, "ny": 4}},
+    "mesh": {
+        "generator": "rectangle",
+        "parameters": {"length": 2.0, "height": 1.0, "nx": 8, "ny": 4},
+    },
     "material": {"young": 1000.0, "poisson": 0.3},
     "contact": [{"boundary": "bottom", "friction": COULOMB}],
 }
@@ -20,7 +25,10 @@ PRESSED = {"traction": {"boundary": "top", "y": -1.0}}
 HELD = {"displacement": {"boundary": "top", "x": 0.0, "y": -0.001}}
 MOVING = {"shape": "plane", "point": [0.0, 0.0], "normal": [0.0, 1.0], "shift": ["0.01*t", 0.0]}
 TRIANGLES = {"generator": "rectangle", "parameters": {"nx": 4, "ny": 2, "cell": "triangle"}}
-STACK = [{"name": name, "mesh": TRIANGLES, "shift": [0.0, height]} for name, height in (("lower", 0.0), ("upper", 1.0))]
+STACK = [
+    {"name": name, "mesh": TRIANGLES, "shift": [0.0, height]}
+    for name, height in (("lower", 0.0), ("upper", 1.0))
+]
 
 
 def bodies(**more):
@@ -39,8 +47,19 @@ def bodies(**more):
 
 def tool(**more):
     """A block on a plane that a force presses."""
-    foundation = {"shape": "plane", "point": [0.0, 0.0], "normal": [0.0, 1.0], "pivot": [1.0, 0.0], "force": [0.0, 1.0]}
-    return BLOCK | HELD | {"contact": [{"boundary": "bottom", "foundation": foundation, "friction": COULOMB}]} | more
+    foundation = {
+        "shape": "plane",
+        "point": [0.0, 0.0],
+        "normal": [0.0, 1.0],
+        "pivot": [1.0, 0.0],
+        "force": [0.0, 1.0],
+    }
+    return (
+        BLOCK
+        | HELD
+        | {"contact": [{"boundary": "bottom", "foundation": foundation, "friction": COULOMB}]}
+        | more
+    )
 
 
 SPACE = {
@@ -62,7 +81,12 @@ def contact(scene=BLOCK | HELD, **more):
 def of_disk(**more):
     """A half disk that is pressed on its arc."""
     press = {"boundary": "top", "x": 0.0, "y": -0.1}
-    return {"mesh": DISK, "material": BLOCK["material"], "displacement": press, "contact": [{"boundary": "arc"}]} | more
+    return {
+        "mesh": DISK,
+        "material": BLOCK["material"],
+        "displacement": press,
+        "contact": [{"boundary": "arc"}],
+    } | more
 
 
 def mesh_of(mesh, **more):

@@ -1,4 +1,6 @@
-"""Which features go together: each pair is drawn into a small scene, and is refused in the words that it declares."""
+"""Which features go together: each pair is drawn into a small scene, and is refused in the words
+that it declares.
+"""
 
 from functools import cache
 from itertools import combinations
@@ -86,7 +88,9 @@ def merged(data, more):
 def leaves(data, path=()):
     """Paths of what is not a table, with the values."""
     for key, value in data.items():
-        yield from leaves(value, (*path, key)) if isinstance(value, dict) else [((*path, key), value)]
+        yield from (
+            leaves(value, (*path, key)) if isinstance(value, dict) else [((*path, key), value)]
+        )
 
 
 @cache
@@ -105,7 +109,10 @@ def scene_of(*names):
     contact = {key: value for key, value in data["contact"].items() if value is not None}
     material = {key: value for key, value in data["material"].items() if value is not None}
     bodies = data.get("body")
-    data = {key: value for key, value in data.items() if key != "body"} | {"material": material, "contact": contact}
+    data = {key: value for key, value in data.items() if key != "body"} | {
+        "material": material,
+        "contact": contact,
+    }
     return of_bodies(data, bodies) if bodies else data
 
 
@@ -113,9 +120,14 @@ def of_bodies(data, bodies):
     """The same with bodies, the first of which has the boundaries of the block."""
     data = {key: renamed(value) for key, value in data.items()}
     mesh = data.pop("mesh")
-    data["body"] = [{"name": name, "mesh": mesh, "shift": [0.0, -float(k)]} for k, name in enumerate(bodies)]
+    data["body"] = [
+        {"name": name, "mesh": mesh, "shift": [0.0, -float(k)]} for k, name in enumerate(bodies)
+    ]
     if len(bodies) > 1:
-        data["displacement"] = [*data["displacement"], {"boundary": "lower.bottom", "x": 0.0, "y": 0.0}]
+        data["displacement"] = [
+            *data["displacement"],
+            {"boundary": "lower.bottom", "x": 0.0, "y": 0.0},
+        ]
     return data
 
 
@@ -134,13 +146,17 @@ def renamed(entry):
 @cache
 def used(name):
     """The features of a scene with one of them, which may bring others."""
-    return frozenset(feature for feature, _ in features(parse_scene(scene_of(name)).statement)) | {name}
+    return frozenset(feature for feature, _ in features(parse_scene(scene_of(name)).statement)) | {
+        name
+    }
 
 
 @cache
 def declared():
     """The reasons of all pairs within scenes."""
-    return {(one, other): why for one, refused in refusals.declared() for other, why in refused.items()}
+    return {
+        (one, other): why for one, refused in refusals.declared() for other, why in refused.items()
+    }
 
 
 def refused(names):
@@ -153,7 +169,9 @@ def refused(names):
 
 
 def compatible(one, other):
-    """Whether both can be asked for at once: they give no key two values, and contact has one partner."""
+    """Whether both can be asked for at once: they give no key two values, and contact has one
+    partner.
+    """
     first, second = dict(leaves(WITH[one])), dict(leaves(WITH[other]))
     if any(first[key] != second[key] for key in first.keys() & second.keys()):
         return False
@@ -162,7 +180,8 @@ def compatible(one, other):
 
 
 # A foundation is driven or moved, a body with torsion turns about its axis
-# alone, one material is of one kind, and the mesh has quadrilaterals, which are not divided one by one.
+# alone, one material is of one kind, and the mesh has quadrilaterals, which are not divided one by
+# one.
 ONE_OF_BOTH = {
     ("contact that cannot open", "soft contact"),
     ("local refinement", "mesh that no generator makes"),
@@ -209,11 +228,16 @@ SPACE = {
 
 
 @pytest.mark.parametrize(
-    ("what", "name"), [(what, name) for what, refuses in refusals.COMPUTED.items() for name in refuses]
+    ("what", "name"),
+    [(what, name) for what, refuses in refusals.COMPUTED.items() for name in refuses],
 )
 def test_what_is_computed(what, name):
     """It says so of a scene with this feature, in the words that it declares."""
     data = scene_of(name)
     if name == "friction axes":
-        data = {key: value for key, value in data.items() if key not in BASE or key in ("material", "contact")} | SPACE
+        data = {
+            key: value
+            for key, value in data.items()
+            if key not in BASE or key in ("material", "contact")
+        } | SPACE
     assert refusals.COMPUTED[what][name] in COMPUTED[what](parse_scene(data))

@@ -64,7 +64,12 @@ def test_good_scene():
 def test_defaults():
     """What a scene does not mention is off."""
     scene = parse_scene({key: GOOD[key] for key in ("mesh", "material")})
-    assert (scene.displacement, scene.traction, scene.body_force, scene.contact) == ((), (), None, ())
+    assert (scene.displacement, scene.traction, scene.body_force, scene.contact) == (
+        (),
+        (),
+        None,
+        (),
+    )
     assert not scene.statement.has_friction
     assert not scene.statement.has_coulomb
 
@@ -85,19 +90,34 @@ def test_one_table_instead_of_a_list():
             "contact[0].slack",
             "unknown key: signorini-fx new writes a scene",
         ),
-        ("contact.0.friction.rate", 1, "contact[0].friction.rate", "unknown key: signorini-fx new writes a scene"),
+        (
+            "contact.0.friction.rate",
+            1,
+            "contact[0].friction.rate",
+            "unknown key: signorini-fx new writes a scene",
+        ),
         ("traction.0.factors", 5, "traction[0].factors", "must be a list in brackets"),
         ("material.youngs", 1, "material.youngs", "unknown key: did you mean 'young'?"),
         ("contact.0.gaps", 1, "contact[0].gaps", "unknown key: did you mean 'gap'?"),
         ("material.title", "steel", "material.title", "belongs to the top level"),
         ("material.degree", 2, "material.degree", "it belongs to [element]"),
         ("material.young", True, "material.young", "must be a number, got true"),
-        ("solver.max_iterations", "many", "solver.max_iterations", "must be an integer, got 'many'"),
+        (
+            "solver.max_iterations",
+            "many",
+            "solver.max_iterations",
+            "must be an integer, got 'many'",
+        ),
         ("contact.0.friction.coefficient", 0.3, "contact[0].friction.coefficient", "unknown key"),
         ("mesh", NOTHING, "scene", "mesh is missing"),
         ("material.young", NOTHING, "material.young", "is missing"),
         ("contact.0.friction.bound", NOTHING, "contact[0].friction.bound", "is missing"),
-        ("displacement.0.boundary", NOTHING, "displacement[0]", "give either a boundary or at, a point"),
+        (
+            "displacement.0.boundary",
+            NOTHING,
+            "displacement[0]",
+            "give either a boundary or at, a point",
+        ),
         ("mesh", {}, "mesh", "file or generator"),
         ("mesh", {"file": "a.msh", "generator": "block"}, "mesh", "file or generator"),
         ("mesh", 3, "mesh", "expected"),
@@ -130,9 +150,24 @@ def test_one_table_instead_of_a_list():
         ("contact.0.gap", True, "contact[0].gap", "number"),
         ("contact.0.gap", [1], "contact[0].gap", "number"),
         ("contact.0.friction.bound", -1.5, "contact[0].friction.bound", "negative"),
-        ("contact.0.friction", {"law": "coulomb", "coefficient": -0.3}, "contact[0].friction.coefficient", "negative"),
-        ("contact.0.friction", {"law": "stick"}, "contact[0].friction.law", "'none', 'tresca', 'coulomb'"),
-        ("contact.0.friction", 0.3, "contact[0].friction", 'must be a table, such as { law = "coulomb"'),
+        (
+            "contact.0.friction",
+            {"law": "coulomb", "coefficient": -0.3},
+            "contact[0].friction.coefficient",
+            "negative",
+        ),
+        (
+            "contact.0.friction",
+            {"law": "stick"},
+            "contact[0].friction.law",
+            "'none', 'tresca', 'coulomb'",
+        ),
+        (
+            "contact.0.friction",
+            0.3,
+            "contact[0].friction",
+            'must be a table, such as { law = "coulomb"',
+        ),
         ("contact", 3, "contact", "must be a list"),
         ("traction.0.factors", [], "traction[0].factors", "must have at least 1 entry, got 0"),
         ("contact", [3], "contact[0]", "must be a table"),
@@ -144,7 +179,12 @@ def test_one_table_instead_of_a_list():
             "must be 'unilateral', 'bilateral' or 'bonded', got 'glued'",
         ),
         ("contact", [{"boundary": "a"}, {"boundary": "a"}], "contact[1]", "in contact twice"),
-        ("displacement", [{"boundary": "bottom", "normal": 0}], "displacement[0]", "in contact as well"),
+        (
+            "displacement",
+            [{"boundary": "bottom", "normal": 0}],
+            "displacement[0]",
+            "in contact as well",
+        ),
         ("solver.gamma_n", 0, "solver.gamma_n", "greater than 0"),
         ("solver.gamma_t", "large", "solver.gamma_t", "auto"),
         ("solver.sigma", -1, "solver.sigma", "greater than 0"),
@@ -172,7 +212,13 @@ def test_entries_that_do_not_go_together():
             ("load_steps", {"names": ["one", "two"]}),
         )
     )
-    assert set(found) == {"material", "material[1]", "contact[2]", "displacement[1]", "load_steps.names"}
+    assert set(found) == {
+        "material",
+        "material[1]",
+        "contact[2]",
+        "displacement[1]",
+        "load_steps.names",
+    }
     assert "own region" in found["material"]
     assert "same hypothesis" in found["material[1]"]
 
@@ -181,10 +227,19 @@ def test_several_mistakes():
     """All mistakes are reported at once."""
     found = problems(
         changed(
-            ("foo", 1), ("material", {"young": -1.0, "poisson": 0.6}), ("traction.0.y", "1 +"), ("solver.gamma_n", -1.0)
+            ("foo", 1),
+            ("material", {"young": -1.0, "poisson": 0.6}),
+            ("traction.0.y", "1 +"),
+            ("solver.gamma_n", -1.0),
         )
     )
-    assert set(found) == {"foo", "material.young", "material.poisson", "traction[0].y", "solver.gamma_n"}
+    assert set(found) == {
+        "foo",
+        "material.young",
+        "material.poisson",
+        "traction[0].y",
+        "solver.gamma_n",
+    }
 
 
 @pytest.mark.parametrize(
@@ -222,7 +277,10 @@ NUMBERS = st.floats() | st.integers() | st.sampled_from([10**400, -(10**400)])
 LEAVES = st.none() | st.booleans() | NUMBERS | st.text(max_size=8) | WORDS
 DATA = st.recursive(
     LEAVES,
-    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(WORDS | st.text(max_size=4), inner, max_size=4),
+    lambda inner: (
+        st.lists(inner, max_size=3)
+        | st.dictionaries(WORDS | st.text(max_size=4), inner, max_size=4)
+    ),
     max_leaves=12,
 )
 

@@ -1,4 +1,6 @@
-"""The mesh decides whether a scene is one of the plane or of space; what has no meaning there is refused by its key."""
+"""The mesh decides whether a scene is one of the plane or of space; what has no meaning there is
+refused by its key.
+"""
 
 import basix.ufl
 import numpy as np
@@ -34,7 +36,11 @@ IN_SPACE = [
     ({"material": STRESSED}, "material[0].hypothesis", "plane stress and plane strain"),
     ({"contact": {**FOOT, "direction": [0.0, -1.0]}}, "contact[0].direction", "3 numbers, not 2"),
     ({"displacement": {**FOOT, "z": 0.0}}, "displacement[0]", "prescribes the normal displacement"),
-    ({"element": {"volumetric": "reduced"}, **TETRAHEDRA}, "element.volumetric", "linear tetrahedra"),
+    (
+        {"element": {"volumetric": "reduced"}, **TETRAHEDRA},
+        "element.volumetric",
+        "linear tetrahedra",
+    ),
 ]
 IN_THE_PLANE = [
     ({"traction": {"boundary": "top", "z": 1.0}}, "traction[0].z", "nothing along x[2]"),
@@ -42,9 +48,21 @@ IN_THE_PLANE = [
     ({"displacement": {"boundary": "left", "z": 0.0}}, "displacement[0].z", "nothing along x[2]"),
     ({"solver": {"initial_contact": "x[2] < 1"}}, "solver.initial_contact", "no x[2]"),
     ({"contact": {**FOOT, "gap": "0.1 * x[2]"}}, "contact[0].gap", "no x[2]"),
-    ({"contact": {**FOOT, "friction": friction_of(bound="1 + x[2]")}}, "contact[0].friction.bound", "no x[2]"),
-    ({"contact": {**FOOT, "direction": [0.0, 0.0, -1.0]}}, "contact[0].direction", "2 numbers, not 3"),
-    ({"displacement": {**FOOT, "x": 0.0, "y": 0.0}}, "displacement[0]", "prescribes the normal displacement"),
+    (
+        {"contact": {**FOOT, "friction": friction_of(bound="1 + x[2]")}},
+        "contact[0].friction.bound",
+        "no x[2]",
+    ),
+    (
+        {"contact": {**FOOT, "direction": [0.0, 0.0, -1.0]}},
+        "contact[0].direction",
+        "2 numbers, not 3",
+    ),
+    (
+        {"displacement": {**FOOT, "x": 0.0, "y": 0.0}},
+        "displacement[0]",
+        "prescribes the normal displacement",
+    ),
 ]
 CASES = [*((SPACE, *case) for case in IN_SPACE), *((PLANE, *case) for case in IN_THE_PLANE)]
 
@@ -86,11 +104,15 @@ def test_a_mesh_of_a_line_is_no_body():
 
 def test_coordinates_of_an_expression():
     """The largest index that it uses."""
-    assert [Expression(text).coordinates for text in ("1", "x[0]", "x[1] + x[0]", "min(x[0], x[2])")] == [0, 1, 2, 3]
+    assert [
+        Expression(text).coordinates for text in ("1", "x[0]", "x[1] + x[0]", "min(x[0], x[2])")
+    ] == [0, 1, 2, 3]
 
 
 def test_symmetry_planes_and_three_numbers():
-    """A quarter of a block behaves like the whole: normal = 0 on two planes, a gap by a callable along a direction."""
+    """A quarter of a block behaves like the whole: normal = 0 on two planes, a gap by a callable
+    along a direction.
+    """
 
     def whole(mesh, **more):
         return parse_scene(
@@ -112,15 +134,25 @@ def test_symmetry_planes_and_three_numbers():
     quarter = alone(
         whole(
             box("hexahedra", (8, 4, 4), size=(2.0, 1.0, 1.0)),
-            displacement=[{"boundary": "left", "normal": 0.0}, {"boundary": "front", "normal": 0.0}],
+            displacement=[
+                {"boundary": "left", "normal": 0.0},
+                {"boundary": "front", "normal": 0.0},
+            ],
         )
     )
     tagged = box("hexahedra", (16, 8, 4), size=(4.0, 2.0, 1.0))
     tagged.mesh.geometry.x[:, :2] -= (2.0, 1.0)
-    full = alone(whole(tagged, traction={"boundary": "top", "z": "-20 if abs(x[0]) <= 1 and abs(x[1]) <= 0.5 else 0"}))
+    full = alone(
+        whole(
+            tagged,
+            traction={"boundary": "top", "z": "-20 if abs(x[0]) <= 1 and abs(x[1]) <= 0.5 else 0"},
+        )
+    )
     ours, theirs = quarter.table.columns, full.table.columns
     here = (theirs["x"] > -1e-9) & (theirs["y"] > -1e-9)
-    np.testing.assert_allclose(ours["pressure"], theirs["pressure"][here], rtol=0, atol=1e-6 * ours["pressure"].max())
+    np.testing.assert_allclose(
+        ours["pressure"], theirs["pressure"][here], rtol=0, atol=1e-6 * ours["pressure"].max()
+    )
     inner = (ours["x"] > 1e-9) & (ours["y"] > 1e-9)
     for name in ("shear_x", "shear_y"):
         np.testing.assert_allclose(ours[name][inner], theirs[name][here][inner], rtol=0, atol=1e-5)

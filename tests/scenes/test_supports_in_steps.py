@@ -9,7 +9,13 @@ from signorini_fx.scenes.solver import solve
 
 FIRST = [{"boundary": "top", "x": 0.0, "y": -0.001}, {"boundary": "left", "x": 0.0}]
 SECOND = [{"boundary": "right", "x": 0.01}, {"boundary": "top", "y": -0.002}]
-TOOL = {"shape": "plane", "point": [0.5, 0.0], "normal": [0.0, 1.0], "pivot": [0.5, 0.0], "force": [0.0, 3.0]}
+TOOL = {
+    "shape": "plane",
+    "point": [0.5, 0.0],
+    "normal": [0.0, 1.0],
+    "pivot": [0.5, 0.0],
+    "force": [0.0, 3.0],
+}
 TOOL |= {"prescribed": {"rotation": 0.0, "x": 0.0}}
 WITH = {
     "ssn": {},
@@ -25,7 +31,10 @@ WITH = {
 def block(supports, **more):
     """A square on a foundation, pressed from above."""
     data = {
-        "mesh": {"generator": "rectangle", "parameters": {"length": 1.0, "height": 1.0, "nx": 6, "ny": 6}},
+        "mesh": {
+            "generator": "rectangle",
+            "parameters": {"length": 1.0, "height": 1.0, "nx": 6, "ny": 6},
+        },
         "material": {"young": 1000.0, "poisson": 0.3},
         "traction": [{"boundary": "top", "y": -5.0}],
         "contact": [{"boundary": "bottom"}],
@@ -51,15 +60,20 @@ def test_each_step_has_its_supports(kind):
     solution = solve(block(changing(FIRST, SECOND), **more))
     for step, supports in zip(solution.steps, (FIRST, SECOND), strict=True):
         alone = solve(block(supports, **more)).displacement.x.array
-        np.testing.assert_allclose(step.displacement.x.array, alone, atol=1e-8 * np.abs(alone).max())
+        np.testing.assert_allclose(
+            step.displacement.x.array, alone, atol=1e-8 * np.abs(alone).max()
+        )
         assert step.certificate.holds
 
 
 def test_friction_remembers():
-    """A block that was pushed and is set free goes back until friction holds it: shear and slip go on from the step
-    before, and the sum of the friction balances nothing, as nothing else acts along it.
+    """A block that was pushed and is set free goes back until friction holds it: shear and slip go
+    on from the step before, and the sum of the friction balances nothing, as nothing else acts
+    along it.
     """
-    friction = {"contact": [{"boundary": "bottom", "friction": {"law": "coulomb", "coefficient": 0.3}}]}
+    friction = {
+        "contact": [{"boundary": "bottom", "friction": {"law": "coulomb", "coefficient": 0.3}}]
+    }
     pushed = [{"boundary": "left", "x": 0.02}]
     scene = block([{"boundary": "top", "y": -0.003}, *changing(pushed, [])], **friction)
     solution = solve(scene)
@@ -82,7 +96,10 @@ def test_friction_remembers():
 )
 def test_what_is_wrong(holds, more, said):
     """It is named with what is to be done."""
-    supports = [{"boundary": "left", "x": 0.0, "factors": [1.0, 2.0]}, {"boundary": "top", "x": 0.0, "holds": holds}]
+    supports = [
+        {"boundary": "left", "x": 0.0, "factors": [1.0, 2.0]},
+        {"boundary": "top", "x": 0.0, "holds": holds},
+    ]
     if len(holds) == 3:
         more = more | {"load_steps": {"times": [1.0, 2.0]}}
     with pytest.raises(SceneError) as raised:
@@ -99,8 +116,14 @@ FEW = [
 
 
 def few(material, **more):
-    """A square on a plane with friction, which other sides hold in each of three load steps, and strains of 1e-5."""
-    contact = {"boundary": "bottom", "foundation": PLANE, "friction": {"law": "coulomb", "coefficient": 0.3}}
+    """A square on a plane with friction, which other sides hold in each of three load steps, and
+    strains of 1e-5.
+    """
+    contact = {
+        "boundary": "bottom",
+        "foundation": PLANE,
+        "friction": {"law": "coulomb", "coefficient": 0.3},
+    }
     scene = block(FEW, **{"material": material, "contact": [contact]} | more)
     return scene.model_copy(update={"traction": ()})
 
@@ -109,7 +132,9 @@ def few(material, **more):
 @pytest.mark.parametrize("law", ["neo-hooke", "saint-venant-kirchhoff"])
 def test_supports_of_nonlinear_bodies(law):
     """Each step has its supports, and at small strains it is that of the linear body."""
-    linear, solution = (solve(few({"young": 1000.0, "poisson": 0.3} | named)) for named in ({}, {"law": law}))
+    linear, solution = (
+        solve(few({"young": 1000.0, "poisson": 0.3} | named)) for named in ({}, {"law": law})
+    )
     for number, (step, other) in enumerate(zip(solution.steps, linear.steps, strict=True)):
         forces, expected = (np.concatenate(one.contact.forces) for one in (step, other))
         assert np.allclose(forces, expected, atol=1e-3 * np.abs(expected).max())
@@ -124,16 +149,31 @@ def test_supports_of_nonlinear_bodies(law):
         assert np.allclose(sum(row.force for row in rows), 0.0, atol=1e-9 * np.abs(forces).max())
         for entry in FEW[1:]:
             if not entry["holds"][number]:
-                assert all(row.boundary != entry["boundary"] or "support" not in row.acts for row in rows)
+                assert all(
+                    row.boundary != entry["boundary"] or "support" not in row.acts for row in rows
+                )
 
 
 def test_supports_of_nonlinear_pairs_stay():
     """In contact of two nonlinear bodies supports that hold in some steps only are refused."""
-    square = {"generator": "rectangle", "parameters": {"length": 1.0, "height": 1.0, "nx": 2, "ny": 2}}
-    bodies = [{"name": "lower", "mesh": square}, {"name": "upper", "mesh": square, "shift": [0.0, 1.0]}]
-    supports = [{"boundary": "lower.bottom", "x": 0.0, "y": 0.0}, {"boundary": "upper.top", "y": -0.01}]
+    square = {
+        "generator": "rectangle",
+        "parameters": {"length": 1.0, "height": 1.0, "nx": 2, "ny": 2},
+    }
+    bodies = [
+        {"name": "lower", "mesh": square},
+        {"name": "upper", "mesh": square, "shift": [0.0, 1.0]},
+    ]
+    supports = [
+        {"boundary": "lower.bottom", "x": 0.0, "y": 0.0},
+        {"boundary": "upper.top", "y": -0.01},
+    ]
     supports.append({"boundary": "upper.left", "x": 0.0, "holds": [True, False]})
     rubber = {"law": "neo-hooke", "young": 1000.0, "poisson": 0.3}
     contact = {"boundary": "upper.bottom", "against": "lower.top"}
     with pytest.raises(SceneError, match=r"holds: is not possible yet"):
-        solve(as_scene({"body": bodies, "material": rubber, "displacement": supports, "contact": contact}))
+        solve(
+            as_scene(
+                {"body": bodies, "material": rubber, "displacement": supports, "contact": contact}
+            )
+        )

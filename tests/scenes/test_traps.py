@@ -1,4 +1,6 @@
-"""Results that must not be called right, and warnings that must not be kept: each ends in a name, or is said."""
+"""Results that must not be called right, and warnings that must not be kept: each ends in a name,
+or is said.
+"""
 
 import numpy as np
 import pytest
@@ -24,13 +26,16 @@ def warned(found):
     return {finding.path: finding.message for finding in found if finding.level == "warning"}
 
 
-# --- deformations that linear elasticity cannot mean -----------------------------------------------------------------
+# --- deformations that linear elasticity cannot mean ----------------------------------------------
 
 
 def tall(**changes):
     """A body of 30 x 20 that its sides hold sideways, pressed onto a flat foundation."""
     data = {
-        "mesh": {"generator": "rectangle", "parameters": {"length": 30.0, "height": 20.0, "nx": 12, "ny": 8}},
+        "mesh": {
+            "generator": "rectangle",
+            "parameters": {"length": 30.0, "height": 20.0, "nx": 12, "ny": 8},
+        },
         "material": {"young": 5000.0, "poisson": 0.3},
         "displacement": [{"boundary": side, "x": 0.0} for side in ("left", "right")],
         "traction": {"boundary": "top", "y": "-20 if 10 <= x[0] <= 20 else 0"},
@@ -41,12 +46,18 @@ def tall(**changes):
 
 SOFT = {"young": 5.0, "poisson": 0.3}
 ABSURD = {
-    "a modulus in another unit": (tall(material=SOFT), "material, traction, body_force, displacement"),
+    "a modulus in another unit": (
+        tall(material=SOFT),
+        "material, traction, body_force, displacement",
+    ),
     "a modulus far from all": (
         tall(material={"young": 5e-9, "poisson": 0.3}),
         "material, traction, body_force, displacement",
     ),
-    "a gap of more than the body": (tall(contact={"boundary": "bottom", "gap": 50.0}), "contact.gap, displacement"),
+    "a gap of more than the body": (
+        tall(contact={"boundary": "bottom", "gap": 50.0}),
+        "contact.gap, displacement",
+    ),
     "without contact": (
         tall(material=SOFT, contact=[], displacement={"boundary": "left", "x": 0.0, "y": 0.0}),
         "material, traction, body_force, displacement",
@@ -63,7 +74,9 @@ ABSURD = {
 def test_what_linear_elasticity_cannot_mean(case, algorithm):
     """The outcome has a name, and the figures are said with what to look at."""
     scene, path = ABSURD[case]
-    scene = scene.model_copy(update={"solver": scene.solver.model_copy(update={"algorithm": algorithm})})
+    scene = scene.model_copy(
+        update={"solver": scene.solver.model_copy(update={"algorithm": algorithm})}
+    )
     solution = alone(scene, check=False)
     assert solution.status is Status.TOO_LARGE
     assert path in warned(solution.findings)
@@ -82,9 +95,15 @@ def test_a_scene_may_raise_the_limit(case):
 
 
 FIELDS = {
-    "quadrilaterals": {"generator": "rectangle", "parameters": {"length": 3.0, "height": 1.0, "nx": 6, "ny": 2}},
+    "quadrilaterals": {
+        "generator": "rectangle",
+        "parameters": {"length": 3.0, "height": 1.0, "nx": 6, "ny": 2},
+    },
     "triangles": {"generator": "rectangle", "parameters": {"nx": 6, "ny": 4, "cell": "triangle"}},
-    "distorted": {"generator": "block", "parameters": {"nx": 12, "ny": 4, "layout": "unstructured"}},
+    "distorted": {
+        "generator": "block",
+        "parameters": {"nx": 12, "ny": 4, "layout": "unstructured"},
+    },
     "curved": {"generator": "ring_segment", "parameters": {"order": 2}},
 }
 
@@ -93,11 +112,17 @@ FIELDS = {
 @pytest.mark.parametrize("mesh", FIELDS)
 @pytest.mark.parametrize("degree", [1, 2])
 def test_figures_of_known_fields(mesh, degree):
-    """An affine displacement has the gradient that it was made from; a smooth one that of an integral by UFL."""
+    """An affine displacement has the gradient that it was made from; a smooth one that of an
+    integral by UFL.
+    """
     if mesh == "curved" and degree == 1:
         pytest.skip("linear elements do not go on curved cells")
     scene = parse_scene(
-        {"mesh": FIELDS[mesh], "material": {"young": 1.0, "poisson": 0.3}, "element": {"degree": degree}}
+        {
+            "mesh": FIELDS[mesh],
+            "material": {"young": 1.0, "poisson": 0.3},
+            "element": {"degree": degree},
+        }
     )
     tagged = load_mesh(scene, WORLD)
     d = prepare(scene.statement, tagged, Timings())
@@ -125,14 +150,16 @@ def test_figures_of_known_fields(mesh, degree):
     )
 
 
-# --- what check knows, solve says ------------------------------------------------------------------------------------
+# --- what check knows, solve says -----------------------------------------------------------------
 
 TRIANGLES = {"generator": "rectangle", "parameters": {"nx": 12, "ny": 4, "cell": "triangle"}}
 
 
 @pytest.mark.mpi
 def test_findings_are_the_same_on_every_rank():
-    """No rank keeps a warning to itself, whatever it owns of the boundary; check warns of no more."""
+    """No rank keeps a warning to itself, whatever it owns of the boundary; check warns of no
+    more.
+    """
     scene = block(material={"young": 5000.0, "poisson": 0.499}, mesh=TRIANGLES, **coulomb(1.5))
     told = [(f.level, f.path, f.message) for f in solve(scene, WORLD, check=False).findings]
     assert all(other == told for other in WORLD.allgather(told))
@@ -147,12 +174,16 @@ def test_nothing_is_said_where_nothing_hurts():
 
 
 PAD = {
-    "mesh": {"generator": "rectangle", "parameters": {"length": 10.0, "height": 1.0, "nx": 20, "ny": 2}},
+    "mesh": {
+        "generator": "rectangle",
+        "parameters": {"length": 10.0, "height": 1.0, "nx": 20, "ny": 2},
+    },
     "material": {"young": 100.0, "poisson": 0.3},
     "displacement": {"boundary": "bottom", "x": 0.0, "y": 0.0},
 }
 CIRCLE = {"shape": "circle", "centre": [5.0, 3.0], "radius": 2.0}
-# A wide pad under 1 % of its modulus; a foundation that arrives later; soft contact, whose foundation enters the body.
+# A wide pad under 1 % of its modulus; a foundation that arrives later; soft contact, whose
+# foundation enters the body.
 SOUND = {
     "wide": {"traction": {"boundary": "top", "pressure": 1.0}},
     "arrives": {
@@ -174,7 +205,7 @@ def test_no_false_alarm(name):
     assert warned(alone(scene).findings) == {}
 
 
-# --- directions -----------------------------------------------------------------------------------------------------
+# --- directions -----------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -183,13 +214,20 @@ def test_no_false_alarm(name):
 )
 def test_a_direction_that_leads_into_the_body(direction, opposite):
     """The opposite is named; a direction that is only askew is one."""
-    found = warned(check(block(**contact(direction=direction))).findings).get("contact[0].direction")
+    found = warned(check(block(**contact(direction=direction))).findings).get(
+        "contact[0].direction"
+    )
     assert (found is None) == (opposite is None)
     assert found is None or f"direction = {opposite} is the opposite" in found
 
 
-@pytest.mark.parametrize(("normal", "warns"), [([0.0, -1.0], True), ([0.0, 1.0], False), ([0.5, 1.0], False)])
+@pytest.mark.parametrize(
+    ("normal", "warns"), [([0.0, -1.0], True), ([0.0, 1.0], False), ([0.5, 1.0], False)]
+)
 def test_a_plane_that_faces_away(normal, warns):
     """Nothing would be in contact, as the body is behind the plane's back."""
-    plane = {"boundary": "bottom", "foundation": {"shape": "plane", "point": [0.0, 0.0], "normal": normal}}
+    plane = {
+        "boundary": "bottom",
+        "foundation": {"shape": "plane", "point": [0.0, 0.0], "normal": normal},
+    }
     assert ("contact[0].foundation" in warned(check(tall(contact=plane)).findings)) == warns

@@ -1,4 +1,6 @@
-"""Names of units are labels: they stand where a quantity of their kind is shown, and change no number."""
+"""Names of units are labels: they stand where a quantity of their kind is shown, and change no
+number.
+"""
 
 import json
 import re
@@ -19,12 +21,24 @@ from signorini_fx.scenes.reading import parse_scene
     ("given", "dimension", "expected"),
     [
         ({}, 2, {}),
-        ({"length": "mm", "stress": "MPa"}, 3, {"area": "mm²", "force": "N", "moment": "N mm", "energy": "N mm"}),
-        ({"length": "mm", "stress": "MPa"}, 2, {"area": "mm", "force": "N/mm", "moment": "N", "energy": "N"}),
+        (
+            {"length": "mm", "stress": "MPa"},
+            3,
+            {"area": "mm²", "force": "N", "moment": "N mm", "energy": "N mm"},
+        ),
+        (
+            {"length": "mm", "stress": "MPa"},
+            2,
+            {"area": "mm", "force": "N/mm", "moment": "N", "energy": "N"},
+        ),
         ({"length": "m", "stress": "kPa"}, 3, {"force": "kN", "moment": "kN m"}),
         ({"length": "in", "stress": "MPa"}, 3, {}),  # that force has no name
         ({"length": "in", "stress": "MPa", "force": "X"}, 3, {"force": "X", "moment": "X in"}),
-        ({"force": "N"}, 2, {"moment": "N", "energy": "N"}),  # per a thickness whose unit is not known
+        (
+            {"force": "N"},
+            2,
+            {"moment": "N", "energy": "N"},
+        ),  # per a thickness whose unit is not known
     ],
 )
 def test_forces_and_moments(given, dimension, expected):
@@ -50,10 +64,16 @@ def test_the_page_has_units_and_the_tables_do_not_change(tmp_path):
     named = scene.model_copy(update={"units": Units(length="mm", stress="MPa")})
     for folder, one in (("bare", scene), ("named", named)):
         write_results(alone(one), tmp_path / folder, fields=False, pictures=True)
-    summaries = [json.loads((tmp_path / name / "summary.json").read_text()) for name in ("bare", "named")]
+    summaries = [
+        json.loads((tmp_path / name / "summary.json").read_text()) for name in ("bare", "named")
+    ]
     assert summaries[0]["max_pressure"] == summaries[1]["max_pressure"]
-    assert (tmp_path / "bare/contact.csv").read_bytes() == (tmp_path / "named/contact.csv").read_bytes()
-    assert (tmp_path / "bare/profiles.png").read_bytes() != (tmp_path / "named/profiles.png").read_bytes()
+    assert (tmp_path / "bare/contact.csv").read_bytes() == (
+        tmp_path / "named/contact.csv"
+    ).read_bytes()
+    assert (tmp_path / "bare/profiles.png").read_bytes() != (
+        tmp_path / "named/profiles.png"
+    ).read_bytes()
     bare, text = (re.sub(r"<[^>]*>", " ", page(tmp_path / name)) for name in ("bare", "named"))
     assert re.search(r"largest pressure [\d.]+ MPa", text)
     assert "(0, 20) N/mm" in text

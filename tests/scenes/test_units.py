@@ -1,7 +1,7 @@
 """Nothing depends on the units of length and force: generated scenes in other units.
 
-Lengths and forces are multiplied by powers of ten, each apart; every setting of the solver is a share of the scales of
-the scene, so that the same linear solves lead to the same result.
+Lengths and forces are multiplied by powers of ten, each apart; every setting of the solver is a
+share of the scales of the scene, so that the same linear solves lead to the same result.
 """
 
 from dataclasses import replace
@@ -27,7 +27,12 @@ ALGORITHMS = ("ssn", "continuation", "path-following", "alm")
 WAYS = ("fp", "newton")
 LINEAR_ALGEBRA = ("full", "condensed", "krylov")
 # (length, force): what a unit of length and of force is in other units.
-UNITS = [(10.0**length, 10.0**force) for length in (-12, 0, 12) for force in (-12, 0, 12) if (length, force) != (0, 0)]
+UNITS = [
+    (10.0**length, 10.0**force)
+    for length in (-12, 0, 12)
+    for force in (-12, 0, 12)
+    if (length, force) != (0, 0)
+]
 
 
 def body(cells, degree, length=1.0, comm=MPI.COMM_SELF):
@@ -50,7 +55,9 @@ def body(cells, degree, length=1.0, comm=MPI.COMM_SELF):
 
 
 def block(element, law="none", length=1.0, force=1.0, comm=MPI.COMM_SELF, **solver):
-    """The block pressed and pulled on a foundation that is nearest at one side; supports that move."""
+    """The block pressed and pulled on a foundation that is nearest at one side; supports that
+    move.
+    """
     stress, tagged = force / length**2, body(*element, length, comm)
     friction = {
         "none": {"law": "none"},
@@ -69,12 +76,18 @@ def block(element, law="none", length=1.0, force=1.0, comm=MPI.COMM_SELF, **solv
                 {"boundary": "left", "x": 0.0002 * length, **({"y": 0.0} if space else {})},
                 {"boundary": "right", "x": -0.0001 * length},
             ],
-            "traction": {"boundary": "top", "x": 1.7 * stress, "z" if space else "y": -12.0 * stress}
+            "traction": {
+                "boundary": "top",
+                "x": 1.7 * stress,
+                "z" if space else "y": -12.0 * stress,
+            }
             | ({"y": 2.9 * stress} if space else {}),
             "contact": {
                 "boundary": "bottom",
                 "kind": "bilateral" if law == "bilateral" else "unilateral",
-                "gap": lambda x: length * (0.002 * (x[0] / length - 1.1) ** 2 + 0.0007 * x[1] / length + 0.0001),
+                "gap": lambda x: (
+                    length * (0.002 * (x[0] / length - 1.1) ** 2 + 0.0007 * x[1] / length + 0.0001)
+                ),
                 "friction": friction,
             },
             "solver": solver,
@@ -84,13 +97,18 @@ def block(element, law="none", length=1.0, force=1.0, comm=MPI.COMM_SELF, **solv
 
 def counts(solution):
     """Linear solves of each problem, and the sets of each solve."""
-    sets = [(r.active_contact, r.slip_plus, r.slip_minus, r.changed) for r in solution.history.iterations]
+    sets = [
+        (r.active_contact, r.slip_plus, r.slip_minus, r.changed)
+        for r in solution.history.iterations
+    ]
     return solution.algorithm, [record.linear_solves for record in solution.history.outer], sets
 
 
 def close(ours, theirs, unit):
     """Equal to 1e-9 of the largest value."""
-    np.testing.assert_allclose(np.asarray(ours) / unit, theirs, rtol=0, atol=1e-9 * np.abs(theirs).max())
+    np.testing.assert_allclose(
+        np.asarray(ours) / unit, theirs, rtol=0, atol=1e-9 * np.abs(theirs).max()
+    )
 
 
 def assert_same(there, here, length, force):
@@ -116,12 +134,16 @@ def possible(element, law, algorithm, way, linear_algebra):
 
 
 EVERY = [
-    combination for combination in product(ELEMENTS, LAWS, ALGORITHMS, WAYS, LINEAR_ALGEBRA) if possible(*combination)
+    combination
+    for combination in product(ELEMENTS, LAWS, ALGORITHMS, WAYS, LINEAR_ALGEBRA)
+    if possible(*combination)
 ]
 
 
 def covering():
-    """Few combinations among which are all pairs of two choices that are possible, found greedily."""
+    """Few combinations among which are all pairs of two choices that are possible, found
+    greedily.
+    """
     pairs = {c: {((i, c[i]), (j, c[j])) for i in range(5) for j in range(i)} for c in EVERY}
     left, chosen = set().union(*pairs.values()), []
     while left:
@@ -142,20 +164,24 @@ def named(combination):
 @pytest.mark.one_quick
 @pytest.mark.parametrize("number", range(len(COVERING)), ids=[named(c) for c in COVERING])
 def test_other_units(number):
-    """Each pair of element, law, algorithm and linear algebra, in two of the eight systems of units."""
+    """Each pair of element, law, algorithm and linear algebra, in two of the eight systems of
+    units.
+    """
     element, law, *rest = COVERING[number]
     here = alone(block(element, law, **settings(*rest)))
     for length, force in (UNITS[number % 8], UNITS[(number + 3) % 8]):
-        assert_same(alone(block(element, law, length, force, **settings(*rest))), here, length, force)
+        assert_same(
+            alone(block(element, law, length, force, **settings(*rest))), here, length, force
+        )
 
 
-# --- the formulas of dimension, and where they are used ---------------------------------------------------------------
+# --- the formulas of dimension, and where they are used -------------------------------------------
 
 
 SMALL = [("quadrilaterals", 1), ("tetrahedra", 1)]
 
 
-# --- bodies that were judged wrongly ----------------------------------------------------------------------------------
+# --- bodies that were judged wrongly --------------------------------------------------------------
 
 
 @pytest.mark.parametrize("length", [1.0, 1e-9])
@@ -164,7 +190,8 @@ def test_a_cone_that_is_violated(length):
     scene = block(("hexahedra", 1), "coulomb", length, length**2, algorithm="alm", tolerance=0.1)
     cones = [
         alone(
-            block(("hexahedra", 1), "coulomb", unit, unit**2, algorithm="alm", tolerance=0.1), check=False
+            block(("hexahedra", 1), "coulomb", unit, unit**2, algorithm="alm", tolerance=0.1),
+            check=False,
         ).certificate.friction_cone
         for unit in (1.0, length)
     ]
@@ -173,7 +200,7 @@ def test_a_cone_that_is_violated(length):
     assert cones[1] == pytest.approx(cones[0], rel=1e-6)
 
 
-# --- numbers that are none --------------------------------------------------------------------------------------------
+# --- numbers that are none ------------------------------------------------------------------------
 
 
 @pytest.mark.one_quick

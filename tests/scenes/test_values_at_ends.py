@@ -10,10 +10,16 @@ from signorini_fx.scenes.reading import parse_scene
 @pytest.mark.parametrize("law", [{}, {"law": "neo-hooke"}], ids=["linear", "neo-hooke"])
 def test_values_that_are_zero_at_an_end(law):
     """A coefficient of friction or a bound that vanishes at an end of the body is one."""
-    for friction in ({"law": "coulomb", "coefficient": "0.3*sqrt(x[0])"}, {"law": "tresca", "bound": "0.01*x[0]"}):
+    for friction in (
+        {"law": "coulomb", "coefficient": "0.3*sqrt(x[0])"},
+        {"law": "tresca", "bound": "0.01*x[0]"},
+    ):
         scene = parse_scene(
             {
-                "mesh": {"generator": "rectangle", "parameters": {"length": 2.0, "height": 1.0, "nx": 8, "ny": 4}},
+                "mesh": {
+                    "generator": "rectangle",
+                    "parameters": {"length": 2.0, "height": 1.0, "nx": 8, "ny": 4},
+                },
                 "material": {"young": 1.0, "poisson": 0.3, **law},
                 "displacement": {"boundary": "bottom", "x": 0.0, "y": 0.01},
                 "contact": {"boundary": "top", "friction": friction},

@@ -1,4 +1,6 @@
-"""Foundations that are things: distances and normals by brute force, contact against the same by formula, Hertz."""
+"""Foundations that are things: distances and normals by brute force, contact against the same by
+formula, Hertz.
+"""
 
 import subprocess
 import sys
@@ -31,14 +33,28 @@ TURN = {"rotation": (10.0, -20.0, 30.0), "pivot": (0.1, 0.2, 0.3), "shift": (0.0
 SPACE = [
     {"shape": "plane", "point": (0.1, -0.3, 0.0), "normal": (0.2, 3.0, 1.0), **TURN},
     {"shape": "sphere", "centre": (0.1, -0.3, 0.0), "radius": 0.7, **TURN},
-    {"shape": "cylinder", "centre": (0.1, -0.3, 0.0), "axis": (1.0, 2.0, 0.0), "radius": 0.7, "hollow": True},
+    {
+        "shape": "cylinder",
+        "centre": (0.1, -0.3, 0.0),
+        "axis": (1.0, 2.0, 0.0),
+        "radius": 0.7,
+        "hollow": True,
+    },
     {"shape": "cone", "tip": (0.0, 0.1, 0.0), "axis": (0.3, -1.0, 0.2), "angle": 50.0, **TURN},
-    {"shape": "cone", "tip": (0.0, 0.1, 0.0), "axis": (0.3, -1.0, 0.2), "angle": 70.0, "radius": 0.3},
+    {
+        "shape": "cone",
+        "tip": (0.0, 0.1, 0.0),
+        "axis": (0.3, -1.0, 0.2),
+        "angle": 70.0,
+        "radius": 0.3,
+    },
 ]
 
 
 def gmsh_files(folder):
-    """A cube and a ball of radius 1 as STEP, and as STL the cube in binary and the ball in text; a disc with a hole."""
+    """A cube and a ball of radius 1 as STEP, and as STL the cube in binary and the ball in text; a
+    disc with a hole.
+    """
     code = f"""
 import math
 import gmsh
@@ -98,7 +114,7 @@ def on_the_surface(shape, dim, count=5_000):
     return x[np.abs(shape.distance(x)[0]) < 1e-12]
 
 
-# --- distances -------------------------------------------------------------------------------------------------------
+# --- distances ------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -107,7 +123,9 @@ def on_the_surface(shape, dim, count=5_000):
     ids=lambda table: table["shape"],
 )
 def test_distance_and_normal(table):
-    """The gradient has the length one and is the normal; no point of the surface is closer, and one is as close."""
+    """The gradient has the length one and is the normal; no point of the surface is closer, and one
+    is as close.
+    """
     shape = read_shape(table)
     dim = 2 if table in PLANE else 3
     x = np.random.default_rng(8).uniform(-1.5, 1.5, (300, dim))
@@ -117,7 +135,9 @@ def test_distance_and_normal(table):
     around = [[shape.distance(x + way * step * e) for way in (1, -1)] for e in np.eye(dim)]
     slope = np.stack([(ahead[0] - behind[0]) / (2 * step) for ahead, behind in around], axis=1)
     # Between two closest points the gradient jumps.
-    alone = np.all([np.linalg.norm(one[1] - normal, axis=1) < 1e-3 for pair in around for one in pair], axis=0)
+    alone = np.all(
+        [np.linalg.norm(one[1] - normal, axis=1) < 1e-3 for pair in around for one in pair], axis=0
+    )
     assert np.mean(alone) > 0.98
     assert slope[alone] == pytest.approx(normal[alone], abs=1e-7)
     foot = x - signed[:, None] * normal
@@ -147,7 +167,10 @@ def test_surfaces_of_files(files, name):
     assert moved.distance(there)[1] == pytest.approx(normal @ q.T, abs=1e-12)
     face = np.array([[0.5, 0.1, 0.2], [-0.1, -0.5, 0.3]])
     signed, normal = shape.distance(face)
-    assert (signed, normal) == (pytest.approx(0.0, abs=1e-15), pytest.approx(np.array([[1.0, 0, 0], [0, -1, 0]])))
+    assert (signed, normal) == (
+        pytest.approx(0.0, abs=1e-15),
+        pytest.approx(np.array([[1.0, 0, 0], [0, -1, 0]])),
+    )
 
 
 def test_a_plane_mesh_is_a_shape(tmp_path):
@@ -157,7 +180,10 @@ def test_a_plane_mesh_is_a_shape(tmp_path):
     x = np.array([(i, j) for j in range(4) for i in range(4)], dtype=float)
     cells = [[k, k + 1, k + 5, k + 4] for k in (0, 1, 2, 4, 6, 8, 9, 10)]  # around [1, 2]^2
     cells[0], cells[3] = cells[0][::-1], cells[3][::-1]
-    meshio.write(tmp_path / "frame.vtu", meshio.Mesh(np.column_stack((x, 0 * x[:, 0])), {"quad": np.array(cells)}))
+    meshio.write(
+        tmp_path / "frame.vtu",
+        meshio.Mesh(np.column_stack((x, 0 * x[:, 0])), {"quad": np.array(cells)}),
+    )
     shape = read_shape({"shape": "surface", "file": tmp_path / "frame.vtu"})
     at = np.random.default_rng(8).uniform(-1, 4, (400, 2))
 
@@ -167,26 +193,34 @@ def test_a_plane_mesh_is_a_shape(tmp_path):
 
     assert shape.inradius == pytest.approx(0.5)
     outside, hole = square(at, 1.5), square(at, 0.5)
-    assert shape.distance(at)[0] == pytest.approx(np.where(hole < 0, -hole, np.maximum(outside, -hole)), abs=1e-13)
+    assert shape.distance(at)[0] == pytest.approx(
+        np.where(hole < 0, -hole, np.maximum(outside, -hole)), abs=1e-13
+    )
 
 
 @pytest.mark.one_quick
 @pytest.mark.parametrize("size", [0.05, 5e-3])
 def test_a_plane_drawing_is_a_shape(files, size):
-    """A disc with a hole, with few and with many lines around it: distances are exact but for their sag."""
+    """A disc with a hole, with few and with many lines around it: distances are exact but for their
+    sag.
+    """
     at = np.random.default_rng(8).uniform(-1.5, 1.5, (300, 2))
-    signed, normal = read_shape({"shape": "surface", "file": files / "disc.step", "size": size}).distance(at)
+    signed, normal = read_shape(
+        {"shape": "surface", "file": files / "disc.step", "size": size}
+    ).distance(at)
     from_hole = at - [0.2, 0.0]
     outside, inside = np.linalg.norm(at, axis=1) - 1.0, 0.3 - np.linalg.norm(from_hole, axis=1)
     assert signed == pytest.approx(np.maximum(outside, inside), abs=size**2)
     exact = np.where((outside > inside)[:, None], at, -from_hole)
     clear = (np.abs(outside - inside) > 0.1) & (np.abs(signed) > 0.1)
-    assert normal[clear] == pytest.approx(exact[clear] / np.linalg.norm(exact[clear], axis=1)[:, None], abs=2 * size)
+    assert normal[clear] == pytest.approx(
+        exact[clear] / np.linalg.norm(exact[clear], axis=1)[:, None], abs=2 * size
+    )
     with pytest.raises(SceneError, match="not in a plane"):
         distance_from({"shape": "surface", "file": files / "tilted.step"}, 2)
 
 
-# --- the same by formula ---------------------------------------------------------------------------------------------
+# --- the same by formula --------------------------------------------------------------------------
 
 
 def block(dim=3, comm=COMM, kind=None, scale=1.0):
@@ -240,29 +274,65 @@ def of_a_slope(normal, height):
 
 
 SAME = {
-    "circle": (2, {"shape": "circle", "centre": (0.9, -1.51), "radius": 1.5}, of_a_ball((0.9, -1.51), 1.5)),
-    "sphere": (3, {"shape": "sphere", "centre": (0.9, 0.5, -1.51), "radius": 1.5}, of_a_ball((0.9, 0.5, -1.51), 1.5)),
+    "circle": (
+        2,
+        {"shape": "circle", "centre": (0.9, -1.51), "radius": 1.5},
+        of_a_ball((0.9, -1.51), 1.5),
+    ),
+    "sphere": (
+        3,
+        {"shape": "sphere", "centre": (0.9, 0.5, -1.51), "radius": 1.5},
+        of_a_ball((0.9, 0.5, -1.51), 1.5),
+    ),
     "cylinder": (
         3,
         {"shape": "cylinder", "centre": (0.9, 7.0, -1.51), "axis": (0, -2, 0), "radius": 1.5},
         of_a_rod(-1.51, 1.5, 0.9),
     ),
-    "plane": (3, {"shape": "plane", "point": (0, 0, -0.03), "normal": (0.02, 0, 2.0)}, of_a_slope((0.01, 0, 1), 0.03)),
-    "polyline": (2, {"shape": "polyline", "points": ((0.0, -0.03), (1.0, -0.02))}, of_a_slope((-0.01, 1), 0.03)),
-    "cone": (3, {"shape": "cone", "tip": (0.9, 0.5, -0.51), "axis": (0, 0, -1), "angle": 5.0, "radius": 0.5}, None),
+    "plane": (
+        3,
+        {"shape": "plane", "point": (0, 0, -0.03), "normal": (0.02, 0, 2.0)},
+        of_a_slope((0.01, 0, 1), 0.03),
+    ),
+    "polyline": (
+        2,
+        {"shape": "polyline", "points": ((0.0, -0.03), (1.0, -0.02))},
+        of_a_slope((-0.01, 1), 0.03),
+    ),
+    "cone": (
+        3,
+        {
+            "shape": "cone",
+            "tip": (0.9, 0.5, -0.51),
+            "axis": (0, 0, -1),
+            "angle": 5.0,
+            "radius": 0.5,
+        },
+        None,
+    ),
     "surface": (3, None, of_a_slope((0.0, 0, 1), 0.02)),
 }
-SAME["cone"] = (*SAME["cone"][:2], of_a_ball((0.9, 0.5, -0.51 - 0.5 / np.sin(np.radians(5.0))), 0.5))
+SAME["cone"] = (
+    *SAME["cone"][:2],
+    of_a_ball((0.9, 0.5, -0.51 - 0.5 / np.sin(np.radians(5.0))), 0.5),
+)
 
 
 @pytest.mark.one_quick
 @pytest.mark.mpi
 @pytest.mark.parametrize("name", SAME)
 def test_the_same_by_formula(name, files):
-    """Displacement, pressure and shear are those of gap and direction by formula, on any number of ranks."""
+    """Displacement, pressure and shear are those of gap and direction by formula, on any number of
+    ranks.
+    """
     dim, table, formula = SAME[name]
     if name == "surface":  # the upper face of the cube, which is larger than the body
-        table = {"shape": "surface", "file": files / "cube.step", "scale": 50.0, "shift": (0.0, 0.0, -50.02)}
+        table = {
+            "shape": "surface",
+            "file": files / "cube.step",
+            "scale": 50.0,
+            "shift": (0.0, 0.0, -50.02),
+        }
     if name == "cone":  # its tip is a ball
         sine = np.sin(np.radians(5.0))
         table = table | {"tip": (0.9, 0.5, -0.01 - 0.5 + 0.5 / sine)}
@@ -275,7 +345,9 @@ def test_the_same_by_formula(name, files):
     largest = COMM.allreduce(np.abs(second.state.pressure).max(initial=0.0), MPI.MAX)
     assert largest > 0
     for field in ("pressure", "shear"):
-        assert getattr(first.state, field) == pytest.approx(getattr(second.state, field), abs=1e-8 * largest)
+        assert getattr(first.state, field) == pytest.approx(
+            getattr(second.state, field), abs=1e-8 * largest
+        )
 
 
 def test_gap_is_added():
@@ -285,7 +357,10 @@ def test_gap_is_added():
         def distance(self, x):
             return x[:, -1] + 0.01, np.broadcast_to([0.0, 1.0], x.shape)
 
-    (_, u), (_, v) = (pressed(one, block(2, MPI.COMM_SELF), gap=gap) for one, gap in ((Ground(), 0.02), (None, 0.03)))
+    (_, u), (_, v) = (
+        pressed(one, block(2, MPI.COMM_SELF), gap=gap)
+        for one, gap in ((Ground(), 0.02), (None, 0.03))
+    )
     assert u.x.array == pytest.approx(v.x.array, abs=1e-14)
 
 
@@ -314,24 +389,32 @@ class Ball:
         ({"normal": lambda unit, x: unit[:, ::-1]}, "does not grow along its normals"),
         ({"signed": lambda away, x: 1.1 * away}, "does not grow along its normals"),
         ({"signed": lambda away, x: np.abs(away + 0.1)}, "distance of Ball is not negative inside"),
-        ({"signed": lambda away, x: away + np.add(x, 0, out=x)[:, 0]}, "distance of Ball fails: .*read-only"),
+        (
+            {"signed": lambda away, x: away + np.add(x, 0, out=x)[:, 0]},
+            "distance of Ball fails: .*read-only",
+        ),
         ({"signed": lambda away, x: away / x.nothing}, "distance of Ball fails: AttributeError"),
     ],
 )
 def test_shapes_that_are_not_what_they_say(wrong, message):
-    """An object with a distance that is none is refused, with its name, before anything is solved."""
+    """An object with a distance that is none is refused, with its name, before anything is
+    solved.
+    """
     with pytest.raises(FormError, match=message):
         pressed(Ball(**wrong), block(2, MPI.COMM_SELF))
     assert pressed(Ball(), block(2, MPI.COMM_SELF))[0].certificate.holds
 
 
-# --- scenes ----------------------------------------------------------------------------------------------------------
+# --- scenes ---------------------------------------------------------------------------------------
 
 
 def scene(shape, **more):
     """The block on a cylinder of the demonstration, on a coarse mesh."""
     given = {
-        "mesh": {"generator": "rectangle", "parameters": {"length": 10.0, "height": 5.0, "nx": 20, "ny": 10}},
+        "mesh": {
+            "generator": "rectangle",
+            "parameters": {"length": 10.0, "height": 5.0, "nx": 20, "ny": 10},
+        },
         "material": {"young": 200.0, "poisson": 0.3},
         "displacement": {"boundary": "top", "x": 0.0, "y": -0.06},
         "contact": {"boundary": "bottom", "foundation": shape},
@@ -344,12 +427,18 @@ GROUND = {"shape": "plane", "point": (0, -0.01), "normal": (0, 1)}
 
 @pytest.mark.mpi
 def test_a_scene():
-    """A plane is the gap; the certificate evaluates the shape anew, and ``check`` says where it is."""
+    """A plane is the gap; the certificate evaluates the shape anew, and ``check`` says where it
+    is.
+    """
     coulomb = {"law": "coulomb", "coefficient": 0.3}
-    first = solve(scene(None, contact={"boundary": "bottom", "foundation": GROUND, "friction": coulomb}))
+    first = solve(
+        scene(None, contact={"boundary": "bottom", "foundation": GROUND, "friction": coulomb})
+    )
     second = solve(scene(None, contact={"boundary": "bottom", "gap": 0.01, "friction": coulomb}))
     assert first.certificate.holds
-    size = [COMM.allreduce(np.abs(one.displacement.x.array).max(), MPI.MAX) for one in (first, second)]
+    size = [
+        COMM.allreduce(np.abs(one.displacement.x.array).max(), MPI.MAX) for one in (first, second)
+    ]
     energy = [one.steps[-1].strain_energy for one in (first, second)]
     assert size[0] == pytest.approx(size[1], rel=1e-12)
     assert energy[0] == pytest.approx(energy[1], rel=1e-12)
@@ -360,26 +449,56 @@ def test_a_scene():
 @pytest.mark.parametrize(
     ("shape", "message"),
     [
-        ({"shape": "circle", "centre": (5, -8), "radius": 0}, "foundation.radius: must be greater than 0"),
-        ({"shape": "circle", "centre": (5, -8, 0), "radius": 8}, "foundation.centre: the mesh is plane: give 2"),
+        (
+            {"shape": "circle", "centre": (5, -8), "radius": 0},
+            "foundation.radius: must be greater than 0",
+        ),
+        (
+            {"shape": "circle", "centre": (5, -8, 0), "radius": 8},
+            "foundation.centre: the mesh is plane: give 2",
+        ),
         ({"shape": "circle", "center": (5, -8), "radius": 8}, "unknown key: did you mean 'centre'"),
-        ({"shape": "circle", "centre": (5, -8), "radius": 8, "qqq": 1}, "foundation.qqq: unknown key"),
-        ({"shape": "circle", "centre": (5, 0), "radius": 80}, "the whole body is inside of the foundation"),
-        ({"shape": "sphere", "centre": (5, -8), "radius": 8}, "the mesh is plane: there is no sphere"),
+        (
+            {"shape": "circle", "centre": (5, -8), "radius": 8, "qqq": 1},
+            "foundation.qqq: unknown key",
+        ),
+        (
+            {"shape": "circle", "centre": (5, 0), "radius": 80},
+            "the whole body is inside of the foundation",
+        ),
+        (
+            {"shape": "sphere", "centre": (5, -8), "radius": 8},
+            "the mesh is plane: there is no sphere",
+        ),
         ({"shape": "ball"}, "shape must be one of circle, cone, cylinder"),
         (8.0, "foundation: a table is expected"),
         (GROUND | {"normal": (0, 0)}, "foundation.normal: must not be zero"),
         (GROUND | {"rotation": (0, 0, 1)}, "foundation.rotation: the mesh is plane: give an angle"),
         ({"shape": "polyline", "points": ((0, 0), (0, 0))}, "points: numbers 1 and 2 are the same"),
-        ({"shape": "polyline", "points": ((0, 0), (1, 0), (0, 0))}, "points: a closed line needs three"),
-        ({"shape": "polyline", "points": ((0, 0), (1, 0), (2, 0), (1, 0), (0, 0))}, "must enclose an area"),
+        (
+            {"shape": "polyline", "points": ((0, 0), (1, 0), (0, 0))},
+            "points: a closed line needs three",
+        ),
+        (
+            {"shape": "polyline", "points": ((0, 0), (1, 0), (2, 0), (1, 0), (0, 0))},
+            "must enclose an area",
+        ),
         (
             {"shape": "polyline", "points": ((9, 0), (6, 0), (4, -2), (6, -2), (4, 0), (-9, 0))},
             "points: of its pieces that between points 2 and 3 meets that between points 4 and 5",
         ),
-        ({"shape": "polyline", "points": ((0, 0), (2, 2), (2, 0), (0, 3), (0, 0))}, "points 1 and 2 meets that"),
-        ({"shape": "spline", "points": ((9, 0), (6, 0))}, "foundation.shape: 'spline' was removed: use a 'polyline'"),
-        ({"shape": "cone", "tip": (0, 0), "axis": (0, 1), "angle": 90}, "foundation.angle: must be less than 90"),
+        (
+            {"shape": "polyline", "points": ((0, 0), (2, 2), (2, 0), (0, 3), (0, 0))},
+            "points 1 and 2 meets that",
+        ),
+        (
+            {"shape": "spline", "points": ((9, 0), (6, 0))},
+            "foundation.shape: 'spline' was removed: use a 'polyline'",
+        ),
+        (
+            {"shape": "cone", "tip": (0, 0), "axis": (0, 1), "angle": 90},
+            "foundation.angle: must be less than 90",
+        ),
         ({"shape": "surface", "file": "no.stl"}, "foundation.file: no.stl: no such file"),
     ],
 )
@@ -401,7 +520,12 @@ def test_bad_surfaces(tmp_path):
             vertices = "".join(f"vertex {x} {y} {z}\n" for x, y, z in corners)
             lines.append(f"facet normal 0 0 0\nouter loop\n{vertices}endloop\nendfacet")
         (tmp_path / "it.stl").write_text("\n".join([*lines, "endsolid it\n"]), encoding="utf-8")
-        return [why for _, why in read_shape({"shape": "surface", "file": tmp_path / "it.stl"}).contradictions(3)]
+        return [
+            why
+            for _, why in read_shape(
+                {"shape": "surface", "file": tmp_path / "it.stl"}
+            ).contradictions(3)
+        ]
 
     corners = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)])
     faces = [(0, 2, 1), (0, 1, 3), (1, 2, 3), (2, 0, 3)]
@@ -414,24 +538,47 @@ def test_bad_surfaces(tmp_path):
     (wrong,) = error_of(six[[int(c) - 1 for c in face]] for face in ten)
     assert "no inside and outside" in wrong
     (tmp_path / "it.stl").write_bytes(b"")
-    (wrong,) = [why for _, why in read_shape({"shape": "surface", "file": tmp_path / "it.stl"}).contradictions(3)]
+    (wrong,) = [
+        why
+        for _, why in read_shape({"shape": "surface", "file": tmp_path / "it.stl"}).contradictions(
+            3
+        )
+    ]
     assert "it.stl" in wrong
 
 
-# --- foundations that move -------------------------------------------------------------------------------------------
+# --- foundations that move ------------------------------------------------------------------------
 
 
 def moving(*, tool, shift, rotation=0.0, **more):
     """A block in four load steps on a plane that moves, or whose top moves instead."""
     axes = ("x", "y")
-    given = {"mesh": {"generator": "rectangle", "parameters": {"length": 2.0, "height": 1.0, "nx": 8, "ny": 4}}}
-    given |= {"material": {"young": 1000.0, "poisson": 0.3}, "load_steps": {"times": [0.0, 1.0, 2.0, 3.0]}}
+    given = {
+        "mesh": {
+            "generator": "rectangle",
+            "parameters": {"length": 2.0, "height": 1.0, "nx": 8, "ny": 4},
+        }
+    }
+    given |= {
+        "material": {"young": 1000.0, "poisson": 0.3},
+        "load_steps": {"times": [0.0, 1.0, 2.0, 3.0]},
+    }
     foundation = {"shape": "plane", "point": [0.0, 0.0], "normal": [0.0, 1.0]}
-    top = dict.fromkeys(axes, 0.0) if tool else dict(zip(axes, (f"-({way})" for way in shift), strict=True))
+    top = (
+        dict.fromkeys(axes, 0.0)
+        if tool
+        else dict(zip(axes, (f"-({way})" for way in shift), strict=True))
+    )
     if tool:
         foundation |= {"shift": shift, "rotation": rotation}
-    contact = {"boundary": "bottom", "foundation": foundation, "friction": {"law": "coulomb", "coefficient": 0.3}}
-    return parse_scene(given | {"displacement": {"boundary": "top", **top}, "contact": contact} | more)
+    contact = {
+        "boundary": "bottom",
+        "foundation": foundation,
+        "friction": {"law": "coulomb", "coefficient": 0.3},
+    }
+    return parse_scene(
+        given | {"displacement": {"boundary": "top", **top}, "contact": contact} | more
+    )
 
 
 @pytest.mark.mpi
@@ -439,7 +586,9 @@ def test_a_foundation_moves_a_body_that_nothing_holds():
     """It is refused, and the error names both ways out."""
     statement = moving(tool=True, shift=["0.01*t", "0.0"])
     loose = statement.model_copy(update={"displacement": ()})
-    with pytest.raises(SceneError, match=r"contact\[0\].foundation: .*contact alone: add them, or let a force move"):
+    with pytest.raises(
+        SceneError, match=r"contact\[0\].foundation: .*contact alone: add them, or let a force move"
+    ):
         solve(loose)
 
 
@@ -464,7 +613,9 @@ def test_a_foundation_moves_in_a_scene(more):
         assert one.certificate.holds
         assert one.strain_energy == pytest.approx(other.strain_energy, rel=1e-7)
         for name in ("pressure", "shear"):
-            sums = [COMM.allreduce(float((getattr(s.contact, name) ** 2).sum())) for s in (one, other)]
+            sums = [
+                COMM.allreduce(float((getattr(s.contact, name) ** 2).sum())) for s in (one, other)
+            ]
             assert sums[0] == pytest.approx(sums[1], rel=1e-6)
     assert not any("penetrates" in finding.message for finding in first.findings)
     assert len(first.levels) == len(second.levels)
@@ -480,7 +631,13 @@ def test_a_foundation_moves_in_a_scene(more):
     [
         ({"shift": ["x[0]", 0.0]}, "a number or an expression of the time t is expected"),
         ({"shift": ["t", 0.0, 0.0]}, "foundation.shift: the mesh is plane: give 2 numbers, not 3"),
-        ({"displacement": {"boundary": "top", "x": 0.0}, "traction": {"boundary": "top", "pressure": 1.0}}, "supports"),
+        (
+            {
+                "displacement": {"boundary": "top", "x": 0.0},
+                "traction": {"boundary": "top", "pressure": 1.0},
+            },
+            "supports",
+        ),
     ],
 )
 def test_bad_motions(more, message):

@@ -17,7 +17,8 @@ from signorini_fx.records import Status
 from signorini_fx.scenes.solver import solve
 from signorini_fx.solving import load_steps
 
-# Unknowns of the meshes before the one that fails: 13 x 5 nodes, or 7 x 3 of the forms; the others have more.
+# Unknowns of the meshes before the one that fails: 13 x 5 nodes, or 7 x 3 of the forms; the others
+# have more.
 MOST = 2 * 13 * 5
 ANYTHING = Accuracy(target=1e-6, refinement="uniform")
 
@@ -42,7 +43,11 @@ def ends_with(status, fails=lambda unknowns: unknowns > MOST):
     def fault(monkeypatch):
         def solved(task, *args, usual=load_steps.solve_task):
             outcome = usual(task, *args)
-            return replace(outcome, status=status) if fails(outcome.displacement().getSize()) else outcome
+            return (
+                replace(outcome, status=status)
+                if fails(outcome.displacement().getSize())
+                else outcome
+            )
 
         for module in (load_steps, form_solver):
             monkeypatch.setattr(module, "solve_task", solved)
@@ -58,14 +63,18 @@ KINDS = {Status.LINEAR_SOLVER: "krylov"}
 
 
 def scene_of(status, nx=12, ny=4, **settings):
-    return example1(bound=1.5, nx=nx, ny=ny, gamma="auto", linear_algebra=KINDS.get(status, "full"), **settings)
+    return example1(
+        bound=1.5, nx=nx, ny=ny, gamma="auto", linear_algebra=KINDS.get(status, "full"), **settings
+    )
 
 
 @pytest.mark.one_quick
 @pytest.mark.parametrize("status", FAULTS)
 @pytest.mark.parametrize("nested", [True, False])
 def test_scenes(status, nested, monkeypatch):
-    """The coarsest mesh is solved, certified, and is what comes back; the reason says how the next one has ended."""
+    """The coarsest mesh is solved, certified, and is what comes back; the reason says how the next
+    one has ended.
+    """
     scene = scene_of(status, 24, 8, levels=2) if nested else scene_of(status)
     if not nested:
         scene = scene.model_copy(update={"accuracy": ANYTHING})
@@ -77,7 +86,10 @@ def test_scenes(status, nested, monkeypatch):
     assert solution.model.dofs <= MOST
     assert [level.dofs for level in solution.levels][-1] == solution.model.dofs
     which = "mesh 2 of 2" if nested else "the next mesh"
-    assert solution.advice == f"{Status.COARSER.advice}; {which} ends with: {status.value}: {status.advice}"
+    assert (
+        solution.advice
+        == f"{Status.COARSER.advice}; {which} ends with: {status.value}: {status.advice}"
+    )
     if nested:
         np.testing.assert_array_equal(solution.displacement.x.array, alone.displacement.x.array)
 
@@ -89,7 +101,9 @@ def test_forms_of_a_user(nested, monkeypatch):
     FAULTS[status](monkeypatch)
     coarsest = forms.box((3.0, 1.0), (12, 4), comm=MPI.COMM_SELF)
     make = block_on_a_floor(linear_algebra="full")
-    with pytest.raises(ConvergenceError, match=f"solved on a coarser mesh only: .*ends with: {status.value}") as error:
+    with pytest.raises(
+        ConvergenceError, match=f"solved on a coarser mesh only: .*ends with: {status.value}"
+    ) as error:
         (solve_nested if nested else solve_to_accuracy)(make, coarsest, 2 if nested else ANYTHING)
     solution = error.value.solution
     assert solution.status is Status.COARSER

@@ -1,4 +1,5 @@
-"""What goes wrong around a solve: killed, interrupted, a full disk, a folder that is taken, a PETSc without MUMPS.
+"""What goes wrong around a solve: killed, interrupted, a full disk, a folder that is taken, a PETSc
+without MUMPS.
 
 A result folder holds a whole result or none: every test here ends by looking for half of one.
 """
@@ -36,7 +37,9 @@ def solutions():
 
 
 def whole(folder):
-    """The number of contact nodes of the result in a folder, None if it holds none; half a result is an error."""
+    """The number of contact nodes of the result in a folder, None if it holds none; half a result
+    is an error.
+    """
     if not (folder / "summary.json").exists():
         return None
     nodes = json.loads((folder / "summary.json").read_text())["contact_nodes"]
@@ -60,7 +63,9 @@ def in_a_child(action):
 
 @pytest.mark.slow
 def test_killed_at_every_third_step(tmp_path, solutions):
-    """Killed before one of its operations on files, a second run leaves the first result, none, or its own, whole."""
+    """Killed before one of its operations on files, a second run leaves the first result, none, or
+    its own, whole.
+    """
     first, second = solutions
     seen = set()
     for steps in range(0, 200, 3):
@@ -71,7 +76,13 @@ def test_killed_at_every_third_step(tmp_path, solutions):
 
             def count(event, arguments):
                 nonlocal left
-                if event in ("open", "os.rename", "os.remove", "os.mkdir", "os.rmdir") and "out" in str(arguments):
+                if event in (
+                    "open",
+                    "os.rename",
+                    "os.remove",
+                    "os.mkdir",
+                    "os.rmdir",
+                ) and "out" in str(arguments):
                     left -= 1
                     if left < 0:
                         os.kill(os.getpid(), signal.SIGKILL)
@@ -92,7 +103,9 @@ def test_killed_at_every_third_step(tmp_path, solutions):
 
 @pytest.mark.parametrize("fields", [False, True])
 def test_no_space(tmp_path, solutions, fields):
-    """Where a file may not grow there is one error, the older result stays, and nothing is left behind."""
+    """Where a file may not grow there is one error, the older result stays, and nothing is left
+    behind.
+    """
     first, second = solutions
     files.write_results(first, tmp_path, fields=False, pictures=False)
     before = sorted(tmp_path.rglob("*"))
@@ -110,7 +123,9 @@ def test_no_space(tmp_path, solutions, fields):
 def test_no_space_for_a_load_step(tmp_path):
     """NumPy does not give the system's reason where it could not write the whole of an array."""
     scene = example1(nx=60, ny=20)
-    steps = scene.model_copy(update={"traction": (scene.traction[0].model_copy(update={"factors": (0.5, 1.0)}),)})
+    steps = scene.model_copy(
+        update={"traction": (scene.traction[0].model_copy(update={"factors": (0.5, 1.0)}),)}
+    )
     assert alone(steps).converged  # forms are compiled
 
     def run():
@@ -123,7 +138,9 @@ def test_no_space_for_a_load_step(tmp_path):
 
 @pytest.mark.slow
 def test_second_run_into_the_same_folder(tmp_path, solutions):
-    """While one run holds a folder another one is refused; after it nothing of the first result is left."""
+    """While one run holds a folder another one is refused; after it nothing of the first result is
+    left.
+    """
     first, second = solutions
     files.write_results(first, tmp_path, fields=True, pictures=True)
     assert (tmp_path / "deformed.png").exists()
@@ -156,7 +173,15 @@ friction = { law = "coulomb", coefficient = 0.3 }
 def start(tmp_path, *arguments, cells=200, **options):
     """Start the command line on a scene that takes a while; its output unbuffered."""
     (tmp_path / "scene.toml").write_text(SCENE.replace("NX", str(cells)))
-    command = [sys.executable, "-m", "signorini_fx", "solve", str(tmp_path / "scene.toml"), "--verbose", "--out"]
+    command = [
+        sys.executable,
+        "-m",
+        "signorini_fx",
+        "solve",
+        str(tmp_path / "scene.toml"),
+        "--verbose",
+        "--out",
+    ]
     return subprocess.Popen(
         [*command, str(tmp_path / "out"), "--no-pictures", *arguments],
         stdout=options.get("stdout", subprocess.PIPE),
@@ -177,21 +202,27 @@ def test_interrupted(tmp_path):
                 break
         _, errors = process.communicate(timeout=120)
     assert process.returncode == 130
-    assert errors.splitlines() == ["signorini-fx: interrupted; --restart goes on from what is complete"]
+    assert errors.splitlines() == [
+        "signorini-fx: interrupted; --restart goes on from what is complete"
+    ]
     assert {path.name for path in (tmp_path / "out").iterdir()} == {CHECKPOINT, MANIFEST}
 
 
 @pytest.mark.slow
 def test_output_that_goes_nowhere(tmp_path):
-    """A full disk behind standard output is said and ends with an exit code; the results are written all the same."""
+    """A full disk behind standard output is said and ends with an exit code; the results are
+    written all the same.
+    """
     with open("/dev/full", "w") as nowhere, start(tmp_path, cells=16, stdout=nowhere) as process:
         _, errors = process.communicate(timeout=120)
     assert process.returncode == 2
-    assert errors.splitlines() == ["signorini-fx: the output cannot be written: No space left on device"]
+    assert errors.splitlines() == [
+        "signorini-fx: the output cannot be written: No space left on device"
+    ]
     assert whole(tmp_path / "out") == 17
 
 
-# --- a PETSc without packages, a machine without memory --------------------------------------------------------------
+# --- a PETSc without packages, a machine without memory -------------------------------------------
 
 
 @pytest.fixture
@@ -215,7 +246,9 @@ def without(monkeypatch):
 @pytest.mark.parametrize("packages", [("mumps",), ("mumps", "superlu_dist", "cholmod")])
 @pytest.mark.parametrize("wanted", ["auto", "condensed", "full"])
 def test_without_mumps(without, packages, wanted):
-    """It says so and uses what there is, to the same answer: PETSc's own factorisation, on several ranks multigrid."""
+    """It says so and uses what there is, to the same answer: PETSc's own factorisation, on several
+    ranks multigrid.
+    """
     comm = MPI.COMM_WORLD
     scene = example1(coefficient=0.3, nx=30, ny=10, linear_algebra=wanted)
     reference = solve(scene, comm)
@@ -227,7 +260,9 @@ def test_without_mumps(without, packages, wanted):
         assert "no factorisation for more than one rank" in solution.linear_algebra
     pressure, shear = (solution.table.columns[name] for name in ("pressure", "shear"))
     largest = np.abs(reference.table.columns["pressure"]).max()
-    np.testing.assert_allclose(pressure, reference.table.columns["pressure"], rtol=0, atol=1e-9 * largest)
+    np.testing.assert_allclose(
+        pressure, reference.table.columns["pressure"], rtol=0, atol=1e-9 * largest
+    )
     np.testing.assert_allclose(shear, reference.table.columns["shear"], rtol=0, atol=1e-9 * largest)
 
 
@@ -246,7 +281,9 @@ def test_mesh_that_no_machine_holds(monkeypatch, generator, parameters):
     """It is refused before it is begun, on all ranks."""
     monkeypatch.setattr(parallel, "machine_memory", lambda comm: 8e9)
     begin = time.process_time()
-    reasons = r"mesh\.parameters(: about .* cells would need|\.\w+: .* is too short: .* facets along)"
+    reasons = (
+        r"mesh\.parameters(: about .* cells would need|\.\w+: .* is too short: .* facets along)"
+    )
     with pytest.raises(SceneError, match=reasons):
         generate_mesh(generator, parameters, MPI.COMM_WORLD)
     assert time.process_time() - begin < 1.0

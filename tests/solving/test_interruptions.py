@@ -1,4 +1,6 @@
-"""Ctrl-C, SIGTERM and exceptions at every moment of a solve: they arrive, and are never taken for numerics."""
+"""Ctrl-C, SIGTERM and exceptions at every moment of a solve: they arrive, and are never taken for
+numerics.
+"""
 
 import gc
 import json
@@ -68,7 +70,9 @@ PLACES = {
 
 @pytest.fixture(autouse=True)
 def collecting():
-    """Garbage is collected all the time, also while an exception passes through PETSc, which was a crash."""
+    """Garbage is collected all the time, also while an exception passes through PETSc, which was a
+    crash.
+    """
     thresholds = gc.get_threshold()
     gc.set_threshold(1)
     yield
@@ -79,7 +83,9 @@ def collecting():
 def older(tmp_path_factory):
     """The folder of an earlier result."""
     folder = tmp_path_factory.mktemp("older")
-    write_results(solver.solve(example1(bound=1.5, nx=6, ny=2)), folder, fields=False, pictures=False)
+    write_results(
+        solver.solve(example1(bound=1.5, nx=6, ny=2)), folder, fields=False, pictures=False
+    )
     return folder
 
 
@@ -88,7 +94,9 @@ def left_alone(older, folder):
     added = {path.name for path in folder.iterdir()} - {path.name for path in older.iterdir()}
     kept = [path for path in older.iterdir() if path.name != MANIFEST]
     same = all((folder / path.name).read_bytes() == path.read_bytes() for path in kept)
-    lines, older_lines = (set((place / MANIFEST).read_text().split("\n")) for place in (folder, older))
+    lines, older_lines = (
+        set((place / MANIFEST).read_text().split("\n")) for place in (folder, older)
+    )
     # The manifest lists what the interrupted run has made, so that the next one may remove it.
     listed = added <= {line.partition("/")[0] for line in lines} and older_lines <= lines
     return same and listed and added <= {"checkpoint"}
@@ -120,11 +128,16 @@ def raise_enough():
 @pytest.mark.one_quick
 @pytest.mark.parametrize("place", PLACES)
 def test_a_signal(place, older, tmp_path, monkeypatch, capfd):
-    """Exit code 130 and one line about it; the older result stays, and what is complete can be gone on from."""
+    """Exit code 130 and one line about it; the older result stays, and what is complete can be gone
+    on from.
+    """
     out = tmp_path / "out"
     shutil.copytree(older, out)
     kind = (signal.SIGINT, signal.SIGTERM)[list(PLACES).index(place) % 2]
-    scene = written(tmp_path / "scene.toml", *at_second_call(monkeypatch, place, lambda: os.kill(os.getpid(), kind)))
+    scene = written(
+        tmp_path / "scene.toml",
+        *at_second_call(monkeypatch, place, lambda: os.kill(os.getpid(), kind)),
+    )
     assert cli.main(["solve", str(scene), "--out", str(out), "--no-pictures", "--no-fields"]) == 130
     told = capfd.readouterr().err
     assert told.count("signorini-fx: ") == told.count("signorini-fx: interrupted") == 1
@@ -205,15 +218,28 @@ sys.exit(cli.main(sys.argv[2:]))
 
 @pytest.mark.slow
 def test_a_signal_on_one_of_two_ranks(older, tmp_path):
-    """Whichever rank it reaches inside a linear solve in 3D: all ranks end, and the older result stays."""
+    """Whichever rank it reaches inside a linear solve in 3D: all ranks end, and the older result
+    stays.
+    """
     if shutil.which("mpirun") is None:
         pytest.skip("there is no mpirun")
     out = tmp_path / "out"
     shutil.copytree(older, out)
     scene = written(tmp_path / "scene.toml", SOLID, KRYLOV)
     (tmp_path / "run.py").write_text(MANY)
-    command = ["mpirun", "-n", "2", sys.executable, str(tmp_path / "run.py"), "1", "solve", str(scene)]
-    ended = subprocess.run([*command, "--out", str(out)], capture_output=True, text=True, timeout=120)
+    command = [
+        "mpirun",
+        "-n",
+        "2",
+        sys.executable,
+        str(tmp_path / "run.py"),
+        "1",
+        "solve",
+        str(scene),
+    ]
+    ended = subprocess.run(
+        [*command, "--out", str(out)], capture_output=True, text=True, timeout=120
+    )
     assert ended.returncode == 130
     assert "singular" not in ended.stdout + ended.stderr
     assert "Traceback" not in ended.stderr

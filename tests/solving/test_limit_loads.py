@@ -1,4 +1,5 @@
-"""Limit loads in 3D that statics does not prove: the bracket of a ramp against limits by hand and by programme.
+"""Limit loads in 3D that statics does not prove: the bracket of a ramp against limits by hand and
+by programme.
 
 Dead loads press a body into three contacts, a live one pulls it beyond what Coulomb friction holds.
 """
@@ -16,7 +17,8 @@ from signorini_fx.records import IterationRecord, Status, StepRecord
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.scene import Scene
 
-# Of the bracket and of its distance, relative to the limit; of the work without a solution, over that with one.
+# Of the bracket and of its distance, relative to the limit; of the work without a solution, over
+# that with one.
 WIDEST, FURTHEST, MOST_WORK = 0.01, 0.01, 5.0
 # The bounds of the programme meet to this share; cutting planes at most.
 _DIGITS, _CUTS = 1e-4, 500
@@ -49,7 +51,8 @@ def pulled(size, young, coefficient, dead, live):
             "traction": [*dead, {**live, "factors": [0.0, 1.0]}],
             "contact": [{"boundary": name, "friction": friction} for name in contacts],
             "load_steps": {"steps": 10, "times": [0.0, 1.0]},
-            # What regularisation leaves of slip in each step would wedge the body: the ramp would end up to 12 % early.
+            # What regularisation leaves of slip in each step would wedge the body: the ramp would
+            # end up to 12 % early.
             "solver": {"algorithm": "alm", "coulomb": "newton"},
         }
     )
@@ -58,13 +61,18 @@ def pulled(size, young, coefficient, dead, live):
 def corner(coefficient, cells, beyond=1.3):
     """A cube in a corner of three walls that is pulled away from one of them.
 
-    It slides along the other two, straight away from the first, which has opened.  All friction is then opposite to the
-    pull, so that nothing but the loads presses: the limit is F times their sum, and what pressed into the first wall.
+    It slides along the other two, straight away from the first, which has opened.  All friction is
+    then opposite to the pull, so that nothing but the loads presses: the limit is F times their
+    sum, and what pressed into the first wall.
     """
     down, side, back = 5.0, 2.0, 1.0
     pull = beyond * (coefficient * (down + side) + back)
     size = {"length": 1.0, "width": 1.0, "height": 1.0, "nx": cells, "ny": cells, "nz": cells}
-    dead = ({"boundary": "top", "z": -down}, {"boundary": "back", "y": -side}, {"boundary": "right", "x": -back})
+    dead = (
+        {"boundary": "top", "z": -down},
+        {"boundary": "back", "y": -side},
+        {"boundary": "right", "x": -back},
+    )
     return Case(
         pulled(
             size,
@@ -73,18 +81,24 @@ def corner(coefficient, cells, beyond=1.3):
             dead,
             {"boundary": "right", "x": pull},
         ),
-        [((0, 0, -down), (0.5, 0.5, 1)), ((0, -side, 0), (0.5, 1, 0.5)), ((-back, 0, 0), (1, 0.5, 0.5))],
+        [
+            ((0, 0, -down), (0.5, 0.5, 1)),
+            ((0, -side, 0), (0.5, 1, 0.5)),
+            ((-back, 0, 0), (1, 0.5, 0.5)),
+        ],
         ((pull, 0, 0), (1, 0.5, 0.5)),
         1 / beyond,
     )
 
 
 def limit_by_programme(case, solution):
-    """The time at which the body moves away as a rigid one, with the friction bounds of the last load step.
+    """The time at which the body moves away as a rigid one, with the friction bounds of the last
+    load step.
 
-    It is the least of sum g_i |v_i| - (power of the dead loads) over all rigid motions v that press nothing into the
-    foundation and on which the live load has the power 1.  The sum is convex: cutting planes replace it by linear
-    programmes, whose values are bounds from below; the sum itself is one from above.
+    It is the least of sum g_i |v_i| - (power of the dead loads) over all rigid motions v that press
+    nothing into the foundation and on which the live load has the power 1.  The sum is convex:
+    cutting planes replace it by linear programmes, whose values are bounds from below; the sum
+    itself is one from above.
     """
     columns = solution.table.columns
     x = np.column_stack([columns[name] for name in ("x", "y", "z")])
@@ -93,7 +107,11 @@ def limit_by_programme(case, solution):
 
     def work(loads):
         return np.sum(
-            [np.asarray(force) @ motions((np.asarray([at]) - centre) / size)[0] for force, at in loads], axis=0
+            [
+                np.asarray(force) @ motions((np.asarray([at]) - centre) / size)[0]
+                for force, at in loads
+            ],
+            axis=0,
         )
 
     bound = columns["weight"] * columns["bound"]
@@ -128,11 +146,15 @@ def limit_by_programme(case, solution):
 def motions(x):
     """Three translations and three rotations about the origin at points x, shape (n, 3, 6)."""
     turns = np.cross(np.eye(3)[None], x[:, None, :])
-    return np.concatenate((np.broadcast_to(np.eye(3), (len(x), 3, 3)), turns.transpose(0, 2, 1)), axis=2)
+    return np.concatenate(
+        (np.broadcast_to(np.eye(3), (len(x), 3, 3)), turns.transpose(0, 2, 1)), axis=2
+    )
 
 
 def enclosed(case):
-    """A ramp that ends as it should, and its linear solves in attempts with and without a solution."""
+    """A ramp that ends as it should, and its linear solves in attempts with and without a
+    solution.
+    """
     attempts = []
 
     def count(record):
@@ -150,7 +172,9 @@ def enclosed(case):
     found = {step.time for step in solution.steps if step.status is Status.CONVERGED}
     last = {time: number for number, (time, _) in enumerate(attempts) if time in found}
     below = sum(attempts[number][1] for number in last.values())
-    beyond = sum(solves for number, (_, solves) in enumerate(attempts) if number not in last.values())
+    beyond = sum(
+        solves for number, (_, solves) in enumerate(attempts) if number not in last.values()
+    )
     assert beyond <= MOST_WORK * below
     return below, beyond
 
@@ -158,14 +182,18 @@ def enclosed(case):
 @pytest.mark.slow
 @pytest.mark.parametrize("coefficient", [0.3, 0.6])
 def test_a_cube_in_a_corner_of_three_walls(coefficient):
-    """No fixed point finds its last load steps: the friction of the step before would not hold it."""
+    """No fixed point finds its last load steps: the friction of the step before would not hold
+    it.
+    """
     _, beyond = enclosed(corner(coefficient, cells=3))
     assert beyond > 0
 
 
 @pytest.mark.slow
 def test_regularised_steps_end_early_and_say_so():
-    """By a few per cent in a corner of three walls; the advice names the method that finds the limit."""
+    """By a few per cent in a corner of three walls; the advice names the method that finds the
+    limit.
+    """
     case = corner(0.5, cells=3)
     scene = case.scene.model_copy(update={"solver": SolverSettings()})
     solution = solve(scene, check=False)

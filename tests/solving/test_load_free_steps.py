@@ -1,4 +1,6 @@
-"""Load steps in which nothing presses on bodies that contact alone holds: they stay near to where they were."""
+"""Load steps in which nothing presses on bodies that contact alone holds: they stay near to where
+they were.
+"""
 
 import numpy as np
 import pytest
@@ -23,8 +25,14 @@ PATHS = {
     "twice": ({"factors": [0.0, 0.0, 1.0, 0.0, 0.0]}, {}),
     "ramp": ({"factors": [0.0, 1.0]}, {"load_steps": {"steps": 2}}),
     "of time": ({"y": f"-{FORCE}*t"}, {"load_steps": {"times": [0.0, 0.5, 1.0]}}),
-    "heat first": ({"factors": [0.0, 1.0]}, {"temperature": {"change": CHANGE, "factors": [1.0, 0.0]}}),
-    "heat last": ({"factors": [1.0, 0.0]}, {"temperature": {"change": CHANGE, "factors": [0.0, 1.0]}}),
+    "heat first": (
+        {"factors": [0.0, 1.0]},
+        {"temperature": {"change": CHANGE, "factors": [1.0, 0.0]}},
+    ),
+    "heat last": (
+        {"factors": [1.0, 0.0]},
+        {"temperature": {"change": CHANGE, "factors": [0.0, 1.0]}},
+    ),
     "heat alone": (None, {"temperature": {"change": CHANGE, "factors": [0.0, 1.0]}}),
 }
 COULOMB = {"law": "coulomb", "coefficient": 0.3}
@@ -55,9 +63,13 @@ def stack(law, bodies, path, *, rough=False, held=True):
 
 
 def table():
-    """The law, the number of bodies, the path, whether it is rough and whether supports hold it sideways."""
+    """The law, the number of bodies, the path, whether it is rough and whether supports hold it
+    sideways.
+    """
     cases = [("linear", bodies, path, bodies == 2, True) for bodies in (1, 2) for path in PATHS]
-    cases += [("neo-hooke", 1, path, False, True) for path in ("first", "last", "ramp", "heat alone")]
+    cases += [
+        ("neo-hooke", 1, path, False, True) for path in ("first", "last", "ramp", "heat alone")
+    ]
     cases += [("neo-hooke", 2, path, True, True) for path in ("middle", "heat first")]
     cases += [("j2", 1, path, True, True) for path in ("middle", "twice", "heat last")]
     cases += [("j2", 2, "of time", False, True)]
@@ -83,11 +95,15 @@ def nodes_of(displacement):
 @pytest.mark.one_quick
 @pytest.mark.parametrize(("law", "bodies", "path", "rough", "held"), list(table()))
 def test_stays_near_to_where_it_was(law, bodies, path, rough, held):
-    """No forces, no strain but that of heat and of yielding, each body on what is below it, and not moved sideways."""
+    """No forces, no strain but that of heat and of yielding, each body on what is below it, and not
+    moved sideways.
+    """
     solution = solve(stack(law, bodies, path, rough=rough, held=held), MPI.COMM_SELF)
     assert solution.status is Status.CONVERGED
     load, further = PATHS[path]
-    free_steps = [step.step for step in solution.steps if load is None or share_of_load(load, step) == 0.0]
+    free_steps = [
+        step.step for step in solution.steps if load is None or share_of_load(load, step) == 0.0
+    ]
     listed = ", ".join(map(str, free_steps))
     notes = [found.message for found in solution.findings if "nothing presses on" in found.message]
     assert len(notes) == 1
@@ -97,17 +113,23 @@ def test_stays_near_to_where_it_was(law, bodies, path, rough, held):
     for step in solution.steps:
         exerted = np.sum(step.contact.forces_of_each, axis=1)
         if step.step not in free_steps:
-            np.testing.assert_allclose(np.abs(exerted[:, 1]), FORCE * share_of_load(load, step), rtol=1e-5)
+            np.testing.assert_allclose(
+                np.abs(exerted[:, 1]), FORCE * share_of_load(load, step), rtol=1e-5
+            )
         else:
             assert not np.abs(step.contact.forces_of_each).any()
             warmth, floor = CHANGE * EXPANSION * share_of_load(hot, step), 0.0
             for x, y in nodes_of(step.displacement):
                 if law != "j2":  # a rigid motion, and swelling
                     arms = np.column_stack((-x[:, 1], x[:, 0])).ravel()
-                    rows = np.column_stack((np.tile(np.eye(2), (len(x), 1)), arms, *((x.ravel(),) if warmth else ())))
+                    rows = np.column_stack(
+                        (np.tile(np.eye(2), (len(x), 1)), arms, *((x.ravel(),) if warmth else ()))
+                    )
                     motion = np.linalg.lstsq(rows, y.ravel(), rcond=None)[0]
                     np.testing.assert_allclose(rows @ motion, y.ravel(), rtol=0, atol=1e-8 * size)
-                    np.testing.assert_allclose(motion[3:], (1 + ELASTIC["poisson"]) * warmth, rtol=1e-2)
+                    np.testing.assert_allclose(
+                        motion[3:], (1 + ELASTIC["poisson"]) * warmth, rtol=1e-2
+                    )
                 bottom = np.isclose(x[:, 1], x[:, 1].min())
                 places = x[bottom, 1] + y[bottom, 1]
                 # What has yielded is not flat any more, and touches at its lowest place.
@@ -116,7 +138,10 @@ def test_stays_near_to_where_it_was(law, bodies, path, rough, held):
                 assert places.min() > floor - 1e-6 * size
                 floor = (x[:, 1] + y[:, 1]).max()
         if not held and law != "j2" and last is not None:
-            of_last, of_now = (nodes_of(displacement)[0][1][:, 0].mean() for displacement in (last, step.displacement))
+            of_last, of_now = (
+                nodes_of(displacement)[0][1][:, 0].mean()
+                for displacement in (last, step.displacement)
+            )
             assert abs(of_now - of_last) < 1e-2 * size
         last = step.displacement
     assert solution.certificate.holds
@@ -150,16 +175,25 @@ def test_nothing_holds_it_sideways(law, bodies, path):
 
 
 def test_a_wall_that_goes_back_leaves_a_body_where_it_is():
-    """It pushes by 0.1 at first; then nothing acts, and the body would be in equilibrium at the origin, too."""
+    """It pushes by 0.1 at first; then nothing acts, and the body would be in equilibrium at the
+    origin, too.
+    """
     scene = stack("linear", 1, "first").model_dump(exclude_unset=True)
-    scene |= {"displacement": {"boundary": "bottom", "y": 0.0}, "contact": {"boundary": "left", "gap": "0.1*(t - 2)"}}
-    solution = solve(parse_scene(scene | {"force": [], "load_steps": {"times": [1.0, 2.0]}}), MPI.COMM_SELF)
+    scene |= {
+        "displacement": {"boundary": "bottom", "y": 0.0},
+        "contact": {"boundary": "left", "gap": "0.1*(t - 2)"},
+    }
+    solution = solve(
+        parse_scene(scene | {"force": [], "load_steps": {"times": [1.0, 2.0]}}), MPI.COMM_SELF
+    )
     np.testing.assert_allclose(solution.displacement.x.array[::2], 0.1, rtol=1e-5)
 
 
 def test_augmentation_after_a_step_without_a_load():
     """The body is pressed on as the first time: no elastic slip of the step in between is left."""
-    scene = stack("linear", 1, "middle", rough=True).model_dump(exclude_unset=True) | {"solver": {"algorithm": "alm"}}
+    scene = stack("linear", 1, "middle", rough=True).model_dump(exclude_unset=True) | {
+        "solver": {"algorithm": "alm"}
+    }
     first, _, again = solve(parse_scene(scene), MPI.COMM_SELF).steps
     np.testing.assert_allclose(again.contact.shear, first.contact.shear, rtol=1e-4)
 
@@ -168,7 +202,11 @@ def test_augmentation_after_a_step_without_a_load():
 def test_without_any_load(law):
     """One load step without a load has no solution of its own, and the outcome says why."""
     scene = stack(law, 1, "first")
-    alone = parse_scene(scene.model_dump(exclude_unset=True) | {"force": {"boundary": "top", "y": 0.0}})
-    with pytest.raises(ConvergenceError, match=r"nothing presses on the body|no load presses the body on") as error:
+    alone = parse_scene(
+        scene.model_dump(exclude_unset=True) | {"force": {"boundary": "top", "y": 0.0}}
+    )
+    with pytest.raises(
+        ConvergenceError, match=r"nothing presses on the body|no load presses the body on"
+    ) as error:
         solve(alone, MPI.COMM_SELF)
     assert error.value.solution.status is Status.OPEN

@@ -20,7 +20,8 @@ def ramp(push, steps=10, *, factors=(0.0, 1.0), nx=30, friction=None, load_steps
     pushed = {"boundary": "left", "x": push * LIMIT, "factors": list(factors)}
     scene = {
         "traction": [{"boundary": "top", "y": -PRESSURE}, pushed],
-        "load_steps": {"steps": steps, "times": list(map(float, range(len(factors))))} | (load_steps or {}),
+        "load_steps": {"steps": steps, "times": list(map(float, range(len(factors))))}
+        | (load_steps or {}),
     }
     return block(nx, scene, **solver)
 
@@ -46,7 +47,7 @@ def test_bad_paths(arguments, message):
         LoadPath(**arguments)
 
 
-# --- a limit load ----------------------------------------------------------------------------------------------------
+# --- a limit load ---------------------------------------------------------------------------------
 
 
 @pytest.mark.one_quick
@@ -54,7 +55,9 @@ def test_bad_paths(arguments, message):
 @pytest.mark.parametrize("push", [1.2, 40.0])
 @pytest.mark.parametrize("method", [{}, {"coulomb": "newton"}, {"algorithm": "alm"}])
 def test_limit_load(push, method):
-    """Statics: the block slides at F times the normal force; the ramp ends within 1 % of that, with a certificate."""
+    """Statics: the block slides at F times the normal force; the ramp ends within 1 % of that, with
+    a certificate.
+    """
     solution = solve(ramp(push, nx=18, **method), check=False)
     assert solution.status is Status.SLIDES
     last, failed = solution.last_step, solution.steps[-1]
@@ -68,7 +71,9 @@ def test_limit_load(push, method):
 
 
 def test_limit_load_from_nothing():
-    """Without factors all loads grow together; Tresca friction of bound g holds at most g times the length."""
+    """Without factors all loads grow together; Tresca friction of bound g holds at most g times the
+    length.
+    """
     bound, push = 2.0, 2.1  # a limit that no increment meets exactly
     scene = block(
         30,
@@ -82,7 +87,9 @@ def test_limit_load_from_nothing():
     assert solution.status is Status.SLIDES
     assert 0.99 / push <= solution.last_step.time <= 1 / push
     assert solution.steps[0].time == 0.25
-    assert friction_force(solution.contact) == pytest.approx(solution.last_step.time * push * bound * LENGTH, rel=1e-8)
+    assert friction_force(solution.contact) == pytest.approx(
+        solution.last_step.time * push * bound * LENGTH, rel=1e-8
+    )
 
 
 def test_a_ramp_is_the_same_as_its_factors():
@@ -92,11 +99,13 @@ def test_a_ramp_is_the_same_as_its_factors():
     found = alone(ramp(0.9, 2))
     assert [step.time for step in found.steps] == path
     for one, other in zip(found.steps, by_hand.steps, strict=True):
-        np.testing.assert_allclose(one.contact.shear, other.contact.shear, rtol=0, atol=1e-12 * PRESSURE)
+        np.testing.assert_allclose(
+            one.contact.shear, other.contact.shear, rtol=0, atol=1e-12 * PRESSURE
+        )
     assert found.history.linear_solves == by_hand.history.linear_solves
 
 
-# --- the increments, apart from any solve -----------------------------------------------------------------------------
+# --- the increments, apart from any solve ---------------------------------------------------------
 
 
 def walk(path, limit, solves=2, most=200):
@@ -115,14 +124,16 @@ def walk(path, limit, solves=2, most=200):
 
 @pytest.mark.parametrize("limit", [1e-3, 0.0101, 0.3, 0.55555, 0.999, 2 / 3])
 def test_the_limit_is_enclosed(limit):
-    """The last place with a solution is within 1 % below the limit, the last one without within 1 % above."""
+    """The last place with a solution is within 1 % below the limit, the last one without within 1 %
+    above.
+    """
     path = increments(ramp(1.0))
     tried = walk(path, limit)
     assert 0.99 * limit <= path.reached <= limit < tried[-1] <= 1.01 * limit
     assert len(tried) < 60
 
 
-# --- names, times, counting -------------------------------------------------------------------------------------------
+# --- names, times, counting -----------------------------------------------------------------------
 
 NAMED = {"names": ["press", "push"], "times": [0.0, 2.0]}
 
@@ -143,8 +154,8 @@ def test_the_load_that_is_held_is_named(failed):
 
 
 def test_a_ramp_without_contact_says_where_it_ends():
-    """At the load at which the deformation reaches its limit: it is proportional to the load; the history has the
-    attempts beyond it, too.
+    """At the load at which the deformation reaches its limit: it is proportional to the load; the
+    history has the attempts beyond it, too.
     """
     scene = {
         "mesh": {"generator": "rectangle", "parameters": {"length": 3.0, "nx": 6, "ny": 2}},
@@ -164,7 +175,7 @@ def test_a_ramp_without_contact_says_where_it_ends():
     assert solution.history.linear_solves > len(solution.steps)
 
 
-# --- bad input --------------------------------------------------------------------------------------------------------
+# --- bad input ------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(

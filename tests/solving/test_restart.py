@@ -1,4 +1,6 @@
-"""Checkpoints: a run that is killed goes on from its last complete load step or mesh, on any number of ranks."""
+"""Checkpoints: a run that is killed goes on from its last complete load step or mesh, on any number
+of ranks.
+"""
 
 import csv
 import os
@@ -127,7 +129,8 @@ radius = 2.0
 shift = ["0.05 * (t - 1)", "-0.002 * t"]
 rotation = "0.03 * (t - 1)"
 """
-# A ball that is pressed into a block, shifted, and turned about an axis through its centre; friction has a direction.
+# A ball that is pressed into a block, shifted, and turned about an axis through its centre;
+# friction has a direction.
 SPINNING = """
 mesh = { generator = "box", parameters = { length = 2.0, width = 2.0, height = 1.0, nx = 6, ny = 6, nz = 3 } }
 material = { young = 5000.0, poisson = 0.3 }
@@ -181,7 +184,9 @@ def until(step):
 
 
 def interrupted(scene, comm, folder, step):
-    """A run that ends where a load step or a mesh begins; what is complete before is in the folder."""
+    """A run that ends where a load step or a mesh begins; what is complete before is in the
+    folder.
+    """
     with pytest.raises(Killed):
         solve(scene, comm, checkpoint=folder, observers=[until(step)])
 
@@ -202,17 +207,24 @@ def assert_same(solution, reference, tolerance=1e-8):
                 ours, theirs, rtol=0, atol=tolerance * np.abs(other.contact.forces_of_each).max()
             )
         found, wanted = (
-            np.array([[*tool.translation, *tool.rotation] for tool in result.tools]) for result in (one, other)
+            np.array([[*tool.translation, *tool.rotation] for tool in result.tools])
+            for result in (one, other)
         )
-        np.testing.assert_allclose(found, wanted, rtol=0, atol=tolerance * np.abs(wanted).max(initial=0.0))
+        np.testing.assert_allclose(
+            found, wanted, rtol=0, atol=tolerance * np.abs(wanted).max(initial=0.0)
+        )
     ours, theirs = solution.table.columns, reference.table.columns
     assert (ours["state"] == theirs["state"]).all()
     assert (ours["friction"] == theirs["friction"]).all()
     for name, like in (("pressure", "pressure"), ("shear", "pressure"), ("u_n", "u_n")):
-        np.testing.assert_allclose(ours[name], theirs[name], rtol=0, atol=tolerance * np.abs(theirs[like]).max())
+        np.testing.assert_allclose(
+            ours[name], theirs[name], rtol=0, atol=tolerance * np.abs(theirs[like]).max()
+        )
 
 
-ELLIPSE = IN_SPACE.replace("coefficient = 0.3", "coefficient = 0.3, ratio = 0.4, along = [0.8, 0.6, 0.0]")
+ELLIPSE = IN_SPACE.replace(
+    "coefficient = 0.3", "coefficient = 0.3, ratio = 0.4, along = [0.8, 0.6, 0.0]"
+)
 # A scene, its method, and the step that is not begun any more.
 CASES = {
     **{method: (PUSHED, method, 4) for method in METHODS},
@@ -224,7 +236,8 @@ CASES = {
     "space, newton": (IN_SPACE, "newton", 3),
     "ellipse": (ELLIPSE, "fp", 3),
     "torsion": (TWISTED, "fp", 3),
-    # By forces, where their motion is stored too, or with the time, where each load step has its own problem.
+    # By forces, where their motion is stored too, or with the time, where each load step has its
+    # own problem.
     "tool": (TOOL, "full", 3),
     "tool, alm": (TOOL, "alm", 3),
     "moving": (MOVING, "fp", 3),
@@ -235,7 +248,11 @@ CASES = {
 
 @pytest.mark.mpi(slow=True)
 @pytest.mark.parametrize(
-    "name", [name if name in ("fp", "tool") else pytest.param(name, marks=pytest.mark.slow) for name in CASES]
+    "name",
+    [
+        name if name in ("fp", "tool") else pytest.param(name, marks=pytest.mark.slow)
+        for name in CASES
+    ],
 )
 def test_from_one_rank_to_all(tmp_path, name):
     """Begun on one rank and ended on all of them, load steps are those of an uninterrupted run."""
@@ -254,8 +271,12 @@ def test_from_one_rank_to_all(tmp_path, name):
 
 
 def a_ramp(push, **solver):
-    """Pressed in full, then pushed up to so many times what friction can hold, in eight increments to begin with."""
-    text = PUSHED.replace("x = 4.0", f"x = {push * 6.0}").replace("[0.0, 0.4, 0.8, 1.0, 0.5, -0.4]", "[0.0, 1.0]")
+    """Pressed in full, then pushed up to so many times what friction can hold, in eight increments
+    to begin with.
+    """
+    text = PUSHED.replace("x = 4.0", f"x = {push * 6.0}").replace(
+        "[0.0, 0.4, 0.8, 1.0, 0.5, -0.4]", "[0.0, 1.0]"
+    )
     data = tomllib.loads(text)
     return parse_scene({**data, "solver": solver, "load_steps": {"steps": 8}})
 
@@ -265,14 +286,25 @@ def a_ramp(push, **solver):
 @pytest.mark.parametrize("push", [0.9, 1.3])
 @pytest.mark.parametrize("method", [{"gamma_n": 1e7, "gamma_t": 2e6}, {"algorithm": "alm"}])
 def test_a_ramp(tmp_path, push, method):
-    """It takes the load steps that it would have taken, with the same linear solves, and ends at the same load."""
+    """It takes the load steps that it would have taken, with the same linear solves, and ends at
+    the same load.
+    """
     folder, given = shared(tmp_path), a_ramp(push, **method)
     for step in (3, 5):
         if MPI.COMM_WORLD.rank == 0:
             with pytest.raises(Killed):
-                solve(given, MPI.COMM_SELF, checkpoint=folder, restart=step > 3, observers=[until(step)])
+                solve(
+                    given,
+                    MPI.COMM_SELF,
+                    checkpoint=folder,
+                    restart=step > 3,
+                    observers=[until(step)],
+                )
         MPI.COMM_WORLD.barrier()
-    solution, reference = solve(given, checkpoint=folder, restart=True, check=False), solve(given, check=False)
+    solution, reference = (
+        solve(given, checkpoint=folder, restart=True, check=False),
+        solve(given, check=False),
+    )
     assert solution.status is reference.status
     for one, other in zip(solution.steps, reference.steps, strict=True):
         assert (one.step, one.place, one.status) == (other.step, other.place, other.status)
@@ -286,8 +318,8 @@ def test_a_ramp(tmp_path, push, method):
 @pytest.mark.mpi(slow=True)
 @pytest.mark.parametrize("method", ["fp", "krylov"])
 def test_meshes(tmp_path, method):
-    """Of a nested iteration the complete meshes are kept, and the convergence table has a row with all errors for
-    each.
+    """Of a nested iteration the complete meshes are kept, and the convergence table has a row with
+    all errors for each.
     """
     folder, given = shared(tmp_path), scene(NESTED, **METHODS[method])
     interrupted(given, MPI.COMM_WORLD, folder, 2)
@@ -371,14 +403,21 @@ def test_another_scene(tmp_path):
         ),
         (PUSHED + "[accuracy]\ntarget = 0.1\n", "requested accuracy"),
         (
-            PUSHED.replace("0.3 }\n", '"0.3 + 0.01 * t" }\n').replace('poisson = "0.3 + 0.01 * t"', "poisson = 0.3"),
+            PUSHED.replace("0.3 }\n", '"0.3 + 0.01 * t" }\n').replace(
+                'poisson = "0.3 + 0.01 * t"', "poisson = 0.3"
+            ),
             "friction that",
         ),
-        (PUSHED + '[element]\ndegree = 2\nvolumetric = "mixed"\n', "a scene with a mixed element has no checkpoint"),
+        (
+            PUSHED + '[element]\ndegree = 2\nvolumetric = "mixed"\n',
+            "a scene with a mixed element has no checkpoint",
+        ),
     ],
 )
 def test_nothing_to_go_on_from(tmp_path, text, message):
-    """A scene of one piece, and meshes that are made on the way, have no checkpoint: the error says which it is."""
+    """A scene of one piece, and meshes that are made on the way, have no checkpoint: the error says
+    which it is.
+    """
     with pytest.raises(SceneError, match=message):
         solve(scene(text), MPI.COMM_SELF, checkpoint=tmp_path, restart=True)
 
@@ -387,7 +426,9 @@ def test_results_remove_the_checkpoint(tmp_path):
     """Until the result is complete it stays, and a restart without one begins at the beginning."""
     given = scene(PUSHED)
     solution = solve(given, MPI.COMM_SELF, checkpoint=tmp_path, restart=True)
-    assert solution.history.events[0] == f"restart: 0 complete load steps in {tmp_path / CHECKPOINT}"
+    assert (
+        solution.history.events[0] == f"restart: 0 complete load steps in {tmp_path / CHECKPOINT}"
+    )
     assert sorted(path.name for path in (tmp_path / CHECKPOINT).iterdir()) == [
         *(f"0-0000{step}" for step in range(6)),
         "scene.json",
@@ -396,7 +437,7 @@ def test_results_remove_the_checkpoint(tmp_path):
     assert not (tmp_path / CHECKPOINT).exists()
 
 
-# --- the command line, and signals that nobody can catch --------------------------------------------------------------
+# --- the command line, and signals that nobody can catch ------------------------------------------
 
 # The observer of a run that kills each of its ranks where the fourth load step begins.
 SUICIDE = """
@@ -418,8 +459,14 @@ def run(ranks, *arguments):
     """A Python process on several ranks: its exit code, and what it has printed."""
     launcher = ["mpirun", "-n", str(ranks)] if ranks > 1 else []
     command = [*launcher, sys.executable, *map(str, arguments)]
-    own = {name: value for name, value in os.environ.items() if not name.startswith(("OMPI_COMM", "PMIX"))}
-    with subprocess.Popen(command, env=own, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+    own = {
+        name: value
+        for name, value in os.environ.items()
+        if not name.startswith(("OMPI_COMM", "PMIX"))
+    }
+    with subprocess.Popen(
+        command, env=own, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
         try:
             output, errors = process.communicate(timeout=500)
         except subprocess.TimeoutExpired:
@@ -445,7 +492,9 @@ def uninterrupted(tmp_path_factory):
 @pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="starts ranks itself")
 @pytest.mark.parametrize(("before", "after"), [(1, 2), (2, 1)])
 def test_killed(tmp_path, uninterrupted, before, after):
-    """Killed with -9 and restarted on another number of ranks, the tables are those of an uninterrupted run."""
+    """Killed with -9 and restarted on another number of ranks, the tables are those of an
+    uninterrupted run.
+    """
     file, out = tmp_path / "scene.toml", tmp_path / "out"
     file.write_text(PUSHED)
     code, _, _ = run(before, "-c", SUICIDE, file, out)
@@ -454,10 +503,14 @@ def test_killed(tmp_path, uninterrupted, before, after):
     command = ("-m", "signorini_fx", "solve", file, "--no-pictures", "--no-fields", "--out")
     code, output, errors = run(after, *command, out, "--restart", "--verbose")
     assert code == 0, errors
-    assert f"restart 3 complete load steps in {out / CHECKPOINT}" in " ".join(output.split())  # lines are wrapped
+    assert f"restart 3 complete load steps in {out / CHECKPOINT}" in " ".join(
+        output.split()
+    )  # lines are wrapped
     assert not (out / CHECKPOINT).exists()
     solved = [row["step"] for row in rows(out / "history.csv")]
-    assert all(solved.count(row["step"]) == int(row["linear_solves"]) for row in rows(out / "steps.csv"))
+    assert all(
+        solved.count(row["step"]) == int(row["linear_solves"]) for row in rows(out / "steps.csv")
+    )
     for name in ("steps.csv", "contact.csv", "contact_steps.csv"):
         ours, theirs = rows(out / name), rows(uninterrupted / name)
         assert len(ours) == len(theirs)
@@ -471,4 +524,6 @@ def test_killed(tmp_path, uninterrupted, before, after):
             # Coordinates, displacements and forces that are round-off are compared with the unit.
             scale = max(np.abs(other).max(), 1e-6)
             if column != "linear_solves":
-                np.testing.assert_allclose(one, other, rtol=0, atol=1e-8 * scale, err_msg=f"{name} {column}")
+                np.testing.assert_allclose(
+                    one, other, rtol=0, atol=1e-8 * scale, err_msg=f"{name} {column}"
+                )

@@ -1,4 +1,6 @@
-"""Below which friction coefficient there is one solution: against all states of few points, and one triangle."""
+"""Below which friction coefficient there is one solution: against all states of few points, and one
+triangle.
+"""
 
 import re
 from itertools import product
@@ -23,11 +25,17 @@ def told(scene):
 def coefficient_of(scene):
     """The coefficient that check names."""
     (message,) = told(scene)
-    return float(re.match(r"with friction coefficients below ([\d.]+) there is one solution on this mesh", message)[1])
+    return float(
+        re.match(
+            r"with friction coefficients below ([\d.]+) there is one solution on this mesh", message
+        )[1]
+    )
 
 
 def states(stiffness, friction, load, gap):
-    """All solutions of few points in 2D, components (n, t) per point, by trying all of their states."""
+    """All solutions of few points in 2D, components (n, t) per point, by trying all of their
+    states.
+    """
     count, found = gap.size, []
     size = np.abs(gap).max() + np.abs(np.linalg.solve(stiffness, load)).max()
     for kinds in product(["open", "stick", "+", "-"], repeat=count):
@@ -72,7 +80,9 @@ def random_points(chance, count):
 
 
 def test_one_solution_below_the_bound():
-    """All states of three points tried: one solution for any load, and several for some far above."""
+    """All states of three points tried: one solution for any load, and several for some far
+    above.
+    """
     several = 0
     for seed in range(4):
         chance = np.random.default_rng(seed)
@@ -89,13 +99,19 @@ def test_one_solution_below_the_bound():
 
 
 def test_one_triangle():
-    """The critical coefficient is sqrt(3) = K_xx / |K_xy|, whatever the coefficient of the scene is."""
+    """The critical coefficient is sqrt(3) = K_xx / |K_xy|, whatever the coefficient of the scene
+    is.
+    """
     for coefficient in (1.7, 3.0):
-        assert coefficient_of(one_triangle(coefficient, (0.015, -0.006))) == pytest.approx(np.sqrt(3), rel=1e-3)
+        assert coefficient_of(one_triangle(coefficient, (0.015, -0.006))) == pytest.approx(
+            np.sqrt(3), rel=1e-3
+        )
 
 
 def test_what_is_not_tried():
-    """A preload by a force, whose shortening is an unknown of the problem, and friction with cohesion."""
+    """A preload by a force, whose shortening is an unknown of the problem, and friction with
+    cohesion.
+    """
     preload = {"point": [1.37, 0.0], "axis": [1.0, 0.0], "force": 0.1}
     friction = {"law": "coulomb", "coefficient": 0.1}
     scene = {
@@ -115,8 +131,8 @@ def test_what_is_not_tried():
 
 @pytest.mark.parametrize("seed", [0, 1])
 def test_motions_that_nothing_but_friction_stops(seed):
-    """Where friction alone holds a piece along its foundation nothing is proved; a frictionless piece that moves freely
-    there changes nothing of what is proved of another one."""
+    """Where friction alone holds a piece along its foundation nothing is proved; a frictionless
+    piece that moves freely there changes nothing of what is proved of another one."""
     chance = np.random.default_rng(seed)
     stiffness, law = random_points(chance, 2), PointFriction(np.zeros(2), np.array([0.1, 0.2]))
     loose = np.zeros(4)

@@ -1,4 +1,5 @@
-"""A program of its own: Example 1 from matrices that numpy assembles, solved by the core without dolfinx or UFL.
+"""A program of its own: Example 1 from matrices that numpy assembles, solved by the core without
+dolfinx or UFL.
 
 python3 tests/support/algebra_alone.py KIND ALGORITHM given|coefficient VALUE FILE.npz
 """
@@ -13,7 +14,9 @@ LENGTH, HEIGHT, NX, NY, YOUNG, POISSON, GAMMA = 3.0, 1.0, 24, 8, 5000.0, 0.4, 1e
 
 
 def stiffness_of_a_cell(width, height):
-    """Of a bilinear rectangle in plane strain, corners in the order (0, 0), (1, 0), (0, 1), (1, 1), shape (8, 8)."""
+    """Of a bilinear rectangle in plane strain, corners in the order (0, 0), (1, 0), (0, 1), (1, 1),
+    shape (8, 8).
+    """
     mu = YOUNG / (2 * (1 + POISSON))
     lame = YOUNG * POISSON / ((1 + POISSON) * (1 - 2 * POISSON))
     law = np.array([[lame + 2 * mu, lame, 0], [lame, lame + 2 * mu, 0], [0, 0, mu]])
@@ -29,10 +32,14 @@ def stiffness_of_a_cell(width, height):
 
 
 def matrices():
-    """K, f, B, w and the gap of Example 1, the prescribed unknowns, and the rigid motion that is free."""
+    """K, f, B, w and the gap of Example 1, the prescribed unknowns, and the rigid motion that is
+    free.
+    """
     width, height = LENGTH / NX, HEIGHT / NY
     number = np.arange((NX + 1) * (NY + 1)).reshape(NY + 1, NX + 1)
-    cells = np.stack((number[:-1, :-1], number[:-1, 1:], number[1:, :-1], number[1:, 1:]), axis=-1).reshape(-1, 4)
+    cells = np.stack(
+        (number[:-1, :-1], number[:-1, 1:], number[1:, :-1], number[1:, 1:]), axis=-1
+    ).reshape(-1, 4)
     unknowns = (2 * cells[:, :, None] + np.arange(2)).reshape(-1, 8)
     rows, columns = np.repeat(unknowns, 8, axis=1).ravel(), np.tile(unknowns, 8).ravel()
     values = np.tile(stiffness_of_a_cell(width, height).ravel(), len(cells))
@@ -65,8 +72,12 @@ def main(kind, algorithm, law, value, out):
     from signorini_fx.algebra.linalg.krylov import KrylovSystem
 
     stiffness, load, operator, weight, gap, prescribed, modes = matrices()
-    elasticity, motions = from_scipy(stiffness, load, operator, weight, prescribed=prescribed, modes=modes)
-    system = {"full": ElasticSystem, "condensed": CondensedSystem, "krylov": KrylovSystem}[kind].of(elasticity)
+    elasticity, motions = from_scipy(
+        stiffness, load, operator, weight, prescribed=prescribed, modes=modes
+    )
+    system = {"full": ElasticSystem, "condensed": CondensedSystem, "krylov": KrylovSystem}[kind].of(
+        elasticity
+    )
     none = np.zeros(weight.size)
     friction = PointFriction(**({"given": none, "coefficient": none} | {law: none + float(value)}))
     settings = Settings(algorithm=algorithm, tolerance=1e-11, gamma_n=GAMMA, gamma_t=GAMMA)
@@ -75,8 +86,12 @@ def main(kind, algorithm, law, value, out):
     state = task.contact(outcome, task.start)
     y = outcome.displacement().getArray(readonly=True) + modes @ task.rest.motion
     found = {name: getattr(state, name) for name in ("pressure", "shear", "u_n", "u_t")}
-    np.savez(out, status=outcome.status.value, solves=task.history.linear_solves, top=y[-1], **found)
-    strangers = {"dolfinx", "ufl", "basix", "pydantic"} & {name.partition(".")[0] for name in sys.modules}
+    np.savez(
+        out, status=outcome.status.value, solves=task.history.linear_solves, top=y[-1], **found
+    )
+    strangers = {"dolfinx", "ufl", "basix", "pydantic"} & {
+        name.partition(".")[0] for name in sys.modules
+    }
     assert not strangers, strangers
 
 

@@ -1,7 +1,7 @@
 """The layers of signorini_fx, from its folders and imports, for the tests.
 
-A package is a layer.  Imports point down or stay within a package and never form a cycle, imports for type checking
-included.
+A package is a layer.  Imports point down or stay within a package and never form a cycle, imports
+for type checking included.
 """
 
 from __future__ import annotations
@@ -12,7 +12,8 @@ from pathlib import Path
 
 PACKAGE = Path(__file__).resolve().parents[2] / "signorini_fx"
 
-# What only looks at a solved problem, or only makes a mesh.  The others import none of them: they are entry points.
+# What only looks at a solved problem, or only makes a mesh.  The others import none of them: they
+# are entry points.
 ADD_ONS = (
     "addons.judging",
     "addons.derivatives",
@@ -58,7 +59,8 @@ LAYERS = (
     "machine",
     "ground",
 )
-# The packages that solve a contact problem given by matrices: they import nothing of those above them.
+# The packages that solve a contact problem given by matrices: they import nothing of those above
+# them.
 CORE = ("algebra.algorithms", "algebra", "algebra.linalg", "algebra.contact")
 BESIDE = {
     "algebra.regularised": ("algebra.regularised",),
@@ -106,7 +108,11 @@ def layer_of(module: str) -> str:
     # A house of several layers alone, such as ``addons``, belongs to the uppermost of them.
     houses = {layer.partition(".")[0]: layer for layer in reversed(LAYERS)}
     parents = (module.rsplit(".", count)[0] for count in range(module.count(".") + 1))
-    return beside.get(module) or next((name for name in parents if name in packages()), "") or houses[module]
+    return (
+        beside.get(module)
+        or next((name for name in parents if name in packages()), "")
+        or houses[module]
+    )
 
 
 @cache
@@ -128,7 +134,19 @@ def graph() -> dict[str, set[str]]:
     def module(name: str) -> str | None:
         """The module that a full name is, or is in."""
         name = name.removeprefix("signorini_fx.")
-        return name if name in known else name.rpartition(".")[0] if name.rpartition(".")[0] in known else None
+        return (
+            name
+            if name in known
+            else name.rpartition(".")[0]
+            if name.rpartition(".")[0] in known
+            else None
+        )
 
-    own = {name: {n for n in imports(path) if n.startswith("signorini_fx.")} for name, path in known.items()}
-    return {name: {m for n in names if (m := module(n)) is not None and m != name} for name, names in own.items()}
+    own = {
+        name: {n for n in imports(path) if n.startswith("signorini_fx.")}
+        for name, path in known.items()
+    }
+    return {
+        name: {m for n in names if (m := module(n)) is not None and m != name}
+        for name, names in own.items()
+    }

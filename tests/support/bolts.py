@@ -34,12 +34,17 @@ def bodies(cell, length):
     make, deep = (dmesh.create_rectangle, []) if plane else (dmesh.create_box, [length])
 
     def block(low, high, parts):
-        corners = [np.array([*(length * np.array(low)), *(0.0 for _ in deep)]), [*(length * np.array(high)), *deep]]
+        corners = [
+            np.array([*(length * np.array(low)), *(0.0 for _ in deep)]),
+            [*(length * np.array(high)), *deep],
+        ]
         return make(COMM, corners, (*parts, *(2 for _ in deep)), CELLS[cell])
 
     whole = block((-2.0, 0.0), (2.0, 5.0), (8, 10))
     dim = whole.topology.dim
-    middle = dmesh.compute_midpoints(whole, dim, np.arange(whole.topology.index_map(dim).size_local, dtype=np.int32))
+    middle = dmesh.compute_midpoints(
+        whole, dim, np.arange(whole.topology.index_map(dim).size_local, dtype=np.int32)
+    )
     kept = (np.abs(middle[:, 0]) < 0.5 * length) | (middle[:, 1] > HEIGHT * length)
     bolt = dmesh.create_submesh(whole, dim, np.flatnonzero(kept).astype(np.int32))[0]
     foot = {"foot": lambda x: np.isclose(x[1], 0.0, atol=1e-9 * length)}
@@ -65,8 +70,8 @@ def clamped(
     expansion=0.0,
     **preload,
 ):
-    """A bolt between two sleeves, all of which stand on the ground; in the second step its head is pulled; ``stiff``:
-    by how much the head is stiffer than the rest.
+    """A bolt between two sleeves, all of which stand on the ground; in the second step its head is
+    pulled; ``stiff``: by how much the head is stiffer than the rest.
     """
     (length, force), plane = unit, cell in ("triangle", "quadrilateral")
     stress = force / length**2
@@ -76,7 +81,10 @@ def clamped(
     soft = {"young": YOUNG * stress, "poisson": poisson, "expansion": expansion}
     head = soft
     if stiff != 1.0:
-        head = soft | {"young": stiff * soft["young"], "grading": f"{1 / stiff} if x[1] < {HEIGHT * length} else 1"}
+        head = soft | {
+            "young": stiff * soft["young"],
+            "grading": f"{1 / stiff} if x[1] < {HEIGHT * length} else 1",
+        }
     under = {"against": "bolt.under", "gap": gap * length, "friction": friction or {"law": "none"}}
     return parse_scene(
         {
@@ -86,12 +94,22 @@ def clamped(
                 {"name": "right", "mesh": sleeve, "shift": [1.0 * length, 0.0, *at]},
             ],
             "element": {"degree": degree},
-            "material": [{"region": "bolt", **head}, {"region": "left", **soft}, {"region": "right", **soft}],
-            "displacement": [{"boundary": name, **still} for name in ("bolt.foot", "left.foot", "right.foot")],
+            "material": [
+                {"region": "bolt", **head},
+                {"region": "left", **soft},
+                {"region": "right", **soft},
+            ],
+            "displacement": [
+                {"boundary": name, **still} for name in ("bolt.foot", "left.foot", "right.foot")
+            ],
             "force": {"boundary": "over", "y": PULL * force, "factors": [0.0, 1.0]},
             "contact": [{"boundary": f"{side}.top", **under} for side in ("left", "right")],
             "preload": {**section, **(preload or {"force": TIGHT * force})},
-            "solver": {"gamma_n": 1e7 * stress / length, "gamma_t": 1e7 * stress / length, **(solver or {})},
+            "solver": {
+                "gamma_n": 1e7 * stress / length,
+                "gamma_t": 1e7 * stress / length,
+                **(solver or {}),
+            },
             **(more or {}),
         }
     )

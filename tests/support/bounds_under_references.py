@@ -2,8 +2,9 @@
 
     ./env python3 tests/support/bounds_under_references.py [COUNT] [FIRST] [KIND ...]
 
-prints of so many scenes of each kind the bound over the true error, and what the finer solution says against the bounds
-of the energy and of the contact force; then a table of kinds, ``docs/evidence/bounds_under_references.csv``.
+prints of so many scenes of each kind the bound over the true error, and what the finer solution
+says against the bounds of the energy and of the contact force; then a table of kinds,
+``docs/evidence/bounds_under_references.csv``.
 """
 
 import csv
@@ -53,7 +54,9 @@ def drawn(kind, seed):
             if chance.random() < 0.6:
                 sizes = size * chance.uniform(0.7, 1.6)
                 lower["shift"] = [*map(float, size * chance.uniform(-0.3, 0.1, d - 1)), 0.0]
-        lengths = dict(zip(("length", "height") if d == 2 else _SIDES, [*sizes, high[number]], strict=True))
+        lengths = dict(
+            zip(("length", "height") if d == 2 else _SIDES, [*sizes, high[number]], strict=True)
+        )
         counts = dict(zip(("nx", "ny", "nz"), [*shape, chance.integers(2, 4)], strict=False))
         meshes.append(
             {
@@ -68,7 +71,10 @@ def drawn(kind, seed):
         bound = stress * 10 ** chance.uniform(-1.5, 0)
         friction = {"law": "tresca", "bound": pick([f"{bound}", f"{bound} * (2 - x[0])"])}
     deep = 1e-3 * float(chance.uniform(0, 2))
-    contact = {"gap": str(pick(["0.0", f"{deep}*(x[0] - 0.4)**2", f"{deep}*x[0]"])), "friction": friction}
+    contact = {
+        "gap": str(pick(["0.0", f"{deep}*(x[0] - 0.4)**2", f"{deep}*x[0]"])),
+        "friction": friction,
+    }
     names = ["upper.", "lower."] if bodies == 2 else [""]
     held = bool(chance.random() < 0.6)
     sliding = [{"boundary": f"{names[0]}left", "x": 0.0}]
@@ -80,7 +86,12 @@ def drawn(kind, seed):
         sliding = [{"boundary": f"{names[0]}top", **aside, up: f"{-down} + {tilt}*x[0]"}]
     loads = [{"boundary": f"{names[0]}right", "x": f"{stress * chance.normal()}*x[{d - 1}]"}]
     if not held:
-        loads.append({"boundary": f"{names[0]}top", up: f"{-stress}*(1.2 + {chance.uniform(-1, 1) / size[0]}*x[0])"})
+        loads.append(
+            {
+                "boundary": f"{names[0]}top",
+                up: f"{-stress}*(1.2 + {chance.uniform(-1, 1) / size[0]}*x[0])",
+            }
+        )
     scene = {
         "element": {"degree": int(pick([1, 1, 2]))},
         "displacement": sliding,
@@ -90,18 +101,31 @@ def drawn(kind, seed):
     if chance.random() < 0.4:
         scene["body_force"] = {up: str(pick([f"{-stress}", f"{-stress}*x[0]"])), "x": stress / 3}
     plane = {"hypothesis": str(pick(["plane strain", "plane stress"]))} if d == 2 else {}
-    materials = [{"young": float(e), "poisson": float(pick([0.0, 0.3, 0.45, -0.2])), **plane} for e in young]
+    materials = [
+        {"young": float(e), "poisson": float(pick([0.0, 0.3, 0.45, -0.2])), **plane} for e in young
+    ]
     if chance.random() < 0.2:
         constants = {"young": (1.0, 0.4, 0.2), "shear": (0.2, 0.15, 0.3)}
-        constants = {key: [float(young[0] * f) for f in factors] for key, factors in constants.items()}
+        constants = {
+            key: [float(young[0] * f) for f in factors] for key, factors in constants.items()
+        }
         materials[0] = {"orthotropic": {**constants, "poisson": [0.2, 0.1, 0.15]}, **plane}
     if bodies == 1:
         contact["boundary"] = "bottom"
-        return parse_scene({**scene, "mesh": meshes[0], "material": materials[0], "contact": contact})
+        return parse_scene(
+            {**scene, "mesh": meshes[0], "material": materials[0], "contact": contact}
+        )
     for material, name in zip(materials, ("upper", "lower"), strict=True):
         material["region"] = name
-    scene["displacement"] = [*sliding, {"boundary": "lower.bottom", **dict.fromkeys("xyz"[:d], 0.0)}]
-    contact |= {"boundary": "upper.bottom", "against": "lower.top", "points": str(pick(["boundary", "against"]))}
+    scene["displacement"] = [
+        *sliding,
+        {"boundary": "lower.bottom", **dict.fromkeys("xyz"[:d], 0.0)},
+    ]
+    contact |= {
+        "boundary": "upper.bottom",
+        "against": "lower.top",
+        "points": str(pick(["boundary", "against"])),
+    }
     above = {"name": "upper", "mesh": meshes[0], "shift": [*[0.0] * (d - 1), float(high[1])]}
     both = [above, {"name": "lower", "mesh": meshes[1], **lower}]
     return parse_scene({**scene, "body": both, "material": materials, "contact": contact})
@@ -114,16 +138,25 @@ def on_finer_mesh(scene):
         tagged = refine(tagged)
     element = scene.element.model_copy(update={"degree": 2})
     solver = scene.solver.model_copy(update={"algorithm": "alm"})
-    return alone(scene.model_copy(update={"mesh": tagged, "body": (), "element": element, "solver": solver}))
+    return alone(
+        scene.model_copy(update={"mesh": tagged, "body": (), "element": element, "solver": solver})
+    )
 
 
 def energy_of_difference(coarse, fine):
-    """Energy norm of the difference of two displacements on nested meshes, the second one finer and of degree 2."""
-    d, (t, space) = fine.model.tagged.dimension, (fine.model.tagged.mesh, fine.displacement.function_space)
+    """Energy norm of the difference of two displacements on nested meshes, the second one finer and
+    of degree 2.
+    """
+    d, (t, space) = (
+        fine.model.tagged.dimension,
+        (fine.model.tagged.mesh, fine.displacement.function_space),
+    )
     cells = coarse.model.tagged.mesh
     x = cells.geometry.x[compat.geometry_cells(cells)][..., :d]
     inverse = np.linalg.inv((x[:, 1:] - x[:, :1]).transpose(0, 2, 1))
-    nodes = coarse.displacement.x.array.reshape(-1, d)[coarse.displacement.function_space.dofmap.list]
+    nodes = coarse.displacement.x.array.reshape(-1, d)[
+        coarse.displacement.function_space.dofmap.list
+    ]
     element = coarse.displacement.function_space.element.basix_element
     places = space.tabulate_dof_coordinates()[:, :d]
     difference = fem.Function(space)
@@ -132,7 +165,9 @@ def energy_of_difference(coarse, fine):
         space.dofmap.list, t.geometry.x[compat.geometry_cells(t)][..., :d].mean(axis=1), strict=True
     ):
         local = np.einsum("nij,nj->ni", inverse, middle - x[:, 0])
-        owner = int(np.minimum(local.min(axis=1), 1 - local.sum(axis=1)).argmax())  # the cell of the same body
+        owner = int(
+            np.minimum(local.min(axis=1), 1 - local.sum(axis=1)).argmax()
+        )  # the cell of the same body
         at = (places[dofs] - x[owner, 0]) @ inverse[owner].T
         values[dofs] = element.tabulate(0, at)[0, :, :, 0] @ nodes[owner]
     difference.x.array[:] -= fine.displacement.x.array
@@ -141,7 +176,9 @@ def energy_of_difference(coarse, fine):
 
 
 def judged(scene):
-    """Bound over true error, the bound relative to the solution, and what is refuted; or why there is no bound."""
+    """Bound over true error, the bound relative to the solution, and what is refuted; or why there
+    is no bound.
+    """
     try:
         solution = alone(scene)
         bound = solution.error_bound
@@ -185,10 +222,13 @@ def main(count, first, kinds):
             ratios += [ratio] if relative >= ROUND_OFF else []
             refuted += [seed] if wrong else []
             print(
-                f"{kind} {seed}: {ratio:.3f} bound {relative:.1e} force {width:.1e} {wrong or ''} ({seconds:.0f} s)",
+                f"{kind} {seed}: {ratio:.3f} bound {relative:.1e} force {width:.1e} {wrong or ''} "
+                f"({seconds:.0f} s)",
                 flush=True,
             )
-        figures = [f"{f(ratios):.3f}" for f in (np.min, np.median, np.max)] if ratios else ["", "", ""]
+        figures = (
+            [f"{f(ratios):.3f}" for f in (np.min, np.median, np.max)] if ratios else ["", "", ""]
+        )
         rows.append([kind, count, count - refused, exact, len(refuted), *figures])
     writer = csv.writer(sys.stdout)
     writer.writerow(["kind", "scenes", "bounded", "exact", "refuted", "least", "median", "largest"])
@@ -197,4 +237,6 @@ def main(count, first, kinds):
 
 if __name__ == "__main__":
     given = sys.argv[1:]
-    main(int(given[0]) if given else 15, int(given[1]) if given[1:] else 0, given[2:] or list(KINDS))
+    main(
+        int(given[0]) if given else 15, int(given[1]) if given[1:] else 0, given[2:] or list(KINDS)
+    )

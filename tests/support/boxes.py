@@ -10,7 +10,9 @@ from signorini_fx.scenes.reading import parse_scene
 
 @dataclass(frozen=True)
 class Box:
-    """A rectangle with boundaries ``left NAME``, ``right NAME``, ``bottom NAME``, ``top NAME``, and so many cells."""
+    """A rectangle with boundaries ``left NAME``, ``right NAME``, ``bottom NAME``, ``top NAME``, and
+    so many cells.
+    """
 
     name: str
     x: float
@@ -31,7 +33,9 @@ class Box:
 
 
 def boxes_mesh(comm, boxes, *, joined=(), quadrilaterals=True):
-    """The mesh of several boxes; corners at the points ``joined`` are one node, all others are nodes of their own."""
+    """The mesh of several boxes; corners at the points ``joined`` are one node, all others are
+    nodes of their own.
+    """
 
     def draw(gmsh):
         geo, shared, lines, surfaces = gmsh.model.geo, {}, {}, []
@@ -43,7 +47,9 @@ def boxes_mesh(comm, boxes, *, joined=(), quadrilaterals=True):
 
         for box in boxes:
             corners = [point(*corner) for corner in box.corners]
-            sides = [geo.addLine(a, b) for a, b in zip(corners, [*corners[1:], corners[0]], strict=True)]
+            sides = [
+                geo.addLine(a, b) for a, b in zip(corners, [*corners[1:], corners[0]], strict=True)
+            ]
             for side, count in zip(sides, (box.nx, box.ny, box.nx, box.ny), strict=True):
                 geo.mesh.setTransfiniteCurve(side, count + 1)
             surface = geo.addPlaneSurface([geo.addCurveLoop(sides)])
@@ -52,7 +58,8 @@ def boxes_mesh(comm, boxes, *, joined=(), quadrilaterals=True):
                 geo.mesh.setRecombine(2, surface)
             surfaces.append(surface)
             lines |= {
-                f"{side} {box.name}": line for side, line in zip(("bottom", "right", "top", "left"), sides, strict=True)
+                f"{side} {box.name}": line
+                for side, line in zip(("bottom", "right", "top", "left"), sides, strict=True)
             }
         geo.synchronize()
         for name, line in lines.items():

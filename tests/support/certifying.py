@@ -6,7 +6,9 @@ from signorini_fx.results.certificate.law_of_method import UNREGULARISED
 from signorini_fx.results.mechanics import StatedBody
 
 
-def certify(statement, tagged, displacement, tractions, *, law=UNREGULARISED, step=0, before=None, rigid=()):
+def certify(
+    statement, tagged, displacement, tractions, *, law=UNREGULARISED, step=0, before=None, rigid=()
+):
     """Of a load step."""
     body = StatedBody.of(prepare(statement, tagged, Timings(), path_step=step))
     return body.certified(displacement, tractions, law=law, step=step, last=before, rigid=rigid)

@@ -1,4 +1,6 @@
-"""Blocks whose stress is singular at corners, interfaces and jumps, and references that resolve these points."""
+"""Blocks whose stress is singular at corners, interfaces and jumps, and references that resolve
+these points.
+"""
 
 from dataclasses import dataclass
 
@@ -15,8 +17,8 @@ from signorini_fx.records import History
 from signorini_fx.results.solution import ConvergenceError
 from signorini_fx.scenes.mesh_sequence import MeshedScene
 
-# gamma of a reference, in units of Young's modulus: on a block on a table the energy of 1e5 and of 1e9 differ by less
-# than 1e-11.
+# gamma of a reference, in units of Young's modulus: on a block on a table the energy of 1e5 and of
+# 1e9 differ by less than 1e-11.
 HARD = 1e6
 QUANTITIES = ("energy", "pressure", "force")
 
@@ -52,18 +54,31 @@ class Block:
         rows = np.linspace(self.interface, self.height, up - below + 1)
         rows = np.append(np.linspace(0.0, self.interface, below + 1)[:-1], rows)
         corners, diagonal = [[0.0, 0.0], [self.length, up]], dmesh.DiagonalType.left_right
-        mesh = dmesh.create_rectangle(MPI.COMM_SELF, corners, self.cells, dmesh.CellType.triangle, diagonal=diagonal)
+        mesh = dmesh.create_rectangle(
+            MPI.COMM_SELF, corners, self.cells, dmesh.CellType.triangle, diagonal=diagonal
+        )
         x = mesh.geometry.x
         x[:, 1] = rows[np.rint(x[:, 1]).astype(int)]
-        sides = {"left": (0, 0.0), "right": (0, self.length), "bottom": (1, 0.0), "top": (1, self.height)}
-        markers = {name: lambda x, k=k, at=at: np.isclose(x[k], at) for name, (k, at) in sides.items()}
+        sides = {
+            "left": (0, 0.0),
+            "right": (0, self.length),
+            "bottom": (1, 0.0),
+            "top": (1, self.height),
+        }
+        markers = {
+            name: lambda x, k=k, at=at: np.isclose(x[k], at) for name, (k, at) in sides.items()
+        }
         tagged = tag_boundaries(mesh, markers)
         if not self.interface:
             return tagged
         cells = np.arange(mesh.topology.index_map(2).size_local, dtype=np.int32)
-        kinds = np.where(dmesh.compute_midpoints(mesh, 2, cells)[:, 1] > self.interface, 2, 1).astype(np.int32)
+        kinds = np.where(
+            dmesh.compute_midpoints(mesh, 2, cells)[:, 1] > self.interface, 2, 1
+        ).astype(np.int32)
         tags = dmesh.meshtags(mesh, 2, cells, kinds)
-        return TaggedMesh(mesh, tagged.facet_tags, tagged.boundaries, tags, {"first": 1, "second": 2})
+        return TaggedMesh(
+            mesh, tagged.facet_tags, tagged.boundaries, tags, {"first": 1, "second": 2}
+        )
 
 
 def touching(mesh, points):
@@ -74,13 +89,17 @@ def touching(mesh, points):
     found = np.zeros(len(x), dtype=bool)
     for point in points:
         d = np.asarray(point) - a
-        s, t = (d[:, 0] * c[:, 1] - d[:, 1] * c[:, 0]) / area, (b[:, 0] * d[:, 1] - b[:, 1] * d[:, 0]) / area
+        s, t = (
+            (d[:, 0] * c[:, 1] - d[:, 1] * c[:, 0]) / area,
+            (b[:, 0] * d[:, 1] - b[:, 1] * d[:, 0]) / area,
+        )
         found |= (s >= -1e-6) & (t >= -1e-6) & (s + t <= 1 + 1e-6)
     return np.flatnonzero(found).astype(np.int32)
 
 
 def reference(scene, block, halvings, unknowns):
-    """A solution on strongly graded triangles of degree 2, and its distance to one with half of the unknowns.
+    """A solution on strongly graded triangles of degree 2, and its distance to one with half of the
+    unknowns.
 
     Args:
         scene: whose mesh is replaced.
@@ -93,13 +112,17 @@ def reference(scene, block, halvings, unknowns):
         tagged = refine(tagged, touching(tagged.mesh, block.points))
     gamma = HARD * scene.statement.young
     # Augmentation would converge slowly on cells that are divided many times at a corner.
-    settings = SolverSettings(gamma_n=gamma, gamma_t=gamma, linear_algebra="condensed", tolerance=1e-9)
+    settings = SolverSettings(
+        gamma_n=gamma, gamma_t=gamma, linear_algebra="condensed", tolerance=1e-9
+    )
     element = scene.element.model_copy(update={"degree": 2})
     scene = scene.model_copy(update={"element": element, "solver": settings, "accuracy": None})
     found, history = [], History()
     while not found or found[-1].model.dofs < unknowns:
         changed = scene.model_copy(update={"mesh": tagged})
-        solved = MeshedScene(comm=MPI.COMM_SELF, history=history, scene=changed).solved(len(found), None, None)
+        solved = MeshedScene(comm=MPI.COMM_SELF, history=history, scene=changed).solved(
+            len(found), None, None
+        )
         if solved.errors is None:
             raise ConvergenceError(solved.solution)
         found.append(solved.solution)

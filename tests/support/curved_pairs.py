@@ -1,8 +1,10 @@
-"""Two curved bodies pressed together: what is known of them without a solver, and what the solver says.
+"""Two curved bodies pressed together: what is known of them without a solver, and what the solver
+says.
 
-Mirror-equal bodies meet in the plane of symmetry between them: the force is that of one of them on a rigid plane, and
-as nothing moves along that plane relative to the other side, friction has nothing to take.  So the shear, as a share of
-F P, and the difference of the forces are errors, of the frames and of the discretisation.
+Mirror-equal bodies meet in the plane of symmetry between them: the force is that of one of them on
+a rigid plane, and as nothing moves along that plane relative to the other side, friction has
+nothing to take.  So the shear, as a share of F P, and the difference of the forces are errors, of
+the frames and of the discretisation.
 """
 
 from typing import NamedTuple
@@ -18,7 +20,9 @@ SIZE = 3.0
 
 
 class Pressed(NamedTuple):
-    """Attributes: force; shear, the sum of its magnitudes; share, of F P; a, half the width of contact."""
+    """Attributes: force; shear, the sum of its magnitudes; share, of F P; a, half the width of
+    contact.
+    """
 
     force: float
     shear: float
@@ -44,7 +48,9 @@ def cap(kind, radius, sign, cells, power=1.7):
         face = (wide**2).sum(axis=1) / (2 * radius)
         return np.column_stack((wide, sign * (face + (SIZE - face) * z**1.3)))
 
-    return grid(kind, (*[2 * along] * (dim - 1), through), (*[-1.0] * (dim - 1), 0.0), (1.0,) * dim, place)
+    return grid(
+        kind, (*[2 * along] * (dim - 1), through), (*[-1.0] * (dim - 1), 0.0), (1.0,) * dim, place
+    )
 
 
 def press(
@@ -88,12 +94,16 @@ def press(
     bcs = [held(space, ends[0], k) for k in range(up)] + [held(space, ends[0], up, -depth)]
     law = Coulomb(friction) if friction else None
     if alone:
-        against = Foundation(sides[0], gap=lambda x: x[up], direction=(*(0.0,) * up, -1.0), friction=law)
+        against = Foundation(
+            sides[0], gap=lambda x: x[up], direction=(*(0.0,) * up, -1.0), friction=law
+        )
     else:
         bcs += [held(space, ends[1], k) for k in range(up + 1)]
         against = Pair(sides[slave], sides[1 - slave], friction=law, gap="geometry")
     nothing = ufl.inner(fem.Constant(mesh, (0.0,) * (up + 1)), v) * ufl.dx
-    problem = ContactProblem(a, nothing, bcs, contact=against, **{"algorithm": "alm", "tolerance": 1e-9} | given)
+    problem = ContactProblem(
+        a, nothing, bcs, contact=against, **{"algorithm": "alm", "tolerance": 1e-9} | given
+    )
     problem.solve()
     return problem
 

@@ -22,10 +22,16 @@ YET = (" yet", " so far", "not tried")
 
 def of_effects() -> Iterator[tuple[str, type[Effect]]]:
     """Each effect and material of the package by the name of its key."""
-    rooms = (pkgutil.iter_modules(room.__path__, f"{room.__name__}.") for room in (effects, materials))
+    rooms = (
+        pkgutil.iter_modules(room.__path__, f"{room.__name__}.") for room in (effects, materials)
+    )
     for module in chain.from_iterable(rooms):
         for item in vars(import_module(module.name)).values():
-            if isinstance(item, type) and issubclass(item, Effect) and item.__module__ == module.name:
+            if (
+                isinstance(item, type)
+                and issubclass(item, Effect)
+                and item.__module__ == module.name
+            ):
                 yield module.name.rpartition(".")[2].replace("_", " "), item
 
 
@@ -33,14 +39,24 @@ def declared() -> Iterator[tuple[str, Mapping[str, str]]]:
     """Each feature that refuses others, and these with the reasons."""
     yield from REFUSED_BY_SETTINGS.items()
     yield from ((kind.words, kind.refuses) for kind in KINDS)
-    yield from (refused for _, item in of_effects() for refused in vars(item).get("refuses", {}).items())
+    yield from (
+        refused for _, item in of_effects() for refused in vars(item).get("refuses", {}).items()
+    )
 
 
 def pairs() -> dict[tuple[str, str], str]:
     """The reason of each pair; what a body with torsion shares with one without is listed once."""
-    found = {(feature, other): why for feature, refused in declared() for other, why in refused.items()}
-    found |= {(feature, other): why for feature, refused in COMPUTED.items() for other, why in refused.items()}
-    shared = [(twisted, other) for twisted, other in found if (twisted.partition(",")[0], other) in found]
+    found = {
+        (feature, other): why for feature, refused in declared() for other, why in refused.items()
+    }
+    found |= {
+        (feature, other): why
+        for feature, refused in COMPUTED.items()
+        for other, why in refused.items()
+    }
+    shared = [
+        (twisted, other) for twisted, other in found if (twisted.partition(",")[0], other) in found
+    ]
     return {pair: why for pair, why in found.items() if "," not in pair[0] or pair not in shared}
 
 

@@ -2,10 +2,11 @@
 
     ./env python3 tests/support/effectivity.py --out docs/evidence/effectivity.csv
 
-The scenes of the demos on uniform meshes, and Example 1 on the meshes that an asked-for accuracy takes, are measured
-against references of much higher accuracy; how far these may be wrong themselves is estimated from coarser ones.  Of
-the made-up solution (see ``manufactured``) displacement and pressure are known exactly.  A ratio between 1/2 and 2 is
-good, above 1 it is on the safe side; * marks what is outside [1/2, 2], ~ a true error that is less than three times the
+The scenes of the demos on uniform meshes, and Example 1 on the meshes that an asked-for accuracy
+takes, are measured against references of much higher accuracy; how far these may be wrong
+themselves is estimated from coarser ones.  Of the made-up solution (see ``manufactured``)
+displacement and pressure are known exactly.  A ratio between 1/2 and 2 is good, above 1 it is on
+the safe side; * marks what is outside [1/2, 2], ~ a true error that is less than three times the
 reference's own.
 """
 
@@ -80,7 +81,11 @@ def one_after_the_other(scenes) -> list[SolvedMesh]:
     """Nested iteration: each mesh from the contact state of the one before."""
     history, state, found = History(), None, []
     for number, scene in enumerate(scenes):
-        found.append(MeshedScene(comm=MPI.COMM_SELF, history=history, scene=scene).solved(number, state, None))
+        found.append(
+            MeshedScene(comm=MPI.COMM_SELF, history=history, scene=scene).solved(
+                number, state, None
+            )
+        )
         state = found[-1].solution.contact
     return found
 
@@ -101,7 +106,9 @@ def as_asked(scene, target: float, **goal) -> tuple[list[SolvedMesh], list]:
     return found, list(solution.convergence_table)
 
 
-def compare(name: str, found: list[SolvedMesh], prices: list, true: list[dict], own: dict) -> list[dict]:
+def compare(
+    name: str, found: list[SolvedMesh], prices: list, true: list[dict], own: dict
+) -> list[dict]:
     """One row per mesh and a quantity."""
     rows = []
     for solved, price, errors in zip(found, prices, true, strict=False):
@@ -130,7 +137,9 @@ def of_scene(name: str) -> list[dict]:
     scene = scene_of(name)
     found = one_after_the_other([scene_on(scene, factor) for factor in MESHES])
     prices = convergence_table([solved.level for solved in found], 0.0)
-    rows = compare(name, found, prices, [reference.errors(solved.solution) for solved in found], own)
+    rows = compare(
+        name, found, prices, [reference.errors(solved.solution) for solved in found], own
+    )
     if name in ADAPTIVE:
         found, prices = as_asked(scene, ASKED, of="pressure")
         true = [reference.errors(solved.solution) for solved in found]
@@ -142,17 +151,23 @@ def of_made_up(law: str, element: str) -> list[dict]:
     """The solution that is known exactly."""
     cell, degree, counts = MADE_UP[element]
     size = {"length": manufactured.LENGTH, "height": manufactured.HEIGHT, "cell": cell}
-    meshes = [generate_mesh("rectangle", {**size, "nx": n, "ny": n // 2}, MPI.COMM_SELF) for n in counts]
+    meshes = [
+        generate_mesh("rectangle", {**size, "nx": n, "ny": n // 2}, MPI.COMM_SELF) for n in counts
+    ]
     found = one_after_the_other([manufactured.made_up(tagged, degree, law) for tagged in meshes])
     prices = convergence_table([solved.level for solved in found], 0.0)
-    return compare(f"made up, {law}, {element}", found, prices, [exact_errors(s.solution) for s in found], {})
+    return compare(
+        f"made up, {law}, {element}", found, prices, [exact_errors(s.solution) for s in found], {}
+    )
 
 
 def exact_errors(solution) -> dict[str, float]:
     """Errors against the made-up displacement and pressure."""
     d = solution.model
     # In a richer space: against the interpolant in its own a solution looks better than it is.
-    richer = fem.functionspace(d.tagged.mesh, ("Lagrange", solution.statement.element.degree + 2, (2,)))
+    richer = fem.functionspace(
+        d.tagged.mesh, ("Lagrange", solution.statement.element.degree + 2, (2,))
+    )
     exact, difference = fem.Function(richer), fem.Function(richer)
     exact.interpolate(lambda x: np.array(manufactured.displacement(manufactured.NUMBERS, x)))
     difference.interpolate(solution.displacement)
@@ -179,7 +194,9 @@ def table(rows: list[dict]) -> list[dict]:
     """One row per mesh, with the ratios of all quantities."""
     lines = []
     for scene, level in dict.fromkeys((row["scene"], row["level"]) for row in rows):
-        own = {row["quantity"]: row for row in rows if (row["scene"], row["level"]) == (scene, level)}
+        own = {
+            row["quantity"]: row for row in rows if (row["scene"], row["level"]) == (scene, level)
+        }
         cells = {column: _cell(own[column]) if column in own else "-" for column in COLUMNS}
         lines.append({"scene": scene, "mesh": level, "unknowns": own["energy"]["dofs"], **cells})
     return lines
@@ -190,16 +207,26 @@ def _cell(row: dict) -> str:
     value = row["effectivity"]
     if value is None:
         return "-"
-    return f"{value:.2f}{'' if 0.5 <= value <= 2 else '*'}{'~' if row['doubtful'] else ''} ({row['true']:.0e})"
+    return (
+        f"{value:.2f}{'' if 0.5 <= value <= 2 else '*'}{'~' if row['doubtful'] else ''} "
+        f"({row['true']:.0e})"
+    )
 
 
 def main() -> None:
     """Measure, print and write."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("--out", type=Path, default=Path("results/effectivity.csv"), help="file (default: %(default)s)")
+    parser.add_argument(
+        "--out",
+        type=Path,
+        default=Path("results/effectivity.csv"),
+        help="file (default: %(default)s)",
+    )
     options = parser.parse_args()
     rows = [row for name in SCENES for row in of_scene(name)]
-    rows += [row for law in manufactured.LAWS for element in MADE_UP for row in of_made_up(law, element)]
+    rows += [
+        row for law in manufactured.LAWS for element in MADE_UP for row in of_made_up(law, element)
+    ]
     options.out.parent.mkdir(parents=True, exist_ok=True)
     write_csv(options.out, table(rows))
     for line in table(rows):

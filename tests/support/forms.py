@@ -1,4 +1,6 @@
-"""Problems of a user's own forms: blocks, and random ones with a judge that knows nothing of the solver."""
+"""Problems of a user's own forms: blocks, and random ones with a judge that knows nothing of the
+solver.
+"""
 
 from __future__ import annotations
 
@@ -14,24 +16,33 @@ from signorini_fx import ContactProblem, Coulomb, Foundation, TaggedMesh, Tresca
 from signorini_fx.records import Status
 from signorini_fx.results.contact_fields import ContactFields
 
-CELLS = {2: (dmesh.CellType.triangle, dmesh.CellType.quadrilateral), 3: (dmesh.CellType.tetrahedron,)}
+CELLS = {
+    2: (dmesh.CellType.triangle, dmesh.CellType.quadrilateral),
+    3: (dmesh.CellType.tetrahedron,),
+}
 
 
 def side(mesh, axis, at):
     """The facets of a box where a coordinate has a value."""
-    return dmesh.locate_entities_boundary(mesh, mesh.topology.dim - 1, lambda x: np.isclose(x[axis], at))
+    return dmesh.locate_entities_boundary(
+        mesh, mesh.topology.dim - 1, lambda x: np.isclose(x[axis], at)
+    )
 
 
 def box(sizes, counts, kind=None, comm=MPI.COMM_WORLD):
     """A rectangle or a box with a corner at the origin."""
     create = dmesh.create_rectangle if len(sizes) == 2 else dmesh.create_box
-    return create(comm, [np.zeros(len(sizes)), np.array(sizes)], counts, kind or CELLS[len(sizes)][0])
+    return create(
+        comm, [np.zeros(len(sizes)), np.array(sizes)], counts, kind or CELLS[len(sizes)][0]
+    )
 
 
 def hooke(u, v, young=1000.0, poisson=0.3):
     """Isotropic elasticity, plane strain or space."""
     e = ufl.sym(ufl.grad(u))
-    stress = young / (1 + poisson) * (e + poisson / (1 - 2 * poisson) * ufl.tr(e) * ufl.Identity(len(u)))
+    stress = (
+        young / (1 + poisson) * (e + poisson / (1 - 2 * poisson) * ufl.tr(e) * ufl.Identity(len(u)))
+    )
     return ufl.inner(stress, ufl.grad(v)) * ufl.dx
 
 
@@ -39,7 +50,9 @@ def voigt(y):
     """Strains as a list, the shear strains twice."""
     e = ufl.sym(ufl.grad(y))
     d = len(y)
-    return ufl.as_vector([e[k, k] for k in range(d)] + [2 * e[i, j] for i in range(d) for j in range(i + 1, d)])
+    return ufl.as_vector(
+        [e[k, k] for k in range(d)] + [2 * e[i, j] for i in range(d) for j in range(i + 1, d)]
+    )
 
 
 def positive(rng, size, low=0.1, high=1.0):
@@ -60,7 +73,9 @@ class Drawn:
 
 
 def draw(seed):
-    """A random problem that has a solution: springs or supports hold the body, whatever the contact does."""
+    """A random problem that has a solution: springs or supports hold the body, whatever the contact
+    does.
+    """
     rng = np.random.default_rng(seed)
     d = 2 if rng.random() < 0.8 else 3
     sizes = rng.uniform(0.5, 2.0, d)
@@ -72,11 +87,16 @@ def draw(seed):
     moduli = fem.Constant(mesh, unit * positive(rng, count))
     held = rng.random() < 0.5
     # Either supports hold the body, or springs do: weak ones, too.
-    springs = fem.Constant(mesh, (0.0 if held else unit * 10.0 ** rng.uniform(-3, 0)) * positive(rng, d))
+    springs = fem.Constant(
+        mesh, (0.0 if held else unit * 10.0 ** rng.uniform(-3, 0)) * positive(rng, d)
+    )
     softer = fem.Function(fem.functionspace(mesh, ("DG", 0)))
     softer.x.array[:] = rng.uniform(0.3, 1.0, softer.x.array.size)
     force, pull = (fem.Constant(mesh, 0.05 * unit * rng.standard_normal(d)) for _ in range(2))
-    a = softer * ufl.inner(ufl.dot(moduli, voigt(u)), voigt(v)) * ufl.dx + ufl.inner(ufl.dot(springs, u), v) * ufl.ds
+    a = (
+        softer * ufl.inner(ufl.dot(moduli, voigt(u)), voigt(v)) * ufl.dx
+        + ufl.inner(ufl.dot(springs, u), v) * ufl.ds
+    )
     L = ufl.inner(force, v) * ufl.dx + ufl.inner(pull, v) * ufl.ds
     bcs = []
     if held:
@@ -87,7 +107,9 @@ def draw(seed):
         bcs = [fem.dirichletbc(given, fem.locate_dofs_topological(V, d - 1, top))]
         if rng.random() < 0.5:
             wall = side(mesh, 0, 0.0)
-            bcs.append(fem.dirichletbc(0.0, fem.locate_dofs_topological(V.sub(0), d - 1, wall), V.sub(0)))
+            bcs.append(
+                fem.dirichletbc(0.0, fem.locate_dofs_topological(V.sub(0), d - 1, wall), V.sub(0))
+            )
     sides, contact = [], []
     places = [(d - 1, 0.0), (0, sizes[0])][: 1 + int(rng.random() < 0.5)]
     for axis, at in places:
@@ -103,14 +125,18 @@ def draw(seed):
 
         sides.append((axis, 1.0 if at else -1.0, here, gap_at, friction))
         contact.append(Foundation(here, gap=gap, friction=friction))
-    settings = [{}, {"algorithm": "alm"}, {"gamma_n": 1e4 * unit, "gamma_t": 3e3 * unit}][rng.integers(3)]
+    settings = [{}, {"algorithm": "alm"}, {"gamma_n": 1e4 * unit, "gamma_t": 3e3 * unit}][
+        rng.integers(3)
+    ]
     # The judge asks for the linear problem alone, however large its displacements are.
     problem = ContactProblem(a, L, bcs, contact, largest_deformation=1e3, **settings)
     return Drawn(problem, a, L, bcs, sides)
 
 
 def judge(drawn, balance=1e-10, tolerance=1e-6):
-    """The violations of equilibrium and of the conditions that are not round-off, from a dense matrix; one rank."""
+    """The violations of equilibrium and of the conditions that are not round-off, from a dense
+    matrix; one rank.
+    """
     problem, y = drawn.problem, drawn.problem.u
     V = y.function_space
     d = V.mesh.geometry.dim
@@ -129,7 +155,9 @@ def judge(drawn, balance=1e-10, tolerance=1e-6):
     for k, (axis, sign, facets, gap, friction) in enumerate(drawn.sides):
         fields = ContactFields.on(V)
         fields.take(V, problem.state, problem.state.boundary.part == k)
-        tags = dmesh.meshtags(V.mesh, d - 1, np.sort(facets), np.full(facets.size, 1, dtype=np.int32))
+        tags = dmesh.meshtags(
+            V.mesh, d - 1, np.sort(facets), np.full(facets.size, 1, dtype=np.int32)
+        )
         form = fem.form(v[axis] * ufl.ds(domain=V.mesh, subdomain_data=tags)(1))
         weight = fem.assemble_vector(form).array.reshape(-1, d)[:, axis]
         nodes = np.flatnonzero(weight > 1e-12 * weight.max())
@@ -149,7 +177,9 @@ def judge(drawn, balance=1e-10, tolerance=1e-6):
                 bound[:] = given
             case Coulomb(coefficient=coefficient):
                 bound = coefficient * pressure
-        free = ~fixed.reshape(-1, d)[nodes, axis]  # what a support prescribes may overlap with the foundation
+        free = ~fixed.reshape(-1, d)[
+            nodes, axis
+        ]  # what a support prescribes may overlap with the foundation
         size = np.linalg.norm(shear, axis=1)
         xi = tangential - shear / law.gamma_t
         long = np.linalg.norm(xi, axis=1)
@@ -159,10 +189,13 @@ def judge(drawn, balance=1e-10, tolerance=1e-6):
             "shear across": np.abs(shear @ normal) / stress,
             "negative": -pressure / stress,
             "entered": free * (-left - pressure / law.gamma_n) / far,
-            "at a distance": free * np.minimum(pressure / stress, np.abs(left + pressure / law.gamma_n) / far),
+            "at a distance": free
+            * np.minimum(pressure / stress, np.abs(left + pressure / law.gamma_n) / far),
             "cone": (size - bound) / stress,
             "slips below": np.minimum((bound - size) / stress, long / far),
-            "wrong way": np.minimum(np.abs(np.einsum("ij,ij->i", xi, shear) - long * size) / stress / far, long / far),
+            "wrong way": np.minimum(
+                np.abs(np.einsum("ij,ij->i", xi, shear) - long * size) / stress / far, long / far
+            ),
         }
         for name, amounts in figures.items():
             wrong[f"{name} {k}"] = float(amounts.max(initial=0.0))
@@ -170,7 +203,9 @@ def judge(drawn, balance=1e-10, tolerance=1e-6):
     scale = max(scale, np.abs(loads).max(), np.abs(matrix @ y.x.array).max())
     wrong["equilibrium"] = float(np.abs(residual[~fixed]).max() / scale)
     return {
-        name: value for name, value in wrong.items() if not value <= (balance if name == "equilibrium" else tolerance)
+        name: value
+        for name, value in wrong.items()
+        if not value <= (balance if name == "equilibrium" else tolerance)
     }
 
 
@@ -190,7 +225,11 @@ def stress_of(young, poisson, dim):
 
     def stress(y):
         e = ufl.sym(ufl.grad(y))
-        return young / (1 + poisson) * (e + poisson / (1 - 2 * poisson) * ufl.tr(e) * ufl.Identity(dim))
+        return (
+            young
+            / (1 + poisson)
+            * (e + poisson / (1 - 2 * poisson) * ufl.tr(e) * ufl.Identity(dim))
+        )
 
     return stress
 
@@ -204,7 +243,9 @@ def block_on_a_floor(degree=1, friction=None, **settings):
         V = fem.functionspace(mesh, ("Lagrange", degree, (dim,)))
         u, v = ufl.TrialFunction(V), ufl.TestFunction(V)
         stress = stress_of(1000.0, 0.3, dim)
-        held = fem.dirichletbc(np.zeros(dim), fem.locate_dofs_topological(V, dim - 1, side(mesh, 0, 0.0)), V)
+        held = fem.dirichletbc(
+            np.zeros(dim), fem.locate_dofs_topological(V, dim - 1, side(mesh, 0, 0.0)), V
+        )
         floor = Foundation(side(mesh, dim - 1, 0.0), gap=0.002, friction=friction)
         a, L = ufl.inner(stress(u), ufl.grad(v)) * ufl.dx, -8.0 * v[dim - 1] * ufl.dx
         return ContactProblem(a, L, [held], floor, stress=stress, **settings)
@@ -238,11 +279,16 @@ class Block:
         self.L = self.load * v[d - 1] * ufl.dx
         self.bcs = [
             self.held(d - 1, self.top, self.down),
-            *(self.held(k, self.top, self.aside if k == 0 else fem.Constant(self.mesh, 0.0)) for k in range(d - 1)),
+            *(
+                self.held(k, self.top, self.aside if k == 0 else fem.Constant(self.mesh, 0.0))
+                for k in range(d - 1)
+            ),
         ]
         self.foundation = Foundation(self.bottom, gap=gap, friction=friction)
         self.problem = ContactProblem(self.a, self.L, self.bcs, self.foundation, **settings)
 
     def held(self, component, facets, value):
         sub = self.V.sub(component)
-        return fem.dirichletbc(value, fem.locate_dofs_topological(sub, self.mesh.topology.dim - 1, facets), sub)
+        return fem.dirichletbc(
+            value, fem.locate_dofs_topological(sub, self.mesh.topology.dim - 1, facets), sub
+        )

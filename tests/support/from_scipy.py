@@ -31,16 +31,19 @@ def from_scipy(
     prescribed: tuple[npt.NDArray[np.int64], _Floats] | None = None,
     modes: _Floats | None = None,
 ) -> tuple[Elasticity, FreeMotions]:
-    """An elastic body of one piece with one load case, and its free rigid motions at the contact points.
+    """An elastic body of one piece with one load case, and its free rigid motions at the contact
+    points.
 
     Args:
         stiffness: K without supports, symmetric, sparse, shape (N, N).
         load: f, forces, shape (N,).
-        operator: B, sparse, shape (n d, N): d rows for each contact point, the relative displacement along the normal,
+        operator: B, sparse, shape (n d, N): d rows for each contact point, the relative
+        displacement along the normal,
             positive towards the foundation, then along the tangents.
         weight: area of each contact point (in 2D, per unit thickness, length), shape (n,).
         prescribed: numbers and values of the prescribed unknowns; None: there are none.
-        modes: the rigid motions that they leave free, zero at the prescribed unknowns, shape (N, k); None: there are
+        modes: the rigid motions that they leave free, zero at the prescribed unknowns, shape (N,
+        k); None: there are
             none.
     """
     matrix, count, points = sp.csr_array(stiffness, dtype=np.float64), load.size, weight.size
@@ -52,10 +55,16 @@ def from_scipy(
     supported = sp.csr_array(free @ matrix @ free + sp.diags_array(diagonal * fixed))
     rows = sp.csr_array(operator, dtype=np.float64)
     d, moving = rows.shape[0] // points, sp.csr_array(rows @ free)
-    gram = np.array([[moving[i::d].multiply(moving[j::d]).sum(axis=1) for j in range(d)] for i in range(d)])
+    gram = np.array(
+        [[moving[i::d].multiply(moving[j::d]).sum(axis=1) for j in range(d)] for i in range(d)]
+    )
     values, vectors = np.linalg.eigh(gram.transpose(2, 0, 1))
-    movable = np.einsum("nik,nk,njk->nij", vectors, values > SAME_NUMBER * values.max(initial=0.0), vectors)
-    at = ContactPoints(MPI.COMM_SELF, weight, movable, np.arange(points)[:, None].astype(np.float64))
+    movable = np.einsum(
+        "nik,nk,njk->nij", vectors, values > SAME_NUMBER * values.max(initial=0.0), vectors
+    )
+    at = ContactPoints(
+        MPI.COMM_SELF, weight, movable, np.arange(points)[:, None].astype(np.float64)
+    )
     contact = ContactMap(_matrix(rows), at, fixed)
     motions = [_vector(mode) for mode in (np.zeros((0, count)) if modes is None else modes.T)]
     forces, assembly = _vector(np.where(fixed, 0.0, load)), np.zeros(len(motions), dtype=np.int64)
@@ -77,7 +86,9 @@ def task_of(system, motions, gap, law=None, settings=None):
     natural = system.contact.natural_stiffness(system.matrix.getDiagonal())
     coulomb = law is not None and law.follows_pressure
     common = {"has_coulomb": coulomb, "history": History()}
-    return Task.of(system, motions, gap, law, settings=settings or Settings(), natural_gamma=natural, **common)
+    return Task.of(
+        system, motions, gap, law, settings=settings or Settings(), natural_gamma=natural, **common
+    )
 
 
 def _matrix(matrix: Any) -> PETSc.Mat:

@@ -21,13 +21,26 @@ def peak(half_width):
     return 2 * load(half_width) / (np.pi * half_width)
 
 
-def half_disk(half_width=0.4, *, cell="triangle", degree=1, symmetric=True, size=0.02, friction=0.0, **changes):
-    """Pressed so that the formula gives ``half_width``, facets of length ``size`` around the contact."""
-    parameters = {"radius": RADIUS, "contact_size": size, "contact_zone": 0.6, "symmetric": symmetric, "cell": cell}
-    support = {"boundary": "symmetry", "normal": 0.0} if symmetric else {"boundary": "top", "x": 0.0}
+def half_disk(
+    half_width=0.4, *, cell="triangle", degree=1, symmetric=True, size=0.02, friction=0.0, **changes
+):
+    """Pressed so that the formula gives ``half_width``, facets of length ``size`` around the
+    contact.
+    """
+    parameters = {
+        "radius": RADIUS,
+        "contact_size": size,
+        "contact_zone": 0.6,
+        "symmetric": symmetric,
+        "cell": cell,
+    }
+    support = (
+        {"boundary": "symmetry", "normal": 0.0} if symmetric else {"boundary": "top", "x": 0.0}
+    )
     contact = {
         "boundary": "arc",
-        # The circle, not the chord on which midside nodes are: a polygon would press with its corners.
+        # The circle, not the chord on which midside nodes are: a polygon would press with its
+        # corners.
         "gap": f"{RADIUS} - sqrt(max(0, {RADIUS**2} - x[0]**2))",
         "direction": [0, -1],
         "friction": {"law": "coulomb", "coefficient": friction},
@@ -52,7 +65,9 @@ def profile(solution, centre=0.0):
 
 
 def width_from_moment(x, pressure, weight):
-    """a from the mean of x^2, which is a^2 / 4 for an ellipse: it does not depend on where the last node is."""
+    """a from the mean of x^2, which is a^2 / 4 for an ellipse: it does not depend on where the last
+    node is.
+    """
     return 2 * np.sqrt(np.dot(weight, pressure * x**2) / np.dot(weight, pressure))
 
 

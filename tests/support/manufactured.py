@@ -1,10 +1,11 @@
 """A scene whose solution was made up: its errors are known exactly.
 
-It has contact, stick and slip in both directions.  The pressure is max(0, s), the shear the bound times clip(r, -1, 1),
-the slip grows where |r| > 1; the gap and the loads follow.  The zeros of s and |r| - 1 are at sixths of the length: on
-the nodes of meshes whose number of facets is a multiple of six, else always at the same distance from one, so that the
-errors of a sequence of meshes can be compared.  The slip grows like (|r| - 1)^3, which leaves the displacement smooth
-enough for the rates of degree 2.
+It has contact, stick and slip in both directions.  The pressure is max(0, s), the shear the bound
+times clip(r, -1, 1), the slip grows where |r| > 1; the gap and the loads follow.  The zeros of s
+and |r| - 1 are at sixths of the length: on the nodes of meshes whose number of facets is a multiple
+of six, else always at the same distance from one, so that the errors of a sequence of meshes can be
+compared.  The slip grows like (|r| - 1)^3, which leaves the displacement smooth enough for the
+rates of degree 2.
 """
 
 from types import SimpleNamespace
@@ -25,7 +26,9 @@ LAWS = {
 }
 
 # One text for both algebras: numbers at points and UFL.
-NUMBERS = SimpleNamespace(sin=np.sin, cos=np.cos, pos=lambda v: np.maximum(v, 0.0), clip=lambda v: np.clip(v, -1, 1))
+NUMBERS = SimpleNamespace(
+    sin=np.sin, cos=np.cos, pos=lambda v: np.maximum(v, 0.0), clip=lambda v: np.clip(v, -1, 1)
+)
 SYMBOLS = SimpleNamespace(
     sin=ufl.sin,
     cos=ufl.cos,
@@ -85,7 +88,9 @@ def made_up(tagged, degree, law, **solver):
                 "x": lambda x: displacement(NUMBERS, x)[0],
                 "y": lambda x: displacement(NUMBERS, x)[1],
             },
-            "traction": [{"boundary": name, "x": load[0], "y": load[1]} for name, load in loads.items()],
+            "traction": [
+                {"boundary": name, "x": load[0], "y": load[1]} for name, load in loads.items()
+            ],
             "body_force": {"x": force[0], "y": force[1]},
             "contact": {"boundary": "bottom", "gap": gap, "friction": LAWS[law]},
             "solver": {"algorithm": "alm", **solver},

@@ -2,10 +2,12 @@
 
 On the bottom of a box, with r the position from its middle and R = |r|,
 
-    mu = q r / sqrt(1 + R^2),    tau_T u = c (r / R) max(R - 1, 0)^2,    bound = |mu| + q max(1 - R, 0),
+    mu = q r / sqrt(1 + R^2),    tau_T u = c (r / R) max(R - 1, 0)^2,    bound = |mu| + q max(1 - R,
+    0),
 
-so that the disc R < 1 sticks, with a shear that reaches its bound at R = 1, and all else slips outwards.  With nu = 0
-the displacement (tau_T u + z mu / G, - e z) has these tractions and a constant pressure E e.
+so that the disc R < 1 sticks, with a shear that reaches its bound at R = 1, and all else slips
+outwards.  With nu = 0 the displacement (tau_T u + z mu / G, - e z) has these tractions and a
+constant pressure E e.
 """
 
 import numpy as np
@@ -33,7 +35,9 @@ def slip_and_shear(x):
 
 def bound(x):
     """At points (3, n), shape (n,)."""
-    return np.linalg.norm(slip_and_shear(x)[1], axis=0) + BOUND * np.maximum(1 - np.hypot(x[0], x[1]), 0.0)
+    return np.linalg.norm(slip_and_shear(x)[1], axis=0) + BOUND * np.maximum(
+        1 - np.hypot(x[0], x[1]), 0.0
+    )
 
 
 def displacement(x):
@@ -48,7 +52,9 @@ def stress(mesh):
     size = ufl.sqrt(x[0] ** 2 + x[1] ** 2 + 1e-18)  # its derivative at 0 must be a number
     away = ufl.conditional(ufl.ge(size, 1.0), FAR * (size - 1) ** 2 / size, 0.0)
     sheared = BOUND / ufl.sqrt(1 + size**2)
-    u = ufl.as_vector([(away + x[2] * sheared / SHEAR_MODULUS) * x[k] for k in (0, 1)] + [-PRESSED * x[2]])
+    u = ufl.as_vector(
+        [(away + x[2] * sheared / SHEAR_MODULUS) * x[k] for k in (0, 1)] + [-PRESSED * x[2]]
+    )
     return YOUNG * ufl.sym(ufl.grad(u))
 
 
@@ -64,7 +70,8 @@ def made_up(cells, n, algorithm="auto"):
         body_force=BodyForce(x=fx, y=fy, z=fz),
         displacement=[
             PrescribedDisplacement(
-                boundary=name, **{axis: lambda x, k=k: displacement(x)[k] for k, axis in enumerate("xyz")}
+                boundary=name,
+                **{axis: lambda x, k=k: displacement(x)[k] for k, axis in enumerate("xyz")},
             )
             for name in sides
         ],

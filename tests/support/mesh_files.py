@@ -12,11 +12,15 @@ from signorini_fx.mechanics.statement.mesh_sources import MeshFile
 
 def read_file(file, boundaries=None, regions=None, degree=None):
     """The arrays of a mesh file with names of a scene."""
-    return formats.read_file(MeshFile(file=file, boundaries=boundaries or {}, regions=regions or {}), degree=degree)
+    return formats.read_file(
+        MeshFile(file=file, boundaries=boundaries or {}, regions=regions or {}), degree=degree
+    )
 
 
 def write_msh(source, file, degree=None):
-    """Write a drawing or a mesh that gmsh reads as a .msh file; with sides of this degree, if one is given."""
+    """Write a drawing or a mesh that gmsh reads as a .msh file; with sides of this degree, if one
+    is given.
+    """
     with gmsh_session("a test") as gmsh:
         gmsh.open(str(source))
         if source.suffix != ".msh":

@@ -17,7 +17,9 @@ class Killed(Exception):
 
 
 def rectangle(corner, cells, comm=MPI.COMM_WORLD, cell="quadrilateral", degree=1):
-    """A mesh from the origin to a corner, its vector space, and its sides by the axis and the coordinate."""
+    """A mesh from the origin to a corner, its vector space, and its sides by the axis and the
+    coordinate.
+    """
     mesh = dmesh.create_rectangle(comm, [[0.0, 0.0], corner], cells, getattr(dmesh.CellType, cell))
     space = fem.functionspace(mesh, ("Lagrange", degree, (2,)))
 
@@ -31,17 +33,23 @@ def held(space, facets, component=None):
     """A condition of zero displacement."""
     where = space if component is None else space.sub(component)
     dofs = fem.locate_dofs_topological(where, space.mesh.topology.dim - 1, facets)
-    return fem.dirichletbc(0.0 if component is not None else np.zeros(space.mesh.geometry.dim), dofs, where)
+    return fem.dirichletbc(
+        0.0 if component is not None else np.zeros(space.mesh.geometry.dim), dofs, where
+    )
 
 
 def neo_hooke(u, radius=None):
-    """mu / 2 (tr C - d) - mu ln J + lambda / 2 ln^2 J, in 2D of plane strain; with a radius, which is x[0], of a
+    """mu / 2 (tr C - d) - mu ln J + lambda / 2 ln^2 J, in 2D of plane strain; with a radius, which
+    is x[0], of a
     body of revolution.
     """
     dim = len(u)
     gradient = ufl.Identity(dim) + ufl.grad(u)
     around = 1.0 if radius is None else 1.0 + u[0] / radius
-    square, volume = ufl.inner(gradient, gradient) - dim + around**2 - 1.0, around * ufl.det(gradient)
+    square, volume = (
+        ufl.inner(gradient, gradient) - dim + around**2 - 1.0,
+        around * ufl.det(gradient),
+    )
     return MU / 2 * square - MU * ufl.ln(volume) + LAME / 2 * ufl.ln(volume) ** 2
 
 
@@ -58,8 +66,8 @@ def residual(u, energy=neo_hooke):
 
 
 def stress_of_block(height, directions=1):
-    """Nominal stress of a block whose sides are free, compressed to a height of 1; ``directions``: in how many it is
-    free to widen, 1: plane strain, 2: a cylinder.
+    """Nominal stress of a block whose sides are free, compressed to a height of 1; ``directions``:
+    in how many it is free to widen, 1: plane strain, 2: a cylinder.
     """
 
     def volume(width):

@@ -30,15 +30,24 @@ def but_slow(names, *quick):
 
 
 def block(law, path, *, length=1.0, cells=(4, 4), unit=1.0, foundation=None, **further):
-    """A block on rollers under a plate, whose way down is an expression of the time, or under another foundation."""
-    plate = {"shape": "plane", "point": [0.0, unit], "normal": [0.0, -1.0], "shift": [0.0, f"-{unit} * ({path})"]}
+    """A block on rollers under a plate, whose way down is an expression of the time, or under
+    another foundation.
+    """
+    plate = {
+        "shape": "plane",
+        "point": [0.0, unit],
+        "normal": [0.0, -1.0],
+        "shift": [0.0, f"-{unit} * ({path})"],
+    }
     size = {"length": length * unit, "height": unit, "nx": cells[0], "ny": cells[1]}
     scene = {
         "mesh": {"generator": "rectangle", "parameters": size},
         "material": law,
         "displacement": [{"boundary": "left", "x": 0.0}, {"boundary": "bottom", "y": 0.0}],
         "contact": {"boundary": "top", "foundation": foundation or plate},
-        "solver": {"algorithm": "alm"},  # so that closed forms hold without the penetration of a penalty
+        "solver": {
+            "algorithm": "alm"
+        },  # so that closed forms hold without the penetration of a penalty
     }
     return parse_scene(scene | further)
 
@@ -46,7 +55,10 @@ def block(law, path, *, length=1.0, cells=(4, 4), unit=1.0, foundation=None, **f
 def cube(law, *further_supports, cells=2, **further):
     """A cube of so many cells along each edge, on rollers."""
     size = {"length": 1.0, "width": 1.0, "height": 1.0, "nx": cells, "ny": cells, "nz": cells}
-    rollers = [{"boundary": side, key: 0.0} for side, key in (("left", "x"), ("front", "y"), ("bottom", "z"))]
+    rollers = [
+        {"boundary": side, key: 0.0}
+        for side, key in (("left", "x"), ("front", "y"), ("bottom", "z"))
+    ]
     scene = {
         "mesh": {"generator": "box", "parameters": size},
         "material": law,
@@ -57,13 +69,23 @@ def cube(law, *further_supports, cells=2, **further):
 
 def pressed_cube(law, path, **further):
     """The same under a plate, whose way down is an expression of the time."""
-    plate = {"shape": "plane", "point": [0.0, 0.0, 1.0], "normal": [0.0, 0.0, -1.0], "shift": [0.0, 0.0, f"-({path})"]}
-    further = {"contact": {"boundary": "top", "foundation": plate}, "solver": {"algorithm": "alm"}} | further
+    plate = {
+        "shape": "plane",
+        "point": [0.0, 0.0, 1.0],
+        "normal": [0.0, 0.0, -1.0],
+        "shift": [0.0, 0.0, f"-({path})"],
+    }
+    further = {
+        "contact": {"boundary": "top", "foundation": plate},
+        "solver": {"algorithm": "alm"},
+    } | further
     return cube(law, **further)
 
 
 def indented(law, *, depth=0.2, cells=(10, 5), unit=1.0, **further):
-    """A clamped block, and a rough circle that is pressed into it up to time 1, and moved sideways up to time 2."""
+    """A clamped block, and a rough circle that is pressed into it up to time 1, and moved sideways
+    up to time 2.
+    """
     circle = {"shape": "circle", "centre": [0.8 * unit, 1.5 * unit], "radius": 0.5 * unit}
     circle["shift"] = [f"{unit} * max({depth / 2} * (t - 1), 0)", f"-{unit * depth} * min(t, 1)"]
     size = {"length": 2.0 * unit, "height": unit, "nx": cells[0], "ny": cells[1]}
@@ -71,7 +93,11 @@ def indented(law, *, depth=0.2, cells=(10, 5), unit=1.0, **further):
         "mesh": {"generator": "rectangle", "parameters": size},
         "material": law,
         "displacement": {"boundary": "bottom", "x": 0.0, "y": 0.0},
-        "contact": {"boundary": "top", "foundation": circle, "friction": {"law": "coulomb", "coefficient": 0.3}},
+        "contact": {
+            "boundary": "top",
+            "foundation": circle,
+            "friction": {"law": "coulomb", "coefficient": 0.3},
+        },
         "load_steps": {"times": [1.0, 2.0]},
     }
     return parse_scene(scene | further)
@@ -83,7 +109,9 @@ def force(step):
 
 
 def quarter_of_disk(cells, comm=MPI.COMM_SELF):
-    """A quarter of the unit disk in three blocks of quadrilaterals, with the boundaries left, bottom and arc."""
+    """A quarter of the unit disk in three blocks of quadrilaterals, with the boundaries left,
+    bottom and arc.
+    """
     a, b = np.meshgrid(*[np.linspace(0.0, 1.0, cells + 1)] * 2)
     corner = 0.5
 
@@ -96,22 +124,36 @@ def quarter_of_disk(cells, comm=MPI.COMM_SELF):
     for patch in (corner * np.array([a, b]), outer(b, a), outer(a, b)[::-1]):
         numbers = np.arange(a.size).reshape(a.shape) + len(points) * a.size
         points.append(patch.reshape(2, -1).T)
-        corners.append(np.stack([numbers[:-1, :-1], numbers[:-1, 1:], numbers[1:, :-1], numbers[1:, 1:]], -1))
+        corners.append(
+            np.stack([numbers[:-1, :-1], numbers[:-1, 1:], numbers[1:, :-1], numbers[1:, 1:]], -1)
+        )
     points, corners = np.concatenate(points), np.concatenate(corners).reshape(-1, 4)
-    _, first, places = np.unique(np.round(points, 9), axis=0, return_index=True, return_inverse=True)
+    _, first, places = np.unique(
+        np.round(points, 9), axis=0, return_index=True, return_inverse=True
+    )
     element = basix.ufl.element("Lagrange", "quadrilateral", 1, shape=(2,))
-    mesh = dmesh.create_mesh(comm, cells=places.ravel()[corners].astype(np.int64), x=points[first], e=element)
+    mesh = dmesh.create_mesh(
+        comm, cells=places.ravel()[corners].astype(np.int64), x=points[first], e=element
+    )
 
     def side(marker):
         return dmesh.locate_entities_boundary(mesh, 1, marker)
 
-    names = {"left": side(lambda x: np.isclose(x[0], 0.0)), "bottom": side(lambda x: np.isclose(x[1], 0.0))}
+    names = {
+        "left": side(lambda x: np.isclose(x[0], 0.0)),
+        "bottom": side(lambda x: np.isclose(x[1], 0.0)),
+    }
     return tagged_mesh(mesh, names | {"arc": side(lambda x: np.isclose(np.hypot(x[0], x[1]), 1.0))})
 
 
 def flattened_disk(law, cells, path, **load_steps):
     """A disk between two plates, the upper right quarter."""
-    plate = {"shape": "plane", "point": [0.0, 1.0], "normal": [0.0, -1.0], "shift": [0.0, f"-({path})"]}
+    plate = {
+        "shape": "plane",
+        "point": [0.0, 1.0],
+        "normal": [0.0, -1.0],
+        "shift": [0.0, f"-({path})"],
+    }
     scene = {
         "mesh": quarter_of_disk(cells),
         "material": law,
@@ -123,7 +165,9 @@ def flattened_disk(law, cells, path, **load_steps):
 
 
 def energy_of_stretches(name):
-    """The stored energy of a law as a function of three principal stretches, written from the literature."""
+    """The stored energy of a law as a function of three principal stretches, written from the
+    literature.
+    """
     constants = LAWS[name]
     if "young" in constants:
         mu = constants["young"] / 2 / (1 + constants["poisson"])
@@ -133,7 +177,9 @@ def energy_of_stretches(name):
         along, volume = np.array(stretches), np.prod(stretches)
         same = along * volume ** (-1 / 3)
         if name == "neo-hooke":
-            return mu / 2 * np.sum(along**2 - 1) - mu * np.log(volume) + lame / 2 * np.log(volume) ** 2
+            return (
+                mu / 2 * np.sum(along**2 - 1) - mu * np.log(volume) + lame / 2 * np.log(volume) ** 2
+            )
         if name == "neo-hooke, isochoric":
             return mu / 2 * np.sum(same**2 - 1) + (lame + 2 * mu / 3) / 2 * (volume - 1) ** 2
         if name == "saint-venant-kirchhoff":
@@ -141,7 +187,11 @@ def energy_of_stretches(name):
             return mu * np.sum(green**2) + lame / 2 * np.sum(green) ** 2
         bulk = constants["bulk"] / 2 * (volume - 1) ** 2
         if name == "mooney-rivlin":
-            return constants["c10"] * (np.sum(same**2) - 3) + constants["c01"] * (np.sum(same**-2) - 3) + bulk
+            return (
+                constants["c10"] * (np.sum(same**2) - 3)
+                + constants["c01"] * (np.sum(same**-2) - 3)
+                + bulk
+            )
         terms = zip(constants["mu"], constants["alpha"], strict=True)
         return sum(mu_p / alpha * (np.sum(same**alpha) - 3) for mu_p, alpha in terms) + bulk
 

@@ -1,8 +1,9 @@
-"""Example 1 of the paper once more, in NumPy and SciPy alone: an independent program to hold the package against.
+"""Example 1 of the paper once more, in NumPy and SciPy alone: an independent program to hold the
+package against.
 
-Written from sections 4, 6.3 and 7 of the paper; it shares no line with the package.  The grid is uniform: node (i, j)
-has number n = i + (nx + 1) j and dofs 2 n, 2 n + 1.  The interior is eliminated once, so that every step is a small
-dense solve.
+Written from sections 4, 6.3 and 7 of the paper; it shares no line with the package.  The grid is
+uniform: node (i, j) has number n = i + (nx + 1) j and dofs 2 n, 2 n + 1.  The interior is
+eliminated once, so that every step is a small dense solve.
 """
 
 from __future__ import annotations
@@ -34,14 +35,22 @@ def cells_of(nx, ny, cell):
 
 
 def gradients(corners):
-    """(weight, gradients of the shape functions (nodes, 2)) at the quadrature points of one cell."""
+    """(weight, gradients of the shape functions (nodes, 2)) at the quadrature points of one
+    cell.
+    """
     if len(corners) == 3:
         reference = [(0.5, np.array([[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0]]))]
     else:
         points = np.array([-1.0, 1.0]) / np.sqrt(3)
         signs = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
         reference = [
-            (1.0, np.column_stack((signs[:, 0] * (1 + signs[:, 1] * t), signs[:, 1] * (1 + signs[:, 0] * s))) / 4)
+            (
+                1.0,
+                np.column_stack(
+                    (signs[:, 0] * (1 + signs[:, 1] * t), signs[:, 1] * (1 + signs[:, 0] * s))
+                )
+                / 4,
+            )
             for s in points
             for t in points
         ]
@@ -68,7 +77,8 @@ def cell_stiffness(corners, poisson):
 class Block:
     """The elastic block of section 7.1 seen from its contact nodes.
 
-    With c the contact dofs: schur u_c = load_c - contact forces, and u elsewhere is ``rest - lift u_c``.
+    With c the contact dofs: schur u_c = load_c - contact forces, and u elsewhere is ``rest - lift
+    u_c``.
     """
 
     x: np.ndarray
@@ -91,7 +101,9 @@ class Block:
 
 @lru_cache
 def block(nx, ny, poisson, cell="quadrilateral"):
-    """Assemble and condense: u_x = 0 on both sides, traction (0, -20) on [1, 2] of the top (nodes at 1 and 2)."""
+    """Assemble and condense: u_x = 0 on both sides, traction (0, -20) on [1, 2] of the top (nodes
+    at 1 and 2).
+    """
     nodes = np.arange((nx + 1) * (ny + 1))
     x = np.column_stack((nodes % (nx + 1) * LENGTH / nx, nodes // (nx + 1) * HEIGHT / ny))
     cells = cells_of(nx, ny, cell)
@@ -100,7 +112,9 @@ def block(nx, ny, poisson, cell="quadrilateral"):
     dofs = (2 * cells[:, :, None] + np.arange(2)).reshape(len(cells), -1)
     rows, columns = np.broadcast_arrays(dofs[:, :, None], dofs[:, None, :])
     size = 2 * len(nodes)
-    stiffness = coo_array((blocks.ravel(), (rows.ravel(), columns.ravel())), shape=(size, size)).tocsc()
+    stiffness = coo_array(
+        (blocks.ravel(), (rows.ravel(), columns.ravel())), shape=(size, size)
+    ).tocsc()
     load = np.zeros((len(nodes), 2))
     h = LENGTH / nx
     for left in nodes[-nx - 1 : -1]:
@@ -126,7 +140,9 @@ def block(nx, ny, poisson, cell="quadrilateral"):
 
 @dataclass
 class Result:
-    """What a run ends with: displacement of all nodes, lambda, mu and the sets at the contact nodes, linear solves."""
+    """What a run ends with: displacement of all nodes, lambda, mu and the sets at the contact
+    nodes, linear solves.
+    """
 
     u: np.ndarray
     pressure: np.ndarray
@@ -139,7 +155,9 @@ class Result:
 
 
 def linear_step(body, bound, gamma, in_contact, slip):
-    """Step 4 of Algorithm (SSN): tau_N y = -u_2, tau_T y = u_1 on the bottom; returns (u_c, tau_N y, tau_T y)."""
+    """Step 4 of Algorithm (SSN): tau_N y = -u_2, tau_T y = u_1 on the bottom; returns (u_c, tau_N
+    y, tau_T y).
+    """
     gamma_n, gamma_t = gamma
     matrix, load = body.schur.copy(), body.load.copy()
     first, second = np.arange(0, len(load), 2), np.arange(1, len(load), 2)
@@ -156,7 +174,9 @@ def linear_step(body, bound, gamma, in_contact, slip):
 
 
 def ssn(body, bound, gamma, in_contact, slip, sigma=1.0, limit=100):
-    """Algorithm (SSN) with lambda_hat = mu_hat = 0 from the sets of its first linear solve; bound None: no friction."""
+    """Algorithm (SSN) with lambda_hat = mu_hat = 0 from the sets of its first linear solve; bound
+    None: no friction.
+    """
     gamma_n, gamma_t = gamma
     for solves in range(1, limit + 1):
         u, u_n, u_t = linear_step(body, bound, gamma, in_contact, slip)
@@ -167,9 +187,13 @@ def ssn(body, bound, gamma, in_contact, slip, sigma=1.0, limit=100):
         else:
             shear = np.where(slip == 0, gamma_t * u_t, slip * bound)
             xi = np.where(slip == 0, 0, u_t - slip * bound / gamma_t)
-            new_slip = (xi + sigma * (shear - bound) > 0).astype(int) - (xi + sigma * (shear + bound) < 0)
+            new_slip = (xi + sigma * (shear - bound) > 0).astype(int) - (
+                xi + sigma * (shear + bound) < 0
+            )
         transmits = bound is not None and bound > 0
-        if np.array_equal(new_contact, in_contact) and np.array_equal(new_slip * transmits, slip * transmits):
+        if np.array_equal(new_contact, in_contact) and np.array_equal(
+            new_slip * transmits, slip * transmits
+        ):
             everywhere = body.displacement(u)
             energy = everywhere.ravel() @ (body.stiffness @ everywhere.ravel()) / 2
             return Result(everywhere, pressure, shear, in_contact, slip, solves, energy)
@@ -178,7 +202,9 @@ def ssn(body, bound, gamma, in_contact, slip, sigma=1.0, limit=100):
 
 
 def tresca(nx, ny, poisson, bound, gamma, patch, cell="quadrilateral"):
-    """Tresca friction; the first contact set is the nodes of ``patch``, xi = mu = 0 there and everywhere."""
+    """Tresca friction; the first contact set is the nodes of ``patch``, xi = mu = 0 there and
+    everywhere.
+    """
     body = block(nx, ny, poisson, cell)
     low, high = patch
     first = (body.x >= low - 1e-9) & (body.x <= high + 1e-9)
@@ -186,9 +212,11 @@ def tresca(nx, ny, poisson, bound, gamma, patch, cell="quadrilateral"):
 
 
 def coulomb(nx, ny, poisson, coefficient, gamma, cell="quadrilateral", tolerance=1e-7):
-    """Algorithm (FP) of section 6.3 from the pure contact problem; it counts the solves of the start as well.
+    """Algorithm (FP) of section 6.3 from the pure contact problem; it counts the solves of the
+    start as well.
 
-    The first friction sets are stick in contact (xi = mu = 0) and free elsewhere, where nothing can be transmitted.
+    The first friction sets are stick in contact (xi = mu = 0) and free elsewhere, where nothing can
+    be transmitted.
     """
     body = block(nx, ny, poisson, cell)
     nobody = np.zeros(nx + 1, dtype=int)

@@ -6,4 +6,6 @@ from signorini_fx.addons.bounds.error_bound import proved
 def problem(solution):
     """The arrays of a solution on one rank, with what bounds its error."""
     place = solution.last_step.place
-    return proved(solution.model, solution.displacement, solution.contact, place, lambda found: found)
+    return proved(
+        solution.model, solution.displacement, solution.contact, place, lambda found: found
+    )

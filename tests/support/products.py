@@ -1,4 +1,6 @@
-"""Scenes with several features at once, drawn at random, and the plainest way to solve each of them."""
+"""Scenes with several features at once, drawn at random, and the plainest way to solve each of
+them.
+"""
 
 from __future__ import annotations
 
@@ -71,7 +73,9 @@ class Product:
         features: set[str] = {FEATURES[seed % len(FEATURES)]}
         wanted = int(random.integers(2, 5))
         for name in random.permutation(FEATURES):
-            if len(features) < wanted and not any(clash <= features | {str(name)} for clash in _CLASHES):
+            if len(features) < wanted and not any(
+                clash <= features | {str(name)} for clash in _CLASHES
+            ):
                 features.add(str(name))
         law = [
             {"law": "none"},
@@ -96,16 +100,35 @@ class Product:
         return " + ".join((*sorted(self.features), str(self.law["law"]), method, self.algebra))
 
     def scene(self, comm: MPI.Comm, *, plain: bool = False):
-        """The scene; ``plain``: on one mesh, by a sparse factorisation, with nothing that needs a fall-back."""
+        """The scene; ``plain``: on one mesh, by a sparse factorisation, with nothing that needs a
+        fall-back.
+        """
         has = self.features.__contains__
         space = has("quadratic tetrahedra") or has("skew walls")
-        data = self._in_space(comm) if space else self._hole() if has("closed contact") else self._in_the_plane()
+        data = (
+            self._in_space(comm)
+            if space
+            else self._hole()
+            if has("closed contact")
+            else self._in_the_plane()
+        )
         stretch = 1e-3 if has("unequal gammas") else 1.0
-        solver = {"tolerance": 1e-10, "gamma_n": 1e4 * _YOUNG, "gamma_t": 1e4 * stretch * _YOUNG, **self.method}
-        alone = MPI.COMM_WORLD.size == 1  # which condensing is for, and a run that is restarted keeps its settings
-        solver["linear_algebra"] = "full" if plain or (self.algebra == "condensed" and not alone) else self.algebra
+        solver = {
+            "tolerance": 1e-10,
+            "gamma_n": 1e4 * _YOUNG,
+            "gamma_t": 1e4 * stretch * _YOUNG,
+            **self.method,
+        }
+        alone = (
+            MPI.COMM_WORLD.size == 1
+        )  # which condensing is for, and a run that is restarted keeps its settings
+        solver["linear_algebra"] = (
+            "full" if plain or (self.algebra == "condensed" and not alone) else self.algebra
+        )
         if has("fall-back") and not plain:
-            solver["sigma"] = 1e-4 / (stretch * _YOUNG)  # nodes jump from slip to slip, which cycles
+            solver["sigma"] = 1e-4 / (
+                stretch * _YOUNG
+            )  # nodes jump from slip to slip, which cycles
         if has("levels") and not plain:
             solver["levels"] = 2
         if has("near incompressibility"):
@@ -137,7 +160,10 @@ class Product:
     def _hole(self) -> dict[str, object]:
         """A plate on a pin with a little clearance, whose sides are moved."""
         return {
-            "mesh": {"generator": "plate_with_hole", "parameters": {"size": 1.2, "contact_size": 0.4}},
+            "mesh": {
+                "generator": "plate_with_hole",
+                "parameters": {"size": 1.2, "contact_size": 0.4},
+            },
             "material": {"young": _YOUNG, "poisson": 0.3},
             "displacement": [
                 {"boundary": "left", "x": 0.03, "y": 0.01 * self.push, "factors": self._factors()},
@@ -147,7 +173,9 @@ class Product:
         }
 
     def _in_space(self, comm: MPI.Comm) -> dict[str, object]:
-        """A block whose top is moved; or between two walls across no axis, pushed along both of them."""
+        """A block whose top is moved; or between two walls across no axis, pushed along both of
+        them.
+        """
         quadratic = "quadratic tetrahedra" in self.features
         cells = (2, 2, 2) if quadratic else (4, 3, 3)
         data: dict[str, object] = {"material": {"young": _YOUNG, "poisson": 0.3}}
@@ -166,7 +194,9 @@ class Product:
                 "contact": self._contact("bottom", gap),
             }  # fmt: skip
         back = rotation(0.9, (0.3, -0.8, 0.5))
-        tagged = box("tetrahedra" if quadratic else "hexahedra", cells, size=(1.5, 1.2, 1.0), comm=comm)
+        tagged = box(
+            "tetrahedra" if quadratic else "hexahedra", cells, size=(1.5, 1.2, 1.0), comm=comm
+        )
         tagged.mesh.geometry.x[:] = tagged.mesh.geometry.x @ back.T
         pushed = back @ [10.0 * self.push, 2.0, -10.0]
         return data | {
@@ -178,7 +208,9 @@ class Product:
         }  # fmt: skip
 
     def solved(self, comm: MPI.Comm, folder: Path):
-        """The solution, by way of a run that ends early if the product has a restart; collective."""
+        """The solution, by way of a run that ends early if the product has a restart;
+        collective.
+        """
         if "restart" not in self.features:
             return solve(self.scene(comm), comm, check=False)
         if not self.begun_alone or comm.rank == 0:

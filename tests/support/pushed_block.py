@@ -12,9 +12,15 @@ def block(nx, loads, **solver):
     """A block 3 x 1 that only its foundation holds, with Coulomb friction."""
     return parse_scene(
         {
-            "mesh": {"generator": "rectangle", "parameters": {"length": LENGTH, "nx": nx, "ny": nx // 3}},
+            "mesh": {
+                "generator": "rectangle",
+                "parameters": {"length": LENGTH, "nx": nx, "ny": nx // 3},
+            },
             "material": {"young": 5000.0, "poisson": 0.3},
-            "contact": {"boundary": "bottom", "friction": {"law": "coulomb", "coefficient": FRICTION}},
+            "contact": {
+                "boundary": "bottom",
+                "friction": {"law": "coulomb", "coefficient": FRICTION},
+            },
             "solver": solver,
             **loads,
         }

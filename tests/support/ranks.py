@@ -24,17 +24,22 @@ def same_on_all_ranks(value):
 
 
 def agree(scene):
-    """All ranks together get what one rank gets: status, counts, and numbers to 1e-9 of the largest.
+    """All ranks together get what one rank gets: status, counts, and numbers to 1e-9 of the
+    largest.
 
     Args:
         scene: a scene, or a function that makes it on the given ranks.
     """
     together, alone = (
-        solve(scene(comm) if callable(scene) else scene, comm, check=False) for comm in (WORLD, MPI.COMM_SELF)
+        solve(scene(comm) if callable(scene) else scene, comm, check=False)
+        for comm in (WORLD, MPI.COMM_SELF)
     )
     assert same_on_all_ranks(together.status) is alone.status
     sets = [
-        [(r.active_contact, r.slip_plus, r.slip_minus, r.changed) for r in solution.history.iterations]
+        [
+            (r.active_contact, r.slip_plus, r.slip_minus, r.changed)
+            for r in solution.history.iterations
+        ]
         for solution in (together, alone)
     ]
     assert same_on_all_ranks(sets[0]) == sets[1]

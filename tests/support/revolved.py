@@ -30,7 +30,9 @@ class Box(NamedTuple):
 
 
 class Touching(NamedTuple):
-    """Contact of two sides, "body.side" each: a gap along the normal, and friction as a scene has it."""
+    """Contact of two sides, "body.side" each: a gap along the normal, and friction as a scene has
+    it.
+    """
 
     slave: str
     master: str
@@ -69,7 +71,9 @@ class Bodies:
     @property
     def origin(self):
         """The points before they are placed, of all bodies."""
-        return np.concatenate([grid(self.kind, box.counts, box.low, box.high)[1] for box in self.boxes])
+        return np.concatenate(
+            [grid(self.kind, box.counts, box.low, box.high)[1] for box in self.boxes]
+        )
 
     def nodes(self, name):
         """The nodes of a side, in order along it."""
@@ -96,7 +100,12 @@ class Bodies:
             tags[np.isin(at, self.nodes(name)).all(axis=1)] = names[name] = number + 1
         cells = mesh.topology.index_map(2).size_local + mesh.topology.index_map(2).num_ghosts
         counts = np.cumsum([len(part) for part, _ in self.pieces])
-        of_cell = np.searchsorted(counts, mesh.topology.original_cell_index[:cells], side="right").astype(np.int32) + 1
+        of_cell = (
+            np.searchsorted(counts, mesh.topology.original_cell_index[:cells], side="right").astype(
+                np.int32
+            )
+            + 1
+        )
         return TaggedMesh(
             mesh,
             dmesh.meshtags(mesh, 1, facets[tags > 0], tags[tags > 0]),
@@ -108,7 +117,12 @@ class Bodies:
     def scene(self, comm=MPI.COMM_SELF, material=None, **more):
         """The same for the package; ``more``: further entries."""
         contacts = [
-            {"boundary": pair.slave, "against": pair.master, "points": "boundary", "kind": pair.kind}
+            {
+                "boundary": pair.slave,
+                "against": pair.master,
+                "points": "boundary",
+                "kind": pair.kind,
+            }
             | ({} if pair.kind == "bonded" else {"distance": "nominal", "gap": pair.gap})
             | ({"friction": dict(pair.friction)} if pair.friction else {})
             for pair in self.touching
@@ -116,7 +130,10 @@ class Bodies:
         common = {"hypothesis": "axisymmetric", **(material or {})}
         given = {
             "mesh": self.mesh(comm),
-            "material": [{"region": b.name, "young": b.young, "poisson": b.poisson, **common} for b in self.boxes],
+            "material": [
+                {"region": b.name, "young": b.young, "poisson": b.poisson, **common}
+                for b in self.boxes
+            ],
             "displacement": [{"boundary": name, **values} for name, values in self.held],
             "traction": [{"boundary": name, "pressure": value} for name, value in self.pressed],
             "body_force": {"y": self.pull} if self.pull else None,
@@ -125,10 +142,15 @@ class Bodies:
         return parse_scene({key: value for key, value in given.items() if value} | more)
 
 
-def section(inner=0.0, outer=2.0, height=1.0, cells="quadrilateral", counts=(8, 4), comm=MPI.COMM_WORLD):
+def section(
+    inner=0.0, outer=2.0, height=1.0, cells="quadrilateral", counts=(8, 4), comm=MPI.COMM_WORLD
+):
     """A rectangle of radii and heights: a cylinder, or a ring."""
-    mesh = dmesh.create_rectangle(comm, [(inner, 0.0), (outer, height)], counts, dmesh.CellType[cells])
+    mesh = dmesh.create_rectangle(
+        comm, [(inner, 0.0), (outer, height)], counts, dmesh.CellType[cells]
+    )
     near = {"inside": (0, inner), "outside": (0, outer), "bottom": (1, 0.0), "top": (1, height)}
     return tag_boundaries(
-        mesh, {name: lambda x, k=k, at=at: np.abs(x[k] - at) < 1e-9 for name, (k, at) in near.items()}
+        mesh,
+        {name: lambda x, k=k, at=at: np.abs(x[k] - at) < 1e-9 for name, (k, at) in near.items()},
     )

@@ -33,10 +33,12 @@ def example1(
     stress_unit=1.0,
     **settings,
 ):
-    """Example 1 of section 7.1: Tresca friction with ``bound``, Coulomb friction with ``coefficient``, or none.
+    """Example 1 of section 7.1: Tresca friction with ``bound``, Coulomb friction with
+    ``coefficient``, or none.
 
-    ``gamma`` is one number, the pair (gamma_1, gamma_2), or "auto"; ``length_unit`` and ``stress_unit`` are what one
-    unit of the paper measures in the units of the scene; ``settings`` go to the solver, in the units of the scene.
+    ``gamma`` is one number, the pair (gamma_1, gamma_2), or "auto"; ``length_unit`` and
+    ``stress_unit`` are what one unit of the paper measures in the units of the scene; ``settings``
+    go to the solver, in the units of the scene.
     """
     length, stress = length_unit, stress_unit
     gamma_n, gamma_t = gamma if isinstance(gamma, tuple) else (gamma, gamma)
@@ -57,7 +59,10 @@ def example1(
             "element": {"degree": degree},
             "material": {"young": 5000.0 * stress, "poisson": poisson},
             "displacement": [{"boundary": "left", "x": 0.0}, {"boundary": "right", "x": 0.0}],
-            "traction": {"boundary": "top", "y": f"{-20 * stress} if 1 <= x[0] / {length} <= 2 else 0"},
+            "traction": {
+                "boundary": "top",
+                "y": f"{-20 * stress} if 1 <= x[0] / {length} <= 2 else 0",
+            },
             "contact": {
                 "boundary": "bottom",
                 "gap": f"{length} * (0.003 * (x[0] / {length} - 1.5)**2 + 0.001)",
@@ -72,13 +77,17 @@ def bar_on_a_bowl(nx, law, start):
     """A bar that only contact with a curved foundation holds, with Coulomb or Tresca friction."""
     return parse_scene(
         {
-            "mesh": {"generator": "rectangle", "parameters": {"length": 1.0, "height": 0.1, "nx": nx, "ny": 4}},
+            "mesh": {
+                "generator": "rectangle",
+                "parameters": {"length": 1.0, "height": 0.1, "nx": nx, "ny": 4},
+            },
             "material": {"young": 1000.0, "poisson": 0.3},
             "traction": {"boundary": "top", "x": 0.05, "y": "-1 - x[0]"},
             "contact": {
                 "boundary": "bottom",
                 "gap": "0.01 + 0.02 * (x[0] - 0.4)**2",
-                "friction": {"law": law} | ({"coefficient": 0.3} if law == "coulomb" else {"bound": 0.5}),
+                "friction": {"law": law}
+                | ({"coefficient": 0.3} if law == "coulomb" else {"bound": 0.5}),
             },
             "solver": {"linear_algebra": "condensed", "initial_contact": start},
         }
@@ -88,7 +97,9 @@ def bar_on_a_bowl(nx, law, start):
 def draw_triangle(gmsh):
     """One cell with a free node, and sides of contact and support."""
     geo = gmsh.model.geo
-    corners = [geo.addPoint(x, y, 0.0) for x, y in ((0.0, 0.0), (1.0, 0.0), (1.0 + np.sqrt(3.0), 1.0))]
+    corners = [
+        geo.addPoint(x, y, 0.0) for x, y in ((0.0, 0.0), (1.0, 0.0), (1.0 + np.sqrt(3.0), 1.0))
+    ]
     lines = [geo.addLine(*ends) for ends in itertools.pairwise([*corners, corners[0]])]
     for line in lines:
         geo.mesh.setTransfiniteCurve(line, 2)
@@ -109,7 +120,10 @@ def one_triangle(coefficient, force, **solver):
             "material": {"young": 2.5, "poisson": 0.25},
             "displacement": {"boundary": "support", "x": 0.0, "y": 0.0},
             "body_force": {"x": force[0], "y": force[1]},
-            "contact": {"boundary": "contact", "friction": {"law": "coulomb", "coefficient": coefficient}},
+            "contact": {
+                "boundary": "contact",
+                "friction": {"law": "coulomb", "coefficient": coefficient},
+            },
             "solver": solver,
         }
     )
@@ -137,7 +151,9 @@ def energy(solution):
 
 def table_of(solution):
     """The contact nodes as a table, in order along the boundary."""
-    return contact_table(solution.contact, [effect.boundary for effect in solution.statement.contact])
+    return contact_table(
+        solution.contact, [effect.boundary for effect in solution.statement.contact]
+    )
 
 
 def same_answer(ours, theirs, share=1e-8):
@@ -145,16 +161,21 @@ def same_answer(ours, theirs, share=1e-8):
     assert ours.status is theirs.status is Status.CONVERGED
     assert ours.certificate.holds
     wanted = theirs.displacement.x.array
-    np.testing.assert_allclose(ours.displacement.x.array, wanted, rtol=0, atol=share * np.abs(wanted).max())
+    np.testing.assert_allclose(
+        ours.displacement.x.array, wanted, rtol=0, atol=share * np.abs(wanted).max()
+    )
     found, wanted = ours.contact, theirs.contact
     np.testing.assert_array_equal(found.in_contact, wanted.in_contact)
     size = max(np.abs(wanted.pressure).max(), np.abs(wanted.shear).max())
     for name in ("pressure", "shear"):
-        np.testing.assert_allclose(getattr(found, name), getattr(wanted, name), rtol=0, atol=share * size, err_msg=name)
+        np.testing.assert_allclose(
+            getattr(found, name), getattr(wanted, name), rtol=0, atol=share * size, err_msg=name
+        )
 
 
 def stack_of_three(lift, below, above, gap=0.0, size=1.0, stress=1.0, **solver):
-    """Three blocks of the height ``size``, the lower one held at its bottom, the upper one moved by its top.
+    """Three blocks of the height ``size``, the lower one held at its bottom, the upper one moved by
+    its top.
 
     Args:
         lift: of the top, in ``size``.
@@ -167,7 +188,13 @@ def stack_of_three(lift, below, above, gap=0.0, size=1.0, stress=1.0, **solver):
     """
     bodies = []
     for k, (name, cells) in enumerate((("lower", 3), ("middle", 2), ("upper", 3))):
-        parameters = {"length": size, "height": size, "nx": cells, "ny": cells, "cell": "quadrilateral"}
+        parameters = {
+            "length": size,
+            "height": size,
+            "nx": cells,
+            "ny": cells,
+            "cell": "quadrilateral",
+        }
         mesh = {"generator": "rectangle", "parameters": parameters}
         bodies.append({"name": name, "mesh": mesh, "shift": [0.0, k * size]})
 
@@ -175,7 +202,12 @@ def stack_of_three(lift, below, above, gap=0.0, size=1.0, stress=1.0, **solver):
         return law | ({"bound": law["bound"] * stress} if "bound" in law else {})
 
     moved = {"boundary": "upper.top", "x": 0.0, "y": lift * size}
-    contact = {"boundary": "middle.bottom", "against": "lower.top", "gap": gap * size, "friction": friction(below)}
+    contact = {
+        "boundary": "middle.bottom",
+        "against": "lower.top",
+        "gap": gap * size,
+        "friction": friction(below),
+    }
     return parse_scene(
         {
             "body": bodies,
@@ -184,7 +216,10 @@ def stack_of_three(lift, below, above, gap=0.0, size=1.0, stress=1.0, **solver):
                 {"boundary": "lower.bottom", "x": 0.0, "y": 0.0},
                 moved,
             ],
-            "contact": [contact, {"boundary": "upper.bottom", "against": "middle.top", "friction": friction(above)}],
+            "contact": [
+                contact,
+                {"boundary": "upper.bottom", "against": "middle.top", "friction": friction(above)},
+            ],
             "solver": solver,
         }
     )

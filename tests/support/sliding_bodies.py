@@ -19,16 +19,19 @@ class SlidingBodies:
     Args:
         kind: of the cells.
         bodies: cells and points of each.
-        touching: markers of the sides of both, of points of shape (d, n), before the scene is turned.
+        touching: markers of the sides of both, of points of shape (d, n), before the scene is
+        turned.
         held: markers of what is held of the first, and driven of the second.
         ratio: of the stiffness of the second body to that of the first.
         slave: number of the body with the contact points.
         angle: by which the whole scene is turned about the origin, in 3D about (1, 2, 3).
-        smooth: marker of a plane x[0] = constant that is held across itself, and then both ends are, too, instead of
+        smooth: marker of a plane x[0] = constant that is held across itself, and then both ends
+        are, too, instead of
             all components of theirs, in 3D also of a plane x[1] = constant; None: there is none.
         half: whether x[0] = 0 is held across itself, and ends whole.
         quarter: whether x[0] = 0 and x[1] = 0 are held like that.
-        revolved: whether the bodies are of revolution about x[0] = 0, and forces those of whole rings.
+        revolved: whether the bodies are of revolution about x[0] = 0, and forces those of whole
+        rings.
         degree: of the displacement.
         settings: of the pair and of the problem, and the ranks, ``comm``.
     """
@@ -55,7 +58,10 @@ class SlidingBodies:
         back = self.turn.T
         count = len(bodies[0][0])
         numbers = np.arange(count), np.arange(count, count + len(bodies[1][0]))
-        comm, turned = settings.pop("comm", MPI.COMM_SELF), [(cells, x @ self.turn.T) for cells, x in bodies]
+        comm, turned = (
+            settings.pop("comm", MPI.COMM_SELF),
+            [(cells, x @ self.turn.T) for cells, x in bodies],
+        )
         mesh = self.mesh = assembled(kind, *turned, comm=comm)
         space = fem.functionspace(mesh, ("Lagrange", degree, (dim,)))
         u = self.u = fem.Function(space)
@@ -65,7 +71,12 @@ class SlidingBodies:
         stiffness = 1.0 + (ratio - 1.0) * of_body
         radius = ufl.SpatialCoordinate(mesh)[0] if revolved else None
         around = 2 * np.pi * radius if revolved else 1.0
-        energy = stiffness * neo_hooke(u, radius) * around * ufl.dx(metadata={"quadrature_degree": 2 * degree})
+        energy = (
+            stiffness
+            * neo_hooke(u, radius)
+            * around
+            * ufl.dx(metadata={"quadrature_degree": 2 * degree})
+        )
         self.form = ufl.derivative(energy, u, ufl.TestFunction(space))
         self.sides = [
             facets_of_cells(mesh, lambda x, marker=marker: marker(back @ x), cells)
@@ -75,29 +86,50 @@ class SlidingBodies:
         self.nodes = [fem.locate_dofs_topological(space, dim - 1, end) for end in ends]
         self.drive = fem.Constant(mesh, np.zeros(dim))
         values = np.zeros(dim), self.drive
-        self.bcs = [fem.dirichletbc(value, nodes, space) for value, nodes in zip(values, self.nodes, strict=True)]
+        self.bcs = [
+            fem.dirichletbc(value, nodes, space)
+            for value, nodes in zip(values, self.nodes, strict=True)
+        ]
         self.driven = None
         if smooth is not None:  # both ends and a plane are held along one axis
             self.driven, still = fem.Constant(mesh, 0.0), fem.Constant(mesh, 0.0)
             planes = [smooth] if dim == 2 else [smooth, lambda x: smooth(x[[1, 0, 2]])]
-            listed = [*ends, *(facets(mesh, lambda x, plane=plane: plane(back @ x)) for plane in planes)]
+            listed = [
+                *ends,
+                *(facets(mesh, lambda x, plane=plane: plane(back @ x)) for plane in planes),
+            ]
             axes = (dim - 1, dim - 1, *range(dim - 1))
             self.bcs = [
-                fem.dirichletbc(value, fem.locate_dofs_topological(space.sub(axis), dim - 1, end), space.sub(axis))
-                for value, axis, end in zip((still, self.driven, *[still] * (dim - 1)), axes, listed, strict=True)
+                fem.dirichletbc(
+                    value,
+                    fem.locate_dofs_topological(space.sub(axis), dim - 1, end),
+                    space.sub(axis),
+                )
+                for value, axis, end in zip(
+                    (still, self.driven, *[still] * (dim - 1)), axes, listed, strict=True
+                )
             ]
         for axis in range(2 if quarter else 1 if half else 0):
-            part, middle = space.sub(axis), facets(mesh, lambda x, axis=axis: np.isclose(x[axis], 0.0))
+            part, middle = (
+                space.sub(axis),
+                facets(mesh, lambda x, axis=axis: np.isclose(x[axis], 0.0)),
+            )
             held_across = fem.locate_dofs_topological(part, dim - 1, middle)
             self.bcs.append(fem.dirichletbc(fem.Constant(mesh, 0.0), held_across, part))
         options = {"measure": around} if revolved else {}
-        options |= {key: settings.pop(key) for key in OF_PAIR if key in settings} | settings.pop("pair", {})
+        options |= {key: settings.pop(key) for key in OF_PAIR if key in settings} | settings.pop(
+            "pair", {}
+        )
         self.pair = Pair(self.sides[slave], self.sides[1 - slave], **options)
-        self.problem = NonlinearContactProblem(self.form, u, bcs=self.bcs, contact=self.pair, **settings)
+        self.problem = NonlinearContactProblem(
+            self.form, u, bcs=self.bcs, contact=self.pair, **settings
+        )
         self.iterations = []
 
     def move(self, *way):
-        """Drive the second body, in the axes before the scene is turned, and end a step; the force on the slave."""
+        """Drive the second body, in the axes before the scene is turned, and end a step; the force
+        on the slave.
+        """
         self.drive.value[:] = self.turn @ np.array(way)
         if self.driven is not None:
             self.driven.value = way[-1]
@@ -117,18 +149,26 @@ def turn_of(angle, dim):
 def blocks(kind="quadrilateral", lower=(12, 3), upper=(5, 4), width=2.0, **settings):
     """The unit square above y = 0, driven at its top, on a block of this width and the height 1."""
     low = [(1 - width) / 2, -1.0]
-    bodies = grid(kind, lower, low, [(1 + width) / 2, 0.0]), grid(kind, upper, [0.0, 0.0], [1.0, 1.0])
+    bodies = (
+        grid(kind, lower, low, [(1 + width) / 2, 0.0]),
+        grid(kind, upper, [0.0, 0.0], [1.0, 1.0]),
+    )
     level = [lambda x, y=y: np.isclose(x[1], y) for y in (0.0, -1.0, 1.0)]
     return SlidingBodies(kind, bodies, [level[0]] * 2, level[1:], **settings)
 
 
 def bump(kind="quadrilateral", height=2e-4, lower=(24, 8), upper=(18, 6), **settings):
-    """The same with a parabola of this height below the upper block: contact grows from its middle."""
+    """The same with a parabola of this height below the upper block: contact grows from its
+    middle.
+    """
 
     def bent(x):
         return np.column_stack((x[:, 0], x[:, 1] + height * (1 - x[:, 1]) * (2 * x[:, 0] - 1) ** 2))
 
-    bodies = grid(kind, lower, [-0.5, -1.0], [1.5, 0.0]), grid(kind, upper, [0.0, 0.0], [1.0, 1.0], bent)
+    bodies = (
+        grid(kind, lower, [-0.5, -1.0], [1.5, 0.0]),
+        grid(kind, upper, [0.0, 0.0], [1.0, 1.0], bent),
+    )
     level = [lambda x, y=y: np.isclose(x[1], y) for y in (0.0, -1.0, 1.0)]
 
     def below(x):
@@ -159,7 +199,8 @@ def roller(kind="quadrilateral", cells=(32, 8), around=16, radius=0.5, gap=0.0, 
 
 
 def wheel(kind="quadrilateral", cells=(12, 6), around=8, radius=0.5, **settings):
-    """The lower half of a ring on a block of the width 2 and the height 1, both around x = 0, driven at its ends;
+    """The lower half of a ring on a block of the width 2 and the height 1, both around x = 0,
+    driven at its ends;
     ``half``: where x > 0 alone.
     """
     half = settings.get("half", False)
@@ -183,17 +224,28 @@ def wheel(kind="quadrilateral", cells=(12, 6), around=8, radius=0.5, **settings)
 
 
 def cylinders(kind="quadrilateral", lower=(5, 3), upper=(3, 2), inner=0.0, **settings):
-    """Two cylinders of the radius and the height 1 on each other, or tubes, held and driven at smooth ends."""
-    bodies = grid(kind, lower, [inner, -1.0], [1.0, 0.0]), grid(kind, upper, [inner, 0.0], [1.0, 1.0])
+    """Two cylinders of the radius and the height 1 on each other, or tubes, held and driven at
+    smooth ends.
+    """
+    bodies = (
+        grid(kind, lower, [inner, -1.0], [1.0, 0.0]),
+        grid(kind, upper, [inner, 0.0], [1.0, 1.0]),
+    )
     level = [lambda x, y=y: np.isclose(x[1], y) for y in (0.0, -1.0, 1.0)]
     return SlidingBodies(
-        kind, bodies, [level[0]] * 2, level[1:], smooth=lambda x: np.isclose(x[0], 0.0), revolved=True, **settings
+        kind,
+        bodies,
+        [level[0]] * 2,
+        level[1:],
+        smooth=lambda x: np.isclose(x[0], 0.0),
+        revolved=True,
+        **settings,
     )
 
 
 def dome(kind="quadrilateral", height=2e-7, lower=(18, 8), upper=(13, 6), **settings):
-    """A cylinder with the radius and the height 1 and a paraboloid of this height below, clamped above, on one with the
-    radius 1.5.
+    """A cylinder with the radius and the height 1 and a paraboloid of this height below, clamped
+    above, on one with the radius 1.5.
     """
 
     def bent(x):
@@ -202,18 +254,24 @@ def dome(kind="quadrilateral", height=2e-7, lower=(18, 8), upper=(13, 6), **sett
     def below(x):
         return np.column_stack((1.5 * x[:, 0], x[:, 1]))
 
-    bodies = grid(kind, lower, [0.0, -1.0], [1.0, 0.0], below), grid(kind, upper, [0.0, 0.0], [1.0, 1.0], bent)
+    bodies = (
+        grid(kind, lower, [0.0, -1.0], [1.0, 0.0], below),
+        grid(kind, upper, [0.0, 0.0], [1.0, 1.0], bent),
+    )
     level = [lambda x, y=y: np.isclose(x[1], y, atol=1e-12) for y in (0.0, -1.0, 1.0)]
 
     def rounded(x):
         return np.isclose(x[1], height * x[0] ** 2, atol=1e-12) & (x[0] <= 1.0)
 
-    return SlidingBodies(kind, bodies, [level[0], rounded], level[1:], half=True, revolved=True, **settings)
+    return SlidingBodies(
+        kind, bodies, [level[0], rounded], level[1:], half=True, revolved=True, **settings
+    )
 
 
 def ring_on_cone(kind="quadrilateral", cells=(32, 6), around=12, size=0.2, **settings):
-    """Half a ring of this outer radius around a shell of a cone from the radius 0.5 to 2, which falls by 45 degrees, at
-    the radius 1 on the middle of its side, driven along the axis at its flat end, where it is free to widen.
+    """Half a ring of this outer radius around a shell of a cone from the radius 0.5 to 2, which
+    falls by 45 degrees, at the radius 1 on the middle of its side, driven along the axis at its
+    flat end, where it is free to widen.
     """
     middle = np.array([1.0, -1.0]) + size / np.sqrt(2.0)
 
@@ -238,26 +296,32 @@ def ring_on_cone(kind="quadrilateral", cells=(32, 6), around=12, size=0.2, **set
 
 
 def as_linear_bodies(scene, **settings):
-    """The solved contact problem of the tangent at no displacement, with the pair of linear bodies."""
+    """The solved contact problem of the tangent at no displacement, with the pair of linear
+    bodies.
+    """
     space = scene.u.function_space
     trial, test = ufl.TrialFunction(space), ufl.TestFunction(space)
     a = ufl.replace(ufl.derivative(scene.form, scene.u, trial), {scene.u: fem.Function(space)})
     nothing = ufl.inner(fem.Constant(scene.mesh, np.zeros(len(scene.u))), test) * ufl.dx
-    linear = ContactProblem(a, nothing, bcs=scene.bcs, contact=scene.pair, **{"algorithm": "alm", **settings})
+    linear = ContactProblem(
+        a, nothing, bcs=scene.bcs, contact=scene.pair, **{"algorithm": "alm", **settings}
+    )
     linear.solve()
     return linear
 
 
 def out_of_balance(scene):
-    """The sum of the nodal forces of contact on both bodies, and of their moments per unit of length, over the sum of
-    all forces.
+    """The sum of the nodal forces of contact on both bodies, and of their moments per unit of
+    length, over the sum of all forces.
     """
     state, (pair,) = scene.problem.state, scene.problem.linear.foundations.sliding.values()
     rows = pair.coupling
     shear = np.einsum("ndj,nj->nd", state.boundary.tangents, state.shear)
     along = np.einsum("ndk,nd->nk", rows.frames.tangents, shear)
     weights = rows.weight * state.pressure, (rows.weight[:, None] * along).ravel()
-    forces = (rows.normal_rows.T @ weights[0] + rows.tangent_rows.T @ weights[1]).reshape(-1, shear.shape[1])
+    forces = (rows.normal_rows.T @ weights[0] + rows.tangent_rows.T @ weights[1]).reshape(
+        -1, shear.shape[1]
+    )
     places = np.concatenate((rows.slave.x, rows.master.x))
     size = np.abs(forces).sum()
     pairs = [(k, j) for j in range(places.shape[1]) for k in range(j)]
@@ -268,14 +332,17 @@ def out_of_balance(scene):
 def stacked(kind="hexahedron", lower=(4, 3, 2), upper=(3, 4, 2), width=1.0, **settings):
     """The unit cube above z = 0, driven at its top, on a block of this width and the height 1."""
     low, high = (1 - width) / 2, (1 + width) / 2
-    bodies = grid(kind, lower, [low, low, -1.0], [high, high, 0.0]), grid(kind, upper, [0.0] * 3, [1.0] * 3)
+    bodies = (
+        grid(kind, lower, [low, low, -1.0], [high, high, 0.0]),
+        grid(kind, upper, [0.0] * 3, [1.0] * 3),
+    )
     level = [lambda x, z=z: np.isclose(x[2], z) for z in (0.0, -1.0, 1.0)]
     return SlidingBodies(kind, bodies, [level[0]] * 2, level[1:], **settings)
 
 
 def bulge(kind="hexahedron", height=2e-4, lower=(8, 8, 4), upper=(6, 5, 3), **settings):
-    """The unit cube with a paraboloid of this height below, driven at its top, on a block of the width 2: contact grows
-    from the middle.
+    """The unit cube with a paraboloid of this height below, driven at its top, on a block of the
+    width 2: contact grows from the middle.
     """
 
     def away(x):
@@ -290,13 +357,17 @@ def bulge(kind="hexahedron", height=2e-4, lower=(8, 8, 4), upper=(6, 5, 3), **se
     )
     level = [lambda x, z=z: np.isclose(x[2], z) for z in (0.0, -1.0, 1.0)]
     return SlidingBodies(
-        kind, bodies, [level[0], lambda x: np.isclose(x[2], height * away(x), atol=1e-12)], level[1:], **settings
+        kind,
+        bodies,
+        [level[0], lambda x: np.isclose(x[2], height * away(x), atol=1e-12)],
+        level[1:],
+        **settings,
     )
 
 
 def pillow(kind="hexahedron", lower=(10, 7, 3), upper=(5, 5, 2), height=0.5, **settings):
-    """A block [0, 2] x [0, 1.4] x [0, 0.6], and above its part around (0.6, 0.7) a square of the side 1 with a
-    paraboloid of this height at its corners below, driven at its top.
+    """A block [0, 2] x [0, 1.4] x [0, 0.6], and above its part around (0.6, 0.7) a square of the
+    side 1 with a paraboloid of this height at its corners below, driven at its top.
     """
 
     def away(x):
@@ -317,8 +388,8 @@ def pillow(kind="hexahedron", lower=(10, 7, 3), upper=(5, 5, 2), height=0.5, **s
 
 
 def rounded(kind="hexahedron", height=0.2, **settings):
-    """A block of the width 2 below z = 0, and a smaller one with a paraboloid below, both around (0, 0), driven at its
-    top.
+    """A block of the width 2 below z = 0, and a smaller one with a paraboloid below, both around
+    (0, 0), driven at its top.
     """
 
     def away(x):
@@ -331,29 +402,43 @@ def rounded(kind="hexahedron", height=0.2, **settings):
         grid(kind, (8, 7, 2), [-1.0, -1.0, -0.6], [1.0, 1.0, 0.0]),
         grid(kind, (4, 5, 1), [-0.6, -0.6, 0.0], [0.6, 0.6, 0.5], bent),
     )
-    touching = [lambda x: np.isclose(x[2], 0.0), lambda x: np.isclose(x[2], height * away(x), atol=1e-12)]
+    touching = [
+        lambda x: np.isclose(x[2], 0.0),
+        lambda x: np.isclose(x[2], height * away(x), atol=1e-12),
+    ]
     held = [lambda x: np.isclose(x[2], -0.6), lambda x: np.isclose(x[2], 0.5)]
     return SlidingBodies(kind, bodies, touching, held, **settings)
 
 
 def quarter_of_a_bulge(kind="hexahedron", height=2e-3, cells=(12, 8), **settings):
-    """A quarter of a block with a paraboloid of this height at the radius 1 below, on one that is half as wide again,
-    clamped at their ends; facets are graded towards the axis.
+    """A quarter of a block with a paraboloid of this height at the radius 1 below, on one that is
+    half as wide again, clamped at their ends; facets are graded towards the axis.
     """
 
     power = 2.5
 
     def graded(x, width):
-        return np.column_stack((width * x[:, :2] ** power, np.sign(x[:, 2]) * np.abs(x[:, 2]) ** power))
+        return np.column_stack(
+            (width * x[:, :2] ** power, np.sign(x[:, 2]) * np.abs(x[:, 2]) ** power)
+        )
 
     def bent(x):
         at = graded(x, 1.0)
         at[:, 2] += height * (1 - at[:, 2]) * np.sum(at[:, :2] ** 2, axis=1)
         return at
 
-    (along, up), ends = cells, [lambda x, z=z: np.isclose(x[2], z, atol=1e-12) for z in (0.0, -1.0, 1.0)]
+    (along, up), ends = (
+        cells,
+        [lambda x, z=z: np.isclose(x[2], z, atol=1e-12) for z in (0.0, -1.0, 1.0)],
+    )
     bodies = (
-        grid(kind, (along + 2, along + 2, up), [0.0, 0.0, -1.0], [1.0, 1.0, 0.0], lambda x: graded(x, 1.5)),
+        grid(
+            kind,
+            (along + 2, along + 2, up),
+            [0.0, 0.0, -1.0],
+            [1.0, 1.0, 0.0],
+            lambda x: graded(x, 1.5),
+        ),
         grid(kind, (along, along, up), [0.0] * 3, [1.0] * 3, bent),
     )
 

@@ -17,7 +17,12 @@ SIZE = (1.5, 1.2, 1.0)
 ROUND_OFF = 1e-10
 
 
-ELEMENTS = {"P1": ("tetrahedra", 1), "P2": ("tetrahedra", 2), "Q1": ("hexahedra", 1), "Q2": ("hexahedra", 2)}
+ELEMENTS = {
+    "P1": ("tetrahedra", 1),
+    "P2": ("tetrahedra", 2),
+    "Q1": ("hexahedra", 1),
+    "Q2": ("hexahedra", 2),
+}
 
 
 TURNS = {
@@ -39,7 +44,9 @@ SIDES = {
 
 
 def patch_mesh(element, turn):
-    """Vertices are moved by up to a fifth of a cell, those of the boundary along it, then all are turned."""
+    """Vertices are moved by up to a fifth of a cell, those of the boundary along it, then all are
+    turned.
+    """
     shape = (4, 3, 3)
     tagged = box(ELEMENTS[element][0], shape, size=SIZE)
     x = tagged.mesh.geometry.x
@@ -53,10 +60,14 @@ def patch_mesh(element, turn):
 
 
 class State:
-    """A constant state of stress in the frame of the body, with the displacement that it has there."""
+    """A constant state of stress in the frame of the body, with the displacement that it has
+    there.
+    """
 
     def __init__(self, stress, origin):
-        """``stress`` has xx, yy, zz, xy, xz, yz; the bottom is moved by ``origin``, and not turned."""
+        """``stress`` has xx, yy, zz, xy, xz, yz; the bottom is moved by ``origin``, and not
+        turned.
+        """
         xx, yy, zz, xy, xz, yz = stress
         self.stress = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
         trace = np.trace(self.stress)
@@ -85,10 +96,14 @@ CONFINED = -POISSON / (1 - POISSON) * PRESSURE
 
 
 def pressed(shear=0.0, angle=0.0, creep=0.0):
-    """No widening: pressure, and a shear in a direction, at which the bottom has moved by ``creep`` more."""
+    """No widening: pressure, and a shear in a direction, at which the bottom has moved by ``creep``
+    more.
+    """
     way = np.array([np.cos(angle), np.sin(angle)])
     along = (shear / GAMMA + creep) * way
-    return State((CONFINED, CONFINED, -PRESSURE, 0.0, *(shear * way)), (*along, -GAP - PRESSURE / GAMMA))
+    return State(
+        (CONFINED, CONFINED, -PRESSURE, 0.0, *(shear * way)), (*along, -GAP - PRESSURE / GAMMA)
+    )
 
 
 def run(element, turn, **effects):

@@ -18,7 +18,9 @@ LAWS = {"none": {}, "tresca": {"bound": 1.5}, "coulomb": {"coefficient": 0.3, "c
 
 
 def box(cells, shape, *, size=(3.0, 1.0, 1.0), comm=MPI.COMM_SELF):
-    """A box from the origin with boundaries left, right (across x[0]), front, back (x[1]), bottom, top (x[2])."""
+    """A box from the origin with boundaries left, right (across x[0]), front, back (x[1]), bottom,
+    top (x[2]).
+    """
     mesh = dmesh.create_box(comm, [(0.0, 0.0, 0.0), size], shape, CELLS[cells])
     near = 1e-9 * max(size)
     names = (("left", "right"), ("front", "back"), ("bottom", "top"))
@@ -30,16 +32,26 @@ def box(cells, shape, *, size=(3.0, 1.0, 1.0), comm=MPI.COMM_SELF):
 
 
 def uneven(cell, comm=MPI.COMM_SELF, length=1.0):
-    """A block of uneven cells, 3 by 1 (by 1), with names for its sides: low0 is across x[0] = 0, high0 opposite."""
+    """A block of uneven cells, 3 by 1 (by 1), with names for its sides: low0 is across x[0] = 0,
+    high0 opposite.
+    """
     plane = cell not in CELLS
     size = (3.0, 1.0) if plane else (3.0, 1.0, 1.0)
     if plane:
         mesh = rectangle(comm, length=3.0, height=1.0, nx=4, ny=3, cell=cell).mesh
     else:
         mesh = box(cell, (3, 2, 2), size=size, comm=comm).mesh
-    ends = {f"{name}{k}": (k, at) for k, end in enumerate(size) for name, at in (("low", 0.0), ("high", end))}
+    ends = {
+        f"{name}{k}": (k, at)
+        for k, end in enumerate(size)
+        for name, at in (("low", 0.0), ("high", end))
+    }
     tagged = tag_boundaries(
-        mesh, {name: partial(lambda x, k, at: np.isclose(x[k], at), k=k, at=at) for name, (k, at) in ends.items()}
+        mesh,
+        {
+            name: partial(lambda x, k, at: np.isclose(x[k], at), k=k, at=at)
+            for name, (k, at) in ends.items()
+        },
     )
     x = mesh.geometry.x
     bump = np.prod([np.sin(np.pi * x[:, k] / end) for k, end in enumerate(size)], axis=0)
@@ -51,14 +63,17 @@ def uneven(cell, comm=MPI.COMM_SELF, length=1.0):
 
 def disc(cells="hexahedra", n=12, radius=1.0, height=0.5, layers=3):
     """A cylinder on its base around the origin: a box whose squares are blown up to circles."""
-    mesh = dmesh.create_box(MPI.COMM_SELF, [(-1.0, -1.0, 0.0), (1.0, 1.0, height)], (n, n, layers), CELLS[cells])
+    mesh = dmesh.create_box(
+        MPI.COMM_SELF, [(-1.0, -1.0, 0.0), (1.0, 1.0, height)], (n, n, layers), CELLS[cells]
+    )
     x = mesh.geometry.x
     square = np.abs(x[:, :2]).max(axis=1)
     size = np.hypot(x[:, 0], x[:, 1])
     grown = 1.0 - square + square * np.divide(square, size, out=np.ones_like(size), where=size > 0)
     x[:, :2] *= radius * grown[:, None]
     return tag_boundaries(
-        mesh, {"bottom": lambda x: np.abs(x[2]) < 1e-9, "top": lambda x: np.abs(x[2] - height) < 1e-9}
+        mesh,
+        {"bottom": lambda x: np.abs(x[2]) < 1e-9, "top": lambda x: np.abs(x[2] - height) < 1e-9},
     )
 
 
@@ -66,7 +81,11 @@ def friction_of(bound=None, coefficient=None, **more):
     """The table of a friction law."""
     if bound is not None:
         return {"law": "tresca", "bound": bound}
-    return {"law": "none"} if coefficient is None else {"law": "coulomb", "coefficient": coefficient, **more}
+    return (
+        {"law": "none"}
+        if coefficient is None
+        else {"law": "coulomb", "coefficient": coefficient, **more}
+    )
 
 
 def block(
@@ -81,7 +100,9 @@ def block(
     degree=1,
     **solver,
 ):
-    """The block 3 x 1 x 1 over a paraboloid, pressed in the middle of its top and pulled along x[1]."""
+    """The block 3 x 1 x 1 over a paraboloid, pressed in the middle of its top and pulled along
+    x[1].
+    """
     return parse_scene(
         {
             "mesh": mesh or box(cells, (nx, nx // 3, nx // 3), comm=comm),
@@ -136,4 +157,6 @@ def brick(law, *, mesh=None, press=10.0, **effects):
 def pushed_brick(comm, **effects):
     """A coarser one that friction alone holds, pushed obliquely."""
     mesh = box("hexahedra", (4, 4, 2), size=(2.0, 2.0, 1.0), comm=comm)
-    return brick({"coefficient": 0.3}, mesh=mesh, **({"body_force": {"x": 2.0, "y": 1.5}} | effects))
+    return brick(
+        {"coefficient": 0.3}, mesh=mesh, **({"body_force": {"x": 2.0, "y": 1.5}} | effects)
+    )

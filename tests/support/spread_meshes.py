@@ -8,7 +8,9 @@ WORLD = MPI.COMM_WORLD
 
 
 def on_all_ranks(scene):
-    """The scene with its mesh, which each rank has alone, shared by all of them; other meshes are made when needed."""
+    """The scene with its mesh, which each rank has alone, shared by all of them; other meshes are
+    made when needed.
+    """
     if not isinstance(scene.mesh, TaggedMesh):
         return scene
     arrays = arrays_of(scene.mesh)

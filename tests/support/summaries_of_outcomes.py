@@ -1,4 +1,6 @@
-"""Summaries of all outcomes, put together without a solve, with all products of what may be known beside them."""
+"""Summaries of all outcomes, put together without a solve, with all products of what may be known
+beside them.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +12,8 @@ from signorini_fx.records import SHORT_OF_ACCURACY, Status
 
 _LAW = "the regularised law, gamma_n = 3.16e+04, gamma_t = 3.16e+04"
 _DIFFERS = (
-    f"'alm' was asked for, and a fall-back has solved {_LAW} in its place; raise solver.gamma_n and solver.gamma_t to "
+    f"'alm' was asked for, and a fall-back has solved {_LAW} in its place; raise solver.gamma_n "
+    "and solver.gamma_t to "
     "lessen what it leaves, or change the loads in smaller steps"
 )
 _CERTIFICATE = {"holds": True, "law": "the unregularised law"}
@@ -40,7 +43,11 @@ BASE: dict[str, Any] = {
         "contact": [{"boundary": "bottom", "friction": {"law": "coulomb"}}],
         "material": [{"yield_stress": 235.0}],
     },
-    "stress": {"von_mises": _STRESS, "recovered": {"von_mises": {**_STRESS, "value": 93.0}}, "error": 0.08},
+    "stress": {
+        "von_mises": _STRESS,
+        "recovered": {"von_mises": {**_STRESS, "value": 93.0}},
+        "error": 0.08,
+    },
     "utilisation": {"value": 0.41, "place": [1.25, 0.0], "region": None, "no_limit": None},
     "friction_used": 0.37,
     "cost": {
@@ -58,7 +65,9 @@ def known(**changes: Any) -> dict[str, Any]:
 
 
 def ended(status: Status, *, step: bool = False) -> dict[str, Any]:
-    """The entries of an outcome: of a single load, or of load steps of which the last one ended so."""
+    """The entries of an outcome: of a single load, or of load steps of which the last one ended
+    so.
+    """
     changes: dict[str, Any] = {
         "status": status.value,
         "converged": status is Status.CONVERGED,
@@ -116,18 +125,25 @@ LAWS: dict[str, dict[str, Any]] = {
         "certificate": {"holds": True, "law": _LAW},
     },
 }
-COMPLETE: dict[str, dict[str, Any]] = {"whole": {}, "incomplete": {"incomplete": ["*FILM on the surface hot"]}}
+COMPLETE: dict[str, dict[str, Any]] = {
+    "whole": {},
+    "incomplete": {"incomplete": ["*FILM on the surface hot"]},
+}
 
 
 def all_products() -> Iterator[tuple[Status, bool, tuple[str, ...], dict[str, Any]]]:
-    """Every outcome, of one load and of load steps, with everything that may be known: names and summaries."""
+    """Every outcome, of one load and of load steps, with everything that may be known: names and
+    summaries.
+    """
     parts = (STRENGTHS, STATICS, ERRORS, LAWS, COMPLETE)
     for status, step, *names in product(Status, (False, True), *parts):
         changes = ended(status, step=step)
         for part, name in zip(parts, names, strict=True):
             for key, entry in part[name].items():
                 before = changes.get(key, BASE.get(key))
-                lost = key in changes and before is None  # what is not known is not known in part either
+                lost = (
+                    key in changes and before is None
+                )  # what is not known is not known in part either
                 both = isinstance(entry, dict) and isinstance(before, dict)
                 changes[key] = None if lost else {**before, **entry} if both else entry
         yield status, step, tuple(names), known(**changes)

@@ -9,7 +9,9 @@ ELEMENTS = {2: ("P1", "P2"), 3: ("P1", "Q1", "P2", "Q2")}
 
 
 def curve(element, count, place, outward):
-    """A curve x(s), s in [0, 1], of equal facets; ``outward``: a vector on its outer side at s = 1/2."""
+    """A curve x(s), s in [0, 1], of equal facets; ``outward``: a vector on its outer side at s =
+    1/2.
+    """
     degree = int(element[1])
     s = np.linspace(0.0, 1.0, degree * count + 1)
     x = np.array([place(at) for at in s])
@@ -27,15 +29,20 @@ def grid(x, y, cells, z=0.0):
     facets = np.column_stack((a, b, c, d))  # in the order of basix
     if cells == "triangles":
         facets = np.concatenate((np.column_stack((a, b, d)), np.column_stack((a, c, d))))
-    columns = {"x": points[:, 0], "y": points[:, 1], "z": np.broadcast_to(z, len(points)).astype(float)}
+    columns = {
+        "x": points[:, 0],
+        "y": points[:, 1],
+        "z": np.broadcast_to(z, len(points)).astype(float),
+    }
     columns |= {"pressure": np.zeros(len(points)), "weight": np.full(len(points), 1.0)}
     numbers = np.column_stack((np.zeros(len(points), dtype=np.int64), np.arange(len(points))))
     return ContactTable(columns, [], numbers, facets)
 
 
 def sheet(element, counts, place, outward, shift=0.0, bent=False):
-    """A sheet x(s, t), (s, t) in [0, 1]^2, of nx times ny squares or twice as many triangles; ``shift``: how far inner
-    nodes are moved, in shares of a square; ``bent``: whether quadratic triangles have curved sides in the sheet.
+    """A sheet x(s, t), (s, t) in [0, 1]^2, of nx times ny squares or twice as many triangles;
+    ``shift``: how far inner nodes are moved, in shares of a square; ``bent``: whether quadratic
+    triangles have curved sides in the sheet.
     """
     degree, (nx, ny) = int(element[1]), counts
     s, t = (np.linspace(0.0, 1.0, degree * n + 1) for n in counts)
@@ -52,7 +59,9 @@ def sheet(element, counts, place, outward, shift=0.0, bent=False):
     x = np.array([place(*at) for at in grid.reshape(-1, 2)])
     j, i = (degree * index.ravel() for index in np.meshgrid(range(ny), range(nx), indexing="ij"))
     if element[0] == "Q":
-        corners = np.array([[0, 0], [1, 0], [0, 1], [1, 1], [0.5, 0], [0, 0.5], [1, 0.5], [0.5, 1], [0.5, 0.5]])
+        corners = np.array(
+            [[0, 0], [1, 0], [0, 1], [1, 1], [0.5, 0], [0, 0.5], [1, 0.5], [0.5, 1], [0.5, 0.5]]
+        )
         places = corners[: 4 if degree == 1 else 9]
         squares = [places]
     else:
@@ -60,7 +69,9 @@ def sheet(element, counts, place, outward, shift=0.0, bent=False):
         places = corners[: 3 if degree == 1 else 6]
         squares = [places, 1.0 - places]
     nodes = [
-        ((j[:, None] + degree * at[:, 1]) * (degree * nx + 1) + i[:, None] + degree * at[:, 0]).astype(np.int64)
+        (
+            (j[:, None] + degree * at[:, 1]) * (degree * nx + 1) + i[:, None] + degree * at[:, 0]
+        ).astype(np.int64)
         for at in squares
     ]
     nodes = np.concatenate(nodes)
@@ -77,8 +88,8 @@ def _outward(surface, outward):
 
 
 def both(element, other, curved, counts=(5, 7), overhang=0.0, dimension=2, bent=False):
-    """A slave above a master, over [0, 1] along each axis, with a distance between them; ``overhang``: by how much the
-    master is shifted along x.
+    """A slave above a master, over [0, 1] along each axis, with a distance between them;
+    ``overhang``: by how much the master is shifted along x.
     """
     rise = 0.3 if curved else 0.0
 

@@ -20,7 +20,9 @@ def block(cell="hexahedron", inner=0.0, shape=(3, 2, 2)):
 
 
 def scene(friction, degree=1, solver=None, **others):
-    """Two materials, pressed and pulled obliquely, over a gap that is not constant; in the frame of ``block``."""
+    """Two materials, pressed and pulled obliquely, over a gap that is not constant; in the frame of
+    ``block``.
+    """
     _, turn = block()
     down, along = turn @ [0.0, 0.0, -1.0], turn[:, 0]
     pulled = [float(v) for v in 4.0 * down + turn @ [0.9, 0.35, 0.0]]
@@ -34,7 +36,9 @@ def scene(friction, degree=1, solver=None, **others):
         ],
         "displacement": [{"boundary": "left", "normal": 0.0}],
         "traction": [{"boundary": "top", **dict(zip("xyz", pulled, strict=True))}],
-        "contact": [{"boundary": "bottom", "gap": f"0.01*(({place}) - 0.4)**2", "friction": friction}],
+        "contact": [
+            {"boundary": "bottom", "gap": f"0.01*(({place}) - 0.4)**2", "friction": friction}
+        ],
         "solver": solver or {},
         **others,
     }

@@ -22,7 +22,12 @@ def grid(kind, counts, low, high, place=None):
     axes = [np.linspace(a, b, n + 1) for a, b, n in zip(low, high, counts, strict=True)]
     x = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, dim)
     strides = np.array([np.prod([n + 1 for n in counts[k + 1 :]], dtype=int) for k in range(dim)])
-    first = np.stack(np.meshgrid(*[np.arange(n) for n in counts], indexing="ij"), axis=-1).reshape(-1, dim) @ strides
+    first = (
+        np.stack(np.meshgrid(*[np.arange(n) for n in counts], indexing="ij"), axis=-1).reshape(
+            -1, dim
+        )
+        @ strides
+    )
     corners = np.array([[(k >> axis) & 1 for axis in range(dim)] for k in range(2**dim)]) @ strides
     boxes = first[:, None] + corners
     simplices = {"triangle": TRIANGLES, "tetrahedron": TETRAHEDRA}.get(kind)
@@ -33,7 +38,9 @@ def grid(kind, counts, low, high, place=None):
 def assembled(kind, *bodies, comm=MPI.COMM_SELF):
     """One mesh of several pieces, each (cells, points)."""
     before = np.cumsum([0, *(len(x) for _, x in bodies)])
-    cells = np.concatenate([cells + start for (cells, _), start in zip(bodies, before, strict=False)])
+    cells = np.concatenate(
+        [cells + start for (cells, _), start in zip(bodies, before, strict=False)]
+    )
     x = np.concatenate([points for _, points in bodies])
     element = basix.ufl.element("Lagrange", kind, 1, shape=(x.shape[1],))
     if comm.rank:  # the first rank has all of it
@@ -41,12 +48,16 @@ def assembled(kind, *bodies, comm=MPI.COMM_SELF):
     # It asks for the cells of a facet since dolfinx 0.11.
     cells_of_facet = (2,) if compat.VERSION >= (0, 11) else ()
     shared = dmesh.create_cell_partitioner(dmesh.GhostMode.shared_facet, *cells_of_facet)
-    return dmesh.create_mesh(comm, cells=cells.astype(np.int64), x=x, e=ufl.Mesh(element), partitioner=shared)
+    return dmesh.create_mesh(
+        comm, cells=cells.astype(np.int64), x=x, e=ufl.Mesh(element), partitioner=shared
+    )
 
 
 def facets(mesh, marker):
     """Exterior facets of which all vertices have a mark; ``marker``: of points of shape (d, n)."""
-    return dmesh.locate_entities_boundary(mesh, mesh.topology.dim - 1, lambda x: marker(x[: mesh.geometry.dim]))
+    return dmesh.locate_entities_boundary(
+        mesh, mesh.topology.dim - 1, lambda x: marker(x[: mesh.geometry.dim])
+    )
 
 
 def per_cell(mesh, value):
@@ -71,7 +82,9 @@ def forms(mesh, degree, young, poisson=0.3):
 def stress_of(u, young, poisson):
     """Of isotropic elasticity, plane strain or space."""
     e = ufl.sym(ufl.grad(u))
-    return young / (1 + poisson) * (e + poisson / (1 - 2 * poisson) * ufl.tr(e) * ufl.Identity(len(u)))
+    return (
+        young / (1 + poisson) * (e + poisson / (1 - 2 * poisson) * ufl.tr(e) * ufl.Identity(len(u)))
+    )
 
 
 def on(mesh, listed):
@@ -81,12 +94,16 @@ def on(mesh, listed):
 
 
 def facets_of_piece(mesh, marker, inside):
-    """Those of ``facets`` whose cells have their middles where ``inside`` is true; both of points of shape (d, n)."""
+    """Those of ``facets`` whose cells have their middles where ``inside`` is true; both of points
+    of shape (d, n).
+    """
     dim = mesh.topology.dim
     found = facets(mesh, marker)
     mesh.topology.create_connectivity(dim - 1, dim)
     cells = mesh.topology.connectivity(dim - 1, dim)
-    middles = dmesh.compute_midpoints(mesh, dim, np.array([cells.links(facet)[0] for facet in found], dtype=np.int32))
+    middles = dmesh.compute_midpoints(
+        mesh, dim, np.array([cells.links(facet)[0] for facet in found], dtype=np.int32)
+    )
     return found[np.asarray(inside(middles.T[:dim]), dtype=bool)]
 
 
@@ -124,7 +141,9 @@ def turn_of_blocks(dimension, angle=0.4):
 
 
 def blocks(kind, turn, counts=None):
-    """Unit blocks on each other, turned about the origin, and the facets of both there, first the upper ones."""
+    """Unit blocks on each other, turned about the origin, and the facets of both there, first the
+    upper ones.
+    """
     dim = KINDS[kind]
     lower, upper = counts or COUNTS[dim]
     up = np.eye(dim)[1]
@@ -132,10 +151,15 @@ def blocks(kind, turn, counts=None):
     def place(x):
         return x @ turn.T
 
-    bodies = grid(kind, lower, -up, np.ones(dim) - up, place), grid(kind, upper, np.zeros(dim), np.ones(dim), place)
+    bodies = (
+        grid(kind, lower, -up, np.ones(dim) - up, place),
+        grid(kind, upper, np.zeros(dim), np.ones(dim), place),
+    )
     mesh = assembled(kind, *bodies)
     both = [
-        facets_of_piece(mesh, lambda x: np.isclose((turn.T @ x)[1], 0), lambda x, s=s: s * (turn.T @ x)[1] > 0)
+        facets_of_piece(
+            mesh, lambda x: np.isclose((turn.T @ x)[1], 0), lambda x, s=s: s * (turn.T @ x)[1] > 0
+        )
         for s in (1, -1)
     ]
     return mesh, both
@@ -169,6 +193,8 @@ def paraboloids(kind, degree, counts, comm=MPI.COMM_SELF, **settings):
     top, bottom = (facets(mesh, lambda x, z=z: np.isclose(x[2], z)) for z in (1.0, -1.0))
     bcs = [held(space, top, k, value) for k, value in enumerate((0.004, 0.002, -0.02))]
     bcs += [held(space, bottom, k) for k in range(3)]
-    problem = ContactProblem(a, nothing(mesh, v), bcs, contact=Pair(*sides, friction=Coulomb(0.3)), **settings)
+    problem = ContactProblem(
+        a, nothing(mesh, v), bcs, contact=Pair(*sides, friction=Coulomb(0.3)), **settings
+    )
     problem.solve()
     return problem

@@ -26,7 +26,9 @@ def altered(**changes):
 
 
 def in_balance(solution):
-    """Forces and moments of both sides of every contact sum to zero; the resultants by their boundaries."""
+    """Forces and moments of both sides of every contact sum to zero; the resultants by their
+    boundaries.
+    """
     every = {one.boundary: one for one in solution.resultants.every()}
     for effect in solution.statement.contact:
         one, other = every[effect.boundary], every[effect.against]

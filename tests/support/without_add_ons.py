@@ -1,4 +1,6 @@
-"""The tests where no add-on is installed (``make test-core``): those that ask for one are skipped, all others pass."""
+"""The tests where no add-on is installed (``make test-core``): those that ask for one are skipped,
+all others pass.
+"""
 
 import sys
 
@@ -6,8 +8,14 @@ import pytest
 
 # Meshes come from generators in nearly all tests.
 ROOMS = ("bounds", "decks", "derivatives", "judging", "pictures", "report")
-sys.modules |= {f"signorini_fx.addons.{room}": None for room in ROOMS}  # to import one of them is an error
-ABSENT = ("No module named 'signorini_fx.", "halted; None in sys.modules", "an add-on that is not installed")
+sys.modules |= {
+    f"signorini_fx.addons.{room}": None for room in ROOMS
+}  # to import one of them is an error
+ABSENT = (
+    "No module named 'signorini_fx.",
+    "halted; None in sys.modules",
+    "an add-on that is not installed",
+)
 
 
 @pytest.hookimpl(wrapper=True)

@@ -9,11 +9,20 @@ import pytest
 from benchmarks.contactbench import command
 from benchmarks.contactbench.adapters import ADAPTERS
 from benchmarks.contactbench.answers import CannotRun
-from benchmarks.contactbench.judging import Result, ResultError, distance, judge, read_results, without_value
+from benchmarks.contactbench.judging import (
+    Result,
+    ResultError,
+    distance,
+    judge,
+    read_results,
+    without_value,
+)
 from benchmarks.contactbench.problem import problem_names, read_problem
 
 PROBLEM = read_problem("smooth-edge")
-GOOD = "quantity,value,unknowns,seconds\nforce,6.67,306,0.1\nmoment, 4.0,,\n\nopening,0.0121,,2e-1\n"
+GOOD = (
+    "quantity,value,unknowns,seconds\nforce,6.67,306,0.1\nmoment, 4.0,,\n\nopening,0.0121,,2e-1\n"
+)
 
 
 def written(tmp_path, text):
@@ -38,11 +47,17 @@ BAD = {
     "a column twice": ("quantity,value,value\nforce,1,1\n", "line 1: the columns must be"),
     "no rows": ("quantity,value\n", "no row with a value"),
     "a cell too many": ("quantity,value\nforce,1\nmoment,1,2\n", "line 3: 3 cells instead of 2"),
-    "a comma as the decimal mark": ('quantity,value\nforce,"6,67"\n', "line 2: value '6,67' is not a number"),
+    "a comma as the decimal mark": (
+        'quantity,value\nforce,"6,67"\n',
+        "line 2: value '6,67' is not a number",
+    ),
     "not a number": ("quantity,value\nforce,nan\n", "line 2: value 'nan' is not finite"),
     "infinite": ("quantity,value\nforce,-inf\n", "line 2: value '-inf' is not finite"),
     "no value": ("quantity,value\n\nforce,\n", "line 3: value '' is not a number"),
-    "another quantity": ("quantity,value\nweight,1\n", "line 2: smooth-edge has no quantity 'weight': it has force,"),
+    "another quantity": (
+        "quantity,value\nweight,1\n",
+        "line 2: smooth-edge has no quantity 'weight': it has force,",
+    ),
 }
 
 
@@ -69,7 +84,9 @@ def test_no_file(tmp_path, capsys):
 
 @pytest.mark.parametrize("name", problem_names())
 def test_verdicts(name):
-    """Beyond the tolerance of a reference on either side nothing passes; within it everything does."""
+    """Beyond the tolerance of a reference on either side nothing passes; within it everything
+    does.
+    """
     problem = read_problem(name)
     for quantity in problem.quantities:
         step = quantity.tolerance * quantity.scale
@@ -94,9 +111,14 @@ def test_the_command_judges(tmp_path, capsys):
 
 
 def test_meshes_are_written(tmp_path):
-    assert command.main(["mesh", "wedge", "sphere-space", "--levels", "2", "--out", str(tmp_path)]) == 0
+    assert (
+        command.main(["mesh", "wedge", "sphere-space", "--levels", "2", "--out", str(tmp_path)])
+        == 0
+    )
     stems = [f"{name}-{level}" for name in ("wedge", "sphere-space") for level in (0, 1)]
-    assert {path.name for path in tmp_path.iterdir()} == {stem + end for stem in stems for end in (".msh", ".inp")}
+    assert {path.name for path in tmp_path.iterdir()} == {
+        stem + end for stem in stems for end in (".msh", ".inp")
+    }
     assert command.main(["mesh", "nothing", "--out", str(tmp_path)]) == 2
 
 
@@ -129,13 +151,19 @@ def test_programs_that_are_not_there_are_named(monkeypatch, capsys, tmp_path):
 
 @pytest.mark.slow
 def test_the_recorded_table_is_judged_by_the_references():
-    """Errors and verdicts of docs/evidence/contactbench.csv follow from its values and the files; ours meets all."""
-    with (Path(__file__).parents[2] / "docs" / "evidence" / "contactbench.csv").open(encoding="utf-8") as file:
+    """Errors and verdicts of docs/evidence/contactbench.csv follow from its values and the files;
+    ours meets all.
+    """
+    with (Path(__file__).parents[2] / "docs" / "evidence" / "contactbench.csv").open(
+        encoding="utf-8"
+    ) as file:
         rows = list(csv.DictReader(file))
     for row in rows:
         if row["meets"] in ("skipped", "failed"):
             continue
         quantity = read_problem(row["problem"]).quantity(row["quantity"])
-        assert float(row["error"]) == pytest.approx(distance(quantity, float(row["value"])), rel=2e-3, abs=2e-8)
+        assert float(row["error"]) == pytest.approx(
+            distance(quantity, float(row["value"])), rel=2e-3, abs=2e-8
+        )
         assert row["meets"] == ("yes" if float(row["error"]) <= quantity.tolerance else "no")
     assert {row["meets"] for row in rows if row["program"] == "signorini_fx"} == {"yes"}

@@ -1,4 +1,6 @@
-"""Programs on the problems: ours meets each reference on the coarsest mesh, others where they are installed."""
+"""Programs on the problems: ours meets each reference on the coarsest mesh, others where they are
+installed.
+"""
 
 import shutil
 
@@ -14,11 +16,19 @@ from benchmarks.contactbench.judging import distance
 from benchmarks.contactbench.problem import problem_names, read_problem
 
 NAMES = problem_names()
-# One of each kind: dimension, law, one and two bodies, degree of the element, with and without supports.
-QUICK = ["smooth-edge", "example1-coulomb", "cattaneo-mindlin", "smooth-edge-coulomb", "tube-on-shaft"]
+# One of each kind: dimension, law, one and two bodies, degree of the element, with and without
+# supports.
+QUICK = [
+    "smooth-edge",
+    "example1-coulomb",
+    "cattaneo-mindlin",
+    "smooth-edge-coulomb",
+    "tube-on-shaft",
+]
 QUICK += ["press-fit-plane", "patch-slip-space", "ring"]
 each_problem = pytest.mark.parametrize(
-    "name", [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in NAMES]
+    "name",
+    [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in NAMES],
 )
 
 
@@ -29,7 +39,11 @@ def errors(program, name):
     values = measured(problem, grid, answer)
     assert answer.unknowns >= grid.points.size
     assert answer.seconds > 0
-    return {q.name: (distance(q, values[q.name]), q.tolerance) for q in problem.quantities if q.name in values}
+    return {
+        q.name: (distance(q, values[q.name]), q.tolerance)
+        for q in problem.quantities
+        if q.name in values
+    }
 
 
 @pytest.mark.one_quick
@@ -42,7 +56,10 @@ def test_the_package_meets_every_reference(name):
 
 @pytest.mark.parametrize(
     ("program", "name"),
-    [pytest.param("dolfinx", "smooth-edge-tresca", marks=pytest.mark.slow), ("getfem", "patch-stick")],
+    [
+        pytest.param("dolfinx", "smooth-edge-tresca", marks=pytest.mark.slow),
+        ("getfem", "patch-stick"),
+    ],
 )
 def test_other_programs(program, name):
     """A penalty by hand, and a brick, meet a reference as well."""
@@ -58,12 +75,16 @@ def compared(program, name):
 
 
 def test_calculix_deck():
-    """Fields of at most 20 characters, a foundation at the gap, forces that add up; where ccx is, it solves it."""
+    """Fields of at most 20 characters, a foundation at the gap, forces that add up; where ccx is,
+    it solves it.
+    """
     for name in ("hertz-line", "patch-slip-space", "sphere"):
         problem = read_problem(name)
         grid = make_grid(problem)
         lines = deck(problem, grid)
-        fields = [word.strip() for line in lines if not line.startswith("*") for word in line.split(",")]
+        fields = [
+            word.strip() for line in lines if not line.startswith("*") for word in line.split(",")
+        ]
         assert max(map(len, fields)) <= 20
         numbers = {}
         for line in lines[lines.index("*NODE, NSET=GROUND") + 1 :]:
@@ -80,7 +101,9 @@ def test_calculix_deck():
         expected = 0.0 if "patch" in name else radius / (2 * problem.numbers["R"])
         np.testing.assert_allclose(gap[:, -1], expected, atol=1e-10)
         if "*CLOAD" in lines:
-            rows = [line.split(",") for line in lines[lines.index("*CLOAD") + 1 :] if line[0].isdigit()]
+            rows = [
+                line.split(",") for line in lines[lines.index("*CLOAD") + 1 :] if line[0].isdigit()
+            ]
             total = sum(float(value) for _, axis, value in rows if int(axis) == problem.dimension)
             assert total == pytest.approx(nodal_loads(problem, grid)[:, -1].sum(), abs=1e-9)
     if shutil.which("ccx") is None:

@@ -1,4 +1,6 @@
-"""Each exact value anew, from another formula or by integration; none may come from the number in the file."""
+"""Each exact value anew, from another formula or by integration; none may come from the number in
+the file.
+"""
 
 from functools import cache
 from itertools import pairwise
@@ -33,9 +35,10 @@ def gauss(low, high, function, singular=0.0, count=400):
     return total
 
 
-# --- what the closed forms of the stress say -------------------------------------------------------------------------
+# --- what the closed forms of the stress say ------------------------------------------------------
 
-# Fields with their contact: from, to, both in the constants; the factor of an area is 2 pi x of revolutions.
+# Fields with their contact: from, to, both in the constants; the factor of an area is 2 pi x of
+# revolutions.
 FIELDS = {
     "smooth-edge": (0.0, 1.0),
     "smooth-edge-tresca": (-1.0, 1.0),
@@ -67,14 +70,18 @@ def pressure_and_shear(problem):
     near = FURTHER.get(problem.name, FAR) * float(np.ptp(make_grid(problem).points[:, 0]))
 
     def at(component, x):
-        return np.asarray(stress(problem, component, np.asarray(x, dtype=float), np.full(np.shape(x), near)))
+        return np.asarray(
+            stress(problem, component, np.asarray(x, dtype=float), np.full(np.shape(x), near))
+        )
 
     return lambda x: -at("s_yy", x), lambda x: -at("s_xy", x)
 
 
 @pytest.mark.parametrize("name", FIELDS)
 def test_forces_of_fields(name):
-    """Forces, moments and pressures are integrals of the stress on the surface, whose formula the tractions have."""
+    """Forces, moments and pressures are integrals of the stress on the surface, whose formula the
+    tractions have.
+    """
     problem = read_problem(name)
     pressure, shear = pressure_and_shear(problem)
     low, high = (problem.number(end) for end in FIELDS[name])
@@ -107,41 +114,66 @@ def test_forces_of_fields(name):
 
 @pytest.mark.parametrize("name", FIELDS)
 def test_fields_are_in_equilibrium(name):
-    """Also off the surface, and the surface beside the contact is free: central differences at random points."""
+    """Also off the surface, and the surface beside the contact is free: central differences at
+    random points.
+    """
     problem = read_problem(name)
     grid, random = make_grid(problem), np.random.default_rng(4)
     size = np.ptp(grid.points[:, 0])
-    x = random.uniform(0.1, 0.9, 40) * size * random.choice([1, -1 if grid.points[:, 0].min() < 0 else 1], 40) / 2
+    x = (
+        random.uniform(0.1, 0.9, 40)
+        * size
+        * random.choice([1, -1 if grid.points[:, 0].min() < 0 else 1], 40)
+        / 2
+    )
     y = random.uniform(0.15, 0.8, 40) * size / 2
     h = 1e-4 * size
 
     def slope(component, across):
         dx, dy = (h, 0.0) if across == "x" else (0.0, h)
-        return (stress(problem, component, x + dx, y + dy) - stress(problem, component, x - dx, y - dy)) / (2 * h)
+        return (
+            stress(problem, component, x + dx, y + dy) - stress(problem, component, x - dx, y - dy)
+        ) / (2 * h)
 
     forces = [slope("s_xx", "x") + slope("s_xy", "y"), slope("s_xy", "x") + slope("s_yy", "y")]
     scale = np.abs(stress(problem, "s_yy", x, y)).max() / size
     if problem.hypothesis == "axisymmetric":
-        # The hoop stress that equilibrium along the radius asks for must be continuous with s_xx on the axis.
+        # The hoop stress that equilibrium along the radius asks for must be continuous with s_xx on
+        # the axis.
         forces = [forces[1] + stress(problem, "s_xy", x, y) / x]
         near = np.full(5, 1e-3 * size)
         level = np.linspace(0.2, 0.8, 5) * size
         hoop = stress(problem, "s_xx", near, level) + near * (
-            (stress(problem, "s_xx", near * 1.01, level) - stress(problem, "s_xx", near * 0.99, level)) / (0.02 * near)
-            + (stress(problem, "s_xy", near, level + h) - stress(problem, "s_xy", near, level - h)) / (2 * h)
+            (
+                stress(problem, "s_xx", near * 1.01, level)
+                - stress(problem, "s_xx", near * 0.99, level)
+            )
+            / (0.02 * near)
+            + (stress(problem, "s_xy", near, level + h) - stress(problem, "s_xy", near, level - h))
+            / (2 * h)
         )
-        np.testing.assert_allclose(hoop, stress(problem, "s_xx", near, level), rtol=1e-2, atol=1e-3 * scale * size)
+        np.testing.assert_allclose(
+            hoop, stress(problem, "s_xx", near, level), rtol=1e-2, atol=1e-3 * scale * size
+        )
     for force in forces:
         assert np.abs(force).max() < 1e-4 * scale
     low, high = (problem.number(end) for end in FIELDS[name])
-    beside = np.array([high * 1.2, high * 2.0]) if high < grid.points[:, 0].max() else np.array([-0.3, -0.7])
+    beside = (
+        np.array([high * 1.2, high * 2.0])
+        if high < grid.points[:, 0].max()
+        else np.array([-0.3, -0.7])
+    )
     if low > grid.points[:, 0].min() or high < grid.points[:, 0].max():
         surface = pressure_and_shear(problem)
-        assert all(np.abs(part(beside)).max() < 1e-5 * np.abs(surface[0](0.5 * high)) for part in surface)
+        assert all(
+            np.abs(part(beside)).max() < 1e-5 * np.abs(surface[0](0.5 * high)) for part in surface
+        )
 
 
 def energy_of_edge(name):
-    """Half of the work of tractions on the displacement of the closed form, by complex numbers, over the boundary."""
+    """Half of the work of tractions on the displacement of the closed form, by complex numbers,
+    over the boundary.
+    """
     problem = read_problem(name)
     young, nu = problem.numbers["young"], problem.numbers["poisson"]
     mu, kappa = young / (2 * (1 + nu)), 3 - 4 * nu
@@ -179,12 +211,14 @@ def test_energies_of_edges(name):
     assert problem.quantity("strain energy").numbers[0] == pytest.approx(energy, rel=1e-6)
 
 
-# --- others ----------------------------------------------------------------------------------------------------------
+# --- others ---------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", ["wavy-quarter", "wavy-three-quarters", "wavy-two-bodies"])
 def test_wavy_surfaces(name):
-    """The pressure of Westergaard makes the surface follow the wave: the integral of its kernel is tried, too."""
+    """The pressure of Westergaard makes the surface follow the wave: the integral of its kernel is
+    tried, too.
+    """
     problem = read_problem(name)
     n = problem.numbers
     length, part = n["L"], n["part"]
@@ -214,13 +248,19 @@ def test_wavy_surfaces(name):
 
 
 def test_rounded_punch():
-    """The load of each half-width from the moment of the shape, and the pressure as a sum of flat punches."""
+    """The load of each half-width from the moment of the shape, and the pressure as a sum of flat
+    punches.
+    """
     problem = read_problem("rounded-punch")
     n = problem.numbers
     radius, b, a, modulus = n["R"], n["b"], n["a"], n["young"] / (1 - n["poisson"] ** 2)
 
-    def load(c):  # P = E* int x g'(x) / sqrt(c^2 - x^2) dx over 0 < x < c, g' = (x - b) / R beyond b
-        return modulus * gauss(b, c, lambda x: x * (x - b) / radius / np.sqrt(np.maximum(c * c - x * x, 1e-24)))
+    def load(
+        c,
+    ):  # P = E* int x g'(x) / sqrt(c^2 - x^2) dx over 0 < x < c, g' = (x - b) / R beyond b
+        return modulus * gauss(
+            b, c, lambda x: x * (x - b) / radius / np.sqrt(np.maximum(c * c - x * x, 1e-24))
+        )
 
     h = 1e-4 * b
 
@@ -236,15 +276,19 @@ def test_rounded_punch():
 
 
 def bonded_layer(nu, a, count=24):
-    """A parabola on a layer bonded to a rigid base, E* = h = R = 1: load, largest pressure and approach.
+    """A parabola on a layer bonded to a rigid base, E* = h = R = 1: load, largest pressure and
+    approach.
 
-    The kernel is that of a half-plane, -log |x|, whose integrals of Chebyshev polynomials are known, and a smooth rest
-    from the Fourier transform of the layer; the pressure vanishes at the ends like a square root.
+    The kernel is that of a half-plane, -log |x|, whose integrals of Chebyshev polynomials are
+    known, and a smooth rest from the Fourier transform of the layer; the pressure vanishes at the
+    ends like a square root.
     """
     s, share = rule(400)
     w, share = 15 * (1 + s), 15 * share  # frequencies: the rest decays like exp(-2 w)
     kappa, e = 3 - 4 * nu, np.exp(-2 * w)
-    layer = (kappa * (1 - e * e) - 4 * w * e) / (kappa * (1 + e * e) + (1 + kappa**2 + 4 * w**2) * e)
+    layer = (kappa * (1 - e * e) - 4 * w * e) / (
+        kappa * (1 + e * e) + (1 + kappa**2 + 4 * w**2) * e
+    )
     angle = np.arange(1, 201) * np.pi / 201
     t, weight = np.cos(angle), np.pi / 201 * np.sin(angle) ** 2
     at = (np.arange(count + 1) + 0.5) * np.pi / (2 * (count + 1))
@@ -252,8 +296,14 @@ def bonded_layer(nu, a, count=24):
     apart = np.multiply.outer(a * (s[:, None] - t), w)
     rest = ((np.exp(-w) - (1 - layer) * np.cos(apart)) / w) @ share
     for j, n in enumerate(range(0, 2 * count, 2)):
-        known = np.pi / 2 * ((np.cos(n * at) / n if n else np.log(2 / a)) - np.cos((n + 2) * at) / (n + 2))
-        rows[:, j] = 2 / np.pi * a * (known + rest @ (weight * np.sin((n + 1) * angle) / np.sin(angle)))
+        known = (
+            np.pi
+            / 2
+            * ((np.cos(n * at) / n if n else np.log(2 / a)) - np.cos((n + 2) * at) / (n + 2))
+        )
+        rows[:, j] = (
+            2 / np.pi * a * (known + rest @ (weight * np.sin((n + 1) * angle) / np.sin(angle)))
+        )
     *c, approach = np.linalg.solve(rows, -((a * s) ** 2) / 2)
     return a * np.pi / 2 * c[0], np.dot(c, (-1.0) ** np.arange(count)), approach
 
@@ -282,7 +332,12 @@ def test_loads_are_balanced():
         held = {k for _, k in prescribed(problem, grid)} - at_points
         loads = nodal_loads(problem, grid)
         if contact.against:
-            below = {n for k, b in enumerate(grid.names) for n in grid.cells[grid.body == k].ravel() if b == "lower"}
+            below = {
+                n
+                for k, b in enumerate(grid.names)
+                for n in grid.cells[grid.body == k].ravel()
+                if b == "lower"
+            }
             loads[sorted(below)] = 0.0
             held -= {d - 1}
         for quantity in problem.quantities:
@@ -294,16 +349,23 @@ def test_loads_are_balanced():
                 axis = quantity.axis
             else:
                 continue
-            around = problem.hypothesis == "axisymmetric" and axis == 0  # the hoop stress has a share
+            around = (
+                problem.hypothesis == "axisymmetric" and axis == 0
+            )  # the hoop stress has a share
             if axis not in held and not around and quantity.kind == "exact":
                 balance = quantity.numbers[0] + loads[:, axis].sum()
-                assert balance == pytest.approx(0.0, abs=1e-5 * abs(quantity.numbers[0])), (name, quantity.name)
+                assert balance == pytest.approx(0.0, abs=1e-5 * abs(quantity.numbers[0])), (
+                    name,
+                    quantity.name,
+                )
                 every += 1
     assert every >= 25
 
 
 def test_formulas_of_numbers():
-    """Where the formula in the file has constants alone, it gives the number; others are in words, and tested above."""
+    """Where the formula in the file has constants alone, it gives the number; others are in words,
+    and tested above.
+    """
     checked, words = [], []
     for name in NAMES:
         problem = read_problem(name)

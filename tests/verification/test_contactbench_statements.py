@@ -1,4 +1,6 @@
-"""The problem files: complete, consistent, and readable by others; what is wrong in one is named by its key."""
+"""The problem files: complete, consistent, and readable by others; what is wrong in one is named by
+its key.
+"""
 
 import re
 
@@ -10,7 +12,13 @@ from mesh_files import read_file
 from benchmarks.contactbench.elasticity import nodal_loads, nodal_weights, prescribed, values_at
 from benchmarks.contactbench.grids import make_grid
 from benchmarks.contactbench.mesh_files import inp_lines, write_msh
-from benchmarks.contactbench.problem import FOLDER, ON_BOUNDARY, ProblemError, problem_names, read_problem
+from benchmarks.contactbench.problem import (
+    FOLDER,
+    ON_BOUNDARY,
+    ProblemError,
+    problem_names,
+    read_problem,
+)
 
 NAMES = problem_names()
 each_problem = pytest.mark.parametrize("name", NAMES)
@@ -19,7 +27,9 @@ each_problem = pytest.mark.parametrize("name", NAMES)
 @pytest.mark.one_quick
 @each_problem
 def test_complete(name):
-    """Every statement has its words, every reference its source, every boundary its facets and points their nodes."""
+    """Every statement has its words, every reference its source, every boundary its facets and
+    points their nodes.
+    """
     problem = read_problem(name)
     for text in (problem.title, problem.text, problem.signs, problem.units, problem.source):
         assert len(text) > 5
@@ -27,8 +37,12 @@ def test_complete(name):
     named = set()
     for level in (0, 1):
         grid = make_grid(problem, level)
-        named = {c.boundary for c in problem.contacts} | {c.against for c in problem.contacts} - {""}
-        named |= {t.boundary for t in problem.tractions} | {s.boundary for s in problem.supports} - {""}
+        named = {c.boundary for c in problem.contacts} | {c.against for c in problem.contacts} - {
+            ""
+        }
+        named |= {t.boundary for t in problem.tractions} | {
+            s.boundary for s in problem.supports
+        } - {""}
         assert named <= set(grid.facets)
         for boundary in named - {"axis"}:
             assert nodal_weights(problem, grid, boundary).sum() > 0
@@ -37,7 +51,10 @@ def test_complete(name):
         for quantity in problem.quantities:
             if quantity.point:
                 grid.node_at(np.array([problem.number(c) for c in quantity.point]))
-            assert quantity.boundary in {c.boundary for c in problem.contacts} or quantity.measure not in ON_BOUNDARY
+            assert (
+                quantity.boundary in {c.boundary for c in problem.contacts}
+                or quantity.measure not in ON_BOUNDARY
+            )
             assert all(len(source) > 5 for source in quantity.sources)
             assert len(quantity.text) > 5
             assert 0 < quantity.tolerance < 0.2
@@ -51,7 +68,9 @@ def test_complete(name):
 
 @each_problem
 def test_meshes(name):
-    """Cells are positive, a level divides each by two along each direction, named facets are on the outside."""
+    """Cells are positive, a level divides each by two along each direction, named facets are on the
+    outside.
+    """
     problem = read_problem(name)
     coarse, fine = make_grid(problem), make_grid(problem, 1)
     d = problem.dimension
@@ -79,9 +98,13 @@ def test_files(tmp_path, name):
     text = "\n".join(inp_lines(grid, problem.hypothesis)) + "\n"
     (tmp_path / "a.inp").write_text(text)
     found = meshio.read(tmp_path / "a.msh")
-    np.testing.assert_allclose(found.points[:, : problem.dimension], grid.points, rtol=0, atol=1e-15)
+    np.testing.assert_allclose(
+        found.points[:, : problem.dimension], grid.points, rtol=0, atol=1e-15
+    )
     kind = {4: "quad", 8: "hexahedron"}[grid.cells.shape[1]]
-    np.testing.assert_array_equal(np.vstack([b.data for b in found.cells if b.type == kind]), grid.cells)
+    np.testing.assert_array_equal(
+        np.vstack([b.data for b in found.cells if b.type == kind]), grid.cells
+    )
     assert set(found.field_data) == {*grid.facets, *grid.names}
     tag = {key: int(value[0]) for key, value in found.field_data.items()}
     across = {2: "line", 3: "quad"}[problem.dimension]
@@ -90,9 +113,13 @@ def test_files(tmp_path, name):
     for boundary, facets in grid.facets.items():
         np.testing.assert_array_equal(rows[tags == tag[boundary]], facets)
     deck = read_file(tmp_path / "a.inp")
-    np.testing.assert_allclose(np.asarray(deck.points)[:, : problem.dimension], grid.points, rtol=1e-11, atol=1e-12)
+    np.testing.assert_allclose(
+        np.asarray(deck.points)[:, : problem.dimension], grid.points, rtol=1e-11, atol=1e-12
+    )
     assert all(f"NAME=S_{boundary.upper()}," in text for boundary in grid.facets)
-    assert all(len(word.strip()) <= 20 for line in text.splitlines()[1:5] for word in line.split(","))
+    assert all(
+        len(word.strip()) <= 20 for line in text.splitlines()[1:5] for word in line.split(",")
+    )
 
 
 @pytest.mark.parametrize(
@@ -105,7 +132,9 @@ def test_files(tmp_path, name):
 )
 def test_a_spoiled_file_is_refused(tmp_path, pattern, other, message):
     """With the file, and what is wrong."""
-    text, count = re.subn(pattern, other, (FOLDER / "smooth-edge.toml").read_text(encoding="utf-8"), count=1)
+    text, count = re.subn(
+        pattern, other, (FOLDER / "smooth-edge.toml").read_text(encoding="utf-8"), count=1
+    )
     assert count == 1
     (tmp_path / "mine.toml").write_text(text, encoding="utf-8")
     with pytest.raises(ProblemError, match=re.escape(message)) as error:

@@ -1,8 +1,9 @@
 """Example 1 of section 7.1: known numbers, and other discretisations of the same problem.
 
-The Q1 numbers (120 x 40, gamma = 1e8, nu = 0.4) are those of an independent program (oracle.py).  Refined to 480 x 160
-they are energy 0.023207 and largest pressure 20.115: the 120 x 40 mesh is 0.09 % and 0.02 % off, P1 on the same nodes
-0.24 % and 0.02 %.  Other elements must agree with Q1 to the sum of such errors.
+The Q1 numbers (120 x 40, gamma = 1e8, nu = 0.4) are those of an independent program (oracle.py).
+Refined to 480 x 160 they are energy 0.023207 and largest pressure 20.115: the 120 x 40 mesh is 0.09
+% and 0.02 % off, P1 on the same nodes 0.24 % and 0.02 %.  Other elements must agree with Q1 to the
+sum of such errors.
 """
 
 import numpy as np
@@ -33,7 +34,9 @@ def test_resultants(solved):
     """The foundation carries the load of 20, and nothing sideways by symmetry."""
     _, solution, _ = solved
     contact, friction = solution.contact.forces
-    assert np.dot(solution.contact.boundary.weight, solution.contact.pressure) == pytest.approx(20.0, abs=1e-6)
+    assert np.dot(solution.contact.boundary.weight, solution.contact.pressure) == pytest.approx(
+        20.0, abs=1e-6
+    )
     np.testing.assert_allclose(contact, [0.0, 20.0], atol=1e-6)
     np.testing.assert_allclose(friction, [0.0, 0.0], atol=1e-6)
 
@@ -62,7 +65,9 @@ def test_slip_zones(solved):
     if law == "tresca":
         assert zones(table, friction == "slip-") == [[0.325, 0.95]]
         assert zones(table, friction == "slip+") == [[2.05, 2.675]]
-        np.testing.assert_allclose(np.abs(table.columns["shear"])[friction != "stick"], 1.5, rtol=1e-12)
+        np.testing.assert_allclose(
+            np.abs(table.columns["shear"])[friction != "stick"], 1.5, rtol=1e-12
+        )
     else:
         assert zones(table, state == "stick") == [[1.025, 1.975]]
         assert zones(table, state == "slip-") == [[0.85, 1.0]]
@@ -70,13 +75,17 @@ def test_slip_zones(solved):
 
 
 def test_certificate(solved):
-    """The conditions of the problem hold, but for what the regularisation leaves: lambda / gamma."""
+    """The conditions of the problem hold, but for what the regularisation leaves: lambda /
+    gamma.
+    """
     _, solution, _ = solved
     certificate = solution.certificate
     assert certificate.holds
     assert certificate.equilibrium < 1e-10
     largest = np.abs(solution.displacement.x.array).max()
-    assert certificate.penetration == pytest.approx(solution.contact.pressure.max() / 1e8 / largest, rel=1e-6)
+    assert certificate.penetration == pytest.approx(
+        solution.contact.pressure.max() / 1e8 / largest, rel=1e-6
+    )
 
 
 @pytest.mark.parametrize(("coefficient", "zone"), [(0.1, [1.35, 1.65]), (1.0, [0.9, 2.1])])
@@ -106,7 +115,9 @@ OTHERS = {
 def test_other_discretisations(law, other):
     """Equilibrium holds exactly, energy and largest pressure to the discretisation error."""
     solution = alone(example1(**LAWS[law], **OTHERS[other]))
-    assert np.dot(solution.contact.boundary.weight, solution.contact.pressure) == pytest.approx(20.0, abs=1e-6)
+    assert np.dot(solution.contact.boundary.weight, solution.contact.pressure) == pytest.approx(
+        20.0, abs=1e-6
+    )
     assert energy(solution) == pytest.approx(ENERGY[law], rel=3e-3)
     assert solution.contact.pressure.max() == pytest.approx(LARGEST_PRESSURE[law], rel=1e-3)
     exact = OTHERS[other] == {"generator": "block"}

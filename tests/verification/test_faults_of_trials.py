@@ -1,4 +1,6 @@
-"""Faults that independent trials found and that no other file of tests has: wrong answers and wrong refusals."""
+"""Faults that independent trials found and that no other file of tests has: wrong answers and wrong
+refusals.
+"""
 
 import csv
 
@@ -44,13 +46,17 @@ Physical Curve("inner") = {{4}};
     [((24, 36), "geometry", True), ((24, 36), "nominal", False), ((24, 24), "geometry", False)],
 )
 def test_chords_of_round_sides_that_change_the_pressure(tmp_path, facets, distance, wrong):
-    """Two rings of one material under pressure, which are one body (Lame): the first lines say where the distances
-    between facets decide the pressure, and say nothing where the nodes of both sides match.
+    """Two rings of one material under pressure, which are one body (Lame): the first lines say
+    where the distances between facets decide the pressure, and say nothing where the nodes of both
+    sides match.
     """
     for name, ends, count in (("small", (4, 10), facets[0]), ("large", (10, 20), facets[1])):
         (tmp_path / f"{name}.geo").write_text(RING.format(*ends, count + 1))
     scene = {
-        "body": [{"name": name, "mesh": {"file": str(tmp_path / f"{name}.geo")}} for name in ("small", "large")],
+        "body": [
+            {"name": name, "mesh": {"file": str(tmp_path / f"{name}.geo")}}
+            for name in ("small", "large")
+        ],
         "material": STEEL,
         "displacement": [
             {"boundary": f"{name}.{side}", axis: 0.0}
@@ -71,8 +77,8 @@ def test_chords_of_round_sides_that_change_the_pressure(tmp_path, facets, distan
 
 @pytest.mark.parametrize("algorithm", ["alm", "ssn"])
 def test_pressing_while_all_turns(algorithm):
-    """A circle presses a block, and both turn together: forces and displacements are those without the turn, turned,
-    also where points close in a step that turns.
+    """A circle presses a block, and both turn together: forces and displacements are those without
+    the turn, turned, also where points close in a step that turns.
     """
     space, side = rectangle([2.0, 1.0], [8, 4], MPI.COMM_SELF)
     top, bottom, x = side(1, 1.0), side(1, 0.0), space.tabulate_dof_coordinates()[:, :2]
@@ -84,7 +90,9 @@ def test_pressing_while_all_turns(algorithm):
         u, ground = fem.Function(space), fem.Function(space)
         support = fem.dirichletbc(ground, fem.locate_dofs_topological(space, 1, bottom))
         contact = Foundation(top, shape=circle, friction=Coulomb(0.3))
-        problem = NonlinearContactProblem(residual(u), u, bcs=[support], contact=contact, algorithm=algorithm, **gamma)
+        problem = NonlinearContactProblem(
+            residual(u), u, bcs=[support], contact=contact, algorithm=algorithm, **gamma
+        )
         last, forces, displacements = np.eye(2), [], []
         for angle, place in zip(angles, [(0.0, -0.05), (0.1, -0.12), (0.2, -0.2)], strict=True):
             turn = Rotation.from_rotvec([0.0, 0.0, np.radians(angle)]).as_matrix()[:2, :2]
@@ -98,13 +106,17 @@ def test_pressing_while_all_turns(algorithm):
             displacements.append((x + u.x.array.reshape(-1, 2)) @ turn - x)
         return np.array(forces), np.array(displacements)
 
-    for still, turned_back in zip(pressed([0.0, 0.0, 0.0]), pressed([-20.0, -30.0, -10.0]), strict=True):
+    for still, turned_back in zip(
+        pressed([0.0, 0.0, 0.0]), pressed([-20.0, -30.0, -10.0]), strict=True
+    ):
         assert turned_back == pytest.approx(still, abs=1e-8 * np.abs(still).max())
 
 
 @pytest.mark.parametrize("driven", ["by a force at its end", "by a circle under a force"])
 def test_load_steps_of_metal_that_yields(driven):
-    """Hardening is a tenth of the modulus: each time is one load step, and no unit of length changes the result."""
+    """Hardening is a tenth of the modulus: each time is one load step, and no unit of length
+    changes the result.
+    """
     metal = {"law": "j2", "young": 100.0, "poisson": 0.3, "yield_stress": 2.0, "hardening": 10.0}
     ends = []
     for unit in (1.0, 2.0**-9):
@@ -130,10 +142,13 @@ def test_load_steps_of_metal_that_yields(driven):
 
 
 @pytest.mark.parametrize(
-    ("cell", "degree"), [("hexahedron", 1), ("hexahedron", 2), ("tetrahedron", 1), ("tetrahedron", 2)]
+    ("cell", "degree"),
+    [("hexahedron", 1), ("hexahedron", 2), ("tetrahedron", 1), ("tetrahedron", 2)],
 )
 def test_a_sphere_that_touches_in_one_point(cell, degree):
-    """A block that is held at its top, without a load: nothing is pressed, whatever its elements are."""
+    """A block that is held at its top, without a load: nothing is pressed, whatever its elements
+    are.
+    """
     sphere = {"shape": "sphere", "centre": [0.5, 0.5, -3.0], "radius": 3.0}
     size = {"length": 1.0, "width": 1.0, "height": 1.0, "nx": 4, "ny": 4, "nz": 2, "cell": cell}
     scene = {
@@ -153,9 +168,20 @@ def test_a_force_of_which_no_digit_is_known(tmp_path):
     """Its first digit stands with the error: 0 would be a claim."""
     scene = block(STEEL, "0.01", load_steps={}, solver={})
     summary = summary_of(solve(scene, MPI.COMM_SELF))
-    row = {"energy": None, "pressure": None, "zone": None, "peak": None, "force": 1.9, "predicted": False}
+    row = {
+        "energy": None,
+        "pressure": None,
+        "zone": None,
+        "peak": None,
+        "force": 1.9,
+        "predicted": False,
+    }
     row |= {"seconds": 1.0, "dofs": 100, "level": 0}
-    found = summary | {"contact_force": [0.0, 544.8], "friction_force": [30.0, 0.0], "convergence_table": [row]}
+    found = summary | {
+        "contact_force": [0.0, 544.8],
+        "friction_force": [30.0, 0.0],
+        "convergence_table": [row],
+    }
     (line,) = (str(line) for line in short_answer(found, tmp_path) if "force" in str(line)[:14])
     assert "(0, 500) (error 190 %)" in line
 
@@ -164,21 +190,39 @@ def test_a_force_of_which_no_digit_is_known(tmp_path):
 
 PUNCH = {
     "material": STEEL,
-    "displacement": [{"boundary": "low.bottom", "x": 0.0, "y": 0.0}, {"boundary": "high.top", "x": 0.0, "y": -0.01}],
+    "displacement": [
+        {"boundary": "low.bottom", "x": 0.0, "y": 0.0},
+        {"boundary": "high.top", "x": 0.0, "y": -0.01},
+    ],
 }
 
 
 @pytest.mark.parametrize(
     ("low", "high", "cell"),
-    [({}, {}, "quadrilateral"), ({"cell": "triangle"}, {}, "triangle"), ({}, {"cell": "triangle"}, "triangle")],
+    [
+        ({}, {}, "quadrilateral"),
+        ({"cell": "triangle"}, {}, "triangle"),
+        ({}, {"cell": "triangle"}, "triangle"),
+    ],
 )
 def test_generators_agree_on_a_kind_of_cell(low, high, cell):
-    """Of generators with other defaults all make the cells that one is given, or else those of the first."""
+    """Of generators with other defaults all make the cells that one is given, or else those of the
+    first.
+    """
     bodies = [
-        {"name": "low", "mesh": {"generator": "rectangle", "parameters": {"length": 4.0, "height": 1.0, **low}}},
-        {"name": "high", "mesh": {"generator": "punch", "parameters": {"size": 0.8, **high}}, "shift": [2.0, 1.0]},
+        {
+            "name": "low",
+            "mesh": {"generator": "rectangle", "parameters": {"length": 4.0, "height": 1.0, **low}},
+        },
+        {
+            "name": "high",
+            "mesh": {"generator": "punch", "parameters": {"size": 0.8, **high}},
+            "shift": [2.0, 1.0],
+        },
     ]
-    given = parse_scene({**PUNCH, "body": bodies, "contact": {"boundary": "high.foot", "against": "low.top"}})
+    given = parse_scene(
+        {**PUNCH, "body": bodies, "contact": {"boundary": "high.foot", "against": "low.top"}}
+    )
     assert load_mesh(given, MPI.COMM_SELF).mesh.topology.cell_name() == cell
     assert solve(given, MPI.COMM_SELF).converged
 
@@ -191,7 +235,9 @@ Plane Surface(1) = {1}; Physical Curve("bottom") = {1}; Physical Curve("top") = 
 
 
 def test_a_curved_drawing_and_a_straight_one(tmp_path):
-    """Elements of degree 2 are on the arc of one body, and the other one gets nodes between its corners."""
+    """Elements of degree 2 are on the arc of one body, and the other one gets nodes between its
+    corners.
+    """
     for name, lower in (("straight", "Line(1) = {1, 2}"), ("curved", "Circle(1) = {1, 5, 2}")):
         (tmp_path / f"{name}.geo").write_text(BLOCK.replace("LOWER", lower))
     bodies = [
@@ -200,9 +246,11 @@ def test_a_curved_drawing_and_a_straight_one(tmp_path):
     ]
     contact = {"boundary": "high.bottom", "against": "low.top", "gap": 0.0}
     mesh = load_mesh(
-        parse_scene({**PUNCH, "element": {"degree": 2}, "body": bodies, "contact": contact}), MPI.COMM_SELF
+        parse_scene({**PUNCH, "element": {"degree": 2}, "body": bodies, "contact": contact}),
+        MPI.COMM_SELF,
     ).mesh
-    # A segment of a circle through (0, 0) and (2, 0) with its centre above is below the upper block.
+    # A segment of a circle through (0, 0) and (2, 0) with its centre above is below the upper
+    # block.
     half = np.arctan2(1.0, 0.3)
     segment = (1.0 + 0.3**2) * (half - np.sin(half) * np.cos(half))
     size = fem.assemble_scalar(fem.form(fem.Constant(mesh, 1.0) * ufl.dx))
@@ -210,19 +258,25 @@ def test_a_curved_drawing_and_a_straight_one(tmp_path):
 
 
 def test_faces_that_cross(tmp_path):
-    """A mid node that is on two edges was a crash of the process; it is one error that names the file."""
+    """A mid node that is on two edges was a crash of the process; it is one error that names the
+    file.
+    """
     x = [(0, 0), (1, 0), (0, 1), (1, 1), (0.5, 0.5), (0.5, 0), (0, 0.5), (1, 0.5), (0.5, 1)]
     lines = ["*NODE", *(f"{k + 1}, {a}, {b}, 0" for k, (a, b) in enumerate(x))]
     lines += ["*ELEMENT, TYPE=CPE6, ELSET=BODY", "1, 1, 2, 3, 6, 5, 7", "2, 2, 4, 3, 5, 9, 5"]
     (tmp_path / "body.inp").write_text("\n".join(lines) + "\n")
-    given = {"mesh": {"file": str(tmp_path / "body.inp")}, "material": STEEL, "contact": {"boundary": "BODY"}}
+    given = {
+        "mesh": {"file": str(tmp_path / "body.inp")},
+        "material": STEEL,
+        "contact": {"boundary": "BODY"},
+    }
     with pytest.raises(MeshError, match=r"body\.inp"):
         load_mesh(parse_scene(given), MPI.COMM_SELF)
 
 
 def test_a_cell_at_its_yield_strain():
-    """A bar that is stretched by its weight is solved with its tangent where the strain of a cell is that of a kink of
-    its law.
+    """A bar that is stretched by its weight is solved with its tangent where the strain of a cell
+    is that of a kink of its law.
     """
     space, side = rectangle([1.0, 1.0], [4, 1], MPI.COMM_SELF, cell="triangle")
     u, v, w = fem.Function(space), ufl.TestFunction(space), ufl.TrialFunction(space)
@@ -234,17 +288,25 @@ def test_a_cell_at_its_yield_strain():
     above = ufl.conditional(ufl.gt(strain(u)[0, 0], yields), 1.0, 0.0)
     softer = 0.9 * above * (strain(u)[0, 0] - yields)
     F = 40.0 * (ufl.inner(strain(u), strain(v)) - softer * strain(v)[0, 0] - 1e-3 * v[0]) * ufl.dx
-    J = 40.0 * (ufl.inner(strain(w), strain(v)) - 0.9 * above * strain(w)[0, 0] * strain(v)[0, 0]) * ufl.dx
+    J = (
+        40.0
+        * (ufl.inner(strain(w), strain(v)) - 0.9 * above * strain(w)[0, 0] * strain(v)[0, 0])
+        * ufl.dx
+    )
     problem = NonlinearContactProblem(F, u, J=J, bcs=[held(space, side(0, 0.0))])
     problem.solve()
-    along = fem.Expression(strain(u)[0, 0], np.array([[1 / 3, 1 / 3]])).eval(space.mesh, np.arange(8, dtype=np.int32))
+    along = fem.Expression(strain(u)[0, 0], np.array([[1 / 3, 1 / 3]])).eval(
+        space.mesh, np.arange(8, dtype=np.int32)
+    )
     yields.value = along.max()
     problem.solve()
     assert problem.status is Status.CONVERGED
 
 
 def test_between_a_plate_at_rest_and_one_that_moves():
-    """The forces of both plates in each load step are those of mu (w^2 - 1) + Lambda ln(w h) = 0."""
+    """The forces of both plates in each load step are those of mu (w^2 - 1) + Lambda ln(w h) =
+    0.
+    """
     plates = [
         {"shape": "plane", "point": [0.0, 0.0], "normal": [0.0, 1.0]},
         {"shape": "plane", "point": [0.0, 1.0], "normal": [0.0, -1.0], "shift": [0.0, "-0.1*t"]},
@@ -254,25 +316,31 @@ def test_between_a_plate_at_rest_and_one_that_moves():
         "0",
         displacement=[{"boundary": "left", "x": 0.0}],
         contact=[
-            {"boundary": name, "foundation": plate} for name, plate in zip(("bottom", "top"), plates, strict=True)
+            {"boundary": name, "foundation": plate}
+            for name, plate in zip(("bottom", "top"), plates, strict=True)
         ],
         load_steps={"times": [1.0, 2.0]},
     )
-    for step, pressure in zip(solve(scene, MPI.COMM_SELF).steps, (12.052108, 26.863153), strict=True):
+    for step, pressure in zip(
+        solve(scene, MPI.COMM_SELF).steps, (12.052108, 26.863153), strict=True
+    ):
         forces = np.array(step.contact.forces_of_each)[:, 0, 1]
         assert forces == pytest.approx([pressure, -pressure], rel=1e-6)
 
 
 def test_the_side_that_ends_carries_the_points():
-    """A narrow rubber block slides on a wide one with its corners in contact, the wide side given first: no increment
-    is halved.
+    """A narrow rubber block slides on a wide one with its corners in contact, the wide side given
+    first: no increment is halved.
     """
     sizes = {"block": ([3.0, 0.0], 4.0, 8), "base": ([0.0, -2.0], 10.0, 20)}
     bodies = [
         {
             "name": name,
             "shift": shift,
-            "mesh": {"generator": "rectangle", "parameters": {"length": length, "height": 2.0, "nx": nx, "ny": 4}},
+            "mesh": {
+                "generator": "rectangle",
+                "parameters": {"length": length, "height": 2.0, "nx": nx, "ny": 4},
+            },
         }
         for name, (shift, length, nx) in sizes.items()
     ]
@@ -297,7 +365,9 @@ def test_the_side_that_ends_carries_the_points():
 
 
 def test_an_unstable_equilibrium_says_where():
-    """A column beyond Euler's load, driven by a displacement: the place, and no advice to prescribe one."""
+    """A column beyond Euler's load, driven by a displacement: the place, and no advice to prescribe
+    one.
+    """
     scene = block(
         material("neo-hooke"),
         "0.02*t",
@@ -322,10 +392,21 @@ load_steps = { steps = 2, times = [0.0, 1.0] }
 
 
 def test_a_ramp_beyond_its_limit_is_a_row_of_a_sweep(tmp_path):
-    """A block of weight 20 that is pushed with 10 t slides at the time 2 F, known to half a per cent."""
+    """A block of weight 20 that is pushed with 10 t slides at the time 2 F, known to half a per
+    cent.
+    """
     scene, out = tmp_path / "ramp.toml", tmp_path / "out"
     scene.write_text(RAMP)
-    main(["sweep", str(scene), "--set", "contact.friction.coefficient=0.2,0.3,0.8", "--out", str(out)])
+    main(
+        [
+            "sweep",
+            str(scene),
+            "--set",
+            "contact.friction.coefficient=0.2,0.3,0.8",
+            "--out",
+            str(out),
+        ]
+    )
     with (out / "sweep.csv").open() as file:
         reached = [float(row["solved_until"]) for row in csv.DictReader(file)]
     assert reached == pytest.approx([0.4, 0.6, 1.0], rel=5e-3)

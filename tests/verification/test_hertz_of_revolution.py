@@ -1,4 +1,6 @@
-"""Hertz's ball of revolution: contact that reaches the axis, where elements of degree 2 have a node without a point."""
+"""Hertz's ball of revolution: contact that reaches the axis, where elements of degree 2 have a node
+without a point.
+"""
 
 import numpy as np
 import pytest
@@ -16,9 +18,10 @@ FOUNDATIONS = {
 
 
 def pressed(cell, degree, share, *, on="plane", law="linear", friction=0.0):
-    """A ball of radius 1 whose facets are a share of the radius of contact: its force, the radii of the contact points
-    and the pressures, over Hertz's radius of contact and largest pressure at this force, how far the node on the axis
-    is beyond the foundation, over the depth, and the solution.
+    """A ball of radius 1 whose facets are a share of the radius of contact: its force, the radii of
+    the contact points and the pressures, over Hertz's radius of contact and largest pressure at
+    this force, how far the node on the axis is beyond the foundation, over the depth, and the
+    solution.
     """
     curvature = 2.0 if on == "ball" else 1.0
     small = share * np.sqrt(DEPTH / curvature)
@@ -28,11 +31,16 @@ def pressed(cell, degree, share, *, on="plane", law="linear", friction=0.0):
         "mesh": {"generator": "half_disk", "parameters": size | form},
         "element": {"degree": degree},
         "material": {"law": law, "young": 1.0, "poisson": POISSON, "hypothesis": "axisymmetric"},
-        "displacement": [{"boundary": "symmetry", "x": 0.0}, {"boundary": "top", "x": 0.0, "y": f"-{DEPTH}*t"}],
+        "displacement": [
+            {"boundary": "symmetry", "x": 0.0},
+            {"boundary": "top", "x": 0.0, "y": f"-{DEPTH}*t"},
+        ],
         "contact": {
             "boundary": "arc",
             "foundation": FOUNDATIONS[on],
-            "friction": {"law": "coulomb", "coefficient": friction} if friction else {"law": "none"},
+            "friction": {"law": "coulomb", "coefficient": friction}
+            if friction
+            else {"law": "none"},
         },
         "load_steps": {"times": [1.0]},
         "solver": {"algorithm": "alm"},
@@ -54,12 +62,16 @@ def pressed(cell, degree, share, *, on="plane", law="linear", friction=0.0):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("cell", "on", "law"),
-    [("triangle", "plane", "linear"), ("quadrilateral", "ball", "linear"), ("quadrilateral", "ball", "neo-hooke")],
+    [
+        ("triangle", "plane", "linear"),
+        ("quadrilateral", "ball", "linear"),
+        ("quadrilateral", "ball", "neo-hooke"),
+    ],
 )
 def test_pressure_near_the_axis(cell, on, law):
-    """It is Hertz's to a part in 250 of the largest one, from the point beside the axis to three quarters of the radius
-    of contact; the node on the axis, which no point holds, is beyond the foundation by no more than interpolation: the
-    cube of the cells.
+    """It is Hertz's to a part in 250 of the largest one, from the point beside the axis to three
+    quarters of the radius of contact; the node on the axis, which no point holds, is beyond the
+    foundation by no more than interpolation: the cube of the cells.
     """
     for share in (0.1, 0.05):
         _, radii, pressure, beyond, solution = pressed(cell, 2, share, on=on, law=law)
@@ -73,14 +85,16 @@ def test_pressure_near_the_axis(cell, on, law):
 @pytest.mark.slow
 @pytest.mark.parametrize(("cell", "law"), [("quadrilateral", "linear"), ("triangle", "neo-hooke")])
 def test_friction_near_the_axis(cell, law):
-    """As of degree 1 on cells a quarter as large; friction raises the force by less than a bond does, which raises it
-    by (1 - nu) ln(3 - 4 nu) / (1 - 2 nu) (D. A. Spence, 1968).
+    """As of degree 1 on cells a quarter as large; friction raises the force by less than a bond
+    does, which raises it by (1 - nu) ln(3 - 4 nu) / (1 - 2 nu) (D. A. Spence, 1968).
     """
     force, radii, pressure, _, _ = pressed(cell, 2, 0.1, law=law, friction=0.3)
     fine_force, fine_radii, fine_pressure, _, _ = pressed(cell, 1, 0.025, law=law, friction=0.3)
     smooth_force = pressed(cell, 2, 0.1, law=law)[0]
     assert force == pytest.approx(fine_force, rel=4e-3)
     near = radii < 0.5
-    assert pressure[near] == pytest.approx(np.interp(radii[near], fine_radii, fine_pressure), abs=0.01)
+    assert pressure[near] == pytest.approx(
+        np.interp(radii[near], fine_radii, fine_pressure), abs=0.01
+    )
     bonded = (1 - POISSON) * np.log(3 - 4 * POISSON) / (1 - 2 * POISSON)
     assert 1.0 < force / smooth_force < bonded

@@ -1,4 +1,6 @@
-"""What must not change the result: units, mirror, translation, rotation, and the name of a law that does nothing."""
+"""What must not change the result: units, mirror, translation, rotation, and the name of a law that
+does nothing.
+"""
 
 import numpy as np
 import pytest
@@ -13,7 +15,10 @@ LAWS = [{"bound": 1.5}, {"coefficient": 0.3}, {}]
 
 def counts(solution):
     """Linear solves of each regularised problem, and the sets of each solve."""
-    sets = [(r.active_contact, r.slip_plus, r.slip_minus, r.changed) for r in solution.history.iterations]
+    sets = [
+        (r.active_contact, r.slip_plus, r.slip_minus, r.changed)
+        for r in solution.history.iterations
+    ]
     return [record.linear_solves for record in solution.history.outer], sets
 
 
@@ -28,7 +33,9 @@ def close(ours, theirs, rtol=1e-9):
 def test_units(law, length, stress):
     """m and Pa, mm and MPa, or anything: with gamma = auto the same counts and scaled results."""
     here = alone(example1(**law, gamma="auto", nx=60, ny=20))
-    there = alone(example1(**law, gamma="auto", nx=60, ny=20, length_unit=length, stress_unit=stress))
+    there = alone(
+        example1(**law, gamma="auto", nx=60, ny=20, length_unit=length, stress_unit=stress)
+    )
     assert counts(there) == counts(here)
     ours, theirs = table_of(there).columns, table_of(here).columns
     for name, unit in {
@@ -51,7 +58,9 @@ def test_units(law, length, stress):
     ids=["held", "pushed away"],
 )
 def test_statics_have_no_unit(push, status, stress):
-    """A block that friction with F g = 1.5 on a length of 3 holds against a push of 4.5, in any unit of stress."""
+    """A block that friction with F g = 1.5 on a length of 3 holds against a push of 4.5, in any
+    unit of stress.
+    """
     scene = example1(bound=1.5, nx=12, ny=4, gamma="auto", stress_unit=stress)
     aside = SurfaceTraction(boundary="top", x=1.5 * push * stress)
     free = scene.model_copy(update={"displacement": (), "traction": (*scene.traction, aside)})
@@ -64,11 +73,22 @@ def skew(law, *, mirrored=False, cell="quadrilateral"):
     diagonal = {"diagonal": "left" if mirrored else "right"}
     return parse_scene(
         {
-            "mesh": {"generator": "rectangle", "parameters": {"nx": 45, "ny": 15, "cell": cell} | diagonal},
+            "mesh": {
+                "generator": "rectangle",
+                "parameters": {"nx": 45, "ny": 15, "cell": cell} | diagonal,
+            },
             "material": {"young": 5000.0, "poisson": 0.3},
             "displacement": {"boundary": "left" if mirrored else "right", "x": 0.0, "y": 0.0},
-            "traction": {"boundary": "top", "x": f"{sign} * 4 * {x}", "y": f"-20 if {x} < 1 else -1"},
-            "contact": {"boundary": "bottom", "gap": f"0.003 * ({x} - 1.1)**2 - 0.0005 * {x}", "friction": law},
+            "traction": {
+                "boundary": "top",
+                "x": f"{sign} * 4 * {x}",
+                "y": f"-20 if {x} < 1 else -1",
+            },
+            "contact": {
+                "boundary": "bottom",
+                "gap": f"0.003 * ({x} - 1.1)**2 - 0.0005 * {x}",
+                "friction": law,
+            },
             "solver": {"gamma_n": 1e7, "gamma_t": 1e6},
         }
     )
@@ -84,7 +104,9 @@ def skew(law, *, mirrored=False, cell="quadrilateral"):
 def test_mirror(law, cell):
     """The mirror image of the scene has the mirror image of the solution."""
     one, two = alone(skew(law, cell=cell)), alone(skew(law, mirrored=True, cell=cell))
-    assert [a.linear_solves for a in one.history.outer] == [b.linear_solves for b in two.history.outer]
+    assert [a.linear_solves for a in one.history.outer] == [
+        b.linear_solves for b in two.history.outer
+    ]
     here, there = table_of(one).columns, table_of(two).columns
     close(there["x"][::-1], 3 - here["x"])
     for name, sign in {"pressure": 1, "u_n": 1, "gap": 1, "shear": -1, "u_t": -1}.items():
@@ -95,7 +117,9 @@ def test_mirror(law, cell):
 
 
 def pressed(law, element, turn, shift):
-    """A block whose top is moved down and sideways in full, with everything turned and shifted; and the turn."""
+    """A block whose top is moved down and sideways in full, with everything turned and shifted; and
+    the turn.
+    """
     c, s = np.cos(turn), np.sin(turn)
     rotation, shift = np.array([[c, -s], [s, c]]), np.array(shift)
     cell, degree = element
@@ -112,9 +136,17 @@ def pressed(law, element, turn, shift):
         "mesh": tagged,
         "element": {"degree": degree},
         "material": {"young": 5000.0, "poisson": 0.3},
-        "displacement": {"boundary": "top", "x": top[0], "y": lambda x: np.full(x.shape[1], top[1])},
+        "displacement": {
+            "boundary": "top",
+            "x": top[0],
+            "y": lambda x: np.full(x.shape[1], top[1]),
+        },
         "traction": {"boundary": "right", "x": side[0], "y": side[1]},
-        "contact": {"boundary": "bottom", "gap": lambda x: 0.003 * (first(x) - 1.4) ** 2 + 0.0002, "friction": law},
+        "contact": {
+            "boundary": "bottom",
+            "gap": lambda x: 0.003 * (first(x) - 1.4) ** 2 + 0.0002,
+            "friction": law,
+        },
         "solver": {"gamma_n": 1e7, "gamma_t": 1e7},
     }
     return on_mesh(parse_scene(scene), tagged), rotation
@@ -123,11 +155,17 @@ def pressed(law, element, turn, shift):
 @pytest.mark.one_quick
 @pytest.mark.parametrize("element", [("quadrilateral", 1), ("triangle", 2)], ids=["Q1", "P2"])
 @pytest.mark.parametrize(
-    "law", [{"law": "tresca", "bound": 2.0}, {"law": "coulomb", "coefficient": 0.2}], ids=lambda law: law["law"]
+    "law",
+    [{"law": "tresca", "bound": 2.0}, {"law": "coulomb", "coefficient": 0.2}],
+    ids=lambda law: law["law"],
 )
-@pytest.mark.parametrize(("turn", "shift"), [(0.0, (12.0, -7.0)), (0.7, (0.0, 0.0)), (2.6, (-3.0, 1.0))])
+@pytest.mark.parametrize(
+    ("turn", "shift"), [(0.0, (12.0, -7.0)), (0.7, (0.0, 0.0)), (2.6, (-3.0, 1.0))]
+)
 def test_rigid_motion_of_the_scene(law, element, turn, shift):
-    """Turned and shifted, the scene has the turned solution, with the same pressures and the same counts."""
+    """Turned and shifted, the scene has the turned solution, with the same pressures and the same
+    counts.
+    """
     here, _ = pressed(law, element, 0.0, (0.0, 0.0))
     there, rotation = pressed(law, element, turn, shift)
     one, two = alone(here), alone(there)
@@ -151,8 +189,13 @@ def test_a_law_that_transmits_nothing_is_no_friction(nothing):
 
 
 def test_the_start_does_not_matter():
-    """All contact nodes, the paper's patch, or a patch at the end: the same solution (it is unique)."""
+    """All contact nodes, the paper's patch, or a patch at the end: the same solution (it is
+    unique).
+    """
     starts = ["all", PATCH, "x[0] <= 0.5", "x[0] > 2"]
-    results = [alone(example1(bound=1.5, nx=60, ny=20, patch=start)).displacement.x.array for start in starts]
+    results = [
+        alone(example1(bound=1.5, nx=60, ny=20, patch=start)).displacement.x.array
+        for start in starts
+    ]
     for result in results[1:]:
         close(result, results[0])

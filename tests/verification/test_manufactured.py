@@ -1,17 +1,32 @@
-"""Accuracy of the elements: rates of convergence against a solution that was made up, and locking (C.9)."""
+"""Accuracy of the elements: rates of convergence against a solution that was made up, and locking
+(C.9).
+"""
 
 import numpy as np
 import pytest
 import ufl
 from dolfinx import fem
-from manufactured import HEIGHT, LAWS, LENGTH, NUMBERS, displacement, made_up, pressure, r_of, s_of, shear
+from manufactured import (
+    HEIGHT,
+    LAWS,
+    LENGTH,
+    NUMBERS,
+    displacement,
+    made_up,
+    pressure,
+    r_of,
+    s_of,
+    shear,
+)
 from scenes import alone, example1, rectangle
 
 ELEMENTS = [("triangle", 1), ("quadrilateral", 1), ("triangle", 2), ("quadrilateral", 2)]
 
 
 def errors(count, cell, degree, law, **solver):
-    """Energy norm, L2 norm, pressure and shear in L2 of the contact boundary, all relative, and the wrong nodes."""
+    """Energy norm, L2 norm, pressure and shear in L2 of the contact boundary, all relative, and the
+    wrong nodes.
+    """
     tagged = rectangle(length=LENGTH, height=HEIGHT, nx=count, ny=count // 2, cell=cell)
     solution = alone(made_up(tagged, degree, law, **solver))
     # In a richer space: against the interpolant in its own a solution looks better than it is.
@@ -25,12 +40,16 @@ def errors(count, cell, degree, law, **solver):
         epsilon = ufl.sym(ufl.grad(v))
         lame, mu = solution.model.elastic.lame
         energy = lame * ufl.tr(epsilon) ** 2 + 2 * mu * ufl.inner(epsilon, epsilon)
-        return [np.sqrt(fem.assemble_scalar(fem.form(e * ufl.dx))) for e in (energy, ufl.inner(v, v))]
+        return [
+            np.sqrt(fem.assemble_scalar(fem.form(e * ufl.dx))) for e in (energy, ufl.inner(v, v))
+        ]
 
     contact = solution.contact
     x = contact.boundary.x.T
     fields = (contact.pressure, pressure(NUMBERS, x)), (contact.shear[:, 0], shear(NUMBERS, x, law))
-    sizes = [contact.points.norm(ours - theirs) / contact.points.norm(theirs) for ours, theirs in fields]
+    sizes = [
+        contact.points.norm(ours - theirs) / contact.points.norm(theirs) for ours, theirs in fields
+    ]
     touching, r = s_of(NUMBERS, x) > 0, r_of(NUMBERS, x)
     sliding = np.where(np.abs(r) > 1, np.sign(r), 0)
     transmits = touching | (law == "tresca")
@@ -41,10 +60,14 @@ def errors(count, cell, degree, law, **solver):
 
 
 def rates(counts, *case):
-    """Slopes of the errors over the mesh size in log scale, and the largest numbers of wrong nodes."""
+    """Slopes of the errors over the mesh size in log scale, and the largest numbers of wrong
+    nodes.
+    """
     rows, wrong = zip(*(errors(count, *case) for count in counts), strict=True)
     slopes = -np.polyfit(np.log(counts), np.log(rows), 1)[0]
-    return dict(zip(("energy", "l2", "pressure", "shear"), slopes, strict=True)), np.max(wrong, axis=0)
+    return dict(zip(("energy", "l2", "pressure", "shear"), slopes, strict=True)), np.max(
+        wrong, axis=0
+    )
 
 
 each_law = pytest.mark.parametrize("law", LAWS)
@@ -67,11 +90,18 @@ def test_rates_with_kinks_at_nodes(cell, degree, law):
 
 @pytest.mark.one_quick
 @pytest.mark.parametrize(
-    "solver", [{"algorithm": "ssn"}, {"algorithm": "ssn", "coulomb": "newton"}, {"algorithm": "path-following"}]
+    "solver",
+    [
+        {"algorithm": "ssn"},
+        {"algorithm": "ssn", "coulomb": "newton"},
+        {"algorithm": "path-following"},
+    ],
 )
 @each_element
 def test_regularisation_costs_no_accuracy(cell, degree, solver):
-    """The automatic gamma, and the one that path-following finds, leave the error of the mesh, and hardly more."""
+    """The automatic gamma, and the one that path-following finds, leave the error of the mesh, and
+    hardly more.
+    """
     exact, _ = errors(16, cell, degree, "coulomb")
     regularised, _ = errors(16, cell, degree, "coulomb", **solver)
     assert regularised[0] < (1.3 if solver["algorithm"] == "path-following" else 1.01) * exact[0]
@@ -79,7 +109,9 @@ def test_regularisation_costs_no_accuracy(cell, degree, solver):
 
 def sinking(poisson, cell, degree, volumetric, nx):
     """u_y at the middle of the top of Example 1."""
-    scene = example1(poisson=poisson, bound=1.5, gamma="auto", nx=nx, ny=nx // 3, cell=cell, degree=degree)
+    scene = example1(
+        poisson=poisson, bound=1.5, gamma="auto", nx=nx, ny=nx // 3, cell=cell, degree=degree
+    )
     element = scene.element.model_copy(update={"volumetric": volumetric})
     solution = alone(scene.model_copy(update={"element": element}))
     x = solution.model.space.tabulate_dof_coordinates()
@@ -90,13 +122,18 @@ def sinking(poisson, cell, degree, volumetric, nx):
 @pytest.mark.slow
 @pytest.mark.parametrize("poisson", [0.3, 0.4999])
 def test_reduced_elements_do_not_lock(poisson):
-    """Nearly incompressible: reduced integration stays within 1 % of a fine reference, full Q1 loses two thirds."""
+    """Nearly incompressible: reduced integration stays within 1 % of a fine reference, full Q1
+    loses two thirds.
+    """
     reference = sinking(poisson, "quadrilateral", 2, "reduced", 90)
     for cell, degree in ELEMENTS[1:]:
         assert sinking(poisson, cell, degree, "reduced", 30) == pytest.approx(reference, rel=0.005)
-    # The triangle of degree 2 has another reduced form than the quadrilateral: two references, not one.
+    # The triangle of degree 2 has another reduced form than the quadrilateral: two references, not
+    # one.
     assert sinking(poisson, "triangle", 2, "reduced", 90) == pytest.approx(reference, rel=0.001)
     if poisson >= 0.45:
-        assert sinking(poisson, "quadrilateral", 1, "auto", 30) == sinking(poisson, "quadrilateral", 1, "reduced", 30)
+        assert sinking(poisson, "quadrilateral", 1, "auto", 30) == sinking(
+            poisson, "quadrilateral", 1, "reduced", 30
+        )
     if poisson > 0.4999:
         assert abs(sinking(poisson, "quadrilateral", 1, "full", 30)) < 0.4 * abs(reference)

@@ -1,5 +1,6 @@
-"""Nonlinear bodies against known solutions: a thin ring between plates (the elastica), and the load that a half-plane
-of metal bears under a punch (R. Hill, The Mathematical Theory of Plasticity, 1950, chapter IX).
+"""Nonlinear bodies against known solutions: a thin ring between plates (the elastica), and the load
+that a half-plane of metal bears under a punch (R. Hill, The Mathematical Theory of Plasticity,
+1950, chapter IX).
 """
 
 import numpy as np
@@ -12,8 +13,8 @@ from signorini_fx.mechanics.mesh.tagged import tagged_mesh
 from signorini_fx.scenes.reading import parse_scene
 
 COMM = MPI.COMM_SELF
-# P R^2 / EI, half the closing over R, and half the growth of the width over R where a point is known; from the fifth
-# row on the ring is flat between two forces.
+# P R^2 / EI, half the closing over R, and half the growth of the width over R where a point is
+# known; from the fifth row on the ring is flat between two forces.
 ELASTICA = [
     (0.1, 0.0075249, 0.0068580),
     (0.5, 0.0393995, 0.0347900),
@@ -38,13 +39,22 @@ def on_unit_square(cells, cell=dmesh.CellType.quadrilateral, **sides):
 
 def ring_between_plates(thickness, cells):
     """A quarter of it, of radius and bending stiffness one, closed as the elastica is."""
-    mesh, facets = on_unit_square([cells, 1], foot=lambda x: x[0], top=lambda x: x[0] - 1, outside=lambda x: x[1] - 1)
+    mesh, facets = on_unit_square(
+        [cells, 1], foot=lambda x: x[0], top=lambda x: x[0] - 1, outside=lambda x: x[1] - 1
+    )
     along, across = mesh.geometry.x.T[:2].copy()
     radius, angle = 1 + thickness * (across - 0.5), along * np.pi / 2
     mesh.geometry.x[:, :2] = np.column_stack((radius * np.cos(angle), radius * np.sin(angle)))
     closing = np.diff([0.0, *(row[1] for row in ELASTICA)])
-    way = " + ".join(f"{share} * min(max(t - {k}, 0), 1)" for k, share in enumerate(closing.tolist()))
-    plate = {"shape": "plane", "point": [0.0, 1 + thickness / 2], "normal": [0.0, -1.0], "shift": [0.0, f"-({way})"]}
+    way = " + ".join(
+        f"{share} * min(max(t - {k}, 0), 1)" for k, share in enumerate(closing.tolist())
+    )
+    plate = {
+        "shape": "plane",
+        "point": [0.0, 1 + thickness / 2],
+        "normal": [0.0, -1.0],
+        "shift": [0.0, f"-({way})"],
+    }
     scene = {
         "mesh": tagged_mesh(mesh, facets),
         "element": {"degree": 2},
@@ -59,7 +69,9 @@ def ring_between_plates(thickness, cells):
 
 @pytest.mark.slow
 def test_a_ring_between_plates_is_the_elastica():
-    """Forces and widths at given closings, also where the ring has become flat and bears on two points alone."""
+    """Forces and widths at given closings, also where the ring has become flat and bears on two
+    points alone.
+    """
     within, solution = 9e-4, ring_between_plates(0.02, 48)
     x = solution.model.space.tabulate_dof_coordinates()
     foot = np.isclose(x[:, 1], 0.0)
@@ -84,7 +96,9 @@ def spaced(cells, until):
 
 
 def punched(cells, friction):
-    """Mean pressures of a rigid punch over the shear strength, as it is pressed into half of a wide block."""
+    """Mean pressures of a rigid punch over the shear strength, as it is pressed into half of a wide
+    block.
+    """
     x, y = spaced(cells, 6.0), 5.0 - spaced(cells, 5.0)[::-1]
     counts = [x.size - 1, y.size - 1]
     mesh, facets = on_unit_square(
@@ -115,7 +129,9 @@ def punched(cells, friction):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("friction", [None, {"law": "coulomb", "coefficient": 1.0}], ids=["smooth", "rough"])
+@pytest.mark.parametrize(
+    "friction", [None, {"law": "coulomb", "coefficient": 1.0}], ids=["smooth", "rough"]
+)
 def test_a_punch_meets_the_limit_of_prandtl_and_hill(friction):
     """(2 + pi) k, rough or smooth: from above on meshes, and as their size goes to zero."""
     coarse, fine = (punched(cells, friction) for cells in (4, 8))

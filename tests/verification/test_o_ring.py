@@ -1,4 +1,6 @@
-"""A rubber O-ring between two plates: the mixed element against displacements alone, and against Hertz."""
+"""A rubber O-ring between two plates: the mixed element against displacements alone, and against
+Hertz.
+"""
 
 from functools import cache
 
@@ -47,26 +49,38 @@ def pressed(mesh, poisson, volumetric):
     }
     solution = alone(parse_scene(scene))
     columns = solution.table.columns
-    return solution, columns["x"] - MIDDLE, columns["pressure"], columns["weight"] * columns["pressure"]
+    return (
+        solution,
+        columns["x"] - MIDDLE,
+        columns["pressure"],
+        columns["weight"] * columns["pressure"],
+    )
 
 
 @cache
 def ring(name):
     """One of three rings."""
-    cases = {"displacement": (0.49, "full"), "mixed": (0.49, "mixed"), "incompressible": (0.5, "mixed")}
+    cases = {
+        "displacement": (0.49, "full"),
+        "mixed": (0.49, "mixed"),
+        "incompressible": (0.5, "mixed"),
+    }
     return pressed(upper_half(), *cases[name])
 
 
 @pytest.mark.slow
 def test_mixed_and_displacement():
-    """At nu = 0.49: force, largest pressure, and the smallest principal stress, in each cell as it is."""
+    """At nu = 0.49: force, largest pressure, and the smallest principal stress, in each cell as it
+    is.
+    """
     one, other = ring("displacement"), ring("mixed")
     assert one[0].certificate.holds
     assert other[0].certificate.holds
     assert np.isclose(one[3].sum(), other[3].sum(), rtol=2e-3)
     assert np.isclose(one[2].max(), other[2].max(), rtol=0.02)
     assert ring("incompressible")[3].sum() > other[3].sum()
-    # Below the contact the body is nearly under its pressure alone, which displacements alone miss in single cells.
+    # Below the contact the body is nearly under its pressure alone, which displacements alone miss
+    # in single cells.
     missed = [abs(ring[0].stress.smallest().value / ring[2].max() + 1) for ring in (one, other)]
     assert missed[1] < 0.02
     assert 0.05 < missed[0] < 0.3

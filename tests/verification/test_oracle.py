@@ -13,7 +13,9 @@ def in_grid_order(solution, nx, ny):
     """Nodal displacements in the order of the oracle's grid, shape (nodes, 2)."""
     space = solution.model.space
     x = space.tabulate_dof_coordinates()
-    number = np.rint(x[:, 0] * nx / oracle.LENGTH) + (nx + 1) * np.rint(x[:, 1] * ny / oracle.HEIGHT)
+    number = np.rint(x[:, 0] * nx / oracle.LENGTH) + (nx + 1) * np.rint(
+        x[:, 1] * ny / oracle.HEIGHT
+    )
     return solution.displacement.x.array.reshape(-1, 2)[np.argsort(number)]
 
 
@@ -35,13 +37,18 @@ def agree(solution, reference, nx, ny):
 @pytest.mark.parametrize(("nx", "ny"), GRIDS)
 @pytest.mark.parametrize("gamma", [(1e4, 1e6), (1e8, 1e8)])
 def test_tresca(nx, ny, cell, gamma):
-    """Given friction, from the paper's patch: the same solution after the same number of linear solves."""
-    solution = alone(example1(bound=1.5, nx=nx, ny=ny, cell=cell, gamma=gamma, patch=PATCH, sigma=1.0))
+    """Given friction, from the paper's patch: the same solution after the same number of linear
+    solves.
+    """
+    solution = alone(
+        example1(bound=1.5, nx=nx, ny=ny, cell=cell, gamma=gamma, patch=PATCH, sigma=1.0)
+    )
     reference = oracle.tresca(nx, ny, 0.4, 1.5, gamma, (1.25, 1.75), cell)
     agree(solution, reference, nx, ny)
     table = table_of(solution).columns
     np.testing.assert_array_equal(
-        np.select([table["friction"] == "slip+", table["friction"] == "slip-"], [1, -1]), reference.slip
+        np.select([table["friction"] == "slip+", table["friction"] == "slip-"], [1, -1]),
+        reference.slip,
     )
     assert solution.history.linear_solves == reference.solves
 
@@ -51,7 +58,9 @@ def test_tresca(nx, ny, cell, gamma):
 @pytest.mark.parametrize(("nx", "ny"), GRIDS)
 @pytest.mark.parametrize("coefficient", [0.1, 0.3, 1.0])
 def test_coulomb(nx, ny, cell, coefficient):
-    """Coulomb friction by Algorithm (FP) from the pure contact problem: the same solution after the same solves."""
+    """Coulomb friction by Algorithm (FP) from the pure contact problem: the same solution after the
+    same solves.
+    """
     solution = alone(example1(coefficient=coefficient, nx=nx, ny=ny, cell=cell, sigma=1.0))
     reference = oracle.coulomb(nx, ny, 0.4, coefficient, (1e8, 1e8), cell)
     agree(solution, reference, nx, ny)
@@ -60,7 +69,9 @@ def test_coulomb(nx, ny, cell, coefficient):
 
 
 def test_numbers_of_example_1():
-    """The numbers that the package's results are known by, from the oracle alone (Q1, 120 x 40, gamma = 1e8)."""
+    """The numbers that the package's results are known by, from the oracle alone (Q1, 120 x 40,
+    gamma = 1e8).
+    """
     middle = 40 * 121 + 60
     tresca, coulomb = (
         oracle.tresca(120, 40, 0.4, 1.5, (1e8, 1e8), (1.25, 1.75)),
@@ -69,5 +80,7 @@ def test_numbers_of_example_1():
     assert tresca.u[middle, 1] == pytest.approx(-0.00382157, abs=5e-9)
     assert coulomb.u[middle, 1] == pytest.approx(-0.00384852, abs=5e-9)
     assert (tresca.energy, coulomb.energy) == pytest.approx((0.0231870, 0.0234108), abs=5e-8)
-    assert (tresca.pressure.max(), coulomb.pressure.max()) == pytest.approx((20.1121, 20.1810), abs=5e-5)
+    assert (tresca.pressure.max(), coulomb.pressure.max()) == pytest.approx(
+        (20.1121, 20.1810), abs=5e-5
+    )
     assert (tresca.solves, coulomb.solves) == (11, 16)

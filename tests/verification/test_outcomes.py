@@ -1,4 +1,6 @@
-"""Scenes without a solution, or that the method does not solve: each ends in an outcome with a name."""
+"""Scenes without a solution, or that the method does not solve: each ends in an outcome with a
+name.
+"""
 
 from pathlib import Path
 
@@ -29,7 +31,9 @@ def outcome(scene):
         assert caught.value.solution.status is solution.status
         first, *warnings = str(caught.value).splitlines()
         assert first == f"{solution.status.value}: {solution.advice}"
-        told = [f for f in solution.findings if f.level == "warning" and f.message != solution.advice]
+        told = [
+            f for f in solution.findings if f.level == "warning" and f.message != solution.advice
+        ]
         assert warnings == [f"{f.path}: {f.message}" for f in told]
     return solution
 
@@ -51,7 +55,9 @@ def test_free_sideways_without_friction():
     # What to do is said once, with the motion.
     assert "the translation along (1, 0)" in solution.advice
     assert "friction" in solution.advice
-    assert " ".join(map(str, lines_of(summary_of(solution), Path()))).split().count("prescribe") == 1
+    assert (
+        " ".join(map(str, lines_of(summary_of(solution), Path()))).split().count("prescribe") == 1
+    )
 
 
 def test_no_contact_and_no_support():
@@ -70,7 +76,9 @@ def test_pulled_off(law):
 @pytest.mark.parametrize("law", [{"bound": 1.5}, {"coefficient": 0.3}])
 def test_pushed_off_sideways(law):
     """A sideways load beyond what friction can carry slides the body away."""
-    scene = example1(**law, **SMALL).model_copy(update={"traction": loaded(10.0, -20.0), "displacement": ()})
+    scene = example1(**law, **SMALL).model_copy(
+        update={"traction": loaded(10.0, -20.0), "displacement": ()}
+    )
     solution = outcome(scene)
     assert solution.status is Status.SLIDES
     if not solution.history.iterations:  # known before the first solve: nothing has touched yet
@@ -81,7 +89,9 @@ def test_pushed_off_sideways(law):
 def test_friction_where_a_support_takes_the_pressure():
     """A corner that is held along its normal does not press: friction there holds no body."""
     scene = example1(coefficient="0.8 if x[0] < 0.01 else 0", **SMALL)
-    sides = tuple(support.model_copy(update={"x": None, "y": 0.0}) for support in scene.displacement)
+    sides = tuple(
+        support.model_copy(update={"x": None, "y": 0.0}) for support in scene.displacement
+    )
     scene = scene.model_copy(update={"traction": loaded(2.0, 0.0), "displacement": sides})
     assert outcome(scene).status is Status.NOT_HELD
 
@@ -105,7 +115,8 @@ LEFT = {"boundary": "left", "x": 0.0}
 @pytest.mark.parametrize("algorithm", ["ssn", "alm"])
 @pytest.mark.parametrize("gap", [(-0.01, -0.01), (0.03, -0.05)])
 def test_squeezed(gap, algorithm):
-    """An interference fit needs no load: the block is compressed by 0.02, free to widen, wherever the foundations are.
+    """An interference fit needs no load: the block is compressed by 0.02, free to widen, wherever
+    the foundations are.
 
     Plane strain without a stress along x: the pressure is E / (1 - nu^2) times the strain 0.02 / 2.
     """
@@ -128,25 +139,40 @@ def test_nothing_presses(gap):
 
 
 @pytest.mark.one_quick
-@pytest.mark.parametrize("friction", [{"law": "coulomb", "coefficient": 0.3}, {"law": "tresca", "bound": 0.3}])
+@pytest.mark.parametrize(
+    "friction", [{"law": "coulomb", "coefficient": 0.3}, {"law": "tresca", "bound": 0.3}]
+)
 @pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
 @pytest.mark.parametrize(("nx", "ny"), [(3, 2), (14, 3)])
 def test_loads_that_balance_each_other(friction, cell, nx, ny):
-    """A resultant of round-off is no load: nothing presses the body on, on any mesh and in any units."""
+    """A resultant of round-off is no load: nothing presses the body on, on any mesh and in any
+    units.
+    """
     for length, force in ((1.0, 1.0), (1e-7, 1e9)):
-        parameters = {"length": 3.0 * length, "height": 1.1 * length, "nx": nx, "ny": ny, "cell": cell}
+        parameters = {
+            "length": 3.0 * length,
+            "height": 1.1 * length,
+            "nx": nx,
+            "ny": ny,
+            "cell": cell,
+        }
         scene = parse_scene(
             {
                 "mesh": {"generator": "rectangle", "parameters": parameters},
                 "material": {"young": 1000.0 * force, "poisson": 0.3},
                 "traction": [
-                    {"boundary": "top", "y": f"{5.0 * force} * cos(2 * pi * x[0] / {1.5 * length})"},
+                    {
+                        "boundary": "top",
+                        "y": f"{5.0 * force} * cos(2 * pi * x[0] / {1.5 * length})",
+                    },
                     {"boundary": "left", "x": 3.0 * force},
                     {"boundary": "right", "x": -3.0 * force},
                 ],
                 "contact": {
                     "boundary": "bottom",
-                    "friction": {"law": "tresca", "bound": 0.3 * force} if "bound" in friction else friction,
+                    "friction": {"law": "tresca", "bound": 0.3 * force}
+                    if "bound" in friction
+                    else friction,
                 },
             }
         )
@@ -156,11 +182,15 @@ def test_loads_that_balance_each_other(friction, cell, nx, ny):
 
 
 @pytest.mark.one_quick
-@pytest.mark.parametrize("friction", [{"law": "coulomb", "coefficient": 0.3}, {"law": "tresca", "bound": 0.3}])
+@pytest.mark.parametrize(
+    "friction", [{"law": "coulomb", "coefficient": 0.3}, {"law": "tresca", "bound": 0.3}]
+)
 @pytest.mark.parametrize("algorithm", ["ssn", "alm"])
 @pytest.mark.parametrize("gap", [(0.01, 0.01), (0.03, -0.01)])
 def test_strains_that_press(gap, algorithm, friction):
-    """A block with clearance of 0.02 in sum, compressed by 3 % along its foundations: it becomes too thick for them."""
+    """A block with clearance of 0.02 in sum, compressed by 3 % along its foundations: it becomes
+    too thick for them.
+    """
     sides = zip(("bottom", "top"), gap, strict=True)
     scene = parse_scene(
         {
@@ -171,7 +201,10 @@ def test_strains_that_press(gap, algorithm, friction):
             "material": {"young": 1000.0, "poisson": 0.3},
             "displacement": LEFT,
             "traction": {"boundary": "right", "x": -30.0},
-            "contact": [{"boundary": side, "gap": distance, "friction": friction} for side, distance in sides],
+            "contact": [
+                {"boundary": side, "gap": distance, "friction": friction}
+                for side, distance in sides
+            ],
             "solver": {"algorithm": algorithm},
         }
     )
@@ -185,14 +218,23 @@ def test_strains_that_press(gap, algorithm, friction):
 @pytest.mark.parametrize("algorithm", ["ssn", "alm", "path-following"])
 @pytest.mark.parametrize(("pressure", "status"), [(10.0, Status.CONVERGED), (-10.0, Status.OPEN)])
 def test_held_by_friction_where_a_beam_bends_down(pressure, status, algorithm):
-    """Both ends rest on rollers and nothing is pushed along them: friction holds the beam if it bends down, not up."""
+    """Both ends rest on rollers and nothing is pushed along them: friction holds the beam if it
+    bends down, not up.
+    """
     scene = parse_scene(
         {
-            "mesh": {"generator": "rectangle", "parameters": {"length": 3.0, "height": 0.5, "nx": 8, "ny": 2}},
+            "mesh": {
+                "generator": "rectangle",
+                "parameters": {"length": 3.0, "height": 0.5, "nx": 8, "ny": 2},
+            },
             "material": {"young": 1000.0, "poisson": 0.3},
             "displacement": [{"boundary": "left", "y": 0.0}, {"boundary": "right", "y": 0.0}],
             "traction": {"boundary": "top", "pressure": pressure},
-            "contact": {"boundary": "bottom", "gap": 1e-3, "friction": {"law": "coulomb", "coefficient": 0.05}},
+            "contact": {
+                "boundary": "bottom",
+                "gap": 1e-3,
+                "friction": {"law": "coulomb", "coefficient": 0.05},
+            },
             "solver": {"algorithm": algorithm},
         }
     )
@@ -209,10 +251,15 @@ def test_held_by_friction_where_a_beam_bends_down(pressure, status, algorithm):
 @pytest.mark.parametrize("gamma", [1e6, 1e8])
 def test_cycling(gamma):
     """sigma = 1 / gamma_2 cycles (section 7.1); the advice names the cure, and the cure works."""
-    solution = outcome(example1(bound=1.5, gamma=gamma, sigma=1 / gamma, patch=PATCH, fallbacks=False))
+    solution = outcome(
+        example1(bound=1.5, gamma=gamma, sigma=1 / gamma, patch=PATCH, fallbacks=False)
+    )
     assert solution.status is Status.CYCLING
     assert "sigma = 'auto'" in solution.status.advice
-    assert outcome(example1(bound=1.5, gamma=gamma, patch=PATCH, fallbacks=False)).status is Status.CONVERGED
+    assert (
+        outcome(example1(bound=1.5, gamma=gamma, patch=PATCH, fallbacks=False)).status
+        is Status.CONVERGED
+    )
 
 
 def test_too_few_iterations():

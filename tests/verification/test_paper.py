@@ -1,4 +1,6 @@
-"""demos/paper.py: the paper's tables, computed through its command line, against the printed numbers."""
+"""demos/paper.py: the paper's tables, computed through its command line, against the printed
+numbers.
+"""
 
 import json
 from itertools import pairwise
@@ -62,20 +64,28 @@ def test_table_4(tables, grid):
     assert found["direct"] == printed["direct"]
     assert found["second"] == printed["second"]
     assert found["second_linear_solves"] == [printed["second"] - 1] * 2
-    assert all(abs(ours - theirs) <= 1 for ours, theirs in zip(found["sum"], printed["sum"], strict=True))
+    assert all(
+        abs(ours - theirs) <= 1 for ours, theirs in zip(found["sum"], printed["sum"], strict=True)
+    )
 
 
 @pytest.mark.parametrize(
-    ("name", "inner_off", "d_off"), [("gamma=1e6", 0, 0.02), ("gamma=1e7", 1, 0.15), ("gamma=10^(4+l)", 0, 0.01)]
+    ("name", "inner_off", "d_off"),
+    [("gamma=1e6", 0, 0.02), ("gamma=1e7", 1, 0.15), ("gamma=10^(4+l)", 0, 0.01)],
 )
 def test_table_5(tables, name, inner_off, d_off):
     """Inexact (ALM): the inner iterations but one, and the distances but for two digits."""
     found, printed = tables["table5"][name], PRINTED["table5"][name]
-    assert sum(ours != theirs for ours, theirs in zip(found["inner"], printed["inner"], strict=True)) <= inner_off
+    assert (
+        sum(ours != theirs for ours, theirs in zip(found["inner"], printed["inner"], strict=True))
+        <= inner_off
+    )
     assert found["d"] == pytest.approx(printed["d"], rel=d_off)
 
 
-@pytest.mark.parametrize(("name", "solves"), [("exact gamma=1e7", 19), ("exact gamma=1e6 growing tenfold", 16)])
+@pytest.mark.parametrize(
+    ("name", "solves"), [("exact gamma=1e7", 19), ("exact gamma=1e6 growing tenfold", 16)]
+)
 def test_exact_augmented_lagrangian(tables, name, solves):
     """Two updates, and as many solves as are printed."""
     found, printed = tables["table5"][name], PRINTED["table5"][name]

@@ -1,8 +1,9 @@
-"""Patch tests: constant states of stress on any mesh at any angle, which every element must hold to round-off (C.4).
+"""Patch tests: constant states of stress on any mesh at any angle, which every element must hold to
+round-off (C.4).
 
-The body is a rectangle on a flat foundation in its own frame X; the mesh is distorted, then turned with all that acts
-on it, x = R X.  With regularisation the foundation gives way by p / gamma_1 and t / gamma_2, which a constant state
-turns into a rigid motion that is known as well.
+The body is a rectangle on a flat foundation in its own frame X; the mesh is distorted, then turned
+with all that acts on it, x = R X.  With regularisation the foundation gives way by p / gamma_1 and
+t / gamma_2, which a constant state turns into a rigid motion that is known as well.
 """
 
 from dataclasses import dataclass
@@ -23,7 +24,11 @@ PRESSURE, SHEAR, GAP, GAMMA = 20.0, 4.0, 0.002, 1e6
 ROUND_OFF = 1e-10
 ELEMENTS = [("triangle", 1), ("quadrilateral", 1), ("triangle", 2), ("quadrilateral", 2)]
 SIDES = ("left", "right", "left foot", "right foot")
-NORMALS = {"bottom": (0.0, -1.0), "top": (0.0, 1.0), **{name: (-1.0 if "left" in name else 1.0, 0.0) for name in SIDES}}
+NORMALS = {
+    "bottom": (0.0, -1.0),
+    "top": (0.0, 1.0),
+    **{name: (-1.0 if "left" in name else 1.0, 0.0) for name in SIDES},
+}
 
 
 def rotation(angle):
@@ -32,13 +37,22 @@ def rotation(angle):
 
 
 def patch_mesh(cell, angle, kind="distorted", interface=None):
-    """6 x 4 facets, turned.  Distorted: vertices are moved by up to a fifth of a cell, those of the boundary along it.
+    """6 x 4 facets, turned.  Distorted: vertices are moved by up to a fifth of a cell, those of the
+    boundary along it.
 
-    The lowest facets of the sides have names of their own, so that no node need be in contact with two foundations.
-    Vertices at the height ``interface`` stay there, and the cells below and above it are the regions low and high.
+    The lowest facets of the sides have names of their own, so that no node need be in contact with
+    two foundations. Vertices at the height ``interface`` stay there, and the cells below and above
+    it are the regions low and high.
     """
     layout = "unstructured" if kind == "unstructured" else "structured"
-    parameters = {"length": LENGTH, "height": HEIGHT, "nx": 6, "ny": 4, "cell": cell, "layout": layout}
+    parameters = {
+        "length": LENGTH,
+        "height": HEIGHT,
+        "nx": 6,
+        "ny": 4,
+        "cell": cell,
+        "layout": layout,
+    }
     mesh = generate_mesh("block", parameters, MPI.COMM_SELF).mesh
     step = np.array([LENGTH / 6, HEIGHT / 4])
 
@@ -60,9 +74,16 @@ def patch_mesh(cell, angle, kind="distorted", interface=None):
         cells = np.arange(mesh.topology.index_map(2).size_local, dtype=np.int32)
         high = (dmesh.compute_midpoints(mesh, 2, cells)[:, 1] > interface).astype(np.int32)
         regions = dmesh.meshtags(mesh, 2, cells, high + 1)
-        tagged = TaggedMesh(mesh, tagged.facet_tags, tagged.boundaries, regions, {"low": 1, "high": 2})
+        tagged = TaggedMesh(
+            mesh, tagged.facet_tags, tagged.boundaries, regions, {"low": 1, "high": 2}
+        )
     x = mesh.geometry.x
-    moves = 0.2 * step * np.random.default_rng(5).uniform(-1.0, 1.0, (len(x), 2)) * (kind == "distorted")
+    moves = (
+        0.2
+        * step
+        * np.random.default_rng(5).uniform(-1.0, 1.0, (len(x), 2))
+        * (kind == "distorted")
+    )
     moves[np.isclose(x[:, 0, None], [0.0, LENGTH]).any(axis=1), 0] = 0.0
     lines = [0.0, HEIGHT] if interface is None else [0.0, HEIGHT, interface]
     moves[np.isclose(x[:, 1, None], lines).any(axis=1), 1] = 0.0
@@ -87,7 +108,12 @@ class State:
         young = YOUNG / (1 - POISSON**2) if strain else YOUNG
         poisson = POISSON / (1 - POISSON) if strain else POISSON
         angle = self.xy * 2 * (1 + POISSON) / YOUNG
-        return np.array([[(self.xx - poisson * self.yy) / young, angle], [0.0, (self.yy - poisson * self.xx) / young]])
+        return np.array(
+            [
+                [(self.xx - poisson * self.yy) / young, angle],
+                [0.0, (self.yy - poisson * self.xx) / young],
+            ]
+        )
 
     def displacement(self, angle):
         """At points of the turned body, shape (3, n) to (2, n)."""
@@ -121,10 +147,19 @@ def run(tagged, degree, algorithm="alm", **scene):
         "mesh": tagged,
         "element": {"degree": degree},
         "material": {"young": YOUNG, "poisson": POISSON},
-        "solver": {"algorithm": algorithm, "gamma_n": GAMMA, "gamma_t": 2 * GAMMA, "tolerance": 1e-12},
+        "solver": {
+            "algorithm": algorithm,
+            "gamma_n": GAMMA,
+            "gamma_t": 2 * GAMMA,
+            "tolerance": 1e-12,
+        },
     }
     for key, value in scene.items():
-        data[key] = data[key] | value if isinstance(data.get(key), dict) and isinstance(value, dict) else value
+        data[key] = (
+            data[key] | value
+            if isinstance(data.get(key), dict) and isinstance(value, dict)
+            else value
+        )
     return alone(parse_scene(data))
 
 
@@ -139,7 +174,9 @@ def assert_contact(solution, pressure, shear=0.0, state="stick", part=0, toleran
     names = [effect.boundary for effect in solution.statement.contact]
     columns = contact_table(solution.contact, names).columns
     here = columns["boundary"] == names[part]
-    np.testing.assert_allclose(columns["pressure"][here], pressure, rtol=0, atol=tolerance * PRESSURE)
+    np.testing.assert_allclose(
+        columns["pressure"][here], pressure, rtol=0, atol=tolerance * PRESSURE
+    )
     np.testing.assert_allclose(columns["shear"][here], shear, rtol=0, atol=tolerance * PRESSURE)
     assert set(columns["friction"][here]) == {state}
 
@@ -171,7 +208,9 @@ each_limit = pytest.mark.parametrize("algorithm", ["alm", "ssn"])
 @pytest.mark.one_quick
 @everywhere
 def test_pressed_with_free_sides(cell, degree, algorithm, angle, kind):
-    """(a) The top pressed, frictionless, one side a plane of symmetry: lambda = p, the body widens freely."""
+    """(a) The top pressed, frictionless, one side a plane of symmetry: lambda = p, the body widens
+    freely.
+    """
     give, _ = yielding(algorithm)
     state = State(yy=-PRESSURE, corner=(0.0, -GAP - give * PRESSURE))
     solution = run(
@@ -189,7 +228,9 @@ def test_pressed_with_free_sides(cell, degree, algorithm, angle, kind):
 @pytest.mark.one_quick
 @everywhere
 def test_pressed_with_fixed_sides(cell, degree, algorithm, angle, kind):
-    """(b) The same between two frictionless walls, which give way to the regularised body by s / gamma_1 each."""
+    """(b) The same between two frictionless walls, which give way to the regularised body by s /
+    gamma_1 each.
+    """
     give, _ = yielding(algorithm)
     side = POISSON * (1 + POISSON) * PRESSURE / (1 - POISSON**2 + 2 * give * YOUNG / LENGTH)
     state = State(xx=-side, yy=-PRESSURE, corner=(-give * side, -GAP - give * PRESSURE))
@@ -211,14 +252,19 @@ COULOMB = FRICTION[1]
 law_and_way = pytest.mark.parametrize(
     ("friction", "sign"), [(FRICTION[0], 1), (FRICTION[1], -1)], ids=["tresca", "coulomb"]
 )
-CONFINED = {"xx": -POISSON / (1 - POISSON) * PRESSURE, "yy": -PRESSURE}  # stress of a body that cannot widen
+CONFINED = {
+    "xx": -POISSON / (1 - POISSON) * PRESSURE,
+    "yy": -PRESSURE,
+}  # stress of a body that cannot widen
 
 
 @pytest.mark.one_quick
 @law_and_way
 @everywhere
 def test_full_stick(cell, degree, algorithm, angle, kind, friction, sign):
-    """(c) Tractions of the constant state, |mu| at 0.9 of its bound: nothing but friction holds the body sideways."""
+    """(c) Tractions of the constant state, |mu| at 0.9 of its bound: nothing but friction holds the
+    body sideways.
+    """
     give, give_way = yielding(algorithm)
     shear = 0.9 * sign * SHEAR
     state = State(**CONFINED, xy=shear, corner=(give_way * shear, -GAP - give * PRESSURE))
@@ -235,7 +281,9 @@ def test_full_stick(cell, degree, algorithm, angle, kind, friction, sign):
 
 def sliding(sign, algorithm, shear=SHEAR):
     """(d) The whole bottom slips by 0.01."""
-    return State(**CONFINED, xy=sign * shear, corner=(0.01 * sign, -GAP - yielding(algorithm)[0] * PRESSURE))
+    return State(
+        **CONFINED, xy=sign * shear, corner=(0.01 * sign, -GAP - yielding(algorithm)[0] * PRESSURE)
+    )
 
 
 def slide(state, angle, **contact):
@@ -259,8 +307,8 @@ def test_full_slip(cell, degree, algorithm, angle, kind, friction, sign):
     assert_contact(solution, PRESSURE, sign * SHEAR, "slip+" if sign > 0 else "slip-")
 
 
-# What an update leaves of the error here, 0.56 to 0.82, depends on the distorted mesh, which differs between releases
-# of dolfinx: up to 130 updates for twelve digits.
+# What an update leaves of the error here, 0.56 to 0.82, depends on the distorted mesh, which
+# differs between releases of dolfinx: up to 130 updates for twelve digits.
 @pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("algorithm", "settings", "tolerance"),
@@ -271,7 +319,9 @@ def test_full_slip(cell, degree, algorithm, angle, kind, friction, sign):
 )
 @each_element
 def test_full_slip_in_the_limit(cell, degree, algorithm, settings, tolerance):
-    """Augmented Lagrangian and path-following approach the unregularised state as far as they are told to."""
+    """Augmented Lagrangian and path-following approach the unregularised state as far as they are
+    told to.
+    """
     state = sliding(1, "alm")
     solution = run(patch_mesh(cell, 0.7), degree, algorithm, solver=settings, **slide(state, 0.7))
     assert_displacement(solution, state.displacement(0.7), tolerance)
@@ -285,7 +335,9 @@ def test_cap(algorithm, cap):
     shear = SHEAR * min(cap, 1.0)
     state = sliding(-1, algorithm, shear)
     tagged = patch_mesh("quadrilateral", 0.7)
-    solution = run(tagged, 1, algorithm, **slide(state, 0.7, friction=COULOMB | {"cap": cap * SHEAR}))
+    solution = run(
+        tagged, 1, algorithm, **slide(state, 0.7, friction=COULOMB | {"cap": cap * SHEAR})
+    )
     assert_displacement(solution, state.displacement(0.7))
     assert_contact(solution, PRESSURE, -shear, "slip-")
 
@@ -298,7 +350,9 @@ def test_pulled(cell, degree, algorithm, angle):
     """Bilateral contact holds what pulls at it: lambda = -p, and friction acts with |lambda|."""
     give, _ = yielding(algorithm)
     state = State(-CONFINED["xx"], PRESSURE, SHEAR, corner=(0.01, -GAP + give * PRESSURE))
-    solution = run(patch_mesh(cell, angle), degree, algorithm, **slide(state, angle, kind="bilateral"))
+    solution = run(
+        patch_mesh(cell, angle), degree, algorithm, **slide(state, angle, kind="bilateral")
+    )
     assert_displacement(solution, state.displacement(angle))
     assert_contact(solution, -PRESSURE, SHEAR, "slip+")
     assert solution.certificate.holds
@@ -308,11 +362,13 @@ def test_pulled(cell, degree, algorithm, angle):
 @each_element
 @two_angles
 def test_two_foundations(cell, degree, angle):
-    """Coulomb friction below, Tresca friction at the right, sliding on both; they share the corner, and nothing else
-    holds the body.
+    """Coulomb friction below, Tresca friction at the right, sliding on both; they share the corner,
+    and nothing else holds the body.
     """
     give, side = 1 / GAMMA, 1.5 * PRESSURE
-    state = State(xx=-side, yy=-PRESSURE, xy=SHEAR, corner=(0.02 + give * side, -GAP - give * PRESSURE))
+    state = State(
+        xx=-side, yy=-PRESSURE, xy=SHEAR, corner=(0.02 + give * side, -GAP - give * PRESSURE)
+    )
     end = 0.02 + state.gradient[0, 0] * LENGTH
     turn = rotation(angle)
 
@@ -326,7 +382,11 @@ def test_two_foundations(cell, degree, angle):
         degree,
         "ssn",
         traction=state.tractions(angle, "top", "left", "left foot"),
-        contact=[bottom(**COULOMB), {"boundary": "right", **right}, {"boundary": "right foot", **right}],
+        contact=[
+            bottom(**COULOMB),
+            {"boundary": "right", **right},
+            {"boundary": "right foot", **right},
+        ],
     )
     assert_displacement(solution, state.displacement(angle))
     assert_contact(solution, PRESSURE, SHEAR, "slip+")
@@ -336,7 +396,10 @@ def test_two_foundations(cell, degree, angle):
     np.testing.assert_allclose(columns["shear"][right], -SHEAR, rtol=0, atol=ROUND_OFF * PRESSURE)
 
 
-LOW, HIGH = {"young": 5000.0, "poisson": 0.3, "region": "low"}, {"young": 800.0, "poisson": 0.1, "region": "high"}
+LOW, HIGH = (
+    {"young": 5000.0, "poisson": 0.3, "region": "low"},
+    {"young": 800.0, "poisson": 0.1, "region": "high"},
+)
 
 
 def confined_modulus(material):
@@ -351,7 +414,8 @@ def confined_modulus(material):
 def test_layers(cell, degree, algorithm, angle):
     """Two materials on top of each other between frictionless walls: springs in series.
 
-    Walls that give way would do so differently for the two layers: no constant state, hence no ssn at an angle.
+    Walls that give way would do so differently for the two layers: no constant state, hence no ssn
+    at an angle.
     """
     give, _ = yielding(algorithm)
     turn = rotation(angle)
@@ -361,11 +425,16 @@ def test_layers(cell, degree, algorithm, angle):
     else:
         scene["contact"] += symmetry("left", "right")
         scene["traction"] += State(xx=CONFINED["xx"]).tractions(angle, "left foot", "right foot")
-    solution = run(patch_mesh(cell, angle, interface=0.5), degree, algorithm, material=[LOW, HIGH], **scene)
+    solution = run(
+        patch_mesh(cell, angle, interface=0.5), degree, algorithm, material=[LOW, HIGH], **scene
+    )
 
     def exact(x):
         height = (turn.T @ x[:2])[1]
-        parts = np.minimum(height, 0.5) / confined_modulus(LOW), np.maximum(height - 0.5, 0.0) / confined_modulus(HIGH)
+        parts = (
+            np.minimum(height, 0.5) / confined_modulus(LOW),
+            np.maximum(height - 0.5, 0.0) / confined_modulus(HIGH),
+        )
         return turn @ np.array([np.zeros_like(height), -GAP - PRESSURE * (give + sum(parts))])
 
     assert_displacement(solution, exact)
@@ -400,7 +469,9 @@ def test_plane_stress():
 
 @each_element
 def test_gravity(cell, degree):
-    """A body force presses the block down by its weight; the displacement is quadratic, exact for degree 2."""
+    """A body force presses the block down by its weight; the displacement is quadratic, exact for
+    degree 2.
+    """
     weight = 12.0
     solution = run(
         patch_mesh(cell, 0.0),
@@ -414,6 +485,9 @@ def test_gravity(cell, degree):
     if degree == 2:
         stiffness = confined_modulus(LOW)
         assert_displacement(
-            solution, lambda x: np.array([0 * x[0], -GAP - weight * (HEIGHT * x[1] - x[1] ** 2 / 2) / stiffness])
+            solution,
+            lambda x: np.array(
+                [0 * x[0], -GAP - weight * (HEIGHT * x[1] - x[1] ** 2 / 2) / stiffness]
+            ),
         )
         assert_contact(solution, weight * HEIGHT, state="none")

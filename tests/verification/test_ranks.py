@@ -25,7 +25,9 @@ pytestmark = pytest.mark.mpi
 
 
 def foot(comm, cells, degree=1):
-    """Three cells in a row, of which the middle one stands on the foundation: by one square, or two triangles."""
+    """Three cells in a row, of which the middle one stands on the foundation: by one square, or two
+    triangles.
+    """
     mesh = box(cells, (3, 1, 1), comm=comm)
     tagged = tag_boundaries(
         mesh.mesh,
@@ -55,8 +57,14 @@ def between_walls(comm, cells, degree=1):
             "mesh": tagged,
             "element": {"degree": degree},
             "material": {"young": 1000.0, "poisson": 0.3},
-            "displacement": [{"boundary": "left", "normal": 0.001}, {"boundary": "front", "normal": 0.0}],
-            "traction": {"boundary": "top", **dict(zip("xyz", map(float, back @ [1.0, 2.0, -10.0]), strict=True))},
+            "displacement": [
+                {"boundary": "left", "normal": 0.001},
+                {"boundary": "front", "normal": 0.0},
+            ],
+            "traction": {
+                "boundary": "top",
+                **dict(zip("xyz", map(float, back @ [1.0, 2.0, -10.0]), strict=True)),
+            },
             "contact": {"boundary": "bottom", "friction": friction_of(coefficient=0.3)},
         }
     )
@@ -69,7 +77,9 @@ SCENES = {
     "triangles": example1(coefficient=0.3, nx=30, ny=10, cell="triangle"),
     "P2": example1(bound=1.5, nx=30, ny=10, cell="triangle", degree=2),
     "Q2": example1(coefficient=1.0, nx=30, ny=10, degree=2),
-    "gmsh": example1(bound=1.5, nx=30, ny=10, generator="block", cell="triangle", layout="unstructured"),
+    "gmsh": example1(
+        bound=1.5, nx=30, ny=10, generator="block", cell="triangle", layout="unstructured"
+    ),
     "automatic gamma": example1(bound=1.5, nx=30, ny=10, gamma="auto"),
     "held by friction": example1(bound=1.5, nx=30, ny=10).model_copy(update={"displacement": ()}),
     "space, tresca": lambda comm: block(12, bound=1.5, comm=comm),
@@ -101,7 +111,9 @@ def test_one_rank_or_many(name):
 @pytest.mark.parametrize("law", [{}, {"bound": 1.5}, {"coefficient": 0.3}])
 @pytest.mark.parametrize(("nx", "ny"), [(2, 2), (1, 3), (1, 1)])
 def test_more_ranks_than_contact_facets(nx, ny, law):
-    """Some ranks have no contact facet, or no cell at all; a node may live on a rank that owns none of its facets."""
+    """Some ranks have no contact facet, or no cell at all; a node may live on a rank that owns none
+    of its facets.
+    """
     together = agree(example1(**law, nx=nx, ny=ny, gamma=1e6))
     assert sum(WORLD.allgather(len(together.contact.boundary.segments))) == nx
 
@@ -121,17 +133,32 @@ def with_contact(**changes):
             {"contact": (UnilateralContact(boundary="foot"),)},
             r"contact\[0\].boundary.*'foot'.*bottom, left, right, top",
         ),
-        ({"displacement": (PrescribedDisplacement(boundary="bottom", y=0.0),)}, r"displacement\[0\].*6 facets"),
+        (
+            {"displacement": (PrescribedDisplacement(boundary="bottom", y=0.0),)},
+            r"displacement\[0\].*6 facets",
+        ),
         (
             {"displacement": (PrescribedDisplacement(boundary="left", x="sqrt(x[1] - 0.1)"),)},
             "displacement.*not finite",
         ),
-        ({"traction": (SurfaceTraction(boundary="top", y="log(x[0] - 2.9)"),)}, "traction.*not finite"),
+        (
+            {"traction": (SurfaceTraction(boundary="top", y="log(x[0] - 2.9)"),)},
+            "traction.*not finite",
+        ),
         (with_contact(gap=Expression("sqrt(x[0] - 0.1)")), r"contact\[0\].gap: is nan at \("),
-        (with_contact(friction=Tresca(bound="2.5 - x[0]")), r"contact\[0\].friction.bound: is -0.5 at \(3, "),
-        ({"solver": SMALL.solver.model_copy(update={"initial_contact": lambda x: x[0] - 9})}, "holds no contact node"),
+        (
+            with_contact(friction=Tresca(bound="2.5 - x[0]")),
+            r"contact\[0\].friction.bound: is -0.5 at \(3, ",
+        ),
+        (
+            {"solver": SMALL.solver.model_copy(update={"initial_contact": lambda x: x[0] - 9})},
+            "holds no contact node",
+        ),
         ({"mesh": SMALL.mesh.model_copy(update={"generator": "torus"})}, "mesh.generator.*'torus'"),
-        ({"mesh": SMALL.mesh.model_copy(update={"parameters": {"nx": -1}})}, r"mesh\.parameters\.nx"),
+        (
+            {"mesh": SMALL.mesh.model_copy(update={"parameters": {"nx": -1}})},
+            r"mesh\.parameters\.nx",
+        ),
         ({"mesh": MeshFile(file="/nonexistent.msh")}, "no such file"),
     ],
 )
@@ -144,7 +171,9 @@ def test_errors_are_raised_alike(changes, message):
 
 def test_no_solution_is_no_solution_everywhere():
     """A status is the same on all ranks."""
-    loose = SMALL.model_copy(update={"displacement": (), "traction": (SurfaceTraction(boundary="top", y=20.0),)})
+    loose = SMALL.model_copy(
+        update={"displacement": (), "traction": (SurfaceTraction(boundary="top", y=20.0),)}
+    )
     with pytest.raises(SignoriniError) as caught:
         solve(loose, WORLD)
     assert same_on_all_ranks(caught.value.solution.status) is Status.OPEN

@@ -11,7 +11,11 @@ from scenes import example1
 from signorini_fx import LinearElastic, OrthotropicElastic
 from signorini_fx.scenes.solver import solve
 
-CONSTANTS = {"young": [5000.0, 2000.0, 3000.0], "poisson": [0.3, 0.2, 0.25], "shear": [900.0, 1200.0, 1000.0]}
+CONSTANTS = {
+    "young": [5000.0, 2000.0, 3000.0],
+    "poisson": [0.3, 0.2, 0.25],
+    "shear": [900.0, 1200.0, 1000.0],
+}
 
 
 @pytest.mark.one_quick
@@ -27,16 +31,22 @@ CONSTANTS = {"young": [5000.0, 2000.0, 3000.0], "poisson": [0.3, 0.2, 0.25], "sh
     ids=["triangle-1", "quadrilateral-1", "quadrilateral-2", "axisymmetric", "orthotropic"],
 )
 def test_measured_energy_error(cell, degree, material):
-    """Against a nested finer mesh of the same space, measured at quadrature points = the energies' difference.
+    """Against a nested finer mesh of the same space, measured at quadrature points = the energies'
+    difference.
 
-    Without contact a(y, y) / 2 of a Galerkin solution under a load only falls short by that of its error.
+    Without contact a(y, y) / 2 of a Galerkin solution under a load only falls short by that of its
+    error.
     """
     linear = example1(nx=24, ny=8, cell=cell, degree=degree)
     fixed = [effect.model_copy(update={"y": 0.0}) for effect in linear.displacement]
     # A body that the foundation does not reach.
     far = [linear.contact[0].model_copy(update={"gap": 1.0})]
     linear = linear.model_copy(update={"displacement": tuple(fixed), "contact": tuple(far)})
-    kind = OrthotropicElastic if "orthotropic" in material else partial(LinearElastic, young=5000.0, poisson=0.4)
+    kind = (
+        OrthotropicElastic
+        if "orthotropic" in material
+        else partial(LinearElastic, young=5000.0, poisson=0.4)
+    )
     linear = linear.model_copy(update={"material": (kind(**material),)})
     reference = solve(varied(linear, 1 / 4, "Q2", {}), MPI.COMM_SELF)
     coarse = solve(linear, MPI.COMM_SELF)

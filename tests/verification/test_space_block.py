@@ -1,4 +1,6 @@
-"""The block of three independent programs in 3D: their answers, and how many linear solves it takes."""
+"""The block of three independent programs in 3D: their answers, and how many linear solves it
+takes.
+"""
 
 import numpy as np
 import pytest
@@ -6,8 +8,10 @@ from scenes import alone
 from spaces import block
 
 LAWS = {"none": {}, "tresca": {"bound": 1.5}, "coulomb": {"coefficient": 0.3}}
-# Of the block with 24 x 8 x 8 hexahedra and gamma = 1e8, as other programs print it: u_z under the load, the
-# largest pressure, the friction force along x[1], the area with more than a hundredth of the largest pressure.
+# Of the block with 24 x 8 x 8 hexahedra and gamma = 1e8, as other programs print it: u_z under the
+# load, the
+# largest pressure, the friction force along x[1], the area with more than a hundredth of the
+# largest pressure.
 REFERENCE = {
     "none": (-0.0049189, 24.73, 0.0, 1.359),
     "tresca": (-0.0048746, 25.50, -1.539, 1.289),

@@ -1,6 +1,8 @@
-"""What a scene in 3D may list, one by one: kinds of contact and friction, load steps, ways to solve it.
+"""What a scene in 3D may list, one by one: kinds of contact and friction, load steps, ways to solve
+it.
 
-Every scene is solved a second time with the tangents turned at random at every node: the same counts, the same numbers.
+Every scene is solved a second time with the tangents turned at random at every node: the same
+counts, the same numbers.
 """
 
 import basix.ufl
@@ -25,7 +27,8 @@ CONTACT = {"boundary": "bottom", "gap": "0.003 * ((x[0] - 1.5)**2 + (x[1] - 0.5)
 def changed(scene, **more):
     """The block with other tables, by way of the reader."""
     given = {
-        name: getattr(scene, name) for name in ("mesh", "material", "displacement", "traction", "contact", "solver")
+        name: getattr(scene, name)
+        for name in ("mesh", "material", "displacement", "traction", "contact", "solver")
     }
     return parse_scene({**given, **more})
 
@@ -48,7 +51,9 @@ SCENES = {
     "alm": block(12, coefficient=0.3, gamma="auto", algorithm="alm"),
     "cap": changed(COULOMB, **contact(law="coulomb", coefficient=0.5, cap=2.0)),
     "varying F": changed(COULOMB, **contact(law="coulomb", coefficient=OSCILLATING)),
-    "bilateral": changed(COULOMB, contact={**CONTACT, "kind": "bilateral", "friction": friction_of(coefficient=0.3)}),
+    "bilateral": changed(
+        COULOMB, contact={**CONTACT, "kind": "bilateral", "friction": friction_of(coefficient=0.3)}
+    ),
     "two boundaries": changed(
         COULOMB,
         contact=[
@@ -57,7 +62,12 @@ SCENES = {
         ],
     ),
     "direction": changed(
-        COULOMB, contact={**CONTACT, "direction": [0.1, -0.2, -1.0], "friction": friction_of(coefficient=0.3)}
+        COULOMB,
+        contact={
+            **CONTACT,
+            "direction": [0.1, -0.2, -1.0],
+            "friction": friction_of(coefficient=0.3),
+        },
     ),
     "near incompressibility": changed(
         COULOMB, material={"young": 5000.0, "poisson": 0.4999}, element={"volumetric": "reduced"}
@@ -66,12 +76,21 @@ SCENES = {
         COULOMB,
         traction=[
             {"boundary": "top", "pressure": "20 if 1 <= x[0] <= 2 else 0"},
-            {"boundary": "top", "y": "4 if 1 <= x[0] <= 2 else 0", "factors": [0.0, 1.0, 0.7, 0.0, -0.7]},
-            {"boundary": "top", "x": "4 if 1 <= x[0] <= 2 else 0", "factors": [0.0, 0.0, 0.7, 1.0, 0.7]},
+            {
+                "boundary": "top",
+                "y": "4 if 1 <= x[0] <= 2 else 0",
+                "factors": [0.0, 1.0, 0.7, 0.0, -0.7],
+            },
+            {
+                "boundary": "top",
+                "x": "4 if 1 <= x[0] <= 2 else 0",
+                "factors": [0.0, 0.0, 0.7, 1.0, 0.7],
+            },
         ],
     ),
 }
-# On quadratic tetrahedra the contact points are averages: everything that may be asked of them once more.
+# On quadratic tetrahedra the contact points are averages: everything that may be asked of them once
+# more.
 AVERAGED = ("monolithic", "alm", "bilateral", "two boundaries", "direction", "load steps")
 SCENES |= {
     f"quadratic tetrahedra, {name}": changed(
@@ -85,45 +104,62 @@ SCENES |= {
 
 def counts(solution):
     """What the iteration went through."""
-    return [(r.outer, r.active_contact, r.slip_plus, r.changed) for r in solution.history.iterations]
+    return [
+        (r.outer, r.active_contact, r.slip_plus, r.changed) for r in solution.history.iterations
+    ]
 
 
 @pytest.mark.one_quick
 @pytest.mark.parametrize("name", SCENES)
 def test_solved_whatever_the_tangents(name, monkeypatch):
-    """It is solved, its certificate holds, and no number depends on the tangents that somebody chose."""
+    """It is solved, its certificate holds, and no number depends on the tangents that somebody
+    chose.
+    """
     solution = alone(SCENES[name])
     assert solution.certificate.holds
     rng = np.random.default_rng(3)
-    monkeypatch.setattr(contact_boundary, "tangents_of", lambda normal: turned_tangents(normal, rng))
+    monkeypatch.setattr(
+        contact_boundary, "tangents_of", lambda normal: turned_tangents(normal, rng)
+    )
     turned = alone(SCENES[name])
     assert not np.allclose(turned.contact.boundary.tangents, solution.contact.boundary.tangents)
     assert counts(turned) == counts(solution)
     ours, theirs = turned.table.columns, solution.table.columns
-    for names in (("u_n", "u_t", "u_t_x", "u_t_y", "u_t_z"), ("pressure", "shear", "shear_x", "shear_y", "shear_z")):
+    for names in (
+        ("u_n", "u_t", "u_t_x", "u_t_y", "u_t_z"),
+        ("pressure", "shear", "shear_x", "shear_y", "shear_z"),
+    ):
         # Round-off of the penalty, and what a loose linear solve leaves.
         share = 1e-7 if name == "krylov" else 1e-10
         size = max(np.abs(theirs[one]).max() for one in names)
         for one in names:
-            np.testing.assert_allclose(ours[one], theirs[one], rtol=0, atol=share * size, err_msg=one)
+            np.testing.assert_allclose(
+                ours[one], theirs[one], rtol=0, atol=share * size, err_msg=one
+            )
     for one in ("state", "friction"):
         assert ours[one].tolist() == theirs[one].tolist()
 
 
 def test_load_steps_have_a_history():
-    """Slip takes work out of the body in every step but the first, never gives any; the path matters."""
+    """Slip takes work out of the body in every step but the first, never gives any; the path
+    matters.
+    """
     solution = alone(SCENES["load steps"])
     works = [step.contact.friction_work for step in solution.steps]
     assert min(works) >= -1e-12
     assert max(works[1:]) > 0
     steps = [step.contact.forces[1] for step in solution.steps]
-    np.testing.assert_allclose([step.contact.forces[0][2] for step in solution.steps], 20.0, rtol=1e-8)
+    np.testing.assert_allclose(
+        [step.contact.forces[0][2] for step in solution.steps], 20.0, rtol=1e-8
+    )
     assert np.abs(steps[-1][0]) > 0
 
 
 @pytest.mark.parametrize("coefficient", [1e5, 1e6])
 def test_rigid_block_on_rough_ground(coefficient):
-    """Everything that touches sticks, and statics does not take the largest friction for the only one."""
+    """Everything that touches sticks, and statics does not take the largest friction for the only
+    one.
+    """
     scene = parse_scene(
         {
             "mesh": box("hexahedra", (4, 4, 2), size=(2.0, 2.0, 1.0)),
@@ -138,7 +174,9 @@ def test_rigid_block_on_rough_ground(coefficient):
 
 
 def test_curved_cells():
-    """Hexahedra of the second order on a bowl: refused with linear elements, solved with quadratic ones."""
+    """Hexahedra of the second order on a bowl: refused with linear elements, solved with quadratic
+    ones.
+    """
     straight = box("hexahedra", (4, 4, 2), size=(2.0, 2.0, 1.0)).mesh
     nodes = fem.functionspace(straight, ("Lagrange", 2))
     x = nodes.tabulate_dof_coordinates().copy()
@@ -150,7 +188,11 @@ def test_curved_cells():
     element = basix.ufl.element("Lagrange", "hexahedron", 2, shape=(3,))
     mesh = dmesh.create_mesh(MPI.COMM_SELF, nodes.dofmap.list.astype(np.int64), x=x, e=element)
     tagged = tag_boundaries(
-        mesh, {"bottom": lambda x: np.abs(x[2] - bowl(x)) < 1e-9, "top": lambda x: np.abs(x[2] - 1) < 1e-9}
+        mesh,
+        {
+            "bottom": lambda x: np.abs(x[2] - bowl(x)) < 1e-9,
+            "top": lambda x: np.abs(x[2] - 1) < 1e-9,
+        },
     )
 
     def scene(degree):

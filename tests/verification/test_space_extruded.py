@@ -1,4 +1,6 @@
-"""Example 1 of the paper as one layer of hexahedra: Table 1 by the code of space, about an oblique axis."""
+"""Example 1 of the paper as one layer of hexahedra: Table 1 by the code of space, about an oblique
+axis.
+"""
 
 import json
 from dataclasses import replace
@@ -27,23 +29,30 @@ def askew():
     tagged = box("hexahedra", (120, 1, 40), size=(3.0, THICKNESS, 1.0))
     tagged.mesh.geometry.x[:] = tagged.mesh.geometry.x @ back.T
     along = "(" + " + ".join(f"({float(back[k, 0])!r}) * x[{k}]" for k in range(3)) + ")"
-    pressed = {name: f"({-20 * float(back[k, 2])!r}) if 1 <= {along} <= 2 else 0" for k, name in enumerate("xyz")}
+    pressed = {
+        name: f"({-20 * float(back[k, 2])!r}) if 1 <= {along} <= 2 else 0"
+        for k, name in enumerate("xyz")
+    }
     return parse_scene(
         {
             "mesh": tagged,
             "material": {"young": 5000.0, "poisson": 0.4},
-            "displacement": [{"boundary": name, "normal": 0.0} for name in ("left", "right", "front", "back")],
+            "displacement": [
+                {"boundary": name, "normal": 0.0} for name in ("left", "right", "front", "back")
+            ],
             "traction": {"boundary": "top", **pressed},
             "contact": {
                 "boundary": "bottom",
                 "gap": f"0.003 * ({along} - 1.5)**2 + 0.001",
                 "friction": {"law": "tresca", "bound": 1.5},
-                # The layer is so thin that round-off of its coordinates tilts facets by 1e-14, which gamma makes 1e-7.
+                # The layer is so thin that round-off of its coordinates tilts facets by 1e-14,
+                # which gamma makes 1e-7.
                 "direction": [-float(c) for c in back[:, 2]],
             },
             "solver": {
                 "initial_contact": f"1.25 - 1e-9 <= {along} <= 1.75 + 1e-9",
-                "linear_algebra": "condensed",  # exact solves, as in the paper: inexact ones take one more
+                # exact solves, as in the paper: inexact ones take one more
+                "linear_algebra": "condensed",
             },
         }
     )
@@ -53,7 +62,9 @@ def askew():
 def test_table_1(monkeypatch):
     """36 of 36, with tangents that nobody chose."""
     rng = np.random.default_rng(1)
-    monkeypatch.setattr(contact_boundary, "tangents_of", lambda normal: turned_tangents(normal, rng))
+    monkeypatch.setattr(
+        contact_boundary, "tangents_of", lambda normal: turned_tangents(normal, rng)
+    )
     scene = askew()
     discretisation = prepare(scene.statement, scene.mesh, Timings())
     task = contact_task(discretisation, History())

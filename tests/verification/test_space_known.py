@@ -1,4 +1,6 @@
-"""Answers in 3D that are known without this package: Hertz, and torsion with a stick radius that moves in."""
+"""Answers in 3D that are known without this package: Hertz, and torsion with a stick radius that
+moves in.
+"""
 
 import numpy as np
 import pytest
@@ -38,19 +40,30 @@ def test_hertz():
     assert solution.table.columns["pressure"].max() == pytest.approx(peak, rel=0.02)
     columns = solution.table.columns
     r = np.hypot(columns["x"], columns["y"])
-    # The mean distance of the force from the axis is 3 pi / 16 a; an area of whole nodes would be off by one of them.
+    # The mean distance of the force from the axis is 3 pi / 16 a; an area of whole nodes would be
+    # off by one of them.
     mean = np.average(r, weights=columns["weight"] * columns["pressure"])
     assert 16 / (3 * np.pi) * mean == pytest.approx(a, rel=0.02)
     expected = peak * np.sqrt(np.maximum(1 - (r / a) ** 2, 0.0))
     inside = r < 0.5 * a
-    np.testing.assert_allclose(columns["pressure"][inside], expected[inside], rtol=0, atol=0.03 * peak)
+    np.testing.assert_allclose(
+        columns["pressure"][inside], expected[inside], rtol=0, atol=0.03 * peak
+    )
 
 
 @pytest.mark.slow
 def test_hertz_on_curved_quadratic_tetrahedra():
-    """A quarter of half a sphere, pressed on a plane by its flat top; the cells follow the sphere."""
+    """A quarter of half a sphere, pressed on a plane by its flat top; the cells follow the
+    sphere.
+    """
     young, poisson, radius = 1000.0, 0.3, 8.0
-    parameters = {"radius": radius, "size": 3.0, "contact_size": 0.15, "part": "quarter", "order": 2}
+    parameters = {
+        "radius": radius,
+        "size": 3.0,
+        "contact_size": 0.15,
+        "part": "quarter",
+        "order": 2,
+    }
     scene = parse_scene(
         {
             "mesh": {"generator": "half_sphere", "parameters": parameters},
@@ -83,7 +96,8 @@ def test_hertz_on_curved_quadratic_tetrahedra():
 @pytest.mark.slow
 @pytest.mark.parametrize("share", [0.9, 2.0])
 def test_torsion(share):
-    """M(phi) of a pressed cylinder whose stick radius moves in, to half a per cent of a scalar problem in (r, z).
+    """M(phi) of a pressed cylinder whose stick radius moves in, to half a per cent of a scalar
+    problem in (r, z).
 
     nu = 0, so that the press itself makes no shear; slip begins at phi = q H / (G a).
     """
@@ -94,7 +108,12 @@ def test_torsion(share):
         {
             "mesh": disc(n=20, height=height, layers=8),
             "material": {"young": young, "poisson": 0.0},
-            "displacement": {"boundary": "top", "x": f"{-phi} * x[1]", "y": f"{phi} * x[0]", "z": -0.005},
+            "displacement": {
+                "boundary": "top",
+                "x": f"{-phi} * x[1]",
+                "y": f"{phi} * x[0]",
+                "z": -0.005,
+            },
             "contact": {"boundary": "bottom", "friction": friction_of(bound=bound)},
         }
     )

@@ -1,4 +1,6 @@
-"""A solution in 3D made up beforehand, whose slip turns from node to node: how fast the errors fall."""
+"""A solution in 3D made up beforehand, whose slip turns from node to node: how fast the errors
+fall.
+"""
 
 import numpy as np
 import pytest
@@ -25,7 +27,9 @@ def errors(cells, n, algorithm):
 @pytest.mark.parametrize("algorithm", ["ssn", "alm"])
 @pytest.mark.parametrize("cells", ["hexahedra", "tetrahedra"])
 def test_rates(cells, algorithm):
-    """Halving the cells divides the error of the displacement by more than 2.8, that of the shear by more than 1.7."""
+    """Halving the cells divides the error of the displacement by more than 2.8, that of the shear
+    by more than 1.7.
+    """
     coarse, fine = (np.array(errors(cells, n, algorithm)) for n in (4, 8))
     first, second = np.log2(coarse / fine)
     assert first > 1.5

@@ -1,7 +1,9 @@
-"""Patch tests in 3D: constant states of stress on distorted meshes at any angle, which every element must hold.
+"""Patch tests in 3D: constant states of stress on distorted meshes at any angle, which every
+element must hold.
 
-The body is a box on a flat foundation in its own frame X; the mesh is distorted, then turned with all that acts on it,
-x = R X.  The foundation gives way by p / gamma_1 and mu / gamma_2, which a constant state turns into a rigid motion.
+The body is a box on a flat foundation in its own frame X; the mesh is distorted, then turned with
+all that acts on it, x = R X.  The foundation gives way by p / gamma_1 and mu / gamma_2, which a
+constant state turns into a rigid motion.
 """
 
 import numpy as np
@@ -26,14 +28,17 @@ from space_patches import (
 from spaces import friction_of, rotation
 
 each_element = pytest.mark.parametrize("element", ELEMENTS)
-each_turn = pytest.mark.parametrize("turn", ["turned", pytest.param("upright", marks=pytest.mark.slow)])
+each_turn = pytest.mark.parametrize(
+    "turn", ["turned", pytest.param("upright", marks=pytest.mark.slow)]
+)
 
 
 LAWS = [{"bound": SHEAR / 0.9}, {"coefficient": SHEAR / 0.9 / PRESSURE}]
 
 
 def assert_contact(solution, turn, shear=(0.0, 0.0), state=None):
-    """Pressure and shear, the latter in the frame of the body, are constant, and all nodes in one state.
+    """Pressure and shear, the latter in the frame of the body, are constant, and all nodes in one
+    state.
 
     The iteration leaves up to 1e-8 of its bound of a shear whose direction it has to find.
     """
@@ -55,7 +60,9 @@ def smooth(*names):
 @each_element
 @each_turn
 def test_compression(element, turn):
-    """Pressure on top between free sides, frictionless: the body widens, held sideways by two smooth walls."""
+    """Pressure on top between free sides, frictionless: the body widens, held sideways by two
+    smooth walls.
+    """
     stress = (0.0, 0.0, -PRESSURE, 0.0, 0.0, 0.0)
     state = State(stress, (0.0, 0.0, -GAP - PRESSURE / GAMMA))
     walls = {"contact": [contact(), *smooth("left", "front")]}
@@ -70,7 +77,9 @@ def test_compression(element, turn):
 @each_turn
 @pytest.mark.parametrize("law", LAWS, ids=["tresca", "coulomb"])
 def test_stick(element, turn, law):
-    """Shear at 0.9 of its bound: everything sticks, and nothing but friction holds the body sideways."""
+    """Shear at 0.9 of its bound: everything sticks, and nothing but friction holds the body
+    sideways.
+    """
     state = pressed(SHEAR, OBLIQUE)
     solution = run(
         element,
@@ -86,7 +95,9 @@ def test_stick(element, turn, law):
 @each_element
 @each_turn
 def test_tilted_plane(element, turn):
-    """A foundation that is not parallel to the bottom: the body turns until the pressure is constant."""
+    """A foundation that is not parallel to the bottom: the body turns until the pressure is
+    constant.
+    """
     state, slope = pressed(SHEAR, OBLIQUE), np.array([0.002, -0.001])
     state.slope[2, :2] -= slope
     state.slope[:2, 2] += slope
@@ -111,7 +122,9 @@ def test_tilted_plane(element, turn):
 @each_turn
 @pytest.mark.parametrize("coulomb", ["tresca", "fp", "newton"])
 def test_slip(element, turn, coulomb):
-    """The top is moved farther than friction can hold, at 37 degrees: everything slips, the shear is at its bound."""
+    """The top is moved farther than friction can hold, at 37 degrees: everything slips, the shear
+    is at its bound.
+    """
     state = pressed(SHEAR, OBLIQUE, creep=0.01)
     law = {"bound": SHEAR} if coulomb == "tresca" else {"coefficient": SHEAR / PRESSURE}
     back = rotation(*TURNS[turn])
@@ -124,7 +137,9 @@ def test_slip(element, turn, coulomb):
         turn,
         displacement={"boundary": "top", **{axis: moved(k) for k, axis in enumerate("xyz")}},
         traction=state.tractions(turn, "left", "right", "front", "back"),
-        contact=contact(friction=friction_of(**law), direction=[float(c) for c in back @ [0.0, 0.0, -1.0]]),
+        contact=contact(
+            friction=friction_of(**law), direction=[float(c) for c in back @ [0.0, 0.0, -1.0]]
+        ),
         solver={
             "gamma_n": GAMMA,
             "gamma_t": GAMMA,
@@ -139,7 +154,9 @@ def test_slip(element, turn, coulomb):
 @each_element
 @each_turn
 def test_two_foundations(element, turn):
-    """Pressed into a corner of two foundations with friction on one of them: each has its own pressure."""
+    """Pressed into a corner of two foundations with friction on one of them: each has its own
+    pressure.
+    """
     state = pressed(0.0)
     give = -CONFINED / GAMMA
     state.origin[0] = -GAP - give
@@ -156,7 +173,9 @@ def test_two_foundations(element, turn):
     columns = solution.table.columns
     for name, value in (("bottom", PRESSURE), ("left", -CONFINED)):
         here = columns["boundary"] == name
-        np.testing.assert_allclose(columns["pressure"][here], value, rtol=0, atol=ROUND_OFF * PRESSURE)
+        np.testing.assert_allclose(
+            columns["pressure"][here], value, rtol=0, atol=ROUND_OFF * PRESSURE
+        )
 
 
 @pytest.mark.one_quick
@@ -164,7 +183,9 @@ def test_two_foundations(element, turn):
 @pytest.mark.parametrize("linear_algebra", ["full", "condensed"])
 @pytest.mark.parametrize("across", [0, 1])
 def test_in_the_limit_beside_a_support(element, linear_algebra, across):
-    """Without regularisation, on a slope, between two walls across an axis, whose nodes are turned as well."""
+    """Without regularisation, on a slope, between two walls across an axis, whose nodes are turned
+    as well.
+    """
     turn = "leaning sideways" if across == 0 else "leaning"
     shear = (0.0, SHEAR) if across == 0 else (SHEAR, 0.0)
     state = State((CONFINED, CONFINED, -PRESSURE, 0.0, *shear), (0.0, 0.0, -GAP))

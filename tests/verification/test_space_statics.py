@@ -1,4 +1,6 @@
-"""Bodies in 3D that only contact and friction hold: what slides, opens or stays, and six rigid motions."""
+"""Bodies in 3D that only contact and friction hold: what slides, opens or stays, and six rigid
+motions.
+"""
 
 import numpy as np
 import pytest
@@ -15,7 +17,9 @@ LIMIT = 0.3 * PRESS * AREA
 def pushed(law, angle, share, **more):
     """A push in a direction, in shares of the limit."""
     force = share * LIMIT / VOLUME * np.array([np.cos(angle), np.sin(angle)])
-    return alone(brick(law, body_force=dict(zip("xy", map(float, force), strict=True)), **more), check=False)
+    return alone(
+        brick(law, body_force=dict(zip("xy", map(float, force), strict=True)), **more), check=False
+    )
 
 
 @pytest.mark.one_quick
@@ -26,7 +30,9 @@ def test_limit_push(law, angle):
     held = pushed(FRICTION[law], angle, 0.99)
     assert held.status is Status.CONVERGED
     force = held.contact.forces[1]
-    np.testing.assert_allclose(force[:2], -0.99 * LIMIT * np.array([np.cos(angle), np.sin(angle)]), rtol=1e-6)
+    np.testing.assert_allclose(
+        force[:2], -0.99 * LIMIT * np.array([np.cos(angle), np.sin(angle)]), rtol=1e-6
+    )
     assert pushed(FRICTION[law], angle, 1.01).status is Status.SLIDES
 
 
@@ -45,8 +51,8 @@ def test_limit_push_on_quadratic_tetrahedra(law):
 @pytest.mark.slow
 @pytest.mark.parametrize("hertz", [False, True])
 def test_limit_torque(hertz):
-    """2/3 F N a under a uniform bound, 3 pi/16 F N a under that of a Hertz pressure; by the weights of the mesh itself
-    to the share of the polygon, and nearly that of the smooth disc.
+    """2/3 F N a under a uniform bound, 3 pi/16 F N a under that of a Hertz pressure; by the weights
+    of the mesh itself to the share of the polygon, and nearly that of the smooth disc.
     """
     mesh = disc(n=16)
     bound = "3 * sqrt(max(1 - x[0]**2 - x[1]**2, 0))" if hertz else 3.0
@@ -68,7 +74,8 @@ def test_limit_torque(hertz):
     limit = float(np.dot(weighted.weight, r * given))
     smooth = 3.0 * np.pi * (np.pi / 8 if hertz else 2 / 3)  # integral of bound r over the disc
     assert limit == pytest.approx(smooth, rel=0.06 if hertz else 0.002)
-    # The traction is integrated exactly on the mesh: its torque for twist = 1 is what the contact takes up.
+    # The traction is integrated exactly on the mesh: its torque for twist = 1 is what the contact
+    # takes up.
     inertia = float(torque_of(turned(0.01)) / 0.01)
     held = turned(0.99 * limit)
     assert held.status is Status.CONVERGED
@@ -78,7 +85,9 @@ def test_limit_torque(hertz):
 
 @pytest.mark.parametrize("law", FRICTION)
 def test_the_limit_is_that_of_the_disc(law):
-    """No polygon replaces the disc of the shear: one part in 10,000 below the limit holds, one above slides."""
+    """No polygon replaces the disc of the shear: one part in 10,000 below the limit holds, one
+    above slides.
+    """
     middle = np.pi / 32
     held = pushed(FRICTION[law], middle, 0.9999)
     assert held.status is Status.CONVERGED
@@ -104,13 +113,15 @@ def torque_of(solution):
     ],
 )
 def test_held_or_not(law, press, status):
-    """Three translations and three rotations; contact takes one and two of them, friction the rest."""
+    """Three translations and three rotations; contact takes one and two of them, friction the
+    rest.
+    """
     assert alone(brick(law, press=press), check=False).status is status
 
 
 def test_reference_motion():
-    """A brick that drops on a foundation that is tilted against it comes to rest on it; the results are those of one
-    that lies there, but for the motion.
+    """A brick that drops on a foundation that is tilted against it comes to rest on it; the results
+    are those of one that lies there, but for the motion.
     """
     law = {"coefficient": 0.5}
     contact = {"boundary": "bottom", "friction": friction_of(**law)}

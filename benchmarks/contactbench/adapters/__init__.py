@@ -1,7 +1,8 @@
-"""Programs that solve the problems: one file each, with a function ``solve(problem, grid) -> Answer``.
+"""Programs that solve the problems: one file each, with a function ``solve(problem, grid) ->
+Answer``.
 
-A file of your own beside these needs its name here.  Its ``available()`` raises ``CannotRun`` where the program is not
-there.
+A file of your own beside these needs its name here.  Its ``available()`` raises ``CannotRun`` where
+the program is not there.
 """
 
 from __future__ import annotations

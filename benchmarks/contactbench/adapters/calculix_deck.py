@@ -1,7 +1,8 @@
-"""Runs CalculiX (``ccx``, or what CCX in the environment names): a deck, soft contact with a fixed block of elements.
+"""Runs CalculiX (``ccx``, or what CCX in the environment names): a deck, soft contact with a fixed
+block of elements.
 
-The foundation is a layer of elements along the contact boundary, whose nodes are fixed: their reactions are the contact
-forces.  Plane elements of CalculiX are bricks inside.
+The foundation is a layer of elements along the contact boundary, whose nodes are fixed: their
+reactions are the contact forces.  Plane elements of CalculiX are bricks inside.
 """
 
 from __future__ import annotations
@@ -24,7 +25,8 @@ from benchmarks.contactbench.mesh_files import ABAQUS, FACES, field, inp_lines
 from benchmarks.contactbench.problem import Problem
 
 Floats = npt.NDArray[np.float64]
-# Stiffness of contact per area in units of E over the shortest facet, and that of sticking in units of that of contact.
+# Stiffness of contact per area in units of E over the shortest facet, and that of sticking in units
+# of that of contact.
 _STIFF, _STICK = 50.0, 0.1
 _SECONDS = 600.0
 
@@ -60,7 +62,13 @@ def solve(problem: Problem, grid: Grid) -> Answer:
         environment = os.environ | {"OMP_NUM_THREADS": "1", "CCX_NPROC_EQUATION_SOLVER": "1"}
         command = [_program() or "ccx", "job"]
         done = subprocess.run(
-            command, cwd=folder, capture_output=True, text=True, env=environment, check=False, timeout=_SECONDS
+            command,
+            cwd=folder,
+            capture_output=True,
+            text=True,
+            env=environment,
+            check=False,
+            timeout=_SECONDS,
         )
         seconds = _used() - start
         data = folder / "job.dat"
@@ -81,7 +89,13 @@ def solve(problem: Problem, grid: Grid) -> Answer:
     friction = force + np.outer(normal, direction)
     weight = nodal_weights(problem, grid, contact.boundary)[own]
     forces = ContactForces(grid.points[own], weight, normal, friction)
-    return Answer(u, {contact.boundary: forces}, u.size, seconds, note=f"penalty {_penalty(problem, grid):.3g}")
+    return Answer(
+        u,
+        {contact.boundary: forces},
+        u.size,
+        seconds,
+        note=f"penalty {_penalty(problem, grid):.3g}",
+    )
 
 
 def _used() -> float:
@@ -118,20 +132,40 @@ def deck(problem: Problem, grid: Grid) -> list[str]:
     for k, facet in enumerate(facets):
         element = _element(facet, len(own), every)
         face = frozenset(facet.tolist())
-        side = next(s for s, f in enumerate(FACES[corners], 1) if frozenset(element[list(f)].tolist()) == face)
+        side = next(
+            s
+            for s, f in enumerate(FACES[corners], 1)
+            if frozenset(element[list(f)].tolist()) == face
+        )
         sides.append(f"{first + k}, S{side}")
         lines.append(f"{first + k}, {', '.join(str(n + 1 + node) for node in element.tolist())}")
     lines += ["*SURFACE, NAME=S_FLOOR, TYPE=ELEMENT", *sides]
-    lines += [f"*NSET, NSET=EVERY, GENERATE\n1, {n}", f"*NSET, NSET=TOUCHED, GENERATE\n{n + 1}, {n + len(own)}"]
+    lines += [
+        f"*NSET, NSET=EVERY, GENERATE\n1, {n}",
+        f"*NSET, NSET=TOUCHED, GENERATE\n{n + 1}, {n + len(own)}",
+    ]
     for k, body in enumerate(problem.bodies):
         lines += [f"*MATERIAL, NAME=M{k}", "*ELASTIC", f"{body.young!r}, {body.poisson!r}"]
-        lines += [f"*SOLID SECTION, ELSET={body.name.upper()}, MATERIAL=M{k}", *(["1."] if d == 2 else [])]
+        lines += [
+            f"*SOLID SECTION, ELSET={body.name.upper()}, MATERIAL=M{k}",
+            *(["1."] if d == 2 else []),
+        ]
     lines += ["*SOLID SECTION, ELSET=FLOOR, MATERIAL=M0", *(["1."] if d == 2 else [])]
     penalty = _penalty(problem, grid)
-    lines += ["*SURFACE INTERACTION, NAME=S", "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR", f"{field(penalty)}"]
+    lines += [
+        "*SURFACE INTERACTION, NAME=S",
+        "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR",
+        f"{field(penalty)}",
+    ]
     if contact.law == "coulomb":
-        lines += ["*FRICTION", f"{problem.number(contact.coefficient)!r}, {field(_STICK * penalty)}"]
-    lines += ["*CONTACT PAIR, INTERACTION=S, TYPE=SURFACE TO SURFACE", f"S_{contact.boundary.upper()}, S_FLOOR"]
+        lines += [
+            "*FRICTION",
+            f"{problem.number(contact.coefficient)!r}, {field(_STICK * penalty)}",
+        ]
+    lines += [
+        "*CONTACT PAIR, INTERACTION=S, TYPE=SURFACE TO SURFACE",
+        f"S_{contact.boundary.upper()}, S_FLOOR",
+    ]
     lines += ["*BOUNDARY", f"GROUND, 1, {d}"]
     lines += ["*STEP, INC=1000", "*STATIC", "1., 1."]
     fixed = prescribed(problem, grid).items()

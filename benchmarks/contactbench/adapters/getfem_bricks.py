@@ -15,7 +15,8 @@ from benchmarks.contactbench.problem import Contact, Problem
 
 Floats = npt.NDArray[np.float64]
 _STEPS, _RESIDUAL = 100, 1e-9
-# Force at a node per displacement, and how far the body is moved towards the foundation at first: what is tried.
+# Force at a node per displacement, and how far the body is moved towards the foundation at first:
+# what is tried.
 _AUGMENTATIONS, _STARTS = (10.0, 100.0, 1.0), (1.01, 0.3, 0.05, 0.0)
 # Corners in GetFEM's order.
 _ORDER = {4: [0, 1, 3, 2], 8: [0, 1, 3, 2, 4, 5, 7, 6]}
@@ -40,7 +41,11 @@ def solve(problem: Problem, grid: Grid) -> Answer:
     """
     if any(contact.law == "tresca" for contact in problem.contacts):
         raise CannotRun("the basic contact brick has no Tresca friction")
-    if problem.hypothesis == "plane stress" or len(problem.contacts) > 1 or problem.contacts[0].against:
+    if (
+        problem.hypothesis == "plane stress"
+        or len(problem.contacts) > 1
+        or problem.contacts[0].against
+    ):
         raise CannotRun("this adapter has one contact with a foundation, and no plane stress")
     if any(body.poisson == 0.5 for body in problem.bodies):
         raise CannotRun("linear elements lock where the body is incompressible")
@@ -55,7 +60,9 @@ def solve(problem: Problem, grid: Grid) -> Answer:
     u = np.empty_like(grid.points)
     values = body.model.variable("u").reshape(-1, problem.dimension)
     u[:] = values[body.node_of]
-    return Answer(u, {contact.name: contact.result()}, values.size, seconds, body.energy(gf), note=note)
+    return Answer(
+        u, {contact.name: contact.result()}, values.size, seconds, body.energy(gf), note=note
+    )
 
 
 class _Body:
@@ -86,7 +93,10 @@ class _Body:
         if self.problem.hypothesis != "axisymmetric":
             return f"lame*Trace(Grad_u)*Trace(Grad_{other}) + 2*mu*Sym(Grad_u):Grad_{other}"
         traces = f"(Trace(Grad_u)+u(1)/X(1))*(Trace(Grad_{other})+{other}(1)/X(1))"
-        return f"2*pi*X(1)*(lame*{traces} + 2*mu*(Sym(Grad_u):Grad_{other} + u(1)*{other}(1)/sqr(X(1))))"
+        return (
+            f"2*pi*X(1)*(lame*{traces} + 2*mu*(Sym(Grad_u):Grad_{other} + "
+            f"u(1)*{other}(1)/sqr(X(1))))"
+        )
 
     def energy(self, gf: Any) -> float:
         """The strain energy."""
@@ -128,7 +138,9 @@ class _Body:
             rows = np.array([self.node_of[node] * d + k for node, k in fixed])
             matrix = selection(gf, rows, self.space.nbdof())
             self.model.add_variable("reaction", len(rows))
-            self.model.add_constraint_with_multipliers("u", "reaction", matrix, np.array(list(fixed.values())))
+            self.model.add_constraint_with_multipliers(
+                "u", "reaction", matrix, np.array(list(fixed.values()))
+            )
             self.load = max(self.load, np.abs(list(fixed.values())).max())
 
 
@@ -158,7 +170,9 @@ class _Rows:
         model.add_initialized_data("gap", gap)
         model.add_initialized_data("alpha", np.ones(len(gap)))
         # Force at a node per displacement.
-        self.augmentation = young * float(np.median(self.weight[self.weight > 0]) / np.ptp(self.x, axis=0).max())
+        self.augmentation = young * float(
+            np.median(self.weight[self.weight > 0]) / np.ptp(self.x, axis=0).max()
+        )
         model.add_initialized_data("r", self.augmentation)
         model.add_variable("lambda_n", len(gap))
         down = self._matrix(gf, rows, size)
@@ -168,7 +182,9 @@ class _Rows:
         else:
             along = [self._row(k, tangent) for k, pair in enumerate(tangents) for tangent in pair]
             model.add_variable("lambda_t", len(along))
-            model.add_initialized_data("coefficient", values_at(problem, contact.coefficient, self.x))
+            model.add_initialized_data(
+                "coefficient", values_at(problem, contact.coefficient, self.x)
+            )
             across = self._matrix(gf, along, size)
             model.add_basic_contact_brick(
                 "u", "lambda_n", "lambda_t", "r", down, across, "coefficient", "gap", "alpha", 1
@@ -187,7 +203,16 @@ class _Rows:
         for attempt, (augmentation, start) in enumerate(tries, 1):
             model.set_variable("r", augmentation * self.augmentation)
             self._start(start)
-            what = ("max_res", _RESIDUAL * self.force, "max_iter", _STEPS, "lsolver", "mumps", "lsearch", "simplest")
+            what = (
+                "max_res",
+                _RESIDUAL * self.force,
+                "max_iter",
+                _STEPS,
+                "lsolver",
+                "mumps",
+                "lsearch",
+                "simplest",
+            )
             try:
                 steps, converged = model.solve(*what)
             except RuntimeError:
@@ -198,7 +223,9 @@ class _Rows:
         raise RuntimeError(f"Newton's method does not converge from any of {len(tries)} starts")
 
     def _start(self, share: float) -> None:
-        """Where nothing else holds the body: so far onto the foundation, of what contact everywhere would take."""
+        """Where nothing else holds the body: so far onto the foundation, of what contact everywhere
+        would take.
+        """
         start = np.tile(share * max(self.farthest, 1e-9) * self.toward, len(self.body.places))
         self.model.set_variable("u", start)
         for name in ("lambda_n", "lambda_t") if self.law != "none" else ("lambda_n",):

@@ -1,7 +1,8 @@
-"""Runs dolfinx by hand: a penalty at the vertices of the contact facets, and Newton's method on UFL's derivative.
+"""Runs dolfinx by hand: a penalty at the vertices of the contact facets, and Newton's method on
+UFL's derivative.
 
-The penalty is raised step by step, each problem starting from the solution of the one before; a step that Newton's
-method does not solve is halved.
+The penalty is raised step by step, each problem starting from the solution of the one before; a
+step that Newton's method does not solve is halved.
 """
 
 from __future__ import annotations
@@ -17,7 +18,8 @@ from benchmarks.contactbench.elasticity import nodal_loads, nodal_weights, presc
 from benchmarks.contactbench.grids import Grid
 from benchmarks.contactbench.problem import Problem
 
-# The last penalty in units of E over the shortest facet in contact, and the first one in those of the last.
+# The last penalty in units of E over the shortest facet in contact, and the first one in those of
+# the last.
 PENALTY, _FIRST = 100.0, 1e-4
 _FACTOR, _SMALLEST, _STEPS, _SAME = 10.0, 1.01, 25, 1e-9
 
@@ -59,7 +61,9 @@ def solve(problem: Problem, grid: Grid) -> Answer:
         gamma = min(solved * factor, newton.last)
     seconds = time.process_time() - start - newton.compiling
     u, contacts = newton.answer(state)
-    return Answer(u, contacts, u.size, seconds, newton.energy(state), note=f"penalty {newton.last:.3g}")
+    return Answer(
+        u, contacts, u.size, seconds, newton.energy(state), note=f"penalty {newton.last:.3g}"
+    )
 
 
 class _Newton:
@@ -78,7 +82,10 @@ class _Newton:
         space = fem.functionspace(mesh, ("Lagrange", 1, (self.d,)))
         self.u, v, x = fem.Function(space), ufl.TestFunction(space), ufl.SpatialCoordinate(mesh)
         body, contact = problem.bodies[0], problem.contacts[0]
-        mu, lame = body.mu, body.young * body.poisson / ((1 + body.poisson) * (1 - 2 * body.poisson))
+        mu, lame = (
+            body.mu,
+            body.young * body.poisson / ((1 + body.poisson) * (1 - 2 * body.poisson)),
+        )
         if problem.hypothesis == "plane stress":
             lame = 2 * lame * mu / (lame + 2 * mu)
         around = 2 * ufl.pi * x[0] if problem.hypothesis == "axisymmetric" else 1.0
@@ -90,19 +97,31 @@ class _Newton:
             shear = (g[0, 1] + g[1, 0]) / 2
             return ufl.as_matrix([[g[0, 0], shear, 0], [shear, g[1, 1], 0], [0, 0, w[0] / x[0]]])
 
-        stress = 2 * mu * strain(self.u) + lame * ufl.tr(strain(self.u)) * ufl.Identity(strain(self.u).ufl_shape[0])
-        residual = ufl.inner(stress, strain(v)) * around * ufl.dx(metadata={"quadrature_degree": 2 + (around != 1.0)})
+        stress = 2 * mu * strain(self.u) + lame * ufl.tr(strain(self.u)) * ufl.Identity(
+            strain(self.u).ufl_shape[0]
+        )
+        residual = (
+            ufl.inner(stress, strain(v))
+            * around
+            * ufl.dx(metadata={"quadrature_degree": 2 + (around != 1.0)})
+        )
         self.work = ufl.replace(residual, {v: self.u})
         # At the vertices, with the areas that belong to them.
         metadata = {"quadrature_rule": "vertex", "quadrature_degree": 1}
-        ds = ufl.Measure("ds", domain=mesh, subdomain_data=facets, metadata=metadata)(tags[contact.boundary])
+        ds = ufl.Measure("ds", domain=mesh, subdomain_data=facets, metadata=metadata)(
+            tags[contact.boundary]
+        )
         normal = ufl.FacetNormal(mesh)
         if contact.direction:
             normal = ufl.as_vector([problem.number(c) for c in contact.direction])
         self.gamma = fem.Constant(mesh, 1.0)
         scalar = fem.functionspace(mesh, ("Lagrange", 1))
         self.fields = {key: fem.Function(scalar) for key in ("gap", "bound", "share")}
-        for key, formula in (("gap", contact.gap), ("bound", contact.bound), ("share", contact.coefficient)):
+        for key, formula in (
+            ("gap", contact.gap),
+            ("bound", contact.bound),
+            ("share", contact.coefficient),
+        ):
             self.fields[key].x.array[:] = self._by_node(formula)
         circumference = fem.Function(scalar)
         circumference.x.array[:] = self._circumferences()[self.nodes]
@@ -111,19 +130,30 @@ class _Newton:
         along = self.u - ufl.inner(self.u, normal) * normal
         residual += pressure * ufl.inner(v, normal) * circumference * ds
         if contact.law != "none":
-            bound = self.fields["bound"] if contact.law == "tresca" else self.fields["share"] * pressure
+            bound = (
+                self.fields["bound"] if contact.law == "tresca" else self.fields["share"] * pressure
+            )
             trial = self.gamma * along
             size = ufl.sqrt(ufl.inner(trial, trial) + 1e-30 * body.young**2)
             shear = trial * ufl.conditional(ufl.gt(size, bound), bound / size, 1.0)
             residual += ufl.inner(shear, v) * circumference * ds
         before = time.process_time()
-        self.residual, self.jacobian = fem.form(residual), fem.form(ufl.derivative(residual, self.u))
+        self.residual, self.jacobian = (
+            fem.form(residual),
+            fem.form(ufl.derivative(residual, self.u)),
+        )
         self.compiling = time.process_time() - before
         self.matrix = petsc.create_matrix(self.jacobian)
         self.loads = nodal_loads(problem, grid)[self.nodes].ravel()
         where = {int(node): k for k, node in enumerate(self.nodes)}
-        fixed = {where[node] * self.d + k: value for (node, k), value in prescribed(problem, grid).items()}
-        self.rows, self.values = np.array(list(fixed), dtype=np.int32), np.array(list(fixed.values()))
+        fixed = {
+            where[node] * self.d + k: value
+            for (node, k), value in prescribed(problem, grid).items()
+        }
+        self.rows, self.values = (
+            np.array(list(fixed), dtype=np.int32),
+            np.array(list(fixed.values())),
+        )
         at = grid.points[grid.facets[contact.boundary]]
         shortest = min(float(np.linalg.norm(at - np.roll(at, 1, axis=1), axis=2).min()), np.inf)
         self.last = PENALTY * body.young / shortest
@@ -140,7 +170,11 @@ class _Newton:
         where = np.isin(self.nodes, boundary)
         state = np.zeros((len(self.nodes), self.d))
         if direction:
-            state += 1.01 * max(float(self.fields["gap"].x.array[where].max()), 1e-9) * np.array(direction)
+            state += (
+                1.01
+                * max(float(self.fields["gap"].x.array[where].max()), 1e-9)
+                * np.array(direction)
+            )
         return state.ravel()
 
     def solve(self, state: Any, gamma: float) -> Any:
@@ -160,7 +194,11 @@ class _Newton:
             vector = petsc.assemble_vector(self.residual)
             rest = vector.array.copy() - self.loads
             vector.destroy()
-            size = max(float(np.abs(rest[self.rows]).max(initial=0.0)), float(np.abs(self.loads).max()), 1e-300)
+            size = max(
+                float(np.abs(rest[self.rows]).max(initial=0.0)),
+                float(np.abs(self.loads).max()),
+                1e-300,
+            )
             rest[self.rows] = 0.0
             if scale is not None and np.abs(rest).max() <= _SAME * size:
                 solver.destroy()
@@ -206,17 +244,31 @@ class _Newton:
         friction = np.zeros_like(u[boundary])
         if contact.law != "none":
             trial = self.last * (u[boundary] - np.outer(u[boundary] @ direction, direction))
-            bound = fields["bound"][boundary] if contact.law == "tresca" else fields["share"][boundary] * pressure
+            bound = (
+                fields["bound"][boundary]
+                if contact.law == "tresca"
+                else fields["share"][boundary] * pressure
+            )
             size = np.linalg.norm(trial, axis=1)
-            friction = -trial * np.where(size > bound, bound / np.where(size > 0, size, 1.0), 1.0)[:, None]
-        forces = ContactForces(self.grid.points[boundary], weight, weight * pressure, weight[:, None] * friction)
+            friction = (
+                -trial * np.where(size > bound, bound / np.where(size > 0, size, 1.0), 1.0)[:, None]
+            )
+        forces = ContactForces(
+            self.grid.points[boundary], weight, weight * pressure, weight[:, None] * friction
+        )
         return u, {contact.boundary: forces}
 
     def _circumferences(self) -> Any:
-        """Areas of a revolution that belong to the nodes in contact over the lengths of facets that do; else 1."""
+        """Areas of a revolution that belong to the nodes in contact over the lengths of facets that
+        do; else 1.
+        """
         boundary, found = self.problem.contacts[0].boundary, np.ones(len(self.grid.points))
         if self.problem.hypothesis == "axisymmetric":
             own = self.grid.nodes(boundary)
-            plane = nodal_weights(replace(self.problem, hypothesis="plane strain"), self.grid, boundary)
-            found[own] = (nodal_weights(self.problem, self.grid, boundary) / np.where(plane > 0, plane, 1.0))[own]
+            plane = nodal_weights(
+                replace(self.problem, hypothesis="plane strain"), self.grid, boundary
+            )
+            found[own] = (
+                nodal_weights(self.problem, self.grid, boundary) / np.where(plane > 0, plane, 1.0)
+            )[own]
         return found

@@ -26,7 +26,8 @@ def available() -> None:
 
 
 def solve(problem: Problem, grid: Grid) -> Answer:
-    """Solve a problem on a mesh, with linear elements; incompressible bodies with mixed elements of degree 2.
+    """Solve a problem on a mesh, with linear elements; incompressible bodies with mixed elements of
+    degree 2.
 
     Raises:
         signorini_fx.ConvergenceError: there is no solution.
@@ -42,12 +43,17 @@ def solve(problem: Problem, grid: Grid) -> Answer:
     seconds = time.process_time() - start
     mesh, dimension = solution.displacement.function_space.mesh, problem.dimension
     u = np.empty((len(nodes), dimension))
-    space, values = solution.displacement.function_space, solution.displacement.x.array.reshape(-1, dimension)
+    space, values = (
+        solution.displacement.function_space,
+        solution.displacement.x.array.reshape(-1, dimension),
+    )
     # The first degrees of freedom of a cell are those of its corners, in the order of its nodes.
     corners = grid.cells.shape[1]
     u[nodes[geometry_cells(mesh).ravel()]] = values[space.dofmap.list[:, :corners].ravel()]
     energy = float(solution.steps[-1].strain_energy)
-    return Answer(u, _contacts(problem, solution), solution.displacement.x.array.size, seconds, energy)
+    return Answer(
+        u, _contacts(problem, solution), solution.displacement.x.array.size, seconds, energy
+    )
 
 
 def scene(problem: Problem, grid: Grid, degree: int = 1, **settings: Any) -> tuple[Any, Any]:
@@ -74,14 +80,20 @@ def scene(problem: Problem, grid: Grid, degree: int = 1, **settings: Any) -> tup
             return float(formula)
         if not names(formula) & {*problem.fields, *COORDINATES}:
             return problem.number(formula)
-        return lambda x: np.broadcast_to(problem.at(formula, coordinates(x[: problem.dimension].T)), x.shape[1:])
+        return lambda x: np.broadcast_to(
+            problem.at(formula, coordinates(x[: problem.dimension].T)), x.shape[1:]
+        )
 
     def named(components: dict[int, Formula]) -> dict[str, Any]:
         return {"xyz"[k]: value(formula) for k, formula in components.items()}
 
     supports = [
         sfx.PrescribedDisplacement(
-            **({"at": [problem.number(c) for c in support.at]} if support.at else {"boundary": support.boundary}),
+            **(
+                {"at": [problem.number(c) for c in support.at]}
+                if support.at
+                else {"boundary": support.boundary}
+            ),
             **named(support.components),
         )
         for support in problem.supports
@@ -97,20 +109,30 @@ def scene(problem: Problem, grid: Grid, degree: int = 1, **settings: Any) -> tup
         if contact.against:
             how = {"against": contact.against, "distance": "nominal", "points": "boundary"}
         gap = value(contact.gap)
-        contacts.append(sfx.UnilateralContact(boundary=contact.boundary, gap=gap, friction=law, **how))
+        contacts.append(
+            sfx.UnilateralContact(boundary=contact.boundary, gap=gap, friction=law, **how)
+        )
     hypothesis = {} if problem.hypothesis == "space" else {"hypothesis": problem.hypothesis}
     several = len(problem.bodies) > 1
     made = sfx.Scene(
         mesh=tagged,
-        element=sfx.Discretised(degree=2, volumetric="mixed") if mixed else sfx.Discretised(degree=degree),
+        element=sfx.Discretised(degree=2, volumetric="mixed")
+        if mixed
+        else sfx.Discretised(degree=degree),
         material=[
             sfx.LinearElastic(
-                young=body.young, poisson=body.poisson, **hypothesis, **({"region": body.name} if several else {})
+                young=body.young,
+                poisson=body.poisson,
+                **hypothesis,
+                **({"region": body.name} if several else {}),
             )
             for body in problem.bodies
         ],
         displacement=supports,
-        traction=[sfx.SurfaceTraction(boundary=t.boundary, **named(t.components)) for t in problem.tractions],
+        traction=[
+            sfx.SurfaceTraction(boundary=t.boundary, **named(t.components))
+            for t in problem.tractions
+        ],
         contact=contacts,
         solver=sfx.SolverSettings(**settings),
     )

@@ -1,12 +1,14 @@
 """Random scenes, judged by a program that shares no code with the package.
 
     ./env python3 -m benchmarks.stability.oracle [--plane N] [--space N] [--bodies N] [--effects N]
-                                              [--space-effects N] [--first SEED] [--jobs N]      (make oracle)
-    ./env python3 -m benchmarks.stability.oracle --only plane SEED      one scene, with its file and every figure
-    ./env python3 -m benchmarks.stability.oracle --only space SEED --same-units      the same in units of the body
+                                              [--space-effects N] [--first SEED] [--jobs N]
+                                              (make oracle)
+    ./env python3 -m benchmarks.stability.oracle --only plane SEED      one scene, with its file and
+    every figure ./env python3 -m benchmarks.stability.oracle --only space SEED --same-units
+    the same in units of the body
 
-Exit code 1 if a converged answer is wrong, an equilibrium is denied that there is, a certificate does not hold, a scene
-is refused without a documented reason, or anything ends without an outcome.
+Exit code 1 if a converged answer is wrong, an equilibrium is denied that there is, a certificate
+does not hold, a scene is refused without a documented reason, or anything ends without an outcome.
 """
 
 from __future__ import annotations
@@ -25,7 +27,16 @@ from dataclasses import asdict, fields
 from pathlib import Path
 
 from benchmarks.stability.oracle.convex import cvxopt
-from benchmarks.stability.oracle.judge import CONVERGED, CRASHED, DOUBTFUL, FAILURES, KINDS, REFUSED, REPORTED, RIGHT
+from benchmarks.stability.oracle.judge import (
+    CONVERGED,
+    CRASHED,
+    DOUBTFUL,
+    FAILURES,
+    KINDS,
+    REFUSED,
+    REPORTED,
+    RIGHT,
+)
 from benchmarks.stability.oracle.worker import MARK, TRIAL, Row, examined, same_units
 
 # Wall seconds more for the first scene of a process, which also compiles.
@@ -39,25 +50,54 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     parser.add_argument("--plane", type=int, metavar="N", help="how many scenes in 2D (2000)")
     parser.add_argument(
-        "--space", type=int, metavar="N", help="how many scenes in 3D (1000); one of these alone: no others"
+        "--space",
+        type=int,
+        metavar="N",
+        help="how many scenes in 3D (1000); one of these alone: no others",
     )
-    parser.add_argument("--bodies", type=int, metavar="N", help="how many scenes of two and three bodies (1000)")
-    parser.add_argument("--effects", type=int, metavar="N", help="how many scenes with further effects (1000)")
-    parser.add_argument("--space-effects", type=int, metavar="N", help="how many of these in 3D (1000)")
-    parser.add_argument("--first", type=int, default=0, metavar="SEED", help="the first one's number (0)")
+    parser.add_argument(
+        "--bodies", type=int, metavar="N", help="how many scenes of two and three bodies (1000)"
+    )
+    parser.add_argument(
+        "--effects", type=int, metavar="N", help="how many scenes with further effects (1000)"
+    )
+    parser.add_argument(
+        "--space-effects", type=int, metavar="N", help="how many of these in 3D (1000)"
+    )
+    parser.add_argument(
+        "--first", type=int, default=0, metavar="SEED", help="the first one's number (0)"
+    )
     parser.add_argument("--jobs", type=int, default=1, metavar="N", help="processes (1)")
-    parser.add_argument("--limit", type=float, default=180.0, metavar="S", help="wall seconds for one scene (180)")
-    parser.add_argument("--only", nargs=2, metavar=("WHERE", "SEED"), help="one scene, with its file and every figure")
-    parser.add_argument("--same-units", action="store_true", help="units of the body, none at random")
+    parser.add_argument(
+        "--limit", type=float, default=180.0, metavar="S", help="wall seconds for one scene (180)"
+    )
+    parser.add_argument(
+        "--only",
+        nargs=2,
+        metavar=("WHERE", "SEED"),
+        help="one scene, with its file and every figure",
+    )
+    parser.add_argument(
+        "--same-units", action="store_true", help="units of the body, none at random"
+    )
     parser.add_argument("--out", type=Path, default=Path("results/oracle"), metavar="DIR")
     given = parser.parse_args(arguments)
     if cvxopt is None:
-        print("no CVXOPT (Debian: python3-cvxopt): conditions are judged, no programme is solved", file=sys.stderr)
+        print(
+            "no CVXOPT (Debian: python3-cvxopt): conditions are judged, no programme is solved",
+            file=sys.stderr,
+        )
     if given.only is not None:
         return _one(given.only[0], int(given.only[1]), given.out, own=given.same_units)
     counts = {where: getattr(given, where.replace("-", "_")) for where in _SHOWN}
     if all(count is None for count in counts.values()):
-        counts = {"plane": 2000, "space": 1000, "bodies": 1000, "effects": 1000, "space-effects": 1000}
+        counts = {
+            "plane": 2000,
+            "space": 1000,
+            "bodies": 1000,
+            "effects": 1000,
+            "space-effects": 1000,
+        }
     begin, rows = time.monotonic(), list[Row]()
     for where, count in counts.items():
         rows += _examined(where, given, count or 0)
@@ -127,30 +167,58 @@ def _one(where: str, seed: int, out: Path, *, own: bool) -> int:
 
 def line(row: Row) -> str:
     """A scene in one line."""
-    figure = f"{row.figure}: {row.value:.1e} times what is tolerated" if row.figure and row.value > 0 else row.note
+    figure = (
+        f"{row.figure}: {row.value:.1e} times what is tolerated"
+        if row.figure and row.value > 0
+        else row.note
+    )
     note = f"; {row.note}" if row.note and row.note != figure else ""
     return (
-        f"{row.where} {row.seed}: {row.kind} ({row.outcome}; {row.algorithm}; {row.law}; {row.element}) {figure}{note}"
+        f"{row.where} {row.seed}: {row.kind} ({row.outcome}; {row.algorithm}; {row.law}; "
+        f"{row.element}) {figure}{note}"
     )
 
 
 def table(rows: Sequence[Row]) -> str:
-    """How many scenes ended how, by friction law; then by algorithm; then what the convex programmes say."""
+    """How many scenes ended how, by friction law; then by algorithm; then what the convex
+    programmes say.
+    """
     laws = ["none", "tresca", "coulomb", "coulomb and tresca"]
     parts = [_counts("verdict", [row.kind for row in rows], KINDS, [row.law for row in rows], laws)]
     named = Counter(row.outcome for row in rows if row.outcome != CONVERGED)
     parts.append(
-        "\n".join(["outcomes that are no solution:", *(f"  {n:5}  {name}" for name, n in named.most_common())])
+        "\n".join(
+            [
+                "outcomes that are no solution:",
+                *(f"  {n:5}  {name}" for name, n in named.most_common()),
+            ]
+        )
     )
     algorithms = sorted({row.algorithm for row in rows if row.algorithm})
     kinds = [row.kind for row in rows if row.algorithm]
-    parts.append(_counts("verdict", kinds, KINDS, [row.algorithm for row in rows if row.algorithm], algorithms))
-    steps, compared = (sum(getattr(row, name) for row in rows if row.kind == RIGHT) for name in ("steps", "compared"))
-    parts.append(f"{compared} of {steps} load steps that are right were computed a second time as a convex programme")
+    parts.append(
+        _counts(
+            "verdict", kinds, KINDS, [row.algorithm for row in rows if row.algorithm], algorithms
+        )
+    )
+    steps, compared = (
+        sum(getattr(row, name) for row in rows if row.kind == RIGHT)
+        for name in ("steps", "compared")
+    )
+    parts.append(
+        f"{compared} of {steps} load steps that are right were computed a second time as a convex "
+        "programme"
+    )
     return "\n\n".join(parts)
 
 
-def _counts(title: str, kinds: Sequence[str], order: Iterable[str], groups: Sequence[str], names: Sequence[str]) -> str:
+def _counts(
+    title: str,
+    kinds: Sequence[str],
+    order: Iterable[str],
+    groups: Sequence[str],
+    names: Sequence[str],
+) -> str:
     """Counts of pairs as a table of Markdown."""
     count = Counter(zip(kinds, groups, strict=True))
     lines = [f"| {title} | all | {' | '.join(names)} |", "|---" * (len(names) + 2) + "|"]
@@ -163,9 +231,17 @@ def _counts(title: str, kinds: Sequence[str], order: Iterable[str], groups: Sequ
 
 
 def _work(
-    where: str, own: bool, most: float, first: int, stop: int, stride: int, found: queue.Queue[Row | None]
+    where: str,
+    own: bool,
+    most: float,
+    first: int,
+    stop: int,
+    stride: int,
+    found: queue.Queue[Row | None],
 ) -> None:
-    """Let worker processes examine every ``stride``-th scene; one that dies or is stuck costs its scene only."""
+    """Let worker processes examine every ``stride``-th scene; one that dies or is stuck costs its
+    scene only.
+    """
     while first < stop:
         command = [
             sys.executable,
@@ -175,7 +251,9 @@ def _work(
             "benchmarks.stability.oracle.worker",
             *map(str, (where, int(own), first, stop, stride)),
         ]
-        with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as process:
+        with subprocess.Popen(
+            command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
+        ) as process:
             assert process.stdout is not None
             lines: queue.Queue[str] = queue.Queue()
             reader = threading.Thread(target=_read, args=(process.stdout, lines), daemon=True)

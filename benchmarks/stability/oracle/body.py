@@ -54,12 +54,18 @@ class Body:
             raise ValueError("curved cells need elements of degree 2")
         self.corners: Ints = mesh.cells[:, :corners]
         self.x, self.cells = self._numbered()
-        loads = [e for key in ("displacement", "traction", "body_force", *effects.LOADS) for e in listed(scene, key)]
+        loads = [
+            e
+            for key in ("displacement", "traction", "body_force", *effects.LOADS)
+            for e in listed(scene, key)
+        ]
         self.steps = max([1, *(len(effect["factors"]) for effect in loads if "factors" in effect)])
         self._forces: dict[tuple[str, int], Array] = {}
 
     def _numbered(self) -> tuple[Array, Ints]:
-        """Nodes of the displacement: the mesh's own, or with degree 2 on straight cells middles as well."""
+        """Nodes of the displacement: the mesh's own, or with degree 2 on straight cells middles as
+        well.
+        """
         mesh = self.mesh
         if self.degree == self.geometry_degree:
             return mesh.points, mesh.cells
@@ -95,13 +101,18 @@ class Body:
 
     def of_region(self, entry: dict[str, Any]) -> Ints:
         """The cells of the region of an entry, which are all where it has none."""
-        return self.mesh.regions[entry["region"]] if "region" in entry else np.arange(len(self.cells))
+        return (
+            self.mesh.regions[entry["region"]] if "region" in entry else np.arange(len(self.cells))
+        )
 
     @cached_property
     def young(self) -> float:
         """The largest Young's modulus."""
         materials = listed(self.scene, "material")
-        return max(float(material.get("young") or max(material["orthotropic"]["young"])) for material in materials)
+        return max(
+            float(material.get("young") or max(material["orthotropic"]["young"]))
+            for material in materials
+        )
 
     @cached_property
     def size(self) -> float:
@@ -131,15 +142,21 @@ class Body:
             first, second = self.lame
             total = self._cell_matrices(rule, 0 * first if self.reduced else first, second)
             if self.reduced:
-                total += self._cell_matrices(elements.reduced_rule(self.dim, nodes), first, 0 * second)
+                total += self._cell_matrices(
+                    elements.reduced_rule(self.dim, nodes), first, 0 * second
+                )
         return self.assembled(total, self.cells) + self.springs
 
     def assembled(self, matrices: Array, nodes: Ints) -> csr_array:
-        """The matrix of all dofs from those of cells or facets with these nodes, shape (m, d nodes, d nodes)."""
+        """The matrix of all dofs from those of cells or facets with these nodes, shape (m, d nodes,
+        d nodes).
+        """
         dofs = (self.dim * nodes[:, :, None] + np.arange(self.dim)).reshape(len(nodes), -1)
         rows, columns = np.broadcast_arrays(dofs[:, :, None], dofs[:, None, :])
         size = self.dim * len(self.x)
-        return coo_array((matrices.ravel(), (rows.ravel(), columns.ravel())), shape=(size, size)).tocsr()
+        return coo_array(
+            (matrices.ravel(), (rows.ravel(), columns.ravel())), shape=(size, size)
+        ).tocsr()
 
     @cached_property
     def springs(self) -> csr_array:
@@ -164,7 +181,9 @@ class Body:
             jacobian = jacobians[:, point]
             size = np.abs(np.linalg.det(jacobian)) * weight
             g = np.einsum("kj,cji->cki", slopes[point], np.linalg.inv(jacobian))
-            outer = g[:, :, :, None, None] * g[:, None, None, :, :]  # d_i phi_a d_j phi_b at [c, a, i, b, j]
+            outer = (
+                g[:, :, :, None, None] * g[:, None, None, :, :]
+            )  # d_i phi_a d_j phi_b at [c, a, i, b, j]
             total += (first * size)[:, None, None, None, None] * outer
             total += (second * size)[:, None, None, None, None] * outer.transpose(0, 1, 4, 3, 2)
             dot = np.einsum("c,cak,cbk->cab", second * size, g, g)
@@ -181,7 +200,9 @@ class Body:
 
     @cached_property
     def _faces(self) -> dict[frozenset[int], tuple[int, int]]:
-        """The cell and the number of the face for the corners of each face; of two cells the later one."""
+        """The cell and the number of the face for the corners of each face; of two cells the later
+        one.
+        """
         found = {}
         for cell, row in enumerate(self.corners.tolist()):
             for number, face in enumerate(elements.FACES[self.dim, len(row)]):
@@ -195,11 +216,16 @@ class Body:
         tables = (self.cells, self.mesh.cells)
         fine, coarse = (np.array(elements.face_nodes(self.dim, table.shape[1])) for table in tables)
         faces = np.array([face for _, face in pairs], dtype=np.int64)
-        nodes, places = self.cells[cells[:, None], fine[faces]], self.mesh.cells[cells[:, None], coarse[faces]]
+        nodes, places = (
+            self.cells[cells[:, None], fine[faces]],
+            self.mesh.cells[cells[:, None], coarse[faces]],
+        )
         return Facets(cells, nodes, places)
 
     def frames(self, facets: Facets, xi: Array) -> tuple[Array, Array]:
-        """Positions, and outward normals times the area per xi, at points xi of each facet: (facets, points, d)."""
+        """Positions, and outward normals times the area per xi, at points xi of each facet:
+        (facets, points, d).
+        """
         values, slopes = elements.shape(self.dim - 1, facets.places.shape[1], xi)
         x = self.mesh.points[facets.places]
         normal = across(np.einsum("fki,pkj->fpij", x, slopes))
@@ -212,21 +238,26 @@ class Body:
         return self.frames(facets, np.full((1, self.dim - 1), 0.3))[1][:, 0]
 
     def rule(self, points: int) -> tuple[Array, Array]:
-        """A rule on a facet: exact on triangles, so many points along each side of lines and quadrilaterals."""
+        """A rule on a facet: exact on triangles, so many points along each side of lines and
+        quadrilaterals.
+        """
         make = elements.simplex if self.simplices and self.dim == 3 else elements.cube
         return make(self.dim - 1, points)
 
     def on_facets(self, name: str, *, varies: bool) -> tuple[Facets, Array, Array, Array, Array]:
-        """The facets of a boundary with positions and outward normals times the area at points of a rule, the weights
-        of these, and the shape functions there; ``varies``: what is integrated is no polynomial.
+        """The facets of a boundary with positions and outward normals times the area at points of a
+        rule, the weights of these, and the shape functions there; ``varies``: what is integrated is
+        no polynomial.
         """
         facets, (xi, weights) = self.facets(name), self.rule(11 if varies else self.degree + 2)
         values, _ = elements.shape(self.dim - 1, facets.nodes.shape[1], xi)
         return facets, *self.frames(facets, xi), weights, values
 
-    def in_cells(self, rule: tuple[Array, Array] | None = None) -> tuple[Array, Array, Array, Array]:
-        """Positions (cells, points, d), weights (cells, points), shape functions (points, nodes) and their gradients
-        (cells, points, nodes, d) at the points of a rule, or of one for loads.
+    def in_cells(
+        self, rule: tuple[Array, Array] | None = None
+    ) -> tuple[Array, Array, Array, Array]:
+        """Positions (cells, points, d), weights (cells, points), shape functions (points, nodes)
+        and their gradients (cells, points, nodes, d) at the points of a rule, or of one for loads.
         """
         make = elements.simplex if self.simplices else elements.cube
         xi, weights = rule or make(self.dim, 5 if self.simplices else self.degree + 2)
@@ -240,7 +271,9 @@ class Body:
     def vectors(self, load: dict[str, Any], x: Array) -> Array:
         """The components of a load at points of shape (..., d), likewise."""
         flat = x.reshape(-1, self.dim)
-        return np.stack([at_points(load.get(k, 0.0), flat) for k in "xyz"[: self.dim]], axis=1).reshape(x.shape)
+        return np.stack(
+            [at_points(load.get(k, 0.0), flat) for k in "xyz"[: self.dim]], axis=1
+        ).reshape(x.shape)
 
     def load(self, step: int) -> Array:
         """L of a load step, one force per dof."""
@@ -249,7 +282,9 @@ class Body:
             varies = any(isinstance(load.get(k), str) for k in ("x", "y", "z", "pressure"))
             facets, x, normal, weights, values = self.on_facets(load["boundary"], varies=varies)
             area = np.linalg.norm(normal, axis=2)
-            pressure = at_points(load.get("pressure", 0.0), x.reshape(-1, self.dim)).reshape(area.shape)
+            pressure = at_points(load.get("pressure", 0.0), x.reshape(-1, self.dim)).reshape(
+                area.shape
+            )
             force = self.vectors(load, x) * area[:, :, None] - pressure[:, :, None] * normal
             nodal = np.einsum("fpi,p,pk->fki", force, weights, values) * factor_of(load, step)
             np.add.at(total, facets.nodes, nodal)
@@ -274,18 +309,26 @@ class Body:
             facets = self.facets(support["boundary"])
             nodes = np.unique(facets.nodes)
             axes = "xyz"[: self.dim]
-            directions = [(np.eye(self.dim)[axis], support[key]) for axis, key in enumerate(axes) if key in support]
+            directions = [
+                (np.eye(self.dim)[axis], support[key])
+                for axis, key in enumerate(axes)
+                if key in support
+            ]
             if "normal" in support:
                 mean = self.middle_frames(facets).sum(axis=0)
                 directions.append((mean / np.linalg.norm(mean), support["normal"]))
             for direction, value in directions:
-                for node, number in zip(nodes.tolist(), at_points(value, self.x[nodes]).tolist(), strict=True):
+                for node, number in zip(
+                    nodes.tolist(), at_points(value, self.x[nodes]).tolist(), strict=True
+                ):
                     found.setdefault(node, []).append((direction, number, support))
         return found
 
     @cached_property
     def held(self) -> Array:
-        """The projection onto the directions that supports hold at each node, shape (nodes, d, d)."""
+        """The projection onto the directions that supports hold at each node, shape (nodes, d,
+        d).
+        """
         found = np.zeros((*self.x.shape, self.dim))
         for node, given in self._prescriptions.items():
             kept = np.zeros((0, self.dim))
@@ -295,7 +338,8 @@ class Body:
         return found
 
     def prescribed(self, step: int) -> Array:
-        """A displacement that meets the supports of a load step and is zero elsewhere, shape (nodes, d).
+        """A displacement that meets the supports of a load step and is zero elsewhere, shape
+        (nodes, d).
 
         Of directions at a node that depend on each other the later ones hold.
         """
@@ -328,20 +372,29 @@ class Body:
     def pieces(self) -> tuple[int, Ints]:
         """Number of connected pieces of the bodies, and the piece of each node."""
         size = len(self.x)
-        first, rest = np.repeat(self.cells[:, :1], self.cells.shape[1] - 1, axis=1), self.cells[:, 1:]
+        first, rest = (
+            np.repeat(self.cells[:, :1], self.cells.shape[1] - 1, axis=1),
+            self.cells[:, 1:],
+        )
         graph = coo_array((np.ones(first.size), (first.ravel(), rest.ravel())), shape=(size, size))
         count, labels = connected_components(graph, directed=False)
         return int(count), labels.astype(np.int64)
 
     @cached_property
     def rigid(self) -> Array:
-        """The rigid motions of every piece (translations, and rotations about its middle), a column each."""
+        """The rigid motions of every piece (translations, and rotations about its middle), a column
+        each.
+        """
         count, labels = self.pieces
         columns = []
         for piece in range(count):
             here: npt.NDArray[np.bool_] = labels == piece
-            x = np.pad((self.x - self.x[here].mean(axis=0)) / self.size, ((0, 0), (0, 3 - self.dim)))
-            turns = [np.cross(axis, x)[:, : self.dim] for axis in np.eye(3)[2 if self.dim == 2 else 0 :]]
+            x = np.pad(
+                (self.x - self.x[here].mean(axis=0)) / self.size, ((0, 0), (0, 3 - self.dim))
+            )
+            turns = [
+                np.cross(axis, x)[:, : self.dim] for axis in np.eye(3)[2 if self.dim == 2 else 0 :]
+            ]
             for motion in (*np.eye(self.dim)[:, None], *turns):
                 columns.append((motion * here[:, None]).ravel())
         return np.stack(columns, axis=1)
@@ -355,7 +408,9 @@ def across(along: Array) -> Array:
 
 
 def _one_more(kept: Array, direction: Array) -> tuple[Array, float]:
-    """Orthonormal rows and the part of a direction that is new, and the length of that part, 0 if there is none."""
+    """Orthonormal rows and the part of a direction that is new, and the length of that part, 0 if
+    there is none.
+    """
     rest = direction - kept.T @ (kept @ direction)
     length = float(np.linalg.norm(rest))
     if length < _INDEPENDENT:

@@ -1,4 +1,6 @@
-"""The conditions that a solution of a contact problem has to meet, point by point, from plain arrays."""
+"""The conditions that a solution of a contact problem has to meet, point by point, from plain
+arrays.
+"""
 
 from __future__ import annotations
 
@@ -24,8 +26,8 @@ LEAST = 1e-150
 _EPS = float(np.finfo(float).eps)
 # Share of the forces by prescribed displacements at which a Krylov method ends.
 _KRYLOV = 1e-11
-# Units in the last place that the relative displacement of a contact point loses: half of one as it is stored, and as
-# many as the sum of its terms, which have both signs.
+# Units in the last place that the relative displacement of a contact point loses: half of one as it
+# is stored, and as many as the sum of its terms, which have both signs.
 _LOST = 4
 # A support leaves a direction free if more than this of it is.
 _FREE = 1e-8
@@ -37,9 +39,9 @@ class Contact:
 
     part: Ints  # which contact boundary
     x: Array  # position
-    # from displacements of nodes to those of the points, which between two bodies are relative: those of its own node;
-    # with quadratic tetrahedra averages (psi_i, N_j) / w_i with the function psi_i of the vertex, see ``points_of``; or
-    # see ``mortar``.  Shape (points d, nodes d)
+    # from displacements of nodes to those of the points, which between two bodies are relative:
+    # those of its own node; with quadratic tetrahedra averages (psi_i, N_j) / w_i with the function
+    # psi_i of the vertex, see ``points_of``; or see ``mortar``.  Shape (points d, nodes d)
     operator: csr_array
     weight: Array  # the area that it stands for
     normal: Array  # outward normal, or the scene's direction
@@ -48,21 +50,27 @@ class Contact:
     coefficient: Array  # coefficient of Coulomb friction
     cap: Array  # largest bound of Coulomb friction
     bilateral: npt.NDArray[np.bool_]  # whether the contact cannot open
-    cohesive: npt.NDArray[np.bool_]  # whether the given bound is that of a cohesion, which open nodes have not
-    stretch: Array  # by what the part of a slip across the direction of friction counts more, see ``rounded``, a vector
+    cohesive: npt.NDArray[
+        np.bool_
+    ]  # whether the given bound is that of a cohesion, which open nodes have not
+    # by what the part of a slip across the direction of friction counts more, see ``rounded``, a
+    # vector
+    stretch: Array
     between: bool  # whether some points are between two bodies
 
     @cached_property
     def tangents(self) -> Array:
-        """D - 1 vectors across the normal of each point, shape (points, d - 1, d), orthonormal but for ``rounded``: the
-        work of friction is the bound times the length of the slip along them, and their multiples in a disc are the
-        admissible shears.
+        """D - 1 vectors across the normal of each point, shape (points, d - 1, d), orthonormal but
+        for ``rounded``: the work of friction is the bound times the length of the slip along them,
+        and their multiples in a disc are the admissible shears.
         """
         _, _, rows = np.linalg.svd(self.normal[:, None, :])
         return np.stack([self.rounded(rows[:, k], 1) for k in range(1, rows.shape[1])], axis=1)
 
     def rounded(self, vectors: Array, power: int) -> Array:
-        """Vectors whose parts across the direction of friction are multiplied by the ratio to a power."""
+        """Vectors whose parts across the direction of friction are multiplied by the ratio to a
+        power.
+        """
         ratio = np.linalg.norm(self.stretch, axis=1)
         across = self.stretch / np.where(ratio > 0, ratio, 1.0)[:, None]
         part = (vectors * across).sum(axis=1) * (np.where(ratio > 0, ratio, 1.0) ** power - 1)
@@ -111,8 +119,12 @@ class Contact:
 
 
 def contact_of(body: Body, points: Callable[[Body, int], Points] | None = None) -> Contact:
-    """The contact points of a scene; ``points``: those of a contact by its number, None: on a rigid foundation."""
-    columns: dict[str, list[Any]] = {name: [] for name in Contact.__dataclass_fields__ if name != "between"}
+    """The contact points of a scene; ``points``: those of a contact by its number, None: on a rigid
+    foundation.
+    """
+    columns: dict[str, list[Any]] = {
+        name: [] for name in Contact.__dataclass_fields__ if name != "between"
+    }
     for part, effect in enumerate(listed(body.scene, "contact")):
         here = (points or points_of)(body, part)
         x, count, normal = here.x, len(here.x), here.normal
@@ -130,7 +142,13 @@ def contact_of(body: Body, points: Callable[[Body, int], Points] | None = None) 
         columns["weight"].append(here.weight)
         columns["normal"].append(normal)
         columns["gap"].append(here.gap)
-        given = np.inf if kind == "bonded" else friction["bound"] if tresca else friction.get("cohesion", 0.0)
+        given = (
+            np.inf
+            if kind == "bonded"
+            else friction["bound"]
+            if tresca
+            else friction.get("cohesion", 0.0)
+        )
         columns["cohesive"].append(np.full(count, "cohesion" in friction))
         columns["given"].append(at_points(given, x))
         columns["coefficient"].append(at_points(friction["coefficient"] if coulomb else 0.0, x))
@@ -139,14 +157,18 @@ def contact_of(body: Body, points: Callable[[Body, int], Points] | None = None) 
         columns["bilateral"].append(np.full(count, kind != "unilateral"))
         stretch = np.zeros_like(x)
         if "ratio" in friction:
-            along = np.stack([at_points(value, x) for value in friction.get("along", [1.0, 0.0, 0.0])], axis=1)
+            along = np.stack(
+                [at_points(value, x) for value in friction.get("along", [1.0, 0.0, 0.0])], axis=1
+            )
             stretch = np.cross(normal, along)
             stretch *= (at_points(friction["ratio"], x) / np.linalg.norm(stretch, axis=1))[:, None]
         columns["stretch"].append(stretch)
     operator = csr_array(vstack(columns.pop("operator")))
     between = any("against" in effect for effect in listed(body.scene, "contact"))
     return Contact(
-        operator=operator, between=between, **{name: np.concatenate(values) for name, values in columns.items()}
+        operator=operator,
+        between=between,
+        **{name: np.concatenate(values) for name, values in columns.items()},
     )
 
 
@@ -164,9 +186,10 @@ class Points:
 def points_of(body: Body, part: int) -> Points:
     """The points of a boundary on a rigid foundation.
 
-    The weight times the normal is the integral of the basis function times the normal; on quadratic tetrahedra, whose
-    functions of vertices have the integral zero, that of the hat function, and the weight is that of its area. The
-    shares there are those of the functions that are dual to the hats on each facet.
+    The weight times the normal is the integral of the basis function times the normal; on quadratic
+    tetrahedra, whose functions of vertices have the integral zero, that of the hat function, and
+    the weight is that of its area. The shares there are those of the functions that are dual to the
+    hats on each facet.
     """
     effect = listed(body.scene, "contact")[part]
     facets = body.facets(effect["boundary"])
@@ -186,19 +209,27 @@ def points_of(body: Body, part: int) -> Points:
         gap = at_points(effect.get("gap", 0.0), body.x[vertices])
         if "foundation" in effect:
             gap = gap + from_shape(effect["foundation"], body.x[vertices])[0]
-        return Points(body.x[vertices], csr_array(kron(shares, eye_array(body.dim))), weight, normals, gap)
+        return Points(
+            body.x[vertices], csr_array(kron(shares, eye_array(body.dim))), weight, normals, gap
+        )
 
     if not averaged:
         own = coo_array(
-            (np.ones(len(vertices)), (np.arange(len(vertices)), vertices)), shape=(len(vertices), len(body.x))
+            (np.ones(len(vertices)), (np.arange(len(vertices)), vertices)),
+            shape=(len(vertices), len(body.x)),
         )
         return found(own.tocsr(), size)
     area = np.linalg.norm(normal, axis=2)
-    products, hats_only = (np.einsum("fp,p,pa,pb->fab", area, weights, hats, these) for these in (values, hats))
-    # The functions of the points on a facet: the hats' integrals are their own, and they are dual to the hats.
+    products, hats_only = (
+        np.einsum("fp,p,pa,pb->fab", area, weights, hats, these) for these in (values, hats)
+    )
+    # The functions of the points on a facet: the hats' integrals are their own, and they are dual
+    # to the hats.
     products = np.linalg.solve(hats_only, products) * hats_only.sum(axis=2)[:, :, None]
     rows, columns = np.broadcast_arrays(points[:, :, None], facets.nodes[:, None, :])
-    every = coo_array((products.ravel(), (rows.ravel(), columns.ravel())), shape=(len(body.x), len(body.x))).tocsr()
+    every = coo_array(
+        (products.ravel(), (rows.ravel(), columns.ravel())), shape=(len(body.x), len(body.x))
+    ).tocsr()
     mine = every[vertices]
     weight = np.asarray(mine.sum(axis=1)).ravel()
     return found(csr_array(mine.multiply(1 / weight[:, None])), weight)
@@ -206,11 +237,14 @@ def points_of(body: Body, part: int) -> Points:
 
 @dataclass(frozen=True)
 class Origin:
-    """Where friction counts from: tangential displacement and shear of the load step before, or zero."""
+    """Where friction counts from: tangential displacement and shear of the load step before, or
+    zero.
+    """
 
     u_t: Array  # tangential displacement, a vector
     shear: Array  # shear, a vector
-    elastic: Array  # the part of the tangential displacement that is elastic in the regularised law and no slip
+    # the part of the tangential displacement that is elastic in the regularised law and no slip
+    elastic: Array
 
     @classmethod
     def nothing(cls, contact: Contact) -> Origin:
@@ -218,7 +252,9 @@ class Origin:
         return cls(*np.zeros((3, *contact.x.shape)))
 
     def after(self, u_t: Array, shear: Array, compliance: float, contact: Contact) -> Origin:
-        """The origin of the next load step, where this one kept to a law with 1 / gamma_2 = ``compliance``."""
+        """The origin of the next load step, where this one kept to a law with 1 / gamma_2 =
+        ``compliance``.
+        """
         added = compliance * contact.rounded(shear - self.shear, -2)
         return Origin(u_t, shear, self.elastic + added if compliance > 0 else 0 * u_t)
 
@@ -229,7 +265,9 @@ class Origin:
 
 @dataclass(frozen=True)
 class Tractions:
-    """Contact pressure, shear (vectors) and state of every point in a load step, as the package reports them."""
+    """Contact pressure, shear (vectors) and state of every point in a load step, as the package
+    reports them.
+    """
 
     pressure: Array
     shear: Array
@@ -252,7 +290,9 @@ def deformation(body: Body, u: Array) -> float:
 
 
 def round_off(body: Body, step: int) -> float:
-    """Displacements that the round-off of the loads may cause, a length: supports may take all that is more."""
+    """Displacements that the round-off of the loads may cause, a length: supports may take all that
+    is more.
+    """
     return 1e3 * _EPS * float(np.abs(body.load(step)).max()) / (body.young * body.size)
 
 
@@ -265,7 +305,8 @@ def violations(
     origin: Origin,
     compliance: tuple[float, float],
 ) -> dict[str, float]:
-    """How far a displacement (nodes, d) with its tractions is from each condition, as a share of what is tolerated.
+    """How far a displacement (nodes, d) with its tractions is from each condition, as a share of
+    what is tolerated.
 
     Args:
         body: the body.
@@ -274,7 +315,8 @@ def violations(
         u: displacement.
         said: contact tractions and states.
         origin: where friction counts from.
-        compliance: 1 / gamma_1 and 1 / gamma_2 of the law that was promised; zero for the law itself.
+        compliance: 1 / gamma_1 and 1 / gamma_2 of the law that was promised; zero for the law
+        itself.
     """
     pressure, shear = said.pressure, said.shear
     moved = float(np.abs(u).max())
@@ -288,24 +330,38 @@ def violations(
     noise = 200 * _EPS * most
     # Contact forces in supported directions have no effect, however large they are.
     felt = body.free.T @ taken
-    force = max(float(np.abs(inner).max()), float(np.abs(load).max()), float(np.abs(felt).max(initial=0.0)))
+    force = max(
+        float(np.abs(inner).max()), float(np.abs(load).max()), float(np.abs(felt).max(initial=0.0))
+    )
     residual = np.abs(body.free.T @ (inner - load + taken))
-    # A Krylov method ends at a share of the forces that prescribed displacements would make, of a rigid motion too.
-    left = _KRYLOV * most if body.scene.get("solver", {}).get("linear_algebra") == "krylov" else noise
+    # A Krylov method ends at a share of the forces that prescribed displacements would make, of a
+    # rigid motion too.
+    left = (
+        _KRYLOV * most if body.scene.get("solver", {}).get("linear_algebra") == "krylov" else noise
+    )
     left += _by_the_law(contact, u, compliance)
     figures["equilibrium"] = float(residual.max(initial=0.0)) / max(TOLERANCE * force + left, LEAST)
-    # Scales of the deformation: of a rigid motion only the round-off is tolerated, however large it is.
+    # Scales of the deformation: of a rigid motion only the round-off is tolerated, however large it
+    # is.
     shape = deformation(body, u)
-    # Where a support holds a point in part, pressure and shear may be anything: what the body feels sets the scale.
+    # Where a support holds a point in part, pressure and shear may be anything: what the body feels
+    # sets the scale.
     loose = np.eye(body.x.shape[1]) - body.held
     traction = pressure[:, None] * contact.normal + shear
     acting = max(
-        (float(np.abs(loose[node] @ traction[point]).max()) for point, node in zip(*contact.meetings, strict=True)),
+        (
+            float(np.abs(loose[node] @ traction[point]).max())
+            for point, node in zip(*contact.meetings, strict=True)
+        ),
         default=0.0,
     )
     stress = max(acting, 1e-3 * body.young * shape / body.size)
     length = max(shape, 1e-3 * stress / body.young * body.size)
-    near = TOLERANCE * length + 1e3 * _EPS * (moved + float(np.abs(contact.gap).max())) + round_off(body, step)
+    near = (
+        TOLERANCE * length
+        + 1e3 * _EPS * (moved + float(np.abs(contact.gap).max()))
+        + round_off(body, step)
+    )
     negligible = max(TOLERANCE * stress, noise / float(contact.weight.min()), LEAST)
     if contact.between:  # distances of both sides have the round-off of places
         near += 10 * _EPS * body.size
@@ -320,22 +376,31 @@ def violations(
     two = contact.bilateral & judged_n
     figures["penetration"] = _most(np.where(two, np.abs(entered), entered)[judged_n]) / near
     figures["pressure below zero"] = _most(-pressure[one]) / negligible
-    figures["pressure at a distance"] = _most(np.minimum(pressure / negligible, -entered / near)[one])
+    figures["pressure at a distance"] = _most(
+        np.minimum(pressure / negligible, -entered / near)[one]
+    )
     figures["state of contact"] = _most(pressure[one & (said.state == "open")]) / negligible
     bound, sheared = contact.bound(pressure), contact.rounded(shear, -1)
     size = np.linalg.norm(sheared, axis=1)
-    figures["shear along the normal"] = _most(np.abs((shear * contact.normal).sum(axis=1))) / negligible
+    figures["shear along the normal"] = (
+        _most(np.abs((shear * contact.normal).sum(axis=1))) / negligible
+    )
     figures["friction cone"] = _most((size - bound)[judged_t]) / negligible
     if not contact.rubs.any():
         return figures
     xi = contact.rounded(u_t - origin.slip_from(compliance[1]), 1)
     xi -= compliance[1] * (sheared - contact.rounded(origin.shear, -1))
     slipped = np.linalg.norm(xi, axis=1)
-    # The law as one equation, mu = P(mu + xi) with the projection P onto the disc, in units of what is tolerated.
+    # The law as one equation, mu = P(mu + xi) with the projection P onto the disc, in units of what
+    # is tolerated.
     trial = sheared / negligible + xi / near
     with np.errstate(over="ignore"):
-        excess = np.maximum(np.linalg.norm(trial, axis=1) / np.maximum(bound / negligible, 1e-300), 1.0)
-    figures["law of friction"] = _most(np.linalg.norm(sheared / negligible - trial / excess[:, None], axis=1)[judged_t])
+        excess = np.maximum(
+            np.linalg.norm(trial, axis=1) / np.maximum(bound / negligible, 1e-300), 1.0
+        )
+    figures["law of friction"] = _most(
+        np.linalg.norm(sheared / negligible - trial / excess[:, None], axis=1)[judged_t]
+    )
     figures["state of stick"] = _most(slipped[(said.state == "stick") & judged_t]) / near
     sliding = (said.state == "slip") & judged_t & (bound > 0)
     figures["state of slip"] = _most((bound - size)[sliding]) / negligible
@@ -345,17 +410,22 @@ def violations(
 def _by_the_law(contact: Contact, u: Array, compliance: tuple[float, float]) -> float:
     """The round-off of forces that a regularised law makes of displacements.
 
-    It gives a traction as gamma times a difference of displacements and the gap, each of which is a rounded number.  A
-    displacement that is the exact solution but for its last digits has just these forces, whatever solver it is from.
+    It gives a traction as gamma times a difference of displacements and the gap, each of which is a
+    rounded number.  A displacement that is the exact solution but for its last digits has just
+    these forces, whatever solver it is from.
     """
     rate = max((1 / part for part in compliance if part > 0), default=0.0)
-    terms = (abs(contact.operator) @ np.abs(u.ravel())).reshape(contact.x.shape) + np.abs(contact.gap)[:, None]
+    terms = (abs(contact.operator) @ np.abs(u.ravel())).reshape(contact.x.shape) + np.abs(
+        contact.gap
+    )[:, None]
     forces = abs(contact.operator).T @ (contact.weight[:, None] * terms).ravel()
     return _LOST * _EPS * rate * float(forces.max(initial=0.0))
 
 
 def judged(body: Body, contact: Contact) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
-    """At which points normal and tangential conditions are judged: where a support leaves some direction free."""
+    """At which points normal and tangential conditions are judged: where a support leaves some
+    direction free.
+    """
     loose = np.eye(body.x.shape[1]) - body.held
     normal = np.zeros(len(contact.x), dtype=bool)
     tangential = np.zeros(len(contact.x), dtype=bool)

@@ -1,8 +1,8 @@
 """Contact with given friction a second time, as a second-order cone programme solved by CVXOPT.
 
-With given friction the displacement minimises the energy a(u, u) / 2 - L(u) + (bound, |slip|) over what does not enter
-the foundation; with regularisation constraint and cone are smoothed by a layer of compliance 1 / gamma.  The body is
-condensed onto its contact points first.
+With given friction the displacement minimises the energy a(u, u) / 2 - L(u) + (bound, |slip|) over
+what does not enter the foundation; with regularisation constraint and cone are smoothed by a layer
+of compliance 1 / gamma.  The body is condensed onto its contact points first.
 """
 
 from __future__ import annotations
@@ -35,7 +35,9 @@ _ACCURACIES = (1e-12, 1e-10, 1e-9, 1e-8)
 
 @dataclass(frozen=True)
 class Condensed:
-    """The body condensed onto the free directions at contact: energy v S v / 2 - f v plus a constant."""
+    """The body condensed onto the free directions at contact: energy v S v / 2 - f v plus a
+    constant.
+    """
 
     columns: Ints  # which of the free directions
     stiffness: Array  # S
@@ -66,12 +68,22 @@ def condense(body: Body, contact: Contact, step: int) -> Condensed:
     others = np.setdiff1d(np.arange(matrix.shape[0]), kept)
     inner = matrix[kept][:, kept].toarray()
     if not others.size:
-        return Condensed(kept, inner, force[kept], start, np.zeros((0, len(kept))), np.zeros(0), others)
+        return Condensed(
+            kept, inner, force[kept], start, np.zeros((0, len(kept))), np.zeros(0), others
+        )
     factor = splu(matrix[others][:, others].tocsc())
     coupling = matrix[others][:, kept].toarray()
     lift, rest = factor.solve(coupling), factor.solve(force[others])
     condensed = inner - coupling.T @ lift
-    return Condensed(kept, (condensed + condensed.T) / 2, force[kept] - coupling.T @ rest, start, lift, rest, others)
+    return Condensed(
+        kept,
+        (condensed + condensed.T) / 2,
+        force[kept] - coupling.T @ rest,
+        start,
+        lift,
+        rest,
+        others,
+    )
 
 
 @dataclass(frozen=True)
@@ -100,17 +112,29 @@ class Programme:
 
 
 def compare(
-    body: Body, contact: Contact, step: int, u: Array, bound: Array, origin: Origin, compliance: tuple[float, float]
+    body: Body,
+    contact: Contact,
+    step: int,
+    u: Array,
+    bound: Array,
+    origin: Origin,
+    compliance: tuple[float, float],
 ) -> Programme | None:
-    """Solve with a given friction bound, and compare with an answer u (nodes, d); None where CVXOPT fails."""
+    """Solve with a given friction bound, and compare with an answer u (nodes, d); None where CVXOPT
+    fails.
+    """
     reduced = condense(body, contact, step)
     if not reduced.columns.size:
         return None
     ours = body.free.T[reduced.columns] @ (u - reduced.start).ravel()
     matrix, load = reduced.stiffness, reduced.load
-    if not any(values.any() for values in (ours, load, contact.gap, origin.u_t)):  # nothing is loaded or moves
+    if not any(
+        values.any() for values in (ours, load, contact.gap, origin.u_t)
+    ):  # nothing is loaded or moves
         return Programme(0.0, 0.0, 0.0, 1.0, 0.0, usable=True)
-    length = float(np.abs(ours).max()) or float(np.abs(contact.gap).max() + np.abs(origin.u_t).max())
+    length = float(np.abs(ours).max()) or float(
+        np.abs(contact.gap).max() + np.abs(origin.u_t).max()
+    )
     found = minimise(contact, reduced, bound, origin, compliance, length, body)
     if found is None:
         return None
@@ -119,9 +143,17 @@ def compare(
     # Supports may take the loads: what is left of them at contact has their round-off.
     lost = _ROUND_OFF * float(np.abs(body.load(step)).max())
     force = max(
-        float(np.abs(matrix @ theirs - load).max()), float(np.abs(load).max()), _ROUND_OFF * stiff * length, lost
+        float(np.abs(matrix @ theirs - load).max()),
+        float(np.abs(load).max()),
+        _ROUND_OFF * stiff * length,
+        lost,
     )
-    energy = max(float(ours @ matrix @ ours), float(theirs @ matrix @ theirs), abs(found.primal), lost**2 / stiff)
+    energy = max(
+        float(ours @ matrix @ ours),
+        float(theirs @ matrix @ theirs),
+        abs(found.primal),
+        lost**2 / stiff,
+    )
     energy = max(energy, float(np.abs(load).max()) ** 2 / stiff) or stiff * length**2
     distance = np.sqrt(max(0.0, float(away @ matrix @ away)))
     gap = abs(found.primal - found.dual) / energy
@@ -146,9 +178,12 @@ def minimise(
     length: float,
     body: Body,
 ) -> Minimum | None:
-    """The minimum for a given friction bound, None where CVXOPT fails; ``length`` is the size of displacements."""
+    """The minimum for a given friction bound, None where CVXOPT fails; ``length`` is the size of
+    displacements.
+    """
     basis = body.free[:, reduced.columns].toarray()
-    # Rows from the unknowns to each point: shape (points, d, unknowns), and what supports prescribe there.
+    # Rows from the unknowns to each point: shape (points, d, unknowns), and what supports prescribe
+    # there.
     moves = contact.moves(basis)
     shift = contact.of(reduced.start)
     normal = np.einsum("nik,ni->nk", moves, contact.normal)
@@ -157,18 +192,28 @@ def minimise(
     stiff = float(np.abs(np.diag(reduced.stiffness)).max())
     length = max(length, float(np.abs(reduced.load).max()) / stiff)
     gap = (contact.gap - (shift * contact.normal).sum(axis=1)) / length
-    start = origin.slip_from(compliance[1]) - compliance[1] * contact.rounded(origin.shear, -2) - shift
+    start = (
+        origin.slip_from(compliance[1]) - compliance[1] * contact.rounded(origin.shear, -2) - shift
+    )
     begin = np.einsum("nti,ni->nt", contact.tangents, start) / length
     soft_n, soft_t = (np.sqrt(c * stiff / contact.weight) for c in compliance)
     # Rows without unknowns are no condition.
     acts = np.abs(normal).max(axis=1) > 1e-8
     moves_across = np.abs(tangent).max(axis=(1, 2)) > 1e-8
-    rub, tied = (np.flatnonzero(moves_across & (bound > 0) & (np.isinf(bound) == bonded)) for bonded in (False, True))
+    rub, tied = (
+        np.flatnonzero(moves_across & (bound > 0) & (np.isinf(bound) == bonded))
+        for bonded in (False, True)
+    )
     across = contact.x.shape[1] - 1
     one, two = np.flatnonzero(acts & ~contact.bilateral), np.flatnonzero(acts & contact.bilateral)
     layer_n, layer_t = compliance[0] > 0, compliance[1] > 0
     # Unknowns: v, then the square root of the layers' energies, then the moduli of the slips.
-    layers = len(one) * layer_n, len(two) * layer_n, across * len(tied) * layer_t, across * len(rub) * layer_t
+    layers = (
+        len(one) * layer_n,
+        len(two) * layer_n,
+        across * len(tied) * layer_t,
+        across * len(rub) * layer_t,
+    )
     ends = np.cumsum([0, len(reduced.load), *layers, len(rub)])
     v, p, q, b, m, t = (slice(a, b) for a, b in pairwise(ends))
     quadratic = np.zeros((ends[-1], ends[-1]))
@@ -190,16 +235,29 @@ def minimise(
         slip = slice(first + 1, first + 1 + across)
         rows[slip, v], limits[slip] = -tangent[point], -begin[point]
         if layer_t:
-            rows[slip, m.start + across * number : m.start + across * (number + 1)] = soft_t[point] * np.eye(across)
+            rows[slip, m.start + across * number : m.start + across * (number + 1)] = soft_t[
+                point
+            ] * np.eye(across)
     # Equations: of contact that cannot open, then of bonds along both.
     equal = np.zeros((len(two) + across * len(tied), ends[-1]))
-    equal[: len(two), v], equal[len(two) :, v] = normal[two], tangent[tied].reshape(-1, len(reduced.load))
+    equal[: len(two), v], equal[len(two) :, v] = (
+        normal[two],
+        tangent[tied].reshape(-1, len(reduced.load)),
+    )
     if layer_n:
         equal[: len(two), q] = -np.diag(soft_n[two])
     if layer_t:
         equal[len(two) :, b] = -np.diag(np.repeat(soft_t[tied], across))
     cones = len(one), 1 + across
-    found = _solve(quadratic, linear, rows, limits, cones, equal, np.concatenate((gap[two], begin[tied].ravel())))
+    found = _solve(
+        quadratic,
+        linear,
+        rows,
+        limits,
+        cones,
+        equal,
+        np.concatenate((gap[two], begin[tied].ravel())),
+    )
     if found is None:
         return None
     best, (pushing, holding), primal, dual, residual = found
@@ -211,13 +269,16 @@ def minimise(
     shear[rub] = -pushing[len(one) :].reshape(-1, 1 + across)[:, 1:]
     shear[tied] = holding[len(two) :].reshape(-1, across)
     vectors = np.einsum("nt,nti->ni", shear, contact.tangents) * (unit / contact.weight)[:, None]
-    return Minimum(length * best[v], pressure * unit / contact.weight, vectors, primal, dual, residual)
+    return Minimum(
+        length * best[v], pressure * unit / contact.weight, vectors, primal, dual, residual
+    )
 
 
 def coulomb_state(
     body: Body, contact: Contact, step: int, origin: Origin, pressure: Array
 ) -> tuple[Array, Array, Array] | None:
-    """Displacement (nodes, d), pressure and shear of a solution with Coulomb friction, if a fixed point finds one.
+    """Displacement (nodes, d), pressure and shear of a solution with Coulomb friction, if a fixed
+    point finds one.
 
     Args:
         body: the body.
@@ -229,7 +290,9 @@ def coulomb_state(
     reduced = condense(body, contact, step)
     length = float(np.abs(contact.gap).max() + np.abs(origin.u_t).max())
     for _ in range(60):
-        found = minimise(contact, reduced, contact.bound(pressure), origin, (0.0, 0.0), length, body)
+        found = minimise(
+            contact, reduced, contact.bound(pressure), origin, (0.0, 0.0), length, body
+        )
         if found is None:
             return None
         change = np.abs(found.pressure - pressure).max()
@@ -240,12 +303,19 @@ def coulomb_state(
 
 
 def _solve(
-    quadratic: Array, linear: Array, rows: Array, limits: Array, cones: tuple[int, int], equal: Array, values: Array
+    quadratic: Array,
+    linear: Array,
+    rows: Array,
+    limits: Array,
+    cones: tuple[int, int],
+    equal: Array,
+    values: Array,
 ) -> tuple[Array, tuple[Array, Array], float, float, float] | None:
-    """Minimise x P x / 2 + q x over h - G x in the cone and A x = b: (x, multipliers of both, primal, dual, residual).
+    """Minimise x P x / 2 + q x over h - G x in the cone and A x = b: (x, multipliers of both,
+    primal, dual, residual).
 
-    The cone is that of numbers that are not negative, and of vectors (t, y) with |y| <= t; ``cones``: how many numbers,
-    and the length of the vectors.
+    The cone is that of numbers that are not negative, and of vectors (t, y) with |y| <= t;
+    ``cones``: how many numbers, and the length of the vectors.
     """
     signs, size = cones
     if not len(limits):  # linear equations
@@ -259,11 +329,15 @@ def _solve(
     arguments = [matrix(quadratic), matrix(linear), matrix(rows), matrix(limits), dims]
     if len(equal):
         arguments += [matrix(equal), matrix(values)]
-    for accuracy, solver in product(_ACCURACIES, ("ldl", "chol") if len(limits) > signs else ("chol2", "ldl")):
+    for accuracy, solver in product(
+        _ACCURACIES, ("ldl", "chol") if len(limits) > signs else ("chol2", "ldl")
+    ):
         options = {"abstol": accuracy / 100, "reltol": accuracy, "feastol": max(accuracy, 1e-11)}
         try:
             found = cvxopt.solvers.coneqp(
-                *arguments, kktsolver=solver, options=options | {"show_progress": False, "maxiters": 60}
+                *arguments,
+                kktsolver=solver,
+                options=options | {"show_progress": False, "maxiters": 60},
             )
         except (ValueError, ArithmeticError):
             continue

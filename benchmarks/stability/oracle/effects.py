@@ -1,4 +1,6 @@
-"""Effects beyond tractions: what they do to a body in 2D or in 3D, assembled anew from plain arrays."""
+"""Effects beyond tractions: what they do to a body in 2D or in 3D, assembled anew from plain
+arrays.
+"""
 
 from __future__ import annotations
 
@@ -35,18 +37,29 @@ def is_orthotropic(body: Body) -> bool:
 
 
 def orthotropic_matrices(body: Body, rule: tuple[Array, Array]) -> Array:
-    """The stiffness matrix of every cell in 3D by a rule, with the tensor C_ijkl of each, turned as such."""
+    """The stiffness matrix of every cell in 3D by a rule, with the tensor C_ijkl of each, turned as
+    such.
+    """
     tensors = np.zeros((len(body.cells), 3, 3, 3, 3))
     middle = body.mesh.points[body.corners].mean(axis=1)
     for material in listed(body.scene, "material"):
         where = body.of_region(material)
         if "orthotropic" in material:
-            own, axes = _along_axes(material["orthotropic"]), _axes(material["orthotropic"], middle[where])
-            tensors[where] = np.einsum("cia,cjb,ckd,cle,abde->cijkl", *[axes] * 4, own, optimize=True)
+            own, axes = (
+                _along_axes(material["orthotropic"]),
+                _axes(material["orthotropic"], middle[where]),
+            )
+            tensors[where] = np.einsum(
+                "cia,cjb,ckd,cle,abde->cijkl", *[axes] * 4, own, optimize=True
+            )
         else:
             young, poisson = material["young"], material["poisson"]
             tensors[where] = _along_axes(
-                {"young": [young] * 3, "poisson": [poisson] * 3, "shear": [young / 2 / (1 + poisson)] * 3}
+                {
+                    "young": [young] * 3,
+                    "poisson": [poisson] * 3,
+                    "shear": [young / 2 / (1 + poisson)] * 3,
+                }
             )
     _, size, _, gradients = body.in_cells(rule)
     count, nodes = body.cells.shape
@@ -61,7 +74,9 @@ def _along_axes(constants: dict[str, Any]) -> Array:
     """C_abcd along the axes of a material."""
     young, flexible = constants["young"], np.diag(1 / np.array(constants["young"]))
     found = np.zeros((3, 3, 3, 3))
-    for (i, j), ratio, shear in zip(((0, 1), (0, 2), (1, 2)), constants["poisson"], constants["shear"], strict=True):
+    for (i, j), ratio, shear in zip(
+        ((0, 1), (0, 2), (1, 2)), constants["poisson"], constants["shear"], strict=True
+    ):
         flexible[i, j] = flexible[j, i] = -ratio / young[i]
         for a, b in product(((i, j), (j, i)), repeat=2):
             found[*a, *b] = shear
@@ -121,7 +136,9 @@ def _in_body(body: Body, key: str, load: dict[str, Any]) -> Array:
 
 
 def _of_temperature(body: Body, load: dict[str, Any]) -> Array:
-    """The stress of a prevented thermal strain e in all directions: (2 mu + k lambda) e, k = 2 in plane stress."""
+    """The stress of a prevented thermal strain e in all directions: (2 mu + k lambda) e, k = 2 in
+    plane stress.
+    """
     first, second = body.lame
     stressed = listed(body.scene, "material")[0].get("hypothesis", "plane strain") == "plane stress"
     here = np.zeros(len(body.cells))
@@ -129,12 +146,20 @@ def _of_temperature(body: Body, load: dict[str, Any]) -> Array:
     expansion = body.of_materials("expansion") * here
     shearing, volumetric = 2 * second, (2 if stressed else 3) * first
     reduced = elements.reduced_rule(body.dim, body.cells.shape[1])
-    parts = [(None, shearing), (reduced, volumetric)] if body.reduced else [(None, shearing + volumetric)]
+    parts = (
+        [(None, shearing), (reduced, volumetric)]
+        if body.reduced
+        else [(None, shearing + volumetric)]
+    )
     total = np.zeros(body.x.shape)
     for rule, modulus in parts:
         x, size, _, gradients = body.in_cells(rule)
         change = at_points(load["change"], x.reshape(-1, body.dim)).reshape(size.shape)
-        np.add.at(total, body.cells, np.einsum("c,cp,cpki->cki", modulus * expansion, change * size, gradients))
+        np.add.at(
+            total,
+            body.cells,
+            np.einsum("c,cp,cpki->cki", modulus * expansion, change * size, gradients),
+        )
     return total
 
 
@@ -146,17 +171,21 @@ def springs(body: Body) -> csr_array:
         area = np.linalg.norm(normal, axis=2)
         n = normal / area[:, :, None]
         along = np.einsum("fpi,fpj->fpij", n, n)
-        stiff = spring.get("normal", 0.0) * along + spring.get("tangential", 0.0) * (np.eye(body.dim) - along)
+        stiff = spring.get("normal", 0.0) * along + spring.get("tangential", 0.0) * (
+            np.eye(body.dim) - along
+        )
         stiff = stiff + np.diag([spring.get(k, 0.0) for k in "xyz"[: body.dim]])
-        block = np.einsum("fpij,fp,p,pk,pl->fkilj", stiff, area, weights, values, values, optimize=True)
+        block = np.einsum(
+            "fpij,fp,p,pk,pl->fkilj", stiff, area, weights, values, values, optimize=True
+        )
         size = body.dim * facets.nodes.shape[1]
         total = total + body.assembled(block.reshape(-1, size, size), facets.nodes)
     return total
 
 
 def from_shape(shape: dict[str, Any], x: Array) -> tuple[Array, Array]:
-    """Distance and direction of the nearest point of a rigid plane, circle or sphere from points, shapes (n,) and (n,
-    d).
+    """Distance and direction of the nearest point of a rigid plane, circle or sphere from points,
+    shapes (n,) and (n, d).
     """
     if shape["shape"] == "plane":
         normal = np.array(shape["normal"]) / np.linalg.norm(shape["normal"])

@@ -27,17 +27,33 @@ UNCERTIFIED = "certificate does not hold: WRONG"
 REFUSED_WRONGLY = "scene refused: WRONG"
 WRONG = "converged, but WRONG"
 CRASHED = "no outcome: traceback, crash or time limit"
-KINDS = (RIGHT, NO_BALANCE, REPORTED, REFUSED, DOUBTFUL, UNCERTIFIED, REFUSED_WRONGLY, DENIED, WRONG, CRASHED)
+KINDS = (
+    RIGHT,
+    NO_BALANCE,
+    REPORTED,
+    REFUSED,
+    DOUBTFUL,
+    UNCERTIFIED,
+    REFUSED_WRONGLY,
+    DENIED,
+    WRONG,
+    CRASHED,
+)
 FAILURES = (UNCERTIFIED, REFUSED_WRONGLY, DENIED, WRONG, CRASHED)
 
 CONVERGED = "converged"
-NOT_HELD, OPEN, SLIDES = "body not held", "contact opens, no static equilibrium", "slides, no static equilibrium"
+NOT_HELD, OPEN, SLIDES = (
+    "body not held",
+    "contact opens, no static equilibrium",
+    "slides, no static equilibrium",
+)
 TIPS = "tips over, no static equilibrium"
 NO_EQUILIBRIUM = (NOT_HELD, OPEN, TIPS, SLIDES)
 NOT_CERTIFIED = "certificate does not hold"
 
-# Distance from the convex programme, in the energy norm and in the forces, for a programme without any error; with
-# Coulomb friction the bound of the programme is that of the answer, which is a fixed point to ``tolerance`` only.
+# Distance from the convex programme, in the energy norm and in the forces, for a programme without
+# any error; with Coulomb friction the bound of the programme is that of the answer, which is a
+# fixed point to ``tolerance`` only.
 AGREE, AGREE_COULOMB = 1e-6, 1e-5
 # The error allowed for the model of path-following.
 MODEL = 2.0
@@ -46,8 +62,8 @@ AUTOMATIC_GAMMA = 1e5
 
 # Distance that is allowed for what the cone programme misses of its own constraints.
 _PER_RESIDUAL = 100.0
-# Relative difference of what the table and the second program compute from the same displacement; between two bodies by
-# quadratures of rational functions, where cells are distorted.
+# Relative difference of what the table and the second program compute from the same displacement;
+# between two bodies by quadratures of rational functions, where cells are distorted.
 _TABLE, _TABLE_BETWEEN = 1e-9, 1e-6
 # Share of the stress by a displacement whose round-off is a bound where nothing presses.
 _FAINT = 1e-3
@@ -69,12 +85,14 @@ class Answer:
     outcome: str  # how it ended
     place: Array  # where displacements are given, shape (n, d)
     steps: Sequence[Step]  # load steps, as far as they went
-    gamma: tuple[float, float]  # gamma_1 and gamma_2 that the package reports, of the last load step
+    gamma: tuple[
+        float, float
+    ]  # gamma_1 and gamma_2 that the package reports, of the last load step
     events: Sequence[str] = ()  # what the run said of fall-backs
     # what path-following says that gamma leaves, relative, in the energy norm
     regularisation_error: float | None = None
-    # the mean of the middles of the cells around each place, by which nodes of two bodies at one place differ; None:
-    # not told
+    # the mean of the middles of the cells around each place, by which nodes of two bodies at one
+    # place differ; None: not told
     behind: Array | None = None
 
 
@@ -117,15 +135,25 @@ def _converged(body: Body, contact: Contact, answer: Answer) -> Verdict:
         return Verdict(WRONG, answer.outcome, {"load steps": np.inf}, note="load steps are missing")
     x, place = body.x, answer.place
     if contact.between and answer.behind is not None:
-        x, place = np.hstack((x, behind(x, body.cells, body.corners.shape[1]))), np.hstack((place, answer.behind))
+        x, place = (
+            np.hstack((x, behind(x, body.cells, body.corners.shape[1]))),
+            np.hstack((place, answer.behind)),
+        )
     nodes = _in_order(x, place, body.size)
     if nodes is None:
-        return Verdict(WRONG, answer.outcome, {"nodes": np.inf}, note="displacements are not at the nodes")
+        return Verdict(
+            WRONG, answer.outcome, {"nodes": np.inf}, note="displacements are not at the nodes"
+        )
     origin, before = Origin.nothing(contact), 0.0
     for number, step in enumerate(answer.steps):
         order = _rows(body, contact, step.table)
         if order is None:
-            return Verdict(WRONG, answer.outcome, {"contact table": np.inf}, note="rows are not the contact points")
+            return Verdict(
+                WRONG,
+                answer.outcome,
+                {"contact table": np.inf},
+                note="rows are not the contact points",
+            )
         table = {name: np.asarray(column)[order] for name, column in step.table.items()}
         said = Tractions(table["pressure"], _vectors(table, "shear"), _states(table))
         u = step.displacement[nodes]
@@ -133,17 +161,30 @@ def _converged(body: Body, contact: Contact, answer: Answer) -> Verdict:
         law = _promised(body, contact, number, u, said, origin, answer, worse)
         worse(violations(body, contact, number, u, said, origin, law))
         if convex.cvxopt is not None:
-            programme = convex.compare(body, contact, number, u, contact.bound(said.pressure), origin, law)
+            programme = convex.compare(
+                body, contact, number, u, contact.bound(said.pressure), origin, law
+            )
             if programme is not None and programme.usable:
                 compared += 1
                 # The energy is strongly convex: a gap of that size allows for no larger distance.
                 far = np.sqrt(2 * programme.gap) + _PER_RESIDUAL * programme.residual
                 near = AGREE_COULOMB if contact.follows_pressure else AGREE
                 worse({"convex: displacement": programme.displacement / (near + far)})
-                worse({"convex: force": programme.force / (near + far * max(1.0, programme.stiffening))})
+                worse(
+                    {
+                        "convex: force": programme.force
+                        / (near + far * max(1.0, programme.stiffening))
+                    }
+                )
             else:
-                notes.append(f"step {number}: the convex programme is not accurate enough to judge by")
-            if answer.regularisation_error is not None and body.steps == 1 and not contact.follows_pressure:
+                notes.append(
+                    f"step {number}: the convex programme is not accurate enough to judge by"
+                )
+            if (
+                answer.regularisation_error is not None
+                and body.steps == 1
+                and not contact.follows_pressure
+            ):
                 worse(_left_by_gamma(body, contact, u, origin, answer.regularisation_error))
         before = float(np.abs(u).max())
         origin = origin.after(contact.across(contact.of(u)), said.shear, law[1], contact)
@@ -151,9 +192,15 @@ def _converged(body: Body, contact: Contact, answer: Answer) -> Verdict:
     return Verdict(kind, answer.outcome, figures, compared, "; ".join(notes))
 
 
-def _left_by_gamma(body: Body, contact: Contact, u: Array, origin: Origin, said: float) -> dict[str, float]:
-    """Path-following promises a distance from the unregularised solution: the one asked for, and the one it reports."""
-    limit = convex.compare(body, contact, 0, u, contact.bound(np.zeros(len(contact.weight))), origin, (0.0, 0.0))
+def _left_by_gamma(
+    body: Body, contact: Contact, u: Array, origin: Origin, said: float
+) -> dict[str, float]:
+    """Path-following promises a distance from the unregularised solution: the one asked for, and
+    the one it reports.
+    """
+    limit = convex.compare(
+        body, contact, 0, u, contact.bound(np.zeros(len(contact.weight))), origin, (0.0, 0.0)
+    )
     if limit is None or not limit.usable:
         return {}
     distance = limit.distance / np.sqrt(u.ravel() @ (body.stiffness @ u.ravel()))
@@ -166,9 +213,18 @@ def _left_by_gamma(body: Body, contact: Contact, u: Array, origin: Origin, said:
 
 
 def _promised(
-    body: Body, contact: Contact, number: int, u: Array, said: Tractions, origin: Origin, answer: Answer, worse: Any
+    body: Body,
+    contact: Contact,
+    number: int,
+    u: Array,
+    said: Tractions,
+    origin: Origin,
+    answer: Answer,
+    worse: Any,
 ) -> tuple[float, float]:
-    """The compliance of the law that the method promises: none, or 1 / gamma of the gamma that was asked for."""
+    """The compliance of the law that the method promises: none, or 1 / gamma of the gamma that was
+    asked for.
+    """
     solver = body.scene.get("solver", {})
     algorithm = solver.get("algorithm", "auto")
     # Augmentation may have taken over in a later load step only.
@@ -187,19 +243,26 @@ def _promised(
         return 1 / asked[0], 1 / asked[1]
     if number == body.steps - 1:
         return 1 / answer.gamma[0], 1 / answer.gamma[1]
-    # What it found in an earlier step is not told: one gamma for all points, and the ratio that was asked for.
+    # What it found in an earlier step is not told: one gamma for all points, and the ratio that was
+    # asked for.
     at = contact.of(u)
     most = int(np.argmax(np.abs(said.pressure)))
     ratio = float(np.clip(asked[0] / asked[1], 0.1, 10.0))  # a path takes no other
     if said.pressure[most] != 0:
-        soft = float(at[most] @ contact.normal[most] - contact.gap[most]) / float(said.pressure[most])
+        soft = float(at[most] @ contact.normal[most] - contact.gap[most]) / float(
+            said.pressure[most]
+        )
         return soft, soft * ratio
     # Given friction acts on open points too: those that stick tell.
     below = np.linalg.norm(said.shear, axis=1) < (1 - 1e-9) * contact.bound(said.pressure)
     added = np.where(below[:, None], said.shear - origin.shear, 0.0)
     most = int(np.argmax(np.linalg.norm(added, axis=1)))
     slip = (contact.across(at) - origin.u_t)[most]
-    soft = float(slip @ added[most] / (added[most] @ added[most])) if added[most].any() else 1 / answer.gamma[1]
+    soft = (
+        float(slip @ added[most] / (added[most] @ added[most]))
+        if added[most].any()
+        else 1 / answer.gamma[1]
+    )
     return soft / ratio, soft
 
 
@@ -216,9 +279,16 @@ def _vectors(table: Mapping[str, Array], name: str) -> Array:
 
 
 def _table(
-    contact: Contact, table: Mapping[str, Array], u: Array, origin: Origin, before: float, stiffness: float
+    contact: Contact,
+    table: Mapping[str, Array],
+    u: Array,
+    origin: Origin,
+    before: float,
+    stiffness: float,
 ) -> dict[str, float]:
-    """Columns of the contact table that the displacement and the scene say as well; ``before``: of the step before."""
+    """Columns of the contact table that the displacement and the scene say as well; ``before``: of
+    the step before.
+    """
     at = contact.of(u)
     u_n, u_t = (at * contact.normal).sum(axis=1), contact.across(at)
     slip = u_t - origin.u_t
@@ -241,14 +311,23 @@ def _table(
         columns["bound"] = (table["bound"][rubs], bound[rubs], pressing)
         columns["slip"] = (_vectors(table, "slip"), slip, max(moved, before))
         if "shear_x" in table:
-            # Where nothing presses on the boundaries with friction, their shear is round-off of the pressure elsewhere.
+            # Where nothing presses on the boundaries with friction, their shear is round-off of the
+            # pressure elsewhere.
             pressed = max(float(bound.max()), float(np.abs(table["pressure"]).max()), LEAST)
-            columns["shear"] = (table["shear"], np.linalg.norm(_vectors(table, "shear"), axis=1), pressed)
+            columns["shear"] = (
+                table["shear"],
+                np.linalg.norm(_vectors(table, "shear"), axis=1),
+                pressed,
+            )
         if "n_z" not in table:  # in 2D states have the sign of the shear
             sign = 1.0 * np.char.endswith(table["state"].astype(str), "+") - np.char.endswith(
                 table["state"].astype(str), "-"
             )
-            columns["sign of slip"] = (np.maximum(-sign * table["shear"], 0.0), np.zeros(len(sign)), pressing)
+            columns["sign of slip"] = (
+                np.maximum(-sign * table["shear"], 0.0),
+                np.zeros(len(sign)),
+                pressing,
+            )
     near = _TABLE_BETWEEN if contact.between else _TABLE
     return {
         f"table: {name}": float(np.nan_to_num(np.abs(said - own), nan=1e300).max()) / (near * scale)
@@ -274,7 +353,10 @@ def _rows(body: Body, contact: Contact, table: Mapping[str, npt.NDArray[Any]]) -
     if len(place) != len(rows):
         return None
     for part, name in enumerate(names):
-        theirs, ours = np.flatnonzero(table["boundary"] == name), np.flatnonzero(contact.part == part)
+        theirs, ours = (
+            np.flatnonzero(table["boundary"] == name),
+            np.flatnonzero(contact.part == part),
+        )
         order = _in_order(contact.x[ours], place[theirs], body.size) if len(theirs) else None
         if order is None:
             return None
@@ -298,20 +380,27 @@ def _no_equilibrium(body: Body, contact: Contact, answer: Answer) -> Verdict:
     note = f"contact forces balance the loads with {room:.1e} of them to spare"
     if not contact.follows_pressure:
         return Verdict(DENIED, answer.outcome, note=note)
-    # Where the bound follows the pressure, balance does not prove a solution; a solution that is found does.
+    # Where the bound follows the pressure, balance does not prove a solution; a solution that is
+    # found does.
     if _solution_exists(body, contact, step, answer, pressure):
         return Verdict(DENIED, answer.outcome, note=f"{note}; and here is a solution")
     return Verdict(DOUBTFUL, answer.outcome, note=note)
 
 
-def _solution_exists(body: Body, contact: Contact, step: int, answer: Answer, pressure: Array) -> bool:
-    """Whether the oracle finds a solution with Coulomb friction of its own, from the load step before."""
+def _solution_exists(
+    body: Body, contact: Contact, step: int, answer: Answer, pressure: Array
+) -> bool:
+    """Whether the oracle finds a solution with Coulomb friction of its own, from the load step
+    before.
+    """
     origin = Origin.nothing(contact)
     if step > 0:
         table = answer.steps[step - 1].table
         if (order := _rows(body, contact, table)) is None:
             return False
-        origin = origin.after(_vectors(table, "u_t")[order], _vectors(table, "shear")[order], 0.0, contact)
+        origin = origin.after(
+            _vectors(table, "u_t")[order], _vectors(table, "shear")[order], 0.0, contact
+        )
     if (found := convex.coulomb_state(body, contact, step, origin, pressure)) is None:
         return False
     u, pressure, shear = found

@@ -1,4 +1,6 @@
-"""Random scenes with effects beyond tractions: scenes of ``scenes``, in 2D or in 3D, and what acts on them besides."""
+"""Random scenes with effects beyond tractions: scenes of ``scenes``, in 2D or in 3D, and what acts
+on them besides.
+"""
 
 from __future__ import annotations
 
@@ -19,15 +21,24 @@ _CHANCE = 0.3
 
 def more(seed: int, dim: int, units: Units | None = None) -> Trial:
     """The scene of a seed with at least one further effect, in its own units or in given ones."""
-    room, own = (scenes, (_graded, _rotation, _fluid)) if dim == 2 else (scenes_in_space, (_orthotropic, _ellipse))
+    room, own = (
+        (scenes, (_graded, _rotation, _fluid))
+        if dim == 2
+        else (scenes_in_space, (_orthotropic, _ellipse))
+    )
     kinds = (*own, _gravity, _temperature, _force, _springs, _cohesion, _shape)
     drawn = room.trial(_FIRST + seed)
     dice, scene = Dice(seed, dim, 2), drawn.scene | {"title": f"effects in {dim}D {seed}"}
     contacts = [effect["boundary"] for effect in scene["contact"]]
-    named = [effect["boundary"] for key in ("traction", "displacement") for effect in listed(scene, key)]
+    named = [
+        effect["boundary"] for key in ("traction", "displacement") for effect in listed(scene, key)
+    ]
     every = room.SIDES if drawn.mesh is not None else dict.fromkeys(named)
     sides = [side for side in every if side not in contacts]
-    steps = max((len(e["factors"]) for key in scene for e in _tables(scene, key) if "factors" in e), default=1)
+    steps = max(
+        (len(e["factors"]) for key in scene for e in _tables(scene, key) if "factors" in e),
+        default=1,
+    )
     scale, added = dice.power(-4, -2), 0
 
     def stepped(load: Table) -> Table:
@@ -64,7 +75,9 @@ def _wave(dice: Dice, dim: int) -> str:
 
 def _all_have(dice: Dice, scene: Table, key: str, low: float, high: float) -> None:
     """Give all materials a number, unless they have it."""
-    scene["material"] = [one | {key: one.get(key, dice.between(low, high))} for one in scene["material"]]
+    scene["material"] = [
+        one | {key: one.get(key, dice.between(low, high))} for one in scene["material"]
+    ]
 
 
 def _graded(dice: Dice, scene: Table, *_: Any) -> int:
@@ -74,7 +87,9 @@ def _graded(dice: Dice, scene: Table, *_: Any) -> int:
     return 1
 
 
-def _rotation(dice: Dice, scene: Table, sides: list[str], scale: float, stepped: Any, *_: Any) -> int:
+def _rotation(
+    dice: Dice, scene: Table, sides: list[str], scale: float, stepped: Any, *_: Any
+) -> int:
     _all_have(dice, scene, "density", 0.5, 2.0)
     found: Table = {"speed": float(np.sqrt(scale * dice.between(0.1, 1.0)))}
     if dice.chance(0.6):
@@ -86,7 +101,11 @@ def _rotation(dice: Dice, scene: Table, sides: list[str], scale: float, stepped:
 def _fluid(dice: Dice, scene: Table, sides: list[str], scale: float, stepped: Any, *_: Any) -> int:
     if not sides:
         return 0
-    found = {"boundary": dice.one_of(*sides), "level": dice.between(-0.5, 2), "weight": scale * dice.between(0.2, 1)}
+    found = {
+        "boundary": dice.one_of(*sides),
+        "level": dice.between(-0.5, 2),
+        "weight": scale * dice.between(0.2, 1),
+    }
     if dice.chance(0.4):
         found["up"] = dice.one_of("x", "y")
     scene["fluid"] = [stepped(found)]
@@ -97,7 +116,9 @@ def _field(dice: Dice) -> list[Any]:
     """A direction, sometimes one that turns from place to place."""
     found: list[Any] = _vector(dice, 3)
     if dice.chance(0.4):
-        found[dice.whole(0, 2)] = f"{dice.between(0.5, 2)!r}*sin({dice.between(0, 3)!r}*x[{dice.whole(0, 2)}] + 0.7)"
+        found[dice.whole(0, 2)] = (
+            f"{dice.between(0.5, 2)!r}*sin({dice.between(0, 3)!r}*x[{dice.whole(0, 2)}] + 0.7)"
+        )
     return found
 
 
@@ -114,7 +135,11 @@ def _orthotropic(dice: Dice, scene: Table, sides: list[str], scale: float, *_: A
     scaled = flexible * np.sqrt(np.outer(young, young))
     if np.linalg.eigvalsh(scaled).min() < 0.05:
         ratios = [0.3 * ratio for ratio in ratios]
-    constants = {"young": young, "poisson": ratios, "shear": [dice.power(-1.5, -0.3) for _ in range(3)]}
+    constants = {
+        "young": young,
+        "poisson": ratios,
+        "shear": [dice.power(-1.5, -0.3) for _ in range(3)],
+    }
     scene["material"] = list(scene["material"])
     scene["material"][place] = {key: old[key] for key in old if key in ("region", "density")} | {
         "orthotropic": constants | {"direction": _field(dice), "second": _vector(dice, 3)}
@@ -127,7 +152,11 @@ def _ellipse(dice: Dice, scene: Table, sides: list[str], scale: float, *_: Any) 
     found = 0
     for number, effect in enumerate(scene["contact"]):
         # Supports on the edge of the contact would have to be along the axes.
-        if effect["friction"]["law"] == "none" or held not in ([], ["top"]) or effect["boundary"] != "bottom":
+        if (
+            effect["friction"]["law"] == "none"
+            or held not in ([], ["top"])
+            or effect["boundary"] != "bottom"
+        ):
             continue
         directed = {"ratio": dice.power(-0.8, 0.5), "along": _field(dice)}
         scene["contact"][number] = effect | {"friction": effect["friction"] | directed}
@@ -135,20 +164,26 @@ def _ellipse(dice: Dice, scene: Table, sides: list[str], scale: float, *_: Any) 
     return found
 
 
-def _gravity(dice: Dice, scene: Table, sides: list[str], scale: float, stepped: Any, drawn: Trial) -> int:
+def _gravity(
+    dice: Dice, scene: Table, sides: list[str], scale: float, stepped: Any, drawn: Trial
+) -> int:
     dim = drawn.units.dimension
     _all_have(dice, scene, "density", 0.5, 2.0)
     scene["gravity"] = [stepped(_components(dice, scale, dim))]
     return 1
 
 
-def _temperature(dice: Dice, scene: Table, sides: list[str], scale: float, stepped: Any, drawn: Trial) -> int:
+def _temperature(
+    dice: Dice, scene: Table, sides: list[str], scale: float, stepped: Any, drawn: Trial
+) -> int:
     dim = drawn.units.dimension
     if any("orthotropic" in material for material in scene["material"]):
         return 0
     _all_have(dice, scene, "expansion", 0.3, 1.5)
     change = scale * dice.between(-1, 1)
-    value = dice.one_of(change, f"{change!r}*(1 + {dice.between(-1, 1)!r}*x[{dice.whole(0, dim - 1)}])")
+    value = dice.one_of(
+        change, f"{change!r}*(1 + {dice.between(-1, 1)!r}*x[{dice.whole(0, dim - 1)}])"
+    )
     found = {"change": value}
     if drawn.mesh is not None and drawn.mesh.regions and dice.chance(0.5):
         found["region"] = dice.one_of(*drawn.mesh.regions)
@@ -156,7 +191,9 @@ def _temperature(dice: Dice, scene: Table, sides: list[str], scale: float, stepp
     return 1
 
 
-def _force(dice: Dice, scene: Table, sides: list[str], scale: float, stepped: Any, drawn: Trial) -> int:
+def _force(
+    dice: Dice, scene: Table, sides: list[str], scale: float, stepped: Any, drawn: Trial
+) -> int:
     dim = drawn.units.dimension
     if not sides:
         return 0
@@ -167,22 +204,32 @@ def _force(dice: Dice, scene: Table, sides: list[str], scale: float, stepped: An
     return 1
 
 
-def _springs(dice: Dice, scene: Table, sides: list[str], scale: float, stepped: Any, drawn: Trial) -> int:
+def _springs(
+    dice: Dice, scene: Table, sides: list[str], scale: float, stepped: Any, drawn: Trial
+) -> int:
     dim = drawn.units.dimension
     if not sides:
         return 0
     axes = "xyz"[:dim]
     keys = dice.one_of(("normal", "tangential"), tuple(axes), ("normal",), (axes[-1],))
-    scene["springs"] = [{"boundary": dice.one_of(*sides)} | {key: dice.power(-3, 1) for key in keys}]
+    scene["springs"] = [
+        {"boundary": dice.one_of(*sides)} | {key: dice.power(-3, 1) for key in keys}
+    ]
     return 1
 
 
-def _cohesion(dice: Dice, scene: Table, sides: list[str], scale: float, stepped: Any, drawn: Trial) -> int:
+def _cohesion(
+    dice: Dice, scene: Table, sides: list[str], scale: float, stepped: Any, drawn: Trial
+) -> int:
     dim = drawn.units.dimension
     found = 0
     for number, effect in enumerate(scene["contact"]):
         friction = effect["friction"]
-        if friction["law"] == "coulomb" and "kind" not in effect and (dim == 2 or "cap" not in friction):
+        if (
+            friction["law"] == "coulomb"
+            and "kind" not in effect
+            and (dim == 2 or "cap" not in friction)
+        ):
             value: Any = scale * dice.power(-1, 0.5)
             if dim == 2 and dice.chance(0.5):
                 value = f"{value!r}*({_wave(dice, dim)})"
@@ -191,8 +238,12 @@ def _cohesion(dice: Dice, scene: Table, sides: list[str], scale: float, stepped:
     return found
 
 
-def _shape(dice: Dice, scene: Table, sides: list[str], scale: float, stepped: Any, drawn: Trial) -> int:
-    """A plane, circle or sphere under the lowest node of the contact boundary, seen nearly along its mean normal."""
+def _shape(
+    dice: Dice, scene: Table, sides: list[str], scale: float, stepped: Any, drawn: Trial
+) -> int:
+    """A plane, circle or sphere under the lowest node of the contact boundary, seen nearly along
+    its mean normal.
+    """
     dim = drawn.units.dimension
     effect, mesh = scene["contact"][0], drawn.mesh
     if mesh is None or "kind" in effect:
@@ -211,5 +262,8 @@ def _shape(dice: Dice, scene: Table, sides: list[str], scale: float, stepped: An
         if (np.linalg.norm(mesh.points - np.array(shape["centre"]), axis=1) < radius - 0.05).any():
             return 0
     kept = {key: value for key, value in effect.items() if key != "direction"}
-    scene["contact"][0] = kept | {"foundation": shape, "gap": dice.one_of(0.0, scale * dice.between(-0.5, 0.5))}
+    scene["contact"][0] = kept | {
+        "foundation": shape,
+        "gap": dice.one_of(0.0, scale * dice.between(-0.5, 0.5)),
+    }
     return 1

@@ -1,8 +1,10 @@
-"""The contact points between two bodies: integrals over the part of both sides that lies over each other.
+"""The contact points between two bodies: integrals over the part of both sides that lies over each
+other.
 
-The discretisation is the package's, as its guide and docstrings define it; nothing of how it is computed is the same.
-In 2D the ends of facets are found as roots of polynomials; in 3D the corners of what two polygons share are
-those of each within the other, and the points where their sides cross.  Facets are taken one by one.
+The discretisation is the package's, as its guide and docstrings define it; nothing of how it is
+computed is the same. In 2D the ends of facets are found as roots of polynomials; in 3D the corners
+of what two polygons share are those of each within the other, and the points where their sides
+cross.  Facets are taken one by one.
 """
 
 from __future__ import annotations
@@ -22,20 +24,24 @@ from benchmarks.stability.oracle.conditions import Contact, Points, contact_of, 
 from benchmarks.stability.oracle.elements import Array, Ints, at_points
 from benchmarks.stability.oracle.symmetry import across_planes
 
-# What belongs to the discretisation: normals of facets that face each other have at most this product; beyond the least
-# distance of both sides partners are within this share of the smaller side; a function that keeps less than this share
-# of its weight carries no point; of a node that is held so much along the normal neither does it, if more than half of
-# it is over nodes of the other side that are held, too; where whole facets of both are held there is no contact.
+# What belongs to the discretisation: normals of facets that face each other have at most this
+# product; beyond the least distance of both sides partners are within this share of the smaller
+# side; a function that keeps less than this share of its weight carries no point; of a node that is
+# held so much along the normal neither does it, if more than half of it is over nodes of the other
+# side that are held, too; where whole facets of both are held there is no contact.
 _FACING, _REACH, _KEPT, _HELD, _MOSTLY = -0.2, 0.2, 0.03, 1e-8, 0.5
 # Points along a line: of integrands that are rational, and of polynomials.
 _MANY, _FEW = 14, 7
-# Shares of a facet that are round-off, and of the largest singular value of one that does not count.
+# Shares of a facet that are round-off, and of the largest singular value of one that does not
+# count.
 _NOTHING, _SINGULAR = 1e-10, 1e-10
 
 
 @dataclass(frozen=True)
 class Piece:
-    """A piece of the overlap of two facets: places on both, and the area of the slave that each stands for."""
+    """A piece of the overlap of two facets: places on both, and the area of the slave that each
+    stands for.
+    """
 
     master: int
     at: Array
@@ -58,7 +64,9 @@ class Side:
         self.undeformed = x if undeformed is None else undeformed
         self.flat = x.shape[1] == 2
         self.mirrors = np.zeros((*self.x.shape, self.x.shape[1]))
-        self.rays: Array | None = None  # at the nodes, along which both sides are projected, where not normals
+        self.rays: Array | None = (
+            None  # at the nodes, along which both sides are projected, where not normals
+        )
 
     @classmethod
     def of(cls, body: Body, name: str) -> Side:
@@ -87,7 +95,9 @@ class Side:
 
     def tests(self, xi: Array) -> Array:
         """The functions that those of the points are dual to."""
-        return elements.shape(2, 3, xi)[0] if self.width == 3 and not self.flat else self.shape(xi)[0]
+        return (
+            elements.shape(2, 3, xi)[0] if self.width == 3 and not self.flat else self.shape(xi)[0]
+        )
 
     def place(self, facet: int, xi: Array) -> Array:
         """Positions, shape (points, d)."""
@@ -103,14 +113,18 @@ class Side:
 
     def area(self, facet: int, xi: Array) -> Array:
         """The undeformed area of a unit of the reference facet, shape (points,)."""
-        return np.linalg.norm(Side(self.nodes, self.undeformed, self.sign).across(facet, xi), axis=1)
+        return np.linalg.norm(
+            Side(self.nodes, self.undeformed, self.sign).across(facet, xi), axis=1
+        )
 
     @cached_property
     def rule(self) -> tuple[Array, Array]:
         """A rule on a whole facet."""
         if self.flat:
             return elements.cube(1, _MANY)
-        return elements.simplex(2, _FEW) if self.nodes.shape[1] in (3, 6) else elements.cube(2, _FEW)
+        return (
+            elements.simplex(2, _FEW) if self.nodes.shape[1] in (3, 6) else elements.cube(2, _FEW)
+        )
 
     @cached_property
     def moments(self) -> tuple[Array, Array]:
@@ -177,8 +191,14 @@ def _points(body: Body, part: int) -> Points:
     between = not bonded and effect.get("distance", "geometry") == "geometry"
     if between:
         slave.rays = _half_way(body, slave, master, part)
-    still = () if bonded else tuple(_held(body, side)[side.nodes].all(axis=1) for side in (slave, master))
-    there, weight, distance, _, own, others, arms = _integrals(slave, master, bonded=bonded, still=still)
+    still = (
+        ()
+        if bonded
+        else tuple(_held(body, side)[side.nodes].all(axis=1) for side in (slave, master))
+    )
+    there, weight, distance, _, own, others, arms = _integrals(
+        slave, master, bonded=bonded, still=still
+    )
     dimension = body.x.shape[1]
     shares = _carried(body, slave, master, part, there, weight, others)
     nodes = np.flatnonzero(shares.sum(axis=1) > 0)
@@ -206,8 +226,8 @@ def _points(body: Body, part: int) -> Points:
 
 @dataclass(frozen=True)
 class MovedPoints:
-    """The points of sides that slide on each other, by the nodes of the slave: their weights, gaps along rays, normals,
-    and the shares of nodes of both sides, D and M.
+    """The points of sides that slide on each other, by the nodes of the slave: their weights, gaps
+    along rays, normals, and the shares of nodes of both sides, D and M.
     """
 
     nodes: Ints
@@ -219,14 +239,17 @@ class MovedPoints:
 
 
 def points_of_moved(slave: Side, master: Side) -> MovedPoints:
-    """Those of sides that have moved, where the slave is wholly over the master, so that no point takes over functions:
-    rays are half-way between both sides as they have moved, and areas are undeformed.
+    """Those of sides that have moved, where the slave is wholly over the master, so that no point
+    takes over functions: rays are half-way between both sides as they have moved, and areas are
+    undeformed.
     """
     for _ in range(2):
         _, weight, _, gap, own, others, _ = _integrals(slave, master, bonded=False)
         nodes = np.flatnonzero(weight > 0)
         shares = [matrix.toarray()[nodes] / weight[nodes, None] for matrix in (own, others)]
-        normal = _unit(shares[0] @ slave.directions - shares[1] @ master.directions, slave.mirrors[nodes])
+        normal = _unit(
+            shares[0] @ slave.directions - shares[1] @ master.directions, slave.mirrors[nodes]
+        )
         slave.rays = np.zeros_like(slave.x)
         slave.rays[nodes] = normal
     return MovedPoints(nodes, weight[nodes], gap[nodes] / weight[nodes], normal, *shares)
@@ -239,7 +262,9 @@ def _unit(vectors: Array, mirrors: Array) -> Array:
 
 
 def _half_way(body: Body, slave: Side, master: Side, part: int) -> Array:
-    """Normals half-way between both sides at the nodes of the slave, from a projection along its own."""
+    """Normals half-way between both sides at the nodes of the slave, from a projection along its
+    own.
+    """
     there, weight, _, _, own, others, _ = _integrals(slave, master, bonded=False)
     shares = _carried(body, slave, master, part, there, weight, others, free=True)
     nodes = np.flatnonzero(shares.sum(axis=1) > 0)
@@ -259,9 +284,9 @@ def _half_way(body: Body, slave: Side, master: Side, part: int) -> Array:
 def _integrals(
     slave: Side, master: Side, *, bonded: bool, still: tuple[Array, ...] = ()
 ) -> tuple[list[int], Array, Array, Array, csr_array, csr_array, list[csr_array]]:
-    """Covered facets; by the nodes of the slave weights, and these times distances, as vectors and along the rays, and
-    times shares of both sides; and the areas in which nodes of both are seen; ``still``: facets of both that are held,
-    which over each other count not.
+    """Covered facets; by the nodes of the slave weights, and these times distances, as vectors and
+    along the rays, and times shares of both sides; and the areas in which nodes of both are seen;
+    ``still``: facets of both that are held, which over each other count not.
     """
     pieces = [
         (facet, piece)
@@ -277,14 +302,18 @@ def _integrals(
         tests = [slave.tests(piece.at) for piece in here]
         dual = np.eye(slave.width)
         if not (bonded and slave.width < slave.nodes.shape[1]):
-            mass = sum(t.T @ (piece.weight[:, None] * t) for t, piece in zip(tests, here, strict=True))
+            mass = sum(
+                t.T @ (piece.weight[:, None] * t) for t, piece in zip(tests, here, strict=True)
+            )
             dual = np.diag(mass.sum(axis=1)) @ np.linalg.pinv(mass, rcond=_SINGULAR)
         nodes = slave.nodes[facet]
         for t, piece in zip(tests, here, strict=True):
             weighted = (t @ dual.T) * piece.weight[:, None]
             seen = master.nodes[piece.master]
             apart = master.place(piece.master, piece.over) - slave.place(facet, piece.at)
-            gap = np.copysign(np.linalg.norm(apart, axis=1), (apart * slave.across(facet, piece.at)).sum(axis=1))
+            gap = np.copysign(
+                np.linalg.norm(apart, axis=1), (apart * slave.across(facet, piece.at)).sum(axis=1)
+            )
             for k, node in enumerate(nodes[: slave.width]):
                 weight[node] += weighted[:, k].sum()
                 distance[node] += weighted[:, k] @ apart
@@ -293,7 +322,15 @@ def _integrals(
                 others[node, seen] += weighted[:, k] @ master.shape(piece.over)[0]
                 arms[node, seen] += piece.weight.sum() * np.ones(len(seen))
                 beside[node, nodes] += piece.weight.sum() * np.ones(len(nodes))
-    return there, weight, distance, along, own.tocsr(), others.tocsr(), [beside.tocsr(), arms.tocsr()]
+    return (
+        there,
+        weight,
+        distance,
+        along,
+        own.tocsr(),
+        others.tocsr(),
+        [beside.tocsr(), arms.tocsr()],
+    )
 
 
 def _carried(
@@ -307,8 +344,9 @@ def _carried(
     *,
     free: bool = False,
 ) -> csr_array:
-    """How points take over the functions of nodes that carry none: a row for each node; ``met``: the integrals of these
-    times the functions of the master; ``free``: as if nothing were held, and there were no other contact.
+    """How points take over the functions of nodes that carry none: a row for each node; ``met``:
+    the integrals of these times the functions of the master; ``free``: as if nothing were held, and
+    there were no other contact.
     """
     effects = listed(body.scene, "contact")
     taken = set(master.nodes.ravel().tolist())
@@ -325,7 +363,9 @@ def _carried(
     moves = ~(_held(body, slave) & over_held)
 
     def able(node: int, least: float) -> bool:
-        return bool(weight[node] > least * area[node] and (free or (moves[node] and node not in taken)))
+        return bool(
+            weight[node] > least * area[node] and (free or (moves[node] and node not in taken))
+        )
 
     for least in (_KEPT, 0.0):
         carry = {node for node in beside if able(node, least)}
@@ -341,11 +381,15 @@ def _carried(
 def _held(body: Body, side: Side) -> Array:
     """Which nodes of the body are held along the normals of a side."""
     loose = np.eye(body.x.shape[1]) - body.held
-    return np.asarray(np.linalg.norm(np.einsum("nij,nj->ni", loose, side.directions), axis=1) <= _HELD)
+    return np.asarray(
+        np.linalg.norm(np.einsum("nij,nj->ni", loose, side.directions), axis=1) <= _HELD
+    )
 
 
 def _ring_by_ring(beside: dict[int, set[int]], carry: set[int], count: int) -> csr_array:
-    """Equal shares of the function of each other node for its neighbours that have points or shares already."""
+    """Equal shares of the function of each other node for its neighbours that have points or shares
+    already.
+    """
     found = lil_array((count, count))
     for node in carry:
         found[node, node] = 1.0
@@ -363,14 +407,18 @@ def _ring_by_ring(beside: dict[int, set[int]], carry: set[int], count: int) -> c
 
 
 def _turning(arms: Array, x: Array, distance: Array) -> Array:
-    """The motion omega x d of each point from displacements of nodes, shape (points, d, nodes, d)."""
+    """The motion omega x d of each point from displacements of nodes, shape (points, d, nodes,
+    d).
+    """
     dimension = x.shape[1]
     extended, far = (np.pad(a, ((0, 0), (0, 3 - dimension))) for a in (x, distance))
     found = np.zeros((len(arms), dimension, len(x), dimension))
     for point, a in enumerate(arms):
         seen = np.flatnonzero(a)
         r = extended[seen] - a[seen] @ extended[seen] / a[seen].sum()
-        inertia = sum(w * (v @ v * np.eye(3) - np.outer(v, v)) for w, v in zip(a[seen], r, strict=True))
+        inertia = sum(
+            w * (v @ v * np.eye(3) - np.outer(v, v)) for w, v in zip(a[seen], r, strict=True)
+        )
         inverse = np.linalg.pinv(inertia, rcond=1e-12)
         if dimension == 2:
             inverse = np.diag([0.0, 0.0, 1 / inertia[2, 2]])
@@ -388,7 +436,11 @@ def _pieces(slave: Side, master: Side) -> list[tuple[int, Piece]]:
     reach = cdist(*both).min() + _REACH * min(sizes)
     found = []
     for facet, other in product(range(len(slave.nodes)), range(len(master.nodes))):
-        some = _in_plane(slave, facet, master, other) if slave.flat else _in_space(slave, facet, master, other)
+        some = (
+            _in_plane(slave, facet, master, other)
+            if slave.flat
+            else _in_space(slave, facet, master, other)
+        )
         for piece in some:
             apart = master.place(other, piece.over) - slave.place(facet, piece.at)
             if np.linalg.norm(apart, axis=1).min() <= reach:
@@ -456,7 +508,10 @@ def _in_space(slave: Side, facet: int, master: Side, other: int) -> Iterator[Pie
         centre, normal = corners.mean(axis=0), _normal(corners)
         ray = normal
         if slave.rays is not None:
-            ray = slave.tests(part.mean(axis=0)[None])[0] @ slave.rays[slave.nodes[facet, : slave.width]]
+            ray = (
+                slave.tests(part.mean(axis=0)[None])[0]
+                @ slave.rays[slave.nodes[facet, : slave.width]]
+            )
         axes = np.linalg.svd(ray[None] / np.linalg.norm(ray))[2][1:]
         flat = (corners - centre) @ axes.T
         outward = slave.sign[facet] * normal
@@ -509,7 +564,9 @@ def _common(one: Array, two: Array) -> Array:
         return points[(heights >= -near * np.linalg.norm(sides, axis=2)).all(axis=1)]
 
     found = [*inside(one, two), *inside(two, one)]
-    for (a, b), (c, d) in product(*(zip(p, np.roll(p, -1, axis=0), strict=True) for p in (one, two))):
+    for (a, b), (c, d) in product(
+        *(zip(p, np.roll(p, -1, axis=0), strict=True) for p in (one, two))
+    ):
         matrix = np.stack([b - a, c - d], axis=1)
         if abs(np.linalg.det(matrix)) > 1e-12 * np.linalg.norm(b - a) * np.linalg.norm(d - c):
             s, t = np.linalg.solve(matrix, c - a)
@@ -525,7 +582,9 @@ def _common(one: Array, two: Array) -> Array:
 def _back(flat: Array, part: Array, p: Array) -> tuple[Array, Array]:
     """Where points of the plane are in the reference facet, and the area in 2D of a unit of it."""
     if len(part) == 3:
-        s = np.linalg.solve(np.stack([flat[1] - flat[0], flat[2] - flat[0]], axis=1), (p - flat[0]).T).T
+        s = np.linalg.solve(
+            np.stack([flat[1] - flat[0], flat[2] - flat[0]], axis=1), (p - flat[0]).T
+        ).T
         return part[0] + s @ (part[1:] - part[0]), np.full(len(p), _area(flat) / _area(part))
     order = [0, 1, 3, 2]
     s = np.full(p.shape, 0.5)
@@ -534,5 +593,7 @@ def _back(flat: Array, part: Array, p: Array) -> tuple[Array, Array]:
         jacobian = np.einsum("pkj,ki->pij", slopes, flat[order])
         s = s - np.linalg.solve(jacobian, (values @ flat[order] - p)[:, :, None])[:, :, 0]
     values, slopes = elements.shape(2, 4, s)
-    size, unit = (np.abs(np.linalg.det(np.einsum("pkj,ki->pij", slopes, c[order]))) for c in (flat, part))
+    size, unit = (
+        np.abs(np.linalg.det(np.einsum("pkj,ki->pij", slopes, c[order]))) for c in (flat, part)
+    )
     return values @ part[order], size / unit

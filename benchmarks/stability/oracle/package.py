@@ -1,4 +1,6 @@
-"""Solves a scene with signorini_fx and returns the results as plain arrays: the only module that imports it."""
+"""Solves a scene with signorini_fx and returns the results as plain arrays: the only module that
+imports it.
+"""
 
 from __future__ import annotations
 
@@ -33,7 +35,9 @@ def answer_of(solution: Solution, units: Units | None = None) -> Answer:
     units = units or same(dimension)
     shown = [*(step.displacement for step in solution.steps[:-1]), solution.displacement]
     names = [effect.boundary for effect in solution.statement.contact]
-    tables = [contact_table(step.contact, names) for step in solution.steps if step.contact is not None]
+    tables = [
+        contact_table(step.contact, names) for step in solution.steps if step.contact is not None
+    ]
     told = solution.parameters
     stiffness = units.of((-1, 1))
     place = space.tabulate_dof_coordinates()[:, :dimension]
@@ -62,11 +66,19 @@ def mesh_of(solution: Solution, units: Units | None = None) -> Mesh:
     mesh, dimension = tagged.mesh, tagged.dimension
     cells = np.asarray(compat.geometry_cells(mesh), dtype=np.int64)
     mesh.topology.create_connectivity(dimension - 1, dimension)
-    corners = dimension if mesh.topology.cell_name() in ("triangle", "tetrahedron") else 2 ** (dimension - 1)
+    corners = (
+        dimension
+        if mesh.topology.cell_name() in ("triangle", "tetrahedron")
+        else 2 ** (dimension - 1)
+    )
     boundaries = {}
     for name in tagged.boundaries:
         facets = tagged.facets(name)
-        nodes: Any = dmesh.entities_to_geometry(mesh, dimension - 1, facets) if facets.size else np.empty((0, corners))
+        nodes: Any = (
+            dmesh.entities_to_geometry(mesh, dimension - 1, facets)
+            if facets.size
+            else np.empty((0, corners))
+        )
         boundaries[name] = np.asarray(nodes, dtype=np.int64)[:, :corners]
     regions = {name: tagged.cells(name).astype(np.int64) for name in tagged.regions}
     length = (units or same(dimension)).length

@@ -1,4 +1,5 @@
-"""Random scenes with fixed seeds: bodies, meshes, materials, supports, loads, foundations, laws and settings together.
+"""Random scenes with fixed seeds: bodies, meshes, materials, supports, loads, foundations, laws and
+settings together.
 
 They are drawn for a body of about size 1 with E = 1, and written in units of their own.
 """
@@ -52,10 +53,14 @@ _ABAQUS = {
 
 
 def write_abaqus(file: Path, mesh: Mesh, length: float = 1.0) -> None:
-    """The mesh, straight cells, as an Abaqus input file: boundaries are sets of lines or shells, regions of cells."""
+    """The mesh, straight cells, as an Abaqus input file: boundaries are sets of lines or shells,
+    regions of cells.
+    """
     dimension = mesh.points.shape[1]
     lines = ["*NODE"]
-    lines += [f"{n}, {', '.join(map(repr, x))}" for n, x in enumerate((length * mesh.points).tolist(), 1)]
+    lines += [
+        f"{n}, {', '.join(map(repr, x))}" for n, x in enumerate((length * mesh.points).tolist(), 1)
+    ]
     number = 0
     for name, rows in (("", mesh.cells), *mesh.boundaries.items()):
         tetrahedra = not name and (dimension, rows.shape[1]) == (3, 4)
@@ -165,15 +170,23 @@ class _Turn:
 # ---- meshes
 
 
-def grid(nx: int, ny: int, cell: str, dice: Dice | None = None) -> tuple[Array, Ints, dict[str, Ints]]:
+def grid(
+    nx: int, ny: int, cell: str, dice: Dice | None = None
+) -> tuple[Array, Ints, dict[str, Ints]]:
     """A grid of the unit square with the names of its sides."""
     x, y = np.meshgrid(np.linspace(0, 1, nx + 1), np.linspace(0, 1, ny + 1))
     points = np.stack([x.ravel(), y.ravel()], axis=1)
     number = np.arange(len(points)).reshape(ny + 1, nx + 1)
-    a, b, c, d = (n.ravel() for n in (number[:-1, :-1], number[:-1, 1:], number[1:, :-1], number[1:, 1:]))
+    a, b, c, d = (
+        n.ravel() for n in (number[:-1, :-1], number[:-1, 1:], number[1:, :-1], number[1:, 1:])
+    )
     cells = np.stack([a, b, c, d], axis=1)
     if cell == "triangle":
-        flip = np.zeros(len(cells), dtype=bool) if dice is None else dice.random.random(len(cells)) < 0.5
+        flip = (
+            np.zeros(len(cells), dtype=bool)
+            if dice is None
+            else dice.random.random(len(cells)) < 0.5
+        )
         one = np.where(flip[:, None], cells[:, [0, 1, 2]], cells[:, [0, 1, 3]])
         two = np.where(flip[:, None], cells[:, [1, 3, 2]], cells[:, [0, 3, 2]])
         cells = np.concatenate([one, two])
@@ -211,7 +224,9 @@ def _own_mesh(dice: Dice, turn: _Turn) -> Mesh:
         mesh = _polygon(dice)
     else:
         mesh = _piece(
-            dice, dice.one_of(2, 3, 5, 8, 8, 12, 12, 16, 16, 24, 24, 40, 70), dice.one_of("triangle", "quadrilateral")
+            dice,
+            dice.one_of(2, 3, 5, 8, 8, 12, 12, 16, 16, 24, 24, 40, 70),
+            dice.one_of("triangle", "quadrilateral"),
         )
     if dice.chance(0.06):
         cell = "triangle" if mesh.cells.shape[1] == 3 else "quadrilateral"
@@ -221,11 +236,16 @@ def _own_mesh(dice: Dice, turn: _Turn) -> Mesh:
         low, high = points.min(axis=0), points.max(axis=0)
         centre = points[mesh.cells].mean(axis=1)
         soft = (
-            centre[:, 1] < dice.between(low[1], high[1]) if dice.chance(0.5) else dice.random.random(len(centre)) < 0.5
+            centre[:, 1] < dice.between(low[1], high[1])
+            if dice.chance(0.5)
+            else dice.random.random(len(centre)) < 0.5
         )
         if soft.any() and not soft.all():
             mesh = Mesh(
-                points, mesh.cells, mesh.boundaries, {"soft": np.flatnonzero(soft), "hard": np.flatnonzero(~soft)}
+                points,
+                mesh.cells,
+                mesh.boundaries,
+                {"soft": np.flatnonzero(soft), "hard": np.flatnonzero(~soft)},
             )
     return Mesh(turn.place(points), mesh.cells, mesh.boundaries, mesh.regions)
 
@@ -261,7 +281,10 @@ def beside(mesh: Mesh, other: Mesh) -> Mesh:
     shift = np.zeros(mesh.points.shape[1])
     shift[0] = mesh.points[:, 0].max() - other.points[:, 0].min() + 0.2
     count = len(mesh.points)
-    boundaries = {name: np.concatenate([own, other.boundaries[name] + count]) for name, own in mesh.boundaries.items()}
+    boundaries = {
+        name: np.concatenate([own, other.boundaries[name] + count])
+        for name, own in mesh.boundaries.items()
+    }
     return Mesh(
         np.concatenate([mesh.points, other.points + shift]),
         np.concatenate([mesh.cells, other.cells + count]),
@@ -270,20 +293,28 @@ def beside(mesh: Mesh, other: Mesh) -> Mesh:
 
 
 def _polygon(dice: Dice) -> Mesh:
-    """A random polygon that is seen whole from its middle, triangulated, its outline named by direction."""
+    """A random polygon that is seen whole from its middle, triangulated, its outline named by
+    direction.
+    """
     while True:
         corners = dice.whole(5, 9)
         angles = np.sort(dice.random.uniform(0, 2 * np.pi, corners))
         if np.diff(np.append(angles, angles[0] + 2 * np.pi)).max() > 2.0:
             continue
-        outline = np.stack([np.cos(angles), np.sin(angles)], axis=1) * dice.random.uniform(0.55, 1.0, corners)[:, None]
+        outline = (
+            np.stack([np.cos(angles), np.sin(angles)], axis=1)
+            * dice.random.uniform(0.55, 1.0, corners)[:, None]
+        )
         per_side = dice.one_of(1, 2, 4, 7)
         along = np.arange(per_side) / per_side
         following = np.roll(outline, -1, axis=0)
-        rim = (outline[:, None] * (1 - along[:, None]) + following[:, None] * along[:, None]).reshape(-1, 2)
+        rim = (
+            outline[:, None] * (1 - along[:, None]) + following[:, None] * along[:, None]
+        ).reshape(-1, 2)
         size = 0.9 / per_side
         inner = [
-            dice.between(0.0, 1 - 0.45 * size) * rim[dice.whole(0, len(rim) - 1)] for _ in range(dice.whole(3, 60))
+            dice.between(0.0, 1 - 0.45 * size) * rim[dice.whole(0, len(rim) - 1)]
+            for _ in range(dice.whole(3, 60))
         ]
         points = list(rim)
         for p in inner:
@@ -300,7 +331,9 @@ def _polygon(dice: Dice) -> Mesh:
 
 
 def _inside(points: Array, cells: Ints, rim: Ints) -> Mesh | None:
-    """The cells inside the outline, if they are sound and their outline is the one that was drawn."""
+    """The cells inside the outline, if they are sound and their outline is the one that was
+    drawn.
+    """
     centre = points[cells].mean(axis=1)
     a, b = points[rim[:, 0]], points[rim[:, 1]]
     crossings = np.zeros(len(centre), dtype=int)
@@ -311,7 +344,10 @@ def _inside(points: Array, cells: Ints, rim: Ints) -> Mesh | None:
     cells = cells[crossings % 2 == 1]
     if not len(cells) or len(np.unique(cells)) != len(points):
         return None
-    edge1, edge2 = points[cells[:, 1]] - points[cells[:, 0]], points[cells[:, 2]] - points[cells[:, 0]]
+    edge1, edge2 = (
+        points[cells[:, 1]] - points[cells[:, 0]],
+        points[cells[:, 2]] - points[cells[:, 0]],
+    )
     area = np.abs(edge1[:, 0] * edge2[:, 1] - edge1[:, 1] * edge2[:, 0]) / 2
     longest = np.linalg.norm(points[cells] - np.roll(points[cells], 1, axis=1), axis=2).max(axis=1)
     if (area < 0.02 * longest**2).any():
@@ -323,7 +359,9 @@ def _inside(points: Array, cells: Ints, rim: Ints) -> Mesh | None:
     middle = (a + b) / 2
     direction = np.degrees(np.arctan2(middle[:, 1], middle[:, 0]))
     names = np.select(
-        [np.abs(direction) < 45, np.abs(direction) > 135, direction < 0], ["right", "left", "bottom"], "top"
+        [np.abs(direction) < 45, np.abs(direction) > 135, direction < 0],
+        ["right", "left", "bottom"],
+        "top",
     )
     boundaries = {name: rim[names == name] for name in SIDES}
     return Mesh(points, cells, boundaries) if all(len(f) for f in boundaries.values()) else None
@@ -367,7 +405,9 @@ def _generated(dice: Dice) -> tuple[dict[str, Any], None, int, dict[str, str]]:
 # ---- effects
 
 
-def drawn_materials(dice: Dice, mesh: Mesh | None, more: dict[str, Any], *poisson: float) -> list[dict[str, Any]]:
+def drawn_materials(
+    dice: Dice, mesh: Mesh | None, more: dict[str, Any], *poisson: float
+) -> list[dict[str, Any]]:
     """One of E = 1, or two of which one is softer; ``more``: what all have."""
 
     def one(young: float) -> dict[str, Any]:
@@ -379,7 +419,9 @@ def drawn_materials(dice: Dice, mesh: Mesh | None, more: dict[str, Any], *poisso
     return [one(1.0)]
 
 
-def _hold_and_load(dice: Dice, turn: _Turn, scene: dict[str, Any], names: dict[str, str], steps: int) -> None:
+def _hold_and_load(
+    dice: Dice, turn: _Turn, scene: dict[str, Any], names: dict[str, str], steps: int
+) -> None:
     """Supports, tractions and a body force; with several steps some of them follow factors."""
 
     def factors() -> list[float]:
@@ -387,7 +429,10 @@ def _hold_and_load(dice: Dice, turn: _Turn, scene: dict[str, Any], names: dict[s
         if kind == "ramp":
             return [round((n + 1) / steps, 3) for n in range(steps)]
         if kind == "push":
-            return [0.0, *dice.one_of([1.0, 0.5, -0.5], [0.5, 1.0, 0.0], [-1.0, 1.0, -1.0])[: steps - 1]]
+            return [
+                0.0,
+                *dice.one_of([1.0, 0.5, -0.5], [0.5, 1.0, 0.0], [-1.0, 1.0, -1.0])[: steps - 1],
+            ]
         return [round(dice.between(-1, 1), 3) for _ in range(steps)]
 
     def stepped(load: dict[str, Any], probability: float) -> dict[str, Any]:
@@ -398,7 +443,9 @@ def _hold_and_load(dice: Dice, turn: _Turn, scene: dict[str, Any], names: dict[s
         return {"x": a * scale, "y": b * scale}
 
     size = dice.power(-5, -2)
-    kind = dice.one_of("sides", "left", "left", "top", "top", "rail", "none", "left and right", "normal")
+    kind = dice.one_of(
+        "sides", "left", "left", "top", "top", "rail", "none", "left and right", "normal"
+    )
     supports: list[dict[str, Any]] = []
     across, along = ("x", "y") if abs(np.cos(turn.angle)) > 0.5 else ("y", "x")
     if kind == "sides":
@@ -406,16 +453,24 @@ def _hold_and_load(dice: Dice, turn: _Turn, scene: dict[str, Any], names: dict[s
     elif kind == "left":
         supports = [{"boundary": names["left"], "x": 0.0, "y": 0.0}]
     elif kind == "top":
-        drop = stepped({"boundary": names["top"], **vector(dice.between(-1, 1), -dice.between(0.2, 2), size)}, 0.8)
+        drop = stepped(
+            {"boundary": names["top"], **vector(dice.between(-1, 1), -dice.between(0.2, 2), size)},
+            0.8,
+        )
         supports = [drop]
     elif kind == "rail":
         supports = [{"boundary": names["left"], across: 0.0}]
     elif kind == "left and right":
         value = f"{size!r}*{turn.along}" if dice.chance(0.5) else dice.between(-1, 1) * size
-        supports = [{"boundary": names["left"], across: 0.0}, stepped({"boundary": names["right"], along: value}, 0.7)]
+        supports = [
+            {"boundary": names["left"], across: 0.0},
+            stepped({"boundary": names["right"], along: value}, 0.7),
+        ]
     elif kind == "normal":
         straight = scene["mesh"].get("generator") in ("rectangle", "block")
-        supports = [{"boundary": names["left"], **({"normal": 0.0} if straight else {"x": 0.0, "y": 0.0})}]
+        supports = [
+            {"boundary": names["left"], **({"normal": 0.0} if straight else {"x": 0.0, "y": 0.0})}
+        ]
     tractions: list[dict[str, Any]] = []
     if kind != "top" or dice.chance(0.3):
         side = names["right" if kind == "top" else "top"]
@@ -430,15 +485,24 @@ def _hold_and_load(dice: Dice, turn: _Turn, scene: dict[str, Any], names: dict[s
             tractions.append({"boundary": side, "pressure": f"{size!r}*(1 + 0.4*{turn.along})"})
         else:
             cut = dice.between(-0.5, 0.5)
-            tractions.append({"boundary": side, "pressure": f"{size!r} if {turn.along} < {cut!r} else {0.2 * size!r}"})
+            tractions.append(
+                {
+                    "boundary": side,
+                    "pressure": f"{size!r} if {turn.along} < {cut!r} else {0.2 * size!r}",
+                }
+            )
         if steps > 1:
             tractions[0] = stepped(tractions[0], 0.3)
         if dice.chance(0.4):
             push = vector(dice.between(-1, 1), dice.between(-0.4, 0.2), 0.6 * size)
-            tractions.append(stepped({"boundary": names[dice.one_of("left", "right", "top")], **push}, 0.7))
+            tractions.append(
+                stepped({"boundary": names[dice.one_of("left", "right", "top")], **push}, 0.7)
+            )
     if dice.chance(0.25):
         scene["body_force"] = stepped(vector(dice.between(-0.3, 0.3), -1.0, size), 0.3)
-    if steps > 1 and not any("factors" in effect for effect in [*supports, *tractions, scene.get("body_force", {})]):
+    if steps > 1 and not any(
+        "factors" in effect for effect in [*supports, *tractions, scene.get("body_force", {})]
+    ):
         if tractions:
             tractions[-1]["factors"] = factors()
         elif supports:
@@ -451,8 +515,12 @@ def _hold_and_load(dice: Dice, turn: _Turn, scene: dict[str, Any], names: dict[s
 
 
 def drawn_friction(dice: Dice, size: float, first: str, second: str) -> dict[str, Any]:
-    """A law of friction whose values may vary along one of two directions, as expressions of the position."""
-    kind = dice.one_of("none", "tresca", "tresca", "tresca", "coulomb", "coulomb", "coulomb", "coulomb")
+    """A law of friction whose values may vary along one of two directions, as expressions of the
+    position.
+    """
+    kind = dice.one_of(
+        "none", "tresca", "tresca", "tresca", "coulomb", "coulomb", "coulomb", "coulomb"
+    )
     if kind == "none":
         return {"law": "none"}
     if kind == "tresca":
@@ -462,7 +530,9 @@ def drawn_friction(dice: Dice, size: float, first: str, second: str) -> dict[str
         return {"law": "tresca", "bound": bound}
     coefficient: Any = dice.one_of(dice.power(-2, 0), dice.power(-0.7, 0.3))
     if dice.chance(0.25):
-        coefficient = f"{coefficient!r} if {second} < {dice.between(-0.5, 0.5)!r} else {dice.power(-2, 0)!r}"
+        coefficient = (
+            f"{coefficient!r} if {second} < {dice.between(-0.5, 0.5)!r} else {dice.power(-2, 0)!r}"
+        )
     law = {"law": "coulomb", "coefficient": coefficient}
     if dice.chance(0.15):
         law["cap"] = size * dice.power(-1, 1)
@@ -500,7 +570,11 @@ def _contacts(
         )
 
     def contact(boundary: str) -> dict[str, Any]:
-        found = {"boundary": boundary, "gap": gap(), "friction": drawn_friction(dice, size, turn.along, turn.along)}
+        found = {
+            "boundary": boundary,
+            "gap": gap(),
+            "friction": drawn_friction(dice, size, turn.along, turn.along),
+        }
         if dice.chance(0.08):
             found["kind"] = "bilateral"
         if boundary == names["bottom"] and dice.chance(0.2):
@@ -510,16 +584,22 @@ def _contacts(
     found = [contact(names["bottom"])]
     taken = {effect["boundary"] for effect in scene.get("displacement", [])}
     for side in ("right", "left"):
-        if names[side] not in taken | {effect["boundary"] for effect in found} and dice.chance(0.12):
+        if names[side] not in taken | {effect["boundary"] for effect in found} and dice.chance(
+            0.12
+        ):
             found.append(contact(names[side]))
     return found
 
 
 def drawn_solver(dice: Dice, along: str, *, levels: bool) -> dict[str, Any]:
-    """Settings of the solver; ``along``: a coordinate along the foundation; ``levels``: on coarser meshes, too."""
+    """Settings of the solver; ``along``: a coordinate along the foundation; ``levels``: on coarser
+    meshes, too.
+    """
     natural = 1e5
     found: dict[str, Any] = {}
-    algorithm = dice.one_of("auto", "auto", "auto", "ssn", "continuation", "path-following", "alm", "alm", "alm", "alm")
+    algorithm = dice.one_of(
+        "auto", "auto", "auto", "ssn", "continuation", "path-following", "alm", "alm", "alm", "alm"
+    )
     if algorithm != "auto":
         found["algorithm"] = algorithm
     if dice.chance(0.5):

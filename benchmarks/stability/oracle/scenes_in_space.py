@@ -1,4 +1,6 @@
-"""Random scenes in 3D with fixed seeds: bodies, supports, loads, foundations, laws and settings together."""
+"""Random scenes in 3D with fixed seeds: bodies, supports, loads, foundations, laws and settings
+together.
+"""
 
 from __future__ import annotations
 
@@ -56,8 +58,16 @@ def trial(seed: int, units: Units | None = None) -> Trial:
         mesh, flat = _own_mesh(dice, turn)
         source, names = {"file": "body.inp"}, {side: side for side in SIDES}
         degree = dice.one_of(1, 1, 2) if len(mesh.cells) <= _LARGEST_QUADRATIC else 1
-    tetrahedra = mesh.cells.shape[1] == 4 if mesh is not None else source["parameters"]["cell"] == "tetrahedron"
-    scene: dict[str, Any] = {"title": f"seed {seed}, in 3D", "mesh": source, "element": {"degree": degree}}
+    tetrahedra = (
+        mesh.cells.shape[1] == 4
+        if mesh is not None
+        else source["parameters"]["cell"] == "tetrahedron"
+    )
+    scene: dict[str, Any] = {
+        "title": f"seed {seed}, in 3D",
+        "mesh": source,
+        "element": {"degree": degree},
+    }
     scene["material"] = drawn_materials(dice, mesh, {}, -0.3)
     if any(material["poisson"] >= 0.45 for material in scene["material"]) and dice.chance(0.7):
         scene["element"]["volumetric"] = "auto"
@@ -90,15 +100,26 @@ def _turned(dice: Dice) -> Array:
 
 
 def grid(nx: int, ny: int, nz: int, cell: str) -> tuple[Array, Ints, dict[str, Ints]]:
-    """A grid of the unit cube with the names of its sides; hexahedra, or each of them as six tetrahedra."""
+    """A grid of the unit cube with the names of its sides; hexahedra, or each of them as six
+    tetrahedra.
+    """
     z, y, x = np.meshgrid(
-        np.linspace(0, 1, nz + 1), np.linspace(0, 1, ny + 1), np.linspace(0, 1, nx + 1), indexing="ij"
+        np.linspace(0, 1, nz + 1),
+        np.linspace(0, 1, ny + 1),
+        np.linspace(0, 1, nx + 1),
+        indexing="ij",
     )
     points = np.stack([x.ravel(), y.ravel(), z.ravel()], axis=1)
     number = np.arange(len(points)).reshape(nz + 1, ny + 1, nx + 1)
     corner = [(slice(None, -1), slice(1, None))[k] for k in (0, 1)]
     cells = np.stack(
-        [number[corner[c], corner[b], corner[a]].ravel() for c in (0, 1) for b in (0, 1) for a in (0, 1)], 1
+        [
+            number[corner[c], corner[b], corner[a]].ravel()
+            for c in (0, 1)
+            for b in (0, 1)
+            for a in (0, 1)
+        ],
+        1,
     )
     if cell == "tetrahedron":
         paths = [(0, a, a + b, 7) for a, b in permutations((1, 2, 4), 2)]
@@ -127,7 +148,11 @@ def _own_mesh(dice: Dice, turn: _Turn) -> tuple[Mesh, bool]:
     regions = {}
     if dice.chance(0.2):
         centre = mesh.points[mesh.cells].mean(axis=1)
-        soft = centre[:, 2] < dice.between(0.2, 0.8) if dice.chance(0.5) else dice.random.random(len(centre)) < 0.5
+        soft = (
+            centre[:, 2] < dice.between(0.2, 0.8)
+            if dice.chance(0.5)
+            else dice.random.random(len(centre)) < 0.5
+        )
         if soft.any() and not soft.all():
             regions = {"soft": np.flatnonzero(soft), "hard": np.flatnonzero(~soft)}
     return Mesh(mesh.points @ turn.matrix.T, mesh.cells, mesh.boundaries, regions), flat
@@ -147,12 +172,17 @@ def _piece(dice: Dice, cell: str) -> tuple[Mesh, bool]:
     mapped, flat = _mapped(dice, moved)
     mesh = Mesh(mapped, cells, boundaries)
     if not _sound(mesh):
-        mesh, flat = Mesh(points * np.array([2.0, 1.0, 0.8]) - [1.0, 0.5, 0.0], cells, boundaries), True
+        mesh, flat = (
+            Mesh(points * np.array([2.0, 1.0, 0.8]) - [1.0, 0.5, 0.0], cells, boundaries),
+            True,
+        )
     return mesh, flat
 
 
 def _mapped(dice: Dice, p: Array) -> tuple[Array, bool]:
-    """The unit cube as box, wedge, leaning block, round block, bulge, twisted block or arch; whether sides are flat."""
+    """The unit cube as box, wedge, leaning block, round block, bulge, twisted block or arch;
+    whether sides are flat.
+    """
     length, width, height = dice.between(0.7, 2.5), dice.between(0.5, 1.5), dice.between(0.4, 1.2)
     kind = dice.one_of("box", "box", "box", "wedge", "lean", "round", "bulge", "twist", "arch")
     slope, bend = dice.between(-0.3, 0.4), dice.between(0.3, 1.0)
@@ -164,7 +194,11 @@ def _mapped(dice: Dice, p: Array) -> tuple[Array, bool]:
     elif kind == "round":
         a, b = 2 * p[:, 0] - 1, 2 * p[:, 1] - 1
         square, radius = np.maximum(np.abs(a), np.abs(b)), np.hypot(a, b)
-        grown = 1 - 0.6 * square + 0.6 * square * np.divide(square, radius, out=np.ones_like(a), where=radius > 0)
+        grown = (
+            1
+            - 0.6 * square
+            + 0.6 * square * np.divide(square, radius, out=np.ones_like(a), where=radius > 0)
+        )
         x, y = 0.5 * length * a * grown, 0.5 * length * b * grown
     elif kind == "bulge":
         z = z + 0.3 * slope * (1 - p[:, 2]) * ((2 * p[:, 0] - 1) ** 2 + (2 * p[:, 1] - 1) ** 2) / 2
@@ -273,39 +307,66 @@ def _hold_and_load(
             value = f"{value!r}*(1 + 0.3*{turn.along(0)})"
         supports = [stepped({"boundary": names["top"], "normal": value}, 0.7)]
         if dice.chance(0.5):
-            supports.append({"boundary": names["left"], **(held if dice.chance(0.3) else {"normal": 0.0})})
+            supports.append(
+                {"boundary": names["left"], **(held if dice.chance(0.3) else {"normal": 0.0})}
+            )
     tractions: list[dict[str, Any]] = []
     if kind not in ("top", "lid") or dice.chance(0.3):
         side = names["right" if kind in ("top", "lid") else "top"]
-        style = dice.one_of("press", "press", "slant", "slant", "pressure", "linear", "part", "tip", "lift")
+        style = dice.one_of(
+            "press", "press", "slant", "slant", "pressure", "linear", "part", "tip", "lift"
+        )
         if style == "press":
             tractions.append({"boundary": side, **vector(0.0, 0.0, -1.0, size)})
         elif style == "slant":
-            tractions.append({"boundary": side, **vector(dice.between(-1, 1), dice.between(-1, 1), -1.0, size)})
+            tractions.append(
+                {"boundary": side, **vector(dice.between(-1, 1), dice.between(-1, 1), -1.0, size)}
+            )
         elif style == "pressure":
             tractions.append({"boundary": side, "pressure": size})
         elif style == "linear":
             tractions.append({"boundary": side, "pressure": f"{size!r}*(1 + 0.4*{turn.along(0)})"})
         elif style == "tip":
-            tractions.append({"boundary": side, "pressure": f"{size!r}*(1 + {dice.between(1, 6)!r}*{turn.along(1)})"})
+            tractions.append(
+                {
+                    "boundary": side,
+                    "pressure": f"{size!r}*(1 + {dice.between(1, 6)!r}*{turn.along(1)})",
+                }
+            )
         elif style == "lift":
-            tractions.append({"boundary": side, **vector(dice.between(-0.3, 0.3), 0.0, dice.between(-0.2, 1.0), size)})
+            tractions.append(
+                {
+                    "boundary": side,
+                    **vector(dice.between(-0.3, 0.3), 0.0, dice.between(-0.2, 1.0), size),
+                }
+            )
         elif triangles:  # on which a jump would depend on the rule
             tractions.append({"boundary": side, "pressure": f"{size!r}*(1 + {turn.along(0)}**2)"})
         else:
             cut = dice.between(-0.5, 0.5)
             tractions.append(
-                {"boundary": side, "pressure": f"{size!r} if {turn.along(0)} < {cut!r} else {0.2 * size!r}"}
+                {
+                    "boundary": side,
+                    "pressure": f"{size!r} if {turn.along(0)} < {cut!r} else {0.2 * size!r}",
+                }
             )
         if steps > 1:
             tractions[0] = stepped(tractions[0], 0.3)
         if dice.chance(0.4):
-            push = vector(dice.between(-1, 1), dice.between(-1, 1), dice.between(-0.4, 0.2), 0.6 * size)
-            tractions.append(stepped({"boundary": names[dice.one_of("left", "right", "front", "top")], **push}, 0.7))
+            push = vector(
+                dice.between(-1, 1), dice.between(-1, 1), dice.between(-0.4, 0.2), 0.6 * size
+            )
+            tractions.append(
+                stepped(
+                    {"boundary": names[dice.one_of("left", "right", "front", "top")], **push}, 0.7
+                )
+            )
     if dice.chance(0.3):
         force = vector(dice.between(-0.3, 0.3), dice.between(-0.3, 0.3), -1.0, size)
         scene["body_force"] = stepped(force, 0.3)
-    if steps > 1 and not any("factors" in effect for effect in [*supports, *tractions, scene.get("body_force", {})]):
+    if steps > 1 and not any(
+        "factors" in effect for effect in [*supports, *tractions, scene.get("body_force", {})]
+    ):
         last = (tractions or supports or [scene.get("body_force", {})])[-1]
         if last:
             last["factors"] = factors()
@@ -333,7 +394,11 @@ def _contacts(
         )
 
     def contact(boundary: str) -> dict[str, Any]:
-        found = {"boundary": boundary, "gap": gap(), "friction": drawn_friction(dice, size, first, second)}
+        found = {
+            "boundary": boundary,
+            "gap": gap(),
+            "friction": drawn_friction(dice, size, first, second),
+        }
         if dice.chance(0.08):
             found["kind"] = "bilateral"
         if boundary == names["bottom"] and dice.chance(0.2):

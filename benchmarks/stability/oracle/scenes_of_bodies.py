@@ -18,7 +18,10 @@ from benchmarks.stability.oracle.units import Units
 # Cells of a mesh that may have elements of degree 2, by the dimension.
 _QUADRATIC = {2: 150, 3: 40}
 # Counts of cells of a body along its contact and through it, by the dimension.
-_ALONG, _THROUGH = {2: (1, 2, 3, 4, 5, 6, 8, 10), 3: (1, 2, 2, 3, 3, 4)}, {2: (1, 2, 3), 3: (1, 1, 2)}
+_ALONG, _THROUGH = (
+    {2: (1, 2, 3, 4, 5, 6, 8, 10), 3: (1, 2, 2, 3, 3, 4)},
+    {2: (1, 2, 3), 3: (1, 1, 2)},
+)
 
 
 @dataclass(frozen=True)
@@ -46,13 +49,21 @@ def trial(seed: int, dimension: int, units: Units | None = None) -> Trial:
     count = dice.one_of(2, 2, 2, 3)
     mesh = _mesh(dice, frame, dimension, count)
     degree = dice.one_of(1, 1, 2) if len(mesh.cells) <= _QUADRATIC[dimension] else 1
-    scene: dict[str, Any] = {"title": f"bodies {seed}", "mesh": {"file": "body.inp"}, "element": {"degree": degree}}
+    scene: dict[str, Any] = {
+        "title": f"bodies {seed}",
+        "mesh": {"file": "body.inp"},
+        "element": {"degree": degree},
+    }
     soft = dice.power(-3, 3) if dice.chance(0.5) else 1.0
     youngs = [1.0, *(soft if dice.chance(0.6) else 1.0 for _ in range(count - 1))]
     dice.random.shuffle(youngs)
     youngs = [young / max(youngs) for young in youngs]
     scene["material"] = [
-        {"region": f"body{k}", "young": young, "poisson": dice.one_of(0.0, 0.2, 0.3, 0.3, 0.4, 0.45, 0.49, -0.3)}
+        {
+            "region": f"body{k}",
+            "young": young,
+            "poisson": dice.one_of(0.0, 0.2, 0.3, 0.3, 0.4, 0.45, 0.49, -0.3),
+        }
         for k, young in enumerate(youngs)
     ]
     if any(material["poisson"] >= 0.45 for material in scene["material"]) and dice.chance(0.7):
@@ -80,8 +91,15 @@ def _turned(dice: Dice, dimension: int) -> Array:
 
 def _mesh(dice: Dice, frame: _Frame, dimension: int, count: int) -> Mesh:
     """A stack; the boundaries of body k are bottomk, topk and sidek, its region is bodyk."""
-    cell = dice.one_of("triangle", "quadrilateral") if dimension == 2 else dice.one_of("tetrahedron", "hexahedron")
-    slope, bend = dice.one_of(0.0, dice.between(-0.3, 0.3)), dice.one_of(0.0, 0.0, dice.between(-0.3, 0.3))
+    cell = (
+        dice.one_of("triangle", "quadrilateral")
+        if dimension == 2
+        else dice.one_of("tetrahedron", "hexahedron")
+    )
+    slope, bend = (
+        dice.one_of(0.0, dice.between(-0.3, 0.3)),
+        dice.one_of(0.0, 0.0, dice.between(-0.3, 0.3)),
+    )
     levels = np.cumsum([0.0, *(dice.between(0.4, 1.0) for _ in range(count))])
     # The surfaces between bodies do not reach those above and below.
     rise = 1.2 * abs(slope) + 1.44 * (dimension - 1) * abs(bend)
@@ -105,7 +123,11 @@ def _mesh(dice: Dice, frame: _Frame, dimension: int, count: int) -> Mesh:
         def height(level: int, x: Array = x, k: int = k) -> Array:
             """Of the surface between two bodies; the bodies may be apart, or overlap a little."""
             inside = 0 < level < count
-            shape = flatter * (slope * x[:, 0] + bend * (x**2).sum(axis=1)) if inside else np.zeros(len(x))
+            shape = (
+                flatter * (slope * x[:, 0] + bend * (x**2).sum(axis=1))
+                if inside
+                else np.zeros(len(x))
+            )
             return np.asarray(levels[level] + shape)
 
         apart = frame.size * dice.one_of(0.0, 0.0, 0.0, dice.between(-0.5, 1.0)) if k else 0.0
@@ -133,7 +155,9 @@ def _mesh(dice: Dice, frame: _Frame, dimension: int, count: int) -> Mesh:
 # ---- effects
 
 
-def _hold_and_load(dice: Dice, frame: _Frame, scene: dict[str, Any], count: int, steps: int, stress: _Frame) -> None:
+def _hold_and_load(
+    dice: Dice, frame: _Frame, scene: dict[str, Any], count: int, steps: int, stress: _Frame
+) -> None:
     """Supports, tractions and a body force; with several steps some of them follow factors."""
     dimension = len(frame.matrix)
 
@@ -141,7 +165,11 @@ def _hold_and_load(dice: Dice, frame: _Frame, scene: dict[str, Any], count: int,
         if steps == 1 or not dice.chance(probability):
             return load
         ramp = [round((n + 1) / steps, 3) for n in range(steps)]
-        return load | {"factors": ramp if dice.chance(0.5) else [round(dice.between(-1, 1), 3) for _ in range(steps)]}
+        return load | {
+            "factors": ramp
+            if dice.chance(0.5)
+            else [round(dice.between(-1, 1), 3) for _ in range(steps)]
+        }
 
     def along(most: float) -> list[float]:
         return [dice.between(-most, most) for _ in range(dimension - 1)]
@@ -152,13 +180,22 @@ def _hold_and_load(dice: Dice, frame: _Frame, scene: dict[str, Any], count: int,
         supports.append({"boundary": "bottom0", **still})
     last = count - 1
     if dice.chance(0.5):
-        supports.append(stepped({"boundary": f"top{last}", **frame.vector(-dice.between(0.2, 2), *along(1))}, 0.8))
+        supports.append(
+            stepped(
+                {"boundary": f"top{last}", **frame.vector(-dice.between(0.2, 2), *along(1))}, 0.8
+            )
+        )
     else:
         push = dice.one_of((-1.0, 0.0), (-1.0, 0.3), (-1.0, 1.0), (dice.between(-0.2, 1.0), 0.3))
-        tractions.append(stepped({"boundary": f"top{last}", **stress.vector(push[0], *along(push[1]))}, 0.6))
+        tractions.append(
+            stepped({"boundary": f"top{last}", **stress.vector(push[0], *along(push[1]))}, 0.6)
+        )
         if dice.chance(0.4):  # along the contact on one side
             tractions.append(
-                stepped({"boundary": f"side{dice.whole(0, last)}", **stress.vector(0.0, *along(0.6))}, 0.7)
+                stepped(
+                    {"boundary": f"side{dice.whole(0, last)}", **stress.vector(0.0, *along(0.6))},
+                    0.7,
+                )
             )
     for k in range(count):
         if dice.chance(0.25):
@@ -175,8 +212,12 @@ def _hold_and_load(dice: Dice, frame: _Frame, scene: dict[str, Any], count: int,
         scene["traction"] = tractions
 
 
-def _contacts(dice: Dice, frame: _Frame, scene: dict[str, Any], count: int, stress: float) -> list[dict[str, Any]]:
-    """Between neighbours, either side first; and of the lowest body on a foundation, if nothing holds its bottom."""
+def _contacts(
+    dice: Dice, frame: _Frame, scene: dict[str, Any], count: int, stress: float
+) -> list[dict[str, Any]]:
+    """Between neighbours, either side first; and of the lowest body on a foundation, if nothing
+    holds its bottom.
+    """
 
     def friction() -> dict[str, Any]:
         kind = dice.one_of("none", "tresca", "tresca", "coulomb", "coulomb", "coulomb")
@@ -185,8 +226,14 @@ def _contacts(dice: Dice, frame: _Frame, scene: dict[str, Any], count: int, stre
         if kind == "tresca":
             bound = stress * dice.power(-2, 1)
             varies = dice.chance(0.3)
-            return {"law": "tresca", "bound": f"{bound!r}*abs(sin(5*{frame.along(0)}))" if varies else bound}
-        law = {"law": "coulomb", "coefficient": dice.one_of(dice.power(-2, 0), dice.power(-0.7, 0.3))}
+            return {
+                "law": "tresca",
+                "bound": f"{bound!r}*abs(sin(5*{frame.along(0)}))" if varies else bound,
+            }
+        law = {
+            "law": "coulomb",
+            "coefficient": dice.one_of(dice.power(-2, 0), dice.power(-0.7, 0.3)),
+        }
         if dice.chance(0.15):
             law["cap"] = stress * dice.power(-1, 1)
         return law
@@ -208,7 +255,8 @@ def _contacts(dice: Dice, frame: _Frame, scene: dict[str, Any], count: int, stre
             if dice.chance(0.4):
                 contact["gap"] = dice.one_of(
                     frame.size * dice.between(-0.5, 1.0),
-                    f"{frame.size * dice.power(-1, 1)!r}*({frame.along(0)} - {dice.between(-0.5, 0.5)!r})**2",
+                    f"{frame.size * dice.power(-1, 1)!r}*({frame.along(0)} - "
+                    f"{dice.between(-0.5, 0.5)!r})**2",
                 )
         found.append(contact)
     if not any(effect["boundary"] == "bottom0" for effect in scene.get("displacement", [])):
@@ -218,7 +266,9 @@ def _contacts(dice: Dice, frame: _Frame, scene: dict[str, Any], count: int, stre
 
 def _solver(dice: Dice, steps: int) -> dict[str, Any]:
     found: dict[str, Any] = {}
-    algorithm = dice.one_of("auto", "auto", "auto", "ssn", "continuation", "path-following", "alm", "alm")
+    algorithm = dice.one_of(
+        "auto", "auto", "auto", "ssn", "continuation", "path-following", "alm", "alm"
+    )
     if algorithm == "path-following" and steps > 1:
         algorithm = "auto"
     if algorithm != "auto":

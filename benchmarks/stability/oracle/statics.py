@@ -18,11 +18,11 @@ _ACCURACIES = (1e-9, 1e-8, 1e-7)
 
 
 def held(body: Body, contact: Contact) -> bool:
-    """Whether contact and stick everywhere would hold every piece of the body: stick that follows pressure where no
-    support takes the pressure.
+    """Whether contact and stick everywhere would hold every piece of the body: stick that follows
+    pressure where no support takes the pressure.
 
-    A motion that is resisted 1e4 times less than it moves the contact counts as free: facets of a cylinder do not hold
-    a turn.
+    A motion that is resisted 1e4 times less than it moves the contact counts as free: facets of a
+    cylinder do not hold a turn.
     """
     motions = null_motions(body)
     if motions.shape[1] == 0:
@@ -31,7 +31,9 @@ def held(body: Body, contact: Contact) -> bool:
     rows = [np.einsum("nik,ni->nk", moves, contact.normal)]
     dim = contact.x.shape[1]
     normal = sum(contact.operator[k::dim].multiply(contact.normal[:, [k]]) for k in range(dim))
-    movable = np.einsum("nmi,mij->nmj", normal.toarray().reshape(-1, *body.x.shape), np.eye(dim) - body.held)
+    movable = np.einsum(
+        "nmi,mij->nmj", normal.toarray().reshape(-1, *body.x.shape), np.eye(dim) - body.held
+    )
     rubs = contact.rubs & ((contact.given > 0) | (abs(movable).max(axis=(1, 2)) > 1e-9))
     rows += [np.einsum("nik,ni->nk", moves, contact.tangents[:, k])[rubs] for k in range(dim - 1)]
     values = np.linalg.svd(np.concatenate(rows), compute_uv=False)
@@ -40,10 +42,11 @@ def held(body: Body, contact: Contact) -> bool:
 
 
 def slack(body: Body, contact: Contact, step: int) -> tuple[float, Array]:
-    """How far contact forces that balance the loads can stay inside all their limits, as a share of the loads.
+    """How far contact forces that balance the loads can stay inside all their limits, as a share of
+    the loads.
 
-    Positive: there is an equilibrium with room to spare.  Zero or negative: there is none, or one on the edge; NaN: the
-    programme does not know.  And the contact pressure that leaves so much.
+    Positive: there is an equilibrium with room to spare.  Zero or negative: there is none, or one
+    on the edge; NaN: the programme does not know.  And the contact pressure that leaves so much.
     """
     motions = null_motions(body)
     count, points = motions.shape[1], len(contact.weight)
@@ -56,7 +59,8 @@ def slack(body: Body, contact: Contact, step: int) -> tuple[float, Array]:
     moves = contact.moves(motions)
     share = contact.weight / contact.weight.sum()
     rubs = np.flatnonzero(contact.rubs)
-    # Unknowns: normal forces, d - 1 tangential forces of each point that rubs (over the scale), the room.
+    # Unknowns: normal forces, d - 1 tangential forces of each point that rubs (over the scale), the
+    # room.
     across = contact.x.shape[1] - 1
     size = points + across * len(rubs) + 1
     balance = np.zeros((count, size))
@@ -88,7 +92,10 @@ def slack(body: Body, contact: Contact, step: int) -> tuple[float, Array]:
         less(0.0, (point, -1.0), (room, share[point]))
     straight = len(rows)
     for first, point in zip(range(points, room, across), rubs, strict=True):
-        given, cap = (contact.weight[point] * value / scale for value in (contact.given[point], contact.cap[point]))
+        given, cap = (
+            contact.weight[point] * value / scale
+            for value in (contact.given[point], contact.cap[point])
+        )
         # The radius of each cone as a limit and entries: what the tangential force may not exceed.
         heads: list[tuple[float, list[tuple[int, float]]]] = []
         if contact.given[point] > 0:
@@ -109,11 +116,21 @@ def slack(body: Body, contact: Contact, step: int) -> tuple[float, Array]:
     cost[-1] = -1.0
     matrix = cvxopt.matrix
     arguments = (
-        *(matrix(cost), matrix(np.array(rows)), matrix(np.array(limits)), {"l": straight, "q": cones, "s": []}),
+        *(
+            matrix(cost),
+            matrix(np.array(rows)),
+            matrix(np.array(limits)),
+            {"l": straight, "q": cones, "s": []},
+        ),
         *(matrix(balance), matrix(resultant)),
     )
     for accuracy, solver in product(_ACCURACIES, ("ldl", "chol")):
-        options = {"show_progress": False, "abstol": accuracy / 10, "reltol": accuracy, "feastol": accuracy}
+        options = {
+            "show_progress": False,
+            "abstol": accuracy / 10,
+            "reltol": accuracy,
+            "feastol": accuracy,
+        }
         try:
             found = cvxopt.solvers.conelp(*arguments, kktsolver=solver, options=options)
         except (ValueError, ArithmeticError):

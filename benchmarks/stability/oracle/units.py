@@ -1,7 +1,9 @@
-"""Units of a scene: the solver sees a scene in units of its own, the oracle judges it in units of the body.
+"""Units of a scene: the solver sees a scene in units of its own, the oracle judges it in units of
+the body.
 
-A scene is drawn for a body of about size 1 with E = 1.  It is then written in other units, whose exponents are drawn
-for lengths and for forces independently, and the answer is taken back.  In 2D forces are per unit thickness.
+A scene is drawn for a body of about size 1 with E = 1.  It is then written in other units, whose
+exponents are drawn for lengths and for forces independently, and the answer is taken back.  In 2D
+forces are per unit thickness.
 """
 
 from __future__ import annotations
@@ -38,10 +40,20 @@ _VALUES: dict[str, dict[str, tuple[float, int]]] = {
         "ratio": (0, 0),
         "along": (0, 0),
     },
-    "solver": dict.fromkeys(("gamma_n", "gamma_t", "gamma_first"), _STIFFNESS) | {"sigma": _SOFTNESS},
+    "solver": dict.fromkeys(("gamma_n", "gamma_t", "gamma_first"), _STIFFNESS)
+    | {"sigma": _SOFTNESS},
     "parameters": dict.fromkeys(
         (
-            *("length", "width", "height", "tip", "radius", "inner_radius", "thickness", "rounding"),
+            *(
+                "length",
+                "width",
+                "height",
+                "tip",
+                "radius",
+                "inner_radius",
+                "thickness",
+                "rounding",
+            ),
             *("size", "contact_size", "contact_zone"),
         ),
         _LENGTH,

@@ -1,4 +1,5 @@
-"""Solves and judges some of the random scenes, and reports each on standard output; started by ``__main__``.
+"""Solves and judges some of the random scenes, and reports each on standard output; started by
+``__main__``.
 
 python3 -m benchmarks.stability.oracle.worker WHERE SAME_UNITS FIRST STOP STRIDE
 """
@@ -35,7 +36,9 @@ TRIAL: dict[str, Callable[..., Trial]] = {
     "effects": lambda seed, units=None: more_scenes.more(seed, 2, units),
     "space-effects": lambda seed, units=None: more_scenes.more(seed, 3, units),
     "space": scenes_in_space.trial,
-    "bodies": lambda seed, units=None: scenes_of_bodies.trial(seed, dimension_of("bodies", seed), units),
+    "bodies": lambda seed, units=None: scenes_of_bodies.trial(
+        seed, dimension_of("bodies", seed), units
+    ),
 }
 # Libraries print too: the messages are the lines that begin like this.
 MARK = "\x1e"
@@ -87,7 +90,10 @@ def examined(drawn: Trial, where: str) -> tuple[Verdict, dict[str, Any]]:
             return Verdict(kind, type(error).__name__, note=message), {}
         except Exception as error:
             where = traceback.extract_tb(error.__traceback__)[-1]
-            text = f"{type(error).__name__} in {where.filename.rsplit('/', 1)[-1]}:{where.lineno}: {error}"
+            text = (
+                f"{type(error).__name__} in "
+                f"{where.filename.rsplit('/', 1)[-1]}:{where.lineno}: {error}"
+            )
             return Verdict(CRASHED, type(error).__name__, note=text.split("\n")[0]), {}
     mesh = mesh_of(solution, drawn.units) if drawn.mesh is None else drawn.mesh
     answer = answer_of(solution, drawn.units)
@@ -109,7 +115,10 @@ def row_of(seed: int, where: str = "plane", *, own: bool = False) -> Row:
     drawn = TRIAL[where](seed, same_units(where, seed) if own else None)
     verdict, about = examined(drawn, where)
     figure, value = verdict.worst
-    laws = sorted({effect.get("friction", {"law": "none"})["law"] for effect in drawn.scene["contact"]} - {"none"})
+    laws = sorted(
+        {effect.get("friction", {"law": "none"})["law"] for effect in drawn.scene["contact"]}
+        - {"none"}
+    )
     return Row(
         seed=seed,
         kind=verdict.kind,

@@ -1,7 +1,8 @@
 """Guaranteed bounds of the error of a displacement, of means and of forces, in 2D and in 3D.
 
-They look at a solved problem alone, whose scene they integrate on plain triangles or tetrahedra.  No other package
-imports it: an add-on.
+They look at a solved problem alone, whose scene they integrate on plain triangles or tetrahedra.
+No other package imports it: an add-on.
 """
 
-import mpi4py.MPI  # noqa: F401  # first: PETSc and dolfinx from PyPI find the library of MPI where it is loaded
+# First: PETSc and dolfinx from PyPI find the library of MPI where it is loaded.
+import mpi4py.MPI  # noqa: F401

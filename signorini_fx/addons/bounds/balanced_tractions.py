@@ -1,12 +1,15 @@
-"""The admissible contact tractions closest to given ones in L2 that balance the loads of bodies that move freely.
+"""The admissible contact tractions closest to given ones in L2 that balance the loads of bodies
+that move freely.
 
-With the work R of unit tractions at the vertices of facets on the free motions and their weights W, those sought are
+With the work R of unit tractions at the vertices of facets on the free motions and their weights W,
+those sought are
 
     z(y) = P(z_0 - W^-1 R y),   R^T z(y) + L = 0,
 
-P the closest point of the admissible set.  Their Lagrange multipliers y, one per free motion, maximise a concave
-function, whose gradient is what is not balanced: Newton's method on it.  All pieces of the body have their motions
-together, because one pressure may stand in the balance of two.
+P the closest point of the admissible set.  Their Lagrange multipliers y, one per free motion,
+maximise a concave function, whose gradient is what is not balanced: Newton's method on it.  All
+pieces of the body have their motions together, because one pressure may stand in the balance of
+two.
 """
 
 from __future__ import annotations
@@ -39,7 +42,10 @@ class AdmissibleTractions:
 
     def work(self, pressure: Array, shear: Array) -> Array:
         """On the free motions, shape (n,)."""
-        return np.asarray(np.einsum("fak,fa->k", self.normal, pressure) + np.einsum("fadk,fad->k", self.across, shear))
+        return np.asarray(
+            np.einsum("fak,fa->k", self.normal, pressure)
+            + np.einsum("fadk,fad->k", self.across, shear)
+        )
 
     def distance(self, pressure: Array, shear: Array) -> float:
         """Half of the square of that from the given ones."""
@@ -50,7 +56,10 @@ class AdmissibleTractions:
     def resistance(self) -> float:
         """The trace of ``slope`` where all vertices carry."""
         unit = self.weight[:, None]
-        return float(((self.normal**2).sum(axis=2) / unit).sum() + ((self.across**2).sum(axis=(2, 3)) / unit).sum())
+        return float(
+            ((self.normal**2).sum(axis=2) / unit).sum()
+            + ((self.across**2).sum(axis=(2, 3)) / unit).sum()
+        )
 
     def slope(self, y: Array) -> Array:
         """Minus the derivative of the work by the multipliers, shape (n, n)."""
@@ -60,7 +69,9 @@ class AdmissibleTractions:
         size = np.linalg.norm(free, axis=2)
         inside = size < self.least
         share = np.divide(self.least, size, out=np.ones_like(size), where=~inside & (size > 0))
-        unit_shear = np.divide(free, size[..., None], out=np.zeros_like(free), where=size[..., None] > 0)
+        unit_shear = np.divide(
+            free, size[..., None], out=np.zeros_like(free), where=size[..., None] > 0
+        )
         along = np.einsum("fadk,fad->fak", self.across, unit_shear) * ~inside[..., None]
         across = share[:, :, None, None] * (self.across - unit_shear[..., None] * along[:, :, None])
         return np.asarray(
@@ -69,9 +80,11 @@ class AdmissibleTractions:
         )
 
 
-def balanced(loads: Array, contacts: list[AdmissibleTractions], small: Array) -> list[tuple[Array, Array]]:
-    """Pressures and shears of each contact that balance loads, given by their work on the free motions, force, shape
-    (n,), but for at most ``small`` of each.
+def balanced(
+    loads: Array, contacts: list[AdmissibleTractions], small: Array
+) -> list[tuple[Array, Array]]:
+    """Pressures and shears of each contact that balance loads, given by their work on the free
+    motions, force, shape (n,), but for at most ``small`` of each.
 
     Raises:
         Refused: nothing was found.
@@ -83,8 +96,12 @@ def balanced(loads: Array, contacts: list[AdmissibleTractions], small: Array) ->
 
     def tried(multipliers: Array) -> tuple[list[tuple[Array, Array]], Array, float]:
         tractions = [contact.at(multipliers) for contact in contacts]
-        unbalanced = loads + sum(contact.work(*pair) for contact, pair in zip(contacts, tractions, strict=True))
-        far = sum(contact.distance(*pair) for contact, pair in zip(contacts, tractions, strict=True))
+        unbalanced = loads + sum(
+            contact.work(*pair) for contact, pair in zip(contacts, tractions, strict=True)
+        )
+        far = sum(
+            contact.distance(*pair) for contact, pair in zip(contacts, tractions, strict=True)
+        )
         return tractions, unbalanced, float(far + multipliers @ unbalanced)
 
     tractions, unbalanced, value = tried(y)
@@ -92,12 +109,16 @@ def balanced(loads: Array, contacts: list[AdmissibleTractions], small: Array) ->
         if (last := imbalance(unbalanced)) <= 0:
             return tractions
         slope = sum((contact.slope(y) for contact in contacts), np.zeros((len(y), len(y))))
-        # Where the vertices that carry resist no motion that is not balanced, the step is along it, as far as others.
-        resisted = slope + NOTHING_LEFT * sum(contact.resistance for contact in contacts) * np.eye(len(y))
+        # Where the vertices that carry resist no motion that is not balanced, the step is along it,
+        # as far as others.
+        resisted = slope + NOTHING_LEFT * sum(contact.resistance for contact in contacts) * np.eye(
+            len(y)
+        )
         step, length = np.linalg.lstsq(resisted, unbalanced, rcond=None)[0], 1.0
         while True:
             tractions, unbalanced, reached = tried(y + length * step)
-            # Near the maximum its change is round-off, which says nothing; what is not balanced does.
+            # Near the maximum its change is round-off, which says nothing; what is not balanced
+            # does.
             if reached >= value or length < NOTHING_LEFT or imbalance(unbalanced) < last:
                 break
             length /= 2

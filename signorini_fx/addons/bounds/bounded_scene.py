@@ -26,8 +26,10 @@ from signorini_fx.tuned import SAME_LENGTH
 
 # What a guaranteed bound is for; what else a scene has is named behind it.
 BOUNDED = (
-    "a guaranteed bound is for bodies of triangles or tetrahedra with constant moduli, under loads that are linear on "
-    "each of these, with contact that opens on planes or between flat or matching sides, without friction or with "
+    "a guaranteed bound is for bodies of triangles or tetrahedra with constant moduli, under "
+    "loads that are linear on "
+    "each of these, with contact that opens on planes or between flat or matching sides, without "
+    "friction or with "
     "Tresca friction"
 )
 
@@ -45,7 +47,9 @@ def _is_polynomial(value: Any, degree: int) -> bool:
 
 
 def _is_linear(value: Any) -> bool:
-    """Whether a value is linear between known places, maybe at nodes: zeros of linear switches, which do not jump."""
+    """Whether a value is linear between known places, maybe at nodes: zeros of linear switches,
+    which do not jump.
+    """
     if not isinstance(value, Expression):
         return isinstance(value, float)
     known = all(_degree(node) <= 1 and not _jumps(node) for node in _switches(value.tree))
@@ -53,9 +57,10 @@ def _is_linear(value: Any) -> bool:
 
 
 def refuse_jumps(value: Any, x: Array, label: str) -> None:
-    """Refuse a value with a jump or a kink inside a simplex, given by its corners, shape (m, k, d): what decides how it
-    goes on changes its sign there.  Comparisons give the difference of both sides; ``abs``, ``sign``, ``sqrt`` and
-    powers their argument, ``min`` and ``max`` the differences of theirs.
+    """Refuse a value with a jump or a kink inside a simplex, given by its corners, shape (m, k, d):
+    what decides how it goes on changes its sign there.  Comparisons give the difference of both
+    sides; ``abs``, ``sign``, ``sqrt`` and powers their argument, ``min`` and ``max`` the
+    differences of theirs.
     """
     if not isinstance(value, Expression) or not x.size:
         return
@@ -69,15 +74,24 @@ def refuse_jumps(value: Any, x: Array, label: str) -> None:
 
 def _switches(node: ast.expr) -> list[ast.expr]:
     """The parts of a tree whose sign decides how it goes on, inner ones first."""
-    found = [part for child in ast.iter_child_nodes(node) if isinstance(child, ast.expr) for part in _switches(child)]
+    found = [
+        part
+        for child in ast.iter_child_nodes(node)
+        if isinstance(child, ast.expr)
+        for part in _switches(child)
+    ]
     match node:
         case ast.Compare(left=left, comparators=comparators):
-            found += [ast.BinOp(one, ast.Sub(), other) for one, other in pairwise((left, *comparators))]
+            found += [
+                ast.BinOp(one, ast.Sub(), other) for one, other in pairwise((left, *comparators))
+            ]
         case ast.Call(func=ast.Name(id="abs" | "sign" | "sqrt"), args=[argument]):
             found.append(argument)
         case ast.Call(func=ast.Name(id="min" | "max"), args=arguments):
             found += [ast.BinOp(one, ast.Sub(), other) for one, other in combinations(arguments, 2)]
-        case ast.BinOp(left=left, op=ast.Pow(), right=right) if not isinstance(right, ast.Constant) or right.value % 1:
+        case ast.BinOp(left=left, op=ast.Pow(), right=right) if (
+            not isinstance(right, ast.Constant) or right.value % 1
+        ):
             found.append(left)
     return found
 
@@ -85,13 +99,18 @@ def _switches(node: ast.expr) -> list[ast.expr]:
 def _jumps(node: ast.expr) -> bool:
     """Whether a number in a tree may jump: it compares others, or takes their sign."""
     return any(
-        isinstance(part, ast.Compare) or (isinstance(part, ast.Name) and part.id == "sign") for part in ast.walk(node)
+        isinstance(part, ast.Compare) or (isinstance(part, ast.Name) and part.id == "sign")
+        for part in ast.walk(node)
     )
 
 
 def _degree(node: ast.expr) -> float:
-    """Degree of the polynomials between the switches; infinite where there are none; 0 of a condition."""
-    degrees = [_degree(child) for child in ast.iter_child_nodes(node) if isinstance(child, ast.expr)]
+    """Degree of the polynomials between the switches; infinite where there are none; 0 of a
+    condition.
+    """
+    degrees = [
+        _degree(child) for child in ast.iter_child_nodes(node) if isinstance(child, ast.expr)
+    ]
     match node:
         case ast.Subscript():
             return 1.0
@@ -153,7 +172,9 @@ def _of_contact(entry: Contact, *, several_steps: bool) -> Iterator[str]:
         yield f"{entry.kind} contact"
     elif entry.overclosure is not None:
         yield "soft contact"
-    if entry.foundation is not None and (not isinstance(entry.foundation, Plane) or entry.moves or entry.tool):
+    if entry.foundation is not None and (
+        not isinstance(entry.foundation, Plane) or entry.moves or entry.tool
+    ):
         yield "a foundation that is no plane at rest"
     if entry.adjust is not None:
         yield "contact that adjust closes"

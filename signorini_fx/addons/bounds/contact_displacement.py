@@ -1,10 +1,11 @@
 """A displacement that enters neither foundations nor other bodies, from one that does.
 
-Vertices are moved along the normals by hat functions, both sides by shares with the least energy of springs in series;
-where the parts of a contact are whole facets the middles of edges follow by parabolas.  On other parts each vertex
-moves by the largest excess around, so that the change is as large everywhere on these.  Where contact is closed sides
-may as well be moved to each other: what is left open between nodes times the pressure is of the order of the error,
-while a change costs its square.
+Vertices are moved along the normals by hat functions, both sides by shares with the least energy of
+springs in series; where the parts of a contact are whole facets the middles of edges follow by
+parabolas.  On other parts each vertex moves by the largest excess around, so that the change is as
+large everywhere on these.  Where contact is closed sides may as well be moved to each other: what
+is left open between nodes times the pressure is of the order of the error, while a change costs its
+square.
 """
 
 from __future__ import annotations
@@ -18,12 +19,14 @@ from signorini_fx.tuned import SAME_LENGTH
 
 # Times that bodies are moved out of foundations and each other.
 _ATTEMPTS = 5
-# A direction along which supports leave a vertex so much of a way along its normals is one in which it may move.
+# A direction along which supports leave a vertex so much of a way along its normals is one in which
+# it may move.
 _MOVABLE = 0.25
 
 
 def admissible(problem: PlainProblem, tiny: float, *, closed: bool) -> Array:
-    """The displacement at nodes, length, shape (v + e, d); ``tiny``: how far it may enter, as round-off does;
+    """The displacement at nodes, length, shape (v + e, d); ``tiny``: how far it may enter, as
+    round-off does;
     ``closed``: whether it is moved to the other side under pressure.
 
     Raises:
@@ -39,14 +42,25 @@ def admissible(problem: PlainProblem, tiny: float, *, closed: bool) -> Array:
     for attempt in range(_ATTEMPTS):
         for surface in problem.contacts:
             _separate(problem, surface, y, free, tiny, closed=closed and not attempt)
-        deepest = [surface.excess(problem.relative(surface, y)).max(initial=0.0) for surface in problem.contacts]
+        deepest = [
+            surface.excess(problem.relative(surface, y)).max(initial=0.0)
+            for surface in problem.contacts
+        ]
         if max(deepest, default=0.0) <= 2 * tiny:
             return y
-    raise Refused("no displacement near the computed one keeps to supports, foundations and other bodies")
+    raise Refused(
+        "no displacement near the computed one keeps to supports, foundations and other bodies"
+    )
 
 
 def _separate(
-    problem: PlainProblem, surface: FacetsInContact, y: Array, free: Array, tiny: float, *, closed: bool
+    problem: PlainProblem,
+    surface: FacetsInContact,
+    y: Array,
+    free: Array,
+    tiny: float,
+    *,
+    closed: bool,
 ) -> None:
     """Move a displacement out of one contact, in place."""
     t, parts, d = problem.t, surface.parts, problem.t.dimension
@@ -56,7 +70,11 @@ def _separate(
     # What supports keep of a share the other side does.
     for share in (surface.share, 0.0, 1.0) if surface.paired else (1.0,):
         excess = surface.excess(problem.relative(surface, y))
-        depth = excess[:, :d] if parts.by_facets else excess.max(axis=1, keepdims=True).repeat(d, axis=1)
+        depth = (
+            excess[:, :d]
+            if parts.by_facets
+            else excess.max(axis=1, keepdims=True).repeat(d, axis=1)
+        )
         depth = np.where(at_vertices, depth, depth.clip(min=-tiny)) + tiny
         shares = [*zip(nodes, (share, share - 1.0), strict=False)]
         for (vertices, _), moved in shares:
@@ -70,7 +88,9 @@ def _separate(
 
 
 def _moved(places: Ints, depth: Array, normal: Array, free: Array) -> Array:
-    """Displacements of nodes along the normals of the parts around, by depths of shape (m, k) at least."""
+    """Displacements of nodes along the normals of the parts around, by depths of shape (m, k) at
+    least.
+    """
     sums, deepest = np.zeros(free.shape[:2]), np.full(len(free), -np.inf)
     for column, depths in zip(places.T, depth.T, strict=True):
         np.add.at(sums, column, normal)

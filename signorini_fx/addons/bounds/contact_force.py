@@ -1,13 +1,15 @@
 """Two-sided bounds of the force of a contact.
 
-Let v be a displacement that does not enter foundations or other bodies and tau a stress in equilibrium, as for the
-bound of the error.  The stress of the solution is within rho of their mean, (C eps(v) + tau) / 2, with
+Let v be a displacement that does not enter foundations or other bodies and tau a stress in
+equilibrium, as for the bound of the error.  The stress of the solution is within rho of their mean,
+(C eps(v) + tau) / 2, with
 
     rho^2 = |C eps(v) - tau|^2 / 4 + int p (d - v_n) + int (g |v_t| - mu v_t)
 
-(the hypercircle of W. Prager and J. L. Synge, Quart. Appl. Math. 5 (1947) 241-269).  The force R along c on the body
-follows from the displacement z of least energy that is c on the boundary and vanishes where other forces of supports
-and contacts act (R. Becker and R. Rannacher, Acta Numerica 10 (2001) 1-102):
+(the hypercircle of W. Prager and J. L. Synge, Quart. Appl. Math. 5 (1947) 241-269).  The force R
+along c on the body follows from the displacement z of least energy that is c on the boundary and
+vanishes where other forces of supports and contacts act (R. Becker and R. Rannacher, Acta Numerica
+10 (2001) 1-102):
 
     R = a(u, z) - L(z) = int eps(z) : (C eps(v) + tau) / 2 - L(z) + r,    |r| <= rho |z|.
 
@@ -37,7 +39,8 @@ def force(
     direction: tuple[float, ...],
     step: float = 0.0,
 ) -> Interval | str:
-    """Bounds of the force on a body along a direction at a boundary in contact; or why there are none; collective.
+    """Bounds of the force on a body along a direction at a boundary in contact; or why there are
+    none; collective.
 
     They rest on what the bound of the error rests on, and print it.
 
@@ -50,7 +53,9 @@ def force(
         step: the place of the load step in the lists of factors.
     """
     along = np.asarray(direction, dtype=np.float64)
-    return proved(model, y, contact, step, lambda problem: _interval(problem, boundary, along), named=boundary)
+    return proved(
+        model, y, contact, step, lambda problem: _interval(problem, boundary, along), named=boundary
+    )
 
 
 def _interval(problem: Bounded, boundary: str, direction: Array) -> Interval:
@@ -65,7 +70,10 @@ def _interval(problem: Bounded, boundary: str, direction: Array) -> Interval:
     z, missed = smallest_energy(t, given)
     size = float(np.linalg.norm(direction))
     if missed > SAME_LENGTH * size:
-        raise Refused(f"the force on {boundary!r} has no bounds: it shares a corner with another support or contact")
+        raise Refused(
+            f"the force on {boundary!r} has no bounds: it shares a corner with another support or "
+            "contact"
+        )
     strain = t.strain_at_corners(t.with_middles(z))
     norm = float(np.sqrt(energy(t, strain).sum()))
     mean = (from_strain(t, problem.admissible.strain) + problem.stress.stress).mean(axis=(1, 2)) / 2
@@ -79,7 +87,9 @@ def _interval(problem: Bounded, boundary: str, direction: Array) -> Interval:
 
 
 def _given(problem: Bounded, boundary: str, direction: Array) -> list[Given]:
-    """Components where forces of supports and contacts act; without friction there is none along a contact."""
+    """Components where forces of supports and contacts act; without friction there is none along a
+    contact.
+    """
     d, nothing, met = problem.t.dimension, np.zeros_like(direction), False
     rows = [(problem.t.outer, problem.held[problem.t.outer], nothing)]
     for surface in problem.contacts:
@@ -93,7 +103,10 @@ def _given(problem: Bounded, boundary: str, direction: Array) -> list[Given]:
                 projectors = np.tile(np.eye(d), (len(facets), 1, 1))
             is_named = np.isin(facets, problem.named)
             met |= bool(is_named.any())
-            rows += [(facets[of], projectors[of], value) for of, value in ((is_named, direction), (~is_named, nothing))]
+            rows += [
+                (facets[of], projectors[of], value)
+                for of, value in ((is_named, direction), (~is_named, nothing))
+            ]
     if not met:
         raise Refused(f"a force has guaranteed bounds at contacts, and {boundary!r} is none")
     return rows

@@ -1,9 +1,11 @@
-"""Where a contact lies: parts of facets of one body that are over parts of facets of another one, or of none.
+"""Where a contact lies: parts of facets of one body that are over parts of facets of another one,
+or of none.
 
-Facets of both sides that match are parts as they are.  Of two flat parallel sides the parts are what a facet of each
-shares, divided into segments or triangles: the displacement of either side is a polynomial there.  They serve
-integration alone, so that thin ones do no harm: no cell is divided.  The stress has the closest linear traction on each
-facet; what is left of a traction is orthogonal to linear functions there, see ``liftings``.
+Facets of both sides that match are parts as they are.  Of two flat parallel sides the parts are
+what a facet of each shares, divided into segments or triangles: the displacement of either side is
+a polynomial there.  They serve integration alone, so that thin ones do no harm: no cell is divided.
+The stress has the closest linear traction on each facet; what is left of a traction is orthogonal
+to linear functions there, see ``liftings``.
 """
 
 from __future__ import annotations
@@ -15,7 +17,15 @@ import basix
 import numpy as np
 from scipy.spatial import cKDTree
 
-from signorini_fx.addons.bounds.simplices import EDGES_OF_FACET, EPS, Array, Ints, Simplices, closest_linear, with_hats
+from signorini_fx.addons.bounds.simplices import (
+    EDGES_OF_FACET,
+    EPS,
+    Array,
+    Ints,
+    Simplices,
+    closest_linear,
+    with_hats,
+)
 from signorini_fx.mechanics.pairs.overlap import clip
 from signorini_fx.mechanics.pairs.search import Patches, candidates
 from signorini_fx.tuned import NOTHING_LEFT, ROOT_OF_EPS, SAME_LENGTH
@@ -26,11 +36,15 @@ SLAVE, MASTER = 0, 1
 
 @dataclass(frozen=True)
 class ContactParts:
-    """The parts of one contact, m of them; arrays of both sides, or of the first one alone on a foundation."""
+    """The parts of one contact, m of them; arrays of both sides, or of the first one alone on a
+    foundation.
+    """
 
     facets: tuple[Ints, ...]  # of each side that have some, shapes (f,) and (g,)
     row: tuple[Ints, ...]  # of the parts among these, shapes (m,)
-    local: tuple[Array, ...]  # barycentric coordinates of their vertices in the facets of each side, shapes (m, d, d)
+    local: tuple[
+        Array, ...
+    ]  # barycentric coordinates of their vertices in the facets of each side, shapes (m, d, d)
     area: Array  # of them, shape (m,)
     normal: Array  # to the foundation or the other body, shape (m, d)
     by_facets: bool  # whether they are whole facets of each side
@@ -39,18 +53,30 @@ class ContactParts:
     def on_foundation(cls, t: Simplices, facets: Ints, normal: Array) -> ContactParts:
         """Facets and the directions to their foundation, shapes (m,) and (m, d)."""
         count, d = normal.shape
-        return cls((facets,), (np.arange(count),), (np.tile(np.eye(d), (count, 1, 1)),), t.area[facets], normal, True)
+        return cls(
+            (facets,),
+            (np.arange(count),),
+            (np.tile(np.eye(d), (count, 1, 1)),),
+            t.area[facets],
+            normal,
+            True,
+        )
 
     @classmethod
     def between(cls, t: Simplices, slave: Ints, master: Ints) -> ContactParts:
-        """Of two sides, that with the contact points first: those of flat parallel ones along their normal; of others
-        facets at the same places.
+        """Of two sides, that with the contact points first: those of flat parallel ones along their
+        normal; of others facets at the same places.
         """
         along = t.normal[slave[0]]
         tiny = SAME_LENGTH * float(np.ptp(t.x, axis=0).max())
-        flat = max(np.abs(t.normal[slave] - along).max(), np.abs(t.normal[master] + along).max()) <= ROOT_OF_EPS
+        flat = (
+            max(np.abs(t.normal[slave] - along).max(), np.abs(t.normal[master] + along).max())
+            <= ROOT_OF_EPS
+        )
         flat &= max(float(np.ptp(t.x[t.facets[side]] @ along)) for side in (slave, master)) <= tiny
-        matching = cls._matching(t, slave, master, t.x - np.outer(t.x @ along, along) if flat else t.x, tiny)
+        matching = cls._matching(
+            t, slave, master, t.x - np.outer(t.x @ along, along) if flat else t.x, tiny
+        )
         if not flat or len(matching.area) == len(slave):
             return matching
         axes = np.linalg.svd(along[None])[2][1:]
@@ -66,26 +92,42 @@ class ContactParts:
         return cls(
             (slave[numbers[0][0]], master[numbers[1][0]]),
             (numbers[0][1].ravel(), numbers[1][1].ravel()),
-            (_barycentric(places[0][of[:, 0]], corners), _barycentric(places[1][of[:, 1]], corners)),
+            (
+                _barycentric(places[0][of[:, 0]], corners),
+                _barycentric(places[1][of[:, 1]], corners),
+            ),
             area,
             np.tile(along, (len(area), 1)),
             False,
         )
 
     @classmethod
-    def _matching(cls, t: Simplices, slave: Ints, master: Ints, places: Array, tiny: float) -> ContactParts:
+    def _matching(
+        cls, t: Simplices, slave: Ints, master: Ints, places: Array, tiny: float
+    ) -> ContactParts:
         """Facets whose vertices are at the same places, shape (v, d), but for a tiny length."""
         d, vertices = t.dimension, np.unique(t.facets[master])
         away, nearest = cKDTree(places[vertices]).query(places)
         over = np.where(away <= tiny, vertices[nearest], -1)[t.facets[slave]]
         keys = t.keys(t.facets[master])
         by_key = np.argsort(keys)
-        candidate = by_key[np.searchsorted(keys, t.keys(np.sort(over, axis=1)), sorter=by_key).clip(max=len(keys) - 1)]
+        candidate = by_key[
+            np.searchsorted(keys, t.keys(np.sort(over, axis=1)), sorter=by_key).clip(
+                max=len(keys) - 1
+            )
+        ]
         met = np.flatnonzero((t.facets[master[candidate]] == np.sort(over, axis=1)).all(axis=1))
         order = np.argsort(np.argsort(over[met], axis=1), axis=1)
         rows, identity = np.arange(len(met)), np.tile(np.eye(d), (len(met), 1, 1))
         facets = slave[met], master[candidate[met]]
-        return cls(facets, (rows, rows), (identity, np.eye(d)[order]), t.area[slave[met]], t.normal[slave[met]], True)
+        return cls(
+            facets,
+            (rows, rows),
+            (identity, np.eye(d)[order]),
+            t.area[slave[met]],
+            t.normal[slave[met]],
+            True,
+        )
 
     @property
     def sides(self) -> range:
@@ -97,21 +139,27 @@ class ContactParts:
         return self.facets[side][self.row[side]]
 
     def nodes(self, t: Simplices, side: int) -> tuple[Ints, Ints]:
-        """Vertices and edges of the facets of a side, of whole ones at those of the parts, see ``nodes_of_facets``."""
+        """Vertices and edges of the facets of a side, of whole ones at those of the parts, see
+        ``nodes_of_facets``.
+        """
         nodes, d = t.nodes_of_facets[self.facet(side)], t.dimension
         if self.by_facets:
             order = self.local[side].argmax(axis=2)
-            edges = order if d == 3 else np.zeros_like(order[:, :1])  # in 3D each edge is opposite a vertex
+            edges = (
+                order if d == 3 else np.zeros_like(order[:, :1])
+            )  # in 3D each edge is opposite a vertex
             nodes = np.take_along_axis(nodes, np.column_stack((order, d + edges)), axis=1)
         return nodes[:, :d], nodes[:, d:]
 
     def on_parts(self, linear: Array, side: int = SLAVE) -> Array:
-        """Functions that are linear on the facets of a side, shape (f, d, ...), at the vertices of the parts."""
+        """Functions that are linear on the facets of a side, shape (f, d, ...), at the vertices of
+        the parts.
+        """
         return np.einsum("mka,ma...->mk...", self.local[side], linear[self.row[side]])
 
     def moments(self, values: Array, side: int = SLAVE) -> Array:
-        """Sums over the parts of what is given at their vertices, shape (m, d, ...), with the values of the hat
-        functions of the facets of a side there, shape (f, d, ...).
+        """Sums over the parts of what is given at their vertices, shape (m, d, ...), with the
+        values of the hat functions of the facets of a side there, shape (f, d, ...).
         """
         total = np.zeros((len(self.facets[side]), *values.shape[1:]))
         np.add.at(total, self.row[side], np.einsum("mka,mk...->ma...", self.local[side], values))
@@ -119,37 +167,46 @@ class ContactParts:
 
     def covered(self, side: int = SLAVE) -> Array:
         """The area of the parts on each facet, shape (f,)."""
-        return np.asarray(np.bincount(self.row[side], self.area, len(self.facets[side])), dtype=np.float64)
+        return np.asarray(
+            np.bincount(self.row[side], self.area, len(self.facets[side])), dtype=np.float64
+        )
 
     def restricted(self, of_facets: Array, side: int) -> Array:
-        """Coefficients of Bernstein on the parts from those on the facets of a side in the order of ``facet``."""
+        """Coefficients of Bernstein on the parts from those on the facets of a side in the order of
+        ``facet``.
+        """
         d = self.normal.shape[1]
         nodes = np.concatenate((np.eye(d), np.eye(d)[EDGES_OF_FACET[d]].mean(axis=1)))
         at = nodes @ self.local[side]
-        values = np.einsum("mqc,mc...->mq...", bernstein(at.reshape(-1, d)).reshape(*at.shape[:2], -1), of_facets)
+        values = np.einsum(
+            "mqc,mc...->mq...", bernstein(at.reshape(-1, d)).reshape(*at.shape[:2], -1), of_facets
+        )
         return coefficients(values)
 
     def projected(self, traction: Array, side: int, area: Array) -> tuple[Array, Array]:
-        """The linear functions on the facets of a side that are closest to a traction that is linear on the parts, at
-        their vertices, stress, shape (m, d, d), and zero elsewhere: at the vertices of the facets, shape (f, d, d); and
-        the integrals of the squares of the difference as shares of those of the function, shape (f,); ``area``: of all
-        facets.
+        """The linear functions on the facets of a side that are closest to a traction that is
+        linear on the parts, at their vertices, stress, shape (m, d, d), and zero elsewhere: at the
+        vertices of the facets, shape (f, d, d); and the integrals of the squares of the difference
+        as shares of those of the function, shape (f,); ``area``: of all facets.
         """
         areas = area[self.facets[side]]
-        closest, missed, squares = _closest(traction, self.area, self.local[side], self.row[side], areas)
+        closest, missed, squares = _closest(
+            traction, self.area, self.local[side], self.row[side], areas
+        )
         return closest, np.divide(missed, squares, out=np.zeros_like(squares), where=squares > 0)
 
     def projected_on_pieces(
         self, traction: Array, side: int, rows: Ints, pieces: Array, areas: Array
     ) -> tuple[Array, Array]:
-        """As ``projected`` on pieces of some facets, at the vertices of these, shape (n, p, d, d), and the integrals of
-        the squares of the difference over each facet, shape (n,).
+        """As ``projected`` on pieces of some facets, at the vertices of these, shape (n, p, d, d),
+        and the integrals of the squares of the difference over each facet, shape (n,).
 
         Args:
             traction: at the vertices of the parts, stress, shape (m, d, d).
             side: of the facets.
             rows: of the facets, shape (n,).
-            pieces: barycentric coordinates of the vertices of the pieces, which are of one size, shape (p, d, d).
+            pieces: barycentric coordinates of the vertices of the pieces, which are of one size,
+                shape (p, d, d).
             areas: of these facets, shape (n,).
         """
         count, d, flat = len(pieces), traction.shape[2], pieces[:, :, 1:]
@@ -157,7 +214,10 @@ class ContactParts:
         order[rows] = np.arange(len(rows))
         part = np.flatnonzero(order[self.row[side]] >= 0)
         at = self.local[side][part][:, :, 1:]
-        meet = ((at.max(axis=1)[:, None] > flat.min(axis=1)) & (flat.max(axis=1) > at.min(axis=1)[:, None])).all(axis=2)
+        meet = (
+            (at.max(axis=1)[:, None] > flat.min(axis=1))
+            & (flat.max(axis=1) > at.min(axis=1)[:, None])
+        ).all(axis=2)
         first, piece = np.nonzero(meet)
         corners, number = _shared(at[first], flat[piece])
         part, first, piece = part[first[number]], first[number], piece[number]
@@ -171,10 +231,13 @@ class ContactParts:
         return closest.reshape(-1, count, d, d), missed.clip(min=0.0) + 64 * EPS * squares
 
 
-def _closest(values: Array, area: Array, local: Array, owner: Ints, areas: Array) -> tuple[Array, Array, Array]:
-    """Of functions that are linear on parts, given at their vertices, the closest ones that are linear on their owners,
-    at the vertices of these, and integrals over them of the squares of the difference and of the functions; ``area``:
-    of the parts; ``local``: barycentric coordinates of their vertices in the owners; ``areas``: of the owners.
+def _closest(
+    values: Array, area: Array, local: Array, owner: Ints, areas: Array
+) -> tuple[Array, Array, Array]:
+    """Of functions that are linear on parts, given at their vertices, the closest ones that are
+    linear on their owners, at the vertices of these, and integrals over them of the squares of the
+    difference and of the functions; ``area``: of the parts; ``local``: barycentric coordinates of
+    their vertices in the owners; ``areas``: of the owners.
     """
     hats, shape = with_hats(values, area), (len(areas), *values.shape[1:])
     integrals, squares = np.zeros(shape), np.zeros(len(areas))
@@ -185,38 +248,50 @@ def _closest(values: Array, area: Array, local: Array, owner: Ints, areas: Array
 
 
 def _shared(first: Array, second: Array) -> tuple[Array, Ints]:
-    """What segments or triangles share in pairs, (p, d, d - 1) to (m, d, d - 1), and the pair of each, shape (m,)."""
+    """What segments or triangles share in pairs, (p, d, d - 1) to (m, d, d - 1), and the pair of
+    each, shape (m,).
+    """
     if first.shape[1] == 2:
         lowest = np.maximum(first.min(axis=1), second.min(axis=1))
         highest = np.minimum(first.max(axis=1), second.max(axis=1))
         numbers = np.flatnonzero((highest > lowest)[:, 0])
         return np.stack((lowest, highest), axis=1)[numbers], numbers
     first, second = (
-        np.where((_sizes(corners) < 0)[:, None, None], corners[:, ::-1], corners) for corners in (first, second)
+        np.where((_sizes(corners) < 0)[:, None, None], corners[:, ::-1], corners)
+        for corners in (first, second)
     )
     polygon, count = clip(first, second)
     number, corner = np.nonzero(np.arange(2, polygon.shape[1]) < count[:, None])
-    return polygon[number[:, None], np.column_stack((np.zeros_like(corner), corner + 1, corner + 2))], number
+    return polygon[
+        number[:, None], np.column_stack((np.zeros_like(corner), corner + 1, corner + 2))
+    ], number
 
 
 def _sizes(corners: Array) -> Array:
-    """Lengths or areas of simplices in a plane of facets, with signs, shape (m, d, d - 1) to (m,)."""
+    """Lengths or areas of simplices in a plane of facets, with signs, shape (m, d, d - 1) to
+    (m,).
+    """
     return np.asarray(np.linalg.det(corners[:, 1:] - corners[:, :1]) / factorial(corners.shape[2]))
 
 
 def _barycentric(simplices: Array, points: Array) -> Array:
-    """Coordinates of k points in each of some segments or triangles, (m, d, d - 1), (m, k, d - 1) to (m, k, d)."""
+    """Coordinates of k points in each of some segments or triangles, (m, d, d - 1), (m, k, d - 1)
+    to (m, k, d).
+    """
     map_ = (simplices[:, 1:] - simplices[:, :1]).transpose(0, 2, 1)
     inner = np.linalg.solve(map_[:, None], (points - simplices[:, :1])[..., None])[..., 0]
     return np.concatenate((1 - inner.sum(axis=2, keepdims=True), inner), axis=2)
 
 
-# By dimension: barycentric points of Gauss' rule on a facet, and their weights; integrands have kinks where slip turns.
+# By dimension: barycentric points of Gauss' rule on a facet, and their weights; integrands have
+# kinks where slip turns.
 _RULES = {
     d: basix.make_quadrature(facet, 15, rule=basix.QuadratureType.gauss_jacobi)
     for d, facet in ((2, basix.CellType.interval), (3, basix.CellType.triangle))
 }
-POINTS: dict[int, Array] = {d: np.column_stack((1 - at.sum(axis=1), at)) for d, (at, _) in _RULES.items()}
+POINTS: dict[int, Array] = {
+    d: np.column_stack((1 - at.sum(axis=1), at)) for d, (at, _) in _RULES.items()
+}
 WEIGHTS: dict[int, Array] = {d: weights / weights.sum() for d, (_, weights) in _RULES.items()}
 
 
@@ -227,7 +302,11 @@ def bernstein(local: Array) -> Array:
 
 
 def coefficients(nodal: Array) -> Array:
-    """Of these polynomials, from values at vertices and at the middles of edges, shape (m, 3 or 6, ...)."""
+    """Of these polynomials, from values at vertices and at the middles of edges, shape (m, 3 or 6,
+    ...).
+    """
     d = 2 if nodal.shape[1] == 3 else 3
     ends = nodal[:, :d]
-    return np.concatenate((ends, 2 * nodal[:, d:] - ends[:, EDGES_OF_FACET[d]].mean(axis=2)), axis=1)
+    return np.concatenate(
+        (ends, 2 * nodal[:, d:] - ends[:, EDGES_OF_FACET[d]].mean(axis=2)), axis=1
+    )

@@ -1,8 +1,9 @@
 """A symmetric stress in equilibrium with given tractions, on triangles or tetrahedra.
 
-The stress is that of ``johnson_mercier``; its tractions are those of least complementary energy.  Displacements on the
-facets, the multipliers of equal and opposite tractions, are the unknowns of one symmetric positive definite system
-(hybridisation), which is factorised.  So no constant of Korn's inequality enters.  Plain arrays, one rank.
+The stress is that of ``johnson_mercier``; its tractions are those of least complementary energy.
+Displacements on the facets, the multipliers of equal and opposite tractions, are the unknowns of
+one symmetric positive definite system (hybridisation), which is factorised.  So no constant of
+Korn's inequality enters.  Plain arrays, one rank.
 """
 
 from __future__ import annotations
@@ -15,7 +16,14 @@ from scipy.sparse.csgraph import breadth_first_order
 
 from signorini_fx.addons.bounds.johnson_mercier import LocalStress
 from signorini_fx.addons.bounds.linear_displacement import free_basis, free_motions, solved
-from signorini_fx.addons.bounds.simplices import EPS, Array, Ints, Simplices, closest_linear, with_hats
+from signorini_fx.addons.bounds.simplices import (
+    EPS,
+    Array,
+    Ints,
+    Simplices,
+    closest_linear,
+    with_hats,
+)
 
 
 @dataclass(frozen=True)
@@ -23,38 +31,56 @@ class EquilibratedStress:
     """A stress in equilibrium."""
 
     stress: Array  # on each part of each cell at its corners, see ``LocalStress.stress``
-    missing: float  # a bound of the work of what is not in equilibrium by round-off, per unit of the energy norm
+    # a bound of the work of what is not in equilibrium by round-off, per unit of the energy norm
+    missing: float
 
 
-def equilibrated(t: Simplices, held: Array, body: Array, traction: Array, prescribed: Array) -> EquilibratedStress:
+def equilibrated(
+    t: Simplices, held: Array, body: Array, traction: Array, prescribed: Array
+) -> EquilibratedStress:
     """The stress of least complementary energy among those of this kind in equilibrium with loads.
 
     Args:
         t: the cells.
         held: projector onto the directions in which each facet is held, shape (f, d, d).
-        body: integrals of the force per volume times the barycentric coordinates, force, shape (n, d + 1, d); the
-            resultant of all loads on free motions must vanish.
-        traction: linear tractions at the vertices of each facet of the boundary, zero elsewhere, stress, (f, d, d).
-        prescribed: the displacement at the vertices of held facets, as a linear function, length, shape (f, d, d).
+        body: integrals of the force per volume times the barycentric coordinates, force, shape (n,
+            d + 1, d); the resultant of all loads on free motions must vanish.
+        traction: linear tractions at the vertices of each facet of the boundary, zero elsewhere,
+            stress, (f, d, d).
+        prescribed: the displacement at the vertices of held facets, as a linear function, length,
+            shape (f, d, d).
     """
     local, d = LocalStress(t), t.dimension
     moments = _moments(t, local, held, local.alone(body), with_hats(traction, t.area), prescribed)
     # The means of both sides, where tractions are given of these.
     signed = (t.sign[:, :, None, None] * moments).reshape(-1, d)
-    summed = np.column_stack([np.bincount(local.places.ravel(), signed[:, k], t.facets.size) for k in range(d)])
-    tractions = closest_linear(summed.reshape(-1, d, d) / ((t.sides >= 0).sum(axis=1) * t.area)[:, None, None])
+    summed = np.column_stack(
+        [np.bincount(local.places.ravel(), signed[:, k], t.facets.size) for k in range(d)]
+    )
+    tractions = closest_linear(
+        summed.reshape(-1, d, d) / ((t.sides >= 0).sum(axis=1) * t.area)[:, None, None]
+    )
     stopped = held[t.outer]
     tractions[t.outer] = traction[t.outer] @ (np.eye(d) - stopped) + tractions[t.outer] @ stopped
-    stress, missed = local.stress(t.sign[:, :, None, None] * tractions.reshape(-1, d)[local.places], body)
+    stress, missed = local.stress(
+        t.sign[:, :, None, None] * tractions.reshape(-1, d)[local.places], body
+    )
     return EquilibratedStress(stress, _round_off(t, local, held, body, tractions, missed))
 
 
-def _moments(t: Simplices, local: LocalStress, held: Array, alone: Array, loads: Array, prescribed: Array) -> Array:
-    """Moments of each cell, out of it, equal and opposite but for loads on facets, force, shape (n, d + 1, d, d)."""
+def _moments(
+    t: Simplices, local: LocalStress, held: Array, alone: Array, loads: Array, prescribed: Array
+) -> Array:
+    """Moments of each cell, out of it, equal and opposite but for loads on facets, force, shape (n,
+    d + 1, d, d).
+    """
     d, size = t.dimension, t.facets.size * t.dimension
     compliance = np.tile(local.compliance, (t.parts, 1, 1))
     places = (d * local.places[..., None] + np.arange(d)).reshape(len(t.corners), -1)
-    rows, columns = np.repeat(places, places.shape[1], axis=1).ravel(), np.tile(places, (1, places.shape[1])).ravel()
+    rows, columns = (
+        np.repeat(places, places.shape[1], axis=1).ravel(),
+        np.tile(places, (1, places.shape[1])).ravel(),
+    )
     matrix = sp.csr_matrix((compliance.ravel(), (rows, columns)), shape=(size, size))
     values, vectors = np.linalg.eigh(np.repeat(held, d, axis=0))
     basis = free_basis(vectors, values > 0.5)
@@ -68,7 +94,9 @@ def _moments(t: Simplices, local: LocalStress, held: Array, alone: Array, loads:
 
 
 def _tied(matrix: sp.csr_matrix, modes: Array) -> sp.csr_matrix:
-    """The matrix with as many tied unknowns as free motions, where balanced loads cause no force."""
+    """The matrix with as many tied unknowns as free motions, where balanced loads cause no
+    force.
+    """
     diagonal, pins = matrix.diagonal(), np.zeros(matrix.shape[0])
     for _ in range(modes.shape[1]):
         pin = int(np.argmax(np.linalg.norm(modes, axis=1)))
@@ -79,21 +107,29 @@ def _tied(matrix: sp.csr_matrix, modes: Array) -> sp.csr_matrix:
 
 
 def _round_off(
-    t: Simplices, local: LocalStress, held: Array, body: Array, tractions: Array, missed_share: Array
+    t: Simplices,
+    local: LocalStress,
+    held: Array,
+    body: Array,
+    tractions: Array,
+    missed_share: Array,
 ) -> float:
     """A bound of the work of what is not in equilibrium, per unit of the energy norm.
 
-    The forces and couples that a cell misses are carried from one to the next to a facet with a support, or to a cell
-    of a piece without one, by linear tractions: those with a resultant R and a couple M about the middle of an edge of
-    length l are at most R / l + 6 M / l^2, on a face of area A and least height h R / A + 12 M / (A h).  The stress of
-    each cell that balances these is bounded by the norm of the map from moments to stresses.
+    The forces and couples that a cell misses are carried from one to the next to a facet with a
+    support, or to a cell of a piece without one, by linear tractions: those with a resultant R and
+    a couple M about the middle of an edge of length l are at most R / l + 6 M / l^2, on a face of
+    area A and least height h R / A + 12 M / (A h).  The stress of each cell that balances these is
+    bounded by the norm of the map from moments to stresses.
     """
     d = t.dimension
     force = np.abs(tractions).max(axis=(1, 2)) * t.area
     sizes = force[t.facets_of].max(axis=1) + np.abs(body).sum(axis=(1, 2))
     start = np.unique(t.sides[t.outer, 0][held[t.outer].any(axis=(1, 2))])
     total, couple = _carried(t, start, sizes * (missed_share + 32 * EPS))
-    longest = np.linalg.norm(t.x[t.edges[:, 0]] - t.x[t.edges[:, 1]], axis=1)[t.edges_of].max(axis=1)
+    longest = np.linalg.norm(t.x[t.edges[:, 0]] - t.x[t.edges[:, 1]], axis=1)[t.edges_of].max(
+        axis=1
+    )
     lowest = (d - 1) * t.area[t.facets_of].min(axis=1) / longest ** (d - 2)
     forces = total + 6 * (d - 1) * (couple + total * longest) / lowest
     count = d * d * (d + 1)  # moments of a cell, each of which is no larger
@@ -101,7 +137,9 @@ def _round_off(
 
 
 def _carried(t: Simplices, held: Ints, missed: Array) -> tuple[Array, Array]:
-    """Bounds of the force that each cell passes on to the supports, and of its couple about its centre, shapes (n,)."""
+    """Bounds of the force that each cell passes on to the supports, and of its couple about its
+    centre, shapes (n,).
+    """
     count, centre = len(t.corners), t.x[t.corners].mean(axis=1)
     loose = np.setdiff1d(np.arange(t.piece.max(initial=-1) + 1), t.piece[held])
     start = np.concatenate((held, np.unique(t.piece, return_index=True)[1][loose]))

@@ -1,14 +1,18 @@
-"""A guaranteed bound of the error of a displacement in the energy norm, for contact without or with Tresca friction.
+"""A guaranteed bound of the error of a displacement in the energy norm, for contact without or with
+Tresca friction.
 
-It is (B1) of docs/theory.md, the gap of the dual functionals (I. Ekeland and R. Temam, Convex Analysis and Variational
-Problems), of which every part is local and not negative, between two bodies with (B2).  v is the finite element
-solution without what it enters, w; with the solution itself in the first term only, the square of its error is at most
-the sum of (B1) plus that of |w|.  tau is the stress of least complementary energy of ``equilibrated_stress`` with
-tractions made of the nodal pressures, and with liftings of what it does not hold of loads and tractions, of which the
-norms are known.  docs/theory.md lists what is assumed.  Of several ranks the first one bounds the whole.
+It is (B1) of docs/theory.md, the gap of the dual functionals (I. Ekeland and R. Temam, Convex
+Analysis and Variational Problems), of which every part is local and not negative, between two
+bodies with (B2).  v is the finite element solution without what it enters, w; with the solution
+itself in the first term only, the square of its error is at most the sum of (B1) plus that of |w|.
+tau is the stress of least complementary energy of ``equilibrated_stress`` with tractions made of
+the nodal pressures, and with liftings of what it does not hold of loads and tractions, of which the
+norms are known.  docs/theory.md lists what is assumed.  Of several ranks the first one bounds the
+whole.
 
-Tractions are linear on facets, so that p >= 0 and |mu| <= g hold everywhere where they hold at the vertices: both sets
-are convex.  |v_t| is at most the quadratic with the sizes of the coefficients of Bernstein of v_t, for the same reason.
+Tractions are linear on facets, so that p >= 0 and |mu| <= g hold everywhere where they hold at the
+vertices: both sets are convex.  |v_t| is at most the quadratic with the sizes of the coefficients
+of Bernstein of v_t, for the same reason.
 """
 
 from __future__ import annotations
@@ -24,12 +28,24 @@ from dolfinx import fem
 from signorini_fx.addons.bounds.balanced_tractions import AdmissibleTractions, balanced
 from signorini_fx.addons.bounds.bounded_scene import refused, unbounded
 from signorini_fx.addons.bounds.contact_displacement import admissible
-from signorini_fx.addons.bounds.contact_parts import MASTER, POINTS, SLAVE, WEIGHTS, bernstein, coefficients
+from signorini_fx.addons.bounds.contact_parts import (
+    MASTER,
+    POINTS,
+    SLAVE,
+    WEIGHTS,
+    bernstein,
+    coefficients,
+)
 from signorini_fx.addons.bounds.equilibrated_stress import EquilibratedStress, equilibrated
 from signorini_fx.addons.bounds.johnson_mercier import energy, from_strain, square
 from signorini_fx.addons.bounds.liftings import Liftings, lifted_forces
 from signorini_fx.addons.bounds.linear_displacement import free_motions
-from signorini_fx.addons.bounds.plain_problem import FacetsInContact, PlainProblem, Rows, on_first_rank
+from signorini_fx.addons.bounds.plain_problem import (
+    FacetsInContact,
+    PlainProblem,
+    Rows,
+    on_first_rank,
+)
 from signorini_fx.addons.bounds.simplices import EPS, Array, closest_linear, with_hats
 from signorini_fx.algebra.contact.points import pushed
 from signorini_fx.machine import parallel
@@ -48,12 +64,16 @@ class Admissible:
     """A displacement v that does not enter foundations or other bodies."""
 
     strain: Array  # at corners, shape (n, d + 1, 3 or 6)
-    contact: Array  # its share of the gap of the functionals, twice, on the contact, energies, shape (n,)
+    # its share of the gap of the functionals, twice, on the contact, energies, shape (n,)
+    contact: Array
     moved: Array  # squares of the energy norm of its difference from the computed one, shape (n,)
 
 
-def error_bound(model: Model, y: fem.Function, contact: ContactState | None, step: float = 0.0) -> ErrorBound | str:
-    """The bound for a solution, with the squares of the cells that this rank owns; or why there is none; collective.
+def error_bound(
+    model: Model, y: fem.Function, contact: ContactState | None, step: float = 0.0
+) -> ErrorBound | str:
+    """The bound for a solution, with the squares of the cells that this rank owns; or why there is
+    none; collective.
 
     Args:
         model: the model.
@@ -76,8 +96,8 @@ def proved(
     prove: Callable[[Bounded], T],
     named: str | None = None,
 ) -> T | str:
-    """What ``prove`` says of a solution, which can be sent, on all ranks, or why there are no bounds; ``named``: a
-    boundary whose facets it looks at; collective.
+    """What ``prove`` says of a solution, which can be sent, on all ranks, or why there are no
+    bounds; ``named``: a boundary whose facets it looks at; collective.
     """
     try:
         if names := list(unbounded(model)):
@@ -85,7 +105,9 @@ def proved(
         outside = contact is not None and bool(pushed(contact.held_inside, model.tagged.size).any())
         if parallel.any_rank(model.comm, outside):
             raise Refused("supports push the body into its foundation")
-        return on_first_rank(model, y, contact, lambda rows: prove(Bounded(rows, model, step)), named)
+        return on_first_rank(
+            model, y, contact, lambda rows: prove(Bounded(rows, model, step)), named
+        )
     except Refused as refusal:
         return str(refusal)
 
@@ -100,12 +122,16 @@ class Bounded(PlainProblem):
     def __init__(self, rows: Rows, model: Model, step: float) -> None:
         super().__init__(rows, model, step)
         # The mesh may stand for a body with arcs.
-        self.assumed = "of the body with the straight cells of the mesh" if model.statement.arcs else ""
+        self.assumed = (
+            "of the body with the straight cells of the mesh" if model.statement.arcs else ""
+        )
         self._balance()
 
     @cached_property
     def stress(self) -> EquilibratedStress:
-        """In equilibrium with the loads and the tractions of the contacts, but for what is ``lifted``."""
+        """In equilibrium with the loads and the tractions of the contacts, but for what is
+        ``lifted``.
+        """
         t, d = self.t, self.t.dimension
         traction: Array = self.traction.copy()
         for surface in self.contacts:
@@ -120,8 +146,8 @@ class Bounded(PlainProblem):
 
     @cached_property
     def lifted(self) -> Array:
-        """Bounds of the norms of the stresses in each cell that ``stress`` lacks, shape (n,): of forces that are linear
-        in it, and of tractions between facets that do not match.
+        """Bounds of the norms of the stresses in each cell that ``stress`` lacks, shape (n,): of
+        forces that are linear in it, and of tractions between facets that do not match.
         """
         t = self.t
         norms = lifted_forces(t, self.body)
@@ -138,23 +164,32 @@ class Bounded(PlainProblem):
                 corners = np.concatenate((t.x[t.facets[facets[rows]]], apexes[:, None]), axis=1)
                 liftings = Liftings.of(corners, t.moduli.of(cells), PARTS_OF_EDGE)
                 pieces, areas = liftings.facet.parts, t.area[facets[rows]]
-                values = surface.parts.projected_on_pieces(surface.traction, side, rows, pieces, areas)
+                values = surface.parts.projected_on_pieces(
+                    surface.traction, side, rows, pieces, areas
+                )
                 np.add.at(norms, cells, liftings.norms(*values))
         return norms
 
     @cached_property
     def admissible(self) -> Admissible:
         """V, the better one of two that are tried."""
-        far = np.abs(self.y).max() + max((np.abs(surface.gap).max(initial=0.0) for surface in self.contacts), default=0)
+        far = np.abs(self.y).max() + max(
+            (np.abs(surface.gap).max(initial=0.0) for surface in self.contacts), default=0
+        )
         tiny = ROUND_OFF * float(far)
-        tried = [self._beside(admissible(self, tiny, closed=closed)) for closed in (False, bool(self.contacts))]
+        tried = [
+            self._beside(admissible(self, tiny, closed=closed))
+            for closed in (False, bool(self.contacts))
+        ]
         return min(tried, key=lambda one: float((one.contact + one.moved).sum()))
 
     def _beside(self, y: Array) -> Admissible:
         """What a displacement that does not enter adds to the bound."""
         t, contact, strain = self.t, np.zeros(len(self.t.corners)), self.t.strain_at_corners(y)
         for surface in self.contacts:
-            np.add.at(contact, t.sides[surface.parts.facet(SLAVE), 0], 2 * self._on_contact(surface, y))
+            np.add.at(
+                contact, t.sides[surface.parts.facet(SLAVE), 0], 2 * self._on_contact(surface, y)
+            )
         return Admissible(strain, contact, energy(t, strain - self.strain))
 
     @cached_property
@@ -163,7 +198,9 @@ class Bounded(PlainProblem):
         return self.t.strain_at_corners(self.y)
 
     def between(self, strain: Array) -> Array:
-        """Squares of the distance of the stress in equilibrium from that of a strain, energies, shape (n,)."""
+        """Squares of the distance of the stress in equilibrium from that of a strain, energies,
+        shape (n,).
+        """
         apart = np.sqrt(square(self.t, from_strain(self.t, strain) - self.stress.stress))
         return np.asarray((apart + self.lifted) ** 2)
 
@@ -176,15 +213,20 @@ class Bounded(PlainProblem):
     def round_off(self) -> float:
         """Bound of the work of what sums leave, per unit of the energy norm.
 
-        Strains are sums of displacements of corners beside that of the first one times gradients, which are known up to
-        the condition of a cell; none is larger than twice the slope of the displacement.
+        Strains are sums of displacements of corners beside that of the first one times gradients,
+        which are known up to the condition of a cell; none is larger than twice the slope of the
+        displacement.
         """
         t, d = self.t, self.t.dimension
-        condition = np.linalg.norm(t.jacobian, axis=(1, 2)) * np.linalg.norm(t.gradients[:, 1:], axis=(1, 2))
+        condition = np.linalg.norm(t.jacobian, axis=(1, 2)) * np.linalg.norm(
+            t.gradients[:, 1:], axis=(1, 2)
+        )
         apart = np.linalg.norm(self.y[t.corners] - self.y[t.corners[:, :1]], axis=2).max(axis=1)
         slopes = apart * np.linalg.norm(t.gradients, axis=2).sum(axis=1)
         turned = np.sqrt((t.volume * t.moduli.stiffest * ((1 + condition) * d * slopes) ** 2).sum())
-        return float(self.stress.missing + ROUND_OFF * (turned + np.sqrt(len(t.corners)) * self.size))
+        return float(
+            self.stress.missing + ROUND_OFF * (turned + np.sqrt(len(t.corners)) * self.size)
+        )
 
     @cached_property
     def gap(self) -> float:
@@ -193,18 +235,27 @@ class Bounded(PlainProblem):
 
     @property
     def distance(self) -> float:
-        """Bound of the energy norm of v - u: A^2 + B^2 <= gap + 2 missed A, where B is the distance of the stress."""
+        """Bound of the energy norm of v - u: A^2 + B^2 <= gap + 2 missed A, where B is the distance
+        of the stress.
+        """
         return self.round_off + float(np.hypot(np.sqrt(self.gap), self.round_off))
 
     @property
     def radius(self) -> float:
-        """Bound of the distance of the stress of the solution from the mean of those of v and in equilibrium."""
+        """Bound of the distance of the stress of the solution from the mean of those of v and in
+        equilibrium.
+        """
         contact = float(self.admissible.contact.sum())
-        return float(np.sqrt((self.gap - contact) / 4 + contact / 2 + self.round_off * self.distance))
+        return float(
+            np.sqrt((self.gap - contact) / 4 + contact / 2 + self.round_off * self.distance)
+        )
 
     def bound(self) -> ErrorBound:
         """The bound of the error."""
-        of_duality, of_moved = self.admissible.contact + self.between(self.strain), self.admissible.moved
+        of_duality, of_moved = (
+            self.admissible.contact + self.between(self.strain),
+            self.admissible.moved,
+        )
         duality, moved = (float(np.sqrt(squares.sum())) for squares in (of_duality, of_moved))
         squares = (of_duality + of_moved).reshape(-1, self.cells).sum(axis=0)
         total = float(np.hypot(duality, moved)) + self.round_off
@@ -227,7 +278,9 @@ class Bounded(PlainProblem):
         return np.asarray(parts.area * (work @ WEIGHTS[d]))
 
     def _balance(self) -> None:
-        """Change pressures and shears so that they balance the loads of bodies that supports do not hold."""
+        """Change pressures and shears so that they balance the loads of bodies that supports do not
+        hold.
+        """
         t = self.t
         motions = free_motions(t, self.held)
         modes: Array = motions.reshape(len(t.x), t.dimension, -1)
@@ -240,18 +293,32 @@ class Bounded(PlainProblem):
         contacts = []
         for surface in self.contacts:
             parts = surface.parts
-            of_sides = [parts.on_parts(modes[t.facets[parts.facets[side]]], side) for side in parts.sides]
-            normal, across = surface.work(of_sides[SLAVE] - of_sides[MASTER] if surface.paired else of_sides[SLAVE])
+            of_sides = [
+                parts.on_parts(modes[t.facets[parts.facets[side]]], side) for side in parts.sides
+            ]
+            normal, across = surface.work(
+                of_sides[SLAVE] - of_sides[MASTER] if surface.paired else of_sides[SLAVE]
+            )
             contacts.append(
-                AdmissibleTractions(surface.pressure, surface.shear, surface.bound, normal, across, parts.covered())
+                AdmissibleTractions(
+                    surface.pressure, surface.shear, surface.bound, normal, across, parts.covered()
+                )
             )
         sizes = sum(
             np.abs(contact.normal * contact.pressure[:, :, None]).sum(axis=(0, 1))
             + np.abs(np.einsum("fadk,fad->fak", contact.across, contact.shear)).sum(axis=(0, 1))
             for contact in contacts
         )
-        piece, size = t.piece_of_vertex[np.abs(motions).argmax(axis=0) // t.dimension], np.abs(loads) + sizes
+        piece, size = (
+            t.piece_of_vertex[np.abs(motions).argmax(axis=0) // t.dimension],
+            np.abs(loads) + sizes,
+        )
         # A piece has its own scale, above the round-off of all pieces together.
-        small = ROUND_OFF * np.array([size[piece == number].max() for number in piece]) + EPS * size.max()
-        for surface, (pressure, shear) in zip(self.contacts, balanced(loads, contacts, small), strict=True):
+        small = (
+            ROUND_OFF * np.array([size[piece == number].max() for number in piece])
+            + EPS * size.max()
+        )
+        for surface, (pressure, shear) in zip(
+            self.contacts, balanced(loads, contacts, small), strict=True
+        ):
             surface.pressure, surface.shear = pressure, shear

@@ -1,10 +1,11 @@
-"""Symmetric stresses on triangles or tetrahedra divided by their centroids, linear on the parts, from linear tractions
-on the facets and a force that is constant on the parts.
+"""Symmetric stresses on triangles or tetrahedra divided by their centroids, linear on the parts,
+from linear tractions on the facets and a force that is constant on the parts.
 
-It is the element of Johnson and Mercier (C. Johnson and B. Mercier, Numer. Math. 30 (1978) 103-116; in 3D M. Krizek,
-Apl. Mat. 27 (1982) 46-69; J. Gopalakrishnan, J. Guzman, J. J. Lee, The Johnson-Mercier elasticity element in any
-dimensions, 2024).  In 3D 96 numbers with 54 conditions between the parts leave 42, which tractions (36) and forces
-(12, of which 6 follow from balance) determine; in 2D 27 and 12 leave 15, which 12 and 6 (3) determine.
+It is the element of Johnson and Mercier (C. Johnson and B. Mercier, Numer. Math. 30 (1978) 103-116;
+in 3D M. Krizek, Apl. Mat. 27 (1982) 46-69; J. Gopalakrishnan, J. Guzman, J. J. Lee, The
+Johnson-Mercier elasticity element in any dimensions, 2024).  In 3D 96 numbers with 54 conditions
+between the parts leave 42, which tractions (36) and forces (12, of which 6 follow from balance)
+determine; in 2D 27 and 12 leave 15, which 12 and 6 (3) determine.
 """
 
 from __future__ import annotations
@@ -34,14 +35,17 @@ _CHUNK = 3_500_000
 
 
 class LocalStress:
-    """The cells one by one: moments of tractions, integrals times the hat functions of the vertices of facets.
+    """The cells one by one: moments of tractions, integrals times the hat functions of the vertices
+    of facets.
 
-    Similar triangles have the same matrices, so that those of the first of the parts of each cell of the mesh, m of
-    them, are enough.  A cell has k = d^2 (d + 1) moments.
+    Similar triangles have the same matrices, so that those of the first of the parts of each cell
+    of the mesh, m of them, are enough.  A cell has k = d^2 (d + 1) moments.
 
     Attributes:
-        places: of the moments of each cell among those of all facets, facet and vertex, shape (n, d + 1, d).
-        compliance: moments per displacement of the vertices of the facets, balanced, force per length, shape (m, k, k).
+        places: of the moments of each cell among those of all facets, facet and vertex, shape (n, d
+            + 1, d).
+        compliance: moments per displacement of the vertices of the facets, balanced, force per
+            length, shape (m, k, k).
         energy: traces of the squares of the norm per square of the moments, shape (m,).
     """
 
@@ -50,7 +54,8 @@ class LocalStress:
         rank = np.argsort(np.argsort(t.corners[:, FACETS[d]], axis=2), axis=2)
         self.places: Ints = d * t.facets_of[:, :, None] + rank
         self._determinant, self._inverse = factorial(d) * t.volume, np.linalg.inv(t.jacobian)
-        # sigma = F s F^T / J^2; tractions times areas are F (s n) / J, the divergence F (div s) / J^2.
+        # sigma = F s F^T / J^2; tractions times areas are F (s n) / J, the divergence F (div s) /
+        # J^2.
         self._turn = turn_of(t.jacobian / self._determinant[:, None, None])
         n, k, forces = len(t.corners) // t.parts, d * d * (d + 1), d * (d + 1)
         self.compliance: Array = np.zeros((n, k, k))
@@ -62,7 +67,8 @@ class LocalStress:
 
     def _invert(self, chunk: slice) -> None:
         """Compliance of some cells: least energy with balanced moments."""
-        # Stresses of thin cells grow with the square of their aspect: a factor of the energy is inverted, not itself.
+        # Stresses of thin cells grow with the square of their aspect: a factor of the energy is
+        # inverted, not itself.
         t, d, operator = self._t, self._t.dimension, reference(self._t.dimension)[0]
         count, parts, k = d + 1, (d + 1) ** 2, d * d * (d + 1)
         map_ = self._determinant[chunk, None, None] * self._inverse[chunk]
@@ -83,46 +89,68 @@ class LocalStress:
         q, r = np.linalg.qr(stress @ free)
         root_of_compliance = free @ np.linalg.inv(r)
         self.compliance[chunk] = root_of_compliance @ root_of_compliance.transpose(0, 2, 1)
-        # Forces of the parts on the reference cell from the integrals of the force, and its resultants.
+        # Forces of the parts on the reference cell from the integrals of the force, and its
+        # resultants.
         divided = forces_of_parts(d) / t.volume[chunk, None, None]
-        forces = -np.einsum("nij,nkl->nikjl", divided, self._inverse[chunk] * self._determinant[chunk, None, None] ** 2)
-        inside = operator[:, k:].reshape(parts * len(ROWS[d]), -1) @ forces.reshape(n, d * count, d * count)
+        forces = -np.einsum(
+            "nij,nkl->nikjl",
+            divided,
+            self._inverse[chunk] * self._determinant[chunk, None, None] ** 2,
+        )
+        inside = operator[:, k:].reshape(parts * len(ROWS[d]), -1) @ forces.reshape(
+            n, d * count, d * count
+        )
         opposite = -loaded @ np.linalg.solve(lengths[:, :rank].transpose(0, 2, 1), _resultants(arm))
         beside = stress @ opposite + self._weighted(root, inside.reshape(n, parts, -1, d * count))
         self._alone[chunk] = opposite - root_of_compliance @ (q.transpose(0, 2, 1) @ beside)
 
     def _root_of_energy(self, chunk: slice) -> Array:
-        """From stresses of reference cells to vectors whose squares are the energy, shape (n, 3 or 6, 3 or 6)."""
+        """From stresses of reference cells to vectors whose squares are the energy, shape (n, 3 or
+        6, 3 or 6).
+        """
         t, d = self._t, self._t.dimension
-        root = np.linalg.cholesky(TWICE[d][:, None] * t.moduli.of(chunk).compliance).transpose(0, 2, 1)
+        root = np.linalg.cholesky(TWICE[d][:, None] * t.moduli.of(chunk).compliance).transpose(
+            0, 2, 1
+        )
         root *= np.sqrt(t.volume[chunk] / ((d + 1) ** 2 * (d + 2)))[:, None, None]
         return np.asarray(root @ self._turn[chunk])
 
     def _weighted(self, root: Array, stress: Array) -> Array:
-        """Vectors whose squares are the energy, (n, rows, k), of stresses of reference cells at corners of parts."""
+        """Vectors whose squares are the energy, (n, rows, k), of stresses of reference cells at
+        corners of parts.
+        """
         count, (n, _, _, k) = self._t.dimension + 1, stress.shape
         at = (root[:, None] @ stress).reshape(n, count, count, -1, k)
         # The root of the mass matrix 1 + ones.
-        return np.asarray(at + (np.sqrt(1 + count) - 1) / count * at.sum(axis=2, keepdims=True)).reshape(n, -1, k)
+        return np.asarray(
+            at + (np.sqrt(1 + count) - 1) / count * at.sum(axis=2, keepdims=True)
+        ).reshape(n, -1, k)
 
     def alone(self, body: Array) -> Array:
-        """Moments in balance with a body force where the vertices of the facets do not move, force, shape (n, k);
+        """Moments in balance with a body force where the vertices of the facets do not move, force,
+        shape (n, k);
         ``body``: its integrals times the barycentric coordinates, force, shape (n, d + 1, d).
         """
-        # The triangle between three similar ones is turned by half a turn, which changes no sign here.
+        # The triangle between three similar ones is turned by half a turn, which changes no sign
+        # here.
         moments = self._alone @ body.reshape(self._t.parts, len(self._alone), -1, 1)
         return np.asarray(moments.reshape(len(body), -1))
 
     def stress(self, tractions: Array, body: Array) -> tuple[Array, Array]:
-        """The stress on each part, opposite its corner, at the corners of the part, those of the facet, and the
-        centroid, shape (n, d + 1, d + 1, 3 or 6), and the share of its data that it misses, by cell, shape (n,);
-        ``tractions``: at the vertices of the facets of each cell, out of it, stress, shape (n, d + 1, d, d); ``body``:
-        see ``alone``.
+        """The stress on each part, opposite its corner, at the corners of the part, those of the
+        facet, and the centroid, shape (n, d + 1, d + 1, 3 or 6), and the share of its data that it
+        misses, by cell, shape (n,);
+        ``tractions``: at the vertices of the facets of each cell, out of it, stress, shape (n, d +
+        1, d, d); ``body``: see ``alone``.
         """
         t, d, n = self._t, self._t.dimension, len(tractions)
         operator, conditions = reference(d)
         inverse = self._inverse.transpose(0, 2, 1)
-        forces = tractions * t.area[t.facets_of][:, :, None, None] * self._determinant[:, None, None, None]
+        forces = (
+            tractions
+            * t.area[t.facets_of][:, :, None, None]
+            * self._determinant[:, None, None, None]
+        )
         moments = (forces.reshape(n, -1, d) @ inverse).reshape(n, -1)
         inside = -(constant_forces(t, body) * (self._determinant**2)[:, None, None]) @ inverse
         data = np.concatenate((moments, inside.reshape(n, -1)), axis=1)
@@ -135,7 +163,9 @@ class LocalStress:
 
 
 def turn_of(f: Array) -> Array:
-    """From the components of symmetric tensors s to those of F s F^T, shape (n, 3, 3) or (n, 6, 6)."""
+    """From the components of symmetric tensors s to those of F s F^T, shape (n, 3, 3) or (n, 6,
+    6).
+    """
     rows, columns = ROWS[f.shape[1]], COLUMNS[f.shape[1]]
     once = f[:, rows][:, :, rows] * f[:, columns][:, :, columns]
     twice = f[:, rows][:, :, columns] * f[:, columns][:, :, rows]
@@ -149,8 +179,8 @@ def _resultants(arm: Array) -> Array:
 
 
 def slopes_of_parts(d: int) -> Array:
-    """Gradients of the barycentric coordinates of each part of the reference cell: of the corners of its facet, and of
-    the centroid, shape (d + 1, d + 1, d).
+    """Gradients of the barycentric coordinates of each part of the reference cell: of the corners
+    of its facet, and of the centroid, shape (d + 1, d + 1, d).
     """
     corners = CORNERS_OF_PARTS[d][..., 1:]  # those of the reference cell are 0 and the unit vectors
     slopes = np.linalg.inv((corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1))
@@ -166,9 +196,10 @@ def tensor_times(vector: Array) -> Array:
 
 
 def equations(d: int, degree: int) -> tuple[Array, Array, Array]:
-    """Of stresses of degree 1 or 2 on the parts of the reference cell, from values at the vertices of the parts, and at
-    the middles of their edges: tractions on the facets at these nodes, times the area; by how much tractions of both
-    parts at a facet between them differ; divergences, of degree 2 at the corners of the parts.
+    """Of stresses of degree 1 or 2 on the parts of the reference cell, from values at the vertices
+    of the parts, and at the middles of their edges: tractions on the facets at these nodes, times
+    the area; by how much tractions of both parts at a facet between them differ; divergences, of
+    degree 2 at the corners of the parts.
     """
     count, slopes = d + 1, slopes_of_parts(d)
     nodes = [*combinations(range(count), 1), *(tuple(edge) for edge in EDGES[d] if degree == 2)]
@@ -189,7 +220,9 @@ def equations(d: int, degree: int) -> tuple[Array, Array, Array]:
         outer += [row((part, k, normal)) for k, node in enumerate(nodes) if d not in node]
         for corner in range(count if degree == 2 else 1):
             gradients = derivatives[:, corner].T @ slopes[part, 1:]
-            divergences.append(row(*((part, k, np.asarray(vector)) for k, vector in enumerate(gradients))))
+            divergences.append(
+                row(*((part, k, np.asarray(vector)) for k, vector in enumerate(gradients)))
+            )
     for i, j in combinations(range(count), 2):
         opposite = numbers[i].index(j)
         normal = slopes[i, opposite] / np.linalg.norm(slopes[i, opposite])
@@ -202,9 +235,9 @@ def equations(d: int, degree: int) -> tuple[Array, Array, Array]:
 
 @cache
 def reference(d: int) -> tuple[Array, Array]:
-    """From tractions at the vertices of the facets and the divergences of the parts to the stress of the reference
-    cell, shape (27, 18) or (96, 48), and the conditions with their right-hand sides, shape (30, 27 + 18) or
-    (102, 96 + 48).
+    """From tractions at the vertices of the facets and the divergences of the parts to the stress
+    of the reference cell, shape (27, 18) or (96, 48), and the conditions with their right-hand
+    sides, shape (30, 27 + 18) or (102, 96 + 48).
 
     The conditions determine the stress; they are compatible if the cell is in equilibrium.
     """
@@ -218,17 +251,23 @@ def reference(d: int) -> tuple[Array, Array]:
 
 def forces_of_parts(d: int) -> Array:
     """From integrals times barycentric coordinates, over the volume, to constants on the parts."""
-    share = (np.full((d + 1, d + 1), d + 2.0) - (d + 1) * np.eye(d + 1)) / (d + 1) ** 3  # int of l_j over the i-th part
+    share = (np.full((d + 1, d + 1), d + 2.0) - (d + 1) * np.eye(d + 1)) / (
+        d + 1
+    ) ** 3  # int of l_j over the i-th part
     return np.asarray(np.linalg.inv(share))
 
 
 def constant_forces(t: Simplices, body: Array) -> Array:
-    """The force per volume, constant on parts, with given integrals times barycentric coordinates, (n, d + 1, d)."""
+    """The force per volume, constant on parts, with given integrals times barycentric coordinates,
+    (n, d + 1, d).
+    """
     return np.einsum("ij,njd->nid", forces_of_parts(t.dimension), body) / t.volume[:, None, None]
 
 
 def from_strain(t: Simplices, strain: Array) -> Array:
-    """The stress on the parts of cells at their corners, see ``LocalStress.stress``, of linear strains at corners."""
+    """The stress on the parts of cells at their corners, see ``LocalStress.stress``, of linear
+    strains at corners.
+    """
     corner_stress = t.moduli.stress(strain)
     centre = np.repeat(corner_stress.mean(axis=1)[:, None, None], t.dimension + 1, axis=1)
     return np.concatenate((corner_stress[:, FACETS[t.dimension]], centre), axis=2)
@@ -237,7 +276,9 @@ def from_strain(t: Simplices, strain: Array) -> Array:
 def square(t: Simplices, stress: Array) -> Array:
     """Integrals of sigma : C^-1 sigma of stresses on the parts, by cell, energies, shape (n,)."""
     d, strain = t.dimension, t.moduli.strain(stress) * TWICE[t.dimension]
-    sums = (stress * strain).sum(axis=(1, 2, 3)) + (stress.sum(axis=2) * strain.sum(axis=2)).sum(axis=(1, 2))
+    sums = (stress * strain).sum(axis=(1, 2, 3)) + (stress.sum(axis=2) * strain.sum(axis=2)).sum(
+        axis=(1, 2)
+    )
     return np.asarray(t.volume / ((d + 1) ** 2 * (d + 2)) * sums).clip(min=0.0)
 
 

@@ -1,28 +1,33 @@
-"""Bounds of the work of what stresses of Johnson and Mercier do not hold: tractions on facets, and forces in cells.
+"""Bounds of the work of what stresses of Johnson and Mercier do not hold: tractions on facets, and
+forces in cells.
 
-A traction r that is orthogonal to linear vectors on a facet F of K does no work on rigid motions of K.  Its work on a
-displacement v is at most the norm of a *lifting*, a symmetric stress in K without divergence, with the traction r on F
-and none on the other facets, times the energy norm of v in K.  F is divided into m parts in 2D, into m^2 triangles in
-3D, that are similar to it, in 3D every other one turned, and
+A traction r that is orthogonal to linear vectors on a facet F of K does no work on rigid motions of
+K.  Its work on a displacement v is at most the norm of a *lifting*, a symmetric stress in K without
+divergence, with the traction r on F and none on the other facets, times the energy norm of v in K.
+F is divided into m parts in 2D, into m^2 triangles in 3D, that are similar to it, in 3D every other
+one turned, and
 
     r = (Pi r) + (r - Pi r),
 
-Pi the projection onto functions that are linear on each of them.  The first part is lifted by stresses of Johnson and
-Mercier in K divided into m^d cells.  The second one is orthogonal to linear vectors on each part; it is lifted in the
-same way in cells of which these are facets, with apexes so that they do not meet: for a part like F one like K, for a
-turned one one like K', the tetrahedron of F turned by half a turn about its centroid c with the apex of K (its corners
-are 2 c - p_i).  Those of K' are like K' and, for turned ones, like K.  So the largest norms per |r|, c_K and c_K', are
-at most those of Pi r, C_K and C_K', and q = 1 / sqrt(m) times one of both, and as both parts are orthogonal
+Pi the projection onto functions that are linear on each of them.  The first part is lifted by
+stresses of Johnson and Mercier in K divided into m^d cells.  The second one is orthogonal to linear
+vectors on each part; it is lifted in the same way in cells of which these are facets, with apexes
+so that they do not meet: for a part like F one like K, for a turned one one like K', the
+tetrahedron of F turned by half a turn about its centroid c with the apex of K (its corners are 2 c
+- p_i).  Those of K' are like K' and, for turned ones, like K.  So the largest norms per |r|, c_K
+  and c_K', are at most those of Pi r, C_K and C_K', and q = 1 / sqrt(m) times one of both, and as
+  both parts are orthogonal
 
     max(c_K, c_K')^2 <= max(C_K, C_K')^2 + q^2 max(c_K, c_K')^2.
 
 They are finite by Korn's inequality.
 
-The stress of ``johnson_mercier`` balances forces that are constant on the parts of a cell, which are between its facets
-and its centroid.  Of one that is linear in it a force r is left, orthogonal to linear vectors.  Its work on a
-displacement is at most the norm of a *lifting* times the energy norm of the displacement.  A lifting is a symmetric
-stress with the divergence -r and no traction on the facets.  Stresses of degree 2 on the parts have such liftings:
-those of one reference cell are turned into those of others as A s A^T, of which the divergence is A (div s).
+The stress of ``johnson_mercier`` balances forces that are constant on the parts of a cell, which
+are between its facets and its centroid.  Of one that is linear in it a force r is left, orthogonal
+to linear vectors.  Its work on a displacement is at most the norm of a *lifting* times the energy
+norm of the displacement.  A lifting is a symmetric stress with the divergence -r and no traction on
+the facets.  Stresses of degree 2 on the parts have such liftings: those of one reference cell are
+turned into those of others as A s A^T, of which the divergence is A (div s).
 """
 
 from __future__ import annotations
@@ -65,11 +70,15 @@ class DividedFacet:
     """A facet divided into parts, p = m^(d - 1) of them, and a cell on it into m^d."""
 
     times: int  # m
-    # barycentric coordinates of the vertices of its parts, in the order of those of the facet that they are similar to,
-    # shape (p, d, d)
+    # barycentric coordinates of the vertices of its parts, in the order of those of the facet that
+    # they are similar to, shape (p, d, d)
     parts: Array
-    mean: Array  # from values at the vertices of the parts to those of the closest linear function, shape (d, d p)
-    x: Array  # barycentric coordinates of vertices in the cell, shape (v, d + 1); those of the facet are first
+    # from values at the vertices of the parts to those of the closest linear function, shape (d, d
+    # p)
+    mean: Array
+    # barycentric coordinates of vertices in the cell, shape (v, d + 1); those of the facet are
+    # first
+    x: Array
     corners: Ints  # of its parts, shape (m^d, d + 1)
 
 
@@ -78,7 +87,11 @@ def divided_facet(d: int, m: int) -> DividedFacet:
     """Of cells in d dimensions, into so many parts along each edge."""
     places = [np.array(counts) for counts in product(range(m + 2), repeat=d)]
     straight = [counts + np.eye(d) for counts in places if counts.sum() == m - 1]
-    turned = [counts - np.eye(d) for counts in places if d == 3 and counts.sum() == m + 1 and counts.min() > 0]
+    turned = [
+        counts - np.eye(d)
+        for counts in places
+        if d == 3 and counts.sum() == m + 1 and counts.min() > 0
+    ]
     parts = np.array(straight + turned) / m
     # Integrals of hat functions of the parts times those of the facet, over its area.
     mass = _mass(d)
@@ -88,7 +101,9 @@ def divided_facet(d: int, m: int) -> DividedFacet:
         for order in permutations(range(d)):
             path = np.cumsum([np.array(cube), *np.eye(d, dtype=np.int64)[list(order)]], axis=0)
             if (np.diff(path.mean(axis=0)) < 0).all():
-                corners.append([numbers.setdefault(tuple(point.tolist()), len(numbers)) for point in path])
+                corners.append(
+                    [numbers.setdefault(tuple(point.tolist()), len(numbers)) for point in path]
+                )
     at = np.array(list(numbers))
     x = -np.diff(np.column_stack((np.full(len(at), m), at, np.zeros(len(at)))), axis=1) / m
     return DividedFacet(m, parts, np.linalg.solve(mass, moments), x, np.array(corners))
@@ -104,14 +119,16 @@ class Liftings:
     """Of tractions on a facet of each of n cells."""
 
     facet: DividedFacet  # how facets are divided
-    # squares of the norms of liftings in K of tractions that are linear on the parts, from values at their vertices,
-    # shape (n, d^2 p, d^2 p)
+    # squares of the norms of liftings in K of tractions that are linear on the parts, from values
+    # at their vertices, shape (n, d^2 p, d^2 p)
     forms: Array
     constant: Array  # a bound of c_K and c_K', shape (n,)
 
     @classmethod
     def of(cls, corners: Array, moduli: Moduli, m: int) -> Liftings:
-        """Of cells with corners, that opposite the facet last, shape (n, d + 1, d), and m parts along each edge."""
+        """Of cells with corners, that opposite the facet last, shape (n, d + 1, d), and m parts
+        along each edge.
+        """
         n, d = len(corners), corners.shape[2]
         facet, kinds = divided_facet(d, m), d - 1
         turned = corners.copy()
@@ -134,15 +151,18 @@ class Liftings:
         return cls(facet, form[::kinds], constant)
 
     def norms(self, values: Array, missed: Array) -> Array:
-        """Bounds of the norms of liftings, shape (n,); ``values``: the projections of the tractions, at the vertices of
-        the parts, shape (n, p, d, d); ``missed``: integrals of the squares of what they are not, shape (n,).
+        """Bounds of the norms of liftings, shape (n,); ``values``: the projections of the
+        tractions, at the vertices of the parts, shape (n, p, d, d); ``missed``: integrals of the
+        squares of what they are not, shape (n,).
         """
         n, d = len(values), values.shape[3]
         on_parts = values.reshape(n, -1, d)
         closest = self.facet.parts.reshape(-1, d) @ (self.facet.mean @ on_parts)
         difference = (on_parts - closest).reshape(n, -1)
         squares = np.einsum("nk,nkl,nl->n", difference, self.forms, difference, optimize=True)
-        return np.asarray(self.constant * np.sqrt(missed / self.facet.times) + np.sqrt(squares.clip(min=0.0)))
+        return np.asarray(
+            self.constant * np.sqrt(missed / self.facet.times) + np.sqrt(squares.clip(min=0.0))
+        )
 
 
 def _areas(corners: Array) -> Array:
@@ -176,18 +196,25 @@ def _forms(facet: DividedFacet, corners: Array, moduli: Moduli) -> Array:
     t = Simplices(x.reshape(-1, d), numbers, moduli.of(np.repeat(np.arange(n), cells)))
     local = LocalStress(t)
     count = len(t.facets) // n  # those of each cell together, in the same order
-    places = (d * local.places[..., None] + np.arange(d)).reshape(n, cells, k) - q * count * np.arange(n)[:, None, None]
+    places = (d * local.places[..., None] + np.arange(d)).reshape(
+        n, cells, k
+    ) - q * count * np.arange(n)[:, None, None]
     system = np.zeros((n, q * count, q * count))
     for number in range(n):
         compliance = local.compliance[number * cells : (number + 1) * cells]
-        np.add.at(system[number], (places[number, :, :, None], places[number, :, None, :]), compliance)
+        np.add.at(
+            system[number], (places[number, :, :, None], places[number, :, None, :]), compliance
+        )
     facets = t.facets[:count]
     keys = t.keys(facets)
     places_of_vertices = np.rint(m * facet.x)
     moments, mass = np.zeros((q * count, q * len(facet.parts))), _mass(d) / len(facet.parts)
     for part, corners_of_part in enumerate(np.rint(m * facet.parts)):
         vertex = (places_of_vertices[:, :d] == corners_of_part[:, None]).all(axis=2).argmax(axis=1)
-        number, order = int(np.searchsorted(keys, t.keys(np.sort(vertex)))), np.argsort(np.argsort(vertex))
+        number, order = (
+            int(np.searchsorted(keys, t.keys(np.sort(vertex)))),
+            np.argsort(np.argsort(vertex)),
+        )
         rows = (q * number + d * order[:, None] + np.arange(d)).ravel()
         moments[rows, q * part : q * (part + 1)] = np.kron(mass, np.eye(d))
     away = x[:, facets].reshape(n, -1, d) - x.mean(axis=1)[:, None]
@@ -200,9 +227,10 @@ def _forms(facet: DividedFacet, corners: Array, moduli: Moduli) -> Array:
 
 
 def _reference_liftings(d: int) -> Array:
-    """Stresses in the reference cell that lift the forces e_i (l_j - Q l_j), where l_j is the barycentric coordinate of
-    the j-th unit vector and Q l_j the constants on the parts with its moments, number d i + j: at the vertices and the
-    middles of the edges, in the order of ``EDGES``, of the parts, shape (d^2, d + 1, nodes, 3 or 6).
+    """Stresses in the reference cell that lift the forces e_i (l_j - Q l_j), where l_j is the
+    barycentric coordinate of the j-th unit vector and Q l_j the constants on the parts with its
+    moments, number d i + j: at the vertices and the middles of the edges, in the order of
+    ``EDGES``, of the parts, shape (d^2, d + 1, nodes, 3 or 6).
     """
     count, equilibrium = d + 1, equations(d, 2)
     moments = _mass(count)
@@ -216,7 +244,9 @@ def _reference_liftings(d: int) -> Array:
 
 @cache
 def _products(d: int) -> Array:
-    """Means over the cell of the products of the components c and e of the liftings i and j, shape (c, e, i, j)."""
+    """Means over the cell of the products of the components c and e of the liftings i and j, shape
+    (c, e, i, j).
+    """
     liftings = _reference_liftings(d)
     points, weights = basix.make_quadrature(CELLS[d], 4)
     values, _ = lagrange(d, 2, points)
@@ -225,11 +255,13 @@ def _products(d: int) -> Array:
 
 
 def lifted_forces(t: Simplices, linear: Array) -> Array:
-    """Bounds of the norms of what lifts the rest of forces that are linear in cells, by cell, roots of energies, shape
-    (n,); ``linear``: force per volume at their corners, shape (n, d + 1, d).
+    """Bounds of the norms of what lifts the rest of forces that are linear in cells, by cell, roots
+    of energies, shape (n,); ``linear``: force per volume at their corners, shape (n, d + 1, d).
     """
     d = t.dimension
-    slopes = np.linalg.solve(t.jacobian, (linear[:, 1:] - linear[:, :1]).transpose(0, 2, 1)).reshape(-1, d * d)
+    slopes = np.linalg.solve(
+        t.jacobian, (linear[:, 1:] - linear[:, :1]).transpose(0, 2, 1)
+    ).reshape(-1, d * d)
     turn = turn_of(t.jacobian)
     compliance = TWICE[d][:, None] * t.moduli.compliance * t.volume[:, None, None]
     turned = turn.transpose(0, 2, 1) @ compliance @ turn

@@ -1,8 +1,8 @@
-"""Displacements that are linear on cells: those of the smallest energy among those with given components, and the rigid
-motions that supports leave to each piece of a body.
+"""Displacements that are linear on cells: those of the smallest energy among those with given
+components, and the rigid motions that supports leave to each piece of a body.
 
-Cells pass forces to each other through the edges or faces that they share, so that each piece is a body of its own:
-it has its own free motions, its own balance of forces and its own bound.
+Cells pass forces to each other through the edges or faces that they share, so that each piece is a
+body of its own: it has its own free motions, its own balance of forces and its own bound.
 """
 
 from __future__ import annotations
@@ -13,19 +13,27 @@ import scipy.sparse as sp
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from signorini_fx.addons.bounds.simplices import COLUMNS, ROWS, TWICE, Array, Ints, Simplices, motions_of
+from signorini_fx.addons.bounds.simplices import (
+    COLUMNS,
+    ROWS,
+    TWICE,
+    Array,
+    Ints,
+    Simplices,
+    motions_of,
+)
 from signorini_fx.algebra.linalg import petsc_options
 from signorini_fx.algebra.linalg.factorisation import use_factorisation
 from signorini_fx.tuned import NOTHING_LEFT, ZERO_IN_SOLUTION
 
-# Facets, projectors onto directions in which their vertices have a given displacement, and that, length, shapes (m,),
-# (m, d, d) and (d,).
+# Facets, projectors onto directions in which their vertices have a given displacement, and that,
+# length, shapes (m,), (m, d, d) and (d,).
 Given = tuple[Ints, Array, Array]
 
 
 def smallest_energy(t: Simplices, given: list[Given]) -> tuple[Array, float]:
-    """The displacement at the vertices of least energy with given components, which leave no rigid motion free, length,
-    shape (v, d), and how far it is from what is given at most, length.
+    """The displacement at the vertices of least energy with given components, which leave no rigid
+    motion free, length, shape (v, d), and how far it is from what is given at most, length.
     """
     count, d = t.x.shape
     weight, value = np.zeros((count, d, d)), np.zeros((count, d))
@@ -49,13 +57,16 @@ def smallest_energy(t: Simplices, given: list[Given]) -> tuple[Array, float]:
 
 
 def free_basis(turn: Array, fixed: npt.NDArray[np.bool_]) -> sp.csr_matrix:
-    """Displacements of v vertices from their free components, shape (d v, components); ``turn``: directions of
-    components, one per column, shape (v, d, d); ``fixed``: which are not free, shape (v, d).
+    """Displacements of v vertices from their free components, shape (d v, components); ``turn``:
+    directions of components, one per column, shape (v, d, d); ``fixed``: which are not free, shape
+    (v, d).
     """
     count, d = fixed.shape
     numbers = (d * np.arange(count)[:, None, None] + np.arange(d)[:, None]).repeat(d, axis=2)
     size = (d * count, d * count)
-    basis = sp.csr_matrix((turn.ravel(), (numbers.ravel(), numbers.transpose(0, 2, 1).ravel())), shape=size)
+    basis = sp.csr_matrix(
+        (turn.ravel(), (numbers.ravel(), numbers.transpose(0, 2, 1).ravel())), shape=size
+    )
     basis.eliminate_zeros()
     return sp.csr_matrix(basis[:, np.flatnonzero(~fixed.ravel())])
 
@@ -68,22 +79,31 @@ def _stiffness(t: Simplices) -> sp.csr_matrix:
     strain = (gradient[:, :, rows, columns] + gradient[:, :, columns, rows]) / 2
     local = t.volume[:, None, None] * t.moduli.stress(strain) @ (strain * twice).transpose(0, 2, 1)
     dofs = (d * t.corners[:, :, None] + np.arange(d)).reshape(len(t.corners), -1)
-    places = np.repeat(dofs, dofs.shape[1], axis=1).ravel(), np.tile(dofs, (1, dofs.shape[1])).ravel()
+    places = (
+        np.repeat(dofs, dofs.shape[1], axis=1).ravel(),
+        np.tile(dofs, (1, dofs.shape[1])).ravel(),
+    )
     return sp.csr_matrix((local.ravel(), places), shape=(t.x.size, t.x.size))
 
 
 def free_motions(t: Simplices, held: Array) -> Array:
-    """An orthonormal basis of the rigid motions of one piece each that held facets leave free, shape (d v, k);
+    """An orthonormal basis of the rigid motions of one piece each that held facets leave free,
+    shape (d v, k);
     ``held``: projectors onto the directions in which facets are held, shape (f, d, d).
     """
     d, held_facets = t.x.shape[1], np.flatnonzero(held.any(axis=(1, 2)))
     of_facet, bases = t.piece_of_vertex[t.facets[held_facets, 0]], []
     for piece in range(int(t.piece.max(initial=-1)) + 1):
         inside = t.piece_of_vertex == piece
-        arm, modes = t.x[inside] - t.x[inside].mean(axis=0), np.zeros((len(t.x), d, d * (d + 1) // 2))
+        arm, modes = (
+            t.x[inside] - t.x[inside].mean(axis=0),
+            np.zeros((len(t.x), d, d * (d + 1) // 2)),
+        )
         modes[inside] = motions_of(arm / np.abs(arm).max())
         facets = held_facets[of_facet == piece]
-        rows = np.einsum("fij,fajk->faik", held[facets], modes[t.facets[facets]]).reshape(-1, modes.shape[2])
+        rows = np.einsum("fij,fajk->faik", held[facets], modes[t.facets[facets]]).reshape(
+            -1, modes.shape[2]
+        )
         values, vectors = np.linalg.eigh(rows.T @ rows / max(len(rows), 1))
         free = vectors[:, values <= NOTHING_LEFT * max(values[-1], 1.0)]
         bases.append(np.linalg.qr(modes.reshape(-1, modes.shape[2]) @ free)[0])
@@ -99,7 +119,9 @@ def solved(symmetric: sp.csr_matrix, right: Array) -> Array:
     upper = sp.triu(symmetric, format="csr")
     upper.sort_indices()
     rows, columns = (array.astype(PETSc.IntType) for array in (upper.indptr, upper.indices))
-    matrix = PETSc.Mat().createSBAIJ(upper.shape, 1, csr=(rows, columns, upper.data), comm=MPI.COMM_SELF)
+    matrix = PETSc.Mat().createSBAIJ(
+        upper.shape, 1, csr=(rows, columns, upper.data), comm=MPI.COMM_SELF
+    )
     solver = PETSc.KSP().create(MPI.COMM_SELF)
     solver.setOperators(matrix)
     solver.setOptionsPrefix(petsc_options.PREFIX)

@@ -1,7 +1,8 @@
-"""A scene with its solution as plain arrays: displacement, supports, loads and contact on triangles or tetrahedra.
+"""A scene with its solution as plain arrays: displacement, supports, loads and contact on triangles
+or tetrahedra.
 
-Each rank gives what is of its own cells: corners by their global numbers, and all else at these.  The first one, where
-all is bounded, makes the problem of these rows.
+Each rank gives what is of its own cells: corners by their global numbers, and all else at these.
+The first one, where all is bounded, makes the problem of these rows.
 """
 
 from __future__ import annotations
@@ -48,7 +49,11 @@ Rows = dict[str, npt.NDArray[Any]]
 
 
 def on_first_rank(
-    model: Model, y: fem.Function, contact: ContactState | None, prove: Callable[[Rows], T], named: str | None
+    model: Model,
+    y: fem.Function,
+    contact: ContactState | None,
+    prove: Callable[[Rows], T],
+    named: str | None,
 ) -> T:
     """What ``prove`` says of the arrays of all ranks, see ``error_bound.proved``; collective.
 
@@ -57,7 +62,11 @@ def on_first_rank(
     """
     comm, local, failure = model.comm, Rows(), None
     try:
-        local = _of_cells(model, y) | _of_facets(model, named) | ({} if contact is None else _of_points(contact))
+        local = (
+            _of_cells(model, y)
+            | _of_facets(model, named)
+            | ({} if contact is None else _of_points(contact))
+        )
     except Exception as error:
         failure = error
     parallel.raise_together(comm, failure)
@@ -77,16 +86,23 @@ def _of_points(contact: ContactState) -> Rows:
 
 
 def _of_facets(model: Model, named: str | None) -> Rows:
-    """Facets of the own cells of this rank by their vertices, shape (m, d), of boundaries and sides of contacts."""
+    """Facets of the own cells of this rank by their vertices, shape (m, d), of boundaries and sides
+    of contacts.
+    """
     statement, tagged = model.statement, model.tagged
     boundaries = [load.where for load in statement.of(Force) if load.where is not None]
     boundaries += [str(entry.boundary) for entry in statement.of(PrescribedDisplacement)]
-    facets = {f"at {name}": tagged.facets(name) for name in boundaries}  # in the same order on all ranks
+    facets = {
+        f"at {name}": tagged.facets(name) for name in boundaries
+    }  # in the same order on all ranks
     facets["named"] = np.zeros(0, dtype=np.int32) if named is None else tagged.facets(named)
     for number, effect in enumerate(statement.contact):
         if number in model.pairs:
             sides = model.pairs[number].sides
-            facets |= {f"slave {number}": sides.slave.facets, f"master {number}": sides.master.facets}
+            facets |= {
+                f"slave {number}": sides.slave.facets,
+                f"master {number}": sides.master.facets,
+            }
         else:
             facets[f"slave {number}"] = tagged.facets(effect.boundary)
     rows, own = Rows(), tagged.mesh.topology.index_map(tagged.dimension).size_local
@@ -94,7 +110,9 @@ def _of_facets(model: Model, named: str | None) -> Rows:
     for name, of_rank in facets.items():
         entities = facet_entities(tagged.mesh, of_rank)
         entities = entities[entities[:, 0] < own]
-        nodes = np.take_along_axis(cells[entities[:, 0]], FACETS[tagged.dimension][entities[:, 1]], axis=1)
+        nodes = np.take_along_axis(
+            cells[entities[:, 0]], FACETS[tagged.dimension][entities[:, 1]], axis=1
+        )
         rows[name] = np.sort(_numbers(model, nodes), axis=1)
     return rows
 
@@ -106,13 +124,17 @@ def _numbers(model: Model, nodes: npt.NDArray[Any]) -> Ints:
 
 
 def _of_cells(model: Model, y: fem.Function) -> Rows:
-    """Corners and their places, the displacement there and at the middles of edges in the order of ``EDGES``, the mass
-    per volume, and Lame's parameters, or stiffness in the components ``ROWS`` and ``COLUMNS``.
+    """Corners and their places, the displacement there and at the middles of edges in the order of
+    ``EDGES``, the mass per volume, and Lame's parameters, or stiffness in the components ``ROWS``
+    and ``COLUMNS``.
     """
     tagged, d, elastic = model.tagged, model.tagged.dimension, model.elastic
     cells = np.arange(tagged.mesh.topology.index_map(d).size_local)
     corners = np.asarray(compat.geometry_cells(tagged.mesh), dtype=np.int64)[: len(cells)]
-    values, mass = y.x.array.reshape(-1, d)[y.function_space.dofmap.list[: len(cells)]], np.zeros(len(cells))
+    values, mass = (
+        y.x.array.reshape(-1, d)[y.function_space.dofmap.list[: len(cells)]],
+        np.zeros(len(cells)),
+    )
     if values.shape[1] == d + 1:
         values = np.concatenate((values, values[:, EDGES[d]].mean(axis=2)), axis=1)
     for material in model.statement.material:
@@ -121,11 +143,16 @@ def _of_cells(model: Model, y: fem.Function) -> Rows:
     x = np.asarray(tagged.mesh.geometry.x[corners][..., :d], dtype=np.float64)
     rows = {"corners": _numbers(model, corners), "x": x, "displacement": values, "mass": mass}
     if elastic.stiffness is None:
-        return rows | {name: _values_of(part, cells) for name, part in zip(("lame", "mu"), elastic.lame, strict=True)}
+        return rows | {
+            name: _values_of(part, cells)
+            for name, part in zip(("lame", "mu"), elastic.lame, strict=True)
+        }
     pairs = [(int(i), int(j)) for i, j in np.sort(np.column_stack((ROWS[d], COLUMNS[d])), axis=1)]
     axes = [model.kinematics.pairs.index(pair) for pair in pairs]
     moduli = elastic.stiffness.stiffness
-    at_cells = moduli.x.array.reshape(-1, *moduli.ufl_shape)[moduli.function_space.dofmap.list[cells, 0]]
+    at_cells = moduli.x.array.reshape(-1, *moduli.ufl_shape)[
+        moduli.function_space.dofmap.list[cells, 0]
+    ]
     return rows | {"stiffness": at_cells[:, axes][:, :, axes]}
 
 
@@ -136,12 +163,13 @@ def _values_of(part: Any, cells: Ints) -> npt.NDArray[np.float64]:
     return np.full(len(cells), float(part.value))
 
 
-# --- the problem on the first rank ------------------------------------------------------------------------------------
+# --- the problem on the first rank ----------------------------------------------------------------
 
-# Values at both ends of the linear function whose moments with linear ones are those that Simpson's rule has from nodal
-# values, those at the ends first.
+# Values at both ends of the linear function whose moments with linear ones are those that Simpson's
+# rule has from nodal values, those at the ends first.
 _LINEAR: Array = np.array([[4, -2, 4], [-2, 4, 4]]) / 6
-# Of linear functions on an edge the values on its halves, which end with its middle, as that has the higher number.
+# Of linear functions on an edge the values on its halves, which end with its middle, as that has
+# the higher number.
 _ON_HALVES: Array = np.array([[[2, 0], [1, 1]], [[0, 2], [1, 1]]]) / 2
 
 
@@ -168,14 +196,15 @@ class FacetsInContact:
         return np.asarray(-pressure[:, :, None] * self.parts.normal[:, None] - shear)
 
     def excess(self, displacement: Array) -> Array:
-        """Coefficients of Bernstein of what a displacement is beyond the foundation or the other body, from its own,
-        length, shape (m, c).
+        """Coefficients of Bernstein of what a displacement is beyond the foundation or the other
+        body, from its own, length, shape (m, c).
         """
         return np.einsum("fcd,fd->fc", displacement, self.parts.normal) - self.gap
 
     def work(self, motions: Array) -> tuple[Array, Array]:
-        """Of unit pressures and shears at the vertices of the facets, shapes (f, d, k) and (f, d, d, k); ``motions``:
-        linear displacements at the vertices of the parts, relative to the other side, length, shape (m, d, d, k).
+        """Of unit pressures and shears at the vertices of the facets, shapes (f, d, k) and (f, d,
+        d, k); ``motions``: linear displacements at the vertices of the parts, relative to the other
+        side, length, shape (m, d, d, k).
         """
         parts = self.parts
         moments = with_hats(motions, parts.area)
@@ -192,7 +221,8 @@ class PlainProblem:
         y: the displacement at vertices, and at the middles of edges, length, shape (v + e, d).
         held: projectors onto the directions in which supports hold facets, shape (f, d, d).
         body: force per volume at the corners of the cells, shape (n, d + 1, d).
-        traction: of loads at the vertices of the facets, without what supports take of it, stress, shape (f, d, d).
+        traction: of loads at the vertices of the facets, without what supports take of it, stress,
+            shape (f, d, d).
         named: the facets of the boundary that is asked for.
         contacts: the contacts of the scene, in its order.
         cells: how many the mesh has.
@@ -209,7 +239,9 @@ class PlainProblem:
         order = np.where(turned[:, None], [*range(d - 1), d, d - 1], np.arange(d + 1))
         t = Simplices(x, np.take_along_axis(corners, order, axis=1), _moduli(rows, d))
         y: Array = np.zeros((len(x) + len(t.edges), d))
-        y[np.column_stack((corners, len(x) + np.searchsorted(t.keys(t.edges), t.keys(ends))))] = rows["displacement"]
+        y[np.column_stack((corners, len(x) + np.searchsorted(t.keys(t.edges), t.keys(ends))))] = (
+            rows["displacement"]
+        )
         self._given, self.t, self.y, self._halves = t, t, y, np.arange(len(t.facets))[:, None]
         if d == 2 and model.space.element.basix_element.degree == 2:
             # The stress is linear: on four triangles it is as accurate as that of degree 2.
@@ -223,25 +255,36 @@ class PlainProblem:
 
     @property
     def body_moments(self) -> Array:
-        """Integrals of the force per volume times the barycentric coordinates, force, shape (n, d + 1, d)."""
+        """Integrals of the force per volume times the barycentric coordinates, force, shape (n, d +
+        1, d).
+        """
         return with_hats(self.body, self.t.volume)
 
     def work(self, y: Array) -> float:
-        """Of the loads on a displacement that is linear on the cells, at the vertices, shape (v, d), an energy."""
+        """Of the loads on a displacement that is linear on the cells, at the vertices, shape (v,
+        d), an energy.
+        """
         t = self.t
         on_facets = np.einsum("fad,fad->", with_hats(self.traction, t.area), y[t.facets])
         return float(on_facets + np.einsum("ncd,ncd->", self.body_moments, y[t.corners]))
 
     def relative(self, surface: FacetsInContact, y: Array) -> Array:
-        """Coefficients of Bernstein of a displacement of degree 2 relative to the other body, on parts."""
+        """Coefficients of Bernstein of a displacement of degree 2 relative to the other body, on
+        parts.
+        """
         parts, nodes = surface.parts, self.t.nodes_of_facets
-        of_sides = [parts.restricted(coefficients(y[nodes[parts.facet(side)]]), side) for side in parts.sides]
+        of_sides = [
+            parts.restricted(coefficients(y[nodes[parts.facet(side)]]), side)
+            for side in parts.sides
+        ]
         return np.asarray(of_sides[SLAVE] - of_sides[MASTER] if surface.paired else of_sides[SLAVE])
 
     def _undivided(self, name: str) -> Ints:
         """Facets of the undivided cells that rows with a name are."""
         t = self._given
-        return np.searchsorted(t.keys(t.facets), t.keys(np.searchsorted(self._numbers, self._rows[name])))
+        return np.searchsorted(
+            t.keys(t.facets), t.keys(np.searchsorted(self._numbers, self._rows[name]))
+        )
 
     def _facets(self, name: str) -> Ints:
         """Those of the cells, the halves of each one together."""
@@ -250,21 +293,30 @@ class PlainProblem:
     def _loads(self) -> tuple[Array, Array]:
         """Force per volume at corners, and per area at the vertices of facets."""
         t, mass = self.t, np.tile(self._rows["mass"], self.t.parts)
-        body, traction = np.zeros((*t.corners.shape, t.dimension)), np.zeros((*t.facets.shape, t.dimension))
+        body, traction = (
+            np.zeros((*t.corners.shape, t.dimension)),
+            np.zeros((*t.facets.shape, t.dimension)),
+        )
         for listed in self._statement.of(Force):
             factor, load = self._statement.now(listed, self._step)
             if factor == 0:
                 continue
             if load.where is None:
-                body += factor * _density(load, t.x[t.corners], np.zeros((len(mass), t.dimension)), mass, 0.0)
+                body += factor * _density(
+                    load, t.x[t.corners], np.zeros((len(mass), t.dimension)), mass, 0.0
+                )
                 continue
             facets = self._facets(f"at {load.where}")
             x, area = t.x[t.facets[facets]], float(t.area[facets].sum())
-            traction[facets] += factor * _density(load, x, t.normal[facets], mass[t.sides[facets, 0]], area)
+            traction[facets] += factor * _density(
+                load, x, t.normal[facets], mass[t.sides[facets, 0]], area
+            )
         return body, traction @ (np.eye(t.dimension) - self.held)
 
     def _supports(self) -> Array:
-        """Projectors onto the directions that supports hold, where the displacement is what they prescribe."""
+        """Projectors onto the directions that supports hold, where the displacement is what they
+        prescribe.
+        """
         t, missed, largest = self.t, 0.0, float(np.abs(self.y).max())
         places, held = t.with_middles(t.x), np.zeros((*t.facets.shape, t.dimension))
         for entry in self._statement.of(PrescribedDisplacement):
@@ -274,7 +326,10 @@ class PlainProblem:
             facets = self._facets(f"at {effect.boundary}")
             nodes, normal = t.nodes_of_facets[facets], t.normal[facets]
             axes = [np.broadcast_to(axis, normal.shape) for axis in np.eye(t.dimension)]
-            for value, along in ((effect.normal, normal), *zip(effect.components, axes, strict=False)):
+            for value, along in (
+                (effect.normal, normal),
+                *zip(effect.components, axes, strict=False),
+            ):
                 if value is not None:
                     held[facets] += along[:, :, None] * along[:, None]
                     prescribed = factor * _sampled(value, places[nodes])
@@ -284,7 +339,9 @@ class PlainProblem:
         if missed > ZERO_IN_SOLUTION * largest:
             raise refused("supports that prescribe different displacements where they meet")
         sizes, vectors = np.linalg.eigh(held)
-        return np.einsum("fik,fk,fjk->fij", vectors, np.where(sizes > SAME_LENGTH, 1.0, 0.0), vectors)
+        return np.einsum(
+            "fik,fk,fjk->fij", vectors, np.where(sizes > SAME_LENGTH, 1.0, 0.0), vectors
+        )
 
     def _contact(self, number: int, effect: Contact) -> FacetsInContact:
         """With admissible tractions near the nodal ones."""
@@ -293,7 +350,9 @@ class PlainProblem:
         given_bound = getattr(effect.friction, "bound", 0.0)  # that of Tresca friction
         refuse_jumps(given_bound, x, "friction bound")
         bound = _from_inside(_sampled(given_bound, _inside(x)))
-        gap = coefficients(_sampled(effect.gap_in(d), t.with_middles(t.x)[t.nodes_of_facets[facets]]))
+        gap = coefficients(
+            _sampled(effect.gap_in(d), t.with_middles(t.x)[t.nodes_of_facets[facets]])
+        )
         if pair is not None:
             parts = ContactParts.between(t, facets, self._facets(f"master {number}"))
             self._refuse_pair(float(pair.coupling.met), parts, acts=bool(bound.any()))
@@ -305,9 +364,15 @@ class PlainProblem:
                 direction = np.array(effect.direction[:d])
                 towards = np.broadcast_to(direction / np.linalg.norm(direction), towards.shape)
             parts = ContactParts.on_foundation(t, facets, towards)
-        points, undivided = np.flatnonzero(rows["contact of point"] == number), self._undivided(f"slave {number}")
+        points, undivided = (
+            np.flatnonzero(rows["contact of point"] == number),
+            self._undivided(f"slave {number}"),
+        )
         at, pressure, shear = (rows[name][points] for name in ("point", "pressure", "shear"))
-        pressure, shear = self._linear(undivided, at, pressure, positive=True), self._linear(undivided, at, shear)
+        pressure, shear = (
+            self._linear(undivided, at, pressure, positive=True),
+            self._linear(undivided, at, shear),
+        )
         order = np.argsort(facets)
         of_facets = order[np.searchsorted(facets, parts.facets[SLAVE], sorter=order)]
         normal = np.zeros((len(of_facets), d))
@@ -324,8 +389,12 @@ class PlainProblem:
             surface.share = soft[MASTER] / (soft[SLAVE] + soft[MASTER])
         return surface
 
-    def _linear(self, undivided: Ints, points: Array, values: Array, *, positive: bool = False) -> Array:
-        """Linear functions from values at points of a contact, at vertices of facets, shape (m, d, ...)."""
+    def _linear(
+        self, undivided: Ints, points: Array, values: Array, *, positive: bool = False
+    ) -> Array:
+        """Linear functions from values at points of a contact, at vertices of facets, shape (m, d,
+        ...).
+        """
         t, given = self.t, self._given
         # Of this side alone: vertices of the other body may be at the same places.
         halved = len(t.x) > len(given.x)  # then the middles of edges are vertices, too
@@ -339,19 +408,30 @@ class PlainProblem:
                 cut = tractions.clip(min=0.0)
                 share = tractions.sum(axis=1) / np.maximum(cut.sum(axis=1), np.finfo(float).tiny)
                 tractions = cut * share.clip(0.0, 1.0)[:, None]
-            tractions = np.einsum("hab,fb...->fha...", _ON_HALVES, tractions).reshape(-1, 2, *values.shape[1:])
+            tractions = np.einsum("hab,fb...->fha...", _ON_HALVES, tractions).reshape(
+                -1, 2, *values.shape[1:]
+            )
         return tractions
 
     def _away(self, parts: ContactParts) -> Array:
-        """The distance of both sides along the normal at the vertices of the parts, length, shape (m, d)."""
-        x = [parts.local[side] @ self.t.x[self.t.facets[parts.facet(side)]] for side in (SLAVE, MASTER)]
+        """The distance of both sides along the normal at the vertices of the parts, length, shape
+        (m, d).
+        """
+        x = [
+            parts.local[side] @ self.t.x[self.t.facets[parts.facet(side)]]
+            for side in (SLAVE, MASTER)
+        ]
         return np.einsum("fad,fd->fa", x[MASTER] - x[SLAVE], parts.normal)
 
     def _refuse_pair(self, covered: float, parts: ContactParts, *, acts: bool) -> None:
-        """Refuse sides that the proof does not know; ``covered``: area; ``acts``: whether the contact has friction."""
+        """Refuse sides that the proof does not know; ``covered``: area; ``acts``: whether the
+        contact has friction.
+        """
         if abs(float(parts.area.sum()) - covered) > SAME_LENGTH * covered or not covered > 0:
             raise refused("sides of two bodies that neither match nor are flat and parallel")
-        if acts and np.abs(self._away(parts)).max() > SAME_LENGTH * float(np.ptp(self.t.x, axis=0).max()):
+        if acts and np.abs(self._away(parts)).max() > SAME_LENGTH * float(
+            np.ptp(self.t.x, axis=0).max()
+        ):
             raise refused("friction of sides that are apart")
 
 
@@ -371,12 +451,16 @@ def _from_inside(values: Array) -> Array:
 
 
 def _density(load: Force, x: Array, normal: Array, mass: Array, area: float) -> Array:
-    """Of a load at vertices x of m cells or facets, seen from inside, (m, k, d); ``area``: of the boundary."""
+    """Of a load at vertices x of m cells or facets, seen from inside, (m, k, d); ``area``: of the
+    boundary.
+    """
     for value in load.given.values():
         refuse_jumps(value, x, load.label)
     each, d = x.shape[1:]
     places, across = _inside(x).reshape(-1, d).T, np.repeat(normal, each, axis=0).T
-    at = SampledPoints(places, across, lambda effect: area * float(effect.spread), np.repeat(mass, each))
+    at = SampledPoints(
+        places, across, lambda effect: area * float(effect.spread), np.repeat(mass, each)
+    )
     return _from_inside(np.broadcast_to(load.density(at), places.shape).T.reshape(x.shape))
 
 

@@ -1,6 +1,8 @@
-"""Triangles or tetrahedra of a body as plain arrays: geometry, Hooke's law, strains of displacements of degree 2.
+"""Triangles or tetrahedra of a body as plain arrays: geometry, Hooke's law, strains of
+displacements of degree 2.
 
-What is of cells has n rows, of facets f, of edges e, of vertices v; facets are edges in 2D and faces in 3D,
+What is of cells has n rows, of facets f, of edges e, of vertices v; facets are edges in 2D and
+faces in 3D,
 and volumes and areas are areas and lengths in 2D.
 """
 
@@ -22,21 +24,27 @@ Array = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
 EPS = float(np.finfo(float).eps)
 
-# By dimension: reference cells, and the corners of the facet opposite each corner, and of each edge.
+# By dimension: reference cells, and the corners of the facet opposite each corner, and of each
+# edge.
 CELLS = {2: basix.CellType.triangle, 3: basix.CellType.tetrahedron}
-FACETS: dict[int, Ints] = {d: np.array(basix.topology(CELLS[d])[d - 1], dtype=np.int64) for d in (2, 3)}
+FACETS: dict[int, Ints] = {
+    d: np.array(basix.topology(CELLS[d])[d - 1], dtype=np.int64) for d in (2, 3)
+}
 EDGES: dict[int, Ints] = {d: np.array(basix.topology(CELLS[d])[1], dtype=np.int64) for d in (2, 3)}
-# Barycentric places of the corners of each part of a cell, the centre of the cell last, shape (d + 1, d + 1, d + 1).
+# Barycentric places of the corners of each part of a cell, the centre of the cell last, shape (d +
+# 1, d + 1, d + 1).
 CORNERS_OF_PARTS: dict[int, Array] = {
-    d: np.array([[*np.eye(d + 1)[facet], np.full(d + 1, 1 / (d + 1))] for facet in FACETS[d]]) for d in (2, 3)
+    d: np.array([[*np.eye(d + 1)[facet], np.full(d + 1, 1 / (d + 1))] for facet in FACETS[d]])
+    for d in (2, 3)
 }
 # Vertices of the edges of a facet; in 3D the i-th is opposite its i-th vertex.
 EDGES_OF_FACET: dict[int, Ints] = {2: np.array([[0, 1]]), 3: EDGES[2]}
-# Corners of the quarters of a triangle among its own and the middles of its edges, and their barycentric places.
+# Corners of the quarters of a triangle among its own and the middles of its edges, and their
+# barycentric places.
 QUARTERS = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2], [3, 4, 5]])
 OF_QUARTERS: Array = np.concatenate((np.eye(3), (1 - np.eye(3)) / 2))[QUARTERS]
-# Rows and columns of the components (xx, yy, xy) or (xx, yy, zz, yz, xz, xy) of symmetric tensors, and how often each
-# one counts.
+# Rows and columns of the components (xx, yy, xy) or (xx, yy, zz, yz, xz, xy) of symmetric tensors,
+# and how often each one counts.
 ROWS: dict[int, Ints] = {2: np.array([0, 1, 0]), 3: np.array([0, 1, 2, 1, 0, 0])}
 COLUMNS: dict[int, Ints] = {2: np.array([0, 1, 1]), 3: np.array([0, 1, 2, 2, 2, 1])}
 TWICE: dict[int, Array] = {d: np.where(ROWS[d] == COLUMNS[d], 1.0, 2.0) for d in (2, 3)}
@@ -44,7 +52,9 @@ TWICE: dict[int, Array] = {d: np.where(ROWS[d] == COLUMNS[d], 1.0, 2.0) for d in
 
 @dataclass(frozen=True)
 class Moduli:
-    """Hooke's law of n cells, in the components ``ROWS`` and ``COLUMNS`` of epsilon and sigma, m of them."""
+    """Hooke's law of n cells, in the components ``ROWS`` and ``COLUMNS`` of epsilon and sigma, m of
+    them.
+    """
 
     stiffness: Array  # stresses from strains, shape (n, m, m)
     compliance: Array  # its inverse
@@ -55,7 +65,10 @@ class Moduli:
         unit = np.eye(len(ROWS[dimension]))
         normal = (ROWS[dimension] == COLUMNS[dimension]).astype(np.float64)
         mean, first, second = np.outer(normal, normal), lame[:, None, None], 2 * mu[:, None, None]
-        return cls(second * unit + first * mean, (unit - first / (dimension * first + second) * mean) / second)
+        return cls(
+            second * unit + first * mean,
+            (unit - first / (dimension * first + second) * mean) / second,
+        )
 
     @property
     def stiffest(self) -> Array:
@@ -82,19 +95,28 @@ class Simplices:
     x: Array  # vertices, length, shape (v, d)
     corners: Ints  # of each cell, with positive determinants, shape (n, d + 1)
     moduli: Moduli  # of each cell
-    # how many similar triangles a cell of the mesh is divided into, 1 or 4: those of the i-th of m cells are i, i + m
-    # and so on, with corners in the order of its own, the last one between the others
+    # how many similar triangles a cell of the mesh is divided into, 1 or 4: those of the i-th of m
+    # cells are i, i + m and so on, with corners in the order of its own, the last one between the
+    # others
     parts: int = 1
     facets: Ints = field(init=False)  # vertices of each facet, ascending, shape (f, d)
-    facets_of: Ints = field(init=False)  # facets of each cell, the i-th opposite its i-th corner, shape (n, d + 1)
-    edges: Ints = field(init=False)  # vertices of each edge, ascending, shape (e, 2); in 2D those of the facets
-    edges_of: Ints = field(init=False)  # edges of each cell in the order of ``EDGES``, shape (n, 3 or 6)
+    facets_of: Ints = field(
+        init=False
+    )  # facets of each cell, the i-th opposite its i-th corner, shape (n, d + 1)
+    edges: Ints = field(
+        init=False
+    )  # vertices of each edge, ascending, shape (e, 2); in 2D those of the facets
+    edges_of: Ints = field(
+        init=False
+    )  # edges of each cell in the order of ``EDGES``, shape (n, 3 or 6)
 
     def __post_init__(self) -> None:
         """Facets and edges are numbered."""
         for name, parts in (("facets", FACETS), ("edges", EDGES)):
             vertices = np.sort(self.corners[:, parts[self.dimension]], axis=2)
-            _, first, inverse = np.unique(self.keys(vertices), return_index=True, return_inverse=True)
+            _, first, inverse = np.unique(
+                self.keys(vertices), return_index=True, return_inverse=True
+            )
             object.__setattr__(self, name, vertices.reshape(-1, vertices.shape[2])[first])
             object.__setattr__(self, f"{name}_of", inverse.reshape(vertices.shape[:2]))
 
@@ -104,7 +126,9 @@ class Simplices:
         return int(self.x.shape[1])
 
     def keys(self, vertices: Ints) -> Ints:
-        """A number for each edge or facet, by which they are in ascending order, from its vertices, ascending."""
+        """A number for each edge or facet, by which they are in ascending order, from its vertices,
+        ascending.
+        """
         return vertices @ len(self.x) ** np.arange(vertices.shape[-1])[::-1]
 
     @cached_property
@@ -115,11 +139,15 @@ class Simplices:
     @cached_property
     def nodes_of_facets(self) -> Ints:
         """The same of each facet, edges in the order of ``EDGES_OF_FACET``, shape (f, 3 or 6)."""
-        edges = np.searchsorted(self.keys(self.edges), self.keys(self.facets[:, EDGES_OF_FACET[self.dimension]]))
+        edges = np.searchsorted(
+            self.keys(self.edges), self.keys(self.facets[:, EDGES_OF_FACET[self.dimension]])
+        )
         return np.column_stack((self.facets, len(self.x) + edges))
 
     def with_middles(self, y: Array) -> Array:
-        """Values at nodes, the middles of edges after the vertices, of what is linear on the cells, from vertices."""
+        """Values at nodes, the middles of edges after the vertices, of what is linear on the cells,
+        from vertices.
+        """
         return np.concatenate((y, y[self.edges].mean(axis=1)))
 
     @cached_property
@@ -164,7 +192,10 @@ class Simplices:
     @cached_property
     def _scaled_normals(self) -> Array:
         """The area of each facet times its normal out of its first cell, shape (f, d)."""
-        cell, scaled = self.sides[:, 0], -self.dimension * self.volume[:, None, None] * self.gradients
+        cell, scaled = (
+            self.sides[:, 0],
+            -self.dimension * self.volume[:, None, None] * self.gradients,
+        )
         opposite = (self.facets_of[cell] == np.arange(len(cell))[:, None]).argmax(axis=1)
         return np.asarray(scaled[cell, opposite])
 
@@ -175,7 +206,9 @@ class Simplices:
 
     @cached_property
     def normal(self) -> Array:
-        """Of each facet, out of its first cell, on the boundary out of the body, unit, shape (f, d)."""
+        """Of each facet, out of its first cell, on the boundary out of the body, unit, shape (f,
+        d).
+        """
         return self._scaled_normals / self.area[:, None]
 
     @cached_property
@@ -196,8 +229,8 @@ class Simplices:
         return np.concatenate((-inverse.sum(axis=1, keepdims=True), inverse), axis=1)
 
     def strain_at_corners(self, y: Array) -> Array:
-        """Strains of a displacement of degree 2 at nodes, length, shape (v + e, d), at the corners of the cells, shape
-        (n, d + 1, 3 or 6).
+        """Strains of a displacement of degree 2 at nodes, length, shape (v + e, d), at the corners
+        of the cells, shape (n, d + 1, 3 or 6).
         """
         d, g = self.dimension, self.gradients
         # From the first corner on: how far a cell moves costs its strain no digits.
@@ -216,15 +249,21 @@ class Simplices:
 def _times(matrix: Array, components: Array) -> Array:
     """Of each cell, shape (n, ..., m)."""
     count, m = components.shape[0], components.shape[-1]
-    return np.asarray((components.reshape(count, -1, m) @ matrix.swapaxes(1, 2)).reshape(components.shape))
+    return np.asarray(
+        (components.reshape(count, -1, m) @ matrix.swapaxes(1, 2)).reshape(components.shape)
+    )
 
 
 def with_hats(values: Array, measure: Array) -> Array:
-    """Integrals over simplices of a measure of linear functions, given at their k corners, times the hat functions of
-    these, shapes (m, k, ...) and (m,) to (m, k, ...).
+    """Integrals over simplices of a measure of linear functions, given at their k corners, times
+    the hat functions of these, shapes (m, k, ...) and (m,) to (m, k, ...).
     """
     count, shape = values.shape[1], (-1, *[1] * (values.ndim - 1))
-    return np.asarray(measure.reshape(shape) / (count * (count + 1)) * (values + values.sum(axis=1, keepdims=True)))
+    return np.asarray(
+        measure.reshape(shape)
+        / (count * (count + 1))
+        * (values + values.sum(axis=1, keepdims=True))
+    )
 
 
 def motions_of(arm: Array) -> Array:
@@ -234,36 +273,47 @@ def motions_of(arm: Array) -> Array:
 
 
 def closest_linear(moments: Array) -> Array:
-    """The values at the corners of simplices of the linear functions with these mean values of the products with the
-    barycentric coordinates, both of shape (n, k, ...).
+    """The values at the corners of simplices of the linear functions with these mean values of the
+    products with the barycentric coordinates, both of shape (n, k, ...).
     """
     count = moments.shape[1]
     return np.asarray(count * (count + 1) * moments - count * moments.sum(axis=1, keepdims=True))
 
 
 def lagrange(d: int, degree: int, points: Array) -> tuple[Array, Array]:
-    """Of the functions of a degree of vertices, and of edges, at points of the reference cell: values, and derivatives
-    by its axes, shapes (points, nodes) and (d, points, nodes).
+    """Of the functions of a degree of vertices, and of edges, at points of the reference cell:
+    values, and derivatives by its axes, shapes (points, nodes) and (d, points, nodes).
     """
-    element = basix.create_element(basix.ElementFamily.P, CELLS[d], degree, basix.LagrangeVariant.gll_warped)
+    element = basix.create_element(
+        basix.ElementFamily.P, CELLS[d], degree, basix.LagrangeVariant.gll_warped
+    )
     tables = element.tabulate(1, points)[..., 0]
     return tables[0], tables[1:]
 
 
 def divide(t: Simplices, y: Array) -> tuple[Simplices, Array, Ints]:
-    """Each triangle in four by the middles of its edges, see ``QUARTERS``, with a displacement of degree 2 at nodes,
-    length, shape (v + e, 2).
+    """Each triangle in four by the middles of its edges, see ``QUARTERS``, with a displacement of
+    degree 2 at nodes, length, shape (v + e, 2).
 
     Returns:
-        Four times as many triangles, the first ones at the first corners, with the v + e nodes as vertices; the
-        displacement at their nodes; and the halves of each given edge, that at its first end first, shape (e, 2).
+        Four times as many triangles, the first ones at the first corners, with the v + e nodes as
+        vertices; the displacement at their nodes; and the halves of each given edge, that at its
+        first end first, shape (e, 2).
     """
-    moduli, middles = t.moduli.of(np.tile(np.arange(len(t.corners)), 4)), len(t.x) + np.arange(len(t.edges))
+    moduli, middles = (
+        t.moduli.of(np.tile(np.arange(len(t.corners)), 4)),
+        len(t.x) + np.arange(len(t.edges)),
+    )
     corners = t.nodes_of[:, QUARTERS].transpose(1, 0, 2).reshape(-1, 3)
     divided = Simplices(t.with_middles(t.x), corners, moduli, 4)
     values, _ = lagrange(2, 2, OF_QUARTERS[:, EDGES[2]].mean(axis=2).reshape(-1, 3)[:, 1:])
     between = np.zeros((len(divided.edges), 2))
-    between[divided.edges_of] = np.einsum("ken,cnd->kced", values.reshape(4, 3, 6), y[t.nodes_of]).reshape(-1, 3, 2)
+    between[divided.edges_of] = np.einsum(
+        "ken,cnd->kced", values.reshape(4, 3, 6), y[t.nodes_of]
+    ).reshape(-1, 3, 2)
     keys = divided.keys(divided.edges)
-    halves = [np.searchsorted(keys, divided.keys(np.column_stack((t.edges[:, k], middles)))) for k in (0, 1)]
+    halves = [
+        np.searchsorted(keys, divided.keys(np.column_stack((t.edges[:, k], middles))))
+        for k in (0, 1)
+    ]
     return divided, np.concatenate((y, between)), np.column_stack(halves)

@@ -1,7 +1,7 @@
 """An assembly of parts as one model: instances get numbers and names of their own.
 
-A name that several instances have, or that the assembly has too, becomes INSTANCE.NAME; one that is unique stays as it
-is.  Nodes of the second instance, and of the assembly, get higher numbers.
+A name that several instances have, or that the assembly has too, becomes INSTANCE.NAME; one that is
+unique stays as it is.  Nodes of the second instance, and of the assembly, get higher numbers.
 """
 
 from __future__ import annotations
@@ -12,16 +12,36 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from signorini_fx.addons.decks.text import DeckBlock, DeckError, Floats, coordinates, real, real_or_none
+from signorini_fx.addons.decks.text import (
+    DeckBlock,
+    DeckError,
+    Floats,
+    coordinates,
+    real,
+    real_or_none,
+)
 from signorini_fx.mechanics.mesh.files.arrays import plain
 from signorini_fx.mechanics.statement.rigid_shape import turning
 
 # Parameters whose values are sets, surfaces, orientations or nodes.
 _NAMING = ("NSET", "ELSET", "SURFACE", "NODE")
-# Keywords whose rows begin with a node, an element or a set of them, and how many such words there are; None: all.
+# Keywords whose rows begin with a node, an element or a set of them, and how many such words there
+# are; None: all.
 _REFERRING: dict[str, int | None] = {
     **dict.fromkeys(("NSET", "ELSET", "ELEMENT", "TIE", "CONTACTPAIR"), None),
-    **dict.fromkeys(("NODE", "SURFACE", "BOUNDARY", "CLOAD", "DLOAD", "DSLOAD", "TEMPERATURE", "INITIALCONDITIONS"), 1),
+    **dict.fromkeys(
+        (
+            "NODE",
+            "SURFACE",
+            "BOUNDARY",
+            "CLOAD",
+            "DLOAD",
+            "DSLOAD",
+            "TEMPERATURE",
+            "INITIALCONDITIONS",
+        ),
+        1,
+    ),
 }
 _LEVELS = {"PART", "ENDPART", "INSTANCE", "ENDINSTANCE", "ASSEMBLY", "ENDASSEMBLY"}
 _DEFINING = {
@@ -41,7 +61,9 @@ class _Scope:
 
     name: str  # as it is written; empty: that of the assembly
     blocks: list[DeckBlock] = field(default_factory=list)  # its keywords
-    move: _Motion | None = None  # from its coordinates to those of the assembly; None: they are the same
+    move: _Motion | None = (
+        None  # from its coordinates to those of the assembly; None: they are the same
+    )
     first: int = 0  # what is added to its numbers
     names: set[str] = field(default_factory=set)  # of its sets and surfaces, in capitals
 
@@ -75,10 +97,17 @@ def assembled(blocks: list[DeckBlock]) -> list[DeckBlock]:
     first = 0
     for part_scope in (*instances.values(), assembly):
         part_scope.names = {name.upper() for block in part_scope.blocks for name in _defined(block)}
-        part_scope.first, first = first, first + max(map(_largest_number, part_scope.blocks), default=0)
+        part_scope.first, first = (
+            first,
+            first + max(map(_largest_number, part_scope.blocks), default=0),
+        )
     if not any(block.keyword in ("NODE", "ELEMENT") for block in assembly.blocks):
-        assembly.first = 0  # numbers are those of the only instance, in files that say so without its name
-    counts = Counter(name for part_scope in (*instances.values(), assembly) for name in part_scope.names)
+        assembly.first = (
+            0  # numbers are those of the only instance, in files that say so without its name
+        )
+    counts = Counter(
+        name for part_scope in (*instances.values(), assembly) for name in part_scope.names
+    )
     names = _Names(assembly, instances, counts)
     return [
         names.written(block, part_scope)
@@ -102,7 +131,10 @@ def _instance(block: DeckBlock, parts: dict[str, list[DeckBlock]]) -> _Scope:
     try:
         rows = [np.array([real(word) for word in row]) for row in block.rows]
         if [len(row) for row in rows] not in ([], [3], [3, 7]):
-            raise ValueError("a shift of three numbers is expected, then perhaps two points of an axis and an angle")
+            raise ValueError(
+                "a shift of three numbers is expected, then perhaps two points of an axis and an "
+                "angle"
+            )
         if rows:
             instance.move = _motion(*rows)
     except ValueError as error:
@@ -163,7 +195,9 @@ class _Names:
         inside = self.instances.get(block.parameters.get("INSTANCE", "").upper(), scope)
         defined_names = _defined(block)
         parameters = {
-            key: self.word(value, scope) if _names(key, value) or [value] == defined_names else value
+            key: self.word(value, scope)
+            if _names(key, value) or [value] == defined_names
+            else value
             for key, value in block.parameters.items()
         }
         try:
@@ -171,7 +205,10 @@ class _Names:
         except ValueError as error:
             raise DeckError(block, str(error)) from None
         count = 2 if "GENERATE" in block.parameters else _REFERRING.get(block.keyword, 0)
-        rows = [[self.word(word, inside) for word in row[:count]] + row[len(row[:count]) :] for row in rows]
+        rows = [
+            [self.word(word, inside) for word in row[:count]] + row[len(row[:count]) :]
+            for row in rows
+        ]
         return replace(block, parameters=parameters, texts=[",".join(row) or "," for row in rows])
 
 
@@ -183,6 +220,7 @@ def _moved(block: DeckBlock, move: _Motion) -> Sequence[list[str]]:
         moved = move(np.pad(x, ((0, 0), (0, 3 - x.shape[1]))))
         flat = x.shape[1] < 3 and not moved[:, 2].any()
         return [
-            [row[0], *map(repr, point)] for row, point in zip(rows, plain(moved[:, : 2 if flat else 3]), strict=True)
+            [row[0], *map(repr, point)]
+            for row, point in zip(rows, plain(moved[:, : 2 if flat else 3]), strict=True)
         ]
     return rows

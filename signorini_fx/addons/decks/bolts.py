@@ -1,7 +1,7 @@
 """*PRE-TENSION SECTION of an Abaqus or CalculiX input file, as the preload of a scene.
 
-Its reference node has one component: *CLOAD gives the tension through the section, *BOUNDARY the shortening, and with
-FIXED keeps the one that has been reached.
+Its reference node has one component: *CLOAD gives the tension through the section, *BOUNDARY the
+shortening, and with FIXED keeps the one that has been reached.
 """
 
 from __future__ import annotations
@@ -24,7 +24,9 @@ def read_bolt(deck: Deck, block: DeckBlock) -> None:
     node, name = deck.single(block.parameters["NODE"]), block.parameters.get("SURFACE", "")
     surface = deck.label("surface", name)
     if node is None or surface is None:
-        deck.lose(block, f"the preload: {name!r} is no surface of faces, or NODE is not a single node")
+        deck.lose(
+            block, f"the preload: {name!r} is no surface of faces, or NODE is not a single node"
+        )
     elif (normal := _normal(deck, surface)) is None:
         deck.lose(block, f"the preload: the surface {name!r} is not in one plane")
     else:
@@ -60,12 +62,18 @@ def hold(deck: Deck, block: DeckBlock) -> None:
 
 
 def drive(deck: Deck, block: DeckBlock, kind: str, node: int, component: int, value: float) -> None:
-    """What a reference node is given: force, shortening (``prescribed``), or that it is ``fixed``."""
+    """What a reference node is given: force, shortening (``prescribed``), or that it is
+    ``fixed``.
+    """
     if component != 1:
-        deck.lose(block, f"component {component} of node {node}: that of a preload has the first one only")
+        deck.lose(
+            block, f"component {component} of node {node}: that of a preload has the first one only"
+        )
         return
     key = ("bolt", str(node), kind)
-    deck.loads.setdefault(key, DeckLoad("bolt", str(node), (kind,), block)).values[deck.step] = value
+    deck.loads.setdefault(key, DeckLoad("bolt", str(node), (kind,), block)).values[deck.step] = (
+        value
+    )
 
 
 def bolt_tables(deck: Deck, steps: int) -> list[tuple[str, dict[str, Any]]]:
@@ -77,7 +85,8 @@ def bolt_tables(deck: Deck, steps: int) -> list[tuple[str, dict[str, Any]]]:
     tables = []
     for node, course in courses.items():
         force, fixed, moved = (
-            course[key].by_step(steps) if key in course else [None] * steps for key in ("force", "fixed", "prescribed")
+            course[key].by_step(steps) if key in course else [None] * steps
+            for key in ("force", "fixed", "prescribed")
         )
         block = next(iter(course.values())).block
         key, values, until = "shortening", moved, 0
@@ -85,19 +94,35 @@ def bolt_tables(deck: Deck, steps: int) -> list[tuple[str, dict[str, Any]]]:
             label = f"preload of {deck.bolts[node]!r}"
             until = next((k for k in range(steps) if fixed[k] or moved[k] is not None), steps)
             if until == 0 or not all(value is not None and value > 0 for value in force[:until]):
-                deck.lose(block, f"{label}: give a positive force in each step until it is fixed, or a shortening")
+                deck.lose(
+                    block,
+                    f"{label}: give a positive force in each step until it is fixed, or a "
+                    "shortening",
+                )
                 continue
             if any(value is not None for value in moved):
-                deck.lose(block, f"{label}: prescribed after a force: the length that the force leads to is kept")
+                deck.lose(
+                    block,
+                    f"{label}: prescribed after a force: the length that the force leads to is "
+                    "kept",
+                )
             share = deck.thickness if deck.mesh.dim == 2 else 1.0
             # The force after the section is fixed does not matter.
             key, values = (
                 "force",
-                [(value or 0.0) / share for value in force[:until] + force[until - 1 : until] * (steps - until)],
+                [
+                    (value or 0.0) / share
+                    for value in force[:until] + force[until - 1 : until] * (steps - until)
+                ],
             )
         elif not any(moved):
             continue
         largest, factors = factors_of([value or 0.0 for value in values])
         table = {"#": block.origin, "section": deck.bolts[node], key: largest}
-        tables.append(("[[preload]]", table | {"locked_after": until if until > 1 else None, "factors": factors}))
+        tables.append(
+            (
+                "[[preload]]",
+                table | {"locked_after": until if until > 1 else None, "factors": factors},
+            )
+        )
     return tables

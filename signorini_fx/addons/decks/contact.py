@@ -15,7 +15,14 @@ from signorini_fx.addons.decks.unread_keywords import CONSTRAINT
 from signorini_fx.tuned import HARD_CONTACT
 
 # How a contact pair is discretised, which a scene chooses itself.
-_KINDS_OF_PAIRS = ("NODETOSURFACE", "SURFACETOSURFACE", "MORTAR", "LINMORTAR", "PGLINMORTAR", "MASSLESS")
+_KINDS_OF_PAIRS = (
+    "NODETOSURFACE",
+    "SURFACETOSURFACE",
+    "MORTAR",
+    "LINMORTAR",
+    "PGLINMORTAR",
+    "MASSLESS",
+)
 # Elements that may have friction of their own, of no *SURFACE INTERACTION.
 _WITH_FRICTION = ("GAP", "CONNECTORFRICTION")
 
@@ -23,7 +30,9 @@ _WITH_FRICTION = ("GAP", "CONNECTORFRICTION")
 def read_interaction(deck: Deck, block: DeckBlock) -> None:
     """*SURFACE INTERACTION."""
     if block.rows and deck.mesh.dim == 3:  # in 2D it is a thickness
-        raise ValueError(f"data line 1, {', '.join(block.rows[0])!r}, is one too many: of which keyword is it?")
+        raise ValueError(
+            f"data line 1, {', '.join(block.rows[0])!r}, is one too many: of which keyword is it?"
+        )
     deck.interaction = block.parameters["NAME"].upper()
     deck.interactions.setdefault(deck.interaction, Interaction())
     if "USER" in block.parameters:
@@ -51,7 +60,11 @@ def read_friction(deck: Deck, block: DeckBlock) -> None:
     if len(rows) == 1 and len(rows[0]) == 2:
         interaction.sticking = _stiffness_of(rows[0][1])
     if len(rows) > 1 or any(len(row) > 2 for row in rows):
-        deck.lose(block, "friction that depends on speed, pressure or temperature: the first coefficient is taken")
+        deck.lose(
+            block,
+            "friction that depends on speed, pressure or temperature: the first coefficient is "
+            "taken",
+        )
 
 
 def read_behaviour(deck: Deck, block: DeckBlock) -> None:
@@ -59,7 +72,10 @@ def read_behaviour(deck: Deck, block: DeckBlock) -> None:
     interaction, rows = _interaction(deck), block.rows
     kind = block.parameters.get("PRESSURE-OVERCLOSURE", "HARD").upper()
     if interaction.behaviour is not None:
-        deck.lose(block, f"a second behaviour of the interaction {deck.interaction!r}: the last one is taken")
+        deck.lose(
+            block,
+            f"a second behaviour of the interaction {deck.interaction!r}: the last one is taken",
+        )
     for word in itertools.chain(*rows):
         real(word)  # also those that only some programs read
     interaction.behaviour, interaction.tied, interaction.stiffness = block, kind == "TIED", None
@@ -70,7 +86,9 @@ def read_behaviour(deck: Deck, block: DeckBlock) -> None:
     elif kind == "HARD" and any(rows):
         deck.lose(block, "its numbers are not read: contact is hard")
     elif kind not in ("HARD", "LINEAR", "TIED"):
-        deck.lose(block, f"{kind}: soft contact is read as LINEAR or TIED only: this contact is hard")
+        deck.lose(
+            block, f"{kind}: soft contact is read as LINEAR or TIED only: this contact is hard"
+        )
 
 
 def _stiffness_of(word: str) -> float:
@@ -86,12 +104,22 @@ def read_pairs(deck: Deck, block: DeckBlock) -> None:
     if kind.upper().replace(" ", "") not in _KINDS_OF_PAIRS:
         raise ValueError(f"TYPE={kind}: NODE TO SURFACE, SURFACE TO SURFACE or MORTAR is expected")
     interaction, adjust = parameters.get("INTERACTION", "").upper(), parameters.get("ADJUST")
-    named = {b.parameters.get("NAME", "").upper() for b in deck.model.blocks if b.keyword == "SURFACEINTERACTION"}
+    named = {
+        b.parameters.get("NAME", "").upper()
+        for b in deck.model.blocks
+        if b.keyword == "SURFACEINTERACTION"
+    }
     if interaction and interaction not in named:
         raise ValueError(f"there is no *SURFACE INTERACTION, NAME={interaction}")
-    if adjust is not None and (not adjust or real_or_none(adjust) is None) and deck.label("nodes", adjust) is None:
+    if (
+        adjust is not None
+        and (not adjust or real_or_none(adjust) is None)
+        and deck.label("nodes", adjust) is None
+    ):
         raise ValueError(f"ADJUST={adjust}: a length or the name of a set of nodes is expected")
-    deck.pairs += [SurfacePair(row[0], (*row, row[0])[1], interaction, block, adjust) for row in block.rows]
+    deck.pairs += [
+        SurfacePair(row[0], (*row, row[0])[1], interaction, block, adjust) for row in block.rows
+    ]
 
 
 def read_ties(deck: Deck, block: DeckBlock) -> None:
@@ -108,9 +136,17 @@ def contact_tables(deck: Deck) -> tuple[list[dict[str, Any]], dict[str, Any]]:
     interactions: list[Interaction | None] = []
     taken: dict[str, Ints] = {}  # facets with contact points: they are in one contact only
     touched: dict[str, Ints] = {}  # by others, which may be several
-    for pair in sorted(_oriented(deck), key=lambda pair: pair.interaction is not None):  # ties come first
-        interaction = None if pair.interaction is None else deck.interactions.get(pair.interaction, Interaction())
-        label = f"{'tie' if interaction is None else 'contact'} of {pair.slave!r} with {pair.master!r}"
+    for pair in sorted(
+        _oriented(deck), key=lambda pair: pair.interaction is not None
+    ):  # ties come first
+        interaction = (
+            None
+            if pair.interaction is None
+            else deck.interactions.get(pair.interaction, Interaction())
+        )
+        label = (
+            f"{'tie' if interaction is None else 'contact'} of {pair.slave!r} with {pair.master!r}"
+        )
         first, opposite = deck.boundary(pair.slave), deck.boundary(pair.master)
         if first is None or opposite is None:
             absent = pair.slave if first is None else pair.master
@@ -121,7 +157,10 @@ def contact_tables(deck: Deck) -> tuple[list[dict[str, Any]], dict[str, Any]]:
             continue
         facets = {side: deck.mesh.boundaries[side] for side in (first, opposite)}
         if _shared(facets[first], taken | touched) or _shared(facets[opposite], taken):
-            deck.lose(pair.block, f"{label}: facets of {first!r} are in another contact, and have one only")
+            deck.lose(
+                pair.block,
+                f"{label}: facets of {first!r} are in another contact, and have one only",
+            )
             continue
         taken[first] = facets[first]
         touched[opposite] = facets[opposite]
@@ -130,7 +169,10 @@ def contact_tables(deck: Deck) -> tuple[list[dict[str, Any]], dict[str, Any]]:
             table["kind"] = "bonded"
         else:
             law = {"law": "coulomb", "coefficient": interaction.coefficient, "cap": interaction.cap}
-            table |= {"adjust": _adjust(deck, pair, label), "friction": law if interaction.coefficient else None}
+            table |= {
+                "adjust": _adjust(deck, pair, label),
+                "friction": law if interaction.coefficient else None,
+            }
         tables.append(table)
         interactions.append(interaction)
     return tables, _stiffness(deck, interactions, tables)
@@ -141,7 +183,9 @@ def _shared(facets: Ints, opposite: dict[str, Ints]) -> bool:
 
 
 def _oriented(deck: Deck) -> list[SurfacePair]:
-    """The pairs; where one dependent surface is in several, the other surfaces get the contact points."""
+    """The pairs; where one dependent surface is in several, the other surfaces get the contact
+    points.
+    """
     counts = Counter(filter(None, (deck.boundary(pair.slave) for pair in deck.pairs)))
     return [
         replace(pair, slave=pair.master, master=pair.slave)
@@ -152,18 +196,27 @@ def _oriented(deck: Deck) -> list[SurfacePair]:
 
 
 def _adjust(deck: Deck, pair: SurfacePair, label: str) -> float | None:
-    """How far points are moved onto the other side, length: ADJUST of *CONTACT PAIR, a length or a set of nodes."""
+    """How far points are moved onto the other side, length: ADJUST of *CONTACT PAIR, a length or a
+    set of nodes.
+    """
     length = None if pair.adjust is None else real_or_none(pair.adjust)
     if pair.adjust is None or length is not None:
         return length
     if np.isin(deck.held(str(deck.boundary(pair.slave))), deck.nodes(pair.adjust)).all():
         return deck.mesh.diagonal
-    deck.lose(pair.block, f"{label}: ADJUST: a set with only some nodes of the dependent surface is not read")
+    deck.lose(
+        pair.block,
+        f"{label}: ADJUST: a set with only some nodes of the dependent surface is not read",
+    )
     return None
 
 
-def _stiffness(deck: Deck, interactions: list[Interaction | None], tables: list[dict[str, Any]]) -> dict[str, Any]:
-    """The stiffness of contact and of sticking as keys of [solver]; where contacts differ each has an overclosure."""
+def _stiffness(
+    deck: Deck, interactions: list[Interaction | None], tables: list[dict[str, Any]]
+) -> dict[str, Any]:
+    """The stiffness of contact and of sticking as keys of [solver]; where contacts differ each has
+    an overclosure.
+    """
     contacts = [used for used in interactions if used is not None]
     slopes, tied = {used.stiffness for used in contacts}, [used.tied for used in contacts]
     slope = next(iter(slopes)) if len(slopes) == 1 else None
@@ -173,10 +226,17 @@ def _stiffness(deck: Deck, interactions: list[Interaction | None], tables: list[
         solver["gamma_n"] = slope
     else:
         for interaction, table in zip(interactions, tables, strict=True):
-            if interaction is None or interaction.stiffness is None or interaction.behaviour is None:
+            if (
+                interaction is None
+                or interaction.stiffness is None
+                or interaction.behaviour is None
+            ):
                 continue
             if interaction.tied:
-                deck.lose(interaction.behaviour, "the stiffness of a bond beside other contact is not read")
+                deck.lose(
+                    interaction.behaviour,
+                    "the stiffness of a bond beside other contact is not read",
+                )
             else:
                 table["overclosure"] = {"law": "linear", "stiffness": interaction.stiffness}
     rubbing = [used.sticking for used in contacts if used.coefficient]
@@ -185,7 +245,10 @@ def _stiffness(deck: Deck, interactions: list[Interaction | None], tables: list[
         solver["gamma_t"] = max(soft)
         if len({*rubbing}) > 1 and min(soft) < _hard(deck):
             block = next(pair.block for pair in deck.pairs if pair.interaction is not None)
-            deck.lose(block, "contacts of several stiffnesses of sticking: a scene has one gamma_t, the largest")
+            deck.lose(
+                block,
+                "contacts of several stiffnesses of sticking: a scene has one gamma_t, the largest",
+            )
     return solver
 
 
@@ -196,8 +259,8 @@ def _hard(deck: Deck) -> float:
 
 
 def say_partners(deck: Deck, contacts: list[dict[str, Any]]) -> None:
-    """Say of contacts of nonlinear bodies how they slide: what is tied or adjusted keeps its partners, and so do sides
-    of degree 2 in 3D.
+    """Say of contacts of nonlinear bodies how they slide: what is tied or adjusted keeps its
+    partners, and so do sides of degree 2 in 3D.
     """
     for table in contacts:
         bonded, adjusted = "kind" in table, table.get("adjust") is not None

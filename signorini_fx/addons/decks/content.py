@@ -1,4 +1,6 @@
-"""An Abaqus input file in terms of a scene: loads by step, names of boundaries, remarks on what is not read."""
+"""An Abaqus input file in terms of a scene: loads by step, names of boundaries, remarks on what is
+not read.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,9 @@ Place = tuple[tuple[str, Any], ...]
 
 @dataclass
 class DeckLoad:
-    """A boundary condition or a load with its value in the steps that give one; in others it stays as it was."""
+    """A boundary condition or a load with its value in the steps that give one; in others it stays
+    as it was.
+    """
 
     table: str  # of the scene
     target: str  # name of its boundary, or number of its reference node
@@ -30,10 +34,14 @@ class DeckLoad:
     block: DeckBlock  # the first keyword that gives it
     direction: tuple[float, ...] = (1.0,)  # share of the value in each key
     place: Place = ()  # keys of its table besides these
-    values: dict[int, float | None] = field(default_factory=dict)  # step -> value; None: it ends with this step
+    values: dict[int, float | None] = field(
+        default_factory=dict
+    )  # step -> value; None: it ends with this step
 
     def by_step(self, steps: int) -> list[float | None]:
-        """Its value in each step, None where there is none; a value before the first step holds in all."""
+        """Its value in each step, None where there is none; a value before the first step holds in
+        all.
+        """
         current, values = self.values.get(-1), []
         for step in range(steps):
             current = self.values.get(step, current)
@@ -56,7 +64,9 @@ class Interaction:
 
     coefficient: float = 0.0  # of friction
     cap: float | None = None  # the largest shear, stress; None: there is none
-    sticking: float | None = None  # stiffness of sticking, stress per length; None: the file gives none
+    sticking: float | None = (
+        None  # stiffness of sticking, stress per length; None: the file gives none
+    )
     behaviour: DeckBlock | None = None  # the last *SURFACE BEHAVIOR
     stiffness: float | None = None  # of contact, stress per length; None: it is hard
     tied: bool = False  # whether both sides are bonded
@@ -102,7 +112,9 @@ class Deck:
     interaction: str = ""
     interactions: dict[str, Interaction] = field(default_factory=dict)
     pairs: list[SurfacePair] = field(default_factory=list)
-    bolts: dict[int, str] = field(default_factory=dict)  # reference node of a *PRE-TENSION SECTION -> its surface
+    bolts: dict[int, str] = field(
+        default_factory=dict
+    )  # reference node of a *PRE-TENSION SECTION -> its surface
 
     @property
     def kinematics(self) -> Kinematics:
@@ -119,7 +131,7 @@ class Deck:
         """Of the mesh."""
         return "xyz"[: self.mesh.dim]
 
-    # --- remarks ------------------------------------------------------------------------------------------------------
+    # --- remarks ----------------------------------------------------------------------------------
 
     def lose(self, block: DeckBlock, why: str) -> None:
         """Say that something is not in the scene that changes its solution."""
@@ -143,12 +155,18 @@ class Deck:
                 lines.append(f"{places[0]}, *{name}{repeats}: {why}")
         return lines
 
-    # --- names --------------------------------------------------------------------------------------------------------
+    # --- names ------------------------------------------------------------------------------------
 
     def label(self, kind: str, name: str) -> str | None:
-        """The name of a boundary, surface, region or set of nodes of the file, whatever its case."""
+        """The name of a boundary, surface, region or set of nodes of the file, whatever its
+        case.
+        """
         of_body = {"boundary": self.mesh.boundaries, "region": self.mesh.regions}
-        names: dict[str, Any] = {"surface": self.model.surfaces, "nodes": self.model.raw.node_sets, **of_body}
+        names: dict[str, Any] = {
+            "surface": self.model.surfaces,
+            "nodes": self.model.raw.node_sets,
+            **of_body,
+        }
         named = names[kind]
         spelt = self.model.spelt.get(name.upper(), name)
         empty = kind in ("boundary", "surface") and not len(named.get(spelt, ()))
@@ -159,15 +177,21 @@ class Deck:
         return self.label("boundary", name)
 
     def check_nodes(self, name: str) -> None:
-        """Refuse names of sets that the file does not define; CalculiX takes numbers that it has not, too."""
-        if number_of(name) is None and not any(self.label(kind, name) for kind in ("nodes", "boundary", "surface")):
+        """Refuse names of sets that the file does not define; CalculiX takes numbers that it has
+        not, too.
+        """
+        if number_of(name) is None and not any(
+            self.label(kind, name) for kind in ("nodes", "boundary", "surface")
+        ):
             raise ValueError(f"set {name!r} does not exist")
 
-    # --- nodes --------------------------------------------------------------------------------------------------------
+    # --- nodes ------------------------------------------------------------------------------------
 
     @cached_property
     def numbers(self) -> Ints:
-        """Row of the file of each node of the body, ascending; nodes that complete its cells have none."""
+        """Row of the file of each node of the body, ascending; nodes that complete its cells have
+        none.
+        """
         raw = self.model.raw
         used = np.zeros(len(raw.points), dtype=bool)
         for kind, nodes in raw.blocks:
@@ -182,10 +206,14 @@ class Deck:
 
     @cached_property
     def bodies(self) -> dict[str, Ints]:
-        """The name of each body and where its nodes are in ``numbers``; the name of the only one is empty."""
+        """The name of each body and where its nodes are in ``numbers``; the name of the only one is
+        empty.
+        """
         if not self.model.bodies:
             return {"": np.arange(len(self.numbers))}
-        nodes = {name: np.unique(self.mesh.cells[self.mesh.regions[name]]) for name in self.model.bodies}
+        nodes = {
+            name: np.unique(self.mesh.cells[self.mesh.regions[name]]) for name in self.model.bodies
+        }
         return {name: of_body[of_body < len(self.numbers)] for name, of_body in nodes.items()}
 
     @cached_property
@@ -194,7 +222,9 @@ class Deck:
         return {node: name for name, nodes in self.bodies.items() for node in plain(nodes)}
 
     def at_point(self, row: int) -> Place:
-        """The place of a node by its row in the file: another body may have a node at the same place."""
+        """The place of a node by its row in the file: another body may have a node at the same
+        place.
+        """
         node = int(np.searchsorted(self.numbers, row))
         return (("at", tuple(plain(self.mesh.points[node]))), ("region", self._body_of[node]))
 
@@ -206,7 +236,11 @@ class Deck:
     def nodes(self, name: str) -> Ints:
         """Rows of the file of the nodes of a set that the body has."""
         label = self.label("nodes", name)
-        return np.empty(0, np.int64) if label is None else np.intersect1d(self.model.raw.node_sets[label], self.numbers)
+        return (
+            np.empty(0, np.int64)
+            if label is None
+            else np.intersect1d(self.model.raw.node_sets[label], self.numbers)
+        )
 
     def held(self, boundary: str) -> Ints:
         """Rows of the file of the nodes of a boundary."""
@@ -214,7 +248,9 @@ class Deck:
         return self.numbers[nodes[nodes < len(self.numbers)]]
 
     def single(self, name: str) -> int | None:
-        """The number of a node, or of the only one of a set, also if the body has it not; None: it is none."""
+        """The number of a node, or of the only one of a set, also if the body has it not; None: it
+        is none.
+        """
         if (number := number_of(name)) is not None:
             return number
         label = self.label("nodes", name)
@@ -227,10 +263,14 @@ class Deck:
 
     @cached_property
     def given_singly(self) -> set[int]:
-        """The components of which one keyword changes some forces of another one: by boundaries they would add up."""
+        """The components of which one keyword changes some forces of another one: by boundaries
+        they would add up.
+        """
         single_components, seen = set[int](), dict[tuple[int, int], frozenset[int]]()
         for block in self.model.blocks:
-            for group in self.model.groups.get(block.number, ()) if block.keyword == "CLOAD" else ():
+            for group in (
+                self.model.groups.get(block.number, ()) if block.keyword == "CLOAD" else ()
+            ):
                 component, nodes = int(group.words[0]), frozenset(group.nodes)
                 for node in nodes:
                     if seen.setdefault((component, node), nodes) != nodes:

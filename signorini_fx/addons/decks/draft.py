@@ -14,7 +14,14 @@ from signorini_fx.addons.decks.bolts import bolt_tables
 from signorini_fx.addons.decks.contact import contact_tables, say_partners
 from signorini_fx.addons.decks.content import Deck
 from signorini_fx.addons.decks.reading import read_deck
-from signorini_fx.addons.decks.text import DeckBlock, factors_of, lines_of, origins_of, placed, written
+from signorini_fx.addons.decks.text import (
+    DeckBlock,
+    factors_of,
+    lines_of,
+    origins_of,
+    placed,
+    written,
+)
 
 
 @dataclass(frozen=True)
@@ -22,13 +29,17 @@ class Draft:
     """A scene that was drafted from an input file."""
 
     text: str  # of the scene file
-    lost: list[str]  # what the scene lacks, so that its solution is another one; the scene says it itself
+    lost: list[
+        str
+    ]  # what the scene lacks, so that its solution is another one; the scene says it itself
     noted: list[str]  # what is put in another way, or does not change the solution
     deck: Deck  # what was read
 
 
 def draft(file: Path, target: Path) -> Draft:
-    """The scene that an input file describes; ``target``: where it will be, from which it refers to the file."""
+    """The scene that an input file describes; ``target``: where it will be, from which it refers to
+    the file.
+    """
     deck = read_deck(file)
     with placed(file):
         tables = _tables(deck)
@@ -41,7 +52,10 @@ def draft(file: Path, target: Path) -> Draft:
     lines += [f"# Left out: {remark}" for remark in noted]
     lines += [f"title = {written(deck.title or file.stem)}"]
     if lost:
-        lines += ["# Remove what you have completed, or do not need: results are incomplete as long as this is here."]
+        lines += [
+            "# Remove what you have completed, or do not need: results are incomplete as long as "
+            "this is here."
+        ]
         lines += ["incomplete = [", *(f"    {written(remark)}," for remark in lost), "]"]
     lines += ["", "[mesh]", f"file = {written(os.path.relpath(file, target.parent))}"]
     for heading, table in tables:
@@ -67,13 +81,17 @@ def _tables(deck: Deck) -> list[tuple[str, dict[str, Any]]]:
         *bolt_tables(deck, steps),
         *(("[[contact]]", table) for table in contacts),
     ]
-    if any(table.get(key) for _, table in tables for key in ("factors", "holds")):  # else all steps are the same
+    if any(
+        table.get(key) for _, table in tables for key in ("factors", "holds")
+    ):  # else all steps are the same
         tables.append(("[load_steps]", {"names": deck.steps}))
     return tables + ([("[solver]", stiffness)] if stiffness else [])
 
 
 def _load_tables(deck: Deck, steps: int, *, releases: bool) -> list[tuple[str, dict[str, Any]]]:
-    """Supports and loads, in one table what has the same course on a boundary; ``releases``: supports may end."""
+    """Supports and loads, in one table what has the same course on a boundary; ``releases``:
+    supports may end.
+    """
     merged: dict[tuple[Any, ...], dict[str, float]] = {}
     origins: dict[tuple[Any, ...], list[DeckBlock]] = {}
     for load in deck.loads.values():
@@ -86,18 +104,28 @@ def _load_tables(deck: Deck, steps: int, *, releases: bool) -> list[tuple[str, d
             continue
         held = tuple(value is not None for value in values) if supports and None in values else ()
         if held and not releases and any(held):
-            free = ", ".join(name for name, value in zip(deck.steps, values, strict=False) if value is None)
+            free = ", ".join(
+                name for name, value in zip(deck.steps, values, strict=False) if value is None
+            )
             what = f"at = {written(load.place[0][1])}" if load.place else repr(load.target)
-            deck.lose(load.block, f"{what} is free along {load.keys[-1]} in {free}: here it is held there")
+            deck.lose(
+                load.block, f"{what} is free along {load.keys[-1]} in {free}: here it is held there"
+            )
             held = ()
         elif held and not any(held):
             continue
-        components = {key: share * largest for key, share in zip(load.keys, load.direction, strict=False) if share}
+        components = {
+            key: share * largest
+            for key, share in zip(load.keys, load.direction, strict=False)
+            if share
+        }
         if load.table == "rotation":  # its factors multiply the force
             components = {"speed": math.sqrt(largest)}
         where = (load.table, load.target, load.place, factors, held)
         # Two loads with the same component are two entries, which add up.
-        entry = next(n for n in count() if not components.keys() & merged.get((*where, n), {}).keys())
+        entry = next(
+            n for n in count() if not components.keys() & merged.get((*where, n), {}).keys()
+        )
         merged.setdefault((*where, entry), {}).update(components)
         origins.setdefault((*where, entry), []).append(load.block)
     tables, weighing = [], False

@@ -35,7 +35,9 @@ _BODY_FORCE = re.compile(r"GRAV|CENTRIF|B[XYZ]|P\d", re.IGNORECASE)
 
 
 def read_boundary(deck: Deck, block: DeckBlock) -> None:
-    """*BOUNDARY: displacements of sets and of single nodes, on whole facets and at the nodes that fill none."""
+    """*BOUNDARY: displacements of sets and of single nodes, on whole facets and at the nodes that
+    fill none.
+    """
     _forget(deck, block)
     if "FIXED" in block.parameters:
         bolts.hold(deck, block)
@@ -59,13 +61,21 @@ def read_boundary(deck: Deck, block: DeckBlock) -> None:
             nodes[group.name] = body_nodes
             prescribed.setdefault(group.name, {}).update(components(group.words))
     for name, displacements in prescribed.items():
-        if any(component not in _AXES and component not in ROTATIONS for component in displacements):
+        if any(
+            component not in _AXES and component not in ROTATIONS for component in displacements
+        ):
             deck.note(block, f"what {name!r} has besides displacements and rotations")
-        named = {_AXES.get(component, ""): value * factor for component, value in displacements.items()}
+        named = {
+            _AXES.get(component, ""): value * factor for component, value in displacements.items()
+        }
         along = {axis: named[axis] for axis in deck.axes if axis in named}
         held = deck.rows(nodes[name]) if name in nodes else deck.nodes(name)
         if along and not held.size:
-            many = "single nodes" if len(nodes.get(name, ())) > 1 else f"node {nodes.get(name, ('',))[0]}"
+            many = (
+                "single nodes"
+                if len(nodes.get(name, ())) > 1
+                else f"node {nodes.get(name, ('',))[0]}"
+            )
             deck.note(block, f"support of {many if name in nodes else repr(name)}: {NO_BODY_PART}")
         where = deck.boundary(name)
         if where is not None and np.setdiff1d(deck.held(where), held).size:
@@ -75,7 +85,9 @@ def read_boundary(deck: Deck, block: DeckBlock) -> None:
         places += [("", deck.at_point(row)) for row in plain(alone)]
         for axis, value in along.items():
             for target, place in places:
-                _set_load(deck, DeckLoad("displacement", target, (axis,), block, place=place), value)
+                _set_load(
+                    deck, DeckLoad("displacement", target, (axis,), block, place=place), value
+                )
 
 
 def read_surface_loads(deck: Deck, block: DeckBlock) -> None:
@@ -90,7 +102,10 @@ def read_surface_loads(deck: Deck, block: DeckBlock) -> None:
             _press(deck, block, where, factor * real(words[0]))
         elif kind.upper() in ("TRVEC", "TRSHR"):
             if kind.upper() == "TRSHR":
-                deck.note(block, f"TRSHR on {name!r}: taken along its vector, which must lie in the surface")
+                deck.note(
+                    block,
+                    f"TRSHR on {name!r}: taken along its vector, which must lie in the surface",
+                )
             direction = _unit([real(word) for word in words[1:]])[: deck.mesh.dim]
             load = DeckLoad("traction", where, tuple(deck.axes), block, direction)
             _set_load(deck, load, factor * real(words[0]))
@@ -110,10 +125,14 @@ def read_body_forces(deck: Deck, block: DeckBlock) -> None:
     factor = share_now(deck, block)
     for group in deck.model.groups.get(block.number, []):
         if (where := deck.boundary(group.name)) is None:
-            deck.lose(block, f"pressure on faces that are no boundary of the body: {len(group.values)}")
+            deck.lose(
+                block, f"pressure on faces that are no boundary of the body: {len(group.values)}"
+            )
         else:
             _press(deck, block, where, factor * group.values[0])
-    parts: dict[tuple[str, ...], dict[str, Ints]] = {}  # load without its set -> set -> cells that it acts on
+    parts: dict[
+        tuple[str, ...], dict[str, Ints]
+    ] = {}  # load without its set -> set -> cells that it acts on
     for row in block.rows:
         at = next((k for k, word in enumerate(row) if _BODY_FORCE.fullmatch(word)), None)
         if at is None:
@@ -131,21 +150,34 @@ def read_body_forces(deck: Deck, block: DeckBlock) -> None:
         if len(np.unique(np.concatenate([*loaded.values()]))) < len(deck.mesh.cells):
             deck.lose(block, f"{kind} on {', '.join(map(repr, loaded))}, a part of the body")
         elif kind.startswith("B"):
-            _set_load(deck, DeckLoad("body_force", "", (kind[1].lower(),), block), factor * words[0])
-        elif not deck.materials or any("density" not in properties for properties in deck.materials.values()):
+            _set_load(
+                deck, DeckLoad("body_force", "", (kind[1].lower(),), block), factor * words[0]
+            )
+        elif not deck.materials or any(
+            "density" not in properties for properties in deck.materials.values()
+        ):
             deck.lose(block, f"{kind}: a material has no *DENSITY")
         elif kind == "GRAV":
             direction = _unit(words[1:])[: deck.mesh.dim]
-            _set_load(deck, DeckLoad("gravity", "", tuple(deck.axes), block, direction), factor * words[0])
+            _set_load(
+                deck, DeckLoad("gravity", "", tuple(deck.axes), block, direction), factor * words[0]
+            )
         else:
             about, axis = words[1:4], words[4:7]
             turns = deck.mesh.dim == 3 or any(axis[:2])
-            place = (("about", tuple(about[: deck.mesh.dim])), ("axis", tuple(axis[: deck.mesh.dim]) if turns else ()))
-            _set_load(deck, DeckLoad("rotation", "", ("speed",), block, place=place), factor * words[0])
+            place = (
+                ("about", tuple(about[: deck.mesh.dim])),
+                ("axis", tuple(axis[: deck.mesh.dim]) if turns else ()),
+            )
+            _set_load(
+                deck, DeckLoad("rotation", "", ("speed",), block, place=place), factor * words[0]
+            )
 
 
 def read_forces(deck: Deck, block: DeckBlock) -> None:
-    """Forces at nodes: on whole facets a traction, if they are those of a uniform one; else one by one."""
+    """Forces at nodes: on whole facets a traction, if they are those of a uniform one; else one by
+    one.
+    """
     _forget(deck, block)
     factor = share_now(deck, block)
     drives: dict[tuple[int, int], float] = {}
@@ -172,11 +204,15 @@ def read_forces(deck: Deck, block: DeckBlock) -> None:
             continue
         where = deck.boundary(group.name) if len(rows) == len(group.nodes) else None
         singly = component in deck.given_singly or not deck.kinematics.uniform
-        uniform = None if where is None or singly else _uniform(deck, where, rows, np.array(group.values))
+        uniform = (
+            None if where is None or singly else _uniform(deck, where, rows, np.array(group.values))
+        )
         if where is None or uniform is None:
             _push_singly(deck, block, group, axis, factor)
         else:
-            _set_load(deck, DeckLoad("traction", where, (axis,), block), factor * uniform / deck.thickness)
+            _set_load(
+                deck, DeckLoad("traction", where, (axis,), block), factor * uniform / deck.thickness
+            )
 
 
 def _push_singly(deck: Deck, block: DeckBlock, group: Group, axis: str, factor: float) -> None:
@@ -189,14 +225,18 @@ def _push_singly(deck: Deck, block: DeckBlock, group: Group, axis: str, factor: 
 
 
 def _uniform(deck: Deck, where: str, rows: Ints, values: Floats) -> float | None:
-    """The traction times thickness that forces at nodes are equivalent to, stress; None: they are not."""
+    """The traction times thickness that forces at nodes are equivalent to, stress; None: they are
+    not.
+    """
     if not np.isin(rows, deck.held(where)).all():
         return None
     areas = _areas(deck, where)
     forces = np.zeros(len(areas))
     forces[np.searchsorted(deck.numbers, rows)] = values
     value = float(forces.sum() / areas.sum())
-    return None if np.abs(forces - value * areas).max() > NEGLIGIBLE * np.abs(forces).max() else value
+    return (
+        None if np.abs(forces - value * areas).max() > NEGLIGIBLE * np.abs(forces).max() else value
+    )
 
 
 def _areas(deck: Deck, where: str) -> Floats:
@@ -206,7 +246,9 @@ def _areas(deck: Deck, where: str) -> Floats:
     kinds = {kind for kind, _ in deck.model.raw.blocks}
     if "hexahedron20" in kinds and (full_cell := completed("quad8")) is not None:
         facets, shares = facets[:, :-1], shares @ full_cell[1]
-    return np.bincount(facets.ravel(), shares.ravel(), minlength=len(deck.mesh.points)).astype(np.float64)
+    return np.bincount(facets.ravel(), shares.ravel(), minlength=len(deck.mesh.points)).astype(
+        np.float64
+    )
 
 
 def _unit(vector: list[float]) -> tuple[float, ...]:
@@ -216,7 +258,7 @@ def _unit(vector: list[float]) -> tuple[float, ...]:
     return tuple(value / size for value in vector)
 
 
-# --- amplitudes and steps ---------------------------------------------------------------------------------------------
+# --- amplitudes and steps -------------------------------------------------------------------------
 
 
 def share_now(deck: Deck, block: DeckBlock) -> float:
@@ -232,17 +274,30 @@ def share_now(deck: Deck, block: DeckBlock) -> float:
         or not amplitude.rows
         or amplitude.parameters.get("DEFINITION", "TABULAR").upper() != "TABULAR"
     ):
-        deck.lose(block, f"the amplitude {name!r}: only tabular amplitudes are read: the whole load is taken")
-        return 1.0
-    if "TIME" in amplitude.parameters and sum(other.keyword == "STEP" for other in deck.model.blocks) > 1:
         deck.lose(
-            block, f"the amplitude {name!r}: TIME=TOTAL TIME is read in decks of one step: the whole load is taken"
+            block,
+            f"the amplitude {name!r}: only tabular amplitudes are read: the whole load is taken",
+        )
+        return 1.0
+    if (
+        "TIME" in amplitude.parameters
+        and sum(other.keyword == "STEP" for other in deck.model.blocks) > 1
+    ):
+        deck.lose(
+            block,
+            f"the amplitude {name!r}: TIME=TOTAL TIME is read in decks of one step: the whole "
+            "load is taken",
         )
         return 1.0
     given_times, values = _course_of(amplitude)
-    times = given_times + (parameter(block, "TIMEDELAY") if "TIMEDELAY" in block.parameters else 0.0)
+    times = given_times + (
+        parameter(block, "TIMEDELAY") if "TIMEDELAY" in block.parameters else 0.0
+    )
     if np.count_nonzero(times == deck.period) > 1:
-        deck.lose(block, f"the amplitude {name!r} jumps at the end of the step: its value after it is taken")
+        deck.lose(
+            block,
+            f"the amplitude {name!r} jumps at the end of the step: its value after it is taken",
+        )
     within = values[(times > 0) & (times < deck.period)]
     share = float(np.interp(deck.period, times, values))
     course = np.diff([float(np.interp(0.0, times, values)), *within, share])
@@ -262,12 +317,16 @@ def _course_of(amplitude: DeckBlock) -> tuple[Floats, Floats]:
     times, values = words[0::2], words[1::2]
     back = np.flatnonzero(np.diff(times) < 0)
     if back.size:
-        raise DeckError(amplitude, f"its times go back, from {times[back[0]]:g} to {times[back[0] + 1]:g}")
+        raise DeckError(
+            amplitude, f"its times go back, from {times[back[0]]:g} to {times[back[0] + 1]:g}"
+        )
     return times, values
 
 
 def _set_load(deck: Deck, load: DeckLoad, value: float) -> None:
-    """Loads that a step gives several times add up; what earlier steps gave is replaced, as are displacements."""
+    """Loads that a step gives several times add up; what earlier steps gave is replaced, as are
+    displacements.
+    """
     block = load.block
     key = (load.table, load.target, load.keys, load.direction, block.keyword, load.place)
     load_of_key = deck.loads.setdefault(key, load)
@@ -277,7 +336,10 @@ def _set_load(deck: Deck, load: DeckLoad, value: float) -> None:
 
 def _forget(deck: Deck, block: DeckBlock) -> None:
     """With OP=NEW, all that steps have given so far by a keyword ends with this one."""
-    if block.parameters.get("OP", "MOD").upper() != "NEW" or (deck.step, block.keyword) in deck.ended:
+    if (
+        block.parameters.get("OP", "MOD").upper() != "NEW"
+        or (deck.step, block.keyword) in deck.ended
+    ):
         return
     deck.ended.add((deck.step, block.keyword))
     for load in deck.loads.values():
@@ -285,15 +347,21 @@ def _forget(deck: Deck, block: DeckBlock) -> None:
             load.values[deck.step] = None
 
 
-# --- temperatures -----------------------------------------------------------------------------------------------------
+# --- temperatures ---------------------------------------------------------------------------------
 
-# With a constant coefficient the strain is that of the change since *INITIAL CONDITIONS, whatever ZERO is.
+# With a constant coefficient the strain is that of the change since *INITIAL CONDITIONS, whatever
+# ZERO is.
 
 
 def read_temperatures(deck: Deck, block: DeckBlock) -> None:
-    """Temperatures of sets of nodes: *TEMPERATURE of a step, or *INITIAL CONDITIONS, TYPE=TEMPERATURE."""
+    """Temperatures of sets of nodes: *TEMPERATURE of a step, or *INITIAL CONDITIONS,
+    TYPE=TEMPERATURE.
+    """
     parameters = block.parameters
-    if block.keyword == "INITIALCONDITIONS" and (kind := parameters.get("TYPE", "").upper()) != "TEMPERATURE":
+    if (
+        block.keyword == "INITIALCONDITIONS"
+        and (kind := parameters.get("TYPE", "").upper()) != "TEMPERATURE"
+    ):
         if kind == "VELOCITY":
             deck.note(block, WITHOUT_EFFECT)
         else:
@@ -322,13 +390,18 @@ def _at(deck: Deck, step: int) -> Floats:
 
 
 def temperature_tables(deck: Deck, steps: int) -> list[tuple[str, dict[str, Any]]]:
-    """The change of the temperature of each body since the beginning, with its course over the steps."""
+    """The change of the temperature of each body since the beginning, with its course over the
+    steps.
+    """
     if not any(properties.get("expansion") for properties in deck.materials.values()):
         return []  # nothing expands
     courses: dict[str, tuple[float, ...]] = {}
     for name, nodes in deck.bodies.items():
         changes = [(_at(deck, step) - _at(deck, -1))[nodes] for step in range(steps)]
-        if any(np.ptp(change) > ZERO_IN_SOLUTION * np.abs(change).max(initial=0.0) for change in changes):
+        if any(
+            np.ptp(change) > ZERO_IN_SOLUTION * np.abs(change).max(initial=0.0)
+            for change in changes
+        ):
             deck.lose(deck.heating[-1], _NODES_DIFFER)
         elif any(change[0] for change in changes):
             courses[name] = tuple(float(change[0]) for change in changes)
@@ -337,6 +410,11 @@ def temperature_tables(deck: Deck, steps: int) -> list[tuple[str, dict[str, Any]
     tables = []
     for name, course in courses.items():
         largest, factors = factors_of(course)
-        table = {"#": origins_of(deck.heating), "change": largest, "region": name, "factors": factors}
+        table = {
+            "#": origins_of(deck.heating),
+            "change": largest,
+            "region": name,
+            "factors": factors,
+        }
         tables.append(("[[temperature]]", table))
     return tables

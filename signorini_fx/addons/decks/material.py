@@ -39,7 +39,13 @@ def read_section(deck: Deck, block: DeckBlock) -> None:
         raise ValueError("MATERIAL is missing; sections of several layers are not known")
     if region is not None:
         deck.sections.append(DeckSection(region, block.parameters["MATERIAL"].upper(), block))
-    if deck.mesh.dim == 2 and deck.kinematics.uniform and block.rows and block.rows[0] and block.rows[0][0]:
+    if (
+        deck.mesh.dim == 2
+        and deck.kinematics.uniform
+        and block.rows
+        and block.rows[0]
+        and block.rows[0][0]
+    ):
         deck.thickness = real(block.rows[0][0])
         if deck.thickness != 1:
             deck.note(block, f"the thickness {deck.thickness:g}: forces are per unit of it")
@@ -77,7 +83,10 @@ def read_elastic(deck: Deck, block: DeckBlock) -> None:
     """*ELASTIC."""
     properties = _properties(deck)
     if block.parameters.get("TYPE", "ISOTROPIC").upper() not in ("ISOTROPIC", "ISO"):
-        raise DeckError(block, "only isotropic elasticity is read: state others in a scene, with material.orthotropic")
+        raise DeckError(
+            block,
+            "only isotropic elasticity is read: state others in a scene, with material.orthotropic",
+        )
     properties["young"], properties["poisson"] = (real(word) for word in (*block.rows[0], "0")[:2])
     if len(block.rows) > 1:
         deck.lose(block, _FIRST_LINE)
@@ -114,7 +123,9 @@ def read_rubber(deck: Deck, block: DeckBlock) -> None:
 
 
 def read_hardening(deck: Deck, block: DeckBlock) -> None:
-    """*PLASTIC: rows of yield stresses and plastic strains, which begin at 0, of one temperature."""
+    """*PLASTIC: rows of yield stresses and plastic strains, which begin at 0, of one
+    temperature.
+    """
     properties = _properties(deck)
     if block.parameters.get("HARDENING", "ISOTROPIC").upper() != "ISOTROPIC":
         deck.lose(block, "hardening that is not isotropic is not read: elastic here")
@@ -126,28 +137,38 @@ def read_hardening(deck: Deck, block: DeckBlock) -> None:
     if curve[0][0] != 0.0:
         raise ValueError("the first plastic strain must be 0")
     if any(b[0] <= a[0] or b[1] < a[1] for a, b in itertools.pairwise(curve)):
-        raise ValueError("plastic strains must increase from row to row, and yield stresses not decrease")
+        raise ValueError(
+            "plastic strains must increase from row to row, and yield stresses not decrease"
+        )
     properties["plastic"] = curve, block
 
 
-# --- tables of the scene ----------------------------------------------------------------------------------------------
+# --- tables of the scene --------------------------------------------------------------------------
 
 
 def material_tables(deck: Deck, obstacle: str, *, heated: bool) -> list[tuple[str, dict[str, Any]]]:
-    """The tables of materials, of which each part of the body has one; ``obstacle``: see ``obstacle_of``."""
+    """The tables of materials, of which each part of the body has one; ``obstacle``: see
+    ``obstacle_of``.
+    """
     weighs = any(load.table in ("gravity", "rotation") for load in deck.loads.values())
     keys = ("density",) * weighs + ("expansion",) * heated
     covered = np.zeros(len(deck.mesh.cells), dtype=bool)
     for section in deck.sections:
         cells = deck.mesh.regions[section.region]
         if covered[cells].any():
-            raise DeckError(section.block, "some of its elements are in another section, too: give each of them one")
+            raise DeckError(
+                section.block,
+                "some of its elements are in another section, too: give each of them one",
+            )
         covered[cells] = True
     if not covered.all():
         middle = deck.mesh.points[deck.mesh.corners[int(np.argmin(covered))]].mean(axis=0)
         place = ", ".join(f"{value:g}" for value in middle)
         count = np.count_nonzero(~covered)
-        raise ValueError(f"no material: {count} of {len(covered)} cells are in no section, the first at ({place})")
+        raise ValueError(
+            f"no material: {count} of {len(covered)} cells are in no section, the first at "
+            f"({place})"
+        )
     shown = list[tuple[str, dict[str, Any]]]()
     for section in deck.sections:
         name = f"the material {section.material!r} of {section.region!r}"
@@ -177,7 +198,8 @@ def obstacle_of(deck: Deck, contacts: Sequence[Mapping[str, Any]], *, heated: bo
     obstacles = {
         "with soft contact": any("overclosure" in contact for contact in contacts),
         "in plane stress": deck.hypothesis == "plane stress",
-        # CalculiX takes alpha T from grad u there: another material than one that expands and is deformed then.
+        # CalculiX takes alpha T from grad u there: another material than one that expands and is
+        # deformed then.
         "with temperature at finite strains": heated and finite,
         "with a preload": bool(deck.bolts),
     }
@@ -189,11 +211,15 @@ def is_nonlinear(deck: Deck, obstacle: str) -> bool:
     if obstacle:
         return False
     made = [deck.materials.get(section.material, {}) for section in deck.sections]
-    return deck.nonlinear is not None or any({"rubber", "plastic"} & properties.keys() for properties in made)
+    return deck.nonlinear is not None or any(
+        {"rubber", "plastic"} & properties.keys() for properties in made
+    )
 
 
 def _nonlinear_law(deck: Deck, section: DeckSection, obstacle: str) -> dict[str, Any] | None:
-    """The keys of a material that is not linear, as one with two constants beside rubber; None: it is linear here."""
+    """The keys of a material that is not linear, as one with two constants beside rubber; None: it
+    is linear here.
+    """
     properties = deck.materials[section.material]
     curve, yielding = properties.get("plastic", (None, None))
     if "rubber" in properties:
@@ -213,11 +239,16 @@ def _nonlinear_law(deck: Deck, section: DeckSection, obstacle: str) -> dict[str,
         return None
     constants = {"young": properties["young"], "poisson": properties["poisson"]}
     if beside_rubber:
-        deck.note(section.block, "beside rubber: law = 'saint-venant-kirchhoff', linear in the strain of Green")
+        deck.note(
+            section.block,
+            "beside rubber: law = 'saint-venant-kirchhoff', linear in the strain of Green",
+        )
     elif obstacle or (yielding is None and deck.nonlinear is None):
         if deck.nonlinear is not None:
             why = f"finite strains are not possible yet {obstacle}"
-            deck.lose(deck.nonlinear, f"NLGEOM: displacements and rotations are taken as small: {why}")
+            deck.lose(
+                deck.nonlinear, f"NLGEOM: displacements and rotations are taken as small: {why}"
+            )
         return None
     if yielding is None or beside_rubber:
         return {"law": "saint-venant-kirchhoff"} | constants

@@ -1,7 +1,8 @@
-"""The mesh of an Abaqus input file: nodes, elements, and the sets and surfaces that name parts of them.
+"""The mesh of an Abaqus input file: nodes, elements, and the sets and surfaces that name parts of
+them.
 
-Supports, forces and pressures that are given for single nodes and faces name the boundary on which they act, so that a
-scene can refer to it.
+Supports, forces and pressures that are given for single nodes and faces name the boundary on which
+they act, so that a scene can refer to it.
 """
 
 from __future__ import annotations
@@ -45,7 +46,8 @@ _SOLID_KINDS = dict(
 _PLANE_KINDS = {3: "triangle", 4: "quad", 6: "triangle6", 8: "quad8", 9: "quad9"}
 # Sides of shells and beams, which a body does not have.
 _OTHER_FACE = re.compile(r"SPOS|SNEG|EDGE\d*|END\d")
-# Points, springs, dampers, couplings and networks of fluid are no part of the body; points have no stiffness.
+# Points, springs, dampers, couplings and networks of fluid are no part of the body; points have no
+# stiffness.
 POINTS = re.compile("MASS|ROTARYI|HEATCAP")
 NO_BODY = re.compile(r"MASS|ROTARYI|HEATCAP|DASHPOT|SPRING|GAP|DCOUP|CONN|D$")
 # Corners of the faces S1, S2 ... of an element with so many corners; of a plane one its sides.
@@ -55,7 +57,14 @@ _FACES: dict[str, tuple[tuple[int, ...], ...]] = {
     "tetra": ((0, 1, 2), (0, 3, 1), (1, 3, 2), (2, 3, 0)),
     "pyramid": ((0, 1, 2, 3), (0, 4, 1), (1, 4, 2), (2, 4, 3), (3, 4, 0)),
     "wedge": ((0, 1, 2), (3, 5, 4), (0, 3, 4, 1), (1, 4, 5, 2), (2, 5, 3, 0)),
-    "hexahedron": ((0, 1, 2, 3), (4, 7, 6, 5), (0, 4, 5, 1), (1, 5, 6, 2), (2, 6, 7, 3), (3, 7, 4, 0)),
+    "hexahedron": (
+        (0, 1, 2, 3),
+        (4, 7, 6, 5),
+        (0, 4, 5, 1),
+        (1, 5, 6, 2),
+        (2, 6, 7, 3),
+        (3, 7, 4, 0),
+    ),
 }
 _FACET_KINDS = {2: "line", 3: "triangle", 4: "quad"}
 # Keywords that give values to nodes, which belong to their bodies.
@@ -71,7 +80,9 @@ def _kind(element: str) -> tuple[str, int]:
     """The shape of an element type and its number of nodes."""
     if match := _SOLID.match(element):
         if (count := int(match[1])) not in _SOLID_KINDS:
-            raise ValueError(f"element type {element}: known are C3D4, C3D6, C3D8, C3D10, C3D15, C3D20")
+            raise ValueError(
+                f"element type {element}: known are C3D4, C3D6, C3D8, C3D10, C3D15, C3D20"
+            )
         return _SOLID_KINDS[count], count
     if match := _PLANE.match(element):
         return _PLANE_KINDS[int(match[1])], int(match[1])
@@ -79,13 +90,16 @@ def _kind(element: str) -> tuple[str, int]:
         count = int(match[1]) + (element[0] == "B")  # B21 has two nodes, as T2D2
         return ("line" if count == 2 else "line3"), count
     raise ValueError(
-        f"element type {element} is neither a plane one nor a solid; known are CPE3, CPE4, CPE6, CPS3, CPS4, CPS6, S3, "
+        f"element type {element} is neither a plane one nor a solid; known are CPE3, CPE4, CPE6, "
+        "CPS3, CPS4, CPS6, S3, "
         "S4 ..., and in 3D C3D4, C3D8, C3D10, C3D20 ..."
     )
 
 
 def _faces_of(kind: str) -> tuple[tuple[int, ...], ...]:
-    """Corners of the faces S1, S2 ... of a kind of cell; of a plane one its sides; of a line none."""
+    """Corners of the faces S1, S2 ... of a kind of cell; of a plane one its sides; of a line
+    none.
+    """
     return _FACES.get(kind.rstrip("0123456789"), ())
 
 
@@ -107,9 +121,13 @@ class DeckModel:
     blocks: list[DeckBlock]  # its keywords
     # number of a keyword -> the sets of single nodes and faces to which it gives something
     groups: dict[int, list[Group]]
-    undefined: dict[str, int]  # name of a surface -> how many of its faces are those of no element of the body
+    undefined: dict[
+        str, int
+    ]  # name of a surface -> how many of its faces are those of no element of the body
     places: Numbering  # number of a node -> its row in the mesh
-    surfaces: dict[str, list[tuple[int, int]]]  # name of a surface -> its elements, each with a face from 1 on
+    surfaces: dict[
+        str, list[tuple[int, int]]
+    ]  # name of a surface -> its elements, each with a face from 1 on
     spelt: dict[str, str]  # names in capitals -> as they are written first
     # names of the parts that share no node, if there are several and the file gives nodes values
     bodies: tuple[str, ...]
@@ -124,10 +142,14 @@ class _Reader:
     node_sets: dict[str, Ints] = field(default_factory=dict)
     element_sets: dict[str, Ints] = field(default_factory=dict)
     surfaces: dict[str, list[tuple[int, int]]] = field(default_factory=dict)
-    nodal_values: list[tuple[DeckBlock, tuple[str, ...], dict[Any, float]]] = field(default_factory=list)
+    nodal_values: list[tuple[DeckBlock, tuple[str, ...], dict[Any, float]]] = field(
+        default_factory=list
+    )
     passed_over: bool = False  # whether there are elements that are no part of the body
     undefined: dict[str, int] = field(default_factory=dict)
-    spelt: dict[str, str] = field(default_factory=dict)  # names in capitals -> as they are written first
+    spelt: dict[str, str] = field(
+        default_factory=dict
+    )  # names in capitals -> as they are written first
 
     def read(self, block: DeckBlock) -> None:
         """Take what a keyword says of the mesh."""
@@ -148,8 +170,13 @@ class _Reader:
                 self._read_set(self.node_sets, parameters["NSET"], block)
                 if "ELSET" in parameters:
                     elements = self._member(self.element_sets, parameters["ELSET"])
-                    nodes = [table[np.isin(table[:, 0], elements), 1:].ravel() for _, _, table in self.element_parts]
-                    self._extend(self.node_sets, parameters["NSET"], _distinct([_NO_NUMBERS, *nodes]))
+                    nodes = [
+                        table[np.isin(table[:, 0], elements), 1:].ravel()
+                        for _, _, table in self.element_parts
+                    ]
+                    self._extend(
+                        self.node_sets, parameters["NSET"], _distinct([_NO_NUMBERS, *nodes])
+                    )
             case "ELSET":
                 self._read_set(self.element_sets, parameters["ELSET"], block)
             case "SURFACE":
@@ -159,7 +186,9 @@ class _Reader:
             case "SYSTEM" if block.rows:
                 raise ValueError("coordinates are expected along x, y and z")
             case "NGEN" | "NFILL" | "NCOPY" | "NMAP" | "ELGEN" | "ELCOPY":
-                raise ValueError("nodes and elements are not generated here: write them all into the file")
+                raise ValueError(
+                    "nodes and elements are not generated here: write them all into the file"
+                )
 
     def _name(self, name: str) -> str:
         return self.spelt.setdefault(name.upper(), name)
@@ -186,7 +215,9 @@ class _Reader:
         single_words = [int(word) for row in block.rows for word in row] if at_once is None else []
         words = np.array(single_words, dtype=np.int64) if at_once is None else at_once[0]
         if len(words) % (count + 1):
-            raise ValueError(f"*ELEMENT, TYPE={block.parameters['TYPE']}: {count} nodes per element are expected")
+            raise ValueError(
+                f"*ELEMENT, TYPE={block.parameters['TYPE']}: {count} nodes per element are expected"
+            )
         table = words.reshape(-1, count + 1)
         self.element_parts.append((block, kind, table))
         if "ELSET" in block.parameters:
@@ -199,7 +230,9 @@ class _Reader:
             if "GENERATE" in block.parameters:
                 first, last, step = (*map(int, row), 1)[:3]
                 if step < 1 or (last - first) // step > _MOST_MEMBERS:
-                    raise ValueError(f"set {name!r}: {first} to {last} by {step} is not a possible range")
+                    raise ValueError(
+                        f"set {name!r}: {first} to {last} by {step} is not a possible range"
+                    )
                 parts.append(np.arange(first, last + 1, step, dtype=np.int64))
                 continue
             for word in filter(None, row):
@@ -219,12 +252,16 @@ class _Reader:
         return members
 
     def _given_alike(self, block: DeckBlock) -> list[tuple[Words, dict[Any, float]]]:
-        """The single nodes of *BOUNDARY, all nodes of *CLOAD and the faces of *DLOAD, by what they are given."""
+        """The single nodes of *BOUNDARY, all nodes of *CLOAD and the faces of *DLOAD, by what they
+        are given.
+        """
         groups: dict[Words, dict[Any, float]] = {}
         pressures: dict[Any, float] = {}  # of a face that is given several, their sum
         for target, *words in block.rows:
             match block.keyword:
-                case "BOUNDARY" if (number := number_of(target)) is not None and "FIXED" not in block.parameters:
+                case "BOUNDARY" if (
+                    number := number_of(target)
+                ) is not None and "FIXED" not in block.parameters:
                     for component, value in components(words).items():
                         if component not in ROTATIONS:
                             groups.setdefault((str(component), "", repr(value)), {})[number] = value
@@ -243,17 +280,27 @@ class _Reader:
         return list(groups.items())
 
     def _read_surface(self, block: DeckBlock) -> None:
-        name, kind = self._name(block.parameters["NAME"]), block.parameters.get("TYPE", "ELEMENT").upper()
+        name, kind = (
+            self._name(block.parameters["NAME"]),
+            block.parameters.get("TYPE", "ELEMENT").upper(),
+        )
         for row in block.rows:
             if kind == "NODE":
                 self._extend(self.node_sets, name, self._member(self.node_sets, row[0]))
             elif kind == "ELEMENT" and len(row) > 1 and re.fullmatch(r"[SE]\d+", row[1].upper()):
                 elements = plain(self._member(self.element_sets, row[0]))
-                self.surfaces.setdefault(name, []).extend((element, int(row[1][1:])) for element in elements)
-            elif kind == "ELEMENT" and len(row) > 1 and row[1] and not _OTHER_FACE.fullmatch(row[1].upper()):
+                self.surfaces.setdefault(name, []).extend(
+                    (element, int(row[1][1:])) for element in elements
+                )
+            elif (
+                kind == "ELEMENT"
+                and len(row) > 1
+                and row[1]
+                and not _OTHER_FACE.fullmatch(row[1].upper())
+            ):
                 raise ValueError(f"surface {name!r}: a face S1, S2 ... is expected, not {row[1]!r}")
 
-    # --- when all keywords have been read -----------------------------------------------------------------------------
+    # --- when all keywords have been read ---------------------------------------------------------
 
     @cached_property
     def nodes(self) -> tuple[Numbering, Floats]:
@@ -273,7 +320,10 @@ class _Reader:
         elements, (node_rows, points) = self.elements, self.nodes
         groups = self._named_groups()
         tables = [(kind, self._table(number)) for number, (kind, _) in enumerate(elements.parts)]
-        sets = {name: elements.by_part(elements.rows.rows(listed)) for name, listed in self.element_sets.items()}
+        sets = {
+            name: elements.by_part(elements.rows.rows(listed))
+            for name, listed in self.element_sets.items()
+        }
         facets: dict[int, list[Ints]] = {corners: [] for corners in _FACET_KINDS}
         ranges: dict[str, dict[int, Ints]] = {}
         for name, faces in self.surfaces.items():
@@ -289,22 +339,39 @@ class _Reader:
                 *(rows.get(corners, _NO_NUMBERS) for corners in present),
             ]
         count = len(tables) + len(present)
-        sets = {name: [*members, *([_NO_NUMBERS] * (count - len(members)))] for name, members in sets.items()}
+        sets = {
+            name: [*members, *([_NO_NUMBERS] * (count - len(members)))]
+            for name, members in sets.items()
+        }
         all_blocks = [*tables, *((_FACET_KINDS[c], np.concatenate(facets[c])) for c in present)]
-        named = _bodies(all_blocks, sets, self._free("body_{}")) if any(b.keyword in _AT_NODES for b in blocks) else {}
+        named = (
+            _bodies(all_blocks, sets, self._free("body_{}"))
+            if any(b.keyword in _AT_NODES for b in blocks)
+            else {}
+        )
         node_sets = {}
         for name, nodes in self.node_sets.items():
             members = node_rows.rows(nodes)
             node_sets[name] = members[members >= 0]
         raw = RawMesh(points, all_blocks, sets | named, node_sets)
-        return DeckModel(raw, blocks, groups, self.undefined, node_rows, self.surfaces, self.spelt, tuple(named))
+        return DeckModel(
+            raw, blocks, groups, self.undefined, node_rows, self.surfaces, self.spelt, tuple(named)
+        )
 
     def _named_groups(self) -> dict[int, list[Group]]:
-        """The groups by the numbers of their keywords; each is a set that the file names, or one that is added."""
+        """The groups by the numbers of their keywords; each is a set that the file names, or one
+        that is added.
+        """
         names = {label: self._free(f"{label}_{{}}") for label in _LABELS.values()}
         set_names: dict[frozenset[Any], str] = {
-            **{frozenset(plain(nodes)): name for name, nodes in self.node_sets.items() if self.nodal_values},
-            **{frozenset(faces): name for name, faces in self.surfaces.items() if self.nodal_values},
+            **{
+                frozenset(plain(nodes)): name
+                for name, nodes in self.node_sets.items()
+                if self.nodal_values
+            },
+            **{
+                frozenset(faces): name for name, faces in self.surfaces.items() if self.nodal_values
+            },
         }
         groups: dict[int, list[Group]] = {}
         for block, words, nodal_values in self.nodal_values:
@@ -316,7 +383,9 @@ class _Reader:
                 elif len(key) > 1:  # one node is no boundary
                     self.node_sets[name] = np.array(list(nodal_values), dtype=np.int64)
             nodes = () if block.keyword == "DLOAD" else tuple(nodal_values)
-            groups.setdefault(block.number, []).append(Group(name, words, nodes, tuple(nodal_values.values())))
+            groups.setdefault(block.number, []).append(
+                Group(name, words, nodes, tuple(nodal_values.values()))
+            )
         return groups
 
     def _table(self, number: int) -> Ints:
@@ -327,24 +396,35 @@ class _Reader:
         if missing.size:
             row, corner = missing[0]
             element = elements.rows.numbers[elements.first[number] + row]
-            why = f"element {element} has the node {nodes[row, corner]}, which the file does not define"
+            why = (
+                f"element {element} has the node {nodes[row, corner]}, which the file does not "
+                "define"
+            )
             raise DeckError(elements.blocks[number], why)
         return table
 
-    def _sides(self, tables: list[tuple[str, Ints]], name: str, faces: Sequence[tuple[int, int]]) -> Iterator[Ints]:
-        """The corners of the faces of a surface that are sides of the body, by their number, shape (n, corners)."""
+    def _sides(
+        self, tables: list[tuple[str, Ints]], name: str, faces: Sequence[tuple[int, int]]
+    ) -> Iterator[Ints]:
+        """The corners of the faces of a surface that are sides of the body, by their number, shape
+        (n, corners).
+        """
         elements, listed = self.elements, np.array(faces, dtype=np.int64).reshape(-1, 2)
         rows = elements.rows.rows(listed[:, 0])
         on_body = (rows >= 0) & elements.solid[rows]
         self.undefined[name] = int(np.count_nonzero(~on_body))
         rows, listed = rows[on_body], listed[on_body]
         corners: Ints = np.full((len(rows), 4), -1)
-        for k, face in plain(np.unique(np.column_stack((elements.part[rows], listed[:, 1])), axis=0)):
+        for k, face in plain(
+            np.unique(np.column_stack((elements.part[rows], listed[:, 1])), axis=0)
+        ):
             chosen = (elements.part[rows] == k) & (listed[:, 1] == face)
             kind, table = tables[k]
             if not 1 <= face <= len(_faces_of(kind)):
                 element = listed[int(np.argmax(chosen)), 0]
-                raise ValueError(f"surface {name!r}: element {element} is a {kind} and has no face S{face}")
+                raise ValueError(
+                    f"surface {name!r}: element {element} is a {kind} and has no face S{face}"
+                )
             side = list(_faces_of(kind)[face - 1])
             corners[chosen, : len(side)] = table[rows[chosen] - elements.first[k]][:, side]
         counts = (corners >= 0).sum(axis=1)
@@ -357,14 +437,17 @@ class _Elements:
 
     def __init__(self, parts: Sequence[tuple[DeckBlock, str, Ints]]) -> None:
         self.blocks = [block for block, _, _ in parts]  # the keywords that define some
-        # of each its kind in meshio's words, and the numbers of the nodes of its elements, shape (m, k)
+        # of each its kind in meshio's words, and the numbers of the nodes of its elements, shape
+        # (m, k)
         self.parts = [(kind, table[:, 1:]) for _, kind, table in parts]
         sizes = [len(table) for _, _, table in parts]
         self.first = np.cumsum([0, *sizes])  # element of each keyword, in the order of the file
         # of each element the number of its keyword among ``blocks``, shape (n,)
         self.part = np.repeat(np.arange(len(parts)), sizes)
         self.rows = _numbering("element", [(block, table[:, 0]) for block, _, table in parts])
-        self.solid = np.array([not kind.startswith("line") for kind, _ in self.parts], dtype=bool)[self.part]
+        self.solid = np.array([not kind.startswith("line") for kind, _ in self.parts], dtype=bool)[
+            self.part
+        ]
 
     def by_part(self, rows: Ints) -> list[Ints]:
         """Rows of all elements as rows of those of each keyword; those below 0 are none."""
@@ -377,7 +460,9 @@ def _numbering(name: str, parts: Sequence[tuple[DeckBlock, Ints]]) -> Numbering:
     rows = Numbering(np.concatenate([_NO_NUMBERS, *(numbers for _, numbers in parts)]))
     if rows.again.size:
         row = int(rows.again.min())
-        part = int(np.searchsorted(np.cumsum([len(numbers) for _, numbers in parts]), row, side="right"))
+        part = int(
+            np.searchsorted(np.cumsum([len(numbers) for _, numbers in parts]), row, side="right")
+        )
         raise DeckError(parts[part][0], f"{name} {rows.numbers[row]} is defined twice")
     return rows
 
@@ -391,8 +476,8 @@ def _distinct(parts: Sequence[Ints]) -> Ints:
 def read_model(file: Path) -> DeckModel:
     """The mesh of an Abaqus input file, and all of its keywords.
 
-    Element sets name regions (and boundaries, if they hold lines, or in 3D shells and membranes), node sets and
-    surfaces name boundaries.
+    Element sets name regions (and boundaries, if they hold lines, or in 3D shells and membranes),
+    node sets and surfaces name boundaries.
     """
     with placed(file):
         blocks = assembled(read_keywords(file)[0])
@@ -404,20 +489,24 @@ def read_model(file: Path) -> DeckModel:
     with placed(file):
         model = reader.result(blocks)
         if (reader.passed_over or reader.elements.parts) and not reader.elements.solid.any():
-            raise ValueError("there is no body of solid or plane elements, but beams, springs or the like")
+            raise ValueError(
+                "there is no body of solid or plane elements, but beams, springs or the like"
+            )
         if not reader.elements.parts:
             last = blocks[-1] if blocks else DeckBlock("", {}, 1, name="NODE")
             raise DeckError(last, "up to here, the last keyword, there is no element")
     return model
 
 
-# --- bodies -----------------------------------------------------------------------------------------------------------
+# --- bodies ---------------------------------------------------------------------------------------
 
 
 def _bodies(
     blocks: Sequence[tuple[str, Ints]], sets: dict[str, list[Ints]], free: Iterator[str]
 ) -> dict[str, list[Ints]]:
-    """The elements of each of several bodies, which share no node, by the name of a set with these, or a free one."""
+    """The elements of each of several bodies, which share no node, by the name of a set with these,
+    or a free one.
+    """
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 

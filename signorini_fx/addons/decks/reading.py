@@ -1,4 +1,6 @@
-"""An Abaqus input file: each keyword has a function here, or is in a table of ``unread_keywords``."""
+"""An Abaqus input file: each keyword has a function here, or is in a table of
+``unread_keywords``.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,13 @@ from pathlib import Path
 
 from signorini_fx.addons.decks import loads, material, unread_keywords
 from signorini_fx.addons.decks.bolts import read_bolt
-from signorini_fx.addons.decks.contact import read_behaviour, read_friction, read_interaction, read_pairs, read_ties
+from signorini_fx.addons.decks.contact import (
+    read_behaviour,
+    read_friction,
+    read_interaction,
+    read_pairs,
+    read_ties,
+)
 from signorini_fx.addons.decks.content import Deck
 from signorini_fx.addons.decks.mesh import NO_BODY, POINTS, read_model
 from signorini_fx.addons.decks.text import DeckBlock, placed, real
@@ -22,14 +30,19 @@ _ASSUMED = {"axisymmetric": "CAX", "plane stress": _STRESS, "plane strain": "CPE
 # Keywords of steps, which have no meaning outside of them.
 _OF_STEPS = {"STATIC", "BOUNDARY", "CLOAD", "DLOAD", "DSLOAD", "TEMPERATURE", "MODELCHANGE"}
 _OTHER_PROCEDURE = unread_keywords.OTHER_PROCEDURE
-_PROCEDURES = {"STATIC", *(name for name, effect in unread_keywords.LOST.items() if effect == _OTHER_PROCEDURE)}
+_PROCEDURES = {
+    "STATIC",
+    *(name for name, effect in unread_keywords.LOST.items() if effect == _OTHER_PROCEDURE),
+}
 
 
 def read_deck(file: Path) -> Deck:
     """An input file: its mesh, and what acts on the body."""
     model = read_model(file)
     mesh = from_raw(model.raw, str(file))
-    outside = {name: rows[rows < len(mesh.facets) - mesh.inner] for name, rows in mesh.boundaries.items()}
+    outside = {
+        name: rows[rows < len(mesh.facets) - mesh.inner] for name, rows in mesh.boundaries.items()
+    }
     inside = {name: len(rows) - len(outside[name]) for name, rows in mesh.boundaries.items()}
     deck = Deck(replace(mesh, boundaries=outside), model, inside)
     for block in model.blocks:
@@ -56,7 +69,10 @@ def _used_keywords(file: Path, deck: Deck) -> Iterator[DeckBlock]:
     for block in deck.model.blocks:
         if block.keyword == "STEP":
             if step is not None:
-                raise MeshError(f"{file}: {block.origin}: the step of {step[0].place} has no *END STEP before this one")
+                raise MeshError(
+                    f"{file}: {block.origin}: the step of {step[0].place} has no *END STEP before "
+                    "this one"
+                )
             step, seen = [], True
         if step is None:
             if block.keyword in _OF_STEPS and (seen or block.keyword != "BOUNDARY"):
@@ -70,10 +86,15 @@ def _used_keywords(file: Path, deck: Deck) -> Iterator[DeckBlock]:
             continue
         procedure = next((entry.name for entry in step if entry.keyword in _PROCEDURES), "")
         if not procedure and not kind:
-            why = "does not say of what kind it is: write *STATIC into it; CalculiX solves nothing in such a step"
+            why = (
+                "does not say of what kind it is: write *STATIC into it; CalculiX solves "
+                "nothing in such a step"
+            )
             raise MeshError(f"{file}: {step[0].origin}: the step {why}")
         if not procedure:
-            deck.note(step[0], f"*{kind}, as the step before it: this one does not say of what kind it is")
+            deck.note(
+                step[0], f"*{kind}, as the step before it: this one does not say of what kind it is"
+            )
         kind = procedure or kind
         if kind != "STATIC":
             deck.lose(step[0], f"the step, *{kind}: {_OTHER_PROCEDURE}")
@@ -89,7 +110,9 @@ def _read_surface(deck: Deck, block: DeckBlock) -> None:
     """Faces that are no part of the body; all else of a surface has been read."""
     name = block.parameters["NAME"]
     if missing := deck.model.undefined.pop(name, 0):
-        deck.lose(block, f"faces of {name!r} that are not defined, or no part of the body: {missing}")
+        deck.lose(
+            block, f"faces of {name!r} that are not defined, or no part of the body: {missing}"
+        )
 
 
 def _read_heading(deck: Deck, block: DeckBlock) -> None:
@@ -97,17 +120,24 @@ def _read_heading(deck: Deck, block: DeckBlock) -> None:
 
 
 def _read_element(deck: Deck, block: DeckBlock) -> None:
-    """The assumption of elements of the plane, one for all; elements that are no part of the body."""
+    """The assumption of elements of the plane, one for all; elements that are no part of the
+    body.
+    """
     kind = block.parameters["TYPE"].upper()
     if NO_BODY.match(kind):
         if not POINTS.match(kind):
             deck.lose(block, f"{kind}: {unread_keywords.NO_BODY_PART}")
         return
     assumed = next((name for name, pattern in _ASSUMED.items() if re.match(pattern, kind)), "")
-    if deck.mesh.dim == 3 or not assumed or kind == "CAX4P":  # meshio writes any quadrilateral as CAX4P
+    if (
+        deck.mesh.dim == 3 or not assumed or kind == "CAX4P"
+    ):  # meshio writes any quadrilateral as CAX4P
         return
     if deck.assumed not in ("", assumed):
-        deck.lose(block, f"{kind} beside elements of another kind ({deck.assumed}): all are {assumed} here")
+        deck.lose(
+            block,
+            f"{kind} beside elements of another kind ({deck.assumed}): all are {assumed} here",
+        )
     deck.assumed = assumed
     deck.hypothesis = "" if assumed == "plane strain" else assumed
 
@@ -119,23 +149,43 @@ def _read_step(deck: Deck, block: DeckBlock) -> None:
     if block.parameters.get("NLGEOM", "NO").upper() in ("", "YES"):
         deck.nonlinear = block
     if "PERTURBATION" in block.parameters:
-        deck.lose(block, "PERTURBATION: contact may open and close here, and does not in such a step")
+        deck.lose(
+            block, "PERTURBATION: contact may open and close here, and does not in such a step"
+        )
 
 
 def _read_static(deck: Deck, block: DeckBlock) -> None:
     rows = block.rows
-    deck.period = (real(rows[0][1]) if rows and len(rows[0]) > 1 else 0.0) or 1.0  # as both programs take it
+    deck.period = (
+        real(rows[0][1]) if rows and len(rows[0]) > 1 else 0.0
+    ) or 1.0  # as both programs take it
 
 
 def _read_amplitude(deck: Deck, block: DeckBlock) -> None:
     deck.amplitudes[block.parameters["NAME"].upper()] = block
 
 
-# Keywords that may be anywhere in the file, that have been read by then or a scene does not need, and that a scene
-# cannot change from step to step.
+# Keywords that may be anywhere in the file, that have been read by then or a scene does not need,
+# and that a scene cannot change from step to step.
 _DEFINITIONS: dict[str, Reader] = {"AMPLITUDE": _read_amplitude, "PRE-TENSIONSECTION": read_bolt}
-_READ_ELSEWHERE = {"NODE", "NSET", "ELSET", *_DEFINITIONS, "ENDSTEP", "SYSTEM", *unread_keywords.OUTPUT}
-_BEFORE_STEPS = {"DENSITY", "ELASTIC", "EXPANSION", "HYPERELASTIC", "PLASTIC", "FRICTION", "SURFACEBEHAVIOR"}
+_READ_ELSEWHERE = {
+    "NODE",
+    "NSET",
+    "ELSET",
+    *_DEFINITIONS,
+    "ENDSTEP",
+    "SYSTEM",
+    *unread_keywords.OUTPUT,
+}
+_BEFORE_STEPS = {
+    "DENSITY",
+    "ELASTIC",
+    "EXPANSION",
+    "HYPERELASTIC",
+    "PLASTIC",
+    "FRICTION",
+    "SURFACEBEHAVIOR",
+}
 _READERS: dict[str, Reader] = {
     "HEADING": _read_heading,
     "ELEMENT": _read_element,

@@ -1,4 +1,6 @@
-"""Displacements that other programs have written: .dat and .frd of CalculiX, .csv with a heading, and .vtu."""
+"""Displacements that other programs have written: .dat and .frd of CalculiX, .csv with a heading,
+and .vtu.
+"""
 
 from __future__ import annotations
 
@@ -23,18 +25,26 @@ _DIGITS_OF_SINGLE = 7
 class ForeignResult:
     """Displacements at the points of a file, or at the nodes of a problem."""
 
-    displacement: Floats  # length, shape (n, 2 or 3); at nodes NaN where there is none, shape (n, d)
+    displacement: (
+        Floats  # length, shape (n, 2 or 3); at nodes NaN where there is none, shape (n, d)
+    )
     digits: int | None = None  # with which they were printed; None: with all
     numbers: Ints | None = None  # of the nodes in the file, shape (n,); None: not known
-    points: Floats | None = None  # positions in the file, length, shape (n, 2 or 3); None: not known
-    cells: tuple[Ints, ...] = ()  # points of the cells of each kind, shape (m, k); none where only points are known
+    points: Floats | None = (
+        None  # positions in the file, length, shape (n, 2 or 3); None: not known
+    )
+    cells: tuple[
+        Ints, ...
+    ] = ()  # points of the cells of each kind, shape (m, k); none where only points are known
     time: float | None = None  # of the last increment; None: not known
     program: str = ""  # that wrote them; "": it does not say
     name: str = "the result"  # of the file, or what it is
 
     @property
     def half_unit(self) -> float:
-        """Half a unit of the last digit of the largest component, length; 0: there are all digits."""
+        """Half a unit of the last digit of the largest component, length; 0: there are all
+        digits.
+        """
         largest = float(np.abs(np.nan_to_num(self.displacement)).max())
         if self.digits is None or not largest > 0:
             return 0.0
@@ -52,9 +62,13 @@ def _numbers(file: Path, rows: Iterable[tuple[int, Sequence[str]]]) -> tuple[Flo
         try:
             values.append([float(_WITHOUT_LETTER.sub(r"E\1\2", word)) for word in words])
         except ValueError:
-            raise MeshError(f"{file}: line {line}: numbers are expected, not {' '.join(words)!r}") from None
+            raise MeshError(
+                f"{file}: line {line}: numbers are expected, not {' '.join(words)!r}"
+            ) from None
         mantissas = (re.split(r"[-+eEdD]", word.strip().lstrip("-+"))[0] for word in words)
-        digits = max(digits, *(len(mantissa.replace(".", "").lstrip("0")) for mantissa in mantissas))
+        digits = max(
+            digits, *(len(mantissa.replace(".", "").lstrip("0")) for mantissa in mantissas)
+        )
     return np.array(values), digits
 
 
@@ -68,7 +82,10 @@ def read_dat(file: Path) -> ForeignResult:
     """The displacements of the last increment of a .dat file of CalculiX."""
     last: float | None = None
     rows: _Rows = {}
-    within, apart = False, True  # whether a table of displacements is read, and the last line was empty
+    within, apart = (
+        False,
+        True,
+    )  # whether a table of displacements is read, and the last line was empty
     for number, line in _lines(file):
         words = line.split()
         if match := _HEADING.match(line):
@@ -97,7 +114,10 @@ def read_frd(file: Path) -> ForeignResult:
             program = line[9:].strip() or program
         elif line.startswith("    2"):
             rows = positions
-        elif line.startswith("  100C") and (time := _numbers(file, [(number, [line[12:24]])])[0].item()) != last:
+        elif (
+            line.startswith("  100C")
+            and (time := _numbers(file, [(number, [line[12:24]])])[0].item()) != last
+        ):
             last, displacements = time, {}
         elif line.startswith((" -3", " -4")):
             rows = displacements if line[5:13].strip() == "DISP" else None
@@ -119,24 +139,38 @@ def _lines(file: Path) -> Iterator[tuple[int, str]]:
         raise MeshError(f"{file}: cannot be read: {error.strerror}") from None
 
 
-def _of_nodes(file: Path, rows: _Rows, positions: _Rows, time: float | None, program: str) -> ForeignResult:
+def _of_nodes(
+    file: Path, rows: _Rows, positions: _Rows, time: float | None, program: str
+) -> ForeignResult:
     if not rows:
         cure = "print them: *NODE PRINT, NSET=ALL with U, or *NODE FILE with U"
         raise MeshError(f"{file}: has no displacements: {cure}")
     values, digits = _numbers(file, rows.values())
-    points = _numbers(file, [positions.get(node, (0, ["nan"] * 3)) for node in rows])[0] if positions else None
+    points = (
+        _numbers(file, [positions.get(node, (0, ["nan"] * 3)) for node in rows])[0]
+        if positions
+        else None
+    )
     return ForeignResult(values, digits, np.array(list(rows)), points, time=time, program=program)
 
 
 def read_csv(file: Path) -> ForeignResult:
     """A table with a heading."""
-    numbered = [(number, line) for number, line in _lines(file) if line.strip() and not line.startswith("#")]
+    numbered = [
+        (number, line) for number, line in _lines(file) if line.strip() and not line.startswith("#")
+    ]
     rows = list(csv.reader(line for _, line in numbered))
     heading = [word.strip().lower().lstrip("\ufeff") for word in rows[0]] if rows else []
     at = {word: column for column, word in enumerate(heading)}
-    if len(rows) != len(numbered) or len(rows) < 2 or len(at) < len(heading) or not {"ux", "uy"} <= at.keys():
+    if (
+        len(rows) != len(numbered)
+        or len(rows) < 2
+        or len(at) < len(heading)
+        or not {"ux", "uy"} <= at.keys()
+    ):
         raise MeshError(
-            f"{file}: columns ux, uy (and uz) are expected, with x, y (and z) or node, each once; there are: {heading}"
+            f"{file}: columns ux, uy (and uz) are expected, with x, y (and z) or node, each once; "
+            f"there are: {heading}"
         )
 
     def columns(*names: str) -> tuple[Floats, int]:
@@ -164,11 +198,20 @@ def read_vtu(file: Path) -> ForeignResult:
     except OSError as error:
         raise MeshError(f"{file}: cannot be read: {error.strerror or error}") from None
     except (Exception, SystemExit) as error:
-        raise MeshError(f"{file}: is no .vtu file that meshio reads: {str(error) or type(error).__name__}") from None
-    vectors = {name: data for name, data in mesh.point_data.items() if data.ndim == 2 and data.shape[1] in (2, 3)}
+        raise MeshError(
+            f"{file}: is no .vtu file that meshio reads: {str(error) or type(error).__name__}"
+        ) from None
+    vectors = {
+        name: data
+        for name, data in mesh.point_data.items()
+        if data.ndim == 2 and data.shape[1] in (2, 3)
+    }
     chosen = next((name for name in ("displacement", "u") if name in vectors), None)
     if chosen is None:
-        raise MeshError(f"{file}: a field of vectors called displacement is expected; there are: {sorted(vectors)}")
+        raise MeshError(
+            f"{file}: a field of vectors called displacement is expected; there are: "
+            f"{sorted(vectors)}"
+        )
     values = np.asarray(vectors[chosen], dtype=np.float64)
     digits = _DIGITS_OF_SINGLE if vectors[chosen].dtype == np.float32 else None
     points = np.asarray(mesh.points, dtype=np.float64)

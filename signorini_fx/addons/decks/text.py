@@ -1,4 +1,6 @@
-"""Abaqus input files as text: keywords with their parameters and data lines, and the numbers in them."""
+"""Abaqus input files as text: keywords with their parameters and data lines, and the numbers in
+them.
+"""
 
 from __future__ import annotations
 
@@ -34,10 +36,12 @@ _MOST_ROWS = {"STATIC": 1, "SURFACEINTERACTION": 1, "ENDSTEP": 0, "MATERIAL": 0}
 _DEEPEST = 20  # files that include each other
 _LARGEST = 2.0**53  # whole numbers from there on are not exact as floating point numbers
 _STAR = re.compile(r"^[ \t]*\*", re.MULTILINE)
-# A line that continues its keyword: it begins with a parameter that has a value, or with one that is no set.
+# A line that continues its keyword: it begins with a parameter that has a value, or with one that
+# is no set.
 _PARAMETER = re.compile(
     r"[ \t]*([A-Za-z]+([ \t]+[A-Za-z]+)*[ \t]*=|"
-    r"(NLGEOM|GENERATE|PERTURBATION|DIRECT|REMOVE|NO[ \t]*SEPARATION|CYCLIC[ \t]*SYMMETRY|LINTEMP)[ \t]*(,|$))",
+    r"(NLGEOM|GENERATE|PERTURBATION|DIRECT|REMOVE|NO[ \t]*SEPARATION|CYCLIC[ "
+    r"\t]*SYMMETRY|LINTEMP)[ \t]*(,|$))",
     re.IGNORECASE | re.MULTILINE,
 )
 _LABELS = {
@@ -62,24 +66,32 @@ class DeckBlock:
     @cached_property
     def rows(self) -> Sequence[list[str]]:
         """The data lines, split at commas; empty words at the end of a line are left out."""
-        return [split_words(line.strip()) for line in "\n".join(self.texts).split("\n") if line.strip()]
+        return [
+            split_words(line.strip()) for line in "\n".join(self.texts).split("\n") if line.strip()
+        ]
 
     def numbers(self, kind: type[np.float64 | np.int64]) -> tuple[Any, int] | None:
-        """All numbers of the data lines at once, and how many each line has, 0 if lines differ; None: a word is empty,
-        too large or no number.
+        """All numbers of the data lines at once, and how many each line has, 0 if lines differ;
+        None: a word is empty, too large or no number.
         """
         text = re.sub(r",[, \t]*\n", "\n", "\n".join(self.texts).rstrip(", \t\n"))
         lengths = [line.count(",") + 1 for line in text.split("\n")]
         alike = len(set(lengths)) == 1
         table = io.StringIO(text if alike else text.replace(",", "\n"))
         with warnings.catch_warnings():
-            warnings.simplefilter("error")  # numpy warns of an integer with a point, and of no numbers
+            warnings.simplefilter(
+                "error"
+            )  # numpy warns of an integer with a point, and of no numbers
             try:
-                values: Any = np.loadtxt(table, dtype=kind, delimiter=",", comments=None, ndmin=2).ravel()
+                values: Any = np.loadtxt(
+                    table, dtype=kind, delimiter=",", comments=None, ndmin=2
+                ).ravel()
             except (ValueError, Warning):
                 return None
         largest = _LARGEST if kind is np.int64 else math.inf
-        if len(values) != sum(lengths) or not (np.abs(values) < largest).all():  # an empty word is no number
+        if (
+            len(values) != sum(lengths) or not (np.abs(values) < largest).all()
+        ):  # an empty word is no number
             return None
         return values, lengths[0] if alike else 0
 
@@ -131,14 +143,18 @@ def split_words(line: str) -> list[str]:
 
 
 def read_keywords(file: Path) -> tuple[list[DeckBlock], list[Path]]:
-    """All keywords of an input file and of the files in its folder that it includes, and these files."""
+    """All keywords of an input file and of the files in its folder that it includes, and these
+    files.
+    """
     blocks: list[DeckBlock] = []
     files: list[Path] = []
     _read(file, file, "", blocks, files, 0)
     return blocks, files
 
 
-def _read(deck: Path, file: Path, label: str, blocks: list[DeckBlock], files: list[Path], depth: int) -> None:
+def _read(
+    deck: Path, file: Path, label: str, blocks: list[DeckBlock], files: list[Path], depth: int
+) -> None:
     """Add the keywords of a file; data lines at its beginning are those of the last keyword."""
     try:
         content = file.read_bytes()
@@ -195,16 +211,24 @@ def _beside(deck: Path, name: str, depth: int) -> Path:
 
 
 def check_rows(block: DeckBlock) -> None:
-    """Check the number of data lines, and of words in lines that name nodes, elements, sets or surfaces."""
+    """Check the number of data lines, and of words in lines that name nodes, elements, sets or
+    surfaces.
+    """
     least = _LEAST_WORDS.get(block.keyword, 0)
     if block.keyword not in _MOST_ROWS and not least:
         return
     limit = math.inf if "USER" in block.parameters else _MOST_ROWS.get(block.keyword, math.inf)
     for number, row in enumerate(block.rows, start=1):
         if number > limit:
-            raise ValueError(f"data line {number}, {', '.join(row)!r}, is one too many: of which keyword is it?")
+            raise ValueError(
+                f"data line {number}, {', '.join(row)!r}, is one too many: of which keyword is it?"
+            )
         if len(row) < least:
-            expected = "a name or number, and what is said of it, are" if least > 1 else "a name or number is"
+            expected = (
+                "a name or number, and what is said of it, are"
+                if least > 1
+                else "a name or number is"
+            )
             written = f"only {row[0]!r}" if row else "no word"
             raise ValueError(f"data line {number} has {written}: {expected} expected")
 
@@ -243,7 +267,9 @@ def number_of(word: str) -> int | None:
 
 
 def components(words: Sequence[str]) -> dict[int, float]:
-    """What a row of *BOUNDARY after its node or set prescribes: 1 to 3 are displacements, 4 to 6 rotations."""
+    """What a row of *BOUNDARY after its node or set prescribes: 1 to 3 are displacements, 4 to 6
+    rotations.
+    """
     if (held := _LABELS.get(words[0].upper())) is not None:
         return {int(component): 0.0 for component in held}
     first, last, value = (*words, "", "")[:3]
@@ -260,13 +286,19 @@ def coordinates(block: DeckBlock) -> tuple[Ints, Floats]:
     width = min(max(map(len, block.rows), default=1) - 1, 3)
     numbers = np.array([int(row[0]) for row in block.rows], dtype=np.int64)
     words = [(*row[1:4], "", "", "")[:width] for row in block.rows]
-    return numbers, np.array([list(map(real, row)) for row in words], dtype=np.float64).reshape(len(words), width)
+    return numbers, np.array([list(map(real, row)) for row in words], dtype=np.float64).reshape(
+        len(words), width
+    )
 
 
 def lines_of(table: Mapping[str, Any]) -> list[str]:
-    """The lines of a table of a scene, without keys of no value; that of the key "#" is a comment."""
+    """The lines of a table of a scene, without keys of no value; that of the key "#" is a
+    comment.
+    """
     given = {key: value for key, value in table.items() if value not in (None, "", ())}
-    return [f"# {value}" if key == "#" else f"{key} = {written(value)}" for key, value in given.items()]
+    return [
+        f"# {value}" if key == "#" else f"{key} = {written(value)}" for key, value in given.items()
+    ]
 
 
 def written(value: Any) -> str:
@@ -284,7 +316,9 @@ def written(value: Any) -> str:
 
 
 def factors_of(values: Sequence[float]) -> tuple[float, tuple[float, ...]]:
-    """The largest of the values of some steps, and of each its share of it; none where all have the same."""
+    """The largest of the values of some steps, and of each its share of it; none where all have the
+    same.
+    """
     largest = max(values, key=abs)
     shares = tuple(value / largest for value in values) if largest else ()
     return largest, shares if set(shares) != {1.0} else ()

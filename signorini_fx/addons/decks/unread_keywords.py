@@ -1,6 +1,7 @@
 """The keywords of an Abaqus input file that are not read, by whether the answer changes, and why.
 
-Of keywords that are read in part the readers say it themselves.  The tests read a deck with each of them.
+Of keywords that are read in part the readers say it themselves.  The tests read a deck with each of
+them.
 """
 
 from __future__ import annotations
@@ -26,17 +27,47 @@ LOST = {
     **_each(
         OTHER_PROCEDURE,
         *("FREQUENCY", "COMPLEX FREQUENCY", "BUCKLE", "DYNAMIC", "MODAL DYNAMIC"),
-        *("STEADY STATE DYNAMICS", "STEADY STATE TRANSPORT", "HEAT TRANSFER", "VISCO", "GREEN", "CFD", "SENSITIVITY"),
-        *("COUPLED TEMPERATURE-DISPLACEMENT", "UNCOUPLED TEMPERATURE-DISPLACEMENT", "COUPLED THERMAL-ELECTRICAL"),
-        *("SUBSTRUCTURE GENERATE", "ANNEAL", "ELECTROMAGNETICS", "NO ANALYSIS", "RANDOM RESPONSE", "GEOSTATIC"),
-        *("RESPONSE SPECTRUM", "SOILS", "MASS DIFFUSION", "DIRECT CYCLIC", "CRACK PROPAGATION", "ROBUST DESIGN"),
+        *(
+            "STEADY STATE DYNAMICS",
+            "STEADY STATE TRANSPORT",
+            "HEAT TRANSFER",
+            "VISCO",
+            "GREEN",
+            "CFD",
+            "SENSITIVITY",
+        ),
+        *(
+            "COUPLED TEMPERATURE-DISPLACEMENT",
+            "UNCOUPLED TEMPERATURE-DISPLACEMENT",
+            "COUPLED THERMAL-ELECTRICAL",
+        ),
+        *(
+            "SUBSTRUCTURE GENERATE",
+            "ANNEAL",
+            "ELECTROMAGNETICS",
+            "NO ANALYSIS",
+            "RANDOM RESPONSE",
+            "GEOSTATIC",
+        ),
+        *(
+            "RESPONSE SPECTRUM",
+            "SOILS",
+            "MASS DIFFUSION",
+            "DIRECT CYCLIC",
+            "CRACK PROPAGATION",
+            "ROBUST DESIGN",
+        ),
         "FEASIBLE DIRECTION",
     ),
     **_each("general contact is not read: name pairs of surfaces", "CONTACT", "CONTACT INCLUSIONS"),
     **_each("clearances are those of the mesh", "CLEARANCE"),
-    **_each("parts and contacts that come or go are not read: all are there throughout", "MODEL CHANGE"),
     **_each(
-        "rigid bodies are not read: give the shape as foundation of a contact, or its distance as gap", "RIGID BODY"
+        "parts and contacts that come or go are not read: all are there throughout", "MODEL CHANGE"
+    ),
+    **_each(
+        "rigid bodies are not read: give the shape as foundation of a contact, or its distance as "
+        "gap",
+        "RIGID BODY",
     ),
     **_each(
         *(CONSTRAINT, "EQUATION", "MPC", "COUPLING", "KINEMATIC", "DISTRIBUTING"),
@@ -48,7 +79,14 @@ NOTED = {
     **_each("without effect on isotropic materials", "ORIENTATION"),
     **_each(
         *(WITHOUT_EFFECT, "CONDUCTIVITY", "SPECIFIC HEAT", "PHYSICAL CONSTANTS", "DAMPING"),
-        *("GAP CONDUCTANCE", "GAP HEAT GENERATION", "CONTACT DAMPING", "DESIGN VARIABLES", "VIEW FACTOR", "CFLUX"),
+        *(
+            "GAP CONDUCTANCE",
+            "GAP HEAT GENERATION",
+            "CONTACT DAMPING",
+            "DESIGN VARIABLES",
+            "VIEW FACTOR",
+            "CFLUX",
+        ),
         *("DFLUX", "FILM", "RADIATE", "EMISSIVITY"),
     ),
     **_each(
@@ -57,9 +95,27 @@ NOTED = {
         *("NODE FILE", "EL FILE", "CONTACT FILE"),
     ),
 }
-# Other requests for output, control of the solver, and masses, which a scene in static steps does not need.
+# Other requests for output, control of the solver, and masses, which a scene in static steps does
+# not need.
 OUTPUT = _each(
-    *("", "PREPRINT", "RESTART", "OUTPUT", "NODE OUTPUT", "ELEMENT OUTPUT", "CONTACT OUTPUT", "FIELD OUTPUT"),
-    *("HISTORY OUTPUT", "PRINT", "ENERGY OUTPUT", "ENERGY PRINT", "MONITOR", "FILE FORMAT", "CONTROLS"),
+    *(
+        "",
+        "PREPRINT",
+        "RESTART",
+        "OUTPUT",
+        "NODE OUTPUT",
+        "ELEMENT OUTPUT",
+        "CONTACT OUTPUT",
+        "FIELD OUTPUT",
+    ),
+    *(
+        "HISTORY OUTPUT",
+        "PRINT",
+        "ENERGY OUTPUT",
+        "ENERGY PRINT",
+        "MONITOR",
+        "FILE FORMAT",
+        "CONTROLS",
+    ),
     *("HOURGLASS STIFFNESS", "TIME POINTS", "MASS"),
 )

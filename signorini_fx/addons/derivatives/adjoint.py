@@ -1,14 +1,18 @@
-"""One adjoint solve: what a quantity of the solution owes to every residual force and to every change of the law.
+"""One adjoint solve: what a quantity of the solution owes to every residual force and to every
+change of the law.
 
-Data p enter the state (x, t) through R(x, t; p) = A x - b + B^T (w t) = 0 and, for fixed sets, the affine law
-dt = D (d(B x) - dd) + c, with D the blocks of the Newton tangent, dd a change of gap and origin, and c of the traction
-at a given displacement.  docs/theory.md has the adjoint state psi of a quantity J(x, t) with J_t = w kappa, and its
-derivatives, with q = B psi - kappa; all derivatives by p are those for fixed x and t.
+Data p enter the state (x, t) through R(x, t; p) = A x - b + B^T (w t) = 0 and, for fixed sets, the
+affine law
+dt = D (d(B x) - dd) + c, with D the blocks of the Newton tangent, dd a change of gap and origin,
+and c of the traction at a given displacement.  docs/theory.md has the adjoint state psi of a
+quantity J(x, t) with J_t = w kappa, and its derivatives, with q = B psi - kappa; all derivatives by
+p are those for fixed x and t.
 
-Without regularisation the tied components, the normal one in contact and the tangential ones of stick, do not change at
-all, B dx = dd, and psi must not move them.  The multipliers chi of this condition are found with the same matrix, as
-augmentation finds tractions: each time the error shrinks by the compliance of the body times 1 / gamma.  The matrix is
-the transposed tangent of Newton's method.
+Without regularisation the tied components, the normal one in contact and the tangential ones of
+stick, do not change at all, B dx = dd, and psi must not move them.  The multipliers chi of this
+condition are found with the same matrix, as augmentation finds tractions: each time the error
+shrinks by the compliance of the body times 1 / gamma.  The matrix is the transposed tangent of
+Newton's method.
 """
 
 from __future__ import annotations
@@ -35,17 +39,21 @@ from signorini_fx.tuned import CERTIFICATE_TOLERANCE, LEFT_BY_SOLVES, MANY_STEPS
 class LinearisedLaw:
     """The law at the n points of this rank."""
 
-    # components whose displacement the law prescribes, or would without regularisation, shape (n, d)
+    # components whose displacement the law prescribes, or would without regularisation, shape (n,
+    # d)
     tied: npt.NDArray[np.bool_]
-    spread: Nodal  # E, from their tractions to all components: the friction bound follows the pressure, shape (n, d, d)
-    # the rest of the tangent, by which the shear follows the direction of slip, stress per length, shape (n, d, d)
+    # E, from their tractions to all components: the friction bound follows the pressure, shape (n,
+    # d, d)
+    spread: Nodal
+    # the rest of the tangent, by which the shear follows the direction of slip, stress per length,
+    # shape (n, d, d)
     turning: Nodal
     gamma: Nodal  # stiffness of each component, stress per length, shape (d,)
     exact: bool  # whether there is no regularisation
     slip: Nodal  # e where the shear is at its bound, else zero, shape (n, d - 1)
     between: int  # points of all ranks that stand between two sets, where derivatives are one-sided
-    # by how much more slips change with displacements than these along the contact do, as they turn it, without unit,
-    # shape (n, d - 1, d); None: by nothing
+    # by how much more slips change with displacements than these along the contact do, as they turn
+    # it, without unit, shape (n, d - 1, d); None: by nothing
     slips: Nodal | None = None
 
     @property
@@ -57,11 +65,15 @@ class LinearisedLaw:
         return (slopes if self.slips is None else slopes + slopes[:, :, 1:] @ self.slips) + tied
 
     def by_slips(self, owed: Nodal) -> Nodal:
-        """What is owed to gaps and slips that the law prescribes, from what is owed to displacements, shape (n, d)."""
+        """What is owed to gaps and slips that the law prescribes, from what is owed to
+        displacements, shape (n, d).
+        """
         if self.slips is None or not self.exact:
             return owed
         normal, along = self.slips[:, :, 0], np.eye(self.slips.shape[1]) + self.slips[:, :, 1:]
-        slips = np.asarray(np.linalg.solve(along.transpose(0, 2, 1), owed[:, 1:, None])[:, :, 0], dtype=np.float64)
+        slips = np.asarray(
+            np.linalg.solve(along.transpose(0, 2, 1), owed[:, 1:, None])[:, :, 0], dtype=np.float64
+        )
         return np.column_stack((owed[:, 0] - inner(slips, normal), slips))
 
 
@@ -73,8 +85,9 @@ def linearised(
     exact: bool,
     before: Nodal | None = None,
 ) -> LinearisedLaw:
-    """The law at a solution, with (gamma_1, gamma_2), stress per length, those of the regularisation unless there is
-    none (``exact``); ``before``: the shear at the beginning of the load step, stress, shape (n, d - 1); collective.
+    """The law at a solution, with (gamma_1, gamma_2), stress per length, those of the
+    regularisation unless there is none (``exact``); ``before``: the shear at the beginning of the
+    load step, stress, shape (n, d - 1); collective.
     """
     contact, (count, tangents) = state.in_contact, state.shear.shape
     law = law if state.has_friction else None
@@ -95,13 +108,20 @@ def linearised(
         reach = np.maximum(along, bound * CERTIFICATE_TOLERANCE)
     share = gamma[1] * np.divide(bound, reach, out=np.zeros(count), where=reach > 0)
     turning = np.zeros_like(spread)
-    turning[:, 1:, 1:] = share[:, None, None] * (np.eye(tangents) - slip[:, :, None] * slip[:, None, :])
+    turning[:, 1:, 1:] = share[:, None, None] * (
+        np.eye(tangents) - slip[:, :, None] * slip[:, None, :]
+    )
     between = _between(state, gamma, slips, ~moves)
-    return LinearisedLaw(tied, spread, turning, np.array([gamma[0], *[gamma[1]] * tangents]), exact, slip, between)
+    return LinearisedLaw(
+        tied, spread, turning, np.array([gamma[0], *[gamma[1]] * tangents]), exact, slip, between
+    )
 
 
 def _between(
-    state: PointState, gamma: tuple[float, float], slips: npt.NDArray[np.bool_], sticks: npt.NDArray[np.bool_]
+    state: PointState,
+    gamma: tuple[float, float],
+    slips: npt.NDArray[np.bool_],
+    sticks: npt.NDArray[np.bool_],
 ) -> int:
     """Points of all ranks that would change their set if hardly anything changed; collective."""
     comm = state.points.comm
@@ -117,7 +137,9 @@ def _between(
 
 @dataclass(frozen=True)
 class Explicit:
-    """What of a load step depends on a datum explicitly, for fixed displacement and tractions, or its derivatives."""
+    """What of a load step depends on a datum explicitly, for fixed displacement and tractions, or
+    its derivatives.
+    """
 
     values: Sequence[float]  # of the quantities
     residual: PETSc.Vec  # R at the unknowns of the stiffness
@@ -130,24 +152,33 @@ class Adjoint:
     """The adjoint state of one quantity."""
 
     psi: PETSc.Vec  # at all unknowns of the stiffness, zero where they are prescribed
-    untied: Nodal  # q at the points, for what changes tractions at a given displacement, shape (n, d)
-    tied: Nodal  # minus what a displacement of the tied components, and the turning of shear, contribute, shape (n, d)
+    untied: (
+        Nodal  # q at the points, for what changes tractions at a given displacement, shape (n, d)
+    )
+    # minus what a displacement of the tied components, and the turning of shear, contribute, shape
+    # (n, d)
+    tied: Nodal
     law: LinearisedLaw  # the linearised law
     weight: Nodal  # w, shape (n,)
 
     def derivative(self, by: Explicit, direct: float) -> float:
         """dJ/dp from what depends on p explicitly, and J_p; collective."""
-        changes = inner(self.tied, by.relative) + by.bound * inner(self.untied[:, 1:], self.law.slip)
+        changes = inner(self.tied, by.relative) + by.bound * inner(
+            self.untied[:, 1:], self.law.slip
+        )
         points = parallel.global_sum(self.psi.comm.tompi4py(), np.array(self.weight @ changes))
         return float(direct - self.psi.dot(by.residual) - points)
 
 
 class TransposedTangent:
-    """The transposed Newton tangent at a solution, factorised once for all quantities; ``symmetric``: whether A is,
-    which at finite displacements it is not where friction acts on a curved shape; collective.
+    """The transposed Newton tangent at a solution, factorised once for all quantities;
+    ``symmetric``: whether A is, which at finite displacements it is not where friction acts on a
+    curved shape; collective.
     """
 
-    def __init__(self, system: ElasticSystem, law: LinearisedLaw, *, symmetric: bool = True) -> None:
+    def __init__(
+        self, system: ElasticSystem, law: LinearisedLaw, *, symmetric: bool = True
+    ) -> None:
         self.system, self._law = copy(system), law  # a Krylov system keeps the size of its forces
         blocks, transposed = law.tangent, np.ascontiguousarray(law.tangent.transpose(0, 2, 1))
         askew = parallel.any_rank(system.comm, not np.array_equal(blocks, transposed))
@@ -165,13 +196,20 @@ class TransposedTangent:
         tangent.insert(matrix, blocks if self._as_it_is else transposed)
 
     def _solve(self, right: PETSc.Vec, x: PETSc.Vec, forces: float) -> None:
-        """Solve for one right-hand side, by a Krylov method to a residual against ``forces``; collective."""
+        """Solve for one right-hand side, by a Krylov method to a residual against ``forces``;
+        collective.
+        """
         self.system.keep_factor(self.ksp, False, forces, exact=True)
         x.set(0.0)
         with petsc_options.defaults(), petsc_calls.unprinted():
-            petsc_calls.solve(self.ksp.solveTranspose if self._as_it_is else self.ksp.solve, right, x)
+            petsc_calls.solve(
+                self.ksp.solveTranspose if self._as_it_is else self.ksp.solve, right, x
+            )
         if self.ksp.getConvergedReason() < 0:
-            raise SignoriniError("the linear solver has failed for the tangent at the solution: there is no derivative")
+            raise SignoriniError(
+                "the linear solver has failed for the tangent at the solution: there is no "
+                "derivative"
+            )
 
     def _left(self, x: PETSc.Vec, right: PETSc.Vec, residual: PETSc.Vec) -> None:
         """What a solution leaves of the right-hand side."""
@@ -180,8 +218,8 @@ class TransposedTangent:
         residual.aypx(-1.0, right)
 
     def adjoint(self, by_displacement: PETSc.Vec, by_traction: Nodal) -> Adjoint:
-        """The adjoint state of a quantity, from J_x at the unknowns of the stiffness, zero where they are prescribed,
-        and kappa, J_t over the weight, shape (n, d); collective.
+        """The adjoint state of a quantity, from J_x at the unknowns of the stiffness, zero where
+        they are prescribed, and kappa, J_t over the weight, shape (n, d); collective.
 
         Raises:
             SignoriniError: the tangent is singular, or the iteration for chi is too slow.
@@ -190,41 +228,56 @@ class TransposedTangent:
         contact, load = right.contact, right.load
         given = np.einsum("nji,nj->ni", law.tangent, by_traction)
         contact.add_forces(given[:, 0], given[:, 1:], load)
-        psi, correction, residual, forces = load.duplicate(), load.duplicate(), load.copy(), load.norm()
+        psi, correction, residual, forces = (
+            load.duplicate(),
+            load.duplicate(),
+            load.copy(),
+            load.norm(),
+        )
         chi, solves, last = np.zeros_like(by_traction), 0, np.inf
         psi.set(0.0)
         while True:
             self._solve(residual, correction, forces)
             psi.axpy(1.0, correction)
-            if not law.exact:  # once more for what is left: the penalties of a contact hide forces from the first solve
+            # once more for what is left: the penalties of a contact hide forces from the first
+            # solve
+            if not law.exact:
                 self._left(psi, load, residual)
                 self._solve(residual, correction, residual.norm())
                 psi.axpy(1.0, correction)
             solves += 1
             moved = np.column_stack(contact.traces(psi))
             untied = moved - by_traction
-            # A traction cannot move what supports prescribe, and so without regularisation it is none of the unknowns.
+            # A traction cannot move what supports prescribe, and so without regularisation it is
+            # none of the unknowns.
             unmoved = (np.abs(moved) <= SAME_NUMBER * length(moved)[:, None]) & law.exact
             tractions = np.where(law.tied, np.einsum("nji,nj->ni", law.spread, untied), 0.0)
             step = law.gamma * np.where(unmoved, 0.0, tractions)
             chi = chi + step
             change, size = (parallel.largest(right.comm, np.abs(values)) for values in (step, chi))
-            # Where statics alone determines the quantity chi is zero, and steps are the round-off of their terms.
+            # Where statics alone determines the quantity chi is zero, and steps are the round-off
+            # of their terms.
             terms = law.gamma * (np.abs(moved) + np.abs(by_traction))
             round_off = np.finfo(float).eps * parallel.largest(right.comm, terms)
             if not np.isfinite(change):
-                raise SignoriniError("the tangent at the solution is singular: there is no derivative")
+                raise SignoriniError(
+                    "the tangent at the solution is singular: there is no derivative"
+                )
             stalls = change > 0.5 * last and change <= CERTIFICATE_TOLERANCE * size
             settled = change <= max(LEFT_BY_SOLVES * size, round_off)
             if not law.exact or settled or stalls or solves >= MANY_STEPS:
                 break
             last = change
             residual.set(0.0)
-            contact.add_forces(-step[:, 0], -step[:, 1:], residual)  # if small, little is left for a Krylov method
+            contact.add_forces(
+                -step[:, 0], -step[:, 1:], residual
+            )  # if small, little is left for a Krylov method
         if law.exact and change > max(CERTIFICATE_TOLERANCE * size, round_off):
             raise SignoriniError(
-                f"the tractions of the adjoint problem still change by {change / size:.0e} of their size "
-                f"after {solves} solves: there is no derivative; larger gamma_n and gamma_t need fewer"
+                f"the tractions of the adjoint problem still change by {change / size:.0e} of "
+                "their size "
+                f"after {solves} solves: there is no derivative; larger gamma_n and gamma_t need "
+                "fewer"
             )
         turned = np.einsum("nji,nj->ni", law.turning, untied)
         tied = law.by_slips(chi) + turned

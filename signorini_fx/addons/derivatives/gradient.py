@@ -1,13 +1,16 @@
-"""The derivative of a quantity by one datum: the adjoint states, and the problem evaluated at two values of the datum.
+"""The derivative of a quantity by one datum: the adjoint states, and the problem evaluated at two
+values of the datum.
 
-What depends on the datum explicitly is evaluated for the displacement and the tractions of the solution, which stay:
-the difference of two residuals is exact but for round-off where the problem is linear in the datum, as it is in loads,
-in Young's modulus and in friction coefficients, and of second order elsewhere.  No solve takes part in it.
+What depends on the datum explicitly is evaluated for the displacement and the tractions of the
+solution, which stay: the difference of two residuals is exact but for round-off where the problem
+is linear in the datum, as it is in loads, in Young's modulus and in friction coefficients, and of
+second order elsewhere.  No solve takes part in it.
 
-A load step with friction begins with the tangential displacement tau_T y of the one before it, and, where it is
-regularised, with its shear mu: its slip counts from the place o = tau_T y - mu / gamma_2.  With z = D^T q in the
-tangential components of its adjoint state, what a quantity owes to the earlier step is sum of w z . o, a quantity of
-that step: one loop from the last step to the first finds all adjoint states.
+A load step with friction begins with the tangential displacement tau_T y of the one before it, and,
+where it is regularised, with its shear mu: its slip counts from the place o = tau_T y - mu /
+gamma_2.  With z = D^T q in the tangential components of its adjoint state, what a quantity owes to
+the earlier step is sum of w z . o, a quantity of that step: one loop from the last step to the
+first finds all adjoint states.
 """
 
 from __future__ import annotations
@@ -21,7 +24,13 @@ import numpy.typing as npt
 from dolfinx import fem
 from petsc4py import PETSc
 
-from signorini_fx.addons.derivatives.adjoint import Adjoint, Explicit, LinearisedLaw, TransposedTangent, linearised
+from signorini_fx.addons.derivatives.adjoint import (
+    Adjoint,
+    Explicit,
+    LinearisedLaw,
+    TransposedTangent,
+    linearised,
+)
 from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
 from signorini_fx.algebra.contact.contact_map import ContactMap
 from signorini_fx.algebra.contact.friction import PointFriction
@@ -37,7 +46,8 @@ from signorini_fx.results.step_frames import turned
 from signorini_fx.tuned import ROOT_OF_EPS
 
 Array = npt.NDArray[np.float64]
-# The derivatives by a datum of what of a load step depends on it explicitly, with those of some quantities.
+# The derivatives by a datum of what of a load step depends on it explicitly, with those of some
+# quantities.
 By = Callable[[Any, Sequence[Functional]], Explicit]
 
 
@@ -51,10 +61,11 @@ class SolvedStep:
     state: ContactState
     displacement: fem.Function  # y, from the initial position
     compliance: float  # 1 / gamma_2, length per stress; zero without regularisation
-    # how contact forces turn with the displacements of their points, force per length, shape (n, d, d); None: they do
-    # not
+    # how contact forces turn with the displacements of their points, force per length, shape (n, d,
+    # d); None: they do not
     curvature: Array | None = None
-    # by which rotations shapes have turned in this load step, shape (n, d, d); None: by none that counts
+    # by which rotations shapes have turned in this load step, shape (n, d, d); None: by none that
+    # counts
     spin: Array | None = None
 
     @classmethod
@@ -69,8 +80,8 @@ class SolvedStep:
         law: PointFriction | None,
         turning: tuple[Array, Array, Array | None] | None = None,
     ) -> SolvedStep:
-        """A load step that has just been solved; ``turning``: of points on shapes at finite displacements
-        ``curvature``, ``LinearisedLaw.slips`` and ``spin``; collective.
+        """A load step that has just been solved; ``turning``: of points on shapes at finite
+        displacements ``curvature``, ``LinearisedLaw.slips`` and ``spin``; collective.
         """
         exact = not all(np.isfinite(task.promised(outcome)[:2]))
         data = start.data if exact else outcome.problem.data
@@ -78,15 +89,26 @@ class SolvedStep:
         linear_law = linearised(state, law, gamma, exact=exact, before=start.data.mu_hat)
         if turning is not None:
             linear_law = replace(linear_law, slips=turning[1])
-            alone = linear_law.tied[:, 1:].any(axis=1) & ~state.in_contact & (turning[1][:, :, 0] != 0.0).any(axis=1)
+            alone = (
+                linear_law.tied[:, 1:].any(axis=1)
+                & ~state.in_contact
+                & (turning[1][:, :, 0] != 0.0).any(axis=1)
+            )
             if parallel.any_rank(body.comm, exact and bool(alone.any())):
-                reason = "derivatives are not possible yet where it holds points without pressure while a shape turns"
+                reason = (
+                    "derivatives are not possible yet where it holds points without pressure "
+                    "while a shape turns"
+                )
                 raise FormError([("contact.friction", reason)])
             boundary = state.boundary
             turns = (turning[0] != 0.0).any() or (np.abs(turning[1]) > ROOT_OF_EPS).any()
-            if parallel.any_rank(body.comm, bool(turns) and not np.array_equal(boundary.tangents, boundary.cotangents)):
+            if parallel.any_rank(
+                body.comm,
+                bool(turns) and not np.array_equal(boundary.tangents, boundary.cotangents),
+            ):
                 reason = (
-                    "derivatives are not possible yet where it depends on the direction of slip and a shape turns it"
+                    "derivatives are not possible yet where it depends on the direction of "
+                    "slip and a shape turns it"
                 )
                 raise FormError([("contact.friction", reason)])
         return cls(
@@ -100,7 +122,8 @@ class SolvedStep:
         )
 
     def quantity(self, of: Functional) -> tuple[PETSc.Vec, Array]:
-        """J_x at the free unknowns of the stiffness, and J_t over the weight, shape (n, d); collective.
+        """J_x at the free unknowns of the stiffness, and J_t over the weight, shape (n, d);
+        collective.
 
         Raises:
             FormError: it is a moment at displaced points.
@@ -111,7 +134,11 @@ class SolvedStep:
             if of.moment:
                 raise FormError([("of", "a moment at displaced points has no derivative yet")])
             forces = row.reshape(-1, self.body.dimension).copy()
-            np.subtract.at(forces, boundary.nodes, np.einsum("nij,ni->nj", self.curvature, of.directions(boundary)))
+            np.subtract.at(
+                forces,
+                boundary.nodes,
+                np.einsum("nij,ni->nj", self.curvature, of.directions(boundary)),
+            )
             row = forces.ravel()
         vector = self.body.vector(row)
         vector.getArray()[self.body.prescribed] = 0.0
@@ -119,11 +146,15 @@ class SolvedStep:
 
     def value(self, of: Functional) -> float:
         """That of a quantity; collective."""
-        return of.value(self.displacement, self.state.boundary, self.state.pressure, self.state.shear)
+        return of.value(
+            self.displacement, self.state.boundary, self.state.pressure, self.state.shear
+        )
 
-    def handed_back(self, adjoint: Adjoint | None, earlier: SolvedStep | None) -> tuple[PETSc.Vec, Array] | None:
-        """What a quantity with this adjoint state owes to the load step before, as ``quantity``; None: nothing;
-        collective.
+    def handed_back(
+        self, adjoint: Adjoint | None, earlier: SolvedStep | None
+    ) -> tuple[PETSc.Vec, Array] | None:
+        """What a quantity with this adjoint state owes to the load step before, as ``quantity``;
+        None: nothing; collective.
         """
         if adjoint is None or earlier is None:
             return None
@@ -138,18 +169,28 @@ class SolvedStep:
             normal = np.einsum("ni,ni->n", boundary.normal, back)
             along = np.einsum("nij,ni->nj", boundary.cotangents, back)
         contact.add_forces(normal, along, vector)
-        carried = -self.compliance * np.einsum("njk,nj->nk", turned(earlier.state.boundary, boundary, self.spin), slips)
+        carried = -self.compliance * np.einsum(
+            "njk,nj->nk", turned(earlier.state.boundary, boundary, self.spin), slips
+        )
         return vector, np.column_stack((np.zeros(len(slips)), carried))
 
 
 def columns(
-    count: int, step_at: Callable[[int], Any], quantities: Sequence[tuple[int, Functional]], data: Sequence[By]
+    count: int,
+    step_at: Callable[[int], Any],
+    quantities: Sequence[tuple[int, Functional]],
+    data: Sequence[By],
 ) -> tuple[Array, Array, list[int]]:
-    """Derivatives of some quantities by some data, shape (quantities, data), the quantities, and how many contact
-    points of each load step stand between two sets; collective.  Each quantity has the number of its load step, of
-    which ``step_at`` gives the ``SolvedStep`` as ``solved``, and as ``earlier`` that of the one before, or None.
+    """Derivatives of some quantities by some data, shape (quantities, data), the quantities, and
+    how many contact points of each load step stand between two sets; collective.  Each quantity has
+    the number of its load step, of which ``step_at`` gives the ``SolvedStep`` as ``solved``, and as
+    ``earlier`` that of the one before, or None.
     """
-    slopes, values, between = np.zeros((len(quantities), len(data))), np.zeros(len(quantities)), [0] * count
+    slopes, values, between = (
+        np.zeros((len(quantities), len(data))),
+        np.zeros(len(quantities)),
+        [0] * count,
+    )
     owed: list[tuple[PETSc.Vec, Array] | None] = [None] * len(quantities)
     for number in range(count - 1, -1, -1):
         asked = [(k, of) for k, (at, of) in enumerate(quantities) if at == number]
@@ -192,7 +233,8 @@ def _map_to(boundary: ContactBoundary, body: ElasticBody) -> ContactMap:
 class ChangedStep:
     """A load step at some value of a datum."""
 
-    # terms of a(., .), with that value while it is evaluated; none where what they give does not change
+    # terms of a(., .), with that value while it is evaluated; none where what they give does not
+    # change
     forms: Sequence[fem.Form]
     forces: Array  # L at the owned dofs
     prescribed: Array  # the prescribed displacements at the owned dofs
@@ -210,11 +252,13 @@ def explicit(
     quantities: Sequence[Functional],
     previous: tuple[SolvedStep, ChangedStep] | None = None,
 ) -> Explicit:
-    """A load step with some data at the displacement and the tractions of its solution; ``previous``: the one before it
-    with its data; collective.
+    """A load step with some data at the displacement and the tractions of its solution;
+    ``previous``: the one before it with its data; collective.
     """
     state, y = solved.state, solved.body.function(_displaced(solved, data, solved.body))
-    values = [quantity.value(y, data.boundary, state.pressure, state.shear) for quantity in quantities]
+    values = [
+        quantity.value(y, data.boundary, state.pressure, state.shear) for quantity in quantities
+    ]
     bound = np.zeros_like(state.pressure) if data.law is None else data.law.bound(state.pressure)
     bound = np.where(np.isfinite(bound), bound, 0.0)
     return Explicit(values, _residual(solved, data), _relative(solved, data, previous), bound)
@@ -225,7 +269,9 @@ def _residual(solved: SolvedStep, data: ChangedStep) -> PETSc.Vec:
     body, state = solved.body, solved.state
     residual = body.vector(-data.forces)
     if data.forms:
-        residual.axpy(1.0, elastic_forces(body, data.forms, body.function(_displaced(solved, data, body))))
+        residual.axpy(
+            1.0, elastic_forces(body, data.forms, body.function(_displaced(solved, data, body)))
+        )
     _map_to(data.boundary, body).add_forces(state.pressure, state.shear, residual)
     residual.getArray()[body.prescribed] = 0.0
     return residual
@@ -237,7 +283,9 @@ def elastic_forces(body: ElasticBody, forms: Sequence[fem.Form], y: fem.Function
     return body.vector(action(tuple(forms), y, nodes))
 
 
-def _relative(solved: SolvedStep, data: ChangedStep, previous: tuple[SolvedStep, ChangedStep] | None) -> Array:
+def _relative(
+    solved: SolvedStep, data: ChangedStep, previous: tuple[SolvedStep, ChangedStep] | None
+) -> Array:
     """B x - d, length, shape (n, d); collective."""
     body, contact = solved.body, _map_to(data.boundary, solved.body)
     u_n, u_t = contact.traces(_displaced(solved, data, body))
@@ -248,14 +296,18 @@ def _relative(solved: SolvedStep, data: ChangedStep, previous: tuple[SolvedStep,
         u_t = u_t - contact.traces(_displaced(earlier, earlier_data, body))[1]
         if solved.compliance and data.boundary is not earlier_data.boundary:
             shear = np.einsum(
-                "njk,nk->nj", turned(earlier_data.boundary, data.boundary, data.spin), earlier.state.shear
+                "njk,nk->nj",
+                turned(earlier_data.boundary, data.boundary, data.spin),
+                earlier.state.shear,
             )
             u_t = u_t + solved.compliance * shear
     return np.column_stack((u_n - data.gap, u_t))
 
 
 def _displaced(solved: SolvedStep, data: ChangedStep, body: ElasticBody) -> PETSc.Vec:
-    """The displacement of a load step with what its data prescribe, in the unknowns of a body; collective."""
+    """The displacement of a load step with what its data prescribe, in the unknowns of a body;
+    collective.
+    """
     x, prescribed = solved.body.unknowns(solved.displacement), solved.body.vector(data.prescribed)
     fixed = solved.body.prescribed
     x.getArray()[fixed] = prescribed.getArray(readonly=True)[fixed]
@@ -265,8 +317,12 @@ def _displaced(solved: SolvedStep, data: ChangedStep, body: ElasticBody) -> PETS
 
 
 def difference(high: Explicit, low: Explicit, step: float) -> Explicit:
-    """The derivatives of a load step by a datum, from those where it is larger and smaller by a step."""
-    direct = [(upper - lower) / (2 * step) for upper, lower in zip(high.values, low.values, strict=True)]
+    """The derivatives of a load step by a datum, from those where it is larger and smaller by a
+    step.
+    """
+    direct = [
+        (upper - lower) / (2 * step) for upper, lower in zip(high.values, low.values, strict=True)
+    ]
     residual = (high.residual - low.residual) * (0.5 / step)
     slopes = [
         np.asarray((upper - lower) / (2 * step), dtype=np.float64)

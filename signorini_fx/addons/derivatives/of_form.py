@@ -41,11 +41,15 @@ class OfForm(Functional):
     derivative: fem.Form
     u: fem.Function
 
-    def value(self, y: fem.Function, boundary: ContactBoundary, pressure: Nodal, shear: Nodal) -> float:
+    def value(
+        self, y: fem.Function, boundary: ContactBoundary, pressure: Nodal, shear: Nodal
+    ) -> float:
         saved = self.u.x.array.copy()
         self.u.x.array[:] = y.x.array
         try:
-            return float(parallel.global_sum(boundary.comm, np.array(fem.assemble_scalar(self.form))))
+            return float(
+                parallel.global_sum(boundary.comm, np.array(fem.assemble_scalar(self.form)))
+            )
         finally:
             self.u.x.array[:] = saved
 
@@ -54,7 +58,9 @@ class OfForm(Functional):
 
 
 def _quantity_of(wanted: Any, u: fem.Function, body: Callable[[], Model]) -> Functional:
-    """A result, see ``ContactProblem.gradient``: a form, or words with a contact by its name or number; collective."""
+    """A result, see ``ContactProblem.gradient``: a form, or words with a contact by its name or
+    number; collective.
+    """
     if isinstance(wanted, ufl.Form):
         if wanted.arguments():
             raise FormError([("of", "has arguments: a number is expected, a form of u alone")])
@@ -69,7 +75,10 @@ def _quantity_of(wanted: Any, u: fem.Function, body: Callable[[], Model]) -> Fun
         return functional_of(named, " ".join(words))
     except SceneError as error:
         raise FormError(
-            [*error.problems, ("of", f"{wanted!r} is no result; a UFL form of u without arguments is one, too")]
+            [
+                *error.problems,
+                ("of", f"{wanted!r} is no result; a UFL form of u without arguments is one, too"),
+            ]
         ) from None
 
 
@@ -77,16 +86,24 @@ def _checked(by: Sequence[Any]) -> list[fem.Constant]:
     """The Constants."""
     constants = [by] if isinstance(by, fem.Constant) else list(by)
     wrong = [
-        k for k, constant in enumerate(constants) if not isinstance(constant, fem.Constant) or constant.value.size != 1
+        k
+        for k, constant in enumerate(constants)
+        if not isinstance(constant, fem.Constant) or constant.value.size != 1
     ]
     if wrong:
-        raise FormError([(f"by[{k}]", "a Constant with one value is expected, that the problem uses") for k in wrong])
+        raise FormError(
+            [
+                (f"by[{k}]", "a Constant with one value is expected, that the problem uses")
+                for k in wrong
+            ]
+        )
     return constants
 
 
 def extrapolated(slope: Callable[[float], float], unit: float) -> float:
-    """A derivative from central differences over several half widths, counted by ``unit``, by Ridders' method: without
-    the noise of a narrow one where the data are smooth, and the narrow one elsewhere.
+    """A derivative from central differences over several half widths, counted by ``unit``, by
+    Ridders' method: without the noise of a narrow one where the data are smooth, and the narrow one
+    elsewhere.
     """
     narrow = slope(DIFFERENCE_STEP * (unit or 1.0))
     best, error, rows = narrow, DIFFERENCE_STEP * abs(narrow), list[list[float]]()
@@ -107,28 +124,41 @@ def extrapolated(slope: Callable[[float], float], unit: float) -> float:
 
 
 def gradient(
-    of: Any, by: Sequence[Any], body: Callable[[], Model], step: tuple[Any, ...], data: Callable[[], tuple[Any, ...]]
+    of: Any,
+    by: Sequence[Any],
+    body: Callable[[], Model],
+    step: tuple[Any, ...],
+    data: Callable[[], tuple[Any, ...]],
 ) -> Gradient:
-    """The derivatives of one result by Constants, see ``ContactProblem.gradient``; ``step``: the solution, see
-    ``SolvedStep.of``; ``data``: evaluates the problem with the values that the Constants have: forms, forces,
-    prescribed displacements, contact points, gap, law, see ``ChangedStep``; collective.
+    """The derivatives of one result by Constants, see ``ContactProblem.gradient``; ``step``: the
+    solution, see ``SolvedStep.of``; ``data``: evaluates the problem with the values that the
+    Constants have: forms, forces, prescribed displacements, contact points, gap, law, see
+    ``ChangedStep``; collective.
 
     Raises:
         FormError: an argument is wrong.
-        RuntimeError: the result depends on the step before, whose Constants, Functions and conditions are not known
-            any more.
+        RuntimeError: the result depends on the step before, whose Constants, Functions and
+            conditions are not known any more.
     """
     begun, u = step[3], step[5]
     quantity, constants = _quantity_of(of, u, body), _checked(by)
     solved = SolvedStep.of(*step)
     tangent = TransposedTangent(solved.system, solved.law, symmetric=solved.body.symmetric)
-    adjoint, state, value = tangent.adjoint(*solved.quantity(quantity)), solved.state, solved.value(quantity)
+    adjoint, state, value = (
+        tangent.adjoint(*solved.quantity(quantity)),
+        solved.state,
+        solved.value(quantity),
+    )
     moved = state.points.weight * (length(state.u_t) + length(state.slip_length))
     owed = np.sum(moved * length(adjoint.tied[:, 1:]))
-    if begun.step > 0 and parallel.global_sum(solved.body.comm, owed) > ZERO_IN_SOLUTION * abs(value):
+    if begun.step > 0 and parallel.global_sum(solved.body.comm, owed) > ZERO_IN_SOLUTION * abs(
+        value
+    ):
         raise RuntimeError(
-            "after advance() the result depends on the slip and the shear of the step before, by points that stick or, "
-            "in 3D, turn, and what that step was solved with is not kept: take a scene with load steps"
+            "after advance() the result depends on the slip and the shear of the step before, by "
+            "points that stick or, "
+            "in 3D, turn, and what that step was solved with is not kept: take a scene with load "
+            "steps"
         )
     slopes: list[float] = []
     for constant in constants:

@@ -24,7 +24,13 @@ from signorini_fx.addons.derivatives.gradient import (
     explicit,
 )
 from signorini_fx.errors import SceneError
-from signorini_fx.mechanics.body.discretisation import contact_of, held_at, law_of, moved_since, prepare
+from signorini_fx.mechanics.body.discretisation import (
+    contact_of,
+    held_at,
+    law_of,
+    moved_since,
+    prepare,
+)
 from signorini_fx.mechanics.body.nonlinear_law import at_rest
 from signorini_fx.mechanics.elasticity.moduli import lame_coefficients
 from signorini_fx.mechanics.laws.protocol import FrictionLaw
@@ -48,18 +54,23 @@ Array = npt.NDArray[np.float64]
 # Features of a scene that have no derivatives.
 REFUSES = {
     "material with a state": "derivatives are not possible yet with a material that has a state",
-    "mixed element": "derivatives are not possible yet with a pressure of its own: leave 'mixed' out",
-    "soft contact": "derivatives are those of contact that gives way as gamma_n says: leave 'overclosure' out",
+    "mixed element": "derivatives are not possible yet with a pressure of its own: leave 'mixed' "
+    "out",
+    "soft contact": "derivatives are those of contact that gives way as gamma_n says: leave "
+    "'overclosure' out",
     "shortening by force": "derivatives are not possible yet where a force shortens a section",
     "driven foundation": "derivatives are not possible yet where a force moves it",
-    "requested accuracy": "derivatives are those of one mesh, and meshes of a requested accuracy jump with the data: "
+    "requested accuracy": "derivatives are those of one mesh, and meshes of a requested accuracy "
+    "jump with the data: "
     "leave it out",
 }
 # Features of a scene with nonlinear materials that have no derivatives.
 REFUSES_IF_NONLINEAR = {
     "contact of two bodies": "derivatives are not possible yet where two nonlinear bodies touch",
 }
-_EXAMPLE = "such as contact[0].friction.coefficient, material[0].young, or traction[0], a load as a whole"
+_EXAMPLE = (
+    "such as contact[0].friction.coefficient, material[0].young, or traction[0], a load as a whole"
+)
 
 
 @dataclass(frozen=True)
@@ -72,7 +83,8 @@ class Sensitivity:
         by: the paths of the data.
         data: their values; 1 for a load as a whole, nan for an expression, which gets another term.
         derivatives: of the result by each of them.
-        between: contact points that stand between two sets: there the derivatives are those of one side.
+        between: contact points that stand between two sets: there the derivatives are those of one
+            side.
         solution: whose derivatives they are.
     """
 
@@ -92,25 +104,39 @@ class Sensitivity:
         return self.derivatives[self.by.index(path)]
 
     def __str__(self) -> str:
-        """A table: value of each datum, derivative, and by how many per cent 1 % of the datum changes the result."""
+        """A table: value of each datum, derivative, and by how many per cent 1 % of the datum
+        changes the result.
+        """
         wide = max(len(path) for path in self.by)
         lines = [
             f"{self.of} = {self.value:.8g}",
             f"{'by':{wide}s}  {'value':>12s}  {'derivative':>14s}  {'relative':>10s}",
         ]
         for path, datum, slope in zip(self.by, self.data, self.derivatives, strict=True):
-            share = f"{slope * datum / self.value:10.4g}" if self.value != 0 and math.isfinite(datum) else f"{'-':>10s}"
+            share = (
+                f"{slope * datum / self.value:10.4g}"
+                if self.value != 0 and math.isfinite(datum)
+                else f"{'-':>10s}"
+            )
             datum_text = f"{datum:12.6g}" if math.isfinite(datum) else f"{'expression':>12s}"
             lines.append(f"{path:{wide}s}  {datum_text}  {slope:14.7g}  {share}")
         if self.between:
-            lines.append(f"{self.between} contact points stand between two sets: there the derivatives are one-sided")
+            lines.append(
+                f"{self.between} contact points stand between two sets: there the derivatives are "
+                "one-sided"
+            )
         return "\n".join(lines)
 
 
 def _refuse(statement: Statement, refuses: Mapping[str, str]) -> None:
     """Refuse a scene with features that have no derivatives, by a ``SceneError``."""
     problems = [
-        ("".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in path).removeprefix("."), reason)
+        (
+            "".join(
+                f"[{part}]" if isinstance(part, int) else f".{part}" for part in path
+            ).removeprefix("."),
+            reason,
+        )
         for path, reason in dict.fromkeys(refused_by(statement, refuses))
     ]
     if problems:
@@ -122,14 +148,16 @@ def sensitivity(
 ) -> Sensitivity | list[Sensitivity]:
     """Solve a scene, and differentiate results of it by its data; collective.
 
-    gamma and the choice of the contact sets do not change: derivatives are those of the discrete solution.
+    gamma and the choice of the contact sets do not change: derivatives are those of the discrete
+    solution.
 
     Args:
         scene: on one mesh: a ``Scene``, the path of its file, or its mapping.
-        of: the result or several: see ``functional_of``; of the last load step, or of another one with
-            its number behind it, as in ``force bottom x step 2``.
-        by: paths of numbers of the scene, such as ``contact[0].friction.coefficient``; of an expression a term that is
-            added to it; the path of a load itself, such as ``traction[0]``: a factor of all of it.
+        of: the result or several: see ``functional_of``; of the last load step, or of another one
+            with its number behind it, as in ``force bottom x step 2``.
+        by: paths of numbers of the scene, such as ``contact[0].friction.coefficient``; of an
+            expression a term that is added to it; the path of a load itself, such as
+            ``traction[0]``: a factor of all of it.
         comm: the ranks that share the work.
 
     Raises:
@@ -154,7 +182,9 @@ def sensitivity(
 
 @dataclass(frozen=True)
 class _Step:
-    """A load step of a scene with its solution; the model has its foundations where they are in this step."""
+    """A load step of a scene with its solution; the model has its foundations where they are in
+    this step.
+    """
 
     model: Model
     place: float
@@ -169,13 +199,19 @@ class _Step:
         assert model.boundary is not None
         assert model.data is not None
         return ChangedStep(
-            forms=(), boundary=model.boundary, gap=model.data.gap, law=model.law, **_loads(model, self.place)
+            forms=(),
+            boundary=model.boundary,
+            gap=model.data.gap,
+            law=model.law,
+            **_loads(model, self.place),
         )
 
 
 @dataclass(frozen=True)
 class _Steps:
-    """The load steps of a scene, and the scene with contact points on the sides that were chosen."""
+    """The load steps of a scene, and the scene with contact points on the sides that were
+    chosen.
+    """
 
     steps: list[_Step]
     statement: Statement
@@ -191,11 +227,21 @@ class _Steps:
         def keep(step: LoadStep) -> None:
             model, state = step.body.model, step.result.contact
             assert state is not None
-            of = model, step.task, step.outcome, step.start, state, step.result.displacement, step.start.law
+            of = (
+                model,
+                step.task,
+                step.outcome,
+                step.start,
+                state,
+                step.result.displacement,
+                step.start.law,
+            )
             earlier = solved[-1].solved if solved else None
             solved.append(_Step(model, step.result.place, SolvedStep.of(*of), len(solved), earlier))
 
-        solution, *_ = solve_mesh(scene.statement, partial(load_mesh, scene, comm), History(), None, keep)
+        solution, *_ = solve_mesh(
+            scene.statement, partial(load_mesh, scene, comm), History(), None, keep
+        )
         if not solution.converged:
             raise ConvergenceError(solution)
         return cls(solved, scene.statement.changed(contact=solution.statement.contact), solution)
@@ -211,7 +257,10 @@ class _Steps:
 
     def by(self, path: str, change: float) -> By:
         """The derivatives by the number at a path, from its change for a difference; collective."""
-        changes = (varied(self.statement, path, sign * change, self.steps[0].model.dimension) for sign in (1.0, -1.0))
+        changes = (
+            varied(self.statement, path, sign * change, self.steps[0].model.dimension)
+            for sign in (1.0, -1.0)
+        )
         statements = [self.statement.changed(**entries) for entries in changes]
         if path.startswith("material") and path.rpartition(".")[2] in ("young", "poisson"):
             return _by_modulus(self.steps[0].model, statements, change)
@@ -222,13 +271,22 @@ class _Steps:
 
 
 def _by_difference(
-    at: Sequence[Callable[[Any], ChangedStep]], before: Sequence[Callable[[Any], ChangedStep]], change: float
+    at: Sequence[Callable[[Any], ChangedStep]],
+    before: Sequence[Callable[[Any], ChangedStep]],
+    change: float,
 ) -> By:
-    """From what gives the data of a load step, and those of the step before, with a larger and a smaller number."""
+    """From what gives the data of a load step, and those of the step before, with a larger and a
+    smaller number.
+    """
 
     def evaluated(step: _Step | _LinearisedStep, quantities: Sequence[Functional]) -> Explicit:
         high, low = (
-            explicit(step.solved, now(step), quantities, None if step.earlier is None else (step.earlier, last(step)))
+            explicit(
+                step.solved,
+                now(step),
+                quantities,
+                None if step.earlier is None else (step.earlier, last(step)),
+            )
             for now, last in zip(at, before, strict=True)
         )
         return difference(high, low, change)
@@ -236,7 +294,9 @@ def _by_difference(
     return evaluated
 
 
-def _sensitivities(steps: _Steps | _NonlinearSteps, of: list[str], by: Sequence[str]) -> list[Sensitivity]:
+def _sensitivities(
+    steps: _Steps | _NonlinearSteps, of: list[str], by: Sequence[str]
+) -> list[Sensitivity]:
     statement, model = steps.statement, steps.models[-1]
     entries = [_entry_of(statement, path, model.tagged.size, model.dimension) for path in by]
     quantities = [_at_step(steps.models, text) for text in of]
@@ -268,7 +328,9 @@ def _at_step(models: Sequence[Model], text: str) -> tuple[int, Functional]:
 
 
 def _by_modulus(model: Model, statements: Sequence[Statement], change: float) -> By:
-    """The derivatives by a modulus: differences of forces would be wrong by 1e-4 where a body is slender."""
+    """The derivatives by a modulus: differences of forces would be wrong by 1e-4 where a body is
+    slender.
+    """
     high, low = (lame_coefficients(statement, model.tagged) for statement in statements)
     for upper, lower in zip(high, low, strict=True):
         values = upper.x.array if isinstance(upper, fem.Function) else upper.value
@@ -277,7 +339,11 @@ def _by_modulus(model: Model, statements: Sequence[Statement], change: float) ->
     # The forms are linear in the Lame parameters.
     forms = replace(model.elastic, lame=high).compiled(model.space)
     strained = any(entry.strains for _, entry in statements[0].listed())
-    prepared = [prepare(statement, model.tagged, Timings()) for statement in statements] if strained else []
+    prepared = (
+        [prepare(statement, model.tagged, Timings()) for statement in statements]
+        if strained
+        else []
+    )
 
     def evaluated(step: _Step, quantities: Sequence[Functional]) -> Explicit:
         body = step.model
@@ -309,11 +375,17 @@ def _data(statement: Statement, steps: list[_Step], path: str) -> Callable[[int]
         moving = {"gap": parts["data"].gap, "boundary": parts["boundary"], "law": parts["law"]}
         if any(effect.moves for effect in statement_k.contact):
             step_model = replace(model, statement=statement_k, boundary=parts["boundary"])
-            moving["drift"] = moved_since(step_model, stated[k - 1] if k else statement_k.placed(-1))
+            moving["drift"] = moved_since(
+                step_model, stated[k - 1] if k else statement_k.placed(-1)
+            )
         return moving
 
     def data(k: int) -> ChangedStep:
-        changes = contact(k) if changed is None else {"forms": changed.forms, **_loads(changed, steps[k].place)}
+        changes = (
+            contact(k)
+            if changed is None
+            else {"forms": changed.forms, **_loads(changed, steps[k].place)}
+        )
         return replace(steps[k].data, **changes)
 
     return data
@@ -328,11 +400,12 @@ def _loads(model: Model, load_step: float) -> dict[str, Any]:
     }
 
 
-# --- scenes with nonlinear materials ---------------------------------------------------------------------------------
+# --- scenes with nonlinear materials --------------------------------------------------------------
 
-# An equilibrium at finite displacements has the derivative of its last linearised problem, formed anew at the solution,
-# with contact forces that turn with the body.  What a material or a load changes of the residual is a difference of the
-# residual that the certificate evaluates: nothing is compiled.
+# An equilibrium at finite displacements has the derivative of its last linearised problem, formed
+# anew at the solution, with contact forces that turn with the body.  What a material or a load
+# changes of the residual is a difference of the residual that the certificate evaluates: nothing is
+# compiled.
 
 
 @dataclass(frozen=True)
@@ -344,7 +417,9 @@ class _NonlinearSteps:
     solution: Solution
 
     @classmethod
-    def solved(cls, statement: Statement, problem_of: Callable[[], ProblemOfScene]) -> _NonlinearSteps:
+    def solved(
+        cls, statement: Statement, problem_of: Callable[[], ProblemOfScene]
+    ) -> _NonlinearSteps:
         """Solve a scene; collective."""
         _refuse(statement, REFUSES_IF_NONLINEAR)
         reached = list[ReachedStep]()
@@ -358,10 +433,14 @@ class _NonlinearSteps:
         """The derivatives by the number at a path, from its change for a difference; collective."""
         statement, dimension = self.statement, self.problem.model.dimension
         changed = [
-            _ChangedScene(self, statement.changed(**varied(statement, path, sign * change, dimension)), path)
+            _ChangedScene(
+                self, statement.changed(**varied(statement, path, sign * change, dimension)), path
+            )
             for sign in (1.0, -1.0)
         ]
-        return _by_difference([scene.at for scene in changed], [scene.before for scene in changed], change)
+        return _by_difference(
+            [scene.at for scene in changed], [scene.before for scene in changed], change
+        )
 
     @property
     def models(self) -> list[Model]:
@@ -383,7 +462,9 @@ class _NonlinearSteps:
 
 @dataclass(frozen=True)
 class _LinearisedStep:
-    """A load step of a scene with its linearised problem; ``preceding``: how the load step before it ended."""
+    """A load step of a scene with its linearised problem; ``preceding``: how the load step before
+    it ended.
+    """
 
     problem: ProblemOfScene
     path_step: float
@@ -418,8 +499,12 @@ class _ChangedScene:
         self._problem, self._statement = steps.problem, statement
         self._model = None
         if path.startswith("displacement"):  # other supports
-            self._model = prepare(at_rest(statement), steps.problem.model.tagged, Timings(), path_step=-1)
-        touching = path.startswith("contact") or self._model is not None  # supports move contact points, too
+            self._model = prepare(
+                at_rest(statement), steps.problem.model.tagged, Timings(), path_step=-1
+            )
+        touching = (
+            path.startswith("contact") or self._model is not None
+        )  # supports move contact points, too
         model = self._model or steps.problem.model
         self._touching = ProblemOfScene.of(statement, model, History()) if touching else None
 
@@ -428,7 +513,13 @@ class _ChangedScene:
         model = held_at(self._problem.model if self._model is None else self._model, path_step)
         zero = np.zeros(model.fixed.size)
         return np.asarray(
-            sum((factor * load.prescribed.x.array[: zero.size] for factor, load in model.applied_at(path_step)), zero)
+            sum(
+                (
+                    factor * load.prescribed.x.array[: zero.size]
+                    for factor, load in model.applied_at(path_step)
+                ),
+                zero,
+            )
         )
 
     def before(self, step: _LinearisedStep) -> ChangedStep:
@@ -447,12 +538,18 @@ class _ChangedScene:
             values, fixed = self.values(step.path_step), step.solved.body.fixed
             y.x.array[: fixed.size][fixed] = values[fixed]
             y.x.scatter_forward()
-            usual = replace(usual, prescribed=values, forces=problem.forces_anew(problem.statement, y))
+            usual = replace(
+                usual, prescribed=values, forces=problem.forces_anew(problem.statement, y)
+            )
         touching = self._touching
         touching.begin_at(-1.0 if step.preceding is None else step.preceding.path_step)
         touching.go_to(step.path_step)
         touching.u.x.array[:] = y.x.array
-        begun = np.zeros_like(y.x.array) if step.earlier is None else step.earlier.displacement.x.array.copy()
+        begun = (
+            np.zeros_like(y.x.array)
+            if step.earlier is None
+            else step.earlier.displacement.x.array.copy()
+        )
         if self._model is not None and step.earlier is not None and step.preceding is not None:
             fixed = step.earlier.body.fixed
             begun[: fixed.size][fixed] = self.values(step.preceding.path_step)[fixed]
@@ -461,26 +558,42 @@ class _ChangedScene:
         return replace(usual, boundary=boundary, gap=gap, law=law, drift=drift, spin=spin)
 
 
-# --- the numbers of a statement, by their paths ----------------------------------------------------------------------
+# --- the numbers of a statement, by their paths ---------------------------------------------------
 
 
-def _entry_of(statement: Statement, path: str, extent: float, dimension: int) -> tuple[float, float]:
-    """The number at a path, 1 for a whole load, nan for an expression, and the step for a difference."""
-    if path.startswith("material") and not all(material.isotropic for material in statement.material):
+def _entry_of(
+    statement: Statement, path: str, extent: float, dimension: int
+) -> tuple[float, float]:
+    """The number at a path, 1 for a whole load, nan for an expression, and the step for a
+    difference.
+    """
+    if path.startswith("material") and not all(
+        material.isotropic for material in statement.material
+    ):
         raise SceneError([(path, "is possible where all materials are isotropic")])
     if any(part in path for part in (".friction.ratio", ".friction.along", ".foundation.spring")):
         raise SceneError([(path, "is none that a derivative can be taken by")])
     if path.endswith("grading"):
-        raise SceneError([(path, "is none that a derivative can be taken by: take young, which it multiplies")])
+        raise SceneError(
+            [(path, "is none that a derivative can be taken by: take young, which it multiplies")]
+        )
     *_, (parent, _), (value, _) = _way(statement, path, dimension)
     if isinstance(value, Load):
         return 1.0, 1e-3
     if isinstance(parent, FrictionLaw | Resistance) and value == 0.0:
-        raise SceneError([(path, "is zero, so that nothing acts: give a small number to begin with")])
+        raise SceneError(
+            [(path, "is zero, so that nothing acts: give a small number to begin with")]
+        )
     root = path.partition("[")[0].partition(".")[0]
-    if isinstance(value, Expression) or value == 0.0 or (root == "contact" and ".friction" not in path):
+    if (
+        isinstance(value, Expression)
+        or value == 0.0
+        or (root == "contact" and ".friction" not in path)
+    ):
         unit = extent if root in ("contact", "displacement") else statement.young
-        if any(part in path for part in ("rotation", "direction", ".friction.coefficient", ".poisson")):
+        if any(
+            part in path for part in ("rotation", "direction", ".friction.coefficient", ".poisson")
+        ):
             unit = 1.0
     else:
         unit = abs(value)
@@ -488,12 +601,14 @@ def _entry_of(statement: Statement, path: str, extent: float, dimension: int) ->
 
 
 def varied(statement: Statement, path: str, change: float, dimension: int) -> dict[str, Any]:
-    """What ``statement.changed`` takes for a number larger by ``change``; an expression gets it as another term, a load
-    as a part of it.
+    """What ``statement.changed`` takes for a number larger by ``change``; an expression gets it as
+    another term, a load as a part of it.
     """
     *way, (value, _) = _way(statement, path, dimension)
     if isinstance(value, Load):
-        value = value.model_copy(update={"factors": tuple((1 + change) * f for f in statement.factors_of(value))})
+        value = value.model_copy(
+            update={"factors": tuple((1 + change) * f for f in statement.factors_of(value))}
+        )
     elif isinstance(value, Expression):
         value = Expression(f"({value.text}) + ({float(change)!r})", value.time, value.allows_time)
     else:
@@ -502,7 +617,11 @@ def varied(statement: Statement, path: str, change: float, dimension: int) -> di
         if isinstance(key, int):
             value = (*table[:key], value, *table[key + 1 :])
         else:
-            value = {**table, key: value} if isinstance(table, Mapping) else table.model_copy(update={key: value})
+            value = (
+                {**table, key: value}
+                if isinstance(table, Mapping)
+                else table.model_copy(update={key: value})
+            )
     return {str(way[0][1]): value}
 
 
@@ -510,11 +629,15 @@ def _way(statement: Statement, path: str, dimension: int) -> list[tuple[Any, str
     """The tables on the way to a number, each with the key that leads on, and the number."""
     keys: list[str | int] = way_of(path) if PATH.fullmatch(path) else []
     if not keys or keys[0] not in statement.effects:
-        raise SceneError([(path, f"is no datum of the problem that a derivative can be taken by, {_EXAMPLE}")])
+        raise SceneError(
+            [(path, f"is no datum of the problem that a derivative can be taken by, {_EXAMPLE}")]
+        )
     value: Any = statement.effects
     way: list[tuple[Any, str | int]] = []
     for key in keys:
-        if isinstance(key, str) and isinstance(value, tuple) and len(value) == 1:  # a list of one is what is in it
+        if (
+            isinstance(key, str) and isinstance(value, tuple) and len(value) == 1
+        ):  # a list of one is what is in it
             way, value = [*way, (value, 0)], value[0]
         way.append((value, key))
         if isinstance(key, int):

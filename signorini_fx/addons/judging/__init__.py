@@ -1,4 +1,6 @@
-"""A verdict on another program's contact result: equilibrium, supports, contact, friction, and the distance to ours.
+"""A verdict on another program's contact result: equilibrium, supports, contact, friction, and the
+distance to ours.
 
-It shares nothing with the solver but the mesh and the data of the problem.  No other package imports it: an add-on.
+It shares nothing with the solver but the mesh and the data of the problem.  No other package
+imports it: an add-on.
 """

@@ -31,7 +31,8 @@ class Alternative:
 
 
 def nearest_alternative(on_mesh: SolutionOnMesh, v: Floats, enough: float) -> tuple[str, float]:
-    """In words the alternative whose solution is nearest to a displacement, and its distance; "": there is none.
+    """In words the alternative whose solution is nearest to a displacement, and its distance; "":
+    there is none.
 
     From the distance ``enough`` on no nearer value is sought, in the energy norm.
     """
@@ -40,8 +41,12 @@ def nearest_alternative(on_mesh: SolutionOnMesh, v: Floats, enough: float) -> tu
     return min(chain.from_iterable(tried), key=lambda nearest: nearest[1], default=("", np.inf))
 
 
-def _values(on_mesh: SolutionOnMesh, v: Floats, tried: Alternative, enough: float) -> Iterator[tuple[str, float]]:
-    """Values found by secants, each with its distance; they end where one has no effect, or no solution."""
+def _values(
+    on_mesh: SolutionOnMesh, v: Floats, tried: Alternative, enough: float
+) -> Iterator[tuple[str, float]]:
+    """Values found by secants, each with its distance; they end where one has no effect, or no
+    solution.
+    """
     value, before, u_before = tried.trial, tried.start, on_mesh.displacement
     for _ in range(JUDGED_INCREMENTS):
         try:
@@ -70,15 +75,22 @@ def _alternatives(scene: Scene, size: float) -> Iterator[Alternative]:
         if isinstance(entry, Load) and key != "displacement"
     ]
     trial = 1.0 + NOTABLE
-    text: Callable[..., str] = "its loads are {:.4g} times the problem's, or its moduli {:.4g} times".format
+    text: Callable[..., str] = (
+        "its loads are {:.4g} times the problem's, or its moduli {:.4g} times".format
+    )
     if loads:
         yield Alternative(text, 1.0, trial, partial(_loaded, scene, loads))
     for load in loads if len(loads) > 1 else ():
-        text = partial("its {where} is {:.4g} times the problem's".format, where=_named(*load, scene))
+        text = partial(
+            "its {where} is {:.4g} times the problem's".format, where=_named(*load, scene)
+        )
         yield Alternative(text, 1.0, trial, partial(_loaded, scene, [load]))
     for number, material in enumerate(scene.material if len(scene.material) > 1 else ()):
         if getattr(material, "young", None) is not None:
-            text = partial("its modulus of {region} is {1:.4g} times the problem's".format, region=material.region)
+            text = partial(
+                "its modulus of {region} is {1:.4g} times the problem's".format,
+                region=material.region,
+            )
             yield Alternative(text, 1.0, trial, partial(_softer, scene, number), NOTABLE)
     for number, contact in enumerate(scene.contact):
         if contact.bonded:
@@ -100,7 +112,9 @@ def _of_friction(scene: Scene, number: int, contact: Any) -> Iterator[Alternativ
     start = float(law[key])
 
     def entries(value: float) -> dict[str, Any]:
-        return _changed(scene, "contact", number, friction={**law, key: value} if value > 0 else NoFriction())
+        return _changed(
+            scene, "contact", number, friction={**law, key: value} if value > 0 else NoFriction()
+        )
 
     said = "its {key} of friction on {where} is {:.4g}, not {start:.4g}"
     text = partial(said.format, key=key, where=contact.boundary, start=start)
@@ -109,7 +123,9 @@ def _of_friction(scene: Scene, number: int, contact: Any) -> Iterator[Alternativ
 
 def _named(key: str, number: int, scene: Scene) -> str:
     entry = scene.statement.effects[key][number]
-    where = next((str(at) for name in ("boundary", "region", "at") if (at := getattr(entry, name, None))), "")
+    where = next(
+        (str(at) for name in ("boundary", "region", "at") if (at := getattr(entry, name, None))), ""
+    )
     return f"{entry.label.replace('_', ' ')} {number + 1}" + (f" on {where}" if where else "")
 
 
@@ -119,9 +135,14 @@ def _loaded(scene: Scene, loads: Sequence[tuple[str, int]], value: float) -> dic
     for key, number in loads:
         several = list(entries.get(key, scene.statement.effects[key]))
         factors = several[number].factors or (1.0,) * scene.statement.steps
-        several[number] = several[number].model_copy(update={"factors": tuple(value * share for share in factors)})
+        several[number] = several[number].model_copy(
+            update={"factors": tuple(value * share for share in factors)}
+        )
         entries[key] = several
-    return {key: several[0] if key in scene.statement.single else several for key, several in entries.items()}
+    return {
+        key: several[0] if key in scene.statement.single else several
+        for key, several in entries.items()
+    }
 
 
 def _changed(scene: Scene, key: str, number: int, **values: Any) -> dict[str, Any]:
@@ -132,7 +153,9 @@ def _changed(scene: Scene, key: str, number: int, **values: Any) -> dict[str, An
 
 
 def _softer(scene: Scene, number: int, compliance: float) -> dict[str, Any]:
-    """With a compliance, of which the displacement is nearly linear, that is so many times as large."""
+    """With a compliance, of which the displacement is nearly linear, that is so many times as
+    large.
+    """
     material: Any = scene.material[number]
     return _changed(scene, "material", number, young=material.young / compliance)
 

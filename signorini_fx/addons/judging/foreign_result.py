@@ -23,7 +23,9 @@ def read_result(result: object, problem: JudgedProblem) -> ForeignResult:
     nodes, dim = problem.points.shape
     values = np.asarray(result)
     if values.dtype.kind not in "iuf" or values.shape not in ((nodes, dim), (nodes, 3)):
-        raise MeshError(f"the result: real numbers of shape {(nodes, dim)} are expected, not of {values.shape}")
+        raise MeshError(
+            f"the result: real numbers of shape {(nodes, dim)} are expected, not of {values.shape}"
+        )
     return ForeignResult(_finite(values[:, :dim].astype(np.float64)))
 
 
@@ -34,12 +36,23 @@ def _read(file: Path, problem: JudgedProblem) -> ForeignResult:
         raise MeshError(f"{file}: results are read from {', '.join(READERS)}")
     printed, dim = READERS[kind](file), problem.arrays.dim
     positions = printed.points if printed.numbers is None else None
-    if any(table is not None and table.shape[1] < dim for table in (printed.displacement, positions)):
-        raise MeshError(f"{file}: displacements and positions with {dim} components are expected, as of the problem")
-    rows = _rows_at(file, printed, problem) if printed.numbers is None else _rows_of(file, printed, problem)
+    if any(
+        table is not None and table.shape[1] < dim for table in (printed.displacement, positions)
+    ):
+        raise MeshError(
+            f"{file}: displacements and positions with {dim} components are expected, as of the "
+            "problem"
+        )
+    rows = (
+        _rows_at(file, printed, problem)
+        if printed.numbers is None
+        else _rows_of(file, printed, problem)
+    )
     displacement = _finite(printed.displacement[rows, :dim])
     displacement[rows < 0] = np.nan
-    return replace(printed, displacement=displacement, numbers=None, points=None, cells=(), name=file.name)
+    return replace(
+        printed, displacement=displacement, numbers=None, points=None, cells=(), name=file.name
+    )
 
 
 def _finite(values: Floats) -> Floats:
@@ -52,7 +65,9 @@ def _rows_of(file: Path, table: ForeignResult, problem: JudgedProblem) -> Ints:
     assert table.numbers is not None
     numbering = Numbering(table.numbers)
     again = numbering.again
-    if (table.displacement[again] != table.displacement[numbering.rows(table.numbers[again])]).any():
+    if (
+        table.displacement[again] != table.displacement[numbering.rows(table.numbers[again])]
+    ).any():
         raise MeshError(f"{file}: a node is there several times, with different displacements")
     rows = numbering.rows(problem.names)
     if table.points is not None:
@@ -60,15 +75,22 @@ def _rows_of(file: Path, table: ForeignResult, problem: JudgedProblem) -> Ints:
         away = np.linalg.norm(table.points[rows, :dim] - problem.points[:, :dim], axis=1)
         if (wrong := (rows >= 0) & (away > JUDGED_SAME_PLACE * problem.arrays.diagonal)).any():
             node = problem.names[np.argmax(wrong)]
-            raise MeshError(f"{file}: node {node} is at another place in the problem: it is the result of another mesh")
+            raise MeshError(
+                f"{file}: node {node} is at another place in the problem: it is the result of "
+                "another mesh"
+            )
     return rows
 
 
 def _rows_at(file: Path, table: ForeignResult, problem: JudgedProblem) -> Ints:
-    """The row of the table at each node, those at one place told apart by the middles of their cells; -1: none."""
+    """The row of the table at each node, those at one place told apart by the middles of their
+    cells; -1: none.
+    """
     near = JUDGED_SAME_PLACE * problem.arrays.diagonal
     if table.points is None:
-        raise MeshError(f"{file}: has neither numbers nor positions of nodes: give columns node, or x and y")
+        raise MeshError(
+            f"{file}: has neither numbers nor positions of nodes: give columns node, or x and y"
+        )
     x = np.pad(problem.points, ((0, 0), (0, table.points.shape[1] - problem.arrays.dim)))
     nodes: Ints = np.arange(len(x))
     rows: Ints = np.arange(len(table.points))
@@ -80,16 +102,26 @@ def _rows_at(file: Path, table: ForeignResult, problem: JudgedProblem) -> Ints:
     away, nearest = tree.query(x)
     alike = DIGITS_OF_FILES * float(np.abs(table.displacement).max())
     for place, at_place in zip(plain(x), tree.query_ball_point(x, near), strict=True):
-        if len(at_place) > 1 and not np.ptp(table.displacement[rows[at_place]], axis=0).max() <= alike:
+        if (
+            len(at_place) > 1
+            and not np.ptp(table.displacement[rows[at_place]], axis=0).max() <= alike
+        ):
             cure = "give a table with a column node, the numbers of the problem"
-            raise MeshError(f"{file}: several points are at {tuple(place[:3])}, with different displacements: {cure}")
+            raise MeshError(
+                f"{file}: several points are at {tuple(place[:3])}, with different displacements: "
+                f"{cure}"
+            )
     row_of_node = np.full(len(problem.points), -1)
     row_of_node[nodes[away <= near]] = rows[nearest[away <= near]]
     return row_of_node
 
 
 def _in_cells(x: Floats, tables: Sequence[Ints]) -> tuple[Ints, Floats]:
-    """Of each point of each cell its number, shape (n,), and its place with the cell's middle, shape (n, 2 d)."""
+    """Of each point of each cell its number, shape (n,), and its place with the cell's middle,
+    shape (n, 2 d).
+    """
     middles = [np.broadcast_to(x[cells].mean(axis=1)[:, None], x[cells].shape) for cells in tables]
     numbers = np.concatenate([cells.ravel() for cells in tables])
-    return numbers, np.hstack((x[numbers], np.concatenate([middle.reshape(-1, x.shape[1]) for middle in middles])))
+    return numbers, np.hstack(
+        (x[numbers], np.concatenate([middle.reshape(-1, x.shape[1]) for middle in middles]))
+    )

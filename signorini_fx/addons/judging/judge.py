@@ -1,7 +1,8 @@
 """``judge``: a verdict on another program's displacement of a contact problem.
 
-Its distance from our solution on the same mesh, and on the mesh with halved sides, stands beside the error of ours.
-Beyond that error the certificate of the result says which condition it violates, and other problems are tried.
+Its distance from our solution on the same mesh, and on the mesh with halved sides, stands beside
+the error of ours. Beyond that error the certificate of the result says which condition it violates,
+and other problems are tried.
 """
 
 from __future__ import annotations
@@ -41,7 +42,8 @@ AGREES = "agrees within the error of the mesh"
 ANOTHER = "another problem"
 VIOLATES = "violates "
 NOT_TOLD = "cannot be told"
-# With reduced integration there are as many points as with cells twice as large, on which the error is so much larger.
+# With reduced integration there are as many points as with cells twice as large, on which the error
+# is so much larger.
 _COARSER = 2.0
 # A condition that is violated by more than this share is so with any elements.
 _HALF = 0.5
@@ -61,14 +63,14 @@ class Judgement:
 
     Attributes:
         name: of the result.
-        word: ``agrees within the error of the mesh``, ``another problem``, ``violates`` supports, equilibrium,
-            penetration, tension, complementarity or friction, or ``cannot be told``.
+        word: ``agrees within the error of the mesh``, ``another problem``, ``violates`` supports,
+            equilibrium, penetration, tension, complementarity or friction, or ``cannot be told``.
         reason: why, in words; "": the word says all.
         theirs: program, time and digits of the result.
-        figures: by their names, each its value and threshold: shares of the energy norm, of the largest displacement,
-            and of the largest pressure.
-        beside: displacement and contact force beside ours, and how far ours differ from those on the finer mesh, each
-            relative to ours.
+        figures: by their names, each its value and threshold: shares of the energy norm, of the
+            largest displacement, and of the largest pressure.
+        beside: displacement and contact force beside ours, and how far ours differ from those on
+            the finer mesh, each relative to ours.
         lost: what the problem as read lacks of its input file.
         lines: label -> text, the lines below the word.
     """
@@ -89,8 +91,8 @@ class Judgement:
 
     @property
     def exit_code(self) -> int:
-        """With which the command ends: 0 it agrees, 4 it does with what was read of the input file, 5 it solves another
-        problem, 6 it violates the problem, 7 it cannot be told.
+        """With which the command ends: 0 it agrees, 4 it does with what was read of the input file,
+        5 it solves another problem, 6 it violates the problem, 7 it cannot be told.
         """
         return {AGREES: 4 if self.lost else 0, ANOTHER: 5, NOT_TOLD: 7}.get(self.word, 6)
 
@@ -114,9 +116,11 @@ def judge(problem: object, result: object) -> Judgement:
     """Judge another program's result.
 
     Args:
-        problem: the path of an input file (.inp) of Abaqus or CalculiX, or of a scene file; or a ``Scene``.
-        result: the displacements: the path of a .dat or .frd file of CalculiX, of a .csv or .vtu; or an array of shape
-            (n, d), in the order of the nodes of the input file or of the mesh of the scene.
+        problem: the path of an input file (.inp) of Abaqus or CalculiX, or of a scene file; or a
+            ``Scene``.
+        result: the displacements: the path of a .dat or .frd file of CalculiX, of a .csv or .vtu;
+            or an array of shape (n, d), in the order of the nodes of the input file or of the mesh
+            of the scene.
 
     Raises:
         MeshError: a file cannot be read, or the array has another shape.
@@ -132,11 +136,15 @@ def judge(problem: object, result: object) -> Judgement:
     except NotJudgedError as missing:
         word, reason = NOT_TOLD, str(missing)
     lines = {**judging.lines, "effort": f"{time.perf_counter() - begun:.1f} s"}
-    return Judgement(theirs.name, word, reason, about, judging.figures, judging.beside, stated.lost, lines)
+    return Judgement(
+        theirs.name, word, reason, about, judging.figures, judging.beside, stated.lost, lines
+    )
 
 
 def _of_another_time(problem: JudgedProblem, theirs: ForeignResult) -> tuple[str, str] | None:
-    """The word for a result of another time, and why; a result that is none raises ``NotJudgedError``."""
+    """The word for a result of another time, and why; a result that is none raises
+    ``NotJudgedError``.
+    """
     values = theirs.displacement
     if problem.unjudged:
         raise NotJudgedError(problem.unjudged)
@@ -148,16 +156,25 @@ def _of_another_time(problem: JudgedProblem, theirs: ForeignResult) -> tuple[str
     if not np.abs(np.nan_to_num(values)).max() > 0:
         raise NotJudgedError("nothing moves at all")
     if theirs.digits is not None and theirs.digits < JUDGED_DIGITS:
-        raise NotJudgedError(f"it is printed with {theirs.digits} digits, of which {JUDGED_DIGITS} at least are needed")
+        raise NotJudgedError(
+            f"it is printed with {theirs.digits} digits, of which {JUDGED_DIGITS} at least are "
+            "needed"
+        )
     ends = theirs.time, problem.time
-    if ends[0] is None or ends[1] is None or np.isclose(ends[0], ends[1], rtol=10.0**-JUDGED_DIGITS):
+    if (
+        ends[0] is None
+        or ends[1] is None
+        or np.isclose(ends[0], ends[1], rtol=10.0**-JUDGED_DIGITS)
+    ):
         return None
     return ANOTHER, f"it ends at time {ends[0]:g}, and the problem at {ends[1]:g}"
 
 
 @dataclass
 class _Judging:
-    """The way to a verdict; ``violated``: of each condition what to say if it is, in the order of their lines."""
+    """The way to a verdict; ``violated``: of each condition what to say if it is, in the order of
+    their lines.
+    """
 
     problem: JudgedProblem
     theirs: ForeignResult
@@ -187,7 +204,9 @@ class _Judging:
         """Their displacement at all nodes of the mesh, length, shape (n, d)."""
         v = np.full(self.problem.arrays.points.shape, np.nan)
         v[: len(self.theirs.displacement)] = self.theirs.displacement
-        fixed = self.ours.held.all(axis=1) & np.isnan(v).any(axis=1)  # programs need not print what they prescribe
+        fixed = self.ours.held.all(axis=1) & np.isnan(v).any(
+            axis=1
+        )  # programs need not print what they prescribe
         v[fixed] = self.ours.displacement[fixed]
         missing = np.flatnonzero(np.isnan(v[: len(self.problem.names)]).any(axis=1))
         if missing.size:
@@ -197,8 +216,8 @@ class _Judging:
 
     @cached_property
     def error(self) -> tuple[float, float, float]:
-        """Energy norms: of our solution, of its error with the margin, and of their distance to ours on the mesh or on
-        the finer one.
+        """Energy norms: of our solution, of its error with the margin, and of their distance to
+        ours on the mesh or on the finer one.
         """
         ours, finer, v = self.ours, self.finer, self.v
         distance = ours.norm(v - ours.displacement)
@@ -222,7 +241,9 @@ class _Judging:
         self._figure("distance", distance / size, allowed / size)
         self._head(size, error, distance, printed)
         self._certify(size, allowed)
-        factor = ours.product(v, ours.displacement) / ours.product(ours.displacement, ours.displacement)
+        factor = ours.product(v, ours.displacement) / ours.product(
+            ours.displacement, ours.displacement
+        )
         if factor > 0 and abs(np.log10(factor)) >= JUDGED_UNITS:
             return ANOTHER, f"it is {factor:.4g} times the solution: it has other units"
         if self._value("supports") > NEGLIGIBLE:
@@ -231,30 +252,51 @@ class _Judging:
         if on_mesh <= printed + NEGLIGIBLE * size:
             return self._strained_alike()
         if distance > allowed and self._in_increments() <= allowed:
-            self.lines["distance"] += f"; solved in {JUDGED_INCREMENTS} increments, within the error"
+            self.lines["distance"] += (
+                f"; solved in {JUDGED_INCREMENTS} increments, within the error"
+            )
             return self._strained_alike()
         # So far elements with fewer points may be away.
         farthest = _COARSER * error + printed
         left = (NOTABLE if distance <= allowed else JUDGED_LEFT) * on_mesh
         if nodes := ours.moved_alone(v, min(left, farthest)):
-            return VIOLATES + "equilibrium", f"forces are not balanced around {' and '.join(map(self._node, nodes))}"
+            return (
+                VIOLATES + "equilibrium",
+                f"forces are not balanced around {' and '.join(map(self._node, nodes))}",
+            )
         if other_problem := self._other_problem(on_mesh, min(left + printed, farthest), printed):
             return ANOTHER, other_problem
         if distance <= allowed:
             return self._strained_alike()
         if any(contact.adjust is not None for contact in self.problem.scene.contact):
-            return NOT_TOLD, "ADJUST moves nodes, and it is not a result of the mesh as it is before"
+            return (
+                NOT_TOLD,
+                "ADJUST moves nodes, and it is not a result of the mesh as it is before",
+            )
         if self.problem.lost:
-            return NOT_TOLD, "it is not a result of the problem as read, which lacks what is listed below"
-        worst = max((condition for condition in self.violated if condition != "supports"), key=self._value)
+            return (
+                NOT_TOLD,
+                "it is not a result of the problem as read, which lacks what is listed below",
+            )
+        worst = max(
+            (condition for condition in self.violated if condition != "supports"), key=self._value
+        )
         if distance <= farthest and self._value(worst) <= _HALF:
-            return NOT_TOLD, "it is less accurate than ours, yet no more than elements with fewer points may be"
+            return (
+                NOT_TOLD,
+                "it is less accurate than ours, yet no more than elements with fewer points may be",
+            )
         if self._value(worst) > allowed / size:
             return self._violates(worst)
-        return ANOTHER, "no single load, modulus, gap or friction explains it, and it violates no condition"
+        return (
+            ANOTHER,
+            "no single load, modulus, gap or friction explains it, and it violates no condition",
+        )
 
     def _strained_alike(self) -> tuple[str, str]:
-        """The word where strains are ours: a rigid motion, which they do not show, may yet violate contact."""
+        """The word where strains are ours: a rigid motion, which they do not show, may yet violate
+        contact.
+        """
         worst = max(("penetration", "complementarity"), key=self._value)
         return self._violates(worst) if self._value(worst) > _HALF else (AGREES, "")
 
@@ -268,12 +310,16 @@ class _Judging:
         self.figures[name] = {"value": float(value), "threshold": float(threshold)}
 
     def _in_increments(self) -> float:
-        """The distance from our solution in increments, as programs solve with friction; infinite without any."""
+        """The distance from our solution in increments, as programs solve with friction; infinite
+        without any.
+        """
         scene = self.problem.scene
         if not any(contact.friction.acts for contact in scene.contact):
             return np.inf
         try:
-            u = self.ours.with_entries({"load_steps": scene.load_steps.remade(steps=JUDGED_INCREMENTS)})
+            u = self.ours.with_entries(
+                {"load_steps": scene.load_steps.remade(steps=JUDGED_INCREMENTS)}
+            )
         except NotJudgedError:
             return np.inf
         return self.ours.norm(self.v - u)
@@ -288,11 +334,15 @@ class _Judging:
             return f"it is the end of load step {number + 1} {names[number]}".rstrip()
         other, left = nearest_alternative(ours, v, printed + NEGLIGIBLE * on_mesh)
         if other:
-            self.lines["other"] = f"{other}, with which it is {left / on_mesh:.2g} of its distance away"
+            self.lines["other"] = (
+                f"{other}, with which it is {left / on_mesh:.2g} of its distance away"
+            )
         return other if left <= enough else ""
 
     def _certify(self, size: float, allowed: float) -> None:
-        """Take the figures of the certificate, and for each condition what to say if it is violated."""
+        """Take the figures of the certificate, and for each condition what to say if it is
+        violated.
+        """
         ours, v = self.ours, self.v
         away = np.where(ours.held, np.abs(v - ours.displacement), 0.0)
         node, axis = divmod(int(away.argmax()), v.shape[1])
@@ -310,16 +360,28 @@ class _Judging:
         unbalanced, worst = ours.unbalanced(remaining_forces)
         self._figure("equilibrium", unbalanced / size, allowed / size)
         self.violated["equilibrium"] = f"forces are not balanced, most around {self._node(worst)}"
-        self.lines["equilibrium"] = f"{_percent(unbalanced / size)} of the energy norm missing inside the body"
+        self.lines["equilibrium"] = (
+            f"{_percent(unbalanced / size)} of the energy norm missing inside the body"
+        )
         if tractions is None:
             return
         certificate = ours.certificate(v, tractions)
-        friction = max(certificate.friction_cone, certificate.wrong_way_slip, certificate.slip_below_bound)
-        shares = certificate.entered, certificate.negative_pressure, certificate.pressure_at_distance, friction
+        friction = max(
+            certificate.friction_cone, certificate.wrong_way_slip, certificate.slip_below_bound
+        )
+        shares = (
+            certificate.entered,
+            certificate.negative_pressure,
+            certificate.pressure_at_distance,
+            friction,
+        )
         for (condition, text), share in zip(_CONDITIONS.items(), shares, strict=True):
             self._figure(condition, share, allowed / size)
             self.violated[condition] = text.format(_percent(share))
-        said = [f"{condition} {_percent(share)}" for condition, share in zip(_CONDITIONS, shares, strict=True)]
+        said = [
+            f"{condition} {_percent(share)}"
+            for condition, share in zip(_CONDITIONS, shares, strict=True)
+        ]
         self.lines["contact"] = ", ".join(said[:3])
         self.lines["friction"] = f"off by {_percent(friction)} of the largest pressure"
         self._compare(ours.force(tractions))
@@ -335,20 +397,35 @@ class _Judging:
             self.beside["displacement" + suffix] = float(largest / np.linalg.norm(u, axis=1).max())
             if own_force > 0:
                 self.beside["force" + suffix] = abs(pressed - own_force) / own_force
-        said = {key: f"{word} {_percent(self.beside[key])}" for key, word in _BESIDE.items() if key in self.beside}
+        said = {
+            key: f"{word} {_percent(self.beside[key])}"
+            for key, word in _BESIDE.items()
+            if key in self.beside
+        }
         if finer is not None:
             for key in said:
-                said[key] += f" (ours changes by {_percent(self.beside[key + '_of_mesh'])} on the finer mesh)"
+                said[key] += (
+                    f" (ours changes by {_percent(self.beside[key + '_of_mesh'])} on the finer "
+                    "mesh)"
+                )
         self.lines["beside ours"] = ", ".join(said.values())
 
     def _head(self, size: float, error: float, distance: float, printed: float) -> None:
         theirs = self.theirs
         when = "" if theirs.time is None else f"time {theirs.time:g}"
-        digits = "" if theirs.digits is None else f"{theirs.digits} digits, {_percent(printed / size)} in energy"
-        self.lines["theirs"] = ", ".join(filter(None, [theirs.program, when, digits])) or "all digits"
+        digits = (
+            ""
+            if theirs.digits is None
+            else f"{theirs.digits} digits, {_percent(printed / size)} in energy"
+        )
+        self.lines["theirs"] = (
+            ", ".join(filter(None, [theirs.program, when, digits])) or "all digits"
+        )
         mesh = "on the next mesh" if self.finer is not None else "by its stresses"
         self.lines["distance"] = f"{_percent(distance / size)} of the energy norm from ours"
-        self.lines["our error"] = f"{_percent(error / size)} of the energy norm on this mesh, estimated {mesh}"
+        self.lines["our error"] = (
+            f"{_percent(error / size)} of the energy norm on this mesh, estimated {mesh}"
+        )
 
     def _node(self, node: int) -> str:
         x = ", ".join(f"{value:.4g}" for value in self.problem.arrays.points[node])

@@ -1,5 +1,5 @@
-"""The problem that a result is judged against, on a mesh whose nodes have the numbers of the result; our solution of it
-on one mesh, and what another displacement of that mesh is beside it.
+"""The problem that a result is judged against, on a mesh whose nodes have the numbers of the
+result; our solution of it on one mesh, and what another displacement of that mesh is beside it.
 """
 
 from __future__ import annotations
@@ -10,7 +10,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-import mpi4py.MPI  # noqa: F401  # first: PETSc and dolfinx from PyPI find the library of MPI where it is loaded
+# First: PETSc and dolfinx from PyPI find the library of MPI where it is loaded.
+import mpi4py.MPI  # noqa: F401
 import numpy as np
 import numpy.typing as npt
 import scipy.sparse as sp
@@ -42,7 +43,8 @@ class JudgedProblem:
 
     scene: Scene
     arrays: MeshArrays
-    names: Ints  # the numbers of the nodes that a result has, which are the first ones of the mesh, shape (n,)
+    # the numbers of the nodes that a result has, which are the first ones of the mesh, shape (n,)
+    names: Ints
     lost: tuple[str, ...] = ()  # what the scene lacks of its input file
     time: float | None = None  # at the end of the last load step; None: not known
 
@@ -53,11 +55,16 @@ class JudgedProblem:
         reasons = {
             "materials that are not linear are not judged": scene.statement.nonlinear,
             "elements with a pressure of their own are not judged": element.volumetric == "mixed",
-            "elements of degree 1 on cells of degree 2 are not judged: set element.degree = 2": element.degree
-            < self.arrays.degree,
-            "displacements out of the section are not judged": scene.statement.kinematics.out_of_section,
-            "sections inside a body, such as those of bolts, are not judged": scene.statement.sections,
-            "rigid bodies that forces move are not judged": any(entry.tool is not None for entry in scene.contact),
+            "elements of degree 1 on cells of degree 2 are not judged: set element.degree = 2": (
+                element.degree < self.arrays.degree
+            ),
+            "displacements out of the section are not "
+            "judged": scene.statement.kinematics.out_of_section,
+            "sections inside a body, such as those of bolts, are not "
+            "judged": scene.statement.sections,
+            "rigid bodies that forces move are not judged": any(
+                entry.tool is not None for entry in scene.contact
+            ),
         }
         return "; ".join(reason for reason, there in reasons.items() if there)
 
@@ -79,7 +86,9 @@ def judged_problem(problem: object) -> JudgedProblem:
         file = Path(problem)
         drafted = draft(file, file)
         scene, deck = parse_scene_text(drafted.text, file), drafted.deck
-        return JudgedProblem(scene, deck.mesh, deck.names, tuple(drafted.lost), deck.time + deck.period)
+        return JudgedProblem(
+            scene, deck.mesh, deck.names, tuple(drafted.lost), deck.time + deck.period
+        )
     scene = as_scene(problem)
     mesh = load_mesh(scene, MPI.COMM_SELF)
     check_fits(scene.statement, mesh)
@@ -87,12 +96,14 @@ def judged_problem(problem: object) -> JudgedProblem:
     if scene.element.degree > arrays.degree:
         arrays = quadratic(arrays)
     names = np.arange(1, len(arrays.points) + 1)
-    contacts = [contact.model_copy(update={"contact_size": None}) for contact in scene.contact]  # cells are made
+    contacts = [
+        contact.model_copy(update={"contact_size": None}) for contact in scene.contact
+    ]  # cells are made
     scene = scene.model_copy(update={"contact": contacts})
     return JudgedProblem(scene, arrays, names)
 
 
-# --- our solution ----------------------------------------------------------------------------------------------------
+# --- our solution ---------------------------------------------------------------------------------
 
 
 class NotJudgedError(Exception):
@@ -116,13 +127,16 @@ class SolutionOnMesh:
         solution = _solved(problem, mesh)
         space = solution.displacement.function_space
         block = np.empty(len(arrays.points), dtype=np.int64)
-        numbers = np.asarray(space.mesh.geometry.input_global_indices)[compat.geometry_cells(space.mesh)]
+        numbers = np.asarray(space.mesh.geometry.input_global_indices)[
+            compat.geometry_cells(space.mesh)
+        ]
         block[numbers.ravel()] = space.dofmap.list.ravel()
         return cls(problem, arrays, mesh, solution, block)
 
     def on_finer(self, u: Floats) -> Floats:
         """The same displacement at the nodes of the mesh with all sides halved."""
-        # What is done to positions, which the shape functions of the cells interpolate, is done to displacements, too.
+        # What is done to positions, which the shape functions of the cells interpolate, is done to
+        # displacements, too.
         return halved(replace(self.arrays, points=u)).points
 
     def with_entries(self, entries: Mapping[str, Any]) -> Floats:
@@ -168,11 +182,17 @@ class SolutionOnMesh:
         return float(np.sqrt(max(self.product(u, u), 0.0)))
 
     def round_off(self, half_unit: float) -> float:
-        """The energy norm that the last printed digits of a displacement have, each of them at random."""
-        return half_unit * float(np.sqrt(self.stiffness.diagonal()[: self.problem.points.size].sum() / 3))
+        """The energy norm that the last printed digits of a displacement have, each of them at
+        random.
+        """
+        return half_unit * float(
+            np.sqrt(self.stiffness.diagonal()[: self.problem.points.size].sum() / 3)
+        )
 
     def completed(self, v: Floats) -> Floats:
-        """A displacement of some nodes, the others NaN, with the least distance to ours that others permit."""
+        """A displacement of some nodes, the others NaN, with the least distance to ours that others
+        permit.
+        """
         v = np.where(self.held & np.isnan(v), self.displacement, v)
         missing = np.isnan(v).ravel()
         if not missing.any():
@@ -185,27 +205,35 @@ class SolutionOnMesh:
     @cached_property
     def held(self) -> npt.NDArray[np.bool_]:
         """Which components supports prescribe, shape (n, d)."""
-        return np.asarray(self.solution.model.fixed.reshape(-1, self.arrays.dim)[self.block], dtype=np.bool_)
+        return np.asarray(
+            self.solution.model.fixed.reshape(-1, self.arrays.dim)[self.block], dtype=np.bool_
+        )
 
     @cached_property
     def points_of_contact(self) -> sp.csr_array:
-        """From displacements of the nodes to relative ones at the contact points, shape (points d, n d)."""
+        """From displacements of the nodes to relative ones at the contact points, shape (points d,
+        n d).
+        """
         if self.solution.contact is None:
             return sp.csr_array((0, self.unknowns.size))
         averages, dim = self.solution.contact.boundary.averages, self.arrays.dim
         columns = (dim * averages.nodes[:, None] + np.arange(dim)).ravel()
-        of_unknowns = sp.csr_array(averages.operator @ sp.eye_array(self.unknowns.size, format="csr")[columns])
+        of_unknowns = sp.csr_array(
+            averages.operator @ sp.eye_array(self.unknowns.size, format="csr")[columns]
+        )
         return of_unknowns[:, self.unknowns.ravel()]
 
     def tractions(self, v: Floats) -> tuple[Tractions | None, Floats]:
-        """Of a displacement the tractions at the contact points, None without any, and the forces at nodes that they
-        leave unbalanced, shape (n, d).
+        """Of a displacement the tractions at the contact points, None without any, and the forces
+        at nodes that they leave unbalanced, shape (n, d).
         """
         left = -(self.stiffness @ (v - self.displacement).ravel())
         state, free, tractions = self.solution.contact, ~self.held.ravel(), None
         if state is not None:
             boundary, ours = state.boundary, Tractions.of(state)
-            spread = sp.csr_array(self.points_of_contact.T @ sp.diags_array(np.repeat(boundary.weight, v.shape[1])))
+            spread = sp.csr_array(
+                self.points_of_contact.T @ sp.diags_array(np.repeat(boundary.weight, v.shape[1]))
+            )
             change = lsqr(spread[free], left[free], atol=0.0, btol=1e-14)[0]
             left = left - spread @ change
             change = change.reshape(-1, v.shape[1])
@@ -215,41 +243,57 @@ class SolutionOnMesh:
         return tractions, np.where(self.held, 0.0, left.reshape(v.shape))
 
     def unbalanced(self, left: Floats) -> tuple[float, int]:
-        """How far a displacement that leaves forces at nodes unbalanced, shape (n, d), is from equilibrium in the
-        energy norm where nothing touches, and the worst node.
+        """How far a displacement that leaves forces at nodes unbalanced, shape (n, d), is from
+        equilibrium in the energy norm where nothing touches, and the worst node.
         """
         inside = ~self.held.ravel()
         inside[self.points_of_contact.nonzero()[1]] = False
         rows = np.flatnonzero(inside)
         within = self.stiffness[rows][:, rows]
         # Bodies that nothing holds would make it singular.
-        shifted = within + sp.diags_array(np.full(rows.size, np.finfo(float).eps * abs(within.diagonal()).max()))
+        shifted = within + sp.diags_array(
+            np.full(rows.size, np.finfo(float).eps * abs(within.diagonal()).max())
+        )
         correction = splu(sp.csc_array(shifted)).solve(left.ravel()[rows])
         works = np.abs(left.ravel()[rows] * correction)
         return float(np.sqrt(works.sum())), int(np.bincount(rows // left.shape[1], works).argmax())
 
     def moved_alone(self, v: Floats, enough: float) -> list[int]:
-        """One node or two without which another displacement is at most so far from ours; none: there are not."""
+        """One node or two without which another displacement is at most so far from ours; none:
+        there are not.
+        """
         dim, nodes, numbers = v.shape[1], list[int](), np.arange(len(v))[:, None]
-        own = np.array([[self.stiffness[a::dim, b::dim].diagonal() for b in range(dim)] for a in range(dim)]).T
+        own = np.array(
+            [[self.stiffness[a::dim, b::dim].diagonal() for b in range(dim)] for a in range(dim)]
+        ).T
         while len(nodes) < 2:
             forces = (self.stiffness @ (v - self.displacement).ravel()).reshape(v.shape)
-            gained = np.where(self.held, 0.0, forces * np.linalg.solve(own, forces[..., None])[..., 0]).sum(axis=1)
+            gained = np.where(
+                self.held, 0.0, forces * np.linalg.solve(own, forces[..., None])[..., 0]
+            ).sum(axis=1)
             nodes.append(int(gained[: len(self.problem.names)].argmax()))
-            v = self.completed(np.where(np.isin(numbers, nodes) | (numbers >= len(self.problem.names)), np.nan, v))
+            v = self.completed(
+                np.where(np.isin(numbers, nodes) | (numbers >= len(self.problem.names)), np.nan, v)
+            )
             if self.norm(v - self.displacement) <= enough:
                 return nodes
         return []
 
     def certificate(self, v: Floats, tractions: Tractions) -> Certificate:
-        """The certificate of a displacement of the last load step with tractions at the contact points."""
+        """The certificate of a displacement of the last load step with tractions at the contact
+        points.
+        """
         solution, u = self.solution, fem.Function(self.solution.displacement.function_space)
         u.x.array[self.unknowns] = v
         steps, law = solution.shown_steps, solution.certificate.law
         last = None
         if len(steps) > 1 and steps[-2].contact is not None:
-            last = PreviousStep.of(steps[-2].displacement, Tractions.of(steps[-2].contact), law, None)
-        return solution.model.certified(u, tractions, law=law, step=steps[-1].place, last=last, rigid=())
+            last = PreviousStep.of(
+                steps[-2].displacement, Tractions.of(steps[-2].contact), law, None
+            )
+        return solution.model.certified(
+            u, tractions, law=law, step=steps[-1].place, last=last, rigid=()
+        )
 
     def force(self, tractions: Tractions | None = None) -> float:
         """The sum of what presses at the contact points, of ours without tractions, force."""

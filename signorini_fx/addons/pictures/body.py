@@ -15,9 +15,13 @@ from signorini_fx.tuned import SAME_LENGTH
 
 @dataclass(frozen=True, eq=False)
 class Tiling:
-    """Points of a triangle or a quadrilateral, and triangles between them, on each of which a field is linear."""
+    """Points of a triangle or a quadrilateral, and triangles between them, on each of which a field
+    is linear.
+    """
 
-    points: Floats  # in the unit triangle or the unit square, shape (p, 2); first those along the perimeter, in order
+    # in the unit triangle or the unit square, shape (p, 2); first those along the perimeter, in
+    # order
+    points: Floats
     corners: int  # how many corners the cell has, 3 or 4
     count: int  # how many pieces each side has
     triangles: Rows  # their points, counterclockwise, shape (t, 3)
@@ -33,7 +37,9 @@ class Tiling:
         return np.arange(self.corners) * self.count
 
     def within(self, first: Floats, second: Floats, last: Floats) -> Floats:
-        """The points in a flat cell without curved sides, given by corners of shape (d,): shape (p, d)."""
+        """The points in a flat cell without curved sides, given by corners of shape (d,): shape (p,
+        d).
+        """
         s, t = self.points.T[:, :, None]
         return np.asarray(first + s * (second - first) + t * (last - first))
 
@@ -42,10 +48,14 @@ class Tiling:
 def tiling(corners: int, count: int) -> Tiling:
     """A triangle (3) or a quadrilateral (4) whose sides have ``count`` pieces each.
 
-    A quadrilateral is divided like a chessboard and each field cut at its middle: diagonals would make the picture of a
-    symmetric field unsymmetric.
+    A quadrilateral is divided like a chessboard and each field cut at its middle: diagonals would
+    make the picture of a symmetric field unsymmetric.
     """
-    base = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]][:corners] if corners == 4 else np.eye(3, 2, k=-1))
+    base = np.array(
+        [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]][:corners]
+        if corners == 4
+        else np.eye(3, 2, k=-1)
+    )
     ahead = np.roll(base, -1, axis=0) - base
     rim = (base[:, None] + (np.arange(count) / count)[:, None] * ahead[:, None]).reshape(-1, 2)
     s, t = (axis.ravel() / count for axis in np.meshgrid(np.arange(1, count), np.arange(1, count)))
@@ -54,9 +64,12 @@ def tiling(corners: int, count: int) -> Tiling:
         inner = inner[s + t < 1 - 0.5 / count]
     else:
         middle = (np.arange(count) + 0.5) / count
-        inner = np.concatenate((inner, np.column_stack([axis.ravel() for axis in np.meshgrid(middle, middle)])))
+        inner = np.concatenate(
+            (inner, np.column_stack([axis.ravel() for axis in np.meshgrid(middle, middle)]))
+        )
     points = np.concatenate((rim, inner))
-    # In the equilateral triangle no four points are on a circle without others in it, so that there is one answer.
+    # In the equilateral triangle no four points are on a circle without others in it, so that there
+    # is one answer.
     flat = points @ np.array([[1.0, 0.0], [0.5, np.sqrt(0.75)]]) if corners == 3 else points
     triangles = Delaunay(flat).simplices.astype(np.int64)
     ends = points[triangles]
@@ -70,24 +83,32 @@ class DrawnBody:
     """The cells of a body in 2D, or the outer facets of one in 3D."""
 
     points: Floats  # positions, length, shape (n, d); in 2D each cell has its own
-    # points of each cell or facet, shape (m, p): those of ``tiles``, of facets counterclockwise as seen from outside
+    # points of each cell or facet, shape (m, p): those of ``tiles``, of facets counterclockwise as
+    # seen from outside
     within: Rows
-    # how a cell or facet is divided: its corners, more points along sides that may be curved, and some within
+    # how a cell or facet is divided: its corners, more points along sides that may be curved, and
+    # some within
     tiles: Tiling
     displacement: Floats  # at the points, length, shape (n, d)
-    # fields at the points of each cell or facet, shape (m, p): those of two materials may have different values at the
-    # points that they share
+    # fields at the points of each cell or facet, shape (m, p): those of two materials may have
+    # different values at the points that they share
     values: Mapping[str, Floats]
     recovered: bool  # whether the stress is the recovered one; else it is that of each cell
-    outline: Rows | None = None  # in 2D pairs of points along the boundary of the body, shape (e, 2)
+    outline: Rows | None = (
+        None  # in 2D pairs of points along the boundary of the body, shape (e, 2)
+    )
 
     def with_mirror_image(self) -> DrawnBody:
-        """The section of an axisymmetric body with that on the other side of the axis, which is x[0] = 0."""
+        """The section of an axisymmetric body with that on the other side of the axis, which is
+        x[0] = 0.
+        """
         assert self.outline is not None
         size = float(np.ptp(self.points, axis=0).max())
         on_axis = (np.abs(self.points[self.outline, 0]) <= SAME_LENGTH * size).all(axis=1)
         outline, count = self.outline[~on_axis], len(self.points)
-        points, moved = (np.concatenate((part, part * (-1.0, 1.0))) for part in (self.points, self.displacement))
+        points, moved = (
+            np.concatenate((part, part * (-1.0, 1.0))) for part in (self.points, self.displacement)
+        )
         return replace(
             self,
             points=points,
@@ -117,7 +138,9 @@ class DrawnBody:
         return float(np.linalg.norm(np.ptp(self.points, axis=0))) if len(self.points) else 0.0
 
     def moved(self, factor: float) -> Floats:
-        """The points with the displacement times a factor; a failed solve may have left anything behind."""
+        """The points with the displacement times a factor; a failed solve may have left anything
+        behind.
+        """
         moved = self.points + factor * self.displacement
         return np.where(np.isfinite(moved), moved, self.points)
 

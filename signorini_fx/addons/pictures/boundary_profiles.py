@@ -1,4 +1,6 @@
-"""Curves along the contact boundary: pressure, shear with its bounds, displacements, and the state of each node."""
+"""Curves along the contact boundary: pressure, shear with its bounds, displacements, and the state
+of each node.
+"""
 
 from __future__ import annotations
 
@@ -39,7 +41,8 @@ from signorini_fx.mechanics.statement.units import bracketed
 from signorini_fx.tuned import SMALL_PART
 
 AROUND = {"color": ORANGE, "linewidth": 1.5, "linestyle": (0, (6.0, 1.2, 1.2, 1.2))}
-# Lightness decreases from open to stick, so that the order of the states is visible in a gray print.
+# Lightness decreases from open to stick, so that the order of the states is visible in a gray
+# print.
 STATES = {
     "open": ("#f0f0f0", "open"),
     "slip": (ORANGE, "slip"),  # in 3D, where it has a direction in place of a sign
@@ -65,7 +68,9 @@ class ContactColumns:
 
     def vectors(self, begin: str) -> Floats:
         """Columns of which the names end with an axis, shape (n, d)."""
-        return np.column_stack([self.floats(f"{begin}{axis}") for axis in "xyz" if f"{begin}{axis}" in self.columns])
+        return np.column_stack(
+            [self.floats(f"{begin}{axis}") for axis in "xyz" if f"{begin}{axis}" in self.columns]
+        )
 
     @property
     def has_friction(self) -> bool:
@@ -74,11 +79,15 @@ class ContactColumns:
 
     @property
     def out_of_section(self) -> bool:
-        """Whether its tangential vectors have a part around the axis of the body, of which it is the section."""
+        """Whether its tangential vectors have a part around the axis of the body, of which it is
+        the section.
+        """
         return "shear_z" in self.columns and "s" in self.columns
 
     def along(self, name: str) -> Floats:
-        """A tangential vector along t = (-n_y, n_x); its part in the section where there is another one."""
+        """A tangential vector along t = (-n_y, n_x); its part in the section where there is another
+        one.
+        """
         if not self.out_of_section:
             return self.floats(name)
         parts = ((f"{name}_x", -self.floats("n_y")), (f"{name}_y", self.floats("n_x")))
@@ -105,7 +114,9 @@ class ContactColumns:
 
 
 def by_boundary(table: Mapping[str, Any], polygons: Rows) -> Iterator[tuple[ContactColumns, Rows]]:
-    """Each contact boundary in 3D with its polygons; ``polygons``: rows of the table, shape (m, k)."""
+    """Each contact boundary in 3D with its polygons; ``polygons``: rows of the table, shape (m,
+    k).
+    """
     names = table["boundary"]
     for name in dict.fromkeys(map(str, names)):
         rows = np.flatnonzero(names == name)
@@ -117,7 +128,9 @@ def by_boundary(table: Mapping[str, Any], polygons: Rows) -> Iterator[tuple[Cont
 
 @dataclass(frozen=True)
 class PlaneBoundary(ContactColumns):
-    """One of the plane: the coordinate to draw against, its label, and where its connected pieces start."""
+    """One of the plane: the coordinate to draw against, its label, and where its connected pieces
+    start.
+    """
 
     coordinate: Floats
     label: str
@@ -126,7 +139,9 @@ class PlaneBoundary(ContactColumns):
     def draw(self, axes: Axes, values: Floats, **style: Any) -> None:
         """A line that is interrupted between the pieces."""
         axes.plot(
-            np.insert(self.coordinate, self.starts[1:], np.nan), np.insert(values, self.starts[1:], np.nan), **style
+            np.insert(self.coordinate, self.starts[1:], np.nan),
+            np.insert(values, self.starts[1:], np.nan),
+            **style,
         )
 
     def at(self, rows: Rows) -> PlaneBoundary:
@@ -138,7 +153,9 @@ class PlaneBoundary(ContactColumns):
         return replace(self, columns=columns, coordinate=self.coordinate[rows], starts=starts)
 
     def near(self) -> PlaneBoundary:
-        """The nodes around those in contact, if these are on a small part of the whole; else all of them."""
+        """The nodes around those in contact, if these are on a small part of the whole; else all of
+        them.
+        """
         x = self.coordinate
         inside, whole = x[self.touching], float(np.ptp(x))
         if not inside.size:
@@ -150,7 +167,10 @@ class PlaneBoundary(ContactColumns):
         first, last = max(first - around, float(x.min())), min(last + around, float(x.max()))
         if last - first >= SMALL_PART * whole:
             return self
-        return replace(self.at(np.flatnonzero((x >= first) & (x <= last))), label=f"{self.label}, the part in contact")
+        return replace(
+            self.at(np.flatnonzero((x >= first) & (x <= last))),
+            label=f"{self.label}, the part in contact",
+        )
 
 
 # A name for the legend, "" for none, values at the nodes, and the style of the line.
@@ -168,16 +188,24 @@ class Panel:
 
     def draw(self, axes: Axes, boundary: PlaneBoundary, name: str) -> None:
         """With the name of the boundary above; "": it has none."""
-        power = decimal_power(max(min(largest_of(*(curve[1] for curve in self.curves)), self.reach), self.least))
+        power = decimal_power(
+            max(min(largest_of(*(curve[1] for curve in self.curves)), self.reach), self.least)
+        )
         for label, values, style in reversed(self.curves):
-            boundary.draw(axes, values * 10.0**power, **style, **({"label": label} if label else {}))
+            boundary.draw(
+                axes, values * 10.0**power, **style, **({"label": label} if label else {})
+            )
         everything = np.concatenate([values for _, values, _ in self.curves])
-        everything = np.clip(everything[np.isfinite(everything)], -self.reach, self.reach) * 10.0**power
+        everything = (
+            np.clip(everything[np.isfinite(everything)], -self.reach, self.reach) * 10.0**power
+        )
         low, high = float(everything.min(initial=0.0)), float(everything.max(initial=0.0))
         if max(-low, high) < self.least * 10.0**power:
             low, high = -self.least * 10.0**power, self.least * 10.0**power
         margin = 0.05 * (high - low) or 1.0
-        axes.set(ylim=(low - margin, high + margin), ylabel=f"{self.unit}{unit_of(power, self.unit)}")
+        axes.set(
+            ylim=(low - margin, high + margin), ylabel=f"{self.unit}{unit_of(power, self.unit)}"
+        )
         low, high = float(boundary.coordinate.min()), float(boundary.coordinate.max())
         axes.set_xlim(low, high if high > low else low + 1.0)
         axes.axhline(0.0, color=RULE, linewidth=0.6, zorder=0)
@@ -191,8 +219,8 @@ class Panel:
 
 
 def panels_of(boundary: PlaneBoundary, side: str) -> list[Panel]:
-    """The stresses and lengths that are drawn of a boundary; ``side``: ``contact``, pressure, normal displacement and
-    gap; ``friction``, shear, its bounds, tangential displacement.
+    """The stresses and lengths that are drawn of a boundary; ``side``: ``contact``, pressure,
+    normal displacement and gap; ``friction``, shear, its bounds, tangential displacement.
     """
     moves = "relative " if boundary.against else ""
     if side == "contact":
@@ -200,20 +228,28 @@ def panels_of(boundary: PlaneBoundary, side: str) -> list[Panel]:
         opposite = "the other body" if boundary.against else "rigid foundation"
         # The foundation is drawn where it is near, and its nearest point is always visible.
         nearest = float(np.abs(gap).min(initial=np.inf, where=np.isfinite(gap)))
-        lengths: list[Curve] = [(f"{moves}normal displacement", motion, MOTION), (opposite, gap, LIMIT)]
+        lengths: list[Curve] = [
+            (f"{moves}normal displacement", motion, MOTION),
+            (opposite, gap, LIMIT),
+        ]
         return [
             Panel("stress", [("contact pressure", pressure, MULTIPLIER)]),
             Panel("length", lengths, max(2.5 * largest_of(motion), 1.2 * nearest)),
         ]
     bound, inside = boundary.floats("bound"), " in the section" if boundary.out_of_section else ""
     shears: list[Curve] = [(f"shear stress{inside}", boundary.along("shear"), MULTIPLIER)]
-    motions: list[Curve] = [(f"{moves}tangential displacement{inside}", boundary.along("u_t"), MOTION)]
+    motions: list[Curve] = [
+        (f"{moves}tangential displacement{inside}", boundary.along("u_t"), MOTION)
+    ]
     if boundary.out_of_section:
         shears.append(("around the axis", boundary.floats("shear_z"), AROUND))
         motions.append(("around the axis", boundary.floats("u_t_z"), AROUND))
-    # A bound that is never reached, or that is practically infinite, should not flatten the shear; a bond has none.
+    # A bound that is never reached, or that is practically infinite, should not flatten the shear;
+    # a bond has none.
     reach = 10 * largest_of(*(values for _, values, _ in shears)) or math.inf
-    bounds: list[Curve] = [("friction bound", bound, LIMIT), ("", -bound, LIMIT)] if np.isfinite(bound).any() else []
+    bounds: list[Curve] = (
+        [("friction bound", bound, LIMIT), ("", -bound, LIMIT)] if np.isfinite(bound).any() else []
+    )
     least = 1e-4 * largest_of(*(values for _, values, _ in motions), boundary.floats("u_n"))
     return [Panel("stress", [*shears, *bounds], reach), Panel("length", motions, least=least)]
 
@@ -222,17 +258,20 @@ def panels_of(boundary: PlaneBoundary, side: str) -> list[Panel]:
 def boundary_profiles(table: ContactTable) -> Figure:
     """Draw the curves along the contact boundary, one block per boundary.
 
-    Left: contact pressure lambda, and below it the normal displacement and the rigid foundation, or how far the other
-    body is.  Right, with friction: shear stress mu with its bounds, and below it the tangential displacement; where
-    there is one also around the axis.  Foundation and bounds are cut off where they lie far beyond the other curves.
-    The strip shows the state of the contact.  If little of a boundary is in contact, only the surroundings of that part
-    are drawn, and the coordinate says so.
+    Left: contact pressure lambda, and below it the normal displacement and the rigid foundation, or
+    how far the other body is.  Right, with friction: shear stress mu with its bounds, and below it
+    the tangential displacement; where there is one also around the axis.  Foundation and bounds are
+    cut off where they lie far beyond the other curves. The strip shows the state of the contact.
+    If little of a boundary is in contact, only the surroundings of that part are drawn, and the
+    coordinate says so.
     """
     boundaries = [boundary.near() for boundary in boundaries_of(table)]
     rubs = any(boundary.has_friction for boundary in boundaries)
     sides = ("contact", "friction") if rubs else ("contact",)
     size = (7.2 if len(sides) == 2 else 4.2, 3.9 * len(boundaries) + 0.4)
-    figure = Figure(figsize=size, layout=ConstrainedLayoutEngine(hspace=0.0, h_pad=0.03, wspace=0.05))
+    figure = Figure(
+        figsize=size, layout=ConstrainedLayoutEngine(hspace=0.0, h_pad=0.03, wspace=0.05)
+    )
     heights = [1, 0.8, 0.055] * len(boundaries)
     grid = figure.add_gridspec(3 * len(boundaries), len(sides), height_ratios=heights)
     seen: set[str] = set()
@@ -242,7 +281,14 @@ def boundary_profiles(table: ContactTable) -> Figure:
             upper = figure.add_subplot(grid[3 * i, j])
             if side == "friction" and not boundary.has_friction:
                 upper.set_axis_off()
-                upper.text(0.5, 0.5, f"{name}: no friction", color=MUTED, ha="center", transform=upper.transAxes)
+                upper.text(
+                    0.5,
+                    0.5,
+                    f"{name}: no friction",
+                    color=MUTED,
+                    ha="center",
+                    transform=upper.transAxes,
+                )
                 continue
             lower = figure.add_subplot(grid[3 * i + 1, j], sharex=upper)
             strip = figure.add_subplot(grid[3 * i + 2, j], sharex=upper)
@@ -265,7 +311,9 @@ def state_legend(figure: Figure, states: set[str]) -> None:
 
 
 def boundaries_of(table: ContactTable) -> list[PlaneBoundary]:
-    """The boundaries in 2D in the order in which they appear; a closed piece ends with its first row."""
+    """The boundaries in 2D in the order in which they appear; a closed piece ends with its first
+    row.
+    """
     paths = defaultdict[str, list[Rows]](list)
     for path in table.paths:
         paths[str(table.columns["boundary"][path[0]])].append(path)
@@ -283,7 +331,9 @@ def boundaries_of(table: ContactTable) -> list[PlaneBoundary]:
 
 
 def state_strip(axes: Axes, boundary: PlaneBoundary) -> None:
-    """Every node colours the boundary up to halfway to its neighbours; nodes of equal state are one rectangle."""
+    """Every node colours the boundary up to halfway to its neighbours; nodes of equal state are one
+    rectangle.
+    """
     states = boundary.states
     for first, end in pairwise([*boundary.starts, len(states)]):
         x = boundary.coordinate[first:end]

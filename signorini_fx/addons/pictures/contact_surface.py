@@ -1,4 +1,6 @@
-"""The contact surface of a body in 3D, seen along its normal: pressure and shear, states and slip."""
+"""The contact surface of a body in 3D, seen along its normal: pressure and shear, states and
+slip.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,12 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.tri import Triangulation
 
 from signorini_fx.addons.pictures import view
-from signorini_fx.addons.pictures.boundary_profiles import STATES, ContactColumns, by_boundary, state_legend
+from signorini_fx.addons.pictures.boundary_profiles import (
+    STATES,
+    ContactColumns,
+    by_boundary,
+    state_legend,
+)
 from signorini_fx.addons.pictures.marks import spaced, usual_range
 from signorini_fx.addons.pictures.style import (
     INK,
@@ -53,7 +60,8 @@ _LONG_NAME = 40  # letters of the name of a boundary behind which its title goes
 class VisibleSide(ContactColumns):
     """The visible part of one contact boundary from one side."""
 
-    # of its facets that face the foundation along the direction of sight, rows of ``columns``, (m, 3 or 4)
+    # of its facets that face the foundation along the direction of sight, rows of ``columns``, (m,
+    # 3 or 4)
     polygons: Rows
     view: view.View  # along the outward normal, so from within the body
 
@@ -75,15 +83,20 @@ class VisibleSide(ContactColumns):
 
 
 def sides_of(table: Mapping[str, Any], facets: Rows) -> list[VisibleSide]:
-    """The contact boundaries in their order, each as seen along the mean normal of the facets in contact.
+    """The contact boundaries in their order, each as seen along the mean normal of the facets in
+    contact.
 
-    A boundary that is so curved that parts of it face the other way, such as the wall of a hole, is seen from a second
-    side as well, if anything is in contact there.
+    A boundary that is so curved that parts of it face the other way, such as the wall of a hole, is
+    seen from a second side as well, if anything is in contact there.
     """
     polygons = facets[:, _POLYGONS[facets.shape[1]]].reshape(-1, len(_POLYGONS[facets.shape[1]][0]))
     sides = []
     for boundary, of_boundary in by_boundary(table, polygons):
-        columns, normal, weight = boundary.columns, boundary.vectors("n_"), boundary.floats("weight")
+        columns, normal, weight = (
+            boundary.columns,
+            boundary.vectors("n_"),
+            boundary.floats("weight"),
+        )
         touching = weight * boundary.touching
         sights = [by @ normal / by.sum() for by in (touching, weight) if by.sum() > 0]
         # Practically closed: the coordinate axis that it faces most.
@@ -92,7 +105,9 @@ def sides_of(table: Mapping[str, Any], facets: Rows) -> list[VisibleSide]:
         forth = normal[of_boundary].mean(axis=1) @ -view.along(sight).toward >= -1e-6
         sides.append(VisibleSide(boundary.name, columns, of_boundary[forth], view.along(sight)))
         if np.any(touching[of_boundary[~forth]] > 0):
-            sides.append(VisibleSide(boundary.name, columns, of_boundary[~forth], view.along(-sight)))
+            sides.append(
+                VisibleSide(boundary.name, columns, of_boundary[~forth], view.along(-sight))
+            )
     return sides
 
 
@@ -100,40 +115,55 @@ def sides_of(table: Mapping[str, Any], facets: Rows) -> list[VisibleSide]:
 def contact_surface(table: Mapping[str, Any], facets: Rows) -> Figure:
     """Draw each contact boundary of a body in 3D, seen along its outward normal through the body.
 
-    Contact pressure in colour where a facet is in contact, linear between the nodes, and the shear stress mu as arrows.
-    Below: the state of each node in the area halfway to its neighbours, and the slip as arrows, magnified as stated in
-    the panel.  If there are many arrows, some are left out.  If little of the boundary is in contact, the picture shows
-    that part, and says so.  Without friction: only pressure.  ``table``: columns of ``contact.csv``; ``facets``: its
-    rows at each facet in the order of VTK, shape (m, 3), (m, 4) or (m, 9).
+    Contact pressure in colour where a facet is in contact, linear between the nodes, and the shear
+    stress mu as arrows.
+    Below: the state of each node in the area halfway to its neighbours, and the slip as arrows,
+    magnified as stated in the panel.  If there are many arrows, some are left out.  If little of
+    the boundary is in contact, the picture shows that part, and says so.  Without friction: only
+    pressure.  ``table``: columns of ``contact.csv``; ``facets``: its rows at each facet in the
+    order of VTK, shape (m, 3), (m, 4) or (m, 9).
     """
     sides = [side for side in sides_of(table, facets) if side.polygons.size]
     windows = [_window(side) for side in sides]
-    panels = [(side, window, state) for side, window in zip(sides, windows, strict=True) for state in (False, True)]
-    panels = [(side, window, state) for side, window, state in panels if side.has_friction or not state]
+    panels = [
+        (side, window, state)
+        for side, window in zip(sides, windows, strict=True)
+        for state in (False, True)
+    ]
+    panels = [
+        (side, window, state) for side, window, state in panels if side.has_friction or not state
+    ]
     heights = [
         float(np.clip((_WIDTH - 0.9) * (high[1] - low[1]) / (high[0] - low[0]), 0.9, 3.8))
         for _, (low, high, _), _ in panels
     ]
     size = _WIDTH, sum(heights) + len(panels) + 0.4
     figure = Figure(figsize=size, layout=ConstrainedLayoutEngine(h_pad=0.05))
-    grid = figure.subplots(len(panels), squeeze=False, height_ratios=[height + 0.9 for height in heights])[:, 0]
+    grid = figure.subplots(
+        len(panels), squeeze=False, height_ratios=[height + 0.9 for height in heights]
+    )[:, 0]
     seen: set[str] = set()
     for axes, (side, (low, high, part), state) in zip(grid, panels, strict=True):
         _frame(axes, side, low, high)
         if state:
             seen.update(_state_panel(axes, side, low, high, f"{side.name}: state"))
         else:
-            sight = f"seen along {view.combination(-side.view.toward)}" + (", the part in contact" if part else "")
+            sight = f"seen along {view.combination(-side.view.toward)}" + (
+                ", the part in contact" if part else ""
+            )
             between = "\n" if len(side.name) > _LONG_NAME else " "
             _pressure_panel(figure, axes, side, low, high, f"{side.name},{between}{sight}")
     if seen:
         state_legend(figure, seen)
-    figure.draw_without_rendering()  # the layout needs a second pass if equal axes do not fill their place
+    # the layout needs a second pass if equal axes do not fill their place
+    figure.draw_without_rendering()
     return figure
 
 
 def _window(side: VisibleSide) -> tuple[Floats, Floats, bool]:
-    """Lower and upper corner of the visible part, each of shape (2,), and whether it is only a part of the boundary."""
+    """Lower and upper corner of the visible part, each of shape (2,), and whether it is only a part
+    of the boundary.
+    """
     visible = side.nodes[side.shown]
     low, high = visible.min(axis=0), visible.max(axis=0)
     size = _size(low, high) or 1.0
@@ -143,7 +173,10 @@ def _window(side: VisibleSide) -> tuple[Floats, Floats, bool]:
         first, last = closed.min(axis=0), closed.max(axis=0)
         spacing = math.sqrt(float(np.median(side.floats("weight")[side.shown & side.touching])))
         around = 0.3 * float(max(last - first)) + 2 * spacing
-        first, last = np.maximum(first - around, low - margin), np.minimum(last + around, high + margin)
+        first, last = (
+            np.maximum(first - around, low - margin),
+            np.minimum(last + around, high + margin),
+        )
         if max(last - first) < 0.5 * size:
             return first, last, True
     return low - margin, high + margin, False
@@ -162,26 +195,53 @@ def _frame(axes: Axes, side: VisibleSide, low: Floats, high: Floats) -> None:
         axis = axes.xaxis if kind == "x" else axes.yaxis
         axis.set_label_text(f"{label}{bracketed('length')}")
         if falls:  # the picture is drawn along the view, its numbers are those of the coordinate
-            axis.set_major_formatter(lambda value, _: f"{-value + 0.0:g}".replace("-", "\N{MINUS SIGN}"))
+            axis.set_major_formatter(
+                lambda value, _: f"{-value + 0.0:g}".replace("-", "\N{MINUS SIGN}")
+            )
         axis.set_major_locator(mpl.ticker.MaxNLocator(nbins=6, steps=[1, 2, 2.5, 5, 10]))
 
 
-def _pressure_panel(figure: Figure, axes: Axes, side: VisibleSide, low: Floats, high: Floats, heading: str) -> None:
-    pressure, nodes, closed = np.nan_to_num(side.floats("pressure"), posinf=0.0, neginf=0.0), side.nodes, side.touching
+def _pressure_panel(
+    figure: Figure, axes: Axes, side: VisibleSide, low: Floats, high: Floats, heading: str
+) -> None:
+    pressure, nodes, closed = (
+        np.nan_to_num(side.floats("pressure"), posinf=0.0, neginf=0.0),
+        side.nodes,
+        side.touching,
+    )
     power = decimal_power(largest_of(pressure))
     inside = side.shown & closed
     _, top = usual_range(pressure[inside], side.floats("weight")[inside])
-    bottom = min(0.0, float(pressure[inside].min(initial=0.0)))  # in bilateral contact the pressure may be negative
+    bottom = min(
+        0.0, float(pressure[inside].min(initial=0.0))
+    )  # in bilateral contact the pressure may be negative
     flat: dict[str, Any] = {"linewidths": 0.4, "zorder": 1, "rasterized": True}
-    ground = PolyCollection(list(nodes[side.polygons]), facecolors=_UNTOUCHED, edgecolors=_UNTOUCHED, **flat)
+    ground = PolyCollection(
+        list(nodes[side.polygons]), facecolors=_UNTOUCHED, edgecolors=_UNTOUCHED, **flat
+    )
     axes.add_collection(ground, autolim=False)
-    points, triangles, values = _triangles(side.polygons[closed[side.polygons].any(axis=1)], nodes, pressure)
+    points, triangles, values = _triangles(
+        side.polygons[closed[side.polygons].any(axis=1)], nodes, pressure
+    )
     if len(triangles):
         limits = {"vmin": bottom * 10.0**power, "vmax": top * 10.0**power}
-        coloured: dict[str, Any] = {"shading": "gouraud", "cmap": VALUES, "rasterized": True, "zorder": 2, **limits}
-        colours = axes.tripcolor(Triangulation(*points.T, triangles), values * 10.0**power, **coloured)
+        coloured: dict[str, Any] = {
+            "shading": "gouraud",
+            "cmap": VALUES,
+            "rasterized": True,
+            "zorder": 2,
+            **limits,
+        }
+        colours = axes.tripcolor(
+            Triangulation(*points.T, triangles), values * 10.0**power, **coloured
+        )
         above = float(pressure[inside].max(initial=0.0)) > 1.001 * top
-        where: dict[str, Any] = {"orientation": "horizontal", "shrink": 0.8, "aspect": 40, "pad": 0.02}
+        where: dict[str, Any] = {
+            "orientation": "horizontal",
+            "shrink": 0.8,
+            "aspect": 40,
+            "pad": 0.02,
+        }
         bar = figure.colorbar(colours, ax=axes, extend="max" if above else "neither", **where)
         bar.ax.locator_params(nbins=6)
         bar.set_label(f"contact pressure{unit_of(power, 'stress')}")
@@ -190,14 +250,18 @@ def _pressure_panel(figure: Figure, axes: Axes, side: VisibleSide, low: Floats, 
     if side.has_friction:
         shear = side.flat("shear_")
         longest = largest_of(side.floats("shear"))
-        drawn = _arrows(axes, side, shear, side.shown & (side.floats("shear") > 1e-6 * longest), low, high)
+        drawn = _arrows(
+            axes, side, shear, side.shown & (side.floats("shear") > 1e-6 * longest), low, high
+        )
         if drawn > 0:
             length = f"{number(float(f'{drawn:.3g}'))} {plain(unit('stress'))}".rstrip()
             text += f"\narrows: shear stress, the longest {length}"
     axes.set_title(text, loc="left", fontsize=8)
 
 
-def _state_panel(axes: Axes, side: VisibleSide, low: Floats, high: Floats, heading: str) -> set[str]:
+def _state_panel(
+    axes: Axes, side: VisibleSide, low: Floats, high: Floats, heading: str
+) -> set[str]:
     states, nodes = side.states, side.nodes
     where, owner = _around_nodes(nodes, side.polygons)
     colours = np.array([to_rgba(STATES[state][0]) for state in states])[owner]
@@ -226,7 +290,9 @@ def _rim(side: VisibleSide) -> LineCollection:
 
 
 def _triangles(polygons: Rows, nodes: Floats, values: Floats) -> tuple[Floats, Rows, Floats]:
-    """Points, triangles and values; quadrilaterals are cut at their middle, as a diagonal would not be symmetric."""
+    """Points, triangles and values; quadrilaterals are cut at their middle, as a diagonal would not
+    be symmetric.
+    """
     if polygons.shape[1] == 3:
         return nodes, polygons, values
     centre = np.broadcast_to(len(nodes) + np.arange(len(polygons))[:, None], polygons.shape)
@@ -236,7 +302,9 @@ def _triangles(polygons: Rows, nodes: Floats, values: Floats) -> tuple[Floats, R
 
 
 def _around_nodes(nodes: Floats, polygons: Rows) -> tuple[Floats, Rows]:
-    """Each polygon cut into a quadrilateral for each of its nodes, shape (., 4, 2), and the node of each."""
+    """Each polygon cut into a quadrilateral for each of its nodes, shape (., 4, 2), and the node of
+    each.
+    """
     corners = nodes[polygons]
     ahead = 0.5 * (corners + np.roll(corners, -1, axis=1))
     behind = np.roll(ahead, 1, axis=1)
@@ -253,8 +321,12 @@ def _arrows(
     high: Floats,
     factor: float | None = None,
 ) -> float:
-    """Draw vectors at nodes among ``where``, times the factor or, without one, scaled to the room for the longest."""
-    inside = np.all((side.nodes >= low) & (side.nodes <= high), axis=1) & np.isfinite(vectors).all(axis=1)
+    """Draw vectors at nodes among ``where``, times the factor or, without one, scaled to the room
+    for the longest.
+    """
+    inside = np.all((side.nodes >= low) & (side.nodes <= high), axis=1) & np.isfinite(vectors).all(
+        axis=1
+    )
     size = _size(low, high)
     rows = np.flatnonzero(where & inside)
     lengths = np.linalg.norm(vectors[rows], axis=1)
@@ -265,7 +337,13 @@ def _arrows(
     order = np.lexsort((*np.round(side.nodes[rows] / size, 9).T[::-1], lengths < longest))
     rows = spaced(side.nodes, rows[order], size / MOST_ARROWS)
     scaled = vectors[rows] * (LONGEST_ARROW * size / longest if factor is None else factor)
-    length: dict[str, Any] = {"angles": "xy", "scale_units": "xy", "scale": 1.0, "units": "inches", "width": 0.018}
+    length: dict[str, Any] = {
+        "angles": "xy",
+        "scale_units": "xy",
+        "scale": 1.0,
+        "units": "inches",
+        "width": 0.018,
+    }
     head = {"headwidth": 3.2, "headlength": 4.2, "headaxislength": 3.8, "minlength": 0.4}
     colour = {"facecolor": "white", "edgecolor": INK, "linewidth": 0.35, "zorder": 4}
     axes.quiver(*side.nodes[rows].T, *scaled.T, **length, **head, **colour)

@@ -28,14 +28,19 @@ Window = tuple[Floats, Floats]
 
 @mpl.rc_context(STYLE)
 def deformed_mesh(
-    body: DrawnBody, name: str, *, foundations: Sequence[Foundation] = (), largest: Largest | None = None
+    body: DrawnBody,
+    name: str,
+    *,
+    foundations: Sequence[Foundation] = (),
+    largest: Largest | None = None,
 ) -> tuple[Figure, str]:
     """Draw the deformed mesh on its foundation, a field in colours; and say what is magnified.
 
-    Where contact is on a small part of the body, a second panel shows that part as it is.  Colours vary within each
-    cell, and jump between cells only where the values do.  The edges of the cells are drawn if the mesh is coarse
-    enough to see them; the body's outline always is.  A circle marks the largest value, and a gray line is the outline
-    of the undeformed body, whose coordinates stand at the axes.  ``name``: of the field, in ``FIELDS``.
+    Where contact is on a small part of the body, a second panel shows that part as it is.  Colours
+    vary within each cell, and jump between cells only where the values do.  The edges of the cells
+    are drawn if the mesh is coarse enough to see them; the body's outline always is.  A circle
+    marks the largest value, and a gray line is the outline of the undeformed body, whose
+    coordinates stand at the axes.  ``name``: of the field, in ``FIELDS``.
     """
     factor = magnification(body, foundations)
     seen = _window(body, factor, _lines(foundations, factor))
@@ -56,7 +61,9 @@ def deformed_mesh(
     widest = _WIDEST[len(panels)]
     widths = [min(widest, widest / aspect) for aspect in aspects]
     height = max(width * aspect for width, aspect in zip(widths, aspects, strict=True))
-    figure = Figure(figsize=(max(sum(widths), 3.0) + 0.7 * len(panels), height + 1.3), layout="constrained")
+    figure = Figure(
+        figsize=(max(sum(widths), 3.0) + 0.7 * len(panels), height + 1.3), layout="constrained"
+    )
     grid = figure.subplots(1, len(panels), squeeze=False, width_ratios=widths)[0]
     for axes, (scale, (low, high)), width in zip(grid, panels, widths, strict=True):
         _draw_body(axes, body, name, tones, scale, inch=width / float(high[0] - low[0]))
@@ -64,7 +71,10 @@ def deformed_mesh(
             _draw_foundation(axes, line, 0.035 * float(np.max(high - low)))
         undeformed = "" if scale == 1 else ", undeformed"
         axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
-        axes.set(xlabel=f"x{undeformed}{bracketed('length')}", ylabel=f"y{undeformed}{bracketed('length')}")
+        axes.set(
+            xlabel=f"x{undeformed}{bracketed('length')}",
+            ylabel=f"y{undeformed}{bracketed('length')}",
+        )
         axes.spines[:].set_visible(False)
         axes.locator_params(axis="x", nbins=max(2, min(7, round(1.4 * width))))
         axes.locator_params(axis="y", nbins=max(2, min(7, round(2.5 * height))))
@@ -75,7 +85,9 @@ def deformed_mesh(
 
 
 def _small_zone(foundations: Sequence[Foundation], size: float) -> Window | None:
-    """Lowest and highest coordinates around what is in contact; None if that is no small part of the body."""
+    """Lowest and highest coordinates around what is in contact; None if that is no small part of
+    the body.
+    """
     nodes = np.concatenate([np.empty((0, 2)), *(part.nodes[part.touching] for part in foundations)])
     low, high = nodes.min(axis=0, initial=np.inf), nodes.max(axis=0, initial=-np.inf)
     if not 0 < np.hypot(*(high - low)) < SMALL_ZONE * size or not len(nodes):
@@ -85,7 +97,9 @@ def _small_zone(foundations: Sequence[Foundation], size: float) -> Window | None
 
 
 def _lines(foundations: Sequence[Foundation], factor: float) -> list[Floats]:
-    """The rigid foundations, the body on the left of each line; the whole of one where nothing is magnified."""
+    """The rigid foundations, the body on the left of each line; the whole of one where nothing is
+    magnified.
+    """
     lines: list[Floats] = []
     for part in foundations:
         if part.rigid:
@@ -98,37 +112,52 @@ def _window(body: DrawnBody, factor: float, lines: Sequence[Floats]) -> Window:
     points = np.concatenate((body.moved(factor), body.points))
     low, high = points.min(axis=0), points.max(axis=0)
     around = 0.3 * float(max(high - low))
-    everything = np.concatenate([points, *(np.clip(line, low - around, high + around) for line in lines)])
+    everything = np.concatenate(
+        [points, *(np.clip(line, low - around, high + around) for line in lines)]
+    )
     low, high = everything.min(axis=0), everything.max(axis=0)
     margin = 0.035 * float(max(high - low))
     return low - margin, high + margin
 
 
-def _draw_body(axes: Axes, body: DrawnBody, name: str, tones: Tones, factor: float, *, inch: float) -> None:
+def _draw_body(
+    axes: Axes, body: DrawnBody, name: str, tones: Tones, factor: float, *, inch: float
+) -> None:
     """The body in colours and its outlines; ``inch``: how many a unit of length is."""
     assert body.outline is not None
     moved = body.moved(factor)
-    # matplotlib interpolates red, green and blue instead of the field, which only small triangles do not show.
+    # matplotlib interpolates red, green and blue instead of the field, which only small triangles
+    # do not show.
     values = body.at_corners(name) * 10.0**tones.power
     corners = _refined(np.dstack((moved[body.triangles], values)), _TRIANGLES)
-    parts = Triangulation(*corners[..., :2].reshape(-1, 2).T, np.arange(3 * len(corners)).reshape(-1, 3))
+    parts = Triangulation(
+        *corners[..., :2].reshape(-1, 2).T, np.arange(3 * len(corners)).reshape(-1, 3)
+    )
     colours = {"array": corners[..., 2].ravel(), "cmap": VALUES, "norm": tones.norm}
     axes.add_collection(TriMesh(parts, rasterized=True, zorder=1, **colours), autolim=False)
     cells = moved[body.perimeters]
     cell_size = math.sqrt(float(np.median(_areas(cells)))) * 72 * inch
     if cell_size >= VISIBLE_CELL:
         width = min(0.4, 0.045 * cell_size)
-        edges = PolyCollection(list(cells), zorder=1, facecolors="none", edgecolors=_FAINT, linewidths=width)
+        edges = PolyCollection(
+            list(cells), zorder=1, facecolors="none", edgecolors=_FAINT, linewidths=width
+        )
         axes.add_collection(edges, autolim=False)
     if factor != 1:
-        rest = LineCollection(list(body.points[body.outline]), colors=MUTED, linewidths=0.6, zorder=3, alpha=0.7)
+        rest = LineCollection(
+            list(body.points[body.outline]), colors=MUTED, linewidths=0.6, zorder=3, alpha=0.7
+        )
         axes.add_collection(rest, autolim=False)
-    outline = LineCollection(list(moved[body.outline]), colors=INK, linewidths=0.8, capstyle="round")
+    outline = LineCollection(
+        list(moved[body.outline]), colors=INK, linewidths=0.8, capstyle="round"
+    )
     axes.add_collection(outline, autolim=False)
 
 
 def _refined(corners: Floats, enough: int) -> Floats:
-    """Triangles, linear between corners, cut into four until there are at least so many, shape (t, 3, ...)."""
+    """Triangles, linear between corners, cut into four until there are at least so many, shape (t,
+    3, ...).
+    """
     while 0 < len(corners) < enough:
         ahead = 0.5 * (corners + np.roll(corners, -1, axis=1))
         outer = np.stack((corners, ahead, np.roll(ahead, 1, axis=1)), axis=2)
@@ -158,6 +187,8 @@ def _draw_foundation(axes: Axes, line: Floats, length: float) -> None:
     tangent = (ahead - behind) / np.maximum(np.hypot(*(ahead - behind).T), 1e-300)[:, None]
     away = np.column_stack((tangent[:, 1], -tangent[:, 0]))
     tips = feet + 0.45 * length * (away - tangent)
-    strokes = LineCollection(list(np.stack((feet, tips), axis=1)), colors=INK, linewidths=0.5, zorder=4)
+    strokes = LineCollection(
+        list(np.stack((feet, tips), axis=1)), colors=INK, linewidths=0.5, zorder=4
+    )
     axes.add_collection(strokes, autolim=False)
     axes.plot(*line.T, color=INK, linewidth=1.2, zorder=5, solid_capstyle="round")

@@ -12,7 +12,8 @@ class Field:
     label: str  # what stands at the colour bar
     signed: bool = False  # whether it has both signs, so that the scale need not begin at zero
     remark: str = ""  # what the caption adds to the label
-    of: str = ""  # the function of ``StressFields``, raw or recovered, that it follows from; "": the displacement
+    # the function of ``StressFields``, raw or recovered, that it follows from; "": the displacement
+    of: str = ""
     quantity: str = "stress"  # whose unit it has, see ``signorini_fx.mechanics.statement.units``
 
     @property
@@ -30,7 +31,10 @@ class Field:
 FIELDS = {
     "von_mises": Field("von Mises stress", of="von_mises"),
     "pressure": Field(
-        "mean pressure", True, ", minus a third of the trace of the stress, compression positive", of="tensor"
+        "mean pressure",
+        True,
+        ", minus a third of the trace of the stress, compression positive",
+        of="tensor",
     ),
     "displacement": Field("size of the displacement", quantity="length"),
     "density": Field("elastic shear energy density", of="shear_energy_density"),

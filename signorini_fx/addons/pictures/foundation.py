@@ -12,7 +12,11 @@ import numpy as np
 import numpy.typing as npt
 
 from signorini_fx.addons.pictures.body import DrawnBody, normals_of
-from signorini_fx.addons.pictures.boundary_profiles import ContactColumns, boundaries_of, by_boundary
+from signorini_fx.addons.pictures.boundary_profiles import (
+    ContactColumns,
+    boundaries_of,
+    by_boundary,
+)
 from signorini_fx.addons.pictures.style import TIMES, Floats, Rows, number, readable
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable
 from signorini_fx.results.fields import facets_of
@@ -23,16 +27,20 @@ _BENT = math.cos(math.radians(SHARP_EDGE))
 
 @dataclass(frozen=True)
 class Foundation:
-    """A contact boundary and what it may touch; in 2D a connected part of it, the body on its left."""
+    """A contact boundary and what it may touch; in 2D a connected part of it, the body on its
+    left.
+    """
 
     nodes: Floats  # positions of the contact nodes, length, in 2D in order, shape (k, d)
     normals: Floats  # towards what they may touch, shape (k, d)
     gap: Floats  # d from each node along its normal to that, length, shape (k,)
     touching: npt.NDArray[np.bool_]  # nodes in contact, shape (k,)
-    facets: Rows | None = None  # in 3D nodes of each facet, in order along its perimeter, shape (m, 3) or (m, 4)
+    facets: Rows | None = (
+        None  # in 3D nodes of each facet, in order along its perimeter, shape (m, 3) or (m, 4)
+    )
     rigid: bool = True  # False: another body, which is drawn itself
-    # the whole of a rigid one near the body, see ``drawn_shapes``, in 2D of one part of a boundary, [] of the others;
-    # None: only what is opposite of the nodes is known
+    # the whole of a rigid one near the body, see ``drawn_shapes``, in 2D of one part of a boundary,
+    # [] of the others; None: only what is opposite of the nodes is known
     surface: Any = None
 
     def drawn(self, factor: float) -> Floats:
@@ -40,7 +48,9 @@ class Foundation:
         return np.asarray(self.nodes + factor * self.gap[:, None] * self.normals)
 
     def keeps_shape(self, factor: float, size: float) -> bool:
-        """Whether it looks like itself with the gap times a factor; ``size``: of the body, length."""
+        """Whether it looks like itself with the gap times a factor; ``size``: of the body,
+        length.
+        """
         places = self.drawn(1.0), self.drawn(factor)
         if self.facets is None:  # along the sides
             real, drawn = (np.diff(points, axis=0) for points in places)
@@ -48,20 +58,35 @@ class Foundation:
             real, drawn = (normals_of(points[self.facets]) for points in places)
         lengths = np.linalg.norm(real, axis=1) * np.linalg.norm(drawn, axis=1)
         farther = (factor - 1) * float(np.abs(self.gap).max(initial=0.0))
-        return farther <= SMALL_PART * size and bool((np.einsum("ij,ij->i", real, drawn) >= _BENT * lengths).all())
+        return farther <= SMALL_PART * size and bool(
+            (np.einsum("ij,ij->i", real, drawn) >= _BENT * lengths).all()
+        )
 
     def mirrored(self) -> list[Foundation]:
-        """In 2D with that on the other side of the axis, which is x[0] = 0, in one line if it begins or ends there."""
+        """In 2D with that on the other side of the axis, which is x[0] = 0, in one line if it
+        begins or ends there.
+        """
         own = {name: getattr(self, name) for name in ("nodes", "normals", "gap", "touching")}
         # In the other order, so that the body is on the left.
-        image = {name: rows[::-1] * (-1.0, 1.0) if rows.ndim == 2 else rows[::-1] for name, rows in own.items()}
-        surface = self.surface and [*self.surface, *(line[::-1] * (-1.0, 1.0) for line in self.surface)]
+        image = {
+            name: rows[::-1] * (-1.0, 1.0) if rows.ndim == 2 else rows[::-1]
+            for name, rows in own.items()
+        }
+        surface = self.surface and [
+            *self.surface,
+            *(line[::-1] * (-1.0, 1.0) for line in self.surface),
+        ]
         for one, other in ((image, own), (own, image)):
             (last, end), start = one["nodes"][-2:], other["nodes"][0]
-            if np.hypot(*(start - end)) <= 4 * np.hypot(*(end - last)):  # the axis itself has no contact points
+            if np.hypot(*(start - end)) <= 4 * np.hypot(
+                *(end - last)
+            ):  # the axis itself has no contact points
                 joined = {name: np.concatenate((rows, other[name])) for name, rows in one.items()}
                 return [replace(self, **joined, surface=surface)]
-        return [replace(self, surface=surface), replace(self, **image, surface=None if surface is None else [])]
+        return [
+            replace(self, surface=surface),
+            replace(self, **image, surface=None if surface is None else []),
+        ]
 
 
 def foundations_of(
@@ -76,7 +101,11 @@ def foundations_of(
     """
     foundations, left = list[Foundation](), dict(shapes)
     for boundary, facets in _parts(table):
-        nodes, normals, name = boundary.vectors(""), boundary.vectors("n_"), str(boundary.columns["boundary"][0])
+        nodes, normals, name = (
+            boundary.vectors(""),
+            boundary.vectors("n_"),
+            str(boundary.columns["boundary"][0]),
+        )
         gap = boundary.floats("gap")
         if name in tools:  # of its motion that along the normals is seen
             gap = gap + np.sum(normals * tools[name](nodes), axis=1)
@@ -88,9 +117,13 @@ def foundations_of(
 
 
 def _parts(table: ContactTable) -> Iterator[tuple[ContactColumns, Rows | None]]:
-    """The boundaries in 3D with their facets, or the connected parts of those in 2D that have a gap."""
+    """The boundaries in 3D with their facets, or the connected parts of those in 2D that have a
+    gap.
+    """
     if table.facets is not None:
-        yield from by_boundary(table.columns, facets_of(table)[:, :4])  # those of VTK begin with their corners
+        yield from by_boundary(
+            table.columns, facets_of(table)[:, :4]
+        )  # those of VTK begin with their corners
         return
     for boundary in boundaries_of(table):
         known = boundary.at(np.flatnonzero(np.isfinite(boundary.floats("gap"))))
@@ -106,17 +139,21 @@ def _parts(table: ContactTable) -> Iterator[tuple[ContactColumns, Rows | None]]:
 def magnification(body: DrawnBody, foundations: Sequence[Foundation]) -> float:
     """A factor that makes the displacement visible: the largest becomes about 8 % of the diagonal.
 
-    It is 1, 2 or 5 times a power of ten.  Two bodies that touch seem to be apart, or to overlap, by at most 0.3 % of
-    the diagonal.  It is 1 for a body that does not move but for round-off of its size, or whose displacement is seen as
-    it is, above 3 % of the diagonal; and where it would bend a rigid foundation visibly, as under a disk on a plane:
-    its gap is magnified alike, or the body would seem to enter it.
+    It is 1, 2 or 5 times a power of ten.  Two bodies that touch seem to be apart, or to overlap, by
+    at most 0.3 % of the diagonal.  It is 1 for a body that does not move but for round-off of its
+    size, or whose displacement is seen as it is, above 3 % of the diagonal; and where it would bend
+    a rigid foundation visibly, as under a disk on a plane: its gap is magnified alike, or the body
+    would seem to enter it.
     """
     largest = float(np.linalg.norm(body.displacement, axis=1).max(initial=0.0))
     if not (math.isfinite(largest) and largest > np.finfo(np.float64).eps * body.size):
         return 1.0
     ideal = 0.08 * body.size / largest
     pairs = [part for part in foundations if not part.rigid]
-    closed = [np.abs(part.gap).max(initial=0.0, where=part.touching & np.isfinite(part.gap)) for part in pairs]
+    closed = [
+        np.abs(part.gap).max(initial=0.0, where=part.touching & np.isfinite(part.gap))
+        for part in pairs
+    ]
     if parted := float(max(closed, default=0.0)):
         ideal = min(ideal, 0.003 * body.size / parted)
     factor = readable(ideal) if ideal > SEEN_AS_IT_IS else 1.0

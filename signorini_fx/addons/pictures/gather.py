@@ -34,8 +34,9 @@ MOST_FACETS = 40_000  # of a body in 3D: a picture takes seconds, and a page meg
 
 
 def gather_body(solution: Solution, fields: Sequence[str] = ()) -> DrawnBody | None:
-    """The cells of a body in 2D, or the outer facets of one in 3D, of all ranks on the first one, and an empty body on
-    the others; None if it is too large to be drawn; collective; ``fields``: names in ``FIELDS``.
+    """The cells of a body in 2D, or the outer facets of one in 3D, of all ranks on the first one,
+    and an empty body on the others; None if it is too large to be drawn; collective; ``fields``:
+    names in ``FIELDS``.
     """
     mesh, comm = solution.model.tagged.mesh, solution.comm
     dim = mesh.topology.dim
@@ -55,7 +56,9 @@ def gather_body(solution: Solution, fields: Sequence[str] = ()) -> DrawnBody | N
     tiles = tiling(len(sides[0]), _pieces(solution, count))
     order = _PERIMETER[tiles.corners]
     # Of each side of the reference cell, then of each one in the other direction.
-    ways = [[vertices[order[k]] for k in way] for way in ((0, 1, -1), (0, -1, 1)) for vertices in sides]
+    ways = [
+        [vertices[order[k]] for k in way] for way in ((0, 1, -1), (0, -1, 1)) for vertices in sides
+    ]
     points = [tiles.within(*corners[way]) for way in ways]
 
     def at(values: Values) -> Floats:
@@ -69,9 +72,13 @@ def gather_body(solution: Solution, fields: Sequence[str] = ()) -> DrawnBody | N
     positions = partial(_positions, mesh)
     if dim == 3:  # counterclockwise as seen from outside
         x, middle = at(positions), positions(corners.mean(axis=0)[None], cells)[:, 0]
-        inwards = np.einsum("ij,ij->i", normals_of(x[:, tiles.vertices]), x.mean(axis=1) - middle) < 0
+        inwards = (
+            np.einsum("ij,ij->i", normals_of(x[:, tiles.vertices]), x.mean(axis=1) - middle) < 0
+        )
         place = place + len(sides) * inwards
-    columns = np.concatenate((at(positions), at(partial(_values_at, solution.displacement))[..., :dim]), axis=2)
+    columns = np.concatenate(
+        (at(positions), at(partial(_values_at, solution.displacement))[..., :dim]), axis=2
+    )
     outline = None
     if dim == 3:
         rows, within = _joined(solution, columns, cells)
@@ -80,37 +87,63 @@ def gather_body(solution: Solution, fields: Sequence[str] = ()) -> DrawnBody | N
         within = np.arange(len(rows), dtype=np.int64).reshape(-1, columns.shape[1])
         # Of each side of the reference cell the point of the perimeter at which it begins.
         edges = [{order[k], order[(k + 1) % len(order)]} for k in range(len(order))]
-        first = np.array([tiles.count * edges.index(set(facet)) for facet in basix.topology(kind)[1]], dtype=np.int64)
+        first = np.array(
+            [tiles.count * edges.index(set(facet)) for facet in basix.topology(kind)[1]],
+            dtype=np.int64,
+        )
         along = first[outer[:, 1]][:, None] + np.arange(tiles.count + 1)
         ahead = along % tiles.rim + columns.shape[1] * outer[:, :1].astype(np.int64)
         ahead += parallel.rows_before(comm, columns.shape[0] * columns.shape[1])
-        outline = parallel.rows_on_root(comm, np.stack((ahead[:, :-1], ahead[:, 1:]), axis=-1).reshape(-1, 2))
+        outline = parallel.rows_on_root(
+            comm, np.stack((ahead[:, :-1], ahead[:, 1:]), axis=-1).reshape(-1, 2)
+        )
     functions, recovered = _fields(solution, fields)
-    values = {name: parallel.rows_on_root(comm, at(function)) for name, function in functions.items()}
-    return DrawnBody(rows[:, :dim], within, tiles, rows[:, dim : 2 * dim], values, recovered, outline)
+    values = {
+        name: parallel.rows_on_root(comm, at(function)) for name, function in functions.items()
+    }
+    return DrawnBody(
+        rows[:, :dim], within, tiles, rows[:, dim : 2 * dim], values, recovered, outline
+    )
 
 
-def _joined(solution: Solution, columns: Floats, cells: Cells) -> tuple[Floats, npt.NDArray[np.int64]]:
-    """Points of all ranks with displacements, and the rows of each facet; bodies that touch share none; collective."""
-    pieces = np.broadcast_to(solution.model.motions.pieces.of_cell[cells][:, None, None], (*columns.shape[:2], 1))
-    rows = parallel.rows_on_root(solution.comm, np.concatenate((columns, pieces), axis=2).reshape(-1, 7))
+def _joined(
+    solution: Solution, columns: Floats, cells: Cells
+) -> tuple[Floats, npt.NDArray[np.int64]]:
+    """Points of all ranks with displacements, and the rows of each facet; bodies that touch share
+    none; collective.
+    """
+    pieces = np.broadcast_to(
+        solution.model.motions.pieces.of_cell[cells][:, None, None], (*columns.shape[:2], 1)
+    )
+    rows = parallel.rows_on_root(
+        solution.comm, np.concatenate((columns, pieces), axis=2).reshape(-1, 7)
+    )
     size = float(np.ptp(rows[:, :3], axis=0).max()) or 1.0 if len(rows) else 1.0
-    grid = np.round(np.column_stack((rows[:, :3] / size / ROOT_OF_EPS, rows[:, 6]))).astype(np.int64)
+    grid = np.round(np.column_stack((rows[:, :3] / size / ROOT_OF_EPS, rows[:, 6]))).astype(
+        np.int64
+    )
     _, first, number = np.unique(grid, axis=0, return_index=True, return_inverse=True)
     return rows[first], number.reshape(-1, columns.shape[1]).astype(np.int64)
 
 
 def _pieces(solution: Solution, polygons: int) -> int:
-    """How many straight pieces a side of a deformed cell is drawn with: 1 if it stays straight, or of very many."""
+    """How many straight pieces a side of a deformed cell is drawn with: 1 if it stays straight, or
+    of very many.
+    """
     model = solution.model
-    curved = compat.geometry_degree(model.tagged.mesh) > 1 or model.space.element.basix_element.degree > 1
+    curved = (
+        compat.geometry_degree(model.tagged.mesh) > 1
+        or model.space.element.basix_element.degree > 1
+    )
     return max(1, min(_PIECES, math.isqrt(_MOST_POINTS // max(polygons, 1)))) if curved else 1
 
 
 def _positions(mesh: dmesh.Mesh, points: Floats, cells: Cells) -> Floats:
     basis = _basis(compat.geometry_element(mesh), points)
     nodes = compat.geometry_cells(mesh)[cells]
-    return np.asarray(np.einsum("pk,ckx->cpx", basis, mesh.geometry.x[nodes][..., : mesh.topology.dim]))
+    return np.asarray(
+        np.einsum("pk,ckx->cpx", basis, mesh.geometry.x[nodes][..., : mesh.topology.dim])
+    )
 
 
 def _values_at(function: fem.Function, points: Floats, cells: Cells) -> Floats:
@@ -122,19 +155,27 @@ def _values_at(function: fem.Function, points: Floats, cells: Cells) -> Floats:
 
 
 def _basis(element: Any, points: Floats) -> Floats:
-    return np.asarray(element.tabulate(0, np.ascontiguousarray(points))[0]).reshape(len(points), element.dim)
+    return np.asarray(element.tabulate(0, np.ascontiguousarray(points))[0]).reshape(
+        len(points), element.dim
+    )
 
 
 def _fields(solution: Solution, fields: Sequence[str]) -> tuple[dict[str, Values], bool]:
-    """Fields by name, and whether stresses are recovered: not of nonlinear materials, nor if not finite; collective."""
+    """Fields by name, and whether stresses are recovered: not of nonlinear materials, nor if not
+    finite; collective.
+    """
     known = solution.known_stress
-    finite = not parallel.any_rank(solution.comm, not np.isfinite(solution.displacement.x.array).all())
+    finite = not parallel.any_rank(
+        solution.comm, not np.isfinite(solution.displacement.x.array).all()
+    )
     recovered = known is not None and known.recovers and finite
     functions = {name: solution.displacement for name in fields if not FIELDS[name].of}
     if known is not None:
         stress = known.recovered if recovered else known
         functions |= {name: getattr(stress, FIELDS[name].of) for name in fields if FIELDS[name].of}
-    return {name: partial(_field_at, name, function) for name, function in functions.items()}, recovered
+    return {
+        name: partial(_field_at, name, function) for name, function in functions.items()
+    }, recovered
 
 
 def _field_at(name: str, function: fem.Function, points: Floats, cells: Cells) -> Floats:

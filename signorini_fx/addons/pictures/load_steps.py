@@ -1,4 +1,6 @@
-"""Curves of several solves: the forces from load step to load step, and the errors from mesh to mesh."""
+"""Curves of several solves: the forces from load step to load step, and the errors from mesh to
+mesh.
+"""
 
 from __future__ import annotations
 
@@ -44,27 +46,37 @@ class _Curve:
 
 @mpl.rc_context(STYLE)
 def load_steps(steps: Mapping[str, Any], *, around: bool = False) -> Figure:
-    """Draw the forces of the foundation on the body step by step, and below the largest component of the friction force
-    against the motion, or the torque of friction; of several boundaries the largest components of each.  On a boundary
-    that closes around a body forces balance each other: there the integral of the pressure and the moment of friction.
-    ``steps``: columns of ``steps.csv``; ``around``: whether the body is one of revolution, where radial forces
+    """Draw the forces of the foundation on the body step by step, and below the largest component
+    of the friction force against the motion, or the torque of friction; of several boundaries the
+    largest components of each.  On a boundary that closes around a body forces balance each other:
+    there the integral of the pressure and the moment of friction.
+    ``steps``: columns of ``steps.csv``; ``around``: whether the body is one of revolution, where
+    radial forces
     cancel each other.
     """
     solved = steps["status"] == Status.CONVERGED.value
     if solved.any():  # the figures of a step without a solution mean nothing
         steps = {name: column[solved] for name, column in steps.items()}
     # What the names of the columns of each boundary end with.
-    ends = [name.removeprefix("contact_force_x") for name in steps if name.startswith("contact_force_x")]
+    ends = [
+        name.removeprefix("contact_force_x") for name in steps if name.startswith("contact_force_x")
+    ]
     axes = "y" if around or "torque" in steps else "xyz"  # over a revolution the others cancel
     forces, motions, moments = list[_Curve](), list[_Curve](), list[_Curve]()
     for end in ends:
-        contact, friction = (_columns(steps, f"{kind}_force", axes, end) for kind in ("contact", "friction"))
+        contact, friction = (
+            _columns(steps, f"{kind}_force", axes, end) for kind in ("contact", "friction")
+        )
         pressing = _columns(steps, "pressure_integral", [""], end)
         if pressing and _largest([*contact, *friction]) <= NEGLIGIBLE * _largest(pressing):
             forces += pressing
             moments.append(max(_columns(steps, "friction_moment", ["", *"xyz"], end), key=_size))
             continue
-        forces += [*contact, *friction] if len(ends) == 1 else [max(contact, key=_size), max(friction, key=_size)]
+        forces += (
+            [*contact, *friction]
+            if len(ends) == 1
+            else [max(contact, key=_size), max(friction, key=_size)]
+        )
         motions.append(_over_motion(steps, end, friction))
     panels = [
         ("time", "force", forces),
@@ -82,25 +94,40 @@ def load_steps(steps: Mapping[str, Any], *, around: bool = False) -> Figure:
 
 def _columns(steps: Mapping[str, Any], kind: str, axes: Sequence[str], end: str) -> list[_Curve]:
     """The components of a quantity of a boundary over time."""
-    words = {"friction_moment": "moment of friction", "pressure_integral": "integral of the pressure"}
-    where, name = f" on {plain(end.strip())}" if end else "", words.get(kind, kind.replace("_", " "))
+    words = {
+        "friction_moment": "moment of friction",
+        "pressure_integral": "integral of the pressure",
+    }
+    where, name = (
+        f" on {plain(end.strip())}" if end else "",
+        words.get(kind, kind.replace("_", " ")),
+    )
     found = {axis: f"{kind}{axis and '_'}{axis}{end}" for axis in axes}
     return [
-        _Curve(f"{name} {axis}".rstrip() + where, steps["time"], steps[column], kind.startswith("friction"))
+        _Curve(
+            f"{name} {axis}".rstrip() + where,
+            steps["time"],
+            steps[column],
+            kind.startswith("friction"),
+        )
         for axis, column in found.items()
         if column in steps
     ]
 
 
 def _over_motion(steps: Mapping[str, Any], end: str, friction: Sequence[_Curve]) -> _Curve:
-    """The largest component of friction over the motion along it, in 2D along the boundary; or the torque."""
+    """The largest component of friction over the motion along it, in 2D along the boundary; or the
+    torque.
+    """
     name = "mean_tangential_displacement"
     if "torque" in steps:
         return _Curve("torque", steps[f"{name}_z"], steps["torque"])
     largest = max(friction, key=_size)
     axis = largest.label.removeprefix("friction force ")[0]
     in_space = f"{name}_{axis}{end}"  # there the motion is a vector
-    return _Curve(largest.label, steps[in_space if in_space in steps else f"{name}{end}"], largest.values)
+    return _Curve(
+        largest.label, steps[in_space if in_space in steps else f"{name}{end}"], largest.values
+    )
 
 
 def _size(curve: _Curve) -> float:
@@ -117,7 +144,11 @@ def _draw(axes: Axes, over: str, kind: str, curves: Sequence[_Curve]) -> None:
     power = decimal_power(_largest(shown))
     along = 0 if over == "time" else decimal_power(largest_of(*(curve.over for curve in shown)))
     for number, curve in enumerate(shown):
-        style: dict[str, Any] = {"color": _COLOURS[number % len(_COLOURS)], "marker": "o", "markersize": 2.5}
+        style: dict[str, Any] = {
+            "color": _COLOURS[number % len(_COLOURS)],
+            "marker": "o",
+            "markersize": 2.5,
+        }
         style |= {"linewidth": 1.3, "linestyle": (0, (4.5, 1.8)) if curve.dashed else "-"}
         axes.plot(curve.over * 10.0**along, curve.values * 10.0**power, label=curve.label, **style)
     axes.axhline(0.0, color=RULE, linewidth=0.6, zorder=0)
@@ -138,10 +169,11 @@ _ERRORS = {
 
 @mpl.rc_context(STYLE)
 def errors_and_costs(rows: Sequence[Mapping[str, Any]]) -> Figure:
-    """Estimated errors against the unknowns, and against the time: one point per mesh, open the next one, predicted.
+    """Estimated errors against the unknowns, and against the time: one point per mesh, open the
+    next one, predicted.
 
-    The time is that of all meshes up to this one, as a nested iteration needs them all.  ``rows``: of
-    convergence_table.csv, coarsest mesh first, the predicted one last.
+    The time is that of all meshes up to this one, as a nested iteration needs them all.  ``rows``:
+    of convergence_table.csv, coarsest mesh first, the predicted one last.
     """
     seconds = list(itertools.accumulate(row["seconds"] for row in rows))
     costs = {"unknowns": [row["dofs"] for row in rows], "seconds, all meshes so far": seconds}
@@ -149,12 +181,18 @@ def errors_and_costs(rows: Sequence[Mapping[str, Any]]) -> Figure:
     panels = figure.subplots(1, 2, sharey=True)
     for axes, (name, cost) in zip(panels, costs.items(), strict=True):
         for quantity, (label, colour, marker, line) in _ERRORS.items():
-            known = [k for k, row in enumerate(rows) if row[quantity] and row[quantity] > ZERO_IN_SOLUTION]
+            known = [
+                k
+                for k, row in enumerate(rows)
+                if row[quantity] and row[quantity] > ZERO_IN_SOLUTION
+            ]
             solved = [k for k in known if not rows[k]["predicted"]]
             if not solved:
                 continue
             style = {"color": colour, "linestyle": line, "marker": marker, "markersize": 4.5}
-            axes.plot([cost[k] for k in solved], [rows[k][quantity] for k in solved], label=label, **style)
+            axes.plot(
+                [cost[k] for k in solved], [rows[k][quantity] for k in solved], label=label, **style
+            )
             ahead = [solved[-1], *(k for k in known if rows[k]["predicted"])]
             style |= {"markerfacecolor": "white", "markevery": slice(1, None), "linewidth": 0.6}
             axes.plot([cost[k] for k in ahead], [rows[k][quantity] for k in ahead], **style)

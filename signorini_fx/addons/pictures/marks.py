@@ -1,4 +1,6 @@
-"""What stands beside and on the picture of a body: its true lengths in 3D, the largest value, and the colours."""
+"""What stands beside and on the picture of a body: its true lengths in 3D, the largest value, and
+the colours.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,15 @@ from matplotlib.figure import Figure
 
 from signorini_fx.addons.pictures.body import DrawnBody
 from signorini_fx.addons.pictures.fields import Field
-from signorini_fx.addons.pictures.style import INK, MUTED, VALUES, Floats, decimal_power, number, unit_of
+from signorini_fx.addons.pictures.style import (
+    INK,
+    MUTED,
+    VALUES,
+    Floats,
+    decimal_power,
+    number,
+    unit_of,
+)
 from signorini_fx.mechanics.statement.units import unit
 from signorini_fx.tuned import ARROWS_AROUND, DIGITS_OF_FILES, USUAL_COLOURS
 
@@ -25,7 +35,9 @@ if TYPE_CHECKING:
 
 
 def draw_lengths(axes: Axes, points: Floats, camera: Camera) -> None:
-    """An arrow beside a body in 3D along each axis, with the length of the undeformed body, whose points are given."""
+    """An arrow beside a body in 3D along each axis, with the length of the undeformed body, whose
+    points are given.
+    """
     low, high = points.min(axis=0), points.max(axis=0)
     middle = camera.flat(0.5 * (low + high))
     beside = ARROWS_AROUND * 2 * float(camera.half.max())
@@ -40,7 +52,14 @@ def draw_lengths(axes: Axes, points: Floats, camera: Camera) -> None:
         along = (end - start) / (float(np.linalg.norm(end - start)) or 1.0)
         aside = np.array([-along[1], along[0]])
         aside = aside if aside @ (0.5 * (start + end) - middle) > 0 else -aside
-        style = {"arrowstyle": "-|>", "color": MUTED, "linewidth": 0.8, "shrinkA": 0, "shrinkB": 0, "mutation_scale": 7}
+        style = {
+            "arrowstyle": "-|>",
+            "color": MUTED,
+            "linewidth": 0.8,
+            "shrinkA": 0,
+            "shrinkB": 0,
+            "mutation_scale": 7,
+        }
         start, end = start + beside * aside, end + beside * aside
         axes.annotate("", tuple(end), tuple(start), arrowprops=style, annotation_clip=False)
         text = f"{name}: {number(float(f'{high[axis] - low[axis]:.4g}'))} {unit('length')}".rstrip()
@@ -67,7 +86,9 @@ class Largest:
         return cls(body.points[body.within.ravel()[at]], f"{values[at]:.3g}")
 
     def nearest(self, body: DrawnBody, field: str) -> int:
-        """The point of the body next to it; of several, as of bodies that touch, that with the largest value."""
+        """The point of the body next to it; of several, as of bodies that touch, that with the
+        largest value.
+        """
         points = body.within.ravel()
         away = np.linalg.norm(body.points[points] - self.place, axis=1)
         sizes = np.abs(np.nan_to_num(body.values[field].ravel()))
@@ -85,16 +106,25 @@ def mark_largest(axes: Axes, point: Floats, text: str, *, behind: bool = False) 
     text = number(float(text)) + (" behind" if behind else "")
     fill = "none" if behind else "white"
     axes.plot(
-        *point, marker="o", markersize=5, markerfacecolor=fill, markeredgecolor=INK, markeredgewidth=0.9, zorder=7
+        *point,
+        marker="o",
+        markersize=5,
+        markerfacecolor=fill,
+        markeredgecolor=INK,
+        markeredgewidth=0.9,
+        zorder=7,
     )
     box = {"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.75}
     x, y = map(float, point)
-    axes.annotate(text, (x, y), (6, 6), textcoords="offset points", fontsize=8, color=INK, bbox=box, zorder=7)
+    axes.annotate(
+        text, (x, y), (6, 6), textcoords="offset points", fontsize=8, color=INK, bbox=box, zorder=7
+    )
 
 
 def usual_range(values: Floats, area: Floats, *, signed: bool = False) -> tuple[float, float]:
-    """Lowest and highest value of a scale that contains zero; where these are far off, as at a singular corner, what is
-    beyond 99 % of the area at either end has the last colour; ``signed``: whether the scale may begin below zero.
+    """Lowest and highest value of a scale that contains zero; where these are far off, as at a
+    singular corner, what is beyond 99 % of the area at either end has the last colour; ``signed``:
+    whether the scale may begin below zero.
     """
     finite = np.isfinite(values)
     values, area = values[finite], area[finite]
@@ -137,24 +167,32 @@ class Tones:
             ScalarMappable(self.norm, VALUES),
             ax=axes,
             orientation="horizontal",
-            extend={(0, 0): "neither", (0, 1): "max", (1, 0): "min", (1, 1): "both"}[int(below), int(above)],
+            extend={(0, 0): "neither", (0, 1): "max", (1, 0): "min", (1, 1): "both"}[
+                int(below), int(above)
+            ],
             shrink=0.7,
             aspect=40,
             pad=0.02,
         )
-        bar.ax.locator_params(nbins=min(6, max(3, round(1.1 * figure.get_figwidth()))))  # numbers beside each other
+        bar.ax.locator_params(
+            nbins=min(6, max(3, round(1.1 * figure.get_figwidth())))
+        )  # numbers beside each other
         bar.set_label(f"{self.field.label}{unit_of(self.power, self.field.quantity)}")
         return bar
 
 
 def spaced(points: Floats, rows: npt.NDArray[np.intp], spacing: float) -> npt.NDArray[np.intp]:
-    """Rows of points of shape (m, 2) in their order, without those that are closer than this to an earlier one.
+    """Rows of points of shape (m, 2) in their order, without those that are closer than this to an
+    earlier one.
 
-    In order along a line the distances of those that are left are alike, but for the distances of the points.
+    In order along a line the distances of those that are left are alike, but for the distances of
+    the points.
     """
     chosen: list[int] = []
     while len(rows):
         chosen.append(int(rows[0]))
         away = np.linalg.norm(points[rows] - points[rows[0]], axis=1)
-        rows = rows[away > (1 - 1e-9) * spacing]  # those of a regular mesh may be equal to it but for round-off
+        rows = rows[
+            away > (1 - 1e-9) * spacing
+        ]  # those of a regular mesh may be equal to it but for round-off
     return np.array(chosen, dtype=np.intp)

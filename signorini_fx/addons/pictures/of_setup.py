@@ -31,11 +31,15 @@ _SUFFIXES = (".png", ".pdf", ".svg")
 
 
 def gather_setup(tagged: TaggedMesh, statement: Statement | None = None, title: str = "") -> Setup:
-    """A body with all that acts on its boundaries, on the first rank; on the others without facets; collective."""
+    """A body with all that acts on its boundaries, on the first rank; on the others without facets;
+    collective.
+    """
     mesh, dim, comm = tagged.mesh, tagged.dimension, tagged.mesh.comm
     mesh.topology.create_connectivity(dim - 1, dim)
     if dim == 2:
-        shown = _corners(tagged, 2, np.arange(mesh.topology.index_map(2).size_local, dtype=np.int32))
+        shown = _corners(
+            tagged, 2, np.arange(mesh.topology.index_map(2).size_local, dtype=np.int32)
+        )
     else:
         shown, _ = _sides(tagged, dmesh.exterior_facet_indices(mesh.topology))
     acting: dict[str, list[Effect]] = {name: [] for name in tagged.boundaries}
@@ -51,28 +55,44 @@ def gather_setup(tagged: TaggedMesh, statement: Statement | None = None, title: 
         parallel.rows_on_root(comm, shown),
         tuple(_boundary(tagged, name, acting[name], time) for name in _shown(tagged, acting)),
         {} if statement is None else statement.unit_names(dim),
-        [line for effect in placed if effect.surface is not None for line in lines_of(effect.gap_in(2), tagged)],
+        [
+            line
+            for effect in placed
+            if effect.surface is not None
+            for line in lines_of(effect.gap_in(2), tagged)
+        ],
     )
 
 
 def _shown(tagged: TaggedMesh, acting: dict[str, list[Effect]]) -> list[str]:
-    """Boundaries to show: of the same facets that which the scene uses, else the longest name; collective."""
+    """Boundaries to show: of the same facets that which the scene uses, else the longest name;
+    collective.
+    """
     used = [name for name, effects in acting.items() if effects]
     facets = {name: tagged.facets(name) for name in acting}
     equal = np.array(
-        [[np.array_equal(facets[name], facets[used_name]) for used_name in used] for name in acting], dtype=np.int8
+        [
+            [np.array_equal(facets[name], facets[used_name]) for used_name in used]
+            for name in acting
+        ],
+        dtype=np.int8,
     )
     tagged.mesh.comm.Allreduce(MPI.IN_PLACE, equal, MPI.MIN)
     bodies = tagged.origin.get("bodies", {})
     body_names = {name for name in acting if name.partition(".")[0] in bodies}
     short = {name.partition(".")[2] for name in body_names} - body_names
     return [
-        name for name, twins in zip(acting, equal, strict=True) if acting[name] or not (twins.any() or name in short)
+        name
+        for name, twins in zip(acting, equal, strict=True)
+        if acting[name] or not (twins.any() or name in short)
     ]
 
 
-def draw_setup(load: Callable[[], TaggedMesh], statement: Statement, comm: MPI.Comm, file: Path) -> None:
-    """Draw a problem on the mesh that ``load`` gives, into a file whose suffix is .png, .pdf or .svg; collective.
+def draw_setup(
+    load: Callable[[], TaggedMesh], statement: Statement, comm: MPI.Comm, file: Path
+) -> None:
+    """Draw a problem on the mesh that ``load`` gives, into a file whose suffix is .png, .pdf or
+    .svg; collective.
 
     Raises:
         SceneError: the scene does not fit its mesh.
@@ -106,7 +126,13 @@ def _corners(tagged: TaggedMesh, dim: int, entities: npt.NDArray[np.int32]) -> F
     """Corners of sides or cells along their perimeters, shape (n, k, d)."""
     x, mesh = tagged.mesh.geometry.x[:, : tagged.dimension].astype(np.float64), tagged.mesh
     cell = mesh.topology.cell_name()
-    order = [0, 1] if dim == 1 else [0, 1, 3, 2] if cell in ("quadrilateral", "hexahedron") else [0, 1, 2]
+    order = (
+        [0, 1]
+        if dim == 1
+        else [0, 1, 3, 2]
+        if cell in ("quadrilateral", "hexahedron")
+        else [0, 1, 2]
+    )
     if not entities.size:  # dolfinx divides by their number
         return np.empty((0, len(order), tagged.dimension))
     return np.asarray(x[dmesh.entities_to_geometry(mesh, dim, entities)[:, order]])
@@ -120,7 +146,9 @@ def _boundary(tagged: TaggedMesh, name: str, acting: list[Effect], time: float) 
 
     def whole(effect: Any) -> float:
         """By one point on each facet, which is enough for arrows."""
-        return float(parallel.global_sum(tagged.mesh.comm, np.array(sizes @ on.value(effect.spread))))
+        return float(
+            parallel.global_sum(tagged.mesh.comm, np.array(sizes @ on.value(effect.spread)))
+        )
 
     on = SampledPoints(middles.T, normals.T, whole)
     load, moved = np.zeros_like(middles), np.zeros_like(middles)
@@ -134,7 +162,9 @@ def _boundary(tagged: TaggedMesh, name: str, acting: list[Effect], time: float) 
         elif isinstance(acting_effect, PrescribedDisplacement):
             along = (*acting_effect.components, acting_effect.normal)
             held |= {
-                key: None for key, value in zip(("x", "y", "z", "normal"), along, strict=True) if value is not None
+                key: None
+                for key, value in zip(("x", "y", "z", "normal"), along, strict=True)
+                if value is not None
             }
             moved += on.vector(tuple(value or 0.0 for value in acting_effect.components)).T
             moved += on.value(acting_effect.normal or 0.0)[:, None] * normals
@@ -146,7 +176,9 @@ def _boundary(tagged: TaggedMesh, name: str, acting: list[Effect], time: float) 
 
 
 def _density(load: Force, on: SampledPoints) -> Floats:
-    """Shape (d, n); zero where another package says it by functions of UFL, which have no value at points."""
+    """Shape (d, n); zero where another package says it by functions of UFL, which have no value at
+    points.
+    """
     try:
         return np.broadcast_to(load.density(on), on.position.shape)
     except (TypeError, ValueError):
@@ -154,11 +186,17 @@ def _density(load: Force, on: SampledPoints) -> Floats:
 
 
 def _sides(tagged: TaggedMesh, facets: npt.NDArray[np.int32]) -> tuple[Floats, Floats]:
-    """Corners of facets, shape (f, k, d), in 3D counterclockwise from outside, and normals as long as their areas."""
+    """Corners of facets, shape (f, k, d), in 3D counterclockwise from outside, and normals as long
+    as their areas.
+    """
     mesh, dim = tagged.mesh, tagged.dimension
     corners = _corners(tagged, dim - 1, facets)
-    areas = normals_of(corners) if dim == 3 else (corners[:, 1] - corners[:, 0])[:, ::-1] * (1.0, -1.0)
-    inside = mesh.geometry.x[geometry_cells(mesh)[facet_entities(mesh, facets)[:, 0]], :dim].mean(axis=1)
+    areas = (
+        normals_of(corners) if dim == 3 else (corners[:, 1] - corners[:, 0])[:, ::-1] * (1.0, -1.0)
+    )
+    inside = mesh.geometry.x[geometry_cells(mesh)[facet_entities(mesh, facets)[:, 0]], :dim].mean(
+        axis=1
+    )
     inwards = np.einsum("ij,ij->i", areas, corners.mean(axis=1) - inside) < 0
     corners[inwards] = corners[inwards, ::-1]
     areas[inwards] *= -1

@@ -34,7 +34,8 @@ class Pictures:
 
     def _repr_html_(self) -> str:
         return "\n".join(
-            f'<img alt="{name}" style="max-width: 100%" src="data:image/png;base64,{b64encode(data).decode()}">'
+            f'<img alt="{name}" style="max-width: 100%" '
+            f'src="data:image/png;base64,{b64encode(data).decode()}">'
             for name, data in self.png.items()
         )
 
@@ -42,11 +43,13 @@ class Pictures:
 def plot(solution: Solution, *fields: str) -> Pictures:
     """Draw a solution: the deformed body and the contact boundary; collective.
 
-    In a notebook the last expression of a cell is displayed: ``plot(solution)`` or ``solution.plot()``.
+    In a notebook the last expression of a cell is displayed: ``plot(solution)`` or
+    ``solution.plot()``.
 
     Args:
         solution: what to draw, converged or not.
-        fields: to draw on the body beside the von Mises stress: ``pressure``, ``displacement`` or ``density``.
+        fields: to draw on the body beside the von Mises stress: ``pressure``, ``displacement`` or
+            ``density``.
 
     Raises:
         ValueError: there is no such field.
@@ -56,30 +59,37 @@ def plot(solution: Solution, *fields: str) -> Pictures:
     comm = solution.comm
     folder = parallel.on_root(comm, lambda: Path(tempfile.mkdtemp()))
     try:
-        summary = write_results(solution, folder / "results", fields=False, pictures=list(fields) or True)
+        summary = write_results(
+            solution, folder / "results", fields=False, pictures=list(fields) or True
+        )
         for found in summary["findings"]:
             if found["path"] == "pictures":
                 raise PictureError(f"the pictures were not drawn: {found['message']}")
         order = ("deformed", "profiles", "contact_surface")
-        drawn = parallel.on_root(comm, lambda: {f.stem: f.read_bytes() for f in (folder / "results").glob("*.png")})
+        drawn = parallel.on_root(
+            comm, lambda: {f.stem: f.read_bytes() for f in (folder / "results").glob("*.png")}
+        )
     finally:
         if parallel.is_root(comm):
             shutil.rmtree(folder, ignore_errors=True)
-    return Pictures({name: drawn[name] for name in sorted(drawn, key=lambda n: (*order, n).index(n))})
+    return Pictures(
+        {name: drawn[name] for name in sorted(drawn, key=lambda n: (*order, n).index(n))}
+    )
 
 
 def pyvista_grid(solution: Solution) -> Any:
     """The mesh of this rank with the displacement and the stresses, for PyVista; collective.
 
-    ``pyvista_grid(solution).warp_by_vector("displacement", factor=50).plot(scalars="recovered_von_mises")`` opens a
-    window, in a notebook an output, in which the body can be turned.
+    ``pyvista_grid(solution).warp_by_vector("displacement",
+    factor=50).plot(scalars="recovered_von_mises")`` opens a window, in a notebook an output, in
+    which the body can be turned.
 
     Args:
         solution: converged or not.
 
     Returns:
-        A ``pyvista.UnstructuredGrid``.  Each cell has points of its own, because raw stresses jump between cells, with
-        the ``displacement`` and the fields that are written for ParaView.
+        A ``pyvista.UnstructuredGrid``.  Each cell has points of its own, because raw stresses jump
+        between cells, with the ``displacement`` and the fields that are written for ParaView.
 
     Raises:
         PictureError: PyVista is not installed.

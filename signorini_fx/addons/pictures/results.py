@@ -27,9 +27,12 @@ if TYPE_CHECKING:
     from signorini_fx.addons.pictures.setup import Setup
 
 
-def gather_pictures(solution: Solution, asked: Sequence[str] = (), *, pdf: bool = False) -> ResultPictures:
-    """Of a solution, with fields beside the von Mises stress, or the displacement where that is not known, and out of
-    a section ``around``; collective.  Fields that follow from a stress that is not known are left out, which is said.
+def gather_pictures(
+    solution: Solution, asked: Sequence[str] = (), *, pdf: bool = False
+) -> ResultPictures:
+    """Of a solution, with fields beside the von Mises stress, or the displacement where that is not
+    known, and out of a section ``around``; collective.  Fields that follow from a stress that is
+    not known are left out, which is said.
     """
     suffixes = (".png", ".pdf") if pdf else (".png",)
     if solution.history.linear_solves == 0 and not solution.certified:  # excluded by statics
@@ -39,7 +42,9 @@ def gather_pictures(solution: Solution, asked: Sequence[str] = (), *, pdf: bool 
         return ResultPictures(solution, suffixes, setup=setup)
     fields = _fields(solution, asked)
     body = gather_body(solution, fields)
-    return ResultPictures(solution, suffixes, fields, body, {} if body is None else drawn_shapes(solution))
+    return ResultPictures(
+        solution, suffixes, fields, body, {} if body is None else drawn_shapes(solution)
+    )
 
 
 def _fields(solution: Solution, asked: Sequence[str]) -> tuple[str, ...]:
@@ -58,17 +63,20 @@ def _fields(solution: Solution, asked: Sequence[str]) -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class ResultPictures:
-    """A solution and what was gathered of it for its pictures; ``draw`` is called on the first rank."""
+    """A solution and what was gathered of it for its pictures; ``draw`` is called on the first
+    rank.
+    """
 
     solution: Solution
     suffixes: Sequence[str]  # of the files to write
     # names of the fields that are drawn on the body, the von Mises stress first, where it is known
     fields: tuple[str, ...] = ()
     body: DrawnBody | None = None  # None if it has too many facets
-    # of each boundary whose foundation is a shape its lines, or points and triangles, where it is, to be drawn where
-    # nothing is magnified; see ``rigid_shapes``
+    # of each boundary whose foundation is a shape its lines, or points and triangles, where it is,
+    # to be drawn where nothing is magnified; see ``rigid_shapes``
     shapes: Mapping[str, Any] = field(default_factory=dict)
-    # what the scene prescribes, where nothing was solved and there is no body to be drawn; None: it was
+    # what the scene prescribes, where nothing was solved and there is no body to be drawn; None: it
+    # was
     setup: Setup | None = None
 
     def draw(
@@ -78,8 +86,8 @@ class ResultPictures:
         steps: Mapping[str, Any] | None,
         largest: tuple[Sequence[float], str] | None,
     ) -> None:
-        """All of them.  ``steps``: columns of steps.csv; ``largest``: where the von Mises stress is largest, and its
-        value.
+        """All of them.  ``steps``: columns of steps.csv; ``largest``: where the von Mises stress is
+        largest, and its value.
 
         Raises:
             PictureError: a body in 3D cannot be drawn; all other pictures are there.
@@ -102,13 +110,19 @@ class ResultPictures:
         return bool(self.solution.statement.kinematics.zero_on_axis)
 
     def _draw_body(
-        self, body: DrawnBody, folder: Path, contact: ContactTable | None, largest: tuple[Sequence[float], str] | None
+        self,
+        body: DrawnBody,
+        folder: Path,
+        contact: ContactTable | None,
+        largest: tuple[Sequence[float], str] | None,
     ) -> None:
         """With each field on its foundation."""
         from signorini_fx.addons.pictures.foundation import foundations_of
         from signorini_fx.addons.pictures.marks import Largest
 
-        foundations = [] if contact is None else foundations_of(contact, tools_of(self.solution), self.shapes)
+        foundations = (
+            [] if contact is None else foundations_of(contact, tools_of(self.solution), self.shapes)
+        )
         draw: Callable[..., tuple[Figure, str]]
         if self._dimension == 2:
             from signorini_fx.addons.pictures.deformed_body import deformed_mesh as draw
@@ -122,11 +136,19 @@ class ResultPictures:
         for name in self.fields:
             marked = Largest.of(body, name)
             if name == "von_mises":  # as all figures have it
-                marked = None if largest is None else Largest(np.array(largest[0])[: self._dimension], largest[1])
+                marked = (
+                    None
+                    if largest is None
+                    else Largest(np.array(largest[0])[: self._dimension], largest[1])
+                )
             figure, remark = draw(body, name, foundations=foundations, largest=marked)
-            self._write(folder / ("deformed" if name == self.fields[0] else f"field_{name}"), figure, remark)
+            self._write(
+                folder / ("deformed" if name == self.fields[0] else f"field_{name}"), figure, remark
+            )
 
-    def _draw_curves(self, folder: Path, contact: ContactTable | None, steps: Mapping[str, Any] | None) -> None:
+    def _draw_curves(
+        self, folder: Path, contact: ContactTable | None, steps: Mapping[str, Any] | None
+    ) -> None:
         from signorini_fx.addons.pictures.load_steps import errors_and_costs, load_steps
 
         if prices := [row.model_dump() for row in self.solution.convergence_table]:
@@ -134,7 +156,9 @@ class ResultPictures:
         if contact is None:
             return
         if steps is not None:
-            finish(load_steps(steps, around=self._mirrored), folder / "load_steps", "", self.suffixes)
+            finish(
+                load_steps(steps, around=self._mirrored), folder / "load_steps", "", self.suffixes
+            )
         if self._dimension == 2:
             from signorini_fx.addons.pictures.boundary_profiles import boundary_profiles
 
@@ -142,8 +166,15 @@ class ResultPictures:
         else:
             from signorini_fx.addons.pictures.contact_surface import contact_surface
 
-            self._write(folder / "contact_surface", contact_surface(contact.columns, facets_of(contact)))
+            self._write(
+                folder / "contact_surface", contact_surface(contact.columns, facets_of(contact))
+            )
 
     def _write(self, path_stem: Path, figure: Figure, remark: str = "") -> None:
         title = plain(self.solution.statement.title)
-        finish(figure, path_stem, f"{title}   ({remark})" if title and remark else title or remark, self.suffixes)
+        finish(
+            figure,
+            path_stem,
+            f"{title}   ({remark})" if title and remark else title or remark,
+            self.suffixes,
+        )

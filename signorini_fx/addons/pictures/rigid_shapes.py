@@ -14,13 +14,20 @@ from signorini_fx.machine import parallel
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.rigid_shape import Distance
 from signorini_fx.results.solution import Solution
-from signorini_fx.tuned import FOUNDATION_BESIDE, FOUNDATION_GRID, FOUNDATION_GRID_IN_SPACE, WHOLE_FOUNDATION
+from signorini_fx.tuned import (
+    FOUNDATION_BESIDE,
+    FOUNDATION_GRID,
+    FOUNDATION_GRID_IN_SPACE,
+    WHOLE_FOUNDATION,
+)
 
 Triangles = tuple[Floats, Rows]
 
 
 def lines_of(distance: Distance, tagged: TaggedMesh) -> list[Floats]:
-    """The lines of a shape in 2D near the body, each of shape (k, 2), the body on its left; collective."""
+    """The lines of a shape in 2D near the body, each of shape (k, 2), the body on its left;
+    collective.
+    """
     from contourpy import contour_generator  # matplotlib's
 
     x, y = _axes(distance, tagged, FOUNDATION_GRID)
@@ -36,7 +43,9 @@ def lines_of(distance: Distance, tagged: TaggedMesh) -> list[Floats]:
 
 
 def triangles_of(distance: Distance, tagged: TaggedMesh) -> Triangles:
-    """The surface of a shape in 3D near the body on the first rank, counterclockwise as seen from there; collective."""
+    """The surface of a shape in 3D near the body on the first rank, counterclockwise as seen from
+    there; collective.
+    """
     axes = _axes(distance, tagged, FOUNDATION_GRID_IN_SPACE)
     if tagged.mesh.comm.rank != 0:
         return np.empty((0, 3)), np.empty((0, 3), dtype=np.int64)
@@ -47,25 +56,37 @@ def triangles_of(distance: Distance, tagged: TaggedMesh) -> Triangles:
     points = np.asarray(surface.points, dtype=np.float64)
     triangles = surface.faces.reshape(-1, 4)[:, 1:].astype(np.int64)
     corners = points[triangles]
-    away = np.einsum("ij,ij->i", normals_of(corners), distance.direction(corners.mean(axis=1).T).T) > 0
+    away = (
+        np.einsum("ij,ij->i", normals_of(corners), distance.direction(corners.mean(axis=1).T).T) > 0
+    )
     triangles[away] = triangles[away, ::-1]
     return points, triangles
 
 
 def tools_of(solution: Solution) -> dict[str, Callable[[Floats], Floats]]:
-    """Of each boundary that a rigid tool may touch, how the tool has moved at points of shape (n, d)."""
+    """Of each boundary that a rigid tool may touch, how the tool has moved at points of shape (n,
+    d).
+    """
     contacts = solution.statement.contact
-    return {contacts[part].boundary: tool.at for tool in solution.last_step.tools for part in tool.body.parts}
+    return {
+        contacts[part].boundary: tool.at
+        for tool in solution.last_step.tools
+        for part in tool.body.parts
+    }
 
 
 def drawn_shapes(solution: Solution) -> dict[str, Any]:
-    """Of each contact boundary whose foundation is a shape what is drawn of that where it has moved to; collective.
+    """Of each contact boundary whose foundation is a shape what is drawn of that where it has moved
+    to; collective.
 
-    In 2D these are lines, see ``lines_of``; in 3D points and triangles, see ``triangles_of``, where PyVista is there.
+    In 2D these are lines, see ``lines_of``; in 3D points and triangles, see ``triangles_of``, where
+    PyVista is there.
     """
     tagged, last = solution.model.tagged, solution.last_step
     drawn, tools = dict[str, Any](), tools_of(solution)
-    if tagged.dimension == 3 and not parallel.on_root(solution.comm, lambda: find_spec("pyvista") is not None):
+    if tagged.dimension == 3 and not parallel.on_root(
+        solution.comm, lambda: find_spec("pyvista") is not None
+    ):
         return drawn
     for effect in solution.statement.placed(last.place).contact:
         if effect.surface is None:
@@ -80,7 +101,9 @@ def drawn_shapes(solution: Solution) -> dict[str, Any]:
 
 
 def _axes(distance: Distance, tagged: TaggedMesh, count: int) -> list[Floats]:
-    """Coordinates along the axes of a grid around the body, and a round thing that is not much larger; collective."""
+    """Coordinates along the axes of a grid around the body, and a round thing that is not much
+    larger; collective.
+    """
     low, high = parallel.global_bounds(tagged.mesh.comm, tagged.mesh.geometry.x.astype(np.float64))
     low, high = low[: tagged.dimension], high[: tagged.dimension]
     size, around = float((high - low).max()), 2.2 * getattr(distance.shape, "inradius", np.inf)

@@ -1,4 +1,6 @@
-"""What a scene prescribes and where: the mesh, boundaries with their names, loads, supports and contact."""
+"""What a scene prescribes and where: the mesh, boundaries with their names, loads, supports and
+contact.
+"""
 
 from __future__ import annotations
 
@@ -40,8 +42,23 @@ from signorini_fx.tuned import (
 )
 
 _BODY = "#e4e4e4"
-_COLOURS = (ORANGE, BLUE, "#009e73", "#cc79a7", "#56b4e9", "#d55e00", "#8c6d1f", "#6a51a3", "#7a7a7a", "#b2a800")
-_LINES = ("-", (0, (4, 1.5)), (0, (1, 1)))  # of the first ten boundaries, of the next ten, and of all others
+_COLOURS = (
+    ORANGE,
+    BLUE,
+    "#009e73",
+    "#cc79a7",
+    "#56b4e9",
+    "#d55e00",
+    "#8c6d1f",
+    "#6a51a3",
+    "#7a7a7a",
+    "#b2a800",
+)
+_LINES = (
+    "-",
+    (0, (4, 1.5)),
+    (0, (1, 1)),
+)  # of the first ten boundaries, of the next ten, and of all others
 _LETTERS, _ROW = 14.0, 0.17  # of a legend: letters in an inch, inches of a row
 _MOST_EDGES = 60_000  # of cells: more would be a black body
 
@@ -54,9 +71,13 @@ class NamedBoundary:
     kinds: tuple[str, ...]  # labels of the effects that act on it, such as ``traction``
     corners: Floats  # of each facet, along its perimeter, length, shape (f, k, d)
     normals: Floats  # outward unit normals, shape (f, d)
-    load: Floats  # force per area at the middle of each facet, with a load factor of 1, shape (f, d)
+    load: (
+        Floats  # force per area at the middle of each facet, with a load factor of 1, shape (f, d)
+    )
     moved: Floats  # the same of the prescribed displacement, length; nought where it is free
-    held: tuple[str, ...] = ()  # names of the components of the displacement that are prescribed: x, y, z or normal
+    held: tuple[
+        str, ...
+    ] = ()  # names of the components of the displacement that are prescribed: x, y, z or normal
     grounded: bool = False  # whether it may touch a rigid foundation
 
     @property
@@ -67,12 +88,17 @@ class NamedBoundary:
     @property
     def label(self) -> str:
         """Its name, and what acts on it, as in ``left: displacement (x, y)``."""
-        acting = [f"{kind} ({', '.join(self.held)})" if kind == "displacement" else kind for kind in self.kinds]
+        acting = [
+            f"{kind} ({', '.join(self.held)})" if kind == "displacement" else kind
+            for kind in self.kinds
+        ]
         return plain(f"{self.name}: {', '.join(acting)}" if acting else self.name)
 
     @property
     def marker(self) -> str:
-        """A square where all components of the displacement are prescribed, a circle where some are."""
+        """A square where all components of the displacement are prescribed, a circle where some
+        are.
+        """
         return "" if not self.held else "s" if len(self.held) == self.corners.shape[2] else "o"
 
 
@@ -81,19 +107,22 @@ class Setup:
     """A body with its boundaries, as a scene or a mesh file has them."""
 
     title: str  # any text
-    # corners of cells in 2D, or of facets of the outer surface in 3D, counterclockwise as seen from outside, shape (m,
-    # k, d)
+    # corners of cells in 2D, or of facets of the outer surface in 3D, counterclockwise as seen from
+    # outside, shape (m, k, d)
     polygons: Floats
     boundaries: Sequence[NamedBoundary]  # those with a name
-    units: Mapping[str, str] = field(default_factory=dict)  # for labels, see ``signorini_fx.mechanics.statement.units``
+    units: Mapping[str, str] = field(
+        default_factory=dict
+    )  # for labels, see ``signorini_fx.mechanics.statement.units``
     # in 2D, lines of the foundations that have shapes, lengths, each of shape (k, 2)
     foundations: Sequence[Floats] = ()
 
     def draw(self, path_stem: str | Path, suffixes: Sequence[str] = SCREEN) -> None:
         """Write the picture.
 
-        Each boundary has a colour, and the legend says what acts on it.  Arrows are loads by their size, and prescribed
-        displacements that are not nought, pale on hidden sides.  Squares and circles are supports.
+        Each boundary has a colour, and the legend says what acts on it.  Arrows are loads by their
+        size, and prescribed displacements that are not nought, pale on hidden sides.  Squares and
+        circles are supports.
 
         Raises:
             PictureError: in 3D, PyVista is missing.
@@ -105,13 +134,17 @@ class Setup:
                 figure, flat, toward = self._space()
             self._mark(figure.axes[0], flat, toward)
             self._legend(figure)
-            figure.draw_without_rendering()  # the layout needs a second pass if equal axes do not fill their place
+            # the layout needs a second pass if equal axes do not fill their place
+            figure.draw_without_rendering()
             finish(figure, path_stem, plain(self.title), suffixes)
 
     @property
     def _coloured(self) -> list[tuple[NamedBoundary, str, Any]]:
         """Each boundary with facets, its colour, and the style of its line."""
-        shown, count = [boundary for boundary in self.boundaries if len(boundary.corners)], len(_COLOURS)
+        shown, count = (
+            [boundary for boundary in self.boundaries if len(boundary.corners)],
+            len(_COLOURS),
+        )
         styles = _LINES if self.polygons.shape[2] == 2 else _LINES[:1]  # in 3D facets are coloured
         lines = [styles[min(k // count, len(styles) - 1)] for k in range(len(shown))]
         return [(boundary, _COLOURS[k % count], lines[k]) for k, boundary in enumerate(shown)]
@@ -129,19 +162,32 @@ class Setup:
         figure = Figure(figsize=(max(width, 3.4), height + 0.6), layout="constrained")
         axes = figure.subplots()
         edges: dict[str, Any] = (
-            {"edgecolor": "white", "linewidth": 0.3} if len(self.polygons) <= _MOST_EDGES else {"edgecolor": _BODY}
+            {"edgecolor": "white", "linewidth": 0.3}
+            if len(self.polygons) <= _MOST_EDGES
+            else {"edgecolor": _BODY}
         )
         axes.add_collection(PolyCollection(list(self.polygons), facecolor=_BODY, **edges))
         for boundary, colour, line in self._coloured:
-            style: dict[str, Any] = {"colors": colour, "linewidths": 2.4, "linestyles": [line], "zorder": 4}
+            style: dict[str, Any] = {
+                "colors": colour,
+                "linewidths": 2.4,
+                "linestyles": [line],
+                "zorder": 4,
+            }
             axes.add_collection(LineCollection(list(boundary.corners), **style))
             if boundary.grounded:  # strokes on the side where the foundation is
                 rows = _spaced_rows(boundary.middles, self._size / MOST_STROKES)
                 start, out = boundary.middles[rows], boundary.normals[rows]
-                end = start + 0.025 * self._size * (out + 0.8 * np.column_stack((out[:, 1], -out[:, 0])))
+                end = start + 0.025 * self._size * (
+                    out + 0.8 * np.column_stack((out[:, 1], -out[:, 0]))
+                )
                 strokes = list(np.stack((start, end), axis=1))
-                axes.add_collection(LineCollection(strokes, colors=colour, linewidths=0.8, zorder=4))
-        axes.add_collection(LineCollection(list(self.foundations), colors=ORANGE, linewidths=1.2, zorder=2))
+                axes.add_collection(
+                    LineCollection(strokes, colors=colour, linewidths=0.8, zorder=4)
+                )
+        axes.add_collection(
+            LineCollection(list(self.foundations), colors=ORANGE, linewidths=1.2, zorder=2)
+        )
         axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
         axes.set(xlabel=f"x{bracketed('length')}", ylabel=f"y{bracketed('length')}")
         axes.spines[:].set_visible(False)
@@ -153,7 +199,9 @@ class Setup:
 
         above = COLOURS_ABOVE * float(np.linalg.norm(np.ptp(self.polygons.reshape(-1, 3), axis=0)))
         patches = [self.polygons]
-        patches += [boundary.corners + above * boundary.normals[:, None] for boundary, *_ in self._coloured]
+        patches += [
+            boundary.corners + above * boundary.normals[:, None] for boundary, *_ in self._coloured
+        ]
         number = np.concatenate([np.full(len(corners), k) for k, corners in enumerate(patches)])
         points = np.concatenate(patches)
         k = points.shape[1]
@@ -175,54 +223,107 @@ class Setup:
         return figure, camera.flat, seen.toward
 
     def _mark(self, axes: Axes, flat: Callable[[Any], Any], toward: Floats | None) -> None:
-        """Arrows and supports, on the sides that face the viewer, or on those behind where there are no others."""
+        """Arrows and supports, on the sides that face the viewer, or on those behind where there
+        are no others.
+        """
         side = max(float(np.ptp(axes.get_xlim())), float(np.ptp(axes.get_ylim())))
         for boundary, colour, _ in self._coloured:
-            front = np.full(len(boundary.corners), True) if toward is None else boundary.normals @ toward > 0
+            front = (
+                np.full(len(boundary.corners), True)
+                if toward is None
+                else boundary.normals @ toward > 0
+            )
             hidden = not front.any()
             front |= hidden
             at, normals = boundary.middles[front], boundary.normals[front]
             rows = _spaced_rows(flat(at), side / MOST_ARROWS)
-            alpha, drawn = 0.5 if hidden else 1.0, colour if toward is None else INK  # on facets of this colour
+            alpha, drawn = (
+                0.5 if hidden else 1.0,
+                colour if toward is None else INK,
+            )  # on facets of this colour
             for vectors in ("load", "moved"):
                 if longest := self._largest(vectors):
                     arrows = getattr(boundary, vectors)[front][rows] / longest
-                    self._arrows(axes, flat, at[rows], normals[rows], arrows, color=drawn, alpha=alpha)
+                    self._arrows(
+                        axes, flat, at[rows], normals[rows], arrows, color=drawn, alpha=alpha
+                    )
             if boundary.held and not boundary.moved.any():
-                style: dict[str, Any] = {"linestyle": "none", "marker": boundary.marker, "markersize": 4.5}
-                style |= {"markerfacecolor": "white", "markeredgecolor": colour, "alpha": alpha, "zorder": 5}
+                style: dict[str, Any] = {
+                    "linestyle": "none",
+                    "marker": boundary.marker,
+                    "markersize": 4.5,
+                }
+                style |= {
+                    "markerfacecolor": "white",
+                    "markeredgecolor": colour,
+                    "alpha": alpha,
+                    "zorder": 5,
+                }
                 axes.plot(*flat(at[rows]).T, **style)
 
     def _arrows(
-        self, axes: Axes, flat: Callable[[Any], Any], at: Floats, normals: Floats, vectors: Floats, **style: Any
+        self,
+        axes: Axes,
+        flat: Callable[[Any], Any],
+        at: Floats,
+        normals: Floats,
+        vectors: Floats,
+        **style: Any,
     ) -> None:
-        """Of vectors of length 1 at most; those into the body end at it, and the others begin there."""
+        """Of vectors of length 1 at most; those into the body end at it, and the others begin
+        there.
+        """
         lengths, outwards = np.linalg.norm(vectors, axis=1), np.einsum("ij,ij->i", vectors, normals)
         along = np.abs(outwards) < 0.3 * lengths
         start = at + SMALLEST_ARROW * self._size * along[:, None] * normals
         steps = LONGEST_ARROW_OF_SETUP * self._size * vectors
-        start = np.where((outwards < -1e-12)[:, None], start - steps, start)[lengths >= SMALLEST_ARROW]
+        start = np.where((outwards < -1e-12)[:, None], start - steps, start)[
+            lengths >= SMALLEST_ARROW
+        ]
         ends = start + steps[lengths >= SMALLEST_ARROW]
-        style |= {"angles": "xy", "scale_units": "xy", "scale": 1.0, "units": "inches", "width": 0.018}
+        style |= {
+            "angles": "xy",
+            "scale_units": "xy",
+            "scale": 1.0,
+            "units": "inches",
+            "width": 0.018,
+        }
         tails, tips = flat(start), flat(ends)
         arrows = axes.quiver(*tails.T, *(tips - tails).T, clip_on=False, zorder=6, **style)
         arrows.set_in_layout(False)  # matplotlib takes their lengths for decorations of the axes
 
     def _largest(self, vectors: str) -> float:
         """The length of the largest of all vectors."""
-        sizes = [np.linalg.norm(getattr(boundary, vectors), axis=1).max(initial=0.0) for boundary in self.boundaries]
+        sizes = [
+            np.linalg.norm(getattr(boundary, vectors), axis=1).max(initial=0.0)
+            for boundary in self.boundaries
+        ]
         return float(max(sizes, default=0.0))
 
     def _legend(self, figure: Figure) -> None:
         """The names of the boundaries, what acts on them, and how large the longest arrows are."""
         handles = []
         for boundary, colour, line in self._coloured:
-            style: dict[str, Any] = {"color": colour, "linewidth": 2.4, "linestyle": line, "marker": boundary.marker}
-            handles.append(Line2D([], [], **style, markersize=4.5, markerfacecolor="white", label=boundary.label))
-        for vectors, kind, quantity in (("load", "load", "stress"), ("moved", "displacement", "length")):
+            style: dict[str, Any] = {
+                "color": colour,
+                "linewidth": 2.4,
+                "linestyle": line,
+                "marker": boundary.marker,
+            }
+            handles.append(
+                Line2D(
+                    [], [], **style, markersize=4.5, markerfacecolor="white", label=boundary.label
+                )
+            )
+        for vectors, kind, quantity in (
+            ("load", "load", "stress"),
+            ("moved", "displacement", "length"),
+        ):
             if largest := self._largest(vectors):
                 size = f"{number(float(f'{largest:.3g}'))} {plain(unit(quantity))}".rstrip()
-                handles.append(Line2D([], [], linestyle="none", label=f"longest arrow of a {kind}: {size}"))
+                handles.append(
+                    Line2D([], [], linestyle="none", label=f"longest arrow of a {kind}: {size}")
+                )
         if handles:
             wide = max(len(str(handle.get_label())) for handle in handles)
             columns = max(1, min(len(handles), int(_LETTERS * figure.get_figwidth() / (wide + 8))))

@@ -1,4 +1,6 @@
-"""The deformed body in 3D on its foundation: its outer surface, a field in colours, drawn by PyVista."""
+"""The deformed body in 3D on its foundation: its outer surface, a field in colours, drawn by
+PyVista.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,13 @@ from signorini_fx.addons.pictures import view
 from signorini_fx.addons.pictures.body import DrawnBody, normals_of
 from signorini_fx.addons.pictures.fields import FIELDS
 from signorini_fx.addons.pictures.foundation import Foundation, magnification, magnified
-from signorini_fx.addons.pictures.marks import Largest, Tones, draw_lengths, mark_largest, usual_range
+from signorini_fx.addons.pictures.marks import (
+    Largest,
+    Tones,
+    draw_lengths,
+    mark_largest,
+    usual_range,
+)
 from signorini_fx.addons.pictures.style import INK, MUTED, STYLE, VALUES, Floats, Rows
 from signorini_fx.addons.pictures.view import Camera, View
 from signorini_fx.errors import PYVISTA, PictureError
@@ -39,7 +47,10 @@ from signorini_fx.tuned import (
 
 GROUND = "#dcdcdc"
 _LABELS = 0.8  # inches beside the body
-_WITHOUT_DISPLAY = (9, 4)  # the first VTK that draws without a display; an older one ends the process
+_WITHOUT_DISPLAY = (
+    9,
+    4,
+)  # the first VTK that draws without a display; an older one ends the process
 
 
 @dataclass(frozen=True)
@@ -52,7 +63,9 @@ class Solid:
     limits: tuple[float, float]  # values of the first and the last colour
     colours: Any = None  # a colour map of matplotlib; None: that of all fields
     edges: Rows | None = None  # lines of the mesh to draw, pairs of points, shape (e, 2)
-    at_rest: Floats | None = None  # the undeformed points, shape (n, 3), whose outline is drawn; None: it is not
+    at_rest: Floats | None = (
+        None  # the undeformed points, shape (n, 3), whose outline is drawn; None: it is not
+    )
     # points and polygons of each foundation, seen from the side of the body only
     grounds: Sequence[tuple[Floats, Rows]] = ()
 
@@ -68,10 +81,10 @@ def deformed_solid(
 ) -> tuple[Figure, str]:
     """Draw the outer surface of a deformed body in 3D on its foundation; and say what is magnified.
 
-    Dark lines on the body are its sharp edges, gray ones those of the undeformed body; the edges of the facets are
-    drawn if they are large enough to see them.  Arrows show the axes, and how long the undeformed body is along each.
-    A circle marks the largest value; it is open where it is behind the surface that is seen.  A foundation is gray, and
-    seen from the side of the body only.
+    Dark lines on the body are its sharp edges, gray ones those of the undeformed body; the edges of
+    the facets are drawn if they are large enough to see them.  Arrows show the axes, and how long
+    the undeformed body is along each. A circle marks the largest value; it is open where it is
+    behind the surface that is seen.  A foundation is gray, and seen from the side of the body only.
 
     Raises:
         PictureError: PyVista is missing.
@@ -82,10 +95,16 @@ def deformed_solid(
     facing = area > 0
     field, corners = FIELDS[name].labelled(recovered=body.recovered), body.at_corners(name)
     seen_values = corners[facing].ravel()
-    tones = Tones(field, seen_values, *usual_range(seen_values, area[facing].repeat(3) / 3, signed=field.signed))
+    tones = Tones(
+        field,
+        seen_values,
+        *usual_range(seen_values, area[facing].repeat(3) / 3, signed=field.signed),
+    )
     moved, grounds = body.moved(factor), [ground_of(foundation, factor) for foundation in rigid]
     solid = Solid(moved, body.triangles, corners, (tones.low, tones.high), grounds=grounds)
-    ends = [ground[0] for ground, part in zip(grounds, rigid, strict=True) if ground is part.surface]
+    ends = [
+        ground[0] for ground, part in zip(grounds, rigid, strict=True) if ground is part.surface
+    ]
     camera = Camera.on(seen, _extent(solid, body.points, ends))
     inch = BODY_INCHES / (2 * float(camera.half.max()))
     facets = np.linalg.norm(normals_of(moved[body.perimeters]), axis=1)
@@ -99,14 +118,19 @@ def deformed_solid(
         inside = np.linalg.norm(largest.place - body.points[point]) > SAME_LENGTH * body.size
         around = body.triangles[(body.triangles == point).any(axis=1)]
         behind = bool(inside or (normals_of(body.points[around]) @ seen.toward <= 0).all())
-        mark_largest(axes, camera.flat(largest.moved(body, name, factor)), largest.text, behind=behind)
+        mark_largest(
+            axes, camera.flat(largest.moved(body, name, factor)), largest.text, behind=behind
+        )
     tones.bar(figure, axes)
-    figure.draw_without_rendering()  # the layout needs a second pass if equal axes do not fill their place
+    # the layout needs a second pass if equal axes do not fill their place
+    figure.draw_without_rendering()
     return figure, magnified(foundations, factor)
 
 
 def ground_of(foundation: Foundation, factor: float) -> tuple[Floats, Rows]:
-    """Points and polygons of a foundation, counterclockwise as seen from the body; of a plane a rectangle around it."""
+    """Points and polygons of a foundation, counterclockwise as seen from the body; of a plane a
+    rectangle around it.
+    """
     points, facets = foundation.drawn(factor), foundation.facets
     assert facets is not None
     away = foundation.normals[facets].sum(axis=1)
@@ -119,7 +143,9 @@ def ground_of(foundation: Foundation, factor: float) -> tuple[Floats, Rows]:
 
 
 def _plane_of(points: Floats) -> Floats | None:
-    """Corners of a rectangle around points that lie in a plane, in order along its perimeter, shape (4, 3)."""
+    """Corners of a rectangle around points that lie in a plane, in order along its perimeter, shape
+    (4, 3).
+    """
     points = points[np.isfinite(points).all(axis=1)]
     if len(points) < 3:
         return None
@@ -139,8 +165,8 @@ def _plane_of(points: Floats) -> Floats | None:
 
 
 def telling_view(body: DrawnBody, name: str) -> View:
-    """Of the views from above onto the four corners the one that shows most of a field: the cut of a symmetric body
-    rather than its back; from the front and the right if that makes no difference.
+    """Of the views from above onto the four corners the one that shows most of a field: the cut of
+    a symmetric body rather than its back; from the front and the right if that makes no difference.
     """
     area = normals_of(body.points[body.triangles])
     size = np.abs(np.nan_to_num(body.at_corners(name))).mean(axis=1)
@@ -158,15 +184,21 @@ def _edges(body: DrawnBody) -> Rows:
 
 
 def _extent(solid: Solid, at_rest: Floats, ends: Sequence[Floats]) -> Floats:
-    """Points that a picture shows; of a foundation that runs far away only the part next to the body."""
+    """Points that a picture shows; of a foundation that runs far away only the part next to the
+    body.
+    """
     body = np.concatenate((solid.points, at_rest, *ends))
     low, high = body.min(axis=0), body.max(axis=0)
     far = 0.4 * float(max(high - low))
-    return np.concatenate([body, *(np.clip(points, low - far, high + far) for points, _ in solid.grounds)])
+    return np.concatenate(
+        [body, *(np.clip(points, low - far, high + far) for points, _ in solid.grounds)]
+    )
 
 
 def figure_of(solid: Solid, camera: Camera, inch: float) -> tuple[Figure, Axes]:
-    """A figure with the picture of a body in axes without ticks; ``inch``: how many a unit of length is."""
+    """A figure with the picture of a body in axes without ticks; ``inch``: how many a unit of
+    length is.
+    """
     right, top = camera.half
     size = max(2 * inch * right + _LABELS, NARROWEST), 2 * inch * top + 0.9
     figure = Figure(figsize=size, layout="constrained")
@@ -200,7 +232,9 @@ def image(solid: Solid, camera: Camera, width: int) -> npt.NDArray[np.uint8]:
         plotter.enable_anti_aliasing("ssaa")
         _draw(plotter, solid)
         plotter.add_light(pyvista.Light(light_type="headlight"))
-        plotter.camera.position = camera.centre + 4 * float(np.linalg.norm(camera.half)) * camera.view.toward
+        plotter.camera.position = (
+            camera.centre + 4 * float(np.linalg.norm(camera.half)) * camera.view.toward
+        )
         plotter.camera.focal_point = camera.centre
         plotter.camera.up = camera.view.up
         plotter.camera.parallel_projection = True
@@ -217,7 +251,8 @@ def _draw(plotter: Any, solid: Solid) -> None:
 
     light = {"ambient": AMBIENT_LIGHT, "diffuse": 1 - AMBIENT_LIGHT}
     skin = _surface(solid.points, solid.triangles)
-    # Points with a normal each where the surface turns smoothly; several at sharp edges, and at jumps of the field.
+    # Points with a normal each where the surface turns smoothly; several at sharp edges, and at
+    # jumps of the field.
     smooth = skin.compute_normals(
         cell_normals=False,
         split_vertices=True,
@@ -229,21 +264,31 @@ def _draw(plotter: Any, solid: Solid) -> None:
     body = _surface(smooth.points[corners], np.arange(len(corners)).reshape(-1, 3))
     body.point_data["field"] = solid.values.ravel()
     body.point_data.active_normals = smooth.point_data["Normals"][corners]
-    colours = {"scalars": "field", "cmap": solid.colours or VALUES, "clim": solid.limits, "nan_color": GROUND}
+    colours = {
+        "scalars": "field",
+        "cmap": solid.colours or VALUES,
+        "clim": solid.limits,
+        "nan_color": GROUND,
+    }
     actor = plotter.add_mesh(body, show_scalar_bar=False, **colours, **light)
     actor.prop.interpolation = "Phong"
     if solid.edges is not None and len(solid.edges):
         lines = pyvista.line_segments_from_points(solid.points[solid.edges].reshape(-1, 3))
         actor = plotter.add_mesh(lines, color=INK, line_width=1.0, opacity=0.25, lighting=False)
-        actor.mapper.SetResolveCoincidentTopologyToPolygonOffset()  # in front of the surface that they are on
+        # in front of the surface that they are on
+        actor.mapper.SetResolveCoincidentTopologyToPolygonOffset()
     plotter.add_silhouette(skin, color=INK, line_width=2.5, feature_angle=SHARP_EDGE)
     if solid.at_rest is not None:
         undeformed = _surface(solid.at_rest, solid.triangles)
-        plotter.add_silhouette(undeformed, color=MUTED, line_width=1.5, feature_angle=SHARP_EDGE, opacity=0.6)
+        plotter.add_silhouette(
+            undeformed, color=MUTED, line_width=1.5, feature_angle=SHARP_EDGE, opacity=0.6
+        )
     for points, polygons in solid.grounds:
         ground = _surface(points, polygons)
         plotter.add_mesh(ground, color=GROUND, culling="back", **light)
-        rim = ground.extract_feature_edges(boundary_edges=True, feature_edges=False, manifold_edges=False)
+        rim = ground.extract_feature_edges(
+            boundary_edges=True, feature_edges=False, manifold_edges=False
+        )
         plotter.add_mesh(rim, color=MUTED, line_width=1.5)
 
 
@@ -255,7 +300,9 @@ def _surface(points: Floats, polygons: Rows) -> Any:
 
 
 def can_draw() -> bool:
-    """Whether VTK needs no display or has one: where there is none Xvfb is started, which ends with this process."""
+    """Whether VTK needs no display or has one: where there is none Xvfb is started, which ends with
+    this process.
+    """
     import pyvista
 
     if pyvista.vtk_version_info >= _WITHOUT_DISPLAY or os.environ.get("DISPLAY"):
@@ -265,7 +312,17 @@ def can_draw() -> bool:
     number, answer = os.pipe()
     with open(number, encoding="ascii") as text:
         server = subprocess.Popen(
-            ["Xvfb", "-displayfd", str(answer), "-screen", "0", "64x64x24", "-nolisten", "tcp", "-noreset"],
+            [
+                "Xvfb",
+                "-displayfd",
+                str(answer),
+                "-screen",
+                "0",
+                "64x64x24",
+                "-nolisten",
+                "tcp",
+                "-noreset",
+            ],
             pass_fds=[answer],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,

@@ -1,9 +1,11 @@
-"""The style of all pictures, and how they are written: ``with mpl.rc_context(STYLE)`` gives other pictures the same.
+"""The style of all pictures, and how they are written: ``with mpl.rc_context(STYLE)`` gives other
+pictures the same.
 
-A picture is written as ``stem.png``, unless ``suffixes`` names others: ``.pdf`` for print, which takes longer than all
-the rest, or ``.svg`` as in the report.  Pictures are readable in black and white: line styles and lightness differ as
-well, and in every field the lighter colour is the larger value, as in most programs.  Lettering has 9 points in
-pictures of at most 5 to 7 inches, so that it can still be read where a telephone shows them with a width of 9 cm.
+A picture is written as ``stem.png``, unless ``suffixes`` names others: ``.pdf`` for print, which
+takes longer than all the rest, or ``.svg`` as in the report.  Pictures are readable in black and
+white: line styles and lightness differ as well, and in every field the lighter colour is the larger
+value, as in most programs.  Lettering has 9 points in pictures of at most 5 to 7 inches, so that it
+can still be read where a telephone shows them with a width of 9 cm.
 """
 
 from __future__ import annotations
@@ -31,7 +33,8 @@ SCREEN = (".png",)
 INK, MUTED, RULE = "#1a1a1a", "#6b6b6b", "#c8c8c8"
 TIMES, MINUS = "\N{MULTIPLICATION SIGN}", "\N{MINUS SIGN}"
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-# Perceptually uniform, from dark to light; without the darkest colours, on which neither light nor lines would be seen.
+# Perceptually uniform, from dark to light; without the darkest colours, on which neither light nor
+# lines would be seen.
 VALUES = ListedColormap(mpl.colormaps["viridis"](np.linspace(0.15, 1.0, 256)), name="values")
 BLUE, ORANGE = "#0072b2", "#e69f00"
 MULTIPLIER: dict[str, Any] = {"color": INK, "linewidth": 1.5}
@@ -71,7 +74,9 @@ STYLE: dict[str, Any] = {
 
 
 def plain(text: str) -> str:
-    """A user's text for a picture, in which dollar signs do not begin mathematics, without control characters."""
+    """A user's text for a picture, in which dollar signs do not begin mathematics, without control
+    characters.
+    """
     return printable(text).replace("$", r"\$")
 
 
@@ -94,7 +99,8 @@ def readable(ideal: float) -> float:
 
 
 def unit_of(power: int, quantity: str = "") -> str:
-    """The suffix of a label whose figures were multiplied by 10^power: each of them counts 10^-power.
+    """The suffix of a label whose figures were multiplied by 10^power: each of them counts
+    10^-power.
 
     A factor behind the name, as in "force x 10^4", could be taken for either direction.
 
@@ -113,7 +119,11 @@ def number(value: float) -> str:
         return f"{value:.6g}".replace("-", MINUS)
     digits, power = f"{value:.5e}".split("e")
     digits = f"{float(digits):g}".replace("-", MINUS)
-    return _power_of_ten(int(power)) if digits == "1" else f"{digits}\N{MIDDLE DOT}{_power_of_ten(int(power))}"
+    return (
+        _power_of_ten(int(power))
+        if digits == "1"
+        else f"{digits}\N{MIDDLE DOT}{_power_of_ten(int(power))}"
+    )
 
 
 def _power_of_ten(power: int) -> str:
@@ -122,22 +132,30 @@ def _power_of_ten(power: int) -> str:
 
 
 def _entitle(figure: Figure, title: str) -> None:
-    """The title at the top left; one that is wider than the figure in several lines, the remark in one of its own."""
+    """The title at the top left; one that is wider than the figure in several lines, the remark in
+    one of its own.
+    """
     text = figure.suptitle(title, x=0.012, ha="left", fontsize=10)
     room = 0.976 * figure.bbox.width
     if text.get_window_extent().width <= room:
         return
     headline, *remark = title.split("   (", 1)
     text.set_text(headline)
-    letters = int(len(headline) * room / text.get_window_extent().width)  # a user's text, without mathematics
-    lines = [line for part in headline.split("\n") for line in textwrap.wrap(part, max(letters, 10))]
+    letters = int(
+        len(headline) * room / text.get_window_extent().width
+    )  # a user's text, without mathematics
+    lines = [
+        line for part in headline.split("\n") for line in textwrap.wrap(part, max(letters, 10))
+    ]
     text.set_text("\n".join([*lines, *(f"({part}" for part in remark)]))
 
 
 @mpl.rc_context(STYLE)
-def finish(figure: Figure, path_stem: str | Path, title: str, suffixes: Sequence[str] = SCREEN) -> None:
-    """Title the figure and write it; without dates, so that the same data give the same files.  ``path_stem``: where to
-    write, without suffix; ``suffixes``: of the files to write.
+def finish(
+    figure: Figure, path_stem: str | Path, title: str, suffixes: Sequence[str] = SCREEN
+) -> None:
+    """Title the figure and write it; without dates, so that the same data give the same files.
+    ``path_stem``: where to write, without suffix; ``suffixes``: of the files to write.
     """
     stem = Path(path_stem)
     stem.parent.mkdir(parents=True, exist_ok=True)

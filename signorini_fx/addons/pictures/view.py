@@ -18,8 +18,8 @@ class View:
     """A direction of sight, and what is right and above in it.
 
     Attributes:
-        right, up, toward: orthonormal, right-handed; ``toward`` points from the picture to the viewer; each of
-            shape (3,).
+        right, up, toward: orthonormal, right-handed; ``toward`` points from the picture to the
+            viewer; each of shape (3,).
     """
 
     right: Floats
@@ -62,7 +62,8 @@ class Camera:
 def along(direction: Floats) -> View:
     """The view along a direction, shape (3,): upright as far as possible.
 
-    A direction close to a coordinate axis is replaced by it.  Upwards is z, or y if one looks up or down.
+    A direction close to a coordinate axis is replaced by it.  Upwards is z, or y if one looks up or
+    down.
     """
     sight = np.asarray(direction, dtype=np.float64) / np.linalg.norm(direction)
     axis = int(np.argmax(np.abs(sight)))
@@ -79,8 +80,8 @@ def oblique(azimuth: float = -58.0, elevation: float = 24.0) -> View:
 
 
 def coordinate(direction: Floats) -> tuple[str, bool]:
-    """The name of the coordinate to write at an axis of a picture, and whether it decreases in the given direction:
-    against a coordinate axis the coordinate itself is written.
+    """The name of the coordinate to write at an axis of a picture, and whether it decreases in the
+    given direction: against a coordinate axis the coordinate itself is written.
     """
     axis = int(np.argmax(np.abs(direction)))
     if abs(direction[axis]) > 1 - 1e-12:

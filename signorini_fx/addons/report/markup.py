@@ -1,4 +1,6 @@
-"""Parts of the page, from the templates: what is no markup is escaped, and loses its control characters."""
+"""Parts of the page, from the templates: what is no markup is escaped, and loses its control
+characters.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,9 @@ try:
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
     from markupsafe import Markup as Markup
 except ImportError:
-    raise InstallationError("a report needs Jinja (pip install jinja2; on Debian: python3-jinja2)") from None
+    raise InstallationError(
+        "a report needs Jinja (pip install jinja2; on Debian: python3-jinja2)"
+    ) from None
 
 _WIDE_TABLE = 8  # columns from which on the print uses small letters
 _WIDE_CELL = 16  # letters from which on a cell is broken into lines
@@ -32,7 +36,9 @@ _NOTHING: tuple[Any, ...] = (None, "", [], {}, ())
 @cache
 def _templates() -> Environment:
     def safe(value: Any) -> Any:
-        return printable(value) if isinstance(value, str) and not isinstance(value, Markup) else value
+        return (
+            printable(value) if isinstance(value, str) and not isinstance(value, Markup) else value
+        )
 
     folder = str(resources.files(__package__).joinpath("templates"))
     environment = Environment(
@@ -66,7 +72,11 @@ def shown(value: Any) -> str:
     if isinstance(value, float | np.floating):
         return f"{value + 0.0:.6g}"
     if isinstance(value, list | tuple):
-        return f"({', '.join(map(shown, value))})" if len(value) <= _MOST_ENTRIES else f"{len(value)} entries"
+        return (
+            f"({', '.join(map(shown, value))})"
+            if len(value) <= _MOST_ENTRIES
+            else f"{len(value)} entries"
+        )
     if isinstance(value, Mapping):
         texts = {key: shown(item) for key, item in value.items() if item not in _NOTHING}
         # What belongs to an inner table stands in braces, as in the scene file.
@@ -75,11 +85,15 @@ def shown(value: Any) -> str:
     return value if isinstance(value, str) else str(value)
 
 
-_POWERS = str.maketrans("0123456789-", "\u2070\xb9\xb2\xb3\u2074\u2075\u2076\u2077\u2078\u2079\u207b")
+_POWERS = str.maketrans(
+    "0123456789-", "\u2070\xb9\xb2\xb3\u2074\u2075\u2076\u2077\u2078\u2079\u207b"
+)
 
 
 def in_text(text: str) -> str:
-    """Text whose numbers have powers of ten that no line break tears apart: 2.8e-08 is 2.8 times 10 to the -8."""
+    """Text whose numbers have powers of ten that no line break tears apart: 2.8e-08 is 2.8 times 10
+    to the -8.
+    """
 
     def power(match: re.Match[str]) -> str:
         factor = "" if match[1] == "1" else f"{match[1]}\N{MULTIPLICATION SIGN}"
@@ -90,11 +104,17 @@ def in_text(text: str) -> str:
 
 def is_number(value: Any) -> bool:
     """Whether a value is a number, or missing among numbers."""
-    return value is None or (isinstance(value, int | float | np.number) and not isinstance(value, bool))
+    return value is None or (
+        isinstance(value, int | float | np.number) and not isinstance(value, bool)
+    )
 
 
-def table(columns: Sequence[str], rows: Sequence[Sequence[Any]], classes: Sequence[str] = ()) -> Markup:
-    """A table that scrolls sideways if it is wider than the page; columns of numbers are flush right."""
+def table(
+    columns: Sequence[str], rows: Sequence[Sequence[Any]], classes: Sequence[str] = ()
+) -> Markup:
+    """A table that scrolls sideways if it is wider than the page; columns of numbers are flush
+    right.
+    """
     numeric = [all(is_number(row[k]) for row in rows) for k in range(len(columns))]
     head = [(name, "number" if right else "") for name, right in zip(columns, numeric, strict=True)]
     body = []
@@ -113,7 +133,9 @@ def folded(title: str, *parts: str) -> Markup:
 
 
 def picture(data: bytes, alternative: str, caption: str) -> Markup:
-    """A PNG file in the page itself; a broad one is scrolled on a narrow screen, so that it can be read."""
+    """A PNG file in the page itself; a broad one is scrolled on a narrow screen, so that it can be
+    read.
+    """
     width, height = struct.unpack(">II", data[16:24])
     source = f"data:image/png;base64,{base64.b64encode(data).decode('ascii')}"
     return part("picture", source, alternative, caption, width > BROAD_PICTURE * height)

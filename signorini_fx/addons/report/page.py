@@ -1,7 +1,8 @@
-"""A result folder as one page of HTML that needs no network and no other file; it can be read without scripts too.
+"""A result folder as one page of HTML that needs no network and no other file; it can be read
+without scripts too.
 
-It is made from the files of ``solve``, without dolfinx, and has the pictures that ``solve`` drew.  What was found comes
-first, what stands behind it after that.
+It is made from the files of ``solve``, without dolfinx, and has the pictures that ``solve`` drew.
+What was found comes first, what stands behind it after that.
 """
 
 from __future__ import annotations
@@ -39,10 +40,21 @@ def page(folder: Path) -> str:
             return _page(summary, folder)
     except FileNotFoundError as error:
         name = Path(error.filename).name
-        raise ResultError(f"{folder}: {name} is missing, so this is only a part of a result: solve again") from None
-    except (ArithmeticError, AttributeError, LookupError, OSError, RecursionError, TypeError, ValueError) as error:
         raise ResultError(
-            f"{folder}: its files are not as signorini-fx {__version__} writes them, or do not belong together "
+            f"{folder}: {name} is missing, so this is only a part of a result: solve again"
+        ) from None
+    except (
+        ArithmeticError,
+        AttributeError,
+        LookupError,
+        OSError,
+        RecursionError,
+        TypeError,
+        ValueError,
+    ) as error:
+        raise ResultError(
+            f"{folder}: its files are not as signorini-fx {__version__} writes them, or do not "
+            "belong together "
             f"({type(error).__name__}: {error}): solve again"
         ) from error
 
@@ -51,8 +63,11 @@ def _page(summary: dict[str, Any], folder: Path) -> str:
     name = folder.resolve().name
     solved, contact = was_solved(summary), "contact_nodes" in summary
     no_result = sections.no_result(summary)
-    note = part("note", no_result) if no_result else Markup("")  # of what the figures of a chapter are
-    # First what is asked first, then what was found, then why it may be trusted, last how it was computed.
+    note = (
+        part("note", no_result) if no_result else Markup("")
+    )  # of what the figures of a chapter are
+    # First what is asked first, then what was found, then why it may be trusted, last how it was
+    # computed.
     chapters: dict[str, Markup] = {
         "Outcome": sections.outcome(summary, folder),
         "Figures": Markup("") if no_result else sections.figures(summary),
@@ -64,7 +79,9 @@ def _page(summary: dict[str, Any], folder: Path) -> str:
     if solved and "steps" in summary:
         table = read_csv(folder / "steps.csv")
         if len(table["step"]) != len(summary["steps"]):
-            raise ValueError(f"steps.csv has {len(table['step'])} rows, {len(summary['steps'])} are expected")
+            raise ValueError(
+                f"steps.csv has {len(table['step'])} rows, {len(summary['steps'])} are expected"
+            )
         chapters["Load steps"] = joined([note, sections.steps(table, summary, folder)])
     if "convergence_table" in summary:
         chapters["Convergence table"] = sections.convergence_table(summary["convergence_table"])
@@ -80,7 +97,9 @@ def _page(summary: dict[str, Any], folder: Path) -> str:
         title=summary["title"] or name,
         status=status_in_words(summary),
         name=name,
-        day=f"{sections.done(summary)} on {summary['finished'].partition('T')[0]}" if "finished" in summary else "",
+        day=f"{sections.done(summary)} on {summary['finished'].partition('T')[0]}"
+        if "finished" in summary
+        else "",
         style=Markup(style.read_text(encoding="utf-8")),
         chapters={heading: text for heading, text in chapters.items() if text},
     )
@@ -108,7 +127,9 @@ def write_report(folder: str | Path, file: str | Path | None = None) -> Path:
     if file.is_dir():
         raise OutputError(f"{file}: is a folder: give the name of a file")
     if os.path.lexists(file) and not _is_page(file):
-        raise OutputError(f"{file}: already exists, and is no report: give another name, or remove it")
+        raise OutputError(
+            f"{file}: already exists, and is no report: give another name, or remove it"
+        )
     part = file.parent / f".{file.name}.part"
     try:
         file.parent.mkdir(parents=True, exist_ok=True)

@@ -1,4 +1,6 @@
-"""The sections of the page: outcome, pictures, figures, load steps; then how they were found, and the certificate."""
+"""The sections of the page: outcome, pictures, figures, load steps; then how they were found, and
+the certificate.
+"""
 
 from __future__ import annotations
 
@@ -43,13 +45,21 @@ _TONES |= dict.fromkeys((Validity.EARLIER_STEP, Validity.NO_SOLUTION), "bad")
 
 
 def outcome(summary: dict[str, Any], folder: Path) -> Markup:
-    """Status, verdict of the certificate, what ``solve`` prints beside the picture of the body, with what accuracy
-    costs below that, and warnings.
+    """Status, verdict of the certificate, what ``solve`` prints beside the picture of the body,
+    with what accuracy costs below that, and warnings.
     """
     validity = validity_of(summary)
-    verdict = "The certificate holds." if summary["certificate"]["holds"] else "The certificate does NOT hold."
+    verdict = (
+        "The certificate holds."
+        if summary["certificate"]["holds"]
+        else "The certificate does NOT hold."
+    )
     if not validity.solved:
-        of = "this state, which means nothing" if summary["certificate"]["holds"] else "the last iterate"
+        of = (
+            "this state, which means nothing"
+            if summary["certificate"]["holds"]
+            else "the last iterate"
+        )
         verdict = f"{verdict} All figures are of {of}: do not use them."
         if not was_solved(summary):
             verdict = "Nothing was solved, so there are no figures."
@@ -66,7 +76,9 @@ def outcome(summary: dict[str, Any], folder: Path) -> Markup:
         verdict=verdict,
         lacking=lacking,
         advice="" if validity is Validity.SOLUTION else summary["advice"],
-        figures=[(line.begin.strip(), in_text(line.text), line.kind) for line in brief_lines(summary)],
+        figures=[
+            (line.begin.strip(), in_text(line.text), line.kind) for line in brief_lines(summary)
+        ],
         overview=_overview(summary, folder),
         cost=_drawn(folder, "convergence_table.png", "errors and costs of the meshes", cost),
         warnings=_warnings(summary),
@@ -83,12 +95,18 @@ def no_result(summary: dict[str, Any]) -> str:
     if validity_of(summary).solved:
         return ""
     holds = summary["certificate"]["holds"]
-    return "Of the state that was found, which is no result." if holds else "Of the last iterate, which is no solution."
+    return (
+        "Of the state that was found, which is no result."
+        if holds
+        else "Of the last iterate, which is no solution."
+    )
 
 
 def figures(summary: dict[str, Any]) -> Markup:
     """The results that ``--verbose`` prints beside those of the outcome."""
-    lines = [line for shown in all_shown() if not shown.brief for line in shown_lines(shown, summary)]
+    lines = [
+        line for shown in all_shown() if not shown.brief for line in shown_lines(shown, summary)
+    ]
     rows = [(line.begin.strip(), in_text(line.text)) for line in lines]
     return joined([table(["result", ""], rows), part("note", _note(summary))])
 
@@ -100,7 +118,11 @@ def _note(summary: dict[str, Any]) -> str:
     measure = "what" if forms or kinematics_of(summary).whole else "per unit thickness, and what"
     integrated = ", integrated by the measure of the forms" if forms else ""
     names = names_of(summary["scene"], summary["dimension"])
-    units = f"Units: {', '.join(map(' '.join, names.items()))}" if names else "Units are those of the scene"
+    units = (
+        f"Units: {', '.join(map(' '.join, names.items()))}"
+        if names
+        else "Units are those of the scene"
+    )
     moments = "Moments are about the origin, in 2D counterclockwise"
     return f"Forces are {measure} {who} exerts on {body}{integrated}. {moments}. {units}."
 
@@ -109,7 +131,9 @@ def _sides(summary: dict[str, Any]) -> tuple[str, str]:
     """What exerts the forces of contacts, and on what."""
     kinds = {bool(entry.get("against")) for entry in summary["scene"].get("contact", ())}
     who = {(True,): "the other body", (False, True): "the foundation or the other body"}
-    return who.get(tuple(sorted(kinds)), "the foundation"), "the body of the boundary" if True in kinds else "the body"
+    return who.get(
+        tuple(sorted(kinds)), "the foundation"
+    ), "the body of the boundary" if True in kinds else "the body"
 
 
 def _warnings(summary: dict[str, Any]) -> list[dict[str, Any]]:
@@ -123,7 +147,10 @@ _COLOURS = "Colour: von Mises stress, recovered, which smooths peaks narrower th
 _CIRCLE = "; circle: the largest one, recovered or raw. "
 _DISPLACEMENT = "Colour: size of the displacement; the stress is not known. "
 _MAGNIFIED = "The title says what is magnified."
-_SETUP = "What the scene prescribes, before it is solved. Squares and circles: supports; arrows: loads and motions."
+_SETUP = (
+    "What the scene prescribes, before it is solved. Squares and circles: supports; arrows: "
+    "loads and motions."
+)
 _SOLID_BODY = "Gray lines: undeformed body; arrows: how long the body is. "
 _FOUNDATION = {False: "Hatched: the foundation. ", True: "Gray surface: the foundation. "}  # in 3D?
 
@@ -140,7 +167,8 @@ def _overview(summary: dict[str, Any], folder: Path) -> Markup:
     marked = _CIRCLE if marked_stress(summary) is not None else ". "
     colours = f"{_COLOURS}{marked}" if "stress" in scene.get("forms", ["stress"]) else _DISPLACEMENT
     grounded = any(not entry.get("against") for entry in scene.get("contact", ()))
-    caption = f"{iterate} {colours}{_SOLID_BODY * solid}{_FOUNDATION[solid] * grounded}{_MAGNIFIED}".lstrip()
+    parts = f"{_SOLID_BODY * solid}{_FOUNDATION[solid] * grounded}"
+    caption = f"{iterate} {colours}{parts}{_MAGNIFIED}".lstrip()
     reason = "this was solved with --no-pictures"
     if solid:
         reason += f", or has too many facets to be drawn, or without {PYVISTA}"
@@ -164,24 +192,36 @@ def contact(summary: dict[str, Any], folder: Path) -> Markup:
     """The picture of the contact boundary: curves in 2D, the surface in 3D, and its signs."""
     if summary["dimension"] == 3:
         caption = (
-            "Contact pressure, shear and slip as arrows, seen along the outward normal, through the body. Arrows of "
+            "Contact pressure, shear and slip as arrows, seen along the outward normal, through "
+            "the body. Arrows of "
             "shear point where the body slips or would slip; the traction on the body is opposite."
         )
         return _drawn(folder, "contact_surface.png", "contact surface", caption)
     contacts, rubs = summary["scene"].get("contact", ()), has_friction(summary)
     opposite, _ = _sides(summary)
-    caption = f"Normal displacement above {opposite} is penetration{'; shear has the sign of the slip' * rubs}."
+    caption = (
+        f"Normal displacement above {opposite} is "
+        f"penetration{'; shear has the sign of the slip' * rubs}."
+    )
     if kinematics_of(summary).out_of_section:
-        caption += " Friction acts along the section and around the axis: both parts together are bounded."
+        caption += (
+            " Friction acts along the section and around the axis: both parts together are bounded."
+        )
     if any((entry.get("friction") or {}).get("law") == "tresca" for entry in contacts):
-        caption += " Tresca friction also acts where nothing is in contact: its bound does not depend on the pressure."
+        caption += (
+            " Tresca friction also acts where nothing is in contact: its bound does not "
+            "depend on the pressure."
+        )
     return _drawn(folder, "profiles.png", "curves along the contact boundary", caption)
 
 
 def steps(steps: dict[str, Any], summary: dict[str, Any], folder: Path) -> Markup:
     """Forces step by step, and the table of the steps, the columns of ``steps.csv``."""
     who, whom = _sides(summary)
-    caption = f"Forces of {who} on {whom}, and of friction; where they balance each other, pressure and moment."
+    caption = (
+        f"Forces of {who} on {whom}, and of friction; where they balance each other, "
+        "pressure and moment."
+    )
     drawn = _drawn(folder, "load_steps.png", "forces of the load steps", caption)
     rows = list(zip(*steps.values(), strict=True))
     return joined([drawn, folded(f"Every load step ({len(rows)})", table(list(steps), rows))])
@@ -202,15 +242,21 @@ def certificate(summary: dict[str, Any]) -> Markup:
         classes.append("missed" if missed else "")
     law = f" The law is {summary['certificate']['law']}." if "law" in summary["certificate"] else ""
     note = (
-        "The conditions of the problem, checked after the iteration from the displacement and the contact tractions "
+        "The conditions of the problem, checked after the iteration from the displacement and the "
+        "contact tractions "
         f"alone; every figure is relative: to the largest stress, deformation or force.{law}"
     )
     missed = "missed" in classes
     verdict = "The certificate does NOT hold."
     if not missed:
-        value, worst = max((value, name) for name, value in summary["certificate"].items() if name in JUDGED)
+        value, worst = max(
+            (value, name) for name, value in summary["certificate"].items() if name in JUDGED
+        )
         largest = f"{value:.1e} ({worst.replace('_', ' ')})" if value else "round-off"
-        verdict = f"The certificate holds: no figure is above {largest}, the limit is {CERTIFICATE_TOLERANCE:g}."
+        verdict = (
+            f"The certificate holds: no figure is above {largest}, the limit is "
+            f"{CERTIFICATE_TOLERANCE:g}."
+        )
     full_table = table(["figure", "value", "", "limit"], rows, classes)
     parts = [part("paragraph", in_text(verdict)), part("note", in_text(note))]
     parts.append(full_table if missed else folded("Every figure of the certificate", full_table))
@@ -232,34 +278,65 @@ def scene(summary: dict[str, Any]) -> Markup:
     """The tables of the scene, the method, and the scene as JSON."""
     scene, rows = summary["scene"], list[tuple[str, str]]()
     for key, section in scene.items():
-        entries = section if section and isinstance(section, list) and isinstance(section[0], dict) else [section]
+        entries = (
+            section
+            if section and isinstance(section, list) and isinstance(section[0], dict)
+            else [section]
+        )
         texts = [] if key in _ELSEWHERE else [shown(entry) for entry in entries]
         if key == "mesh" and isinstance(section, str):  # the name of a type
             texts = ["made in Python"]
         rows += [(key.replace("_", " "), text) for text in texts if text and text != "()"]
-    method = {"algorithm": summary["algorithm"], **summary["parameters"], "linear algebra": summary["linear_algebra"]}
+    method = {
+        "algorithm": summary["algorithm"],
+        **summary["parameters"],
+        "linear algebra": summary["linear_algebra"],
+    }
     return joined(
         [
             table(["effect", "data"], rows),
             part("paragraph", in_text(f"Method: {shown(method)}.")),
-            folded("The whole scene with all defaults", part("source", json.dumps(scene, indent=1))),
+            folded(
+                "The whole scene with all defaults", part("source", json.dumps(scene, indent=1))
+            ),
         ]
     )
 
 
 def convergence_table(rows: list[dict[str, Any]]) -> Markup:
     """Estimated errors and costs of each mesh."""
-    names = ["h", "dofs", "linear_solves", "seconds", "memory", "energy", "pressure", "force", "zone", "peak"]
+    names = [
+        "h",
+        "dofs",
+        "linear_solves",
+        "seconds",
+        "memory",
+        "energy",
+        "pressure",
+        "force",
+        "zone",
+        "peak",
+    ]
     names += ["regularisation", "iteration"]
-    shorter = [[_two_digits(row[name]) for name in names] + ["predicted" if row["predicted"] else ""] for row in rows]
+    shorter = [
+        [_two_digits(row[name]) for name in names] + ["predicted" if row["predicted"] else ""]
+        for row in rows
+    ]
     note = (
-        "One row per mesh. Energy: displacement in the energy norm; pressure; force; zone: ends of the contact zones, "
+        "One row per mesh. Energy: displacement in the energy norm; pressure; force; zone: ends "
+        "of the contact zones, "
         "in 3D the contact area; peak: largest pressure, without an estimate where it has no limit "
-        "or the meshes are no finer where it is; the parts of the energy error due to regularisation and "
+        "or the meshes are no finer where it is; the parts of the energy error due to "
+        "regularisation and "
         "iteration. Memory in MB."
     )
     classes = ["predicted" if row["predicted"] else "" for row in rows]
-    return joined([table([*(name.replace("_", " ") for name in names), ""], shorter, classes), part("note", note)])
+    return joined(
+        [
+            table([*(name.replace("_", " ") for name in names), ""], shorter, classes),
+            part("note", note),
+        ]
+    )
 
 
 def _two_digits(value: float | None) -> Any:
@@ -269,7 +346,9 @@ def _two_digits(value: float | None) -> Any:
 
 def history(summary: dict[str, Any]) -> Markup:
     """How many linear solves it took, and what happened on demand."""
-    effort = f"{summary['algorithm']}: {effort_in_words(summary)}; history.csv has a row for each solve."
+    effort = (
+        f"{summary['algorithm']}: {effort_in_words(summary)}; history.csv has a row for each solve."
+    )
     parts = [part("paragraph", effort)]
     if events := list(dict.fromkeys(summary.get("events", ()))):
         parts.append(folded("What happened", part("items", list(map(in_text, events)))))
@@ -283,8 +362,13 @@ def made_with(summary: dict[str, Any]) -> Markup:
     if "finished" in summary:
         when += f" on {summary['finished'].replace('T', ' ').replace('+00:00', ' UTC')}"
     ranks = f"{summary['ranks']} rank{'s' * (summary['ranks'] > 1)}"
-    programs = " and ".join(f"{name} {versions[name]}" for name in ("signorini_fx", "dolfinx") if versions.get(name))
-    timings = table(["phase", "seconds"], [(name, _two_digits(value)) for name, value in summary["timings"].items()])
+    programs = " and ".join(
+        f"{name} {versions[name]}" for name in ("signorini_fx", "dolfinx") if versions.get(name)
+    )
+    timings = table(
+        ["phase", "seconds"],
+        [(name, _two_digits(value)) for name, value in summary["timings"].items()],
+    )
     tables = part("beside", [timings, table(["program", "version"], list(versions.items()))])
     took = f"{when} by {programs} on {ranks}: {summary['dofs']} unknowns."
     return joined([part("paragraph", took), folded("Times and versions", tables)])

@@ -1,13 +1,15 @@
-"""Algorithm (ALM), section 5: the first-order augmented Lagrangian method, for any friction law; and its update: the
-next shifts, whether they have settled, and the next gamma.
+"""Algorithm (ALM), section 5: the first-order augmented Lagrangian method, for any friction law;
+and its update: the next shifts, whether they have settled, and the next gamma.
 
-For fixed sets an update reduces an error e of the multipliers to r e, with r = k / (k + gamma) and k the stiffness at
-the contact nodes.  The limit is the same for every gamma, but with a small one an iterate changes little although it is
-far from the limit, and the two multipliers have a gamma each.  So a small change alone does not mean convergence: the
-remaining error is the change times r / (1 - r), with the observed r or that of the largest k, whichever is smaller; and
-the displacement has to satisfy the conditions of the limit itself: a fixed point may contract more slowly than r, and
-the shear of one node may still turn to its slip when no norm shows it.  If a multiplier converges slowly its gamma is
-increased, up to ten times k.  A given gamma so large that its round-off would hide the limit is reduced.
+For fixed sets an update reduces an error e of the multipliers to r e, with r = k / (k + gamma) and
+k the stiffness at the contact nodes.  The limit is the same for every gamma, but with a small one
+an iterate changes little although it is far from the limit, and the two multipliers have a gamma
+each.  So a small change alone does not mean convergence: the remaining error is the change times r
+/ (1 - r), with the observed r or that of the largest k, whichever is smaller; and the displacement
+has to satisfy the conditions of the limit itself: a fixed point may contract more slowly than r,
+and the shear of one node may still turn to its slip when no norm shows it.  If a multiplier
+converges slowly its gamma is increased, up to ten times k.  A given gamma so large that its
+round-off would hide the limit is reduced.
 """
 
 from __future__ import annotations
@@ -32,16 +34,19 @@ class Augmentation:
     """One augmented Lagrangian iteration on the problems that an inner method solves.
 
     Attributes:
-        natural: a gamma with which few updates suffice on cells that are not divided many times, stress per length.
-        tolerance: for the errors of lambda and of mu in the norm of L2(Gamma_c), relative to their own norms, and for
-            penetration and elastic slip, relative to the displacements; of each group of points.
-        changes: the last changes of pressure and shear that the body feels, in the norm, shape (groups,); nan: not
-            known.
+        natural: a gamma with which few updates suffice on cells that are not divided many times,
+            stress per length.
+        tolerance: for the errors of lambda and of mu in the norm of L2(Gamma_c), relative to their
+            own norms, and for penetration and elastic slip, relative to the displacements; of each
+            group of points.
+        changes: the last changes of pressure and shear that the body feels, in the norm, shape
+            (groups,); nan: not known.
         slow: which of the two were slow at the last update.
         left: remaining relative error of the multipliers.
-        violation: largest remaining penetration and elastic slip, relative to the displacements of the contact nodes,
-            and slip against the shear or across it: the smaller of the slip, relative to these, and of the part of the
-            shear that does not point along it, relative to the largest stress.
+        violation: largest remaining penetration and elastic slip, relative to the displacements of
+            the contact nodes, and slip against the shear or across it: the smaller of the slip,
+            relative to these, and of the part of the shear that does not point along it, relative
+            to the largest stress.
     """
 
     newton: SemismoothNewton
@@ -55,7 +60,9 @@ class Augmentation:
 
     def __post_init__(self) -> None:
         system = self.newton.problem.system
-        self._stiffness = self.newton.problem.groups.largest(system.contact.stiffness(system.matrix.getDiagonal()))
+        self._stiffness = self.newton.problem.groups.largest(
+            system.contact.stiffness(system.matrix.getDiagonal())
+        )
 
     @property
     def settled(self) -> bool:
@@ -76,17 +83,29 @@ class Augmentation:
             (points.felt(normal, shear), points.felt(shear, normal))
             for normal, shear in (new_shifts, old_shifts, differences)
         )
-        now, last_size = (groups.norms(movement) + groups.norms(floor) for movement, floor in (felt, felt_before))
+        now, last_size = (
+            groups.norms(movement) + groups.norms(floor) for movement, floor in (felt, felt_before)
+        )
         changes = groups.norms(moved[0]), groups.norms(moved[1])
-        round_off = newton.problem.round_off(newton.x) if newton.problem.bonds_alone else np.zeros(len(moved[0]))
+        round_off = (
+            newton.problem.round_off(newton.x)
+            if newton.problem.bonds_alone
+            else np.zeros(len(moved[0]))
+        )
         size = np.maximum(groups.scales(np.where(now > 0, now, last_size)), groups.norms(round_off))
         gammas = (data.gamma_n, data.gamma_t)
         u_n, u_t = newton.problem.system.contact.traces(newton.x)
-        length = groups.scales(groups.largest(np.maximum(np.abs(u_n), length_of(u_t))), lengths=True)
+        length = groups.scales(
+            groups.largest(np.maximum(np.abs(u_n), length_of(u_t))), lengths=True
+        )
         # If all motion is round-off, the scale is the displacement that the tractions could cause.
-        stress = np.maximum(groups.scales(groups.largest(np.maximum(*felt))), groups.largest(round_off))
+        stress = np.maximum(
+            groups.scales(groups.largest(np.maximum(*felt))), groups.largest(round_off)
+        )
         length = np.maximum(length, shares(NEGLIGIBLE * stress, self._stiffness))
-        lengths, stresses = (np.where(movement > 0, movement, 1.0)[groups.number] for movement in (length, stress))
+        lengths, stresses = (
+            np.where(movement > 0, movement, 1.0)[groups.number] for movement in (length, stress)
+        )
         # At its bound, that of the problem just solved, the shear gives no information about slip.
         sticks = length_of(new_shifts[1]) < data.friction_bound(newton.multipliers()[0])
         open_at = np.abs(differences[0]), length_of(differences[1]) * sticks
@@ -97,7 +116,9 @@ class Augmentation:
             wrong = np.minimum(length_of(slip) / lengths, length_of(astray) / stresses)
         least = (np.zeros(groups.count), groups.largest(wrong))
         lefts, violations, slow = [], [], []
-        for change, last, gamma, movement, floor in zip(changes, self.changes, gammas, open_at, least, strict=True):
+        for change, last, gamma, movement, floor in zip(
+            changes, self.changes, gammas, open_at, least, strict=True
+        ):
             share = shares(change, last, np.nan)
             beyond = shares(share, 1 - share, np.inf)
             times = np.maximum(1.0, np.fmin(beyond, self._stiffness / gamma))
@@ -115,7 +136,9 @@ class Augmentation:
         return float(shares(total, size, total).max())
 
     def next(self, data: RegularisedData, factor: float = 1.0) -> RegularisedData:
-        """The next problem: the multipliers as shifts; gamma times ``factor`` or, if convergence is slow, increased."""
+        """The next problem: the multipliers as shifts; gamma times ``factor`` or, if convergence is
+        slow, increased.
+        """
         pressure, shear = self.newton.shifts(data)
         enough, largest = GAMMA_GROWTH * float(self._stiffness.max()), GAMMA_GROWTH * self.natural
 
@@ -143,8 +166,9 @@ def augmented_lagrangian(
     gamma_factor: float = 1.0,
 ) -> Status:
     """Iterate lambda_hat <- lambda, mu_hat <- mu until both have settled, each problem from the
-    variables of the previous one (section 7.1); ``inner_iterations``: linear solves allowed for one problem (inexact
-    ALM), None: until its sets repeat; ``gamma_factor``: growth of both gammas from one problem to the next.
+    variables of the previous one (section 7.1); ``inner_iterations``: linear solves allowed for one
+    problem (inexact ALM), None: until its sets repeat; ``gamma_factor``: growth of both gammas from
+    one problem to the next.
     """
     newton = augmentation.newton
     for step in range(max_outer):
@@ -160,10 +184,12 @@ def augmented_lagrangian(
             return status
         if step > 0 and augmentation.settled and not inexact:
             return Status.CONVERGED
-        # A problem that was cut off continues with its last sets, a solved one with those of the new data.
+        # A problem that was cut off continues with its last sets, a solved one with those of the
+        # new data.
         cut_off = newton.continued_sets(data) if inexact else None
         data = augmentation.next(data, gamma_factor)
-        # At the old iterate the new shift counts every pressure twice, and a bound that depends on it.
+        # At the old iterate the new shift counts every pressure twice, and a bound that depends on
+        # it.
         following = newton.problem.sets if data.follows is not None else newton.continued_sets(data)
         first_sets, first_iteration = cut_off or following, 1
     return Status.OUTER_MAX_ITERATIONS

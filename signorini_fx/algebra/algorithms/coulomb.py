@@ -1,4 +1,6 @@
-"""Coulomb friction: the start, the monolithic method, what statics proves, and augmentation as a fall-back."""
+"""Coulomb friction: the start, the monolithic method, what statics proves, and augmentation as a
+fall-back.
+"""
 
 from __future__ import annotations
 
@@ -21,15 +23,18 @@ from signorini_fx.tuned import AUTOMATIC_GAMMA, CERTIFICATE_TOLERANCE, CONTINUAT
 
 
 def coulomb_start(task: Task, data: RegularisedData) -> RegularisedData:
-    """Section 7: the pure contact problem, g = 0; but a body that cannot do without friction starts from stick.
+    """Section 7: the pure contact problem, g = 0; but a body that cannot do without friction starts
+    from stick.
 
-    It sticks everywhere, unless that would hold it without any contact, as a ring with clearance around a pin: then
-    only where it touches at its reference motion.
+    It sticks everywhere, unless that would hold it without any contact, as a ring with clearance
+    around a pin: then only where it touches at its reference motion.
     """
     motions, everywhere = task.motions, task.motions.points.everywhere
 
     def possible(stick: npt.NDArray[np.bool_]) -> bool:
-        """Whether contact can hold the body and balance its load if these nodes stick, and no other ones rub."""
+        """Whether contact can hold the body and balance its load if these nodes stick, and no other
+        ones rub.
+        """
         held, law = motions.held_by(everywhere, stick), as_given(np.where(stick, np.inf, 0.0))
         return held and no_balance(law, data.bilateral, motions, task.system.resultant) is None
 
@@ -37,7 +42,8 @@ def coulomb_start(task: Task, data: RegularisedData) -> RegularisedData:
         return replace(data, bound=None)
     stick = everywhere
     if motions.held_by(~everywhere, everywhere):
-        # On a straight side that lies on a straight foundation all gaps are round-off, which chooses no nodes.
+        # On a straight side that lies on a straight foundation all gaps are round-off, which
+        # chooses no nodes.
         gap = np.abs(data.gap)
         largest = parallel.largest(task.motions.points.comm, gap)
         touching = np.asarray(gap <= max(task.coordinate_error, CERTIFICATE_TOLERANCE * largest))
@@ -46,11 +52,12 @@ def coulomb_start(task: Task, data: RegularisedData) -> RegularisedData:
 
 
 def proved(task: Task, problem: RegularisedProblem, law: PointFriction, status: Status) -> Status:
-    """An outcome of Coulomb friction: that a body moves away with the bound of one Tresca problem proves nothing else.
+    """An outcome of Coulomb friction: that a body moves away with the bound of one Tresca problem
+    proves nothing else.
 
-    The bound of such a problem is that of the previous pressure.  If the law itself allows for an equilibrium, as it
-    always does where the pressure is statically indeterminate, the fixed-point iteration has failed, and another method
-    may find it.
+    The bound of such a problem is that of the previous pressure.  If the law itself allows for an
+    equilibrium, as it always does where the pressure is statically indeterminate, the fixed-point
+    iteration has failed, and another method may find it.
     """
     if status not in (Status.SLIDES, Status.TIPS, Status.OPEN, Status.NOT_HELD):
         return status
@@ -62,11 +69,19 @@ def proved(task: Task, problem: RegularisedProblem, law: PointFriction, status: 
     lost = no_balance(law, data.bilateral, motions, resultant, data.gap if at_rest else None)
     if lost is not None:
         return lost.status
-    task.history.add(f"{status.value}: with the friction bound of the pressure before, not by the law itself")
-    # A multiple of the loads above which no pressures, and no shears up to the given bound, carry them.
+    task.history.add(
+        f"{status.value}: with the friction bound of the pressure before, not by the law itself"
+    )
+    # A multiple of the loads above which no pressures, and no shears up to the given bound, carry
+    # them.
     allowed = reactions(motions, as_given(data.bound), data.bilateral)
-    loaded = [(number, columns) for number, columns in motions.assemblies if resultant[columns].any()]
-    share = min((largest_multiple(allowed.of(number, at), resultant[at]) for number, at in loaded), default=np.inf)
+    loaded = [
+        (number, columns) for number, columns in motions.assemblies if resultant[columns].any()
+    ]
+    share = min(
+        (largest_multiple(allowed.of(number, at), resultant[at]) for number, at in loaded),
+        default=np.inf,
+    )
     if share >= 1.0:
         return Status.OUTER_MAX_ITERATIONS
     task.history.add(f"friction at this pressure carries at most {share:.5g} of the loads")
@@ -74,25 +89,34 @@ def proved(task: Task, problem: RegularisedProblem, law: PointFriction, status: 
 
 
 def coulomb_newton(
-    task: Task, data: RegularisedData, law: PointFriction, first_sets: ActiveSets | None, *, augmented: bool
+    task: Task,
+    data: RegularisedData,
+    law: PointFriction,
+    first_sets: ActiveSets | None,
+    *,
+    augmented: bool,
 ) -> Status:
-    """Solve the Coulomb problem in one semi-smooth Newton iteration of an inner method with an unsymmetric solver, from
-    its iterate (the pure contact problem), or in one for each update; not in the paper.
+    """Solve the Coulomb problem in one semi-smooth Newton iteration of an inner method with an
+    unsymmetric solver, from its iterate (the pure contact problem), or in one for each update; not
+    in the paper.
 
-    The map mu - clip(mu_hat + gamma_2 tau_T y, -F lambda(y), F lambda(y)) with lambda(y) of (3.3b) is as semi-smooth as
-    (3.4); its derivative has d mu / d tau_N y = +-F gamma_1 at slip nodes in contact.  It converges locally: from a
-    poor start its sets may cycle.
+    The map mu - clip(mu_hat + gamma_2 tau_T y, -F lambda(y), F lambda(y)) with lambda(y) of (3.3b)
+    is as semi-smooth as (3.4); its derivative has d mu / d tau_N y = +-F gamma_1 at slip nodes in
+    contact.  It converges locally: from a poor start its sets may cycle.
     """
     coupled, newton = replace(data, bound=law.given, follows=law), task.unsymmetric_newton
     if not augmented:
         return newton.solve(coupled, first_sets)
     max_outer = task.settings.max_outer_iterations
-    return augmented_lagrangian(augmentation_on(task, newton), coupled, first_sets, max_outer=max_outer)
+    return augmented_lagrangian(
+        augmentation_on(task, newton), coupled, first_sets, max_outer=max_outer
+    )
 
 
 def by_augmentation(task: Task, start: Start, law: PointFriction, begun: Outcome) -> Outcome:
-    """The last fall-back for Coulomb friction, which leaves no regularisation error, nor the elastic slip of earlier
-    load steps; it begins with the multipliers of the load step before, or with the start of Coulomb friction;
+    """The last fall-back for Coulomb friction, which leaves no regularisation error, nor the
+    elastic slip of earlier load steps; it begins with the multipliers of the load step before, or
+    with the start of Coulomb friction;
     ``begun``: the outcome with the problem of the method that has failed.
     """
     newton, multipliers = task.newton, start.multipliers
@@ -102,7 +126,9 @@ def by_augmentation(task: Task, start: Start, law: PointFriction, begun: Outcome
     data = replace(begun.data, slip_origin=slip_origin, gamma_n=gammas[0], gamma_t=gammas[1])
     failed = replace(begun, newton=newton, monolithic=False)
     if multipliers is None:
-        status = newton.solve(coulomb_start(task, data), ActiveSets.all_in_contact(*data.mu_hat.shape))
+        status = newton.solve(
+            coulomb_start(task, data), ActiveSets.all_in_contact(*data.mu_hat.shape)
+        )
         if status is not Status.CONVERGED:
             return replace(failed, status=proved(task, newton.problem, law, status))
         multipliers = newton.multipliers()
@@ -111,7 +137,9 @@ def by_augmentation(task: Task, start: Start, law: PointFriction, begun: Outcome
     if status is not Status.CONVERGED:
         return replace(failed, status=proved(task, newton.problem, law, status))
     scene_data = replace(data, gamma_n=begun.data.gamma_n, gamma_t=begun.data.gamma_t)
-    return Outcome(status, newton, scene_data, augmented=True)  # no regularisation error of path-following remains
+    return Outcome(
+        status, newton, scene_data, augmented=True
+    )  # no regularisation error of path-following remains
 
 
 def augmentation_on(task: Task, newton: SemismoothNewton) -> Augmentation:

@@ -1,4 +1,6 @@
-"""Algorithms (FP) and (ALM-FP), section 6.3: Coulomb friction by a fixed-point iteration of Tresca problems."""
+"""Algorithms (FP) and (ALM-FP), section 6.3: Coulomb friction by a fixed-point iteration of Tresca
+problems.
+"""
 
 from __future__ import annotations
 
@@ -29,16 +31,19 @@ def fixed_point(
     max_outer: int,
     augmentation: Augmentation | None = None,
 ) -> Status:
-    """Iterate g <- lambda until g changes by no more than ``tolerance``; with augmentation, until mu has settled too.
+    """Iterate g <- lambda until g changes by no more than ``tolerance``; with augmentation, until
+    mu has settled too.
 
-    The norm of section 7 is a mean over the contact boundary.  A single point whose weight is small hardly contributes
-    to it, so the friction bound must be that of the law at each of them as well.  Each group of points has norms of its
-    own, so that no body stops the iteration of another one.
+    The norm of section 7 is a mean over the contact boundary.  A single point whose weight is small
+    hardly contributes to it, so the friction bound must be that of the law at each of them as well.
+    Each group of points has norms of its own, so that no body stops the iteration of another one.
 
-    ``start``: (lambda, mu), section 7: of the pure contact problem, g = 0; ``first_sets``: of the first linear solve,
-    None: from the iterate that ``newton`` holds; ``tolerance``: for d_g = |g^m - g^(m-1)| / |g^m| in the norm of
-    L2(Gamma_c), section 7; ``max_outer``: Tresca problems allowed; ``augmentation``: also lambda_hat <- lambda and
-    mu_hat <- mu, which is Algorithm (ALM-FP): its limit is the unregularised solution.
+    ``start``: (lambda, mu), section 7: of the pure contact problem, g = 0; ``first_sets``: of the
+    first linear solve,
+    None: from the iterate that ``newton`` holds; ``tolerance``: for d_g = |g^m - g^(m-1)| / |g^m|
+    in the norm of L2(Gamma_c), section 7; ``max_outer``: Tresca problems allowed; ``augmentation``:
+    also lambda_hat <- lambda and mu_hat <- mu, which is Algorithm (ALM-FP): its limit is the
+    unregularised solution.
     """
     g, norms = start[0], newton.problem.groups.norms
     previous: Nodal | None = None
@@ -46,16 +51,23 @@ def fixed_point(
         data = replace(data, lambda_hat=start[0], mu_hat=start[1])
     for _ in range(max_outer):
         data = replace(data, bound=law.bound(g))
-        status = newton.solve(data, first_sets, measure=partial(_change, newton, data, g, augmentation))
+        status = newton.solve(
+            data, first_sets, measure=partial(_change, newton, data, g, augmentation)
+        )
         if status is not Status.CONVERGED:
             return status
         first_sets = None
         change = newton.history.outer[-1].change
         pressure, _ = newton.multipliers()
-        settled = change is not None and change <= tolerance and (augmentation is None or augmentation.settled)
+        settled = (
+            change is not None
+            and change <= tolerance
+            and (augmentation is None or augmentation.settled)
+        )
         if settled and _missed(newton, data, law) <= max(tolerance, CERTIFICATE_TOLERANCE):
             return Status.CONVERGED
-        # The Tresca problem with a given bound has one pressure: what comes back after two steps comes back for ever.
+        # The Tresca problem with a given bound has one pressure: what comes back after two steps
+        # comes back for ever.
         if augmentation is None and previous is not None:
             back = norms(pressure - previous) <= NEGLIGIBLE * norms(pressure - g)
             measured = change is not None and newton.problem.groups.count == 1
@@ -69,14 +81,18 @@ def fixed_point(
     return Status.OUTER_MAX_ITERATIONS
 
 
-def _change(newton: SemismoothNewton, data: RegularisedData, g: Nodal, augmentation: Augmentation | None) -> float:
+def _change(
+    newton: SemismoothNewton, data: RegularisedData, g: Nodal, augmentation: Augmentation | None
+) -> float:
     """The largest d_g of a group of points; with shifts the larger change of the two."""
     change = float(_changes(newton, g).max())
     return change if augmentation is None else max(change, augmentation.measure(data))
 
 
 def _changes(newton: SemismoothNewton, g: Nodal) -> Nodal:
-    """d_g of section 7 of each group of points: the new g is the pressure for the old one; collective."""
+    """d_g of section 7 of each group of points: the new g is the pressure for the old one;
+    collective.
+    """
     following, shear = newton.multipliers()
     problem, points, groups = newton.problem, newton.problem.points, newton.problem.groups
     # The relative change of a pressure that vanishes is 1.
@@ -87,12 +103,18 @@ def _changes(newton: SemismoothNewton, g: Nodal) -> Nodal:
 
 
 def _missed(newton: SemismoothNewton, data: RegularisedData, law: PointFriction) -> float:
-    """Largest difference of the friction bound from that of the law at the pressure found, relative; collective."""
+    """Largest difference of the friction bound from that of the law at the pressure found,
+    relative; collective.
+    """
     pressure, shear = newton.multipliers()
     points, groups, following = newton.problem.points, newton.problem.groups, law.bound(pressure)
     bound = data.friction_bound(pressure)
     # The bound of a bond is infinite.
-    away = np.abs(np.subtract(following, bound, out=np.zeros_like(bound), where=np.isfinite(following)))
+    away = np.abs(
+        np.subtract(following, bound, out=np.zeros_like(bound), where=np.isfinite(following))
+    )
     felt = np.maximum(points.felt(pressure, shear), points.felt(shear, pressure))
     largest, size, any_size = map(groups.largest, (away, felt, np.abs(pressure)))
-    return float(shares(largest, newton.problem.scales(np.where(size > 0, size, any_size), newton.x)).max())
+    return float(
+        shares(largest, newton.problem.scales(np.where(size > 0, size, any_size), newton.x)).max()
+    )

@@ -1,26 +1,31 @@
-"""A contact problem with a given friction bound as a convex programme, solved by a primal-dual interior-point method.
+"""A contact problem with a given friction bound as a convex programme, solved by a primal-dual
+interior-point method.
 
-The solution minimises a convex function, and satisfies, with s and r the multipliers of the bounds of lambda and mu,
+The solution minimises a convex function, and satisfies, with s and r the multipliers of the bounds
+of lambda and mu,
 
     tau_N y - d + s = (lambda - lambda_hat) / gamma_1,    lambda s = 0,              lambda, s >= 0,
-    tau_T y - r mu = (mu - mu_hat) / gamma_2,             r (F^2 g^2 - |mu|^2) / 2 = 0,    |mu| <= F g, r >= 0.
+    tau_T y - r mu = (mu - mu_hat) / gamma_2,             r (F^2 g^2 - |mu|^2) / 2 = 0,    |mu| <= F
+    g, r >= 0.
 
-Newton's method solves these equations with both products equal to t > 0, which is reduced from step to step, and stays
-inside the bounds.  Eliminated point by point, a step is one factorisation of A + B^T D B with D > 0 and two solves,
-whatever is in contact: Mehrotra's predictor aims at t = 0, and his corrector at the t that the predictor shows to be in
-reach, with the products of the predictor's changes.  No sets are chosen, so that none can cycle, and a body held by
-contact alone is held in every step.
+Newton's method solves these equations with both products equal to t > 0, which is reduced from step
+to step, and stays inside the bounds.  Eliminated point by point, a step is one factorisation of A +
+B^T D B with D > 0 and two solves, whatever is in contact: Mehrotra's predictor aims at t = 0, and
+his corrector at the t that the predictor shows to be in reach, with the products of the predictor's
+changes.  No sets are chosen, so that none can cycle, and a body held by contact alone is held in
+every step.
 
-It begins on a soft foundation.  On one of stiffness gamma a slender body that is lifted would pull with all of gamma,
-and the products would be those of this pull.
+It begins on a soft foundation.  On one of stiffness gamma a slender body that is lifted would pull
+with all of gamma, and the products would be those of this pull.
 
-Two things are made of it.  As a fall-back it goes on until the products are round-off, and full steps with the sets of
-its end remove what is left.  Where full steps change few sets at a time, as where a slender body peels off, it goes on
-only until it knows the sets, which the quotients of two of its iterates tell (Tapia): these tend to 0 and 1.
+Two things are made of it.  As a fall-back it goes on until the products are round-off, and full
+steps with the sets of its end remove what is left.  Where full steps change few sets at a time, as
+where a slender body peels off, it goes on only until it knows the sets, which the quotients of two
+of its iterates tell (Tapia): these tend to 0 and 1.
 
-Source: Mehrotra, SIAM J. Optim. 2 (1992) 575-601; Wright, Primal-Dual Interior-Point Methods (1997), chapters 6, 8 and
-10; the quotients: El-Bakry, Tapia and Zhang, SIAM Review 36 (1994) 45-72; the disc as in Andersen, Roos and Terlaky,
-Math. Program. 95 (2003) 249-277.
+Source: Mehrotra, SIAM J. Optim. 2 (1992) 575-601; Wright, Primal-Dual Interior-Point Methods
+(1997), chapters 6, 8 and 10; the quotients: El-Bakry, Tapia and Zhang, SIAM Review 36 (1994) 45-72;
+the disc as in Andersen, Roos and Terlaky, Math. Program. 95 (2003) 249-277.
 """
 
 from __future__ import annotations
@@ -59,7 +64,9 @@ Newton = Any  # ``ssn.SemismoothNewton``, which asks for this module
 
 
 def _sets_of(newton: Newton, data: RegularisedData) -> ActiveSets:
-    """The sets of the derivative of (3.3b) and (3.4) at the iterate itself: the primal form, for a given bound only."""
+    """The sets of the derivative of (3.3b) and (3.4) at the iterate itself: the primal form, for a
+    given bound only.
+    """
     u_n, u_t = newton.problem.system.contact.traces(newton.x)
     return next_sets(u_n, u_t, 0.0 * u_t, trial_shear(u_t, data), data)
 
@@ -67,8 +74,10 @@ def _sets_of(newton: Newton, data: RegularisedData) -> ActiveSets:
 def interior_point(
     newton: Newton, data: RegularisedData, failed: Status, measure: Callable[[], float | None]
 ) -> Status:
-    """Solve one problem with a given friction bound, whatever iterate ``newton`` holds, whose tangent is symmetric;
-    ``failed``: how it has ended there, which is the outcome if this fails, too, with that iterate; collective.
+    """Solve one problem with a given friction bound, whatever iterate ``newton`` holds, whose
+    tangent is symmetric;
+    ``failed``: how it has ended there, which is the outcome if this fails, too, with that iterate;
+    collective.
     """
     start, before, problem = newton.checkpoint(), newton.history.linear_solves, newton.problem
     newton.history.add(f"{failed.value}: interior point")
@@ -81,7 +90,9 @@ def interior_point(
     if status is Status.CONVERGED:
         ended, sets = newton.x.copy(), _sets_of(newton, data)
         status = newton.attempt(data, sets)
-        if status is not Status.CONVERGED:  # sets that do not hold the body, or cycle for points at their border
+        if (
+            status is not Status.CONVERGED
+        ):  # sets that do not hold the body, or cycle for points at their border
             newton.begin_at(ended)
             status = Status.CONVERGED if problem.accept(ended, sets, NO_FORCE) else status
     newton.close(data, status, before, measure)
@@ -93,8 +104,9 @@ def interior_point(
 
 
 def proposed_sets(newton: Newton) -> ActiveSets | None:
-    """The sets that a few steps from a soft foundation find after a full step of a problem with a given friction bound,
-    which hold the body; None if a linear solve fails; the iterate of ``newton`` stays; collective.
+    """The sets that a few steps from a soft foundation find after a full step of a problem with a
+    given friction bound, which hold the body; None if a linear solve fails; the iterate of
+    ``newton`` stays; collective.
     """
     problem, begun = newton.problem, newton.x.copy()
     data, sets = problem.data, problem.sets
@@ -112,7 +124,9 @@ def proposed_sets(newton: Newton) -> ActiveSets | None:
 
 @dataclass(frozen=True)
 class _Inside:
-    """A point inside the bounds, or a step of it: lambda, s and r, shape (n,), and mu, shape (n, d - 1)."""
+    """A point inside the bounds, or a step of it: lambda, s and r, shape (n,), and mu, shape (n, d
+    - 1).
+    """
 
     pressure: Nodal
     opening: Nodal
@@ -121,11 +135,18 @@ class _Inside:
 
     def moved(self, step: _Inside, share: float) -> _Inside:
         """The point after a share of a step."""
-        return _Inside(*(old + share * new for old, new in zip(vars(self).values(), vars(step).values(), strict=True)))
+        return _Inside(
+            *(
+                old + share * new
+                for old, new in zip(vars(self).values(), vars(step).values(), strict=True)
+            )
+        )
 
 
 class _Programme:
-    """The interior-point method for one problem, at the iterate of ``newton``; ``exact``: whether linear solves are."""
+    """The interior-point method for one problem, at the iterate of ``newton``; ``exact``: whether
+    linear solves are.
+    """
 
     def __init__(self, newton: Newton, data: RegularisedData, *, exact: bool) -> None:
         self._newton, self._data, self._problem, self._exact = newton, data, newton.problem, exact
@@ -151,11 +172,17 @@ class _Programme:
         first = 0.0 if at is None else self._product(at)
         for _ in range(newton.max_iterations):
             if at is None:
-                return Status.NO_MEMORY if factor_lacks_memory(newton.snes.getKSP()) else Status.SINGULAR
+                return (
+                    Status.NO_MEMORY
+                    if factor_lacks_memory(newton.snes.getKSP())
+                    else Status.SINGULAR
+                )
             product = self._product(at)
             near = product <= SAME_NUMBER * first
             sets = _sets_of(newton, self._data)
-            if near and (product <= NOTHING_LEFT**2 * first or problem.accept(newton.x, sets, NO_FORCE)):
+            if near and (
+                product <= NOTHING_LEFT**2 * first or problem.accept(newton.x, sets, NO_FORCE)
+            ):
                 return Status.CONVERGED
             if newton.history.exhausted:
                 break
@@ -185,19 +212,27 @@ class _Programme:
         sets = _sets_of(newton, self._data)
         return replace(sets, contact=np.where(self._one_sided, closed, sets.contact))
 
-    def _indicated(self, begin: _Inside, end: _Inside) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
+    def _indicated(
+        self, begin: _Inside, end: _Inside
+    ) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
         """The points in contact and those that slip, by the quotients of two iterates."""
         one, rubs, none = self._one_sided, self._rubs, np.zeros_like(begin.pressure)
         presses = np.divide(end.pressure, begin.pressure, out=none + 1.0, where=one)
         opens = np.divide(end.opening, begin.opening, out=none.copy(), where=one)
         slides = np.divide(end.rate, begin.rate, out=none.copy(), where=rubs)
-        remains = np.divide(self._room(end.shear), self._room(begin.shear), out=none + 1.0, where=rubs)
+        remains = np.divide(
+            self._room(end.shear), self._room(begin.shear), out=none + 1.0, where=rubs
+        )
         return presses > opens, rubs & (slides > remains)
 
     def _on_a_soft_foundation(self) -> _Inside | None:
-        """Where the body is if all points are tied to a soft foundation, with products that are all the same."""
+        """Where the body is if all points are tied to a soft foundation, with products that are all
+        the same.
+        """
         data, size, contact = self._data, self._points.dimension - 1, self._problem.system.contact
-        soft = data.softer(NEGLIGIBLE * contact.natural_stiffness(self._problem.system.matrix.getDiagonal()))
+        soft = data.softer(
+            NEGLIGIBLE * contact.natural_stiffness(self._problem.system.matrix.getDiagonal())
+        )
         rough, x = (self._bound > 0)[:, None], self._newton.x
         blocks = np.zeros((rough.size, 1 + size, 1 + size))
         blocks[:, 0, 0] = soft.stiffness
@@ -210,7 +245,9 @@ class _Programme:
         if not self._moves(*tractions(), blocks, 0):
             return None
         pressure, shear = tractions()
-        stress = float(parallel.global_sum(self._comm, np.abs(pressure).sum())) / self._number(self._points.everywhere)
+        stress = float(parallel.global_sum(self._comm, np.abs(pressure).sum())) / self._number(
+            self._points.everywhere
+        )
         product, apart = stress**2 / soft.stiffness, np.sqrt(pressure**2 + 4 * stress**2)
         opening = np.asarray((apart - pressure) / (2 * soft.stiffness), dtype=np.float64)
         shear = np.where(self._rubs[:, None], onto_disc(shear, self._bound / 2), shear)
@@ -222,17 +259,26 @@ class _Programme:
         )
 
     def _room(self, shear: Nodal) -> Nodal:
-        """(F^2 g^2 - |mu|^2) / 2 where there is a disc, at least its round-off; elsewhere not zero; shape (n,)."""
-        bound, size = np.where(self._rubs, self._bound, 1.0), np.where(self._rubs, length(shear), 0.0)
+        """(F^2 g^2 - |mu|^2) / 2 where there is a disc, at least its round-off; elsewhere not zero;
+        shape (n,).
+        """
+        bound, size = (
+            np.where(self._rubs, self._bound, 1.0),
+            np.where(self._rubs, length(shear), 0.0),
+        )
         return np.maximum((bound - size) * (bound + size) / 2, np.finfo(np.float64).eps * bound**2)
 
     def _product(self, at: _Inside) -> float:
         """The sum of the products; collective."""
-        products = np.where(self._one_sided, at.pressure * at.opening, 0.0) + at.rate * self._room(at.shear)
+        products = np.where(self._one_sided, at.pressure * at.opening, 0.0) + at.rate * self._room(
+            at.shear
+        )
         return float(parallel.global_sum(self._comm, products.sum()))
 
     def _advanced(self, at: _Inside) -> tuple[_Inside, float] | None:
-        """The point after a predictor and a corrector, and the share of it; None if a solve fails; collective."""
+        """The point after a predictor and a corrector, and the share of it; None if a solve fails;
+        collective.
+        """
         x, room = self._newton.x, self._room(at.shear)
         blocks, none = self._blocks(at, room), np.zeros_like(room)
         ahead = self._direction(at, none, none, blocks)
@@ -248,12 +294,18 @@ class _Programme:
         step = self._direction(at, normal, disc, blocks)
         if step is None:
             return None
-        share = min(1.0, 0.99 * self._way(at, step))  # of Mehrotra: nearly all of the way to the nearest bound
+        share = min(
+            1.0, 0.99 * self._way(at, step)
+        )  # of Mehrotra: nearly all of the way to the nearest bound
         x.axpy(share - 1.0, self._change)
         return at.moved(step, share), share
 
-    def _direction(self, at: _Inside, normal_target: Nodal, disc_target: Nodal, blocks: Nodal) -> _Inside | None:
-        """The whole step to two products, to its end the iterate goes; None if the solve fails; collective."""
+    def _direction(
+        self, at: _Inside, normal_target: Nodal, disc_target: Nodal, blocks: Nodal
+    ) -> _Inside | None:
+        """The whole step to two products, to its end the iterate goes; None if the solve fails;
+        collective.
+        """
         data, one, rubs, room = self._data, self._one_sided, self._rubs, self._room(at.shear)
         none, traces = np.zeros_like(room), self._problem.system.contact.traces
         u_n, u_t = traces(self._newton.x)
@@ -268,29 +320,46 @@ class _Programme:
 
         pressure, shear = answer(normal, across)
         closed = one & (at.pressure > data.stiffness * at.opening)
-        if not self._moves(at.pressure + pressure, at.shear + shear, blocks, np.count_nonzero(closed)):
+        if not self._moves(
+            at.pressure + pressure, at.shear + shear, blocks, np.count_nonzero(closed)
+        ):
             return None
         w_n, w_t = traces(self._newton.x)
         pressure, shear = answer(normal + w_n - u_n, across + w_t - u_t)
-        opens = np.divide(normal_target - at.opening * pressure, at.pressure, out=at.opening.copy(), where=one)
-        slides = np.divide(disc_target + at.rate * inner(at.shear, shear), room, out=none, where=rubs)
+        opens = np.divide(
+            normal_target - at.opening * pressure, at.pressure, out=at.opening.copy(), where=one
+        )
+        slides = np.divide(
+            disc_target + at.rate * inner(at.shear, shear), room, out=none, where=rubs
+        )
         return _Inside(pressure, opens - at.opening, shear, slides - at.rate)
 
     def _blocks(self, at: _Inside, room: Nodal) -> Nodal:
-        """D, the derivative of (lambda, mu) by the displacement, stress per length, shape (n, d, d)."""
+        """D, the derivative of (lambda, mu) by the displacement, stress per length, shape (n, d,
+        d).
+        """
         data, size = self._data, self._points.dimension - 1
         blocks = np.zeros((room.size, 1 + size, 1 + size))
         opens = np.divide(at.opening, at.pressure, out=np.zeros_like(room), where=self._one_sided)
         blocks[:, 0, 0] = 1.0 / (1.0 / data.stiffness + opens)
-        soft, grows = 1.0 / data.gamma_t + at.rate, np.divide(at.rate, room, out=np.zeros_like(room), where=self._rubs)
+        soft, grows = (
+            1.0 / data.gamma_t + at.rate,
+            np.divide(at.rate, room, out=np.zeros_like(room), where=self._rubs),
+        )
         share = grows / (soft + grows * inner(at.shear, at.shear))
         along = share[:, None, None] * at.shear[:, :, None] * at.shear[:, None, :]
-        blocks[:, 1:, 1:] = np.where(self._bound > 0, 1.0 / soft, 0.0)[:, None, None] * (np.eye(size) - along)
+        blocks[:, 1:, 1:] = np.where(self._bound > 0, 1.0 / soft, 0.0)[:, None, None] * (
+            np.eye(size) - along
+        )
         return blocks
 
     def _way(self, at: _Inside, step: _Inside) -> float:
         """The share of a step at which the first bound is reached; collective."""
-        a, b, c = inner(step.shear, step.shear), inner(at.shear, step.shear), 2 * self._room(at.shear)
+        a, b, c = (
+            inner(step.shear, step.shear),
+            inner(at.shear, step.shear),
+            2 * self._room(at.shear),
+        )
         ahead = b + np.sqrt(b**2 + a * c)
         shares = [np.divide(c, ahead, out=np.full_like(c, np.inf), where=self._rubs & (ahead > 0))]
         for values, change, where in (
@@ -298,11 +367,15 @@ class _Programme:
             (at.opening, step.opening, self._one_sided),
             (at.rate, step.rate, self._rubs),
         ):
-            shares.append(np.divide(-values, change, out=np.full_like(c, np.inf), where=where & (change < 0)))
+            shares.append(
+                np.divide(-values, change, out=np.full_like(c, np.inf), where=where & (change < 0))
+            )
         return -parallel.global_max(self._comm, -float(np.min(shares, initial=np.inf)))
 
     def _moves(self, pressure: Nodal, shear: Nodal, blocks: Nodal, closed: int) -> bool:
-        """Move the iterate by z, (A + B^T D B) z = b - A x - B^T W (lambda, mu), if there is one; collective."""
+        """Move the iterate by z, (A + B^T D B) z = b - A x - B^T W (lambda, mu), if there is one;
+        collective.
+        """
         newton, problem, change = self._newton, self._problem, self._change
         jacobian, ksp = newton.snes.getJacobian()[0], newton.snes.getKSP()
         problem.imbalance(newton.x, pressure, shear, self._force)
@@ -317,6 +390,9 @@ class _Programme:
         change.scale(-1.0)
         newton.x.axpy(1.0, change)
         self._steps += 1
-        residual, active = self._force.norm() / (problem.force_scale or 1.0), parallel.global_sum(self._comm, closed)
+        residual, active = (
+            self._force.norm() / (problem.force_scale or 1.0),
+            parallel.global_sum(self._comm, closed),
+        )
         newton.record(self._steps, (int(active), 0, 0, 0), residual, factorised=renewed)
         return ksp.getConvergedReason() > 0 and finite(change)

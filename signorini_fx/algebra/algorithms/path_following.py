@@ -1,18 +1,19 @@
-"""Automatic path-following in gamma (suggested in section 8): the smallest gamma for the required accuracy.
+"""Automatic path-following in gamma (suggested in section 8): the smallest gamma for the required
+accuracy.
 
-For fixed sets the solution of (3.3) is a rational function of gamma.  Its first two derivatives along gamma cost a back
-substitution each, with the factor of the last linear solve:
+For fixed sets the solution of (3.3) is a rational function of gamma.  Its first two derivatives
+along gamma cost a back substitution each, with the factor of the last linear solve:
 
     J y' = -C (y - d),   J y'' = -2 C y',   J = A + gamma C,
 
-with C the contact blocks of the sets at gamma = 1.  A function with one pole, y(gamma) = y_inf - c / (E + gamma), is
-fitted to them; it gives both the distance of y from the unregularised solution, |y_inf - y| = (E + gamma) |y'|, and the
-gamma at which that distance will have the required value.  There are no parameters to tune: the start is determined by
-the body, the goal by the scene.
+with C the contact blocks of the sets at gamma = 1.  A function with one pole, y(gamma) = y_inf - c
+/ (E + gamma), is fitted to them; it gives both the distance of y from the unregularised solution,
+|y_inf - y| = (E + gamma) |y'|, and the gamma at which that distance will have the required value.
+There are no parameters to tune: the start is determined by the body, the goal by the scene.
 
-The model knows these sets only.  Where contact of another boundary moves a node that sticks, the slip does not decrease
-along the path; the shear grows with gamma, and at some gamma the node slips.  If that moves the body farther than the
-model does, the path goes on.
+The model knows these sets only.  Where contact of another boundary moves a node that sticks, the
+slip does not decrease along the path; the shear grows with gamma, and at some gamma the node slips.
+If that moves the body farther than the model does, the path goes on.
 """
 
 from __future__ import annotations
@@ -35,9 +36,11 @@ from signorini_fx.tuned import GAMMA_GROWTH, NEGLIGIBLE, NOTABLE
 
 @dataclass(frozen=True)
 class PathModel:
-    """The local model of the path gamma -> y(gamma) at gamma_1 = gamma; ``reach``: E + gamma > 0 with the pole E;
-    ``distance``: energy norm of y_inf - y(gamma); ``pressure_distance``: norm of lambda_inf - lambda(gamma) in
-    L2(Gamma_c); ``left_slip``: energy norm of the slip that y_inf still has at stick nodes, which the law excludes.
+    """The local model of the path gamma -> y(gamma) at gamma_1 = gamma; ``reach``: E + gamma > 0
+    with the pole E;
+    ``distance``: energy norm of y_inf - y(gamma); ``pressure_distance``: norm of lambda_inf -
+    lambda(gamma) in L2(Gamma_c); ``left_slip``: energy norm of the slip that y_inf still has at
+    stick nodes, which the law excludes.
     """
 
     reach: float
@@ -47,14 +50,19 @@ class PathModel:
 
 
 def path_model(newton: SemismoothNewton, data: RegularisedData) -> PathModel:
-    """Fit the model at the solution that ``newton`` holds; one or two back substitutions, collective."""
+    """Fit the model at the solution that ``newton`` holds; one or two back substitutions,
+    collective.
+    """
     problem = newton.problem
     points, system = problem.points, problem.system
     sets = problem.sets
-    # D per gamma_1.  Applied to (y - d) it gives what the tractions at this y change by with gamma_1, also where shifts
-    # keep a slip from being along its shear; without shifts it does not see the part that turns the shear.
+    # D per gamma_1.  Applied to (y - d) it gives what the tractions at this y change by with
+    # gamma_1, also where shifts keep a slip from being along its shear; without shifts it does not
+    # see the part that turns the shear.
     blocks = tangent(sets, data) / data.gamma_n
-    if data.share is not None:  # where the contact itself is soft a larger gamma_1 changes no pressure
+    if (
+        data.share is not None
+    ):  # where the contact itself is soft a larger gamma_1 changes no pressure
         blocks[data.share != 1.0, :, 0] = 0.0
 
     def contact_force(vector: PETSc.Vec, gap: Nodal, origin: Nodal) -> PETSc.Vec:
@@ -69,10 +77,13 @@ def path_model(newton: SemismoothNewton, data: RegularisedData) -> PathModel:
     first = solved_again(newton, -contact_force(newton.x, data.gap, data.slip_origin))
     stretched = system.matrix * first
     energy = stretched.dot(first)
-    # The pole is a mean stiffness at the contact nodes, below the largest one: often too small to be seen beside gamma.
+    # The pole is a mean stiffness at the contact nodes, below the largest one: often too small to
+    # be seen beside gamma.
     reach, stiffness = data.gamma_n, system.contact.stiffness(system.matrix.getDiagonal())
     if parallel.largest(system.comm, stiffness) > NOTABLE * data.gamma_n:
-        second = solved_again(newton, -2.0 * contact_force(first, np.zeros_like(data.gap), np.zeros_like(data.mu_hat)))
+        second = solved_again(
+            newton, -2.0 * contact_force(first, np.zeros_like(data.gap), np.zeros_like(data.mu_hat))
+        )
         curvature = -stretched.dot(second)
         reach = 2.0 * energy / curvature if curvature > 0 else data.gamma_n
     # lambda = gamma_1 (tau_N y - d) on A_c along the path.
@@ -92,7 +103,8 @@ def path_model(newton: SemismoothNewton, data: RegularisedData) -> PathModel:
 def solved_again(newton: SemismoothNewton, force: PETSc.Vec) -> PETSc.Vec:
     """The unknowns under another force, with the matrix of the last linear solve; collective."""
     ksp, x = newton.snes.getKSP(), newton.x.duplicate()
-    # A Krylov method ends by the size of the forces of the problem; this right-hand side has another size.
+    # A Krylov method ends by the size of the forces of the problem; this right-hand side has
+    # another size.
     tolerances = ksp.getTolerances()
     ksp.setTolerances(rtol=NEGLIGIBLE, atol=0.0)
     petsc_calls.solve(ksp.solve, force, x)
@@ -110,9 +122,9 @@ def path_following(
     largest: float,
     max_outer: int,
 ) -> tuple[Status, RegularisedData, float]:
-    """Increase gamma, with gamma_2 / gamma_1 kept, until the regularisation error is at most ``goal`` in the energy
-    norm, evaluated at each solution, or gamma_1 is ``largest``, above which round-off dominates; how it ended, the last
-    problem, and the remaining error.
+    """Increase gamma, with gamma_2 / gamma_1 kept, until the regularisation error is at most
+    ``goal`` in the energy norm, evaluated at each solution, or gamma_1 is ``largest``, above which
+    round-off dominates; how it ended, the last problem, and the remaining error.
     """
     error = np.inf
     for _ in range(max_outer):
@@ -126,7 +138,8 @@ def path_following(
             return Status.CONVERGED, data, error
         gamma = largest
         if allowed > 0:
-            # Half of the allowed error; otherwise the path would approach the goal slowly from above.
+            # Half of the allowed error; otherwise the path would approach the goal slowly from
+            # above.
             wanted = model.reach * (model.distance / (allowed / 2) - 1) + data.gamma_n
             gamma = min(max(wanted, GAMMA_GROWTH * data.gamma_n if doubtful else 0.0), largest)
         data = replace(data, gamma_n=gamma, gamma_t=gamma * data.gamma_t / data.gamma_n)

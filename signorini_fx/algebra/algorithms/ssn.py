@@ -11,7 +11,12 @@ from petsc4py import PETSc
 
 from signorini_fx.algebra import Settings
 from signorini_fx.algebra.contact.active_sets import ActiveSets, next_sets, slip_multiplier
-from signorini_fx.algebra.contact.complementarity import RegularisedData, onto_disc, project, slip_of
+from signorini_fx.algebra.contact.complementarity import (
+    RegularisedData,
+    onto_disc,
+    project,
+    slip_of,
+)
 from signorini_fx.algebra.contact.nodal_vectors import Nodal, length, unit
 from signorini_fx.algebra.linalg import finite, petsc_calls, petsc_options
 from signorini_fx.algebra.linalg.petsc_calls import (
@@ -36,7 +41,8 @@ from signorini_fx.tuned import (
 )
 
 _RENEW, _KEEP = -2, -1
-# While the sets repeat and directions of slip change, the residual of the law must be halved in this many steps.
+# While the sets repeat and directions of slip change, the residual of the law must be halved in
+# this many steps.
 _TURNS = 6
 _NO_SUCH_FACTOR = 92  # PETSC_ERR_MISSING_FACTOR
 _SNES = PETSc.SNES.ConvergedReason
@@ -46,19 +52,22 @@ Checkpoint = tuple[PETSc.Vec, ActiveSets, RegularisedData]  # (x, sets, data) of
 class SemismoothNewton:
     """Solves contact problems on one elastic system; the solver objects are set up once and kept.
 
-    A full Newton step with fixed sets solves step 4; the iteration stops when the sets repeat (step 3) and the residual
-    is small.  Because an iterate depends on its sets alone, sets that occurred before mean a cycle.
-    In 3D, where the problem is not affine for given sets, directions of slip still change while the sets stay: there
-    the friction law must hold as well, and sets that occurred before mean a cycle if its residual has not been halved.
-    PETSc options with the prefix ``sfx_`` are used by the SNES, KSP and PC; otherwise the defaults apply.
+    A full Newton step with fixed sets solves step 4; the iteration stops when the sets repeat (step
+    3) and the residual is small.  Because an iterate depends on its sets alone, sets that occurred
+    before mean a cycle. In 3D, where the problem is not affine for given sets, directions of slip
+    still change while the sets stay: there the friction law must hold as well, and sets that
+    occurred before mean a cycle if its residual has not been halved. PETSc options with the prefix
+    ``sfx_`` are used by the SNES, KSP and PC; otherwise the defaults apply.
 
-    ``x``: the iterate, which two methods may share; ``symmetric``: whether the Jacobian is; it is not if the friction
-    bound depends on the pressure.
+    ``x``: the iterate, which two methods may share; ``symmetric``: whether the Jacobian is; it is
+    not if the friction bound depends on the pressure.
 
     Attributes:
-        linear: whether there is no contact point on any rank, so that one linear solve is all there is to do.
-        lost: whether the interior-point method has failed for one of the problems of the load step, which most likely
-            has no solution, such as one of a fixed-point iteration beyond a limit load: it is not tried for the others.
+        linear: whether there is no contact point on any rank, so that one linear solve is all there
+            is to do.
+        lost: whether the interior-point method has failed for one of the problems of the load step,
+            which most likely has no solution, such as one of a fixed-point iteration beyond a limit
+            load: it is not tried for the others.
     """
 
     def __init__(
@@ -80,7 +89,8 @@ class SemismoothNewton:
         self._symmetric = symmetric
         self._factor: PETSc.KSP | None = None
         self._factorised_in: int | None = None
-        self._outdated = False  # whether the usual preconditioner is of a matrix before the last that was factorised
+        # whether the usual preconditioner is of a matrix before the last that was factorised
+        self._outdated = False
         self._point_count = int(parallel.global_sum(problem.points.comm, problem.points.size))
         self.linear = self._point_count == 0
 
@@ -98,7 +108,9 @@ class SemismoothNewton:
         snes.getKSP().setOperators(jacobian)
         self.problem.system.configure(snes.getKSP(), symmetric=symmetric)
         try:
-            with petsc_options.defaults({"snes_linesearch_type": "basic"}):  # petsc4py 3.22 has no setter for it
+            with petsc_options.defaults(
+                {"snes_linesearch_type": "basic"}
+            ):  # petsc4py 3.22 has no setter for it
                 snes.setFromOptions()
         except PETSc.Error as error:
             raise petsc_options.refused(error) or error from None
@@ -106,7 +118,9 @@ class SemismoothNewton:
         return snes
 
     @called_back
-    def _assemble_jacobian(self, snes: PETSc.SNES, x: PETSc.Vec, jacobian: PETSc.Mat, _: PETSc.Mat) -> None:
+    def _assemble_jacobian(
+        self, snes: PETSc.SNES, x: PETSc.Vec, jacobian: PETSc.Mat, _: PETSc.Mat
+    ) -> None:
         """The Jacobian of the problem; the factor of an earlier one is kept where it serves."""
         problem = self.problem
         self._assembled = True
@@ -132,19 +146,22 @@ class SemismoothNewton:
         max_iterations: int | None = None,
         measure: Callable[[], float | None] = lambda: None,
     ) -> Status:
-        """Solve one problem; the iterate stays in ``x``, the sets in ``problem.sets``; ``first_sets``: of the first
-        linear solve, None: from the previous iterate and its sets; ``first_iteration``: its number, 0 if it only
-        computes the start (section 7); ``measure``: gives the figure of the stopping criterion of the outer algorithm.
+        """Solve one problem; the iterate stays in ``x``, the sets in ``problem.sets``;
+        ``first_sets``: of the first linear solve, None: from the previous iterate and its sets;
+        ``first_iteration``: its number, 0 if it only computes the start (section 7); ``measure``:
+        gives the figure of the stopping criterion of the outer algorithm.
         """
         solves_before = self.history.linear_solves
-        status = self.attempt(data, first_sets, first_iteration=first_iteration, max_iterations=max_iterations)
+        status = self.attempt(
+            data, first_sets, first_iteration=first_iteration, max_iterations=max_iterations
+        )
         self.close(data, status, solves_before, measure)
         if max_iterations is not None or status not in (Status.CYCLING, Status.MAX_ITERATIONS):
             return status
         if self.problem.lost_to_round_off(self.x, NO_FORCE):
             return Status.ROUND_OFF
-        # With a friction bound that depends on the pressure there is no energy, and no convex programme; a limit that
-        # the user has set is no failure.
+        # With a friction bound that depends on the pressure there is no energy, and no convex
+        # programme; a limit that the user has set is no failure.
         ran_on = status is Status.CYCLING or not self._settings.limited("max_iterations")
         beyond_help = self.lost or self.history.exhausted
         if not self._settings.fallbacks or data.follows is not None or not ran_on or beyond_help:
@@ -163,7 +180,11 @@ class SemismoothNewton:
         """Record the end of a problem that began after ``solves_before`` linear solves."""
         history = self.history
         solves = history.linear_solves - solves_before
-        history.add(OuterRecord(history.step, len(history.outer), solves, data.gamma_n, measure(), status.value))
+        history.add(
+            OuterRecord(
+                history.step, len(history.outer), solves, data.gamma_n, measure(), status.value
+            )
+        )
 
     def attempt(
         self,
@@ -200,20 +221,25 @@ class SemismoothNewton:
         return status
 
     def outcome_of(self, error: Exception) -> Status:
-        """How a solve ends where a factorisation package raises an error, as some do where others set a reason.
+        """How a solve ends where a factorisation package raises an error, as some do where others
+        set a reason.
 
         Raises:
             Exception: the error, on several ranks: not all of them may have it.
             OptionsError: options of the user may have caused it.
         """
-        if isinstance(error, PETSc.Error) and error.ierr == _NO_SUCH_FACTOR:  # all ranks have this one
+        if (
+            isinstance(error, PETSc.Error) and error.ierr == _NO_SUCH_FACTOR
+        ):  # all ranks have this one
             raise petsc_options.refused(error) or error
         if self.problem.points.comm.size > 1:
             raise error
         unlock(self.x)
         if memory_ended(error):
             return Status.NO_MEMORY
-        if isinstance(error, PETSc.Error) and petsc_options.user_sets("mat_"):  # PETSc reads them when it factorises
+        if isinstance(error, PETSc.Error) and petsc_options.user_sets(
+            "mat_"
+        ):  # PETSc reads them when it factorises
             raise petsc_options.refused(error) or error
         return Status.SINGULAR
 
@@ -224,7 +250,9 @@ class SemismoothNewton:
             self._factorise()
         try:
             status = self._iterate()
-            while (done := self.history.linear_solves - self._solves_before) < limit and self._improved(status):
+            while (
+                done := self.history.linear_solves - self._solves_before
+            ) < limit and self._improved(status):
                 self._status, self._first_iteration = None, first + done
                 self._seen.clear()
                 self._changes.clear()
@@ -239,19 +267,24 @@ class SemismoothNewton:
         return status
 
     def _improved(self, status: Status) -> bool:
-        """Whether sets, linear solves or the iterate may be why it failed, and the next are better; collective."""
+        """Whether sets, linear solves or the iterate may be why it failed, and the next are better;
+        collective.
+        """
         if self._slow:
             self._propose()
             return True
         if status is Status.ROUND_OFF and self._vanishing:
-            # Each solve leaves round-off of the iterate before and nothing else: nothing acts, so the solution is zero.
+            # Each solve leaves round-off of the iterate before and nothing else: nothing acts, so
+            # the solution is zero.
             self._vanishing = False
             self._stalls.clear()
             self.x.zeroEntries()
             return True
         # It may be the failure of a linear solve that was cheaper than an exact one.
         cheaper = (
-            self._loosened if status is Status.CYCLING else status is Status.LINEAR_SOLVER and not self._factorised
+            self._loosened
+            if status is Status.CYCLING
+            else status is Status.LINEAR_SOLVER and not self._factorised
         )
         if self._may_keep and cheaper:
             self._may_keep = False
@@ -263,16 +296,22 @@ class SemismoothNewton:
         return True
 
     def _propose(self) -> None:
-        """Make proposed sets those of the next full step, or the next ones if there are none; collective."""
+        """Make proposed sets those of the next full step, or the next ones if there are none;
+        collective.
+        """
         from signorini_fx.algebra.algorithms.interior_point import proposed_sets
 
         self._slow, following, solves = False, self.problem.next.sets, self.history.linear_solves
         proposed = proposed_sets(self)
-        if proposed is None and self._factorise():  # loose solves of a Krylov method may not tell the sets
+        if (
+            proposed is None and self._factorise()
+        ):  # loose solves of a Krylov method may not tell the sets
             proposed = proposed_sets(self)
         self.problem.sets = following if proposed is None else proposed
         asked = self.history.linear_solves - solves
-        self.history.add(f"sets: few change with each full step, {asked} solves inside the bounds propose others")
+        self.history.add(
+            f"sets: few change with each full step, {asked} solves inside the bounds propose others"
+        )
 
     def _factorise(self) -> bool:
         """Whether a direct solver takes the place of a Krylov method; collective."""
@@ -319,17 +358,20 @@ class SemismoothNewton:
     def shifts(self, data: RegularisedData) -> tuple[Nodal, Nodal]:
         """(lambda, mu) made feasible, as the next lambda_hat and mu_hat.
 
-        Where a point slips but cannot move in some tangential direction, because of supports or of another
-        contact of its node, the shear along that would reach its limit, that of the direction of slip, the more slowly
-        the smaller the slip, so it is set to it; likewise where supports prescribe a slip and the shear is below its
-        bound.
+        Where a point slips but cannot move in some tangential direction, because of supports or of
+        another
+        contact of its node, the shear along that would reach its limit, that of the direction of
+        slip, the more slowly the smaller the slip, so it is set to it; likewise where supports
+        prescribe a slip and the shear is below its bound.
         """
         problem, points = self.problem, self.problem.points
         pressure, shear = project(*self.multipliers(), data)
         u_n, u_t = problem.system.contact.traces(self.x)
         still, entered = points.closed(problem.sets.contact, u_n - data.gap)
         bound, slip = data.friction_bound(pressure), slip_of(u_t - entered, data)
-        slips = problem.sets.slip | (problem.sets.contact & points.dragged(slip, np.column_stack((u_n, u_t))))
+        slips = problem.sets.slip | (
+            problem.sets.contact & points.dragged(slip, np.column_stack((u_n, u_t)))
+        )
         slips &= np.isfinite(bound) & (length(slip) > 0)
         limit = np.where(slips, bound, 0.0)[:, None] * unit(slip)
         missing = np.einsum("nij,nj->ni", still, np.where(slips[:, None], limit - shear, 0.0))
@@ -337,7 +379,9 @@ class SemismoothNewton:
         return pressure, shear
 
     def continued_sets(self, data: RegularisedData) -> ActiveSets:
-        """The first sets for ``data`` when the variables (y, lambda, xi, mu) of the last problem are its start."""
+        """The first sets for ``data`` when the variables (y, lambda, xi, mu) of the last problem
+        are its start.
+        """
         problem = self.problem
         u_n, u_t = problem.system.contact.traces(self.x)
         _, mu = self.multipliers()
@@ -353,17 +397,28 @@ class SemismoothNewton:
         law = 0.0 if problem.affine or k == 0 else problem.law_residual(self.x)
         if k > 0:
             counts = (active, plus, minus, changed)
-            self.record(k - 1 + self._first_iteration, counts, residual, factorised=self._factorised)
+            self.record(
+                k - 1 + self._first_iteration, counts, residual, factorised=self._factorised
+            )
         if k > 0 and changed == 0:
-            if problem.next.repaired:  # the trial sets would not hold the body, but the forces may be in balance
+            if (
+                problem.next.repaired
+            ):  # the trial sets would not hold the body, but the forces may be in balance
                 balanced = problem.accept(self.x, problem.next.trial, snes.getTolerances()[0])
-                return int(_SNES.CONVERGED_FNORM_RELATIVE) if balanced else self._stop(Status.CYCLING)
+                return (
+                    int(_SNES.CONVERGED_FNORM_RELATIVE) if balanced else self._stop(Status.CYCLING)
+                )
             if self._settled(residual, law):
-                from_afar = NEGLIGIBLE * norms[1] > norms[0] or NEGLIGIBLE * last_forces > problem.force_scale
+                from_afar = (
+                    NEGLIGIBLE * norms[1] > norms[0]
+                    or NEGLIGIBLE * last_forces > problem.force_scale
+                )
                 from_afar = from_afar and residual > SAME_NUMBER and k < snes.getTolerances()[3]
-                return int(_SNES.CONVERGED_ITERATING if from_afar else _SNES.CONVERGED_FNORM_RELATIVE)
-            # The sets are right.  Either the linear solve was not exact, which the next step with the same sets
-            # corrects, or directions of slip still change.
+                return int(
+                    _SNES.CONVERGED_ITERATING if from_afar else _SNES.CONVERGED_FNORM_RELATIVE
+                )
+            # The sets are right.  Either the linear solve was not exact, which the next step with
+            # the same sets corrects, or directions of slip still change.
             self._stalls.append(max(residual, law))
             self._vanishing = NEGLIGIBLE * last_forces > problem.force_scale > 0
             turning = law > snes.getTolerances()[0]
@@ -371,7 +426,8 @@ class SemismoothNewton:
             if len(self._stalls) > patience and self._stalls[-1] > 0.5 * self._stalls[-patience]:
                 return self._stop(Status.CYCLING if turning else Status.ROUND_OFF)
         elif fingerprint in self._seen:
-            # Sets that come back although they leave no residual differ by nodes on the border: both are solutions.
+            # Sets that come back although they leave no residual differ by nodes on the border:
+            # both are solutions.
             sound = k > 0 and not problem.next.repaired and problem.next.escapes is None
             if sound and residual <= snes.getTolerances()[0] and self._settled(residual, law):
                 return int(_SNES.CONVERGED_FNORM_RELATIVE)
@@ -401,7 +457,8 @@ class SemismoothNewton:
 
     def _settled(self, residual: float, law: float) -> bool:
         """Whether sets that repeat are those of a solution."""
-        # The residual is that of the next sets.  Where directions change, that with the present ones counts.
+        # The residual is that of the next sets.  Where directions change, that with the present
+        # ones counts.
         tolerance = self.snes.getTolerances()[0]
         if self.problem.affine or law > tolerance or residual <= tolerance:
             return law <= tolerance and residual <= tolerance
@@ -422,25 +479,45 @@ class SemismoothNewton:
             return Status.LINEAR_SOLVER if sound else Status.SINGULAR
         # A linear solve breaks down if its matrix is finite and its solution is not.
         solved = self._assembled and finite(self.snes.getJacobian()[0])
-        return Status.SINGULAR if solved and not finite(self.snes.getSolutionUpdate()) else Status.NOT_FINITE
+        return (
+            Status.SINGULAR
+            if solved and not finite(self.snes.getSolutionUpdate())
+            else Status.NOT_FINITE
+        )
 
     def _stop(self, status: Status) -> int:
         self._status = status
         return int(_SNES.DIVERGED_LOCAL_MIN)
 
-    def record(self, iteration: int, counts: tuple[int, int, int, int], residual: float, *, factorised: bool) -> None:
-        """Record a linear solve; ``counts``: nodes in contact, slipping either way, and that change."""
+    def record(
+        self,
+        iteration: int,
+        counts: tuple[int, int, int, int],
+        residual: float,
+        *,
+        factorised: bool,
+    ) -> None:
+        """Record a linear solve; ``counts``: nodes in contact, slipping either way, and that
+        change.
+        """
         history, seconds = self.history, time.perf_counter() - self.start_time
         numbers = history.step, history.linear_solves + 1, len(history.outer), iteration
         history.add(IterationRecord(*numbers, *counts, residual, factorised, seconds))
 
     def _counts(self, bound: Nodal, next_bound: Nodal) -> list[int]:
-        """Nodes in contact and slipping either way, nodes that change, and what tells the next sets from others."""
+        """Nodes in contact and slipping either way, nodes that change, and what tells the next sets
+        from others.
+        """
         # Points that can transmit no shear count as sticking.
         sets = self.problem.sets.sticking(~(bound > 0))
         following = self.problem.next.sets.sticking(~(next_bound > 0))
         side, changed = sets.side, sets.changed(following)
-        comm, state = self.problem.points.comm, (following.contact.tobytes(), following.side.tobytes())
+        comm, state = (
+            self.problem.points.comm,
+            (following.contact.tobytes(), following.side.tobytes()),
+        )
         numbers = [np.count_nonzero(mask) for mask in (sets.contact, side > 0, side < 0, changed)]
-        sums = parallel.global_sum(comm, np.array([*numbers, hash((comm.rank, *state))], dtype=np.int64))
+        sums = parallel.global_sum(
+            comm, np.array([*numbers, hash((comm.rank, *state))], dtype=np.int64)
+        )
         return [int(number) for number in sums]

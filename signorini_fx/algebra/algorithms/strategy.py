@@ -1,9 +1,11 @@
 """Which algorithms a scene runs, in which order: the only module that knows all of them.
 
-Two independent choices make a method.  ``algorithm`` says how the regularisation is treated: ``ssn`` (gamma fixed),
-``continuation``, ``path-following``, ``alm``.  ``coulomb`` says how the friction bound is coupled to the
-pressure: ``fp`` (fixed-point iteration of Tresca problems) or ``newton`` (monolithic).  (FP) of the paper is ssn with
-fp, (ALM-FP) alm with fp.  Load steps repeat the method, each from the state at the end of the previous one.
+Two independent choices make a method.  ``algorithm`` says how the regularisation is treated:
+``ssn`` (gamma fixed), ``continuation``, ``path-following``, ``alm``.  ``coulomb`` says how the
+friction bound is coupled to the
+pressure: ``fp`` (fixed-point iteration of Tresca problems) or ``newton`` (monolithic).  (FP) of the
+paper is ssn with fp, (ALM-FP) alm with fp.  Load steps repeat the method, each from the state at
+the end of the previous one.
 """
 
 from __future__ import annotations
@@ -34,34 +36,65 @@ from signorini_fx.algebra.contact.nodal_vectors import length
 from signorini_fx.algebra.contact.statics import no_balance
 from signorini_fx.machine import parallel
 from signorini_fx.records import OuterRecord, Status
-from signorini_fx.tuned import CONTINUATION_SHARE, GAMMA_GROWTH, LARGEST_GAMMA, NO_FORCE, START_GAMMA
+from signorini_fx.tuned import (
+    CONTINUATION_SHARE,
+    GAMMA_GROWTH,
+    LARGEST_GAMMA,
+    NO_FORCE,
+    START_GAMMA,
+)
 
 # What is tried with Coulomb friction, as the history names it.
 FIXED_POINT, MONOLITHIC, AUGMENTED = "fixed point", "monolithic Newton", "augmented Lagrangian"
 
 # Other outcomes do not say why there is no solution: it may be that a body lies loose.
-_EXPLAINED = Status.CONVERGED, Status.NOT_HELD, Status.TIPS, Status.SLIDES, Status.NOT_FINITE, Status.NO_MEMORY
+_EXPLAINED = (
+    Status.CONVERGED,
+    Status.NOT_HELD,
+    Status.TIPS,
+    Status.SLIDES,
+    Status.NOT_FINITE,
+    Status.NO_MEMORY,
+)
 
 
 def solve_task(task: Task, start: Start, solve_budget: int | None = None) -> Outcome:
-    """Solve a load step; the iterate stays in ``task.newton``; ``solve_budget``: linear solves allowed, None: those of
-    ``step_limit``.
+    """Solve a load step; the iterate stays in ``task.newton``; ``solve_budget``: linear solves
+    allowed, None: those of ``step_limit``.
     """
     task.begin_step(start)
     if task.newton.linear:
-        status = Status.NOT_HELD if task.motions.count else task.newton.solve(start.data, start.sets, first_iteration=0)
+        status = (
+            Status.NOT_HELD
+            if task.motions.count
+            else task.newton.solve(start.data, start.sets, first_iteration=0)
+        )
         return _without_contact(task, start.data, status)
     if task.settings.algorithm == "alm":
-        gammas, largest = (start.data.gamma_n, start.data.gamma_t), GAMMA_GROWTH * automatic_gamma(task)
+        gammas, largest = (
+            (start.data.gamma_n, start.data.gamma_t),
+            GAMMA_GROWTH * automatic_gamma(task),
+        )
         if max(gammas) > largest:  # its round-off would hide the limit
             gamma_n, gamma_t = (min(gamma, largest) for gamma in gammas)
-            task.history.add(f"gamma lowered to {gamma_n:.3g} and {gamma_t:.3g}: augmentation needs no more")
+            task.history.add(
+                f"gamma lowered to {gamma_n:.3g} and {gamma_t:.3g}: augmentation needs no more"
+            )
             start = replace(start, data=replace(start.data, gamma_n=gamma_n, gamma_t=gamma_t))
     if _nothing_acts(task, start):
         task.newton.x.set(0.0)  # it is the solution; no linear system is solved
         history = task.history
         history.add("nothing loads the body: it stays where it is")
-        history.add(OuterRecord(history.step, len(history.outer), 0, start.data.gamma_n, None, Status.CONVERGED.value))
+        history.add(
+            OuterRecord(
+                history.step,
+                len(history.outer),
+                0,
+                start.data.gamma_n,
+                None,
+                Status.CONVERGED.value,
+            )
+        )
         return _without_contact(task, start.data, Status.CONVERGED)
     start = _first_loaded(task, start)
     begin, waits = task.newton.checkpoint(), start.several or start.step > 0
@@ -71,16 +104,27 @@ def solve_task(task: Task, start: Start, solve_budget: int | None = None) -> Out
         if not (waits and lost.assembly in task.idle):
             return outcome
     else:
-        with task.history.at_most(step_limit(task.settings.max_iterations) if solve_budget is None else solve_budget):
+        with task.history.at_most(
+            step_limit(task.settings.max_iterations) if solve_budget is None else solve_budget
+        ):
             outcome = _solve(task, start)
-            if outcome.status is not Status.CONVERGED and task.history.linear_solves >= task.history.limit:
-                task.history.add("all methods together have taken as many linear solves as they may")
+            if (
+                outcome.status is not Status.CONVERGED
+                and task.history.linear_solves >= task.history.limit
+            ):
+                task.history.add(
+                    "all methods together have taken as many linear solves as they may"
+                )
     loose = outcome.status not in _EXPLAINED and task.idle
     return _left_loose(task, start, begin, outcome, waits=waits) if loose else outcome
 
 
-def _left_loose(task: Task, start: Start, begin: Checkpoint, failed: Outcome, *, waits: bool) -> Outcome:
-    """The solution nearest to the last one, ``begin``, where bodies lie loose, or the outcome that has failed."""
+def _left_loose(
+    task: Task, start: Start, begin: Checkpoint, failed: Outcome, *, waits: bool
+) -> Outcome:
+    """The solution nearest to the last one, ``begin``, where bodies lie loose, or the outcome that
+    has failed.
+    """
     newton = task.newton
     ended = newton.checkpoint()
     newton.restore(begin)
@@ -91,16 +135,22 @@ def _left_loose(task: Task, start: Start, begin: Checkpoint, failed: Outcome, *,
         return failed
     if waits or newton.multipliers()[0].any():
         return loose
-    task.history.add(f"{failed.status.value}: nothing presses on a body, which can move without touching anything")
+    task.history.add(
+        f"{failed.status.value}: nothing presses on a body, which can move without touching "
+        "anything"
+    )
     return replace(loose, status=Status.OPEN)
 
 
 def _near_the_last_place(task: Task, start: Start) -> Outcome | None:
-    """The solution nearest to the iterate of the task, without tractions where bodies lie loose; None: none found."""
-    # Their loads balance each other, and contact need not press on them: they are in equilibrium without any traction
-    # in many places, so that no method finds one.  Springs at the contact points, far softer than the body, lead from
-    # the last place to the nearest one, where they carry nothing: each solve is one step of the proximal point method
-    # (R. T. Rockafellar, SIAM J. Control Optim. 14 (1976) 877-898).
+    """The solution nearest to the iterate of the task, without tractions where bodies lie loose;
+    None: none found.
+    """
+    # Their loads balance each other, and contact need not press on them: they are in equilibrium
+    # without any traction in many places, so that no method finds one.  Springs at the contact
+    # points, far softer than the body, lead from the last place to the nearest one, where they
+    # carry nothing: each solve is one step of the proximal point method (R. T. Rockafellar, SIAM J.
+    # Control Optim. 14 (1976) 877-898).
     motions, newton, comm = task.motions, task.newton, task.motions.points.comm
     numbers, law = task.idle, start.law
     without_load = np.isin(motions.of_point, numbers)
@@ -109,7 +159,9 @@ def _near_the_last_place(task: Task, start: Start) -> Outcome | None:
         start = replace(start, law=law, data=replace(start.data, bound=law.given))
     held = replace(
         task,
-        motions=replace(motions, relative=motions.relative[:, :, :0], assembly=motions.assembly[:0]),
+        motions=replace(
+            motions, relative=motions.relative[:, :, :0], assembly=motions.assembly[:0]
+        ),
         has_coulomb=law is not None and parallel.any_rank(comm, law.follows_pressure),
         settings=replace(task.settings, algorithm="ssn"),
     )
@@ -120,7 +172,10 @@ def _near_the_last_place(task: Task, start: Start) -> Outcome | None:
     while True:
         problem.springs = NO_FORCE * task.natural_gamma, position
         outcome, last_position = _solve(held, start), position
-        if outcome.status not in (Status.CONVERGED, Status.ROUND_OFF):  # the springs may carry no more than that
+        if outcome.status not in (
+            Status.CONVERGED,
+            Status.ROUND_OFF,
+        ):  # the springs may carry no more than that
             return None
         position = np.column_stack(problem.system.contact.traces(outcome.newton.x))
         size = parallel.largest(comm, np.abs(position), 0.0)
@@ -128,18 +183,25 @@ def _near_the_last_place(task: Task, start: Start) -> Outcome | None:
         last_moved, moved = moved, parallel.largest(comm, np.abs(position - last_position), 0.0)
         if moved <= NO_FORCE * size:
             break
-        if 2 * moved > last_moved:  # loads drive a body, or round-off of lengths over the share of the springs does
+        if (
+            2 * moved > last_moved
+        ):  # loads drive a body, or round-off of lengths over the share of the springs does
             if moved > task.coordinate_error / NO_FORCE:
                 return None
             break
         start = start.begin_from(outcome.problem.sets, outcome.newton.multipliers())
-    (x, sets, data), tractions = outcome.newton.checkpoint(), np.column_stack(outcome.newton.multipliers())
+    (x, sets, data), tractions = (
+        outcome.newton.checkpoint(),
+        np.column_stack(outcome.newton.multipliers()),
+    )
     pressed = np.abs(tractions).max(axis=1) > NO_FORCE * task.natural_gamma * farthest
     loose = np.isin(motions.of_point, motions.untouched(numbers, pressed))
     if task.has_coulomb and parallel.any_rank(comm, bool((without_load & ~loose).any())):
         return None
     system, reached = problem.system, x.norm(PETSc.NormType.NORM_INFINITY)
-    if system.load.norm() == system.start.norm() == 0.0 and reached <= NO_FORCE * farthest:  # round-off of the way back
+    if (
+        system.load.norm() == system.start.norm() == 0.0 and reached <= NO_FORCE * farthest
+    ):  # round-off of the way back
         x.set(0.0)
     newton.restore((x, replace(sets, contact=sets.contact & ~(loose & ~data.bilateral)), data))
     return replace(outcome, status=Status.CONVERGED, newton=newton)
@@ -150,7 +212,11 @@ def _solve(task: Task, start: Start) -> Outcome:
     augments = task.settings.algorithm == "alm"
     if augments:
         slip_origin = start.data.slip_origin - start.elastic_slip
-        start = replace(start, data=replace(start.data, slip_origin=slip_origin), elastic_slip=0 * start.elastic_slip)
+        start = replace(
+            start,
+            data=replace(start.data, slip_origin=slip_origin),
+            elastic_slip=0 * start.elastic_slip,
+        )
     if start.law is None or not task.has_coulomb:
         outcome = _given_friction(task, start, start.data)
     else:
@@ -160,7 +226,8 @@ def _solve(task: Task, start: Start) -> Outcome:
 
 def _nothing_acts(task: Task, start: Start) -> bool:
     """Whether the body stays where it is; collective."""
-    # If nothing holds it, it does so in one of several load steps alone: a problem without any load is not determined.
+    # If nothing holds it, it does so in one of several load steps alone: a problem without any load
+    # is not determined.
     data, loose = start.data, task.motions.count > 0
     if loose and not start.several:
         return False
@@ -176,13 +243,18 @@ def _nothing_acts(task: Task, start: Start) -> bool:
 
 
 def _first_loaded(task: Task, start: Start) -> Start:
-    """The start of a load step: contact everywhere for bodies that contact alone holds, and does not press on."""
-    # No contact would hold them with the active sets, nor friction with the bound, that they have without a load.
+    """The start of a load step: contact everywhere for bodies that contact alone holds, and does
+    not press on.
+    """
+    # No contact would hold them with the active sets, nor friction with the bound, that they have
+    # without a load.
     if start.step == 0 or task.motions.count == 0 or start.multipliers is None:
         return start
     if parallel.any_rank(task.system.comm, any(tractions.any() for tractions in start.multipliers)):
         return start
-    return replace(start, multipliers=None, sets=ActiveSets.all_in_contact(*start.data.mu_hat.shape))
+    return replace(
+        start, multipliers=None, sets=ActiveSets.all_in_contact(*start.data.mu_hat.shape)
+    )
 
 
 def _without_contact(task: Task, data: RegularisedData, status: Status) -> Outcome:
@@ -193,7 +265,9 @@ def _without_contact(task: Task, data: RegularisedData, status: Status) -> Outco
 
 
 def _released(task: Task, failed: Outcome, law: PointFriction, moved: float) -> Outcome | None:
-    """The solution without contact where an iteration has come to it, and round-off decides which points touch."""
+    """The solution without contact where an iteration has come to it, and round-off decides which
+    points touch.
+    """
     newton, points, history = failed.newton, task.motions.points, task.history
     nothing = np.zeros(points.size)
     kept = failed.data.bilateral | (law.bound(nothing) != 0)
@@ -201,7 +275,10 @@ def _released(task: Task, failed: Outcome, law: PointFriction, moved: float) -> 
         return None
     if history.exhausted:
         return None
-    reached, opened = newton.checkpoint(), ActiveSets.of(~points.everywhere, np.zeros_like(failed.data.mu_hat))
+    reached, opened = (
+        newton.checkpoint(),
+        ActiveSets.of(~points.everywhere, np.zeros_like(failed.data.mu_hat)),
+    )
     system, data = newton.problem.system, replace(failed.data, bound=nothing)
     newton.begin_at(system.start)
     # The second solve takes away what a factor leaves of what pressed before.
@@ -217,17 +294,22 @@ def _released(task: Task, failed: Outcome, law: PointFriction, moved: float) -> 
         newton.restore(reached)
         return None
     newton.pose(data, opened)
-    history.add("nothing presses the body onto its foundation: the solution is that without contact")
+    history.add(
+        "nothing presses the body onto its foundation: the solution is that without contact"
+    )
     return replace(failed, status=Status.CONVERGED, data=data, monolithic=False)
 
 
 def _given_friction(task: Task, start: Start, data: RegularisedData) -> Outcome:
-    """Frictionless or Tresca contact, or the one that starts Coulomb friction, by the algorithm of the scene."""
+    """Frictionless or Tresca contact, or the one that starts Coulomb friction, by the algorithm of
+    the scene.
+    """
     s, newton = task.settings, task.newton
     error = start.regularisation_error
     match s.algorithm:
         case "continuation":
-            # Section 7.1, Table 4: regularised problems in turn, each started from the previous one.
+            # Section 7.1, Table 4: regularised problems in turn, each started from the previous
+            # one.
             share = CONTINUATION_SHARE if s.gamma_first == "auto" else s.gamma_first / data.gamma_n
             softer = replace(data, gamma_n=data.gamma_n * share, gamma_t=data.gamma_t * share)
             status = newton.solve(softer, start.sets, first_iteration=start.iteration)
@@ -236,8 +318,13 @@ def _given_friction(task: Task, start: Start, data: RegularisedData) -> Outcome:
         case "path-following":
             from signorini_fx.algebra.algorithms.path_following import path_following
 
-            # A later load step begins with the gamma that the previous one has found; without a load there was no path.
-            first = START_GAMMA * task.natural_gamma if start.regularisation_error is None else data.gamma_n
+            # A later load step begins with the gamma that the previous one has found; without a
+            # load there was no path.
+            first = (
+                START_GAMMA * task.natural_gamma
+                if start.regularisation_error is None
+                else data.gamma_n
+            )
             ratio = float(np.clip(data.gamma_t / data.gamma_n, 1 / GAMMA_GROWTH, GAMMA_GROWTH))
             status, last, error = path_following(
                 newton,
@@ -266,17 +353,23 @@ def _given_friction(task: Task, start: Start, data: RegularisedData) -> Outcome:
 
 
 def _coulomb(task: Task, start: Start, law: PointFriction) -> Outcome:
-    """Coulomb friction, started from a coarser mesh or an earlier load step, else from the pure contact problem."""
+    """Coulomb friction, started from a coarser mesh or an earlier load step, else from the pure
+    contact problem.
+    """
     s, newton = task.settings, task.newton
     first_sets, multipliers = start.sets, start.multipliers
     # These algorithms find their gamma, or use several, on the pure contact problem of every mesh.
     finds_gamma = (s.algorithm == "continuation" and start.step == 0) or (
         s.algorithm == "path-following" and start.regularisation_error is None
     )
-    first_outcome = Outcome(Status.CONVERGED, newton, start.data, regularisation_error=start.regularisation_error)
+    first_outcome = Outcome(
+        Status.CONVERGED, newton, start.data, regularisation_error=start.regularisation_error
+    )
     if multipliers is None or finds_gamma:
         data = coulomb_start(task, start.data)
-        if s.algorithm == "alm":  # (ALM-FP) updates the shifts together with the bound, but not in the start
+        if (
+            s.algorithm == "alm"
+        ):  # (ALM-FP) updates the shifts together with the bound, but not in the start
             status = newton.solve(data, first_sets, first_iteration=start.iteration)
             first_outcome = replace(first_outcome, status=status)
         else:
@@ -303,7 +396,9 @@ def _coulomb(task: Task, start: Start, law: PointFriction) -> Outcome:
     def monolithic() -> Status:
         return coulomb_newton(task, data, law, first_sets, augmented=s.algorithm == "alm")
 
-    near = start.multipliers is not None  # of a coarser mesh, of an earlier load step, or of another load
+    near = (
+        start.multipliers is not None
+    )  # of a coarser mesh, of an earlier load step, or of another load
     first = s.coulomb == "newton" or (s.coulomb == "auto" and near and s.algorithm != "alm")
     return _either_way(task, start, law, first_outcome, fixed, monolithic, monolithic_first=first)
 
@@ -318,17 +413,23 @@ def _either_way(
     *,
     monolithic_first: bool,
 ) -> Outcome:
-    """Fixed point or monolithic Newton, if it fails the other one, then augmentation; all from ``begun``."""
+    """Fixed point or monolithic Newton, if it fails the other one, then augmentation; all from
+    ``begun``.
+    """
     s, newton = task.settings, begun.newton
     checkpoint = newton.checkpoint()
 
     ways = {FIXED_POINT: fixed, MONOLITHIC: monolithic}
     names = [MONOLITHIC, FIXED_POINT] if monolithic_first else [FIXED_POINT, MONOLITHIC]
     capped = law.cap is not None and not law.laws
-    if capped or law.ends_open is not None:  # a cap is left to the fixed point, and a jump has no derivative
+    if (
+        capped or law.ends_open is not None
+    ):  # a cap is left to the fixed point, and a jump has no derivative
         names = [FIXED_POINT]
     elif not s.fallbacks:
-        names = names if monolithic_first else names[:1]  # the fixed point is the documented fall-back of the other
+        names = (
+            names if monolithic_first else names[:1]
+        )  # the fixed point is the documented fall-back of the other
     elif start.data.share is None:  # augmentation would make soft contact hard
         names.append(AUGMENTED)
     slid = False  # whether the last fixed point did, with its last pressures
@@ -342,7 +443,10 @@ def _either_way(
         outcome = replace(begun, status=status, monolithic=name is MONOLITHIC)
         if status is Status.CONVERGED or slid:
             return outcome
-        return _released(task, outcome, law, checkpoint[0].norm(PETSc.NormType.NORM_INFINITY)) or outcome
+        return (
+            _released(task, outcome, law, checkpoint[0].norm(PETSc.NormType.NORM_INFINITY))
+            or outcome
+        )
 
     def settled(outcome: Outcome) -> bool:
         status = outcome.status

@@ -1,4 +1,6 @@
-"""A contact problem ready to be solved: its inputs, where a load step starts, the iterates, and how it ended."""
+"""A contact problem ready to be solved: its inputs, where a load step starts, the iterates, and how
+it ended.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +33,8 @@ class Start:
     Attributes:
         data: the regularised problem with the gamma to begin with.
         law: the friction law; None without friction.
-        elastic_slip: the part of the slip so far that is due to the regularisation, length, shape (n, d - 1).
+        elastic_slip: the part of the slip so far that is due to the regularisation, length, shape
+            (n, d - 1).
         sets: active sets of the first linear solve; None: from the iterate.
         iteration: number of the first linear solve.
         multipliers: (lambda, mu) to start from, if there are any.
@@ -39,7 +42,8 @@ class Start:
         place: where the load step is on the way through all of them, for its owner.
         factors: of the load cases; None: the load stays as it is set.
         regularisation_error: that of path-following in an earlier load step, in the energy norm.
-        several: whether it is one of several: a body that nothing loads in it then waits where it is for its load.
+        several: whether it is one of several: a body that nothing loads in it then waits where it
+            is for its load.
     """
 
     data: RegularisedData
@@ -55,16 +59,18 @@ class Start:
     several: bool = False
 
     def begin_from(self, sets: ActiveSets, multipliers: tuple[Nodal, Nodal]) -> Start:
-        """The same, from the sets and (lambda, mu) of another mesh, of fewer contact nodes, or of another load."""
+        """The same, from the sets and (lambda, mu) of another mesh, of fewer contact nodes, or of
+        another load.
+        """
         return replace(self, sets=sets, iteration=1, multipliers=multipliers)
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """How a load step ended, or one of the methods that were tried on it: the inner method whose iterate is the result,
-    and the problem with the final gamma. ``augmented``: by augmentation, so that there is no regularisation error, nor
-    elastic slip; ``regularisation_error``: the estimate of path-following, in the energy norm, None where it did not
-    run.
+    """How a load step ended, or one of the methods that were tried on it: the inner method whose
+    iterate is the result, and the problem with the final gamma. ``augmented``: by augmentation, so
+    that there is no regularisation error, nor elastic slip; ``regularisation_error``: the estimate
+    of path-following, in the energy norm, None where it did not run.
     """
 
     status: Status
@@ -84,12 +90,16 @@ class Outcome:
         return self.problem.system.displacement(self.newton.x)
 
     def next_step(self, start: Start) -> Start:
-        """Where the next load step starts after one from ``start``: friction acts on the increment of the slip, from
-        the current shear.
+        """Where the next load step starts after one from ``start``: friction acts on the increment
+        of the slip, from the current shear.
         """
         _, u_t = self.problem.system.contact.traces(self.newton.x)
         pressure, shear = self.newton.multipliers()
-        data, solved, elastic = replace(self.data, slip_origin=u_t), self.problem.data, start.elastic_slip
+        data, solved, elastic = (
+            replace(self.data, slip_origin=u_t),
+            self.problem.data,
+            start.elastic_slip,
+        )
         if start.law is not None:
             data = replace(data, mu_hat=shear, bound=start.law.bound(pressure))
             kept = elastic + (shear - solved.mu_hat) / solved.gamma_t
@@ -114,8 +124,10 @@ class Task:
         has_coulomb: whether the friction bound depends on the pressure anywhere.
         natural_gamma: E over the size of the body, the natural unit of gamma.
         linear_algebra: which kind of elastic system it is, and why; for its owner.
-        goal: the regularisation error allowed for path-following, in the energy norm, evaluated at an iterate.
-        rest: the reference motion from which displacements are counted; None: from the initial position.
+        goal: the regularisation error allowed for path-following, in the energy norm, evaluated at
+            an iterate.
+        rest: the reference motion from which displacements are counted; None: from the initial
+            position.
         coordinate_error: what gaps are uncertain by, the round-off of coordinates, length.
     """
 
@@ -144,8 +156,9 @@ class Task:
         bilateral: npt.NDArray[np.bool_] | None = None,
         **options: Any,
     ) -> Task:
-        """A problem that starts with contact and stick everywhere, from its reference motion; ``gap``: d, length, shape
-        (n,); ``law``: of friction, None: there is none; ``bilateral``: points whose contact cannot open, shape (n,),
+        """A problem that starts with contact and stick everywhere, from its reference motion;
+        ``gap``: d, length, shape (n,); ``law``: of friction, None: there is none; ``bilateral``:
+        points whose contact cannot open, shape (n,),
         None: there are none; the others, see ``Task``; collective.
         """
         points = motions.points
@@ -155,8 +168,16 @@ class Task:
         )
         resting = reference_motion(gap, sides, motions, system.resultant)
         sets = ActiveSets.all_in_contact(*data.mu_hat.shape)
-        start = Start(data if resting is None else resting.data_from(data), law, 0.0 * data.mu_hat, sets, iteration=0)
-        return cls(settings, system, motions, start, natural_gamma=natural_gamma, rest=resting, **options)
+        start = Start(
+            data if resting is None else resting.data_from(data),
+            law,
+            0.0 * data.mu_hat,
+            sets,
+            iteration=0,
+        )
+        return cls(
+            settings, system, motions, start, natural_gamma=natural_gamma, rest=resting, **options
+        )
 
     @cached_property
     def newton(self) -> SemismoothNewton:
@@ -168,12 +189,18 @@ class Task:
     @cached_property
     def unsymmetric_newton(self) -> SemismoothNewton:
         """The same with an unsymmetric tangent, on the same iterate."""
-        return SemismoothNewton(self.newton.problem, self.newton.x, self.settings, self.history, symmetric=False)
+        return SemismoothNewton(
+            self.newton.problem, self.newton.x, self.settings, self.history, symmetric=False
+        )
 
     @property
     def idle(self) -> list[int]:
         """The numbers of the assemblies that can move, and whose loads balance each other."""
-        return [number for number, columns in self.motions.assemblies if not self.system.resultant[columns].any()]
+        return [
+            number
+            for number, columns in self.motions.assemblies
+            if not self.system.resultant[columns].any()
+        ]
 
     def begin_step(self, start: Start) -> None:
         """Apply the loads and prescribed displacements of a load step to the current iterate."""
@@ -184,8 +211,8 @@ class Task:
         self.newton.x.getArray()[fixed] = self.system.start.getArray(readonly=True)[fixed]
 
     def contact(self, outcome: Outcome, start: Start) -> PointState:
-        """The contact points of this rank in a result, with displacements from the initial position; slip is counted
-        from ``start``.
+        """The contact points of this rank in a result, with displacements from the initial
+        position; slip is counted from ``start``.
         """
         law, problem = start.law, outcome.problem
         sets, data = problem.sets, problem.data
@@ -199,19 +226,25 @@ class Task:
             u_t=u_t + rest_t,
             pressure=pressure,
             shear=shear,
-            # Of the law itself: the iteration may have stopped with the bound of the previous pressure.
-            bound=np.zeros_like(pressure) if data.bound is None or law is None else law.bound(pressure),
+            # Of the law itself: the iteration may have stopped with the bound of the previous
+            # pressure.
+            bound=np.zeros_like(pressure)
+            if data.bound is None or law is None
+            else law.bound(pressure),
             in_contact=sets.contact,
             direction=sets.direction,
             has_friction=data.bound is not None,
             bilateral=data.bilateral,
             slip_length=slip_of(u_t, start.data),
-            xi=slip_multiplier(sets, shear, u_t, data) if data.bound is not None else slip_of(u_t, data),
+            xi=slip_multiplier(sets, shear, u_t, data)
+            if data.bound is not None
+            else slip_of(u_t, data),
         )
 
     def promised(self, outcome: Outcome) -> tuple[float, float, float]:
-        """(gamma_1, gamma_2) of the contact law that a result promises to satisfy, infinite: without regularisation;
-        and the largest gamma that its tractions were computed with, 0: none.
+        """(gamma_1, gamma_2) of the contact law that a result promises to satisfy, infinite:
+        without regularisation; and the largest gamma that its tractions were computed with, 0:
+        none.
         """
         if outcome.newton.linear:
             return np.inf, np.inf, 0.0

@@ -1,11 +1,14 @@
-"""Active sets at contact points: contact, stick and slip, and the multipliers and tangent for fixed sets.
+"""Active sets at contact points: contact, stick and slip, and the multipliers and tangent for fixed
+sets.
 
-Which set a point is in follows from the iterate by (3.3b) and (3.3c), see ``complementarity``, whose arrays these are.
+Which set a point is in follows from the iterate by (3.3b) and (3.3c), see ``complementarity``,
+whose arrays these are.
 
-A linear step with sets that would leave a rigid motion free has no solution although the problem may have one: the sets
-of an iterate are only a guess.  Statics decides first: if no admissible contact tractions could balance the load,
-nothing holds the body, and a status says so.  Otherwise some of the nodes that are about to be released are kept, half
-of them if that is enough, those that are closest to staying.
+A linear step with sets that would leave a rigid motion free has no solution although the problem
+may have one: the sets of an iterate are only a guess.  Statics decides first: if no admissible
+contact tractions could balance the load, nothing holds the body, and a status says so.  Otherwise
+some of the nodes that are about to be released are kept, half of them if that is enough, those that
+are closest to staying.
 """
 
 from __future__ import annotations
@@ -38,12 +41,12 @@ class ActiveSets:
     Attributes:
         contact: True on A_c, False on I_c, shape (n,).
         slip: True on A_f, False on I_f (stick), shape (n,).
-        direction: unit vector e of the shear on A_f, zero on I_f, shape (n, d - 1); in 2D +1 on A_f,+ and -1 on
-            A_f,-.
-        turning: k, stress per length: stiffness of the shear against slip perpendicular to its direction, shape (n,);
-            without effect in 2D.
-        line: where a friction bound follows the pressure, value at zero, stress, and slope of its tangent at the
-            iterate, shapes (n,); None: that of no pressure.
+        direction: unit vector e of the shear on A_f, zero on I_f, shape (n, d - 1); in 2D +1 on
+            A_f,+ and -1 on A_f,-.
+        turning: k, stress per length: stiffness of the shear against slip perpendicular to its
+            direction, shape (n,); without effect in 2D.
+        line: where a friction bound follows the pressure, value at zero, stress, and slope of its
+            tangent at the iterate, shapes (n,); None: that of no pressure.
     """
 
     contact: npt.NDArray[np.bool_]
@@ -53,14 +56,18 @@ class ActiveSets:
     line: tuple[Nodal, Nodal] | None = None
 
     @classmethod
-    def of(cls, contact: npt.NDArray[np.bool_], direction: Nodal, turning: Nodal | None = None) -> ActiveSets:
+    def of(
+        cls, contact: npt.NDArray[np.bool_], direction: Nodal, turning: Nodal | None = None
+    ) -> ActiveSets:
         """Sets from the contact set and the directions, which are zero where the point sticks."""
         slip = length(direction) > 0.5
         return cls(contact, slip, direction, np.zeros(slip.size) if turning is None else turning)
 
     @classmethod
     def all_in_contact(cls, points: int, tangents: int) -> ActiveSets:
-        """Contact and stick everywhere: the unconstrained dual problem with which section 7 starts."""
+        """Contact and stick everywhere: the unconstrained dual problem with which section 7
+        starts.
+        """
         return cls.of(np.ones(points, dtype=bool), np.zeros((points, tangents)))
 
     @property
@@ -74,18 +81,28 @@ class ActiveSets:
 
     @property
     def turned(self) -> Nodal:
-        """The directions of the points whose shear resists perpendicular slip, shape (n, d - 1); zero at the others."""
+        """The directions of the points whose shear resists perpendicular slip, shape (n, d - 1);
+        zero at the others.
+        """
         return np.where((self.slip & (self.turning > 0))[:, None], self.direction, 0.0)
 
     def changed(self, reference: ActiveSets) -> npt.NDArray[np.bool_]:
-        """The points in another set than in ``reference``, or whose direction has turned by more than a right angle."""
+        """The points in another set than in ``reference``, or whose direction has turned by more
+        than a right angle.
+        """
         turned = inner(self.direction, reference.direction) < 0
         return (self.contact != reference.contact) | (self.slip != reference.slip) | turned
 
     def sticking(self, where: npt.NDArray[np.bool_]) -> ActiveSets:
         """The sets with the points ``where`` put into I_f."""
         slip = self.slip & ~where
-        return ActiveSets(self.contact, slip, np.where(slip[:, None], self.direction, 0.0), self.turning, self.line)
+        return ActiveSets(
+            self.contact,
+            slip,
+            np.where(slip[:, None], self.direction, 0.0),
+            self.turning,
+            self.line,
+        )
 
     def across(self, vectors: Nodal) -> Nodal:
         """(I - e e^T) v, shape (n, d - 1); zero in 2D."""
@@ -93,9 +110,11 @@ class ActiveSets:
 
 
 def line_of_bound(sets: ActiveSets, data: RegularisedData) -> tuple[Nodal, Nodal]:
-    """The friction bound for fixed sets, affine in the pressure: its value at zero, stress, and slope, shapes (n,).
+    """The friction bound for fixed sets, affine in the pressure: its value at zero, stress, and
+    slope, shapes (n,).
 
-    A point that is about to open has a negative pressure for one step, and then its bound may be negative.
+    A point that is about to open has a negative pressure for one step, and then its bound may be
+    negative.
     """
     assert data.bound is not None
     if data.follows is None:
@@ -103,10 +122,13 @@ def line_of_bound(sets: ActiveSets, data: RegularisedData) -> tuple[Nodal, Nodal
     return sets.line or data.follows.line(np.zeros_like(data.bound), data.bilateral)
 
 
-def multipliers(sets: ActiveSets, u_n: Nodal, u_t: Nodal, data: RegularisedData) -> tuple[Nodal, Nodal]:
+def multipliers(
+    sets: ActiveSets, u_n: Nodal, u_t: Nodal, data: RegularisedData
+) -> tuple[Nodal, Nodal]:
     """(lambda, mu) of step 4, affine in (tau_N y, tau_T y) for fixed sets.
 
-    lambda is lambda_hat + gamma_1 (tau_N y - d) on A_c and zero on I_c; mu is mu_hat + gamma_2 tau_T y on I_f, and
+    lambda is lambda_hat + gamma_1 (tau_N y - d) on A_c and zero on I_c; mu is mu_hat + gamma_2
+    tau_T y on I_f, and
     F g e + k (I - e e^T)(tau_T y + mu_hat / gamma_2) on A_f; zero without friction.
     """
     pressure = np.where(sets.contact, trial_pressure(u_n, data), 0.0)
@@ -115,27 +137,36 @@ def multipliers(sets: ActiveSets, u_n: Nodal, u_t: Nodal, data: RegularisedData)
     at_zero, slope = line_of_bound(sets, data)
     bound = at_zero + slope * pressure
     trial = trial_shear(u_t, data)
-    return pressure, np.where(sets.slip[:, None], sliding_shear(sets, bound, trial, data.gamma_t), trial)
+    return pressure, np.where(
+        sets.slip[:, None], sliding_shear(sets, bound, trial, data.gamma_t), trial
+    )
 
 
 def sliding_shear(sets: ActiveSets, bound: Nodal, trial: Nodal, per: float = 1.0) -> Nodal:
-    """F g e + k (I - e e^T) s on A_f with s = ``trial`` / ``per``, where the second term is zero in 2D; zero on
+    """F g e + k (I - e e^T) s on A_f with s = ``trial`` / ``per``, where the second term is zero in
+    2D; zero on
     I_f, where the bound may be infinite.
     """
     at_bound = np.where(sets.slip, bound, 0.0)[:, None] * sets.direction
-    return at_bound if trial.shape[1] == 1 else at_bound + (sets.turning / per)[:, None] * sets.across(trial)
+    return (
+        at_bound
+        if trial.shape[1] == 1
+        else at_bound + (sets.turning / per)[:, None] * sets.across(trial)
+    )
 
 
 def slip_multiplier(sets: ActiveSets, mu: Nodal, u_t: Nodal, data: RegularisedData) -> Nodal:
-    """Xi of step 5: tau_T y + (mu_hat - mu) / gamma_2, which is zero on I_f; length, shape (n, d - 1)."""
+    """Xi of step 5: tau_T y + (mu_hat - mu) / gamma_2, which is zero on I_f; length, shape (n, d -
+    1).
+    """
     return np.where(sets.slip[:, None], slip_of(u_t, data) + (data.mu_hat - mu) / data.gamma_t, 0.0)
 
 
 def next_sets(u_n: Nodal, u_t: Nodal, xi: Nodal, mu: Nodal, data: RegularisedData) -> ActiveSets:
     """The active sets from an iterate (y, xi, mu), step 2 of Algorithm (SSN).
 
-    A point that ``slips`` by (3.3c) does so in the direction of mu + xi / sigma.  A point whose bound is zero transmits
-    no shear and belongs to the side to which it moves.
+    A point that ``slips`` by (3.3c) does so in the direction of mu + xi / sigma.  A point whose
+    bound is zero transmits no shear and belongs to the side to which it moves.
     """
     trial = trial_pressure(u_n, data)
     contact = (trial > 0) | data.bilateral
@@ -157,7 +188,8 @@ def classify(sets: ActiveSets, u_n: Nodal, u_t: Nodal, data: RegularisedData) ->
     if data.bound is None:
         return next_sets(u_n, u_t, trial, trial, data)
     bound = data.friction_bound(trial_pressure(u_n, data))
-    # At slip points mu is at its bound by construction, also where the pressure has changed sign, or mu its direction.
+    # At slip points mu is at its bound by construction, also where the pressure has changed sign,
+    # or mu its direction.
     shear = sliding_shear(sets, bound, trial, data.gamma_t)
     direction = np.where(inner(shear, shear)[:, None] > 0, unit(shear), sets.direction)
     mu = np.where(sets.slip[:, None], np.where(sets.slip, bound, 0.0)[:, None] * direction, trial)
@@ -165,9 +197,11 @@ def classify(sets: ActiveSets, u_n: Nodal, u_t: Nodal, data: RegularisedData) ->
 
 
 def release(sets: ActiveSets, data: RegularisedData) -> ActiveSets:
-    """The sets without stick where no shear can be transmitted: the bound, or the pressure that it depends on, is zero.
+    """The sets without stick where no shear can be transmitted: the bound, or the pressure that it
+    depends on, is zero.
 
-    In 2D these points slip along the tangent, in 3D without a direction, because none is distinguished.
+    In 2D these points slip along the tangent, in 3D without a direction, because none is
+    distinguished.
     Where the bound is infinite all stick.
     """
     if data.bound is None:
@@ -182,7 +216,8 @@ def release(sets: ActiveSets, data: RegularisedData) -> ActiveSets:
 
 
 def tangent(sets: ActiveSets, data: RegularisedData) -> Nodal:
-    """Derivative (1.5) of (lambda, mu) by (tau_N y, tau_T y) for fixed sets, stress per length, shape (n, d, d).
+    """Derivative (1.5) of (lambda, mu) by (tau_N y, tau_T y) for fixed sets, stress per length,
+    shape (n, d, d).
 
     Symmetric unless the bound depends on the pressure.
     """
@@ -206,7 +241,8 @@ def tangent(sets: ActiveSets, data: RegularisedData) -> Nodal:
 def law_residual(sets: ActiveSets, u_n: Nodal, u_t: Nodal, data: RegularisedData) -> Nodal:
     """How far mu of these sets is from the projection (3.4) of the iterate, stress, shape (n,).
 
-    Zero in 2D once the sets repeat.  In 3D a direction may still change while the sets stay the same.
+    Zero in 2D once the sets repeat.  In 3D a direction may still change while the sets stay the
+    same.
     """
     pressure, mu = multipliers(sets, u_n, u_t, data)
     return length(mu - onto_disc(trial_shear(u_t, data), data.friction_bound(pressure)))
@@ -220,16 +256,19 @@ def hold(
     motions: FreeMotions,
     escaping: Callable[[], Status | None],
 ) -> tuple[ActiveSets, Status | None, bool]:
-    """Sets near ``following`` that hold the body, the status if it moves away, and whether they differ from
-    ``following``; ``sets``: with which the iterate was computed, whose ``multipliers`` are asked for; ``escaping``: how
-    the body moves away whatever the sets are, see ``statics.no_balance``, None: it may stay; collective.
+    """Sets near ``following`` that hold the body, the status if it moves away, and whether they
+    differ from ``following``; ``sets``: with which the iterate was computed, whose ``multipliers``
+    are asked for; ``escaping``: how the body moves away whatever the sets are, see
+    ``statics.no_balance``, None: it may stay; collective.
     """
     unresisted = motions.unheld(following.contact, _stick(following, data))
     if not unresisted.any():
         return following, None, False
     pressure, shear = multipliers()
     # The convergence test ends the iteration: such numbers have no order to choose sets by.
-    if parallel.any_rank(motions.points.comm, not (np.isfinite(pressure).all() and np.isfinite(shear).all())):
+    if parallel.any_rank(
+        motions.points.comm, not (np.isfinite(pressure).all() and np.isfinite(shear).all())
+    ):
         return following, None, False
     bound = data.friction_bound(pressure)
     points, everywhere = motions.points, motions.points.everywhere
@@ -244,7 +283,9 @@ def hold(
     if not unresisted.any():
         return following, None, False
     unresisted_points = unresisted[motions.of_point]  # only motions that the sets do not resist
-    slipping = _ranked(points, unresisted_points & ~sets.slip & following.slip & able, length(shear) - bound)
+    slipping = _ranked(
+        points, unresisted_points & ~sets.slip & following.slip & able, length(shear) - bound
+    )
     opening = _ranked(points, unresisted_points & sets.contact & ~following.contact, -pressure)
     for candidates, opens in (slipping, False), (opening, True):
         for share in _shares(_count(points, candidates)):
@@ -253,17 +294,25 @@ def hold(
             held = replace(held, contact=held.contact | kept) if opens else held
             if holds(held, data, motions):
                 return held, None, True
-    # The iterate is still far from a solution: hold the body with all nodes that can, and let the next iterates
-    # release.
+    # The iterate is still far from a solution: hold the body with all nodes that can, and let the
+    # next iterates release.
     contact = following.contact | (unresisted_points & sets.contact)
     everything = replace(following, contact=contact).sticking(unresisted_points & contact & able)
     # Sets of a problem with another friction bound need not hold it either.
-    last = replace(following, contact=following.contact | unresisted_points).sticking(unresisted_points & able)
-    return next((held for held in (everything, sets) if holds(held, data, motions)), last), None, True
+    last = replace(following, contact=following.contact | unresisted_points).sticking(
+        unresisted_points & able
+    )
+    return (
+        next((held for held in (everything, sets) if holds(held, data, motions)), last),
+        None,
+        True,
+    )
 
 
 def holds(sets: ActiveSets, data: RegularisedData, motions: FreeMotions) -> bool:
-    """Whether sets resist every rigid motion, in 3D also by slip in another direction; collective."""
+    """Whether sets resist every rigid motion, in 3D also by slip in another direction;
+    collective.
+    """
     return motions.held_by(sets.contact, _stick(sets, data), sets.turned)
 
 
@@ -271,8 +320,12 @@ def _stick(sets: ActiveSets, data: RegularisedData) -> npt.NDArray[np.bool_]:
     return ~sets.slip if data.bound is not None else np.zeros_like(sets.contact)
 
 
-def _ranked(points: ContactPoints, candidates: npt.NDArray[np.bool_], violation: Nodal) -> npt.NDArray[np.int64]:
-    """Place of each candidate in the order of the violation over all ranks, from 0; -1 for the other nodes."""
+def _ranked(
+    points: ContactPoints, candidates: npt.NDArray[np.bool_], violation: Nodal
+) -> npt.NDArray[np.int64]:
+    """Place of each candidate in the order of the violation over all ranks, from 0; -1 for the
+    other nodes.
+    """
     # Position breaks ties: a uniform state would otherwise keep all of them or none.
     ranking = np.column_stack((violation, points.x))
     ordered = sorted(map(tuple, parallel.gather_rows(points.comm, ranking[candidates])))
@@ -287,12 +340,16 @@ def _count(points: ContactPoints, places: npt.NDArray[np.int64]) -> int:
 
 
 def _shares(count: int) -> list[float]:
-    """Half, three quarters, ... of the candidates, finally all but one; nothing if there is only one."""
+    """Half, three quarters, ... of the candidates, finally all but one; nothing if there is only
+    one.
+    """
     shares = [1 - 0.5**power for power in range(1, 64) if 0.5**power * count > 1]
     return [*shares, 1 - 1 / count] if count > 1 else []
 
 
-def _least(points: ContactPoints, places: npt.NDArray[np.int64], share: float) -> npt.NDArray[np.bool_]:
+def _least(
+    points: ContactPoints, places: npt.NDArray[np.int64], share: float
+) -> npt.NDArray[np.bool_]:
     """The share of the candidates with the least violation, never all of them."""
     count = _count(points, places)
     return (places >= 0) & (places < min(round(share * count), count - 1))

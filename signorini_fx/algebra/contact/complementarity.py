@@ -1,21 +1,24 @@
-"""The pointwise contact and friction conditions in d dimensions, (3.2) to (3.4).  No finite elements.
+"""The pointwise contact and friction conditions in d dimensions, (3.2) to (3.4).  No finite
+elements.
 
-Every array has one entry per contact point of this rank.  A tangential vector has d - 1 components in the tangent plane
-of its point, shape (n, d - 1): one in 2D, two in 3D.  Pressures and shears are stresses, lambda and mu of the
+Every array has one entry per contact point of this rank.  A tangential vector has d - 1 components
+in the tangent plane of its point, shape (n, d - 1): one in 2D, two in 3D.  Pressures and shears are
+stresses, lambda and mu of the
 paper: lambda >= 0 pushes the body off the foundation, mu = -sigma_T acts against tau_T y.
 
-The friction law is the projection onto the disc |mu| <= F g of R^(d - 1).  In R^1 the disc is an interval, a direction
-is a sign, and what follows is the paper's Algorithm (SSN).  In R^2 a slipping point carries the direction e of its
-shear, and its shear for fixed sets is
+The friction law is the projection onto the disc |mu| <= F g of R^(d - 1).  In R^1 the disc is an
+interval, a direction is a sign, and what follows is the paper's Algorithm (SSN).  In R^2 a slipping
+point carries the direction e of its shear, and its shear for fixed sets is
 
-    mu = F g e + k (I - e e^T) s,    s = tau_T y + mu_hat / gamma_2,    k = F g / max(e . s, F g / gamma_2),
+    mu = F g e + k (I - e e^T) s,    s = tau_T y + mu_hat / gamma_2,    k = F g / max(e . s, F g /
+    gamma_2),
 
-with e and k of the previous iterate: the projection (3.4) with its derivative taken at mu, not at gamma_2 s (the dual
-form of (3.3c); Stadler, SIAM J. Optim. 15 (2004) 39-62, and Hueber, Stadler, Wohlmuth, SIAM J. Sci. Comput. 30 (2008)
-572-596, for the disc).  In R^1 the second term vanishes.
+with e and k of the previous iterate: the projection (3.4) with its derivative taken at mu, not at
+gamma_2 s (the dual form of (3.3c); Stadler, SIAM J. Optim. 15 (2004) 39-62, and Hueber, Stadler,
+Wohlmuth, SIAM J. Sci. Comput. 30 (2008) 572-596, for the disc).  In R^1 the second term vanishes.
 
-The data (3.2), the contact condition (3.3b), the friction condition (3.3c) and the projection (3.4) stand here; which
-sets follow from them, and the derivatives for fixed sets, in ``active_sets``.
+The data (3.2), the contact condition (3.3b), the friction condition (3.3c) and the projection (3.4)
+stand here; which sets follow from them, and the derivatives for fixed sets, in ``active_sets``.
 """
 
 from __future__ import annotations
@@ -33,24 +36,27 @@ from signorini_fx.tuned import AUTOMATIC_GAMMA, SAME_NUMBER
 
 @dataclass(frozen=True)
 class RegularisedData:
-    """The data of the regularised problem (P_gamma) on the contact points: the only data that outer algorithms change.
+    """The data of the regularised problem (P_gamma) on the contact points: the only data that outer
+    algorithms change.
 
     Attributes:
         gap: d, length, shape (n,).
         gamma_n: gamma_1, stress per length.
         gamma_t: gamma_2, stress per length.
-        sigma: sigma of (3.3c), length per stress; inf: a point that slips one way sticks for one iterate
-            before it slips the other way.
+        sigma: sigma of (3.3c), length per stress; inf: a point that slips one way sticks for one
+            iterate before it slips the other way.
         lambda_hat: shift of the contact pressure, stress, shape (n,).
         mu_hat: shift of the shear, stress, shape (n, d - 1).
         bound: given friction bound F g, stress, shape (n,); None if there is no friction.
         bilateral: points whose contact cannot open, shape (n,).
-        immovable: points that cannot move along their normal, see ``ContactPoints``, shape (n,): no pressure acts
-            there, because the supports take whatever it would be.
-        slip_origin: tau_T y from which slip counts, length, shape (n, d - 1): the law of the paper is total,
-            with origin zero; with load steps it acts on the increment, with mu_hat the shear of the previous step.
-        follows: the friction whose bound at the pressure lambda(y) of the iterate itself is the bound (monolithic
-            Coulomb friction), and ``bound`` its part without pressure; None where the bound is given.
+        immovable: points that cannot move along their normal, see ``ContactPoints``, shape (n,): no
+            pressure acts there, because the supports take whatever it would be.
+        slip_origin: tau_T y from which slip counts, length, shape (n, d - 1): the law of the paper
+            is total, with origin zero; with load steps it acts on the increment, with mu_hat the
+            shear of the previous step.
+        follows: the friction whose bound at the pressure lambda(y) of the iterate itself is the
+            bound (monolithic Coulomb friction), and ``bound`` its part without pressure; None where
+            the bound is given.
         share: of gamma_1, the stiffness of soft contact, shape (n,); None: gamma_1 holds.
     """
 
@@ -78,7 +84,8 @@ class RegularisedData:
         bilateral: npt.NDArray[np.bool_],
         immovable: npt.NDArray[np.bool_],
     ) -> RegularisedData:
-        """The problem without shifts, for points with so many tangents, with the given part of the friction bound;
+        """The problem without shifts, for points with so many tangents, with the given part of the
+        friction bound;
         ``natural_gamma``: the unit of gamma where it is automatic, stress per length.
         """
         automatic = AUTOMATIC_GAMMA * natural_gamma
@@ -107,7 +114,9 @@ class RegularisedData:
         return replace(self, gamma_n=gamma_n, gamma_t=min(self.gamma_t, stiffness), share=share)
 
     def friction_bound(self, pressure: Nodal) -> Nodal:
-        """The bound of |mu| at the contact pressure lambda, stress, shape (n,); zero without friction."""
+        """The bound of |mu| at the contact pressure lambda, stress, shape (n,); zero without
+        friction.
+        """
         if self.bound is None:
             return np.zeros_like(pressure)
         if self.follows is None:
@@ -121,7 +130,9 @@ def slip_of(u_t: Nodal, data: RegularisedData) -> Nodal:
 
 
 def trial_pressure(u_n: Nodal, data: RegularisedData) -> Nodal:
-    """lambda_hat + gamma_1 (tau_N y - d), whose positive part is lambda (3.3b); zero at immovable points."""
+    """lambda_hat + gamma_1 (tau_N y - d), whose positive part is lambda (3.3b); zero at immovable
+    points.
+    """
     trial = data.lambda_hat + data.stiffness * (u_n - data.gap)
     return np.where(data.immovable, 0.0, trial)
 
@@ -134,25 +145,33 @@ def trial_shear(u_t: Nodal, data: RegularisedData) -> Nodal:
 def slips(xi: Nodal, mu: Nodal, bound: Nodal, data: RegularisedData) -> npt.NDArray[np.bool_]:
     """Where a point slips by the friction condition (3.3c): |mu + xi / sigma| > F g, shape (n,).
 
-    The slip multiplier xi, length, is zero at the others.  With sigma infinite mu decides, and xi where mu is at its
-    bound.
+    The slip multiplier xi, length, is zero at the others.  With sigma infinite mu decides, and xi
+    where mu is at its bound.
     """
     size = length(mu)
     over = size - bound
     # sigma (|mu + xi / sigma|^2 - F^2 g^2) = sigma (|mu|^2 - F^2 g^2) + this.
     leaning = 2.0 * inner(mu, xi) + inner(xi, xi) / data.sigma
     if np.isinf(data.sigma):
-        return np.where(np.abs(over) <= SAME_NUMBER * np.where(np.isfinite(bound), bound, 0.0), leaning > 0, over > 0)
+        return np.where(
+            np.abs(over) <= SAME_NUMBER * np.where(np.isfinite(bound), bound, 0.0),
+            leaning > 0,
+            over > 0,
+        )
     return data.sigma * over * (size + bound) + leaning > 0
 
 
 def onto_disc(shear: Nodal, bound: Nodal) -> Nodal:
-    """The projection of (3.4): the shear where |mu| <= F g, else F g mu / |mu|; the bound may be infinite."""
+    """The projection of (3.4): the shear where |mu| <= F g, else F g mu / |mu|; the bound may be
+    infinite.
+    """
     beyond = length(shear) > bound
     return np.where(beyond[:, None], np.where(beyond, bound, 0.0)[:, None] * unit(shear), shear)
 
 
 def project(pressure: Nodal, shear: Nodal, data: RegularisedData) -> tuple[Nodal, Nodal]:
-    """(lambda, mu) made feasible, lambda >= 0 and |mu| <= F g, as section 7 does before the update of inexact ALM."""
+    """(lambda, mu) made feasible, lambda >= 0 and |mu| <= F g, as section 7 does before the update
+    of inexact ALM.
+    """
     pressure = np.where(data.bilateral, pressure, np.maximum(pressure, 0.0))
     return pressure, onto_disc(shear, data.friction_bound(pressure))

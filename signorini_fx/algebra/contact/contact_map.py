@@ -1,10 +1,12 @@
-"""The contact map B: from the unknowns of an elastic system to the relative displacement at the contact points.
+"""The contact map B: from the unknowns of an elastic system to the relative displacement at the
+contact points.
 
-Its rows are the components of the relative displacement in the frame (n, T) of each point, d rows per point with the
-normal one first; its columns are the unknowns of the system that it belongs to.  It expresses all effects of contact on
-a system: traces ``B x``, forces ``B^T (w t)`` and the tangent ``A + B^T D B`` with a block D of shape (d, d) per point.
-With the nodal rule of a rigid foundation B selects and rotates, on quadratic tetrahedra it averages and rotates; a
-condensed system, or one with turned unknowns, has the product of B with its own change of unknowns.
+Its rows are the components of the relative displacement in the frame (n, T) of each point, d rows
+per point with the normal one first; its columns are the unknowns of the system that it belongs to.
+It expresses all effects of contact on a system: traces ``B x``, forces ``B^T (w t)`` and the
+tangent ``A + B^T D B`` with a block D of shape (d, d) per point. With the nodal rule of a rigid
+foundation B selects and rotates, on quadratic tetrahedra it averages and rotates; a condensed
+system, or one with turned unknowns, has the product of B with its own change of unknowns.
 """
 
 from __future__ import annotations
@@ -29,12 +31,13 @@ class ContactMap:
     Attributes:
         operator: B, d rows for each of the n contact points of this rank.
         fixed: the prescribed unknowns of this rank; contact forces on them go into the supports.
-        lift: S with B S = 1, unknowns of one of two bodies from relative displacements, for multigrid; None: contact is
-            with a rigid foundation, or no such unknowns are known, or a condensed system has no need of it.
-        paired: whether points are those of two bodies, or of rigid ones that move, so that B takes differences of
-            displacements.
-        elsewhere: relative displacements of points that have no unknowns here, zero at the others, length, shape (n,
-            d); None: there are none.
+        lift: S with B S = 1, unknowns of one of two bodies from relative displacements, for
+            multigrid; None: contact is with a rigid foundation, or no such unknowns are known, or a
+            condensed system has no need of it.
+        paired: whether points are those of two bodies, or of rigid ones that move, so that B takes
+            differences of displacements.
+        elsewhere: relative displacements of points that have no unknowns here, zero at the others,
+            length, shape (n, d); None: there are none.
     """
 
     operator: PETSc.Mat
@@ -53,8 +56,13 @@ class ContactMap:
         return relative[:, 0].copy(), relative[:, 1:].copy()
 
     def add_forces(self, pressure: Nodal, shear: Nodal, force: PETSc.Vec) -> None:
-        """Add (lambda, tau_N .) + (mu, tau_T .) to a residual, prescribed unknowns left out; collective."""
-        traction, weight = self._relative.getArray().reshape(-1, self.points.dimension), self.points.weight
+        """Add (lambda, tau_N .) + (mu, tau_T .) to a residual, prescribed unknowns left out;
+        collective.
+        """
+        traction, weight = (
+            self._relative.getArray().reshape(-1, self.points.dimension),
+            self.points.weight,
+        )
         np.multiply(pressure, weight, out=traction[:, 0])
         np.multiply(shear, weight[:, None], out=traction[:, 1:])
         self.operator.multTranspose(self._relative, self._force)
@@ -72,11 +80,15 @@ class ContactMap:
 
     def after(self, change: PETSc.Mat, fixed: npt.NDArray[np.bool_]) -> ContactMap:
         """The map of a system in other unknowns x~ with x = ``change`` x~; collective."""
-        lift = None if self.lift is None else change.transposeMatMult(self.lift)  # of an orthogonal change
+        lift = (
+            None if self.lift is None else change.transposeMatMult(self.lift)
+        )  # of an orthogonal change
         return ContactMap(self.operator.matMult(change), self.points, fixed, lift, self.paired)
 
     def among(self, unknowns: npt.NDArray[np.signedinteger[Any]]) -> ContactMap:
-        """The map of a system that has some of the unknowns only, by their local numbers on this rank; collective."""
+        """The map of a system that has some of the unknowns only, by their local numbers on this
+        rank; collective.
+        """
         rows = np.arange(*self.operator.getOwnershipRange())
         sets = [
             PETSc.IS().createGeneral(indices.astype(PETSc.IntType), comm=self.operator.comm)
@@ -86,7 +98,9 @@ class ContactMap:
         return replace(self, operator=operator, fixed=self.fixed[unknowns], lift=None)
 
     def near(self, far: npt.NDArray[np.bool_], x: PETSc.Vec) -> ContactMap:
-        """The map without the rows of points that are ``far``, which stay where ``x`` tells; one rank."""
+        """The map without the rows of points that are ``far``, which stay where ``x`` tells; one
+        rank.
+        """
         dim, (starts, columns, values) = self.points.dimension, self.operator.getValuesCSR()
         kept_entries = np.repeat(np.repeat(~far, dim), np.diff(starts))
         ends = np.concatenate(([0], np.cumsum(kept_entries)))[starts].astype(PETSc.IntType)
@@ -96,13 +110,17 @@ class ContactMap:
         return replace(self, operator=operator, elsewhere=elsewhere)
 
     def law(self, blocks: Nodal, into: PETSc.Mat | None = None) -> PETSc.Mat:
-        """The matrix with a block of shape (d, d) for each point on its diagonal; ``into``: an earlier one, which is
-        filled again; collective.
+        """The matrix with a block of shape (d, d) for each point on its diagonal; ``into``: an
+        earlier one, which is filled again; collective.
         """
         first, rows = self.operator.getOwnershipRange()[0], self.operator.getSizes()[0]
         if into is None:
-            into = PETSc.Mat().createAIJ((rows, rows), nnz=(self.points.dimension, 0), comm=self.operator.comm)
-        numbers = (first + np.arange(rows[0]).reshape(-1, self.points.dimension)).astype(PETSc.IntType)
+            into = PETSc.Mat().createAIJ(
+                (rows, rows), nnz=(self.points.dimension, 0), comm=self.operator.comm
+            )
+        numbers = (first + np.arange(rows[0]).reshape(-1, self.points.dimension)).astype(
+            PETSc.IntType
+        )
         if numbers.size:
             into.setValuesRCV(numbers, numbers, np.ascontiguousarray(blocks))
         into.assemble()
@@ -110,8 +128,9 @@ class ContactMap:
 
     @cached_property
     def products(self) -> tuple[PETSc.Mat, PETSc.Mat, PETSc.Mat, PETSc.Mat]:
-        """B without what is prescribed, and room for D, D B and B^T D B; collective.  By two products: where rigid
-        bodies move, B has dense columns, with which ``ptap`` takes quadratic time.
+        """B without what is prescribed, and room for D, D B and B^T D B; collective.  By two
+        products: where rigid bodies move, B has dense columns, with which ``ptap`` takes quadratic
+        time.
         """
         free, operator = self.operator.createVecRight(), self.operator.copy()
         free.getArray()[:] = ~self.fixed
@@ -128,8 +147,9 @@ class ContactMap:
         return wider
 
     def stiffness(self, diagonal: PETSc.Vec) -> Nodal:
-        """What a relative displacement meets at each point if only the diagonal of A resists: 1 / (w B diag(A)^-1 B^T),
-        the stiffest component that is not prescribed, stress per length, shape (n,); collective.
+        """What a relative displacement meets at each point if only the diagonal of A resists: 1 /
+        (w B diag(A)^-1 B^T), the stiffest component that is not prescribed, stress per length,
+        shape (n,); collective.
         """
         scale = diagonal.copy()
         scale.reciprocal()
@@ -138,17 +158,28 @@ class ContactMap:
         scaled = self.operator.copy()
         scaled.diagonalScale(R=scale)
         starts, _, values = scaled.getValuesCSR()
-        rows = np.repeat(np.arange(self.points.weight.size * self.points.dimension), np.diff(starts))
-        compliance = np.bincount(rows, values**2, minlength=self.points.weight.size * self.points.dimension)
-        compliance = np.where(compliance == 0.0, np.inf, compliance)  # which bincount counts where a rank has no points
-        return 1.0 / (self.points.weight * compliance.reshape(-1, self.points.dimension).min(axis=1))
+        rows = np.repeat(
+            np.arange(self.points.weight.size * self.points.dimension), np.diff(starts)
+        )
+        compliance = np.bincount(
+            rows, values**2, minlength=self.points.weight.size * self.points.dimension
+        )
+        compliance = np.where(
+            compliance == 0.0, np.inf, compliance
+        )  # which bincount counts where a rank has no points
+        return 1.0 / (
+            self.points.weight * compliance.reshape(-1, self.points.dimension).min(axis=1)
+        )
 
     def natural_stiffness(self, diagonal: PETSc.Vec) -> float:
-        """That of the stiffest contact point, times the share of its side in that of the contact boundary: of a uniform
-        body its modulus over its size, stress per length; ``diagonal``: of A; collective.
+        """That of the stiffest contact point, times the share of its side in that of the contact
+        boundary: of a uniform body its modulus over its size, stress per length; ``diagonal``: of
+        A; collective.
         """
         points, weight = self.points, self.points.weight
-        side = (weight / parallel.global_sum(points.comm, weight.sum())) ** (1.0 / (points.dimension - 1))
+        side = (weight / parallel.global_sum(points.comm, weight.sum())) ** (
+            1.0 / (points.dimension - 1)
+        )
         return float(parallel.largest(points.comm, self.stiffness(diagonal) * side))
 
     @cached_property

@@ -1,11 +1,13 @@
-"""The rigid motions that supports leave free, at the contact points: all that statics needs to know of a body.
+"""The rigid motions that supports leave free, at the contact points: all that statics needs to know
+of a body.
 
-They are the columns of B times the motions.  Several bodies, or pieces of one that can move apart, are assemblies: a
-motion moves one of them only, and a contact point belongs to one of them.
+They are the columns of B times the motions.  Several bodies, or pieces of one that can move apart,
+are assemblies: a motion moves one of them only, and a contact point belongs to one of them.
 
-Displacements are counted from where the rigid body comes to rest on its foundation.  If a body first drops by a
-millimetre and is then deformed by a nanometre, its contact forces would be differences of numbers that agree in six
-digits; from that place displacements and gaps are as small as the deformation, and so is their round-off.
+Displacements are counted from where the rigid body comes to rest on its foundation.  If a body
+first drops by a millimetre and is then deformed by a nanometre, its contact forces would be
+differences of numbers that agree in six digits; from that place displacements and gaps are as small
+as the deformation, and so is their round-off.
 """
 
 from __future__ import annotations
@@ -21,13 +23,20 @@ from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.algebra.contact.points import ContactPoints, PointGroups
 from signorini_fx.machine import parallel
-from signorini_fx.tuned import CERTIFICATE_TOLERANCE, NO_FORCE, NOTHING_LEFT, ROOT_OF_EPS, SAME_NUMBER
+from signorini_fx.tuned import (
+    CERTIFICATE_TOLERANCE,
+    NO_FORCE,
+    NOTHING_LEFT,
+    ROOT_OF_EPS,
+    SAME_NUMBER,
+)
 
 
 @dataclass(frozen=True)
 class RigidLoad:
-    """A load on the free rigid motions: its work on each, forces, shape (k,), the sum of the magnitudes of the nodal
-    forces on the assembly that each motion moves, shape (k,), and the number of that assembly.
+    """A load on the free rigid motions: its work on each, forces, shape (k,), the sum of the
+    magnitudes of the nodal forces on the assembly that each motion moves, shape (k,), and the
+    number of that assembly.
     """
 
     work: Nodal
@@ -36,8 +45,9 @@ class RigidLoad:
 
 
 def total_work(loads: Sequence[tuple[float, RigidLoad]], count: int) -> Nodal:
-    """The work of loads times their factors on the free motions, shape (k,); zero for an assembly whose loads balance
-    each other to round-off. This is the only place that decides whether a load acts on a rigid body.
+    """The work of loads times their factors on the free motions, shape (k,); zero for an assembly
+    whose loads balance each other to round-off. This is the only place that decides whether a load
+    acts on a rigid body.
     """
     work, size = np.zeros(count), np.zeros(count)
     for factor, load in loads:
@@ -56,7 +66,8 @@ class FreeMotions:
 
     Attributes:
         points: the contact points, n of them.
-        relative: relative displacement of each motion in the frame (n, T) of each point, shape (n, d, k).
+        relative: relative displacement of each motion in the frame (n, T) of each point, shape (n,
+            d, k).
         assembly: number of the assembly that each motion moves, from 0, shape (k,).
         of_point: number of the assembly that each point is in, shape (n,).
         groups: which of the points are judged together.
@@ -89,11 +100,14 @@ class FreeMotions:
         return [(int(number), self.assembly == number) for number in np.unique(self.assembly)]
 
     def unheld(
-        self, normal: npt.NDArray[np.bool_], stick: npt.NDArray[np.bool_], directions: Nodal | None = None
+        self,
+        normal: npt.NDArray[np.bool_],
+        stick: npt.NDArray[np.bool_],
+        directions: Nodal | None = None,
     ) -> npt.NDArray[np.bool_]:
-        """Which assemblies have a motion that neither contact at ``normal`` points nor stick at ``stick`` points
-        resists, nor, perpendicular to it, slip in ``directions``, shape (n, d - 1), where these are not zero; shape
-        (assemblies,); collective.
+        """Which assemblies have a motion that neither contact at ``normal`` points nor stick at
+        ``stick`` points resists, nor, perpendicular to it, slip in ``directions``, shape (n, d -
+        1), where these are not zero; shape (assemblies,); collective.
         """
         # Those that this rank knows of, also if they cannot move.
         last = max(self.assembly.max(initial=-1), self.of_point.max(initial=-1))
@@ -104,22 +118,31 @@ class FreeMotions:
         if directions is not None and directions.shape[1] > 1:
             slip = directions.any(axis=1)
             along = np.einsum("it,itk->ik", directions[slip], self.tangential[slip])
-            resisted += [*(self.tangential[slip] - directions[slip][:, :, None] * along[:, None]).swapaxes(0, 1)]
+            resisted += [
+                *(self.tangential[slip] - directions[slip][:, :, None] * along[:, None]).swapaxes(
+                    0, 1
+                )
+            ]
         rows = np.concatenate(resisted)
         gram = parallel.global_sum(self.points.comm, np.concatenate((rows.T @ rows, self._moved)))
         for number, columns in self.assemblies:
             values = np.linalg.eigvalsh(gram[:-1][np.ix_(columns, columns)])
-            # The resistance relative to the motion of the points: below this it is the round-off of their positions.
+            # The resistance relative to the motion of the points: below this it is the round-off of
+            # their positions.
             real = values[-1] > NOTHING_LEFT**2 * gram[-1][columns].max()
             unresisted[number] = not (real and values[0] > ROOT_OF_EPS * values[-1] > 0)
         return unresisted
 
     def untouched(self, numbers: Sequence[int], pressed: npt.NDArray[np.bool_]) -> list[int]:
-        """Which of these assemblies have no contact point with tractions; ``pressed``: which points have, shape (n,);
-        collective.
+        """Which of these assemblies have no contact point with tractions; ``pressed``: which points
+        have, shape (n,); collective.
         """
         comm, of = self.points.comm, self.of_point
-        return [number for number in numbers if not parallel.any_rank(comm, bool(pressed[of == number].any()))]
+        return [
+            number
+            for number in numbers
+            if not parallel.any_rank(comm, bool(pressed[of == number].any()))
+        ]
 
     @cached_property
     def _moved(self) -> Nodal:
@@ -127,16 +150,21 @@ class FreeMotions:
         return np.asarray(np.square(self.relative).sum(axis=(0, 1))[None])
 
     def held_by(
-        self, normal: npt.NDArray[np.bool_], stick: npt.NDArray[np.bool_], directions: Nodal | None = None
+        self,
+        normal: npt.NDArray[np.bool_],
+        stick: npt.NDArray[np.bool_],
+        directions: Nodal | None = None,
     ) -> bool:
-        """Whether points in contact, sticking, and slipping in another direction resist every motion; collective."""
+        """Whether points in contact, sticking, and slipping in another direction resist every
+        motion; collective.
+        """
         return not self.unheld(normal, stick, directions).any()
 
 
 @dataclass(frozen=True)
 class ReferenceMotion:
-    """A rigid motion, coefficients of the free motions, lengths, shape (k,), and its components tau_N y and tau_T y at
-    the contact points.
+    """A rigid motion, coefficients of the free motions, lengths, shape (k,), and its components
+    tau_N y and tau_T y at the contact points.
     """
 
     motion: npt.NDArray[np.float64]
@@ -154,16 +182,18 @@ def reference_motion(
     motions: FreeMotions,
     resultant: npt.NDArray[np.float64],
 ) -> ReferenceMotion | None:
-    """Where the load moves the rigid body; None if nothing stops it without friction, or if supports hold it;
-    collective.
+    """Where the load moves the rigid body; None if nothing stops it without friction, or if
+    supports hold it; collective.
 
-    The work of the load is largest over the rigid motions that do not enter the foundation: a linear programme with
-    as many unknowns as motions that the contact resists.  Pieces that are not joined come to rest separately.
+    The work of the load is largest over the rigid motions that do not enter the foundation: a
+    linear programme with as many unknowns as motions that the contact resists.  Pieces that are not
+    joined come to rest separately.
     """
     if not motions.count:
         return None
     comm = motions.points.comm
-    # A ring that moves along its axis does not move along its normals: their round-off would stop it 1e13 gaps away.
+    # A ring that moves along its axis does not move along its normals: their round-off would stop
+    # it 1e13 gaps away.
     sizes = parallel.largest_of_each(comm, np.abs(motions.relative).max(axis=(0, 1), initial=0.0))
     normal = np.where(np.abs(motions.normal) <= NOTHING_LEFT * sizes, 0.0, motions.normal)
     table = parallel.gather_rows(comm, np.column_stack((normal, gap, bilateral, motions.of_point)))
@@ -182,23 +212,31 @@ def reference_motion(
 
 
 def _rest_of(
-    normal_modes: npt.NDArray[np.float64], gap: npt.NDArray[np.float64], load: npt.NDArray[np.float64]
+    normal_modes: npt.NDArray[np.float64],
+    gap: npt.NDArray[np.float64],
+    load: npt.NDArray[np.float64],
 ) -> npt.NDArray[np.float64] | None:
-    """How far the free motions of one assembly go, lengths, shape (k,); None where nothing stops it, or it rests."""
+    """How far the free motions of one assembly go, lengths, shape (k,); None where nothing stops
+    it, or it rests.
+    """
     values, vectors = np.linalg.eigh(normal_modes.T @ normal_modes)
     resisted: npt.NDArray[np.float64] = vectors[:, values > CERTIFICATE_TOLERANCE * values[-1]]
     work = resisted.T @ load
     size, largest = float(np.abs(gap).max()), float(np.abs(work).max(initial=0.0))
     if size == 0 or largest == 0:
         return None
-    coefficients = _furthest(normal_modes @ resisted, gap / np.float64(size), work / np.float64(largest))
+    coefficients = _furthest(
+        normal_modes @ resisted, gap / np.float64(size), work / np.float64(largest)
+    )
     return None if coefficients is None else size * (resisted @ coefficients)
 
 
 def _furthest(
     rows: npt.NDArray[np.float64], gap: npt.NDArray[np.float64], work: npt.NDArray[np.float64]
 ) -> npt.NDArray[np.float64] | None:
-    """The coefficients q with rows q <= gap for which work . q is largest; None where it has no bound."""
+    """The coefficients q with rows q <= gap for which work . q is largest; None where it has no
+    bound.
+    """
     if work.size == 1:
         along = rows[:, 0] * np.sign(work[0])
         # Along a wall that it slides on there is only round-off.
@@ -211,5 +249,7 @@ def _furthest(
         return None
     # The programme is solved to its own tolerance; the gaps that it closes are closed exactly.
     closed = rows @ result.x >= gap - CERTIFICATE_TOLERANCE
-    coefficients: npt.NDArray[np.float64] = np.linalg.lstsq(rows[closed], gap[closed], rcond=None)[0]
+    coefficients: npt.NDArray[np.float64] = np.linalg.lstsq(rows[closed], gap[closed], rcond=None)[
+        0
+    ]
     return coefficients

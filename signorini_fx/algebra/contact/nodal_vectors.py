@@ -19,7 +19,9 @@ def inner(a: Nodal, b: Nodal) -> Nodal:
 
 
 def unit(vectors: Nodal) -> Nodal:
-    """Each row over its length; the first axis where a row is zero.  In R^1: the sign, +1 for zero."""
+    """Each row over its length; the first axis where a row is zero.  In R^1: the sign, +1 for
+    zero.
+    """
     size = length(vectors)
     units = np.zeros_like(vectors)
     units[:, :1] = 1.0

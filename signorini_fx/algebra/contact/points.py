@@ -1,8 +1,9 @@
-"""The contact points of this rank: their weights, and the directions in which supports let them move.
+"""The contact points of this rank: their weights, and the directions in which supports let them
+move.
 
-All components are those of the frame (n, T) of each point, normal first, so that no coordinates are needed.  Points of
-one body are judged together, and those of different bodies apart: the forces on one body are no measure of whether the
-iteration has converged on another one.
+All components are those of the frame (n, T) of each point, normal first, so that no coordinates are
+needed.  Points of one body are judged together, and those of different bodies apart: the forces on
+one body are no measure of whether the iteration has converged on another one.
 """
 
 from __future__ import annotations
@@ -20,16 +21,16 @@ from signorini_fx.tuned import NO_FORCE, ROOT_OF_EPS, SAME_LENGTH, ZERO_IN_SOLUT
 
 
 def pushed(depth: Nodal, size: float) -> npt.NDArray[np.bool_]:
-    """Where supports push the body of this size into its foundation, and not round-off, shape (n,); ``depth``: see
-    ``PointState.held_inside``, length.
+    """Where supports push the body of this size into its foundation, and not round-off, shape (n,);
+    ``depth``: see ``PointState.held_inside``, length.
     """
     return np.asarray(depth > SAME_LENGTH * size)
 
 
 @dataclass(frozen=True)
 class SharedNodes:
-    """Pairs of contact points at one node, each pair both ways round, shape (m,), and the normal of the second one in
-    the frame of the first one, shape (m, d).
+    """Pairs of contact points at one node, each pair both ways round, shape (m,), and the normal of
+    the second one in the frame of the first one, shape (m, d).
     """
 
     here: npt.NDArray[np.int64]
@@ -44,9 +45,10 @@ class ContactPoints:
     Attributes:
         comm: the ranks that share the points.
         weight: w, the area (in 2D: length) that belongs to a point, shape (n,).
-        movable: orthogonal projector onto the directions in which something at the point can move, in its frame,
-            shape (n, d, d); the identity where nothing is prescribed.
-        x: position, length, shape (n, m): says which of several equal points comes first, alike on any number of ranks.
+        movable: orthogonal projector onto the directions in which something at the point can move,
+            in its frame, shape (n, d, d); the identity where nothing is prescribed.
+        x: position, length, shape (n, m): says which of several equal points comes first, alike on
+            any number of ranks.
         shared: points that share a node; None: there are none.
     """
 
@@ -73,35 +75,44 @@ class ContactPoints:
 
     @cached_property
     def immovable(self) -> npt.NDArray[np.bool_]:
-        """Points that cannot move along their normal because they are free only perpendicular to it, shape (n,).
+        """Points that cannot move along their normal because they are free only perpendicular to
+        it, shape (n,).
 
-        Supports decide alone about their distance, and would take whatever contact did there: it transmits no pressure.
+        Supports decide alone about their distance, and would take whatever contact did there: it
+        transmits no pressure.
         """
         return np.asarray(np.linalg.norm(self.movable[:, 0], axis=1) <= ROOT_OF_EPS)
 
     @cached_property
     def still(self) -> Nodal:
-        """Projections onto the tangential directions in which supports let a point not move, shape (n, d - 1, d - 1).
+        """Projections onto the tangential directions in which supports let a point not move, shape
+        (n, d - 1, d - 1).
 
         A shear along them does nothing to the body, so only the friction law says what it is.
         """
         return np.eye(self.dimension - 1) - onto_range(self.movable[:, 1:, 1:])
 
     def dragged(self, slip: Nodal, motion: Nodal) -> npt.NDArray[np.bool_]:
-        """Points that supports move along their tangents, whatever the friction there, shape (n,); ``slip``: what
-        friction opposes, shape (n, d - 1), ``motion``: (tau_N y, tau_T y), shape (n, d), lengths.
+        """Points that supports move along their tangents, whatever the friction there, shape (n,);
+        ``slip``: what friction opposes, shape (n, d - 1), ``motion``: (tau_N y, tau_T y), shape (n,
+        d), lengths.
         """
-        return np.asarray(length(np.einsum("nij,nj->ni", self.still, slip)) > ZERO_IN_SOLUTION * length(motion))
+        return np.asarray(
+            length(np.einsum("nij,nj->ni", self.still, slip)) > ZERO_IN_SOLUTION * length(motion)
+        )
 
     def closed(self, contact: npt.NDArray[np.bool_], entered: Nodal) -> tuple[Nodal, Nodal]:
-        """``still`` and the direction that another contact of the same node closes, where one is left to slip in.
+        """``still`` and the direction that another contact of the same node closes, where one is
+        left to slip in.
 
-        A shear along it and the pressures of both have only a common effect.  The displacement there is what the two
-        have been entered by, tau_N y - d, which vanishes in the limit.
+        A shear along it and the pressures of both have only a common effect.  The displacement
+        there is what the two have been entered by, tau_N y - d, which vanishes in the limit.
 
         Returns:
-            Projections onto the tangential directions in which a point does not move, ``still`` and these, shape
-            (n, d - 1, d - 1), and what of the displacement along these is due to ``entered``, length, shape (n, d - 1).
+            Projections onto the tangential directions in which a point does not move, ``still`` and
+            these, shape
+            (n, d - 1, d - 1), and what of the displacement along these is due to ``entered``,
+            length, shape (n, d - 1).
         """
         projections, moved = self.still.copy(), np.zeros((self.size, self.dimension - 1))
         if self.shared is None:
@@ -115,24 +126,34 @@ class ContactPoints:
         projections = onto_range(projections)
         moved[point] = across * ((entered[beside] - aligned * entered[point]) / size)[:, None]
         slips = np.trace(projections, axis1=1, axis2=2) < self.dimension - 1.5
-        return np.where(slips[:, None, None], projections, self.still), np.where(slips[:, None], moved, 0.0)
+        return np.where(slips[:, None, None], projections, self.still), np.where(
+            slips[:, None], moved, 0.0
+        )
 
     def norm(self, values: Nodal) -> float:
-        """The norm of L2(Gamma_c) by the nodal rule, of scalars (n,) or vectors (n, k); collective."""
+        """The norm of L2(Gamma_c) by the nodal rule, of scalars (n,) or vectors (n, k);
+        collective.
+        """
         squares = np.tensordot(self.weight, values**2, axes=1).sum()
         return float(np.sqrt(parallel.global_sum(self.comm, squares)))
 
     def felt(self, values: Nodal, beside: Nodal | None = None) -> Nodal:
-        """Size of the part of a pressure (n,) or a shear (n, d - 1) that no support takes, stress, shape (n,). What
-        supports take does nothing to the body: it is no scale for other nodes. Neither is what the other one of the
-        two, ``beside``, undoes.
+        """Size of the part of a pressure (n,) or a shear (n, d - 1) that no support takes, stress,
+        shape (n,). What supports take does nothing to the body: it is no scale for other nodes.
+        Neither is what the other one of the two, ``beside``, undoes.
         """
         alone = self._felt(values)
         size = np.asarray(np.linalg.norm(alone, axis=1))
-        return size if beside is None else np.minimum(size, np.linalg.norm(alone + self._felt(beside), axis=1))
+        return (
+            size
+            if beside is None
+            else np.minimum(size, np.linalg.norm(alone + self._felt(beside), axis=1))
+        )
 
     def _felt(self, values: Nodal) -> Nodal:
-        """A pressure (n,) or a shear (n, d - 1) as vectors without what supports take, shape (n, d)."""
+        """A pressure (n,) or a shear (n, d - 1) as vectors without what supports take, shape (n,
+        d).
+        """
         if values.ndim == 1:
             return self.movable[:, :, 0] * values[:, None]
         return np.asarray(np.einsum("nij,nj->ni", self.movable[:, :, 1:], values))
@@ -141,14 +162,16 @@ class ContactPoints:
 def onto_range(matrices: Nodal) -> Nodal:
     """Orthogonal projectors onto the ranges of symmetric matrices of order one, shape (n, k, k)."""
     values, vectors = np.linalg.eigh(matrices)
-    return np.asarray(np.einsum("nik,nk,njk->nij", vectors, np.where(values > ROOT_OF_EPS, 1.0, 0.0), vectors))
+    return np.asarray(
+        np.einsum("nik,nk,njk->nij", vectors, np.where(values > ROOT_OF_EPS, 1.0, 0.0), vectors)
+    )
 
 
 @dataclass(frozen=True)
 class PointGroups:
-    """The contact points of this rank in groups that reach the same pieces of bodies, g groups, by the number of the
-    group of each point, shape (n,); ``pieces``: which pieces each group reaches, shape (g, p), the same on every rank;
-    methods are collective.
+    """The contact points of this rank in groups that reach the same pieces of bodies, g groups, by
+    the number of the group of each point, shape (n,); ``pieces``: which pieces each group reaches,
+    shape (g, p), the same on every rank; methods are collective.
     """
 
     points: ContactPoints
@@ -157,8 +180,12 @@ class PointGroups:
 
     @classmethod
     def of(cls, points: ContactPoints, reached: npt.NDArray[np.bool_]) -> PointGroups:
-        """The groups of points whose relative displacements are those of the pieces ``reached``, shape (n, pieces)."""
-        every = np.array(sorted(set(map(tuple, parallel.gather_rows(points.comm, reached).tolist()))))
+        """The groups of points whose relative displacements are those of the pieces ``reached``,
+        shape (n, pieces).
+        """
+        every = np.array(
+            sorted(set(map(tuple, parallel.gather_rows(points.comm, reached).tolist())))
+        )
         if len(every) < 2:
             return cls(points, np.zeros(points.size, dtype=np.int64), np.ones((1, 1), dtype=bool))
         number = (reached[:, None] == every).all(axis=2).argmax(axis=1)
@@ -183,11 +210,12 @@ class PointGroups:
         return parallel.largest_of_each(self.points.comm, found)
 
     def scales(self, sizes: Nodal, *, lengths: bool = False) -> Nodal:
-        """What each group is judged by, shape (g,), at least what is round-off of the largest of all sizes.
+        """What each group is judged by, shape (g,), at least what is round-off of the largest of
+        all sizes.
 
-        The size of a piece is the largest of the groups that reach it.  Of two pieces the smaller one counts: the other
-        one may be pressed elsewhere by forces that say nothing of this contact.  Lengths are relative ones of both, of
-        which the larger one counts.
+        The size of a piece is the largest of the groups that reach it.  Of two pieces the smaller
+        one counts: the other one may be pressed elsewhere by forces that say nothing of this
+        contact.  Lengths are relative ones of both, of which the larger one counts.
         """
         of_pieces = np.where(self.pieces, sizes[:, None], 0.0).max(axis=0)
         counting = np.where(self.pieces, of_pieces, 0.0 if lengths else np.inf)

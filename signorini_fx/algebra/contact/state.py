@@ -28,13 +28,14 @@ class PointState:
         shear: mu = -sigma_T, stress, shape (n, d - 1).
         bound: friction bound F g, stress; zero without friction.
         in_contact: True on A_c.
-        direction: unit vector of the shear on A_f, zero on I_f, shape (n, d - 1); in 2D +1 on A_f,+ and
-            -1 on A_f,-.
+        direction: unit vector of the shear on A_f, zero on I_f, shape (n, d - 1); in 2D +1 on A_f,+
+            and -1 on A_f,-.
         has_friction: whether a friction law acts.
         bilateral: points whose contact cannot open.
-        slip_length: the slip that friction opposes, length: tau_T y, or its increment in a later load step, shape
-            (n, d - 1).
-        xi: its part beyond the elastic slip of the regularisation, length; zero at stick nodes, shape (n, d - 1).
+        slip_length: the slip that friction opposes, length: tau_T y, or its increment in a later
+            load step, shape (n, d - 1).
+        xi: its part beyond the elastic slip of the regularisation, length; zero at stick nodes,
+            shape (n, d - 1).
     """
 
     points: ContactPoints
@@ -52,12 +53,15 @@ class PointState:
     xi: Nodal
 
     def __repr__(self) -> str:
-        return f"<{type(self).__name__}: {self.points.size} points of this rank, {self.in_contact.sum()} in contact>"
+        return (
+            f"<{type(self).__name__}: {self.points.size} points of this rank, "
+            f"{self.in_contact.sum()} in contact>"
+        )
 
     @property
     def held_inside(self) -> Nodal:
-        """How far immovable points lie inside the foundation, or, where contact cannot open, off it too; zero at all
-        others, length, shape (n,).
+        """How far immovable points lie inside the foundation, or, where contact cannot open, off it
+        too; zero at all others, length, shape (n,).
         """
         overlap = self.u_n - self.gap
         depth = np.where(self.bilateral, np.abs(overlap), np.maximum(overlap, 0.0))
@@ -74,7 +78,9 @@ class PointState:
         return float(parallel.global_sum(self.points.comm, work))
 
     def sliding_side(self) -> npt.NDArray[np.int8]:
-        """``ActiveSets.side``; a node that transmits no shear moves freely, forward but for round-off."""
+        """``ActiveSets.side``; a node that transmits no shear moves freely, forward but for
+        round-off.
+        """
         side = ActiveSets.of(self.in_contact, self.direction).side
         back = self.slip_length[:, 0] < -ZERO_IN_SOLUTION * np.linalg.norm(
             np.column_stack((self.u_n, self.u_t)), axis=1
@@ -84,8 +90,8 @@ class PointState:
 
     @cached_property
     def areas(self) -> dict[str, float]:
-        """Areas (in 2D lengths) in contact, and of the nodes with a friction bound those that stick and slip;
-        collective.
+        """Areas (in 2D lengths) in contact, and of the nodes with a friction bound those that stick
+        and slip; collective.
         """
         weight, slip = self.points.weight, self.sliding_side() != 0
         acting = self.bound > 0

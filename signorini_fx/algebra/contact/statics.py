@@ -1,16 +1,20 @@
-"""Statics of a body on its foundation: which loads admissible contact tractions can balance, and how many times over.
+"""Statics of a body on its foundation: which loads admissible contact tractions can balance, and
+how many times over.
 
-Admissible are lambda >= 0, of any sign where contact is bilateral, and |mu| <= min(g + F lambda, cap).  Their
-resultants on the rigid motions that the supports leave free form a convex set C, the sum of a cone and of a bounded
-set.  Whether the load W is in C does not depend on the stiffness of the body.  The direction r from the nearest point
-of C to W is a motion, and both answers are checked by plain arithmetic:
+Admissible are lambda >= 0, of any sign where contact is bilateral, and |mu| <= min(g + F lambda,
+cap).  Their resultants on the rigid motions that the supports leave free form a convex set C, the
+sum of a cone and of a bounded set.  Whether the load W is in C does not depend on the stiffness of
+the body.  The direction r from the nearest point of C to W is a motion, and both answers are
+checked by plain arithmetic:
 
 - tractions that leave nothing of W are a balance;
-- if W does more work on r than any admissible tractions can take, there is none, however the body deforms.
+- if W does more work on r than any admissible tractions can take, there is none, however the body
+  deforms.
 
-The nearest point is found by the active-set method of Lawson and Hanson (*Solving Least Squares Problems*, chapter 23),
-whose columns are not listed beforehand: each motion says which tractions work most against it, in closed form, the disc
-of |mu| included.  Nothing is replaced by polygons, and there is no status of a solver to be trusted.
+The nearest point is found by the active-set method of Lawson and Hanson (*Solving Least Squares
+Problems*, chapter 23), whose columns are not listed beforehand: each motion says which tractions
+work most against it, in closed form, the disc of |mu| included.  Nothing is replaced by polygons,
+and there is no status of a solver to be trusted.
 """
 
 from __future__ import annotations
@@ -25,17 +29,24 @@ from signorini_fx.algebra.contact.motions import FreeMotions
 from signorini_fx.algebra.contact.nodal_vectors import Nodal, length, unit
 from signorini_fx.machine import parallel
 from signorini_fx.records import Status
-from signorini_fx.tuned import CERTIFICATE_TOLERANCE, LARGEST_BALANCING_FORCE, NO_FORCE, NOTHING_LEFT, ZERO_COMPONENT
+from signorini_fx.tuned import (
+    CERTIFICATE_TOLERANCE,
+    LARGEST_BALANCING_FORCE,
+    NO_FORCE,
+    NOTHING_LEFT,
+    ZERO_COMPONENT,
+)
 
-# Columns that a motion adds, for each dimension; motions that are tried, and those without progress.
+# Columns that a motion adds, for each dimension; motions that are tried, and those without
+# progress.
 _COLUMNS, _ROUNDS, _PATIENCE = 4, 400, 3
 
 
 @dataclass(frozen=True)
 class Escape:
-    """How an assembly moves away because no admissible contact tractions balance its load: it ``SLIDES``, held if
-    friction had no limit, ``TIPS`` about nodes that stay where they are, leaves the foundation (``OPEN``), or nothing
-    resists a motion (``NOT_HELD``).
+    """How an assembly moves away because no admissible contact tractions balance its load: it
+    ``SLIDES``, held if friction had no limit, ``TIPS`` about nodes that stay where they are, leaves
+    the foundation (``OPEN``), or nothing resists a motion (``NOT_HELD``).
     """
 
     status: Status
@@ -49,18 +60,24 @@ def no_balance(
     load: Nodal,
     gap: Nodal | None = None,
 ) -> Escape | None:
-    """A proof that a contact problem has no solution, to be asked before anything is tried: how the first assembly
-    moves away, of those that loads drive, then of others; None: not proved of any; collective.
+    """A proof that a contact problem has no solution, to be asked before anything is tried: how the
+    first assembly moves away, of those that loads drive, then of others; None: not proved of any;
+    collective.
 
-    It holds for any number of contacts, for frictionless contact, any friction below its envelope, in 2D
-    and in 3D, and whatever the gaps and the stiffness are: all contact nodes may press.  None proves
-    nothing: where the law lets the pressure choose, an equilibrium of rigid bodies need not be one of elastic bodies.
+    It holds for any number of contacts, for frictionless contact, any friction below its envelope,
+    in 2D
+    and in 3D, and whatever the gaps and the stiffness are: all contact nodes may press.  None
+    proves
+    nothing: where the law lets the pressure choose, an equilibrium of rigid bodies need not be one
+    of elastic bodies.
 
-    ``law``: the friction law itself, not the bound of an iterate, stresses, None: without friction; ``bilateral``:
-    nodes whose contact cannot open, shape (n,); ``load``: its work on the free motions, zero where it is round-off
-    (``ElasticSystem.resultant``), shape (k,); ``gap``: of the body as its loads alone deform it, lengths, shape (n,): a
-    body without a resultant, with no given friction, and not squeezed by its foundation, then counts as one that leaves
-    it; None, where that is not known: only if it can move off without touching, because strains may press it on.
+    ``law``: the friction law itself, not the bound of an iterate, stresses, None: without friction;
+    ``bilateral``: nodes whose contact cannot open, shape (n,); ``load``: its work on the free
+    motions, zero where it is round-off (``ElasticSystem.resultant``), shape (k,); ``gap``: of the
+    body as its loads alone deform it, lengths, shape (n,): a body without a resultant, with no
+    given friction, and not squeezed by its foundation, then counts as one that leaves it; None,
+    where that is not known: only if it can move off without touching, because strains may press it
+    on.
     """
     if not load.size:
         return None
@@ -69,7 +86,9 @@ def no_balance(
     unheld = motions.unheld(everywhere, able)
     all_reactions = reactions(motions, law, bilateral)
     gaps = None if gap is None else parallel.gather_rows(motions.points.comm, gap[:, None])[:, 0]
-    for number, columns in sorted(motions.assemblies, key=lambda assembly: not load[assembly[1]].any()):
+    for number, columns in sorted(
+        motions.assemblies, key=lambda assembly: not load[assembly[1]].any()
+    ):
         contact, work = all_reactions.of(number, columns), load[columns]
         if unheld[number] or not contact.given.size:
             return Escape(Status.NOT_HELD if unheld[number] else Status.OPEN, number)
@@ -93,7 +112,8 @@ class Reactions:
     """What the n contact nodes of all ranks can do against k rigid motions; the same on every rank.
 
     Attributes:
-        normal: each motion along the normal of each node, shape (n, k); zero at a node that cannot press.
+        normal: each motion along the normal of each node, shape (n, k); zero at a node that cannot
+            press.
         tangential: along its tangents, shape (n, d - 1, k).
         given: given part of the friction bound, a force, shape (n,); may be infinite.
         coefficient: F where the bound depends on the pressure, shape (n,).
@@ -112,7 +132,9 @@ class Reactions:
 
     def of(self, number: int, columns: npt.NDArray[np.bool_]) -> Reactions:
         """The nodes and the motions of one assembly."""
-        normal, tangential, *others = (values[self.assembly == number] for values in vars(self).values())
+        normal, tangential, *others = (
+            values[self.assembly == number] for values in vars(self).values()
+        )
         return Reactions(normal[:, columns], tangential[:, :, columns], *others)
 
     @property
@@ -125,14 +147,16 @@ class Reactions:
         bound = np.where(where, np.inf, 0.0)
         return replace(self, given=bound, cap=np.full_like(bound, np.inf))
 
-    def against(self, motion: Nodal, unit_of_force: float) -> tuple[Nodal, Nodal, npt.NDArray[np.int64], Nodal]:
+    def against(
+        self, motion: Nodal, unit_of_force: float
+    ) -> tuple[Nodal, Nodal, npt.NDArray[np.int64], Nodal]:
         """The tractions that do most work on a motion of shape (k,).
 
         Returns:
-            Edges of the cone and directions within it, one per row, the resultants of unlimited tractions that are not
-            round-off, and their lengths, shape (m,); the node that each of them presses, shape (m,), -1 for friction
-            without pressure; and the resultant of limited tractions that does the most work, shape (k,), in the given
-            unit.
+            Edges of the cone and directions within it, one per row, the resultants of unlimited
+            tractions that are not round-off, and their lengths, shape (m,); the node that each of
+            them presses, shape (m,), -1 for friction without pressure; and the resultant of limited
+            tractions that does the most work, shape (k,), in the given unit.
         """
         away, slip = self.normal @ motion, self.tangential @ motion
         along = unit(slip)
@@ -146,7 +170,9 @@ class Reactions:
         reduced = np.flatnonzero((pressed > 0) & (size < share * pressed))
         reduced_pull = (size[reduced] / pressed[reduced])[:, None] * pull[reduced]
         normal = side[:, None] * self.normal
-        edges = np.concatenate((normal + share[:, None] * pull, normal[reduced] + reduced_pull, pull[stick]))
+        edges = np.concatenate(
+            (normal + share[:, None] * pull, normal[reduced] + reduced_pull, pull[stick])
+        )
         node = np.concatenate((np.arange(away.size), reduced, np.full(np.count_nonzero(stick), -1)))
         # Up to its cap, friction grows with the pressure.
         lift = np.zeros_like(away)
@@ -155,7 +181,12 @@ class Reactions:
         bound = np.where(stick, 0.0, np.where(lift > 0, self.cap, self.given)) / unit_of_force
         lengths = np.linalg.norm(edges, axis=1)
         real = lengths > NO_FORCE
-        return edges[real], lengths[real], node[real], bound @ pull + (lift / unit_of_force) @ self.normal
+        return (
+            edges[real],
+            lengths[real],
+            node[real],
+            bound @ pull + (lift / unit_of_force) @ self.normal,
+        )
 
 
 def reactions(
@@ -164,9 +195,9 @@ def reactions(
     bilateral: npt.NDArray[np.bool_],
     pressing: npt.NDArray[np.bool_] | None = None,
 ) -> Reactions:
-    """What contact can do against the free rigid motions; ``law``: of friction, stresses, None without; ``bilateral``:
-    nodes whose contact cannot open, ``pressing``: at which the foundation can press, None: at all; given friction acts
-    at all nodes; collective.
+    """What contact can do against the free rigid motions; ``law``: of friction, stresses, None
+    without; ``bilateral``: nodes whose contact cannot open, ``pressing``: at which the foundation
+    can press, None: at all; given friction acts at all nodes; collective.
     """
     points, k, tangents = motions.points, motions.count, motions.points.dimension - 1
     law = as_given(np.zeros(points.size)) if law is None else law.forces(points.weight)
@@ -177,7 +208,8 @@ def reactions(
     table = parallel.gather_rows(points.comm, np.column_stack((flat, *laws)))
     base_bound, share, cap, sides, able, assembly = table[:, (1 + tangents) * k :].T
     sideways = table[:, k : (1 + tangents) * k].reshape(len(table), tangents, k)
-    # A foundation that may pull as well as push gives friction without limit but a cap: F |lambda| is not convex.
+    # A foundation that may pull as well as push gives friction without limit but a cap: F |lambda|
+    # is not convex.
     unlimited = (share > 0) & ((sides > 0) | (share > LARGEST_BALANCING_FORCE))
     return Reactions(
         normal=np.where(able[:, None] > 0, table[:, :k], 0.0),
@@ -192,9 +224,11 @@ def reactions(
 
 @dataclass(frozen=True)
 class NearestTractions:
-    """The admissible tractions of one assembly whose resultant is nearest to a load: what they leave of it, the motion
-    that it drives, in units of force, shape (k,), and the nodes that they press with a force that no bound limits.
-    ``balanced``: nothing but round-off is left; ``unbalanced``: it is proved that none balance the load.
+    """The admissible tractions of one assembly whose resultant is nearest to a load: what they
+    leave of it, the motion that it drives, in units of force, shape (k,), and the nodes that they
+    press with a force that no bound limits.
+    ``balanced``: nothing but round-off is left; ``unbalanced``: it is proved that none balance the
+    load.
     """
 
     motion: Nodal
@@ -204,9 +238,10 @@ class NearestTractions:
 
 
 def nearest(contact: Reactions, load: Nodal, *, unlimited: bool = False) -> NearestTractions:
-    """The tractions of one assembly nearest to a load, its work on the motions, whose size is the unit of force. A
-    limited resultant z is the column (z, 1), an unlimited edge e the column (e, 0), and the load (W, 1). ``unlimited``:
-    whether tractions with a given bound are left out; how many times the load acts does then not matter.
+    """The tractions of one assembly nearest to a load, its work on the motions, whose size is the
+    unit of force. A limited resultant z is the column (z, 1), an unlimited edge e the column (e,
+    0), and the load (W, 1). ``unlimited``: whether tractions with a given bound are left out; how
+    many times the load acts does then not matter.
     """
     size = float(np.linalg.norm(load))
     target = np.append(load / size, 0.0 if unlimited else 1.0)
@@ -216,8 +251,9 @@ def nearest(contact: Reactions, load: Nodal, *, unlimited: bool = False) -> Near
     proof: tuple[Nodal, list[int]] | None = None
 
     def proves(motion: Nodal) -> bool:
-        """Whether admissible tractions do less work than the load: those with a bound, and others as far as round-off
-        of the motion lets them, whose sum is at most ``LARGEST_BALANCING_FORCE`` times it.
+        """Whether admissible tractions do less work than the load: those with a bound, and others
+        as far as round-off of the motion lets them, whose sum is at most
+        ``LARGEST_BALANCING_FORCE`` times it.
         """
         edges, lengths, _, bounded = contact.against(motion, size)
         most_work = LARGEST_BALANCING_FORCE * float(np.max(edges @ motion / lengths, initial=0.0))
@@ -244,10 +280,14 @@ def nearest(contact: Reactions, load: Nodal, *, unlimited: bool = False) -> Near
         steepest = steepest[work[steepest] > max(ZERO_COMPONENT, NOTHING_LEFT * distance)]
         if not steepest.size:
             break
-        columns, pressing = np.concatenate((columns, rows[steepest])), np.concatenate((pressing, node[steepest]))
+        columns, pressing = (
+            np.concatenate((columns, rows[steepest])),
+            np.concatenate((pressing, node[steepest])),
+        )
     motion = residual[:-1]
     balanced = bool(distance <= NO_FORCE and values.sum() <= LARGEST_BALANCING_FORCE)
-    # An earlier motion proves what a later one does not if round-off resists the latter by very large forces.
+    # An earlier motion proves what a later one does not if round-off resists the latter by very
+    # large forces.
     unbalanced = not balanced and (proves(motion) or proof is not None)
     if unbalanced and not proves(motion) and proof is not None:
         motion, passive = proof
@@ -255,10 +295,13 @@ def nearest(contact: Reactions, load: Nodal, *, unlimited: bool = False) -> Near
     return NearestTractions(motion, pressed[pressed >= 0], balanced, unbalanced)
 
 
-def combination(columns: Nodal, target: Nodal, passive: list[int]) -> tuple[list[int], Nodal, Nodal]:
-    """The combination of columns of length 1, one per row, with non-negative coefficients that is nearest to the
-    target: the rows with positive coefficients, these, and what is left of the target; ``passive``: rows that had
-    positive coefficients with fewer columns.
+def combination(
+    columns: Nodal, target: Nodal, passive: list[int]
+) -> tuple[list[int], Nodal, Nodal]:
+    """The combination of columns of length 1, one per row, with non-negative coefficients that is
+    nearest to the
+    target: the rows with positive coefficients, these, and what is left of the target; ``passive``:
+    rows that had positive coefficients with fewer columns.
     """
     passive = list(passive)
     values = _solve(columns[passive], target)
@@ -268,7 +311,9 @@ def combination(columns: Nodal, target: Nodal, passive: list[int]) -> tuple[list
         gain = columns @ residual
         gain[passive + banned] = -np.inf
         best = int(np.argmax(gain)) if gain.size else -1
-        if best < 0 or gain[best] <= max(ZERO_COMPONENT, NOTHING_LEFT * float(np.linalg.norm(residual))):
+        if best < 0 or gain[best] <= max(
+            ZERO_COMPONENT, NOTHING_LEFT * float(np.linalg.norm(residual))
+        ):
             break
         passive, values = [*passive, best], np.append(values, 0.0)
         while True:
@@ -294,18 +339,25 @@ def combination(columns: Nodal, target: Nodal, passive: list[int]) -> tuple[list
 
 def _solve(columns: Nodal, target: Nodal) -> Nodal:
     """The coefficients of the columns, one per row, that come nearest to the target."""
-    return np.asarray(np.linalg.lstsq(columns.T, target, rcond=None)[0]) if len(columns) else np.zeros(0)
+    return (
+        np.asarray(np.linalg.lstsq(columns.T, target, rcond=None)[0])
+        if len(columns)
+        else np.zeros(0)
+    )
 
 
 def escape(contact: Reactions, load: Nodal) -> tuple[Status, Nodal] | None:
-    """How a load, its work on the motions, not zero, moves one assembly away, and the motion that it drives, shape
-    (k,); None: not proved.
+    """How a load, its work on the motions, not zero, moves one assembly away, and the motion that
+    it drives, shape (k,); None: not proved.
     """
     near = nearest(contact, load)
     if not near.unbalanced:
         return None
     if contact.friction.any():
-        rough = nearest(replace(contact.unlimited(contact.friction), coefficient=0.0 * contact.coefficient), load)
+        rough = nearest(
+            replace(contact.unlimited(contact.friction), coefficient=0.0 * contact.coefficient),
+            load,
+        )
         if not rough.unbalanced:
             return Status.SLIDES, along_contact(contact, near.motion, near.pressed)
         near = rough
@@ -320,18 +372,23 @@ def escape(contact: Reactions, load: Nodal) -> tuple[Status, Nodal] | None:
 def along_contact(contact: Reactions, motion: Nodal, pressed: npt.NDArray[np.int64]) -> Nodal:
     """A motion that keeps pressed nodes in contact, shape (k,).
 
-    Where friction follows the pressure, the motion on which tractions can do no more work lifts slipping nodes off; the
-    body does not.  The motion is returned as it is if nothing else is left of it.
+    Where friction follows the pressure, the motion on which tractions can do no more work lifts
+    slipping nodes off; the body does not.  The motion is returned as it is if nothing else is left
+    of it.
     """
     rows = contact.normal[pressed]
-    sliding: Nodal = motion - np.linalg.lstsq(rows, rows @ motion, rcond=NO_FORCE)[0] if len(rows) else motion
+    sliding: Nodal = (
+        motion - np.linalg.lstsq(rows, rows @ motion, rcond=NO_FORCE)[0] if len(rows) else motion
+    )
     return sliding if np.linalg.norm(sliding) > NO_FORCE * np.linalg.norm(motion) else motion
 
 
 def separable(contact: Reactions) -> bool:
-    """Whether one assembly can move off its foundation at all nodes at once, without slip where friction is given.
+    """Whether one assembly can move off its foundation at all nodes at once, without slip where
+    friction is given.
 
-    Then no pressures are in balance: without a load there are none, and nothing says where the body is.
+    Then no pressures are in balance: without a load there are none, and nothing says where the body
+    is.
     """
     if contact.bilateral.any():
         return False
@@ -339,30 +396,37 @@ def separable(contact: Reactions) -> bool:
     with_distance = replace(
         contact.unlimited(contact.given > 0),
         normal=np.column_stack((contact.normal, zero + 1.0)),
-        tangential=np.concatenate((contact.tangential, np.zeros_like(contact.tangential[:, :, :1])), axis=2),
+        tangential=np.concatenate(
+            (contact.tangential, np.zeros_like(contact.tangential[:, :, :1])), axis=2
+        ),
     )
-    return nearest(with_distance, np.eye(contact.normal.shape[1] + 1)[-1], unlimited=True).unbalanced
+    return nearest(
+        with_distance, np.eye(contact.normal.shape[1] + 1)[-1], unlimited=True
+    ).unbalanced
 
 
 def squeezed(contact: Reactions, gap: Nodal) -> bool:
-    """Whether one assembly is held by its foundation without a load, as in an interference fit with these gaps at its
-    contact nodes. Its nodes overlap with the foundation wherever it is if pressures in balance do work on the gaps that
-    is negative.
+    """Whether one assembly is held by its foundation without a load, as in an interference fit with
+    these gaps at its contact nodes. Its nodes overlap with the foundation wherever it is if
+    pressures in balance do work on the gaps that is negative.
     """
     size = float(np.abs(gap).max(initial=0.0))
     if size == 0.0:
         return False
     rows = np.column_stack((contact.normal, gap / size + NO_FORCE))
-    rows = np.concatenate((rows, -np.column_stack((contact.normal, gap / size - NO_FORCE))[contact.bilateral]))
+    rows = np.concatenate(
+        (rows, -np.column_stack((contact.normal, gap / size - NO_FORCE))[contact.bilateral])
+    )
     rows /= np.maximum(np.linalg.norm(rows, axis=1, keepdims=True), NO_FORCE)
     *_, residual = combination(rows, -np.eye(rows.shape[1])[-1], [])
     return bool(np.linalg.norm(residual) <= NO_FORCE)
 
 
 def largest_multiple(contact: Reactions, load: Nodal) -> float:
-    """The largest multiple of a load, its work on the motions, not zero, that admissible tractions of one assembly
-    balance; infinite beyond ``LARGEST_BALANCING_FORCE``. The motion that a larger multiple drives shows how much the
-    tractions can do against it at most: Newton's method for the largest one.
+    """The largest multiple of a load, its work on the motions, not zero, that admissible tractions
+    of one assembly balance; infinite beyond ``LARGEST_BALANCING_FORCE``. The motion that a larger
+    multiple drives shows how much the tractions can do against it at most: Newton's method for the
+    largest one.
     """
     multiple, size = LARGEST_BALANCING_FORCE, float(np.linalg.norm(load))
     while True:

@@ -1,6 +1,7 @@
 """Linear algebra: interchangeable kinds of elastic systems with one base.
 
-This package knows matrices, factorisations and PETSc's options.  It must not know forms, active sets or algorithms.
+This package knows matrices, factorisations and PETSc's options.  It must not know forms, active
+sets or algorithms.
 """
 
 from __future__ import annotations
@@ -33,9 +34,12 @@ class LoadCase:
     """Loads and prescribed displacements that change by a common factor.
 
     Attributes:
-        load: b minus what the prescribed displacements contribute; in their rows their value times the diagonal entry.
-        start: the prescribed displacements; elsewhere anything, such as the rigid motion nearest to them.
-        resultant: work of the loads on the free rigid motions; what strains cause does no work on them.
+        load: b minus what the prescribed displacements contribute; in their rows their value times
+            the diagonal entry.
+        start: the prescribed displacements; elsewhere anything, such as the rigid motion nearest to
+            them.
+        resultant: work of the loads on the free rigid motions; what strains cause does no work on
+            them.
     """
 
     load: PETSc.Vec
@@ -72,8 +76,8 @@ class Level(Protocol):
 
 @dataclass(frozen=True)
 class FarPoints:
-    """Contact points of the one rank that are not expected to touch, shape (n,), and unknowns that tell where they are,
-    as long as no others are known.
+    """Contact points of the one rank that are not expected to touch, shape (n,), and unknowns that
+    tell where they are, as long as no others are known.
     """
 
     points: npt.NDArray[np.bool_]
@@ -88,13 +92,16 @@ class Elasticity:
         matrix: A, symmetric; prescribed rows and columns are empty but for the diagonal.
         contact: B, from the unknowns to the relative displacement at the contact points.
         free: number of rigid motions that are free.
-        level: for multigrid; None: it has smoothed aggregation alone, with the near null space of the matrix.
-        definite: whether the matrix is positive semi-definite; with a pressure it is symmetric and indefinite, whose
-            Schur complement on the unknowns of contact is positive semi-definite.
-        rigid: how many unknowns of this rank are motions of rigid bodies, the last ones of the last rank.
+        level: for multigrid; None: it has smoothed aggregation alone, with the near null space of
+            the matrix.
+        definite: whether the matrix is positive semi-definite; with a pressure it is symmetric and
+            indefinite, whose Schur complement on the unknowns of contact is positive semi-definite.
+        rigid: how many unknowns of this rank are motions of rigid bodies, the last ones of the last
+            rank.
         symmetric: whether the matrix is; else it is not definite, and only a full system takes it.
         far: points that a condensed system need not reach; None: there are none.
-        eliminated: what an earlier condensed system has made of the same matrix; None: there is none.
+        eliminated: what an earlier condensed system has made of the same matrix; None: there is
+            none.
     """
 
     matrix: PETSc.Mat
@@ -116,20 +123,22 @@ class Elasticity:
 
 @dataclass
 class ElasticSystem:
-    """A x = b for the elastic body without contact, and the contact map in its unknowns: all those of the stiffness,
-    and a factorisation by a package on any number of ranks, unless another kind says something else.
+    """A x = b for the elastic body without contact, and the contact map in its unknowns: all those
+    of the stiffness, and a factorisation by a package on any number of ranks, unless another kind
+    says something else.
 
     Attributes:
         matrix: A, symmetric; the contact iteration adds B^T D B to it.
-        contact: B, from x to the relative displacement at the contact points, and which entries of x are prescribed.
+        contact: B, from x to the relative displacement at the contact points, and which entries of
+            x are prescribed.
         definite: whether A is positive semi-definite.
         load: b, the load cases times their current factors.
-        start: a vector x that satisfies the prescribed displacements times the same factors, elsewhere the rigid motion
-            that is nearest to them.
-        resultant: the work of the current loads on the free rigid motions, the same on all ranks, shape (k,);
-            zero for an assembly whose loads balance each other to round-off.
-        inexact: whether the linear solver was last set to less than full accuracy, because the matrix was about to
-            change.
+        start: a vector x that satisfies the prescribed displacements times the same factors,
+            elsewhere the rigid motion that is nearest to them.
+        resultant: the work of the current loads on the free rigid motions, the same on all ranks,
+            shape (k,); zero for an assembly whose loads balance each other to round-off.
+        inexact: whether the linear solver was last set to less than full accuracy, because the
+            matrix was about to change.
     """
 
     matrix: PETSc.Mat
@@ -159,21 +168,27 @@ class ElasticSystem:
         return self.contact.points.comm
 
     def configure(self, ksp: PETSc.KSP, *, symmetric: bool) -> None:
-        """Set the default linear solver for A plus contact blocks, symmetric or not; options of the user are applied
-        later.  ``ksp`` has its operators already, so far A alone.
+        """Set the default linear solver for A plus contact blocks, symmetric or not; options of the
+        user are applied later.  ``ksp`` has its operators already, so far A alone.
         """
-        use_factorisation(ksp, symmetric=symmetric and self.elasticity.symmetric, definite=self.definite)
+        use_factorisation(
+            ksp, symmetric=symmetric and self.elasticity.symmetric, definite=self.definite
+        )
 
     def factorise(self, ksp: PETSc.KSP, *, symmetric: bool) -> bool:
-        """Make a factorisation of another linear solver with the same operators as that of ``configure``, which has
-        failed; whether there is one: not if the default, or the choice of the user, is a factorisation or another
-        solver already, or if the memory is too small; collective.
+        """Make a factorisation of another linear solver with the same operators as that of
+        ``configure``, which has failed; whether there is one: not if the default, or the choice of
+        the user, is a factorisation or another solver already, or if the memory is too small;
+        collective.
         """
         return False
 
-    def keep_factor(self, ksp: PETSc.KSP, unchanged: bool, forces: float, *, exact: bool = False) -> bool:
-        """Decide whether the last factorisation is that of the new matrix too, which is the same if ``unchanged``, and
-        set the solver accordingly; ``forces``: size of the acting ones, which the tolerance of a solve is relative to;
+    def keep_factor(
+        self, ksp: PETSc.KSP, unchanged: bool, forces: float, *, exact: bool = False
+    ) -> bool:
+        """Decide whether the last factorisation is that of the new matrix too, which is the same if
+        ``unchanged``, and set the solver accordingly; ``forces``: size of the acting ones, which
+        the tolerance of a solve is relative to;
         ``exact``: whether it must have full accuracy.
         """
         return unchanged
@@ -189,7 +204,9 @@ class ElasticSystem:
 
     def _set_resultant(self, factors: npt.NDArray[np.float64]) -> None:
         resultants = (case.resultant for case in self.cases)
-        self.resultant = total_work(list(zip(factors, resultants, strict=True)), self.elasticity.free)
+        self.resultant = total_work(
+            list(zip(factors, resultants, strict=True)), self.elasticity.free
+        )
 
     def set_case(self, number: int, case: LoadCase) -> None:
         """Replace a load case from the next ``set_load`` on; nothing is factorised again."""
@@ -221,8 +238,8 @@ def is_by_blocks(matrix: PETSc.Mat) -> bool:
 
 
 def row_by_row(matrix: PETSc.Mat) -> PETSc.Mat:
-    """The sparse matrix itself, multiplied row by row: PETSc's products for several rows with the same pattern, such as
-    those of a node, take more time than they save.
+    """The sparse matrix itself, multiplied row by row: PETSc's products for several rows with the
+    same pattern, such as those of a node, take more time than they save.
     """
     matrix.setOption(PETSc.Mat.Option.USE_INODES, False)
     return matrix

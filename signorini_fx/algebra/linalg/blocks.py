@@ -1,9 +1,11 @@
-"""A stiffness of compact blocks, one for each pair of nodes, and the tangent A + C beside it, as PETSc matrices.
+"""A stiffness of compact blocks, one for each pair of nodes, and the tangent A + C beside it, as
+PETSc matrices.
 
-The entries stay in the arrays into which the body was assembled.  PETSc calls a ``python`` matrix for products, whose
-kernel has a copy with one block for both orders of two nodes.  No tangent is a copy of A: what contact adds,
-C = B^T D B, is a sparse matrix of its own with few rows that are not empty.  Where rows or entries are needed, for
-products of matrices or factors, they are copied from the blocks.
+The entries stay in the arrays into which the body was assembled.  PETSc calls a ``python`` matrix
+for products, whose kernel has a copy with one block for both orders of two nodes.  No tangent is a
+copy of A: what contact adds, C = B^T D B, is a sparse matrix of its own with few rows that are not
+empty.  Where rows or entries are needed, for products of matrices or factors, they are copied from
+the blocks.
 """
 
 from __future__ import annotations
@@ -66,7 +68,9 @@ class BlockRows:
         node, component = np.divmod(unknowns, self.size)
         counts = np.diff(self.starts)[node]
         ends = np.cumsum(counts)
-        block = np.arange(ends[-1] if ends.size else 0) + np.repeat(self.starts[node] - ends + counts, counts)
+        block = np.arange(ends[-1] if ends.size else 0) + np.repeat(
+            self.starts[node] - ends + counts, counts
+        )
         starts, row = np.concatenate(([0], self.size * ends)), np.repeat(component, counts)
         columns = self.size * self.names[self.columns[block]][:, None] + np.arange(self.size)
         values = self.blocks[block, row]
@@ -78,7 +82,8 @@ class BlockMatrix:
 
     def __init__(self, rows: BlockRows, added: PETSc.Mat | None = None) -> None:
         self.rows, self.added = rows, None if added is None else row_by_row(added)
-        # The rows of A that were asked for, with room for C, by their index set, which must stay, and their columns.
+        # The rows of A that were asked for, with room for C, by their index set, which must stay,
+        # and their columns.
         self._parts: dict[tuple[int, int], tuple[PETSc.Mat, PETSc.IS]] = {}
 
     @called_back
@@ -128,7 +133,9 @@ class BlockMatrix:
         if columns.getSize() == matrix.getSize()[1]:
             return found
         begin, end = found.getOwnershipRange()
-        return found.createSubMatrix(PETSc.IS().createStride(end - begin, begin, 1, comm=matrix.comm), columns)
+        return found.createSubMatrix(
+            PETSc.IS().createStride(end - begin, begin, 1, comm=matrix.comm), columns
+        )
 
     def norm(self, matrix: PETSc.Mat, kind: int) -> float:
         """Any norm; where a solve has failed, it is asked for."""
@@ -136,8 +143,8 @@ class BlockMatrix:
 
 
 def block_matrix(rows: BlockRows, comm: Any, added: PETSc.Mat | None = None) -> PETSc.Mat:
-    """The symmetric positive definite matrix of the rows of all ranks; ``added``: C, with all the entries it may have,
-    which becomes part of it; collective.
+    """The symmetric positive definite matrix of the rows of all ranks; ``added``: C, with all the
+    entries it may have, which becomes part of it; collective.
     """
     size = ((rows.starts.size - 1) * rows.size, None)
     matrix = PETSc.Mat().create(comm)
@@ -162,12 +169,18 @@ def change_added(tangent: PETSc.Mat, added: PETSc.Mat) -> None:
 
 
 def by_entries(matrix: PETSc.Mat) -> PETSc.Mat:
-    """The sparse matrix with the entries of one by blocks, a copy, or the matrix itself; collective."""
+    """The sparse matrix with the entries of one by blocks, a copy, or the matrix itself;
+    collective.
+    """
     if not is_by_blocks(matrix):
         return matrix
     context = matrix.getPythonContext()
     rows, added = context.rows, context.added
-    csr = rows.starts.astype(PETSc.IntType), rows.names[rows.columns].astype(PETSc.IntType), rows.blocks
+    csr = (
+        rows.starts.astype(PETSc.IntType),
+        rows.names[rows.columns].astype(PETSc.IntType),
+        rows.blocks,
+    )
     copied = PETSc.Mat().createBAIJ(matrix.getSizes(), rows.size, csr=csr, comm=matrix.comm)
     entries = copied.convert(PETSc.Mat.Type.AIJ)
     if added is not None:
@@ -176,7 +189,8 @@ def by_entries(matrix: PETSc.Mat) -> PETSc.Mat:
 
 
 class PreconditionerByEntries:
-    """Context of a ``python`` preconditioner that makes another one for the entries of a matrix by blocks;
+    """Context of a ``python`` preconditioner that makes another one for the entries of a matrix by
+    blocks;
     ``configure``: sets its kind, once it has its matrix.
     """
 
@@ -192,7 +206,9 @@ class PreconditionerByEntries:
         inner.setOperators(by_entries(pc.getOperators()[0]))
         self._configure(inner)
         inner.setUp()
-        pc.setFailedReason(inner.getFailedReason())  # by which a singular matrix is told from a lack of memory
+        pc.setFailedReason(
+            inner.getFailedReason()
+        )  # by which a singular matrix is told from a lack of memory
         self._inner = inner
 
     @called_back
@@ -203,6 +219,8 @@ class PreconditionerByEntries:
 
 
 def use_entries(pc: PETSc.PC, configure: Callable[[PETSc.PC], None]) -> None:
-    """Make a preconditioner of a matrix by blocks one of its entries, see ``PreconditionerByEntries``."""
+    """Make a preconditioner of a matrix by blocks one of its entries, see
+    ``PreconditionerByEntries``.
+    """
     pc.setType(PETSc.PC.Type.PYTHON)
     pc.setPythonContext(PreconditionerByEntries(configure))

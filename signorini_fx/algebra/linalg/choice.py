@@ -11,7 +11,12 @@ from petsc4py import PETSc
 from signorini_fx.algebra.linalg import Elasticity, ElasticSystem, is_by_blocks, petsc_options
 from signorini_fx.algebra.linalg.blocks import by_entries
 from signorini_fx.algebra.linalg.condensed import CondensedSystem
-from signorini_fx.algebra.linalg.factorisation import can_factorise, enough_memory, factor_memory, has_package
+from signorini_fx.algebra.linalg.factorisation import (
+    can_factorise,
+    enough_memory,
+    factor_memory,
+    has_package,
+)
 from signorini_fx.tuned import (
     DENSE_SPEED,
     FACTOR_SECONDS,
@@ -24,11 +29,12 @@ from signorini_fx.tuned import (
 
 @dataclass(frozen=True)
 class SystemSize:
-    """The figures that decide which kind a system gets: the ranks that share it, the global number of unknowns, d, and
-    ``retained``: unknowns that contact touches, of two bodies on both sides. ``held``: whether contact and stick at all
-    contact points hold every piece of the body; ``compressible``: enough for multigrid; ``definite``: the matrix is
-    positive semi-definite; ``enclosed``: contact and supports enclose an incompressible body, so that what contact does
-    not touch is singular.
+    """The figures that decide which kind a system gets: the ranks that share it, the global number
+    of unknowns, d, and
+    ``retained``: unknowns that contact touches, of two bodies on both sides. ``held``: whether
+    contact and stick at all contact points hold every piece of the body; ``compressible``: enough
+    for multigrid; ``definite``: the matrix is positive semi-definite; ``enclosed``: contact and
+    supports enclose an incompressible body, so that what contact does not touch is singular.
     """
 
     comm: MPI.Comm
@@ -41,9 +47,12 @@ class SystemSize:
     enclosed: bool = False
 
 
-def choose_system(elasticity: Elasticity, size: SystemSize, requested: str) -> tuple[ElasticSystem, str]:
-    """The elastic system, and the reason for its kind; ``requested``: ``full``, ``krylov``, ``condensed``, ``auto``, or
-    the name of a solver of another package.  What few problems need is imported here.
+def choose_system(
+    elasticity: Elasticity, size: SystemSize, requested: str
+) -> tuple[ElasticSystem, str]:
+    """The elastic system, and the reason for its kind; ``requested``: ``full``, ``krylov``,
+    ``condensed``, ``auto``, or the name of a solver of another package.  What few problems need is
+    imported here.
     """
     kind, reason = choose_kind(size, requested)
     if kind != "krylov" and is_by_blocks(elasticity.matrix):
@@ -65,13 +74,17 @@ def choose_system(elasticity: Elasticity, size: SystemSize, requested: str) -> t
 
 
 def choose_kind(size: SystemSize, requested: str) -> tuple[str, str]:
-    """``full``, ``krylov``, ``condensed`` or the name of another one, and the reason; ``requested``: as for
-    ``choose_system``; without contact there is nothing to condense onto; collective.
+    """``full``, ``krylov``, ``condensed`` or the name of another one, and the reason;
+    ``requested``: as for ``choose_system``; without contact there is nothing to condense onto;
+    collective.
     """
     if requested not in ("auto", "full", "condensed"):
         return requested, "as asked for"
     if size.retained and not size.held:
-        return "full", "the contact does not reach every piece of the body that supports do not hold"
+        return (
+            "full",
+            "the contact does not reach every piece of the body that supports do not hold",
+        )
     if size.enclosed:
         return "full", "contact and supports enclose the incompressible body"
     if requested == "condensed" and cannot_condense(size) is None:
@@ -87,32 +100,42 @@ def choose_kind(size: SystemSize, requested: str) -> tuple[str, str]:
         return "full", against
     megabytes = 3 * 8 * size.retained**2 / 2**20
     memory = f"{megabytes:.0f} MB" if megabytes >= 1 else "less than 1 MB"
-    return "condensed", f"{size.retained} of {size.unknowns} unknowns are on the contact boundary, {memory} dense"
+    return (
+        "condensed",
+        f"{size.retained} of {size.unknowns} unknowns are on the contact boundary, {memory} dense",
+    )
 
 
 def for_multigrid(size: SystemSize) -> str | None:
-    """Why a Krylov method with multigrid is better than a factorisation; None: it is not; collective."""
+    """Why a Krylov method with multigrid is better than a factorisation; None: it is not;
+    collective.
+    """
     if petsc_options.user_chooses_solver():
         return None
     factor = factor_memory(size.unknowns, size.dimension)
     if not enough_memory(size.comm, factor):
         return (
-            f"a factor for {size.unknowns} unknowns would take about {factor / 1e9:.2g} GB, more than this machine has"
+            f"a factor for {size.unknowns} unknowns would take about {factor / 1e9:.2g} GB, "
+            "more than this machine has"
         )
     faster = size.unknowns >= krylov_from(size, "auto")
-    return f"for {size.unknowns} unknowns in 3D multigrid is faster than a factor" if faster else None
+    return (
+        f"for {size.unknowns} unknowns in 3D multigrid is faster than a factor" if faster else None
+    )
 
 
 def krylov_from(size: SystemSize, requested: str) -> float:
-    """Unknowns from which on a mesh of a body gets a Krylov method because it is faster; infinite: none does; ``size``:
-    of the system on any of them.
+    """Unknowns from which on a mesh of a body gets a Krylov method because it is faster; infinite:
+    none does; ``size``: of the system on any of them.
     """
     if requested != "auto":
         return 0.0 if requested == "krylov" else math.inf
     if size.dimension == 2 or not size.compressible or petsc_options.user_chooses_solver():
         return math.inf
     # A dense matrix of few contact points is cheap for longer than a sparse one.
-    return FEWEST_KRYLOV_UNKNOWNS if against_condensing(size) else FEWEST_KRYLOV_UNKNOWNS_IF_CONDENSED
+    return (
+        FEWEST_KRYLOV_UNKNOWNS if against_condensing(size) else FEWEST_KRYLOV_UNKNOWNS_IF_CONDENSED
+    )
 
 
 def against_condensing(size: SystemSize) -> str | None:
@@ -124,9 +147,14 @@ def against_condensing(size: SystemSize) -> str | None:
         return "the options choose a linear solver"
     if size.unknowns < FEWEST_CONDENSED_UNKNOWNS:
         return f"only {size.unknowns} unknowns"
-    # A sparse factorisation takes operations in proportion to n^1.5 in 2D and n^2 in 3D, a dense one n^3 / 3.
-    sparse = DENSE_SPEED * FACTOR_SECONDS[size.dimension] * size.unknowns ** (3 - 3 / size.dimension)
-    border = round((size.comm.size - 1) * math.sqrt(2 * size.unknowns))  # straight cuts through a square
+    # A sparse factorisation takes operations in proportion to n^1.5 in 2D and n^2 in 3D, a dense
+    # one n^3 / 3.
+    sparse = (
+        DENSE_SPEED * FACTOR_SECONDS[size.dimension] * size.unknowns ** (3 - 3 / size.dimension)
+    )
+    border = round(
+        (size.comm.size - 1) * math.sqrt(2 * size.unknowns)
+    )  # straight cuts through a square
     if (retained + border) ** 3 / 3 > sparse or retained > MOST_CONDENSED_UNKNOWNS:
         between = f" and about {border} between ranks" if border else ""
         where = f"are on the contact boundary{between}, too many for a dense matrix"

@@ -1,15 +1,18 @@
 """The elastic system condensed onto the contact nodes: a small dense Schur complement.
 
-The elastic operator never changes, and the nonlinearity is confined to the contact boundary.  So the interior is
-eliminated once; all Newton steps of all outer iterations, load steps and values of gamma use the dense matrix, and the
-interior is recovered at the end with the same factor.  The interior matrix is regular for a floating body too.
+The elastic operator never changes, and the nonlinearity is confined to the contact boundary.  So
+the interior is eliminated once; all Newton steps of all outer iterations, load steps and values of
+gamma use the dense matrix, and the interior is recovered at the end with the same factor.  The
+interior matrix is regular for a floating body too.
 
-Contact points that are far from touching need not be reached: their unknowns are eliminated, too.  Such points stay
-where they are while the problem is solved; ``find_far_points`` computes where the solution moves them, and whoever has
-called them far has to find out whether they touch there.
+Contact points that are far from touching need not be reached: their unknowns are eliminated, too.
+Such points stay where they are while the problem is solved; ``find_far_points`` computes where the
+solution moves them, and whoever has called them far has to find out whether they touch there.
 
-Several ranks eliminate what is their own, see ``schur``.  Each has the rows of the dense matrix whose unknowns
-it owns, as contact points are where their unknowns are; what is dense is so small that every rank does all of it.
+Several ranks eliminate what is their own, see ``schur``.  Each has the rows of the dense matrix
+whose unknowns
+it owns, as contact points are where their unknowns are; what is dense is so small that every rank
+does all of it.
 """
 
 from __future__ import annotations
@@ -32,7 +35,9 @@ Array = npt.NDArray[np.float64]
 
 @dataclass
 class CondensedSystem(ElasticSystem):
-    """x holds the unknowns that B touches; ``condensed``: the load cases, see ``SchurComplement.condense``."""
+    """x holds the unknowns that B touches; ``condensed``: the load cases, see
+    ``SchurComplement.condense``.
+    """
 
     schur: SchurComplement
     condensed: list[tuple[Array, Array]]
@@ -49,7 +54,9 @@ class CondensedSystem(ElasticSystem):
         e, comm = elasticity, elasticity.contact.points.comm
         first, last = e.matrix.getOwnershipRange()
         reaching = e.contact if e.far is None else e.contact.near(e.far.points, e.far.at)
-        touched = np.unique(parallel.gather_rows(comm, np.unique(reaching.operator.getValuesCSR()[1])))
+        touched = np.unique(
+            parallel.gather_rows(comm, np.unique(reaching.operator.getValuesCSR()[1]))
+        )
         retained = touched[(first <= touched) & (touched < last)] - first
         schur = e.eliminated
         if schur is None or parallel.any_rank(comm, not np.array_equal(schur.retained, retained)):
@@ -85,9 +92,14 @@ class CondensedSystem(ElasticSystem):
         """The condensed loads and the prescribed displacements times their factors."""
         self.factors, self.recovered = factors, None
         self._set_resultant(factors)
-        shape, here = (len(self.cases), self.contact.fixed.size), slice(*self.matrix.getOwnershipRange())
+        shape, here = (
+            (len(self.cases), self.contact.fixed.size),
+            slice(*self.matrix.getOwnershipRange()),
+        )
         starts = [case.start.getArray(readonly=True)[self.schur.retained] for case in self.cases]
-        self.load.getArray()[:] = factors @ np.reshape([load[here] for load, _ in self.condensed], shape)
+        self.load.getArray()[:] = factors @ np.reshape(
+            [load[here] for load, _ in self.condensed], shape
+        )
         self.start.getArray()[:] = factors @ np.reshape(starts, shape)
 
     def set_case(self, number: int, case: LoadCase) -> None:
@@ -98,7 +110,10 @@ class CondensedSystem(ElasticSystem):
     def with_load(self, load: PETSc.Vec) -> Self:
         """The same with this load alone, condensed: one back substitution."""
         system = copy(self)
-        system.cases, system.condensed = [replace(self.cases[0], load=load)], [self.schur.condense(load)]
+        system.cases, system.condensed = (
+            [replace(self.cases[0], load=load)],
+            [self.schur.condense(load)],
+        )
         system.factors, system.load, system.recovered = np.ones(1), self.load.duplicate(), None
         system.load.getArray()[:] = system.condensed[0][0][slice(*self.matrix.getOwnershipRange())]
         return system
@@ -112,7 +127,9 @@ class CondensedSystem(ElasticSystem):
         load.set(0.0)
         for factor, case in zip(self.factors, self.cases, strict=True):
             load.axpy(factor, case.load)
-        return self.schur.recover(load, self.factors @ [between for _, between in self.condensed], values)
+        return self.schur.recover(
+            load, self.factors @ [between for _, between in self.condensed], values
+        )
 
     def unknowns(self, displacement: PETSc.Vec) -> PETSc.Vec:
         """Those of the nodes that contact reaches."""

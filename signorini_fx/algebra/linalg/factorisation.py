@@ -1,4 +1,6 @@
-"""Sparse factorisations: which package there is, how much memory it takes, and how a solver is made a direct one."""
+"""Sparse factorisations: which package there is, how much memory it takes, and how a solver is made
+a direct one.
+"""
 
 from __future__ import annotations
 
@@ -49,13 +51,21 @@ def factor_type(*, symmetric: bool) -> str:
 
 
 def can_factorise(comm: MPI.Comm) -> bool:
-    """Whether this PETSc has a sparse direct solver for this number of ranks; its own is for one."""
+    """Whether this PETSc has a sparse direct solver for this number of ranks; its own is for
+    one.
+    """
     return comm.size == 1 or factorisation_package(comm, symmetric=True) != "petsc"
 
 
 def factor_entries(unknowns: int, dimension: int) -> float:
-    """Entries of a sparse factor: n log n in two dimensions, n^(4/3) in three (nested dissection)."""
-    return FACTOR_ENTRIES[dimension] * unknowns * (math.log2(unknowns) if dimension == 2 else unknowns ** (1 / 3))
+    """Entries of a sparse factor: n log n in two dimensions, n^(4/3) in three (nested
+    dissection).
+    """
+    return (
+        FACTOR_ENTRIES[dimension]
+        * unknowns
+        * (math.log2(unknowns) if dimension == 2 else unknowns ** (1 / 3))
+    )
 
 
 def factor_memory(unknowns: int, dimension: int) -> float:
@@ -77,14 +87,16 @@ def use_factorisation(ksp: PETSc.KSP, *, symmetric: bool, definite: bool = True)
 def use_factor(pc: PETSc.PC, *, symmetric: bool, definite: bool = True) -> None:
     """Make a preconditioner such a factorisation."""
     pc.setType(factor_type(symmetric=symmetric))
-    pc.setFactorSolverType(factorisation_package(pc.comm.tompi4py(), symmetric=symmetric, definite=definite))
+    pc.setFactorSolverType(
+        factorisation_package(pc.comm.tompi4py(), symmetric=symmetric, definite=definite)
+    )
 
 
 def use_direct(pc: PETSc.PC, unknowns: int, *, symmetric: bool) -> None:
-    """Make a preconditioner of a matrix with so many unknowns on all ranks a direct solver, of all ranks together or,
-    for few unknowns, of each alone; collective. Few unknowns are factorised no faster by several ranks, and each solve
-    would take more time for messages than for arithmetic: then each rank gathers the right-hand side, and has the whole
-    factor.
+    """Make a preconditioner of a matrix with so many unknowns on all ranks a direct solver, of all
+    ranks together or, for few unknowns, of each alone; collective. Few unknowns are factorised no
+    faster by several ranks, and each solve would take more time for messages than for arithmetic:
+    then each rank gathers the right-hand side, and has the whole factor.
     """
     comm = pc.comm.tompi4py()
     if comm.size == 1 or (unknowns > MOST_CONDENSED_UNKNOWNS and can_factorise(comm)):

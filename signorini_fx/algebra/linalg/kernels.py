@@ -1,8 +1,8 @@
 """Products y = A x with symmetric matrices of small dense blocks, in C, compiled beside the forms.
 
-Such a product takes the time in which the entries arrive from memory.  So each pair of nodes has one block, which acts
-on both.  PETSc's kernels for blocks ask for them ahead in a way that some processors ignore; these ask for them
-``PREFETCHED_BYTES`` ahead of their use, into all caches.
+Such a product takes the time in which the entries arrive from memory.  So each pair of nodes has
+one block, which acts on both.  PETSc's kernels for blocks ask for them ahead in a way that some
+processors ignore; these ask for them ``PREFETCHED_BYTES`` ahead of their use, into all caches.
 """
 
 from __future__ import annotations
@@ -59,8 +59,8 @@ _LOADED: dict[str, Any] = {}
 
 
 def load(comm: MPI.Comm, folder: Path) -> None:
-    """Compile the kernels into the folder of compiled forms on one rank, unless they are there, and load them on all;
-    collective.
+    """Compile the kernels into the folder of compiled forms on one rank, unless they are there, and
+    load them on all; collective.
 
     Raises:
         MachineError: they cannot be compiled.
@@ -71,7 +71,9 @@ def load(comm: MPI.Comm, folder: Path) -> None:
     source = "#include <stdint.h>\n" + "".join(
         (_HEAD + _BODY).format(size=size, ahead=PREFETCHED_BYTES // 8) for size in SIZES
     )
-    declarations = "".join(f"{_HEAD.format(size=size)};\n".replace("restrict ", "") for size in SIZES)
+    declarations = "".join(
+        f"{_HEAD.format(size=size)};\n".replace("restrict ", "") for size in SIZES
+    )
     name = f"signorini_fx_blocks_{zlib.crc32((source + repr(_ARGUMENTS)).encode()):08x}"
     for turn in (comm.rank == 0, comm.rank > 0):  # the others find what the first rank has compiled
         error = None
@@ -84,12 +86,17 @@ def load(comm: MPI.Comm, folder: Path) -> None:
 
 
 class BlockProduct:
-    """Products with the owned rows of a symmetric matrix of blocks: where the rows begin, shape (n + 1,), the columns,
-    those of other ranks from n on, shape (m,), and the blocks, shape (m, d, d); ``load`` must have succeeded.
+    """Products with the owned rows of a symmetric matrix of blocks: where the rows begin, shape (n
+    + 1,), the columns, those of other ranks from n on, shape (m,), and the blocks, shape (m, d, d);
+      ``load`` must have succeeded.
     """
 
     def __init__(
-        self, folder: Path, starts: npt.NDArray[np.int64], columns: npt.NDArray[np.int32], blocks: Array
+        self,
+        folder: Path,
+        starts: npt.NDArray[np.int64],
+        columns: npt.NDArray[np.int32],
+        blocks: Array,
     ) -> None:
         module = _LOADED[str(folder)]
         self._cast = module.ffi.cast
@@ -97,7 +104,11 @@ class BlockProduct:
         rows = np.repeat(np.arange(starts.size - 1), np.diff(starts))
         upper = columns >= rows
         counts = np.bincount(rows[upper], minlength=starts.size - 1)
-        self._arrays = np.concatenate(([0], np.cumsum(counts))), columns[upper], np.compress(upper, blocks, axis=0)
+        self._arrays = (
+            np.concatenate(([0], np.cumsum(counts))),
+            columns[upper],
+            np.compress(upper, blocks, axis=0),
+        )
         kinds = "int64_t", "int32_t", "double"
         self._matrix = [self._address(*each) for each in zip(kinds, self._arrays, strict=True)]
 

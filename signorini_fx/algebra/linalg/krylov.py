@@ -1,7 +1,8 @@
-"""The elastic system with all displacement dofs, solved by a Krylov method with multigrid, on any number of ranks.
+"""The elastic system with all displacement dofs, solved by a Krylov method with multigrid, on any
+number of ranks.
 
-Nothing of the size of the mesh is factorised, unless this fails.  See ``multigrid`` for the preconditioner, which is
-set up once.
+Nothing of the size of the mesh is factorised, unless this fails.  See ``multigrid`` for the
+preconditioner, which is set up once.
 """
 
 from __future__ import annotations
@@ -27,7 +28,13 @@ from signorini_fx.algebra.linalg.factorisation import (
 from signorini_fx.algebra.linalg.multigrid import ContactLevels, ContactPreconditioner, Hierarchy
 from signorini_fx.algebra.linalg.petsc_calls import call, called_back, weakly
 from signorini_fx.machine import parallel
-from signorini_fx.tuned import ATTAINABLE_SHARE, INEXACT_TOLERANCE, KRYLOV_STEPS, LEFT_BY_SOLVES, ZERO_COMPONENT
+from signorini_fx.tuned import (
+    ATTAINABLE_SHARE,
+    INEXACT_TOLERANCE,
+    KRYLOV_STEPS,
+    LEFT_BY_SOLVES,
+    ZERO_COMPONENT,
+)
 
 
 @dataclass
@@ -35,7 +42,9 @@ class KrylovSystem(ElasticSystem):
     """Solved by CG or FGMRES with multigrid."""
 
     _forces: float = 0.0
-    _first_residual: float = 0.0  # what the last solve of the same Newton iteration began with; 0: there is none
+    _first_residual: float = (
+        0.0  # what the last solve of the same Newton iteration began with; 0: there is none
+    )
     # By the handles of their KSP: what PETSc held would be freed late on several ranks, or never.
     _preconditioners: dict[int, ContactPreconditioner] = field(default_factory=dict)
 
@@ -53,7 +62,9 @@ class KrylovSystem(ElasticSystem):
         return parallel.any_rank(self.comm, self.elasticity.rigid > 0)
 
     def _tell(self, matrix: PETSc.Mat) -> None:
-        """Give a matrix of the nodes the size of its blocks and the rigid motions; by blocks it needs none."""
+        """Give a matrix of the nodes the size of its blocks and the rigid motions; by blocks it
+        needs none.
+        """
         if is_by_blocks(matrix):
             return
         matrix.setBlockSize(self.contact.points.dimension)
@@ -64,7 +75,8 @@ class KrylovSystem(ElasticSystem):
     def hierarchy(self) -> Hierarchy:
         """Of A, set up when it is first asked for; collective.
 
-        Without the room for contact: aggregates follow the pattern, and would mix what only contact joins.
+        Without the room for contact: aggregates follow the pattern, and would mix what only contact
+        joins.
         """
         e = self.elasticity
         if self.rigid:
@@ -76,25 +88,33 @@ class KrylovSystem(ElasticSystem):
             fixed = self.contact.fixed
             diagonal = e.matrix.getDiagonal().getArray(readonly=True)
             of_bodies = slice(fixed.size - e.rigid, None)
-            return Hierarchy.of(nodes, e.level).with_rigid_bodies(~fixed[of_bodies], diagonal[of_bodies])
+            return Hierarchy.of(nodes, e.level).with_rigid_bodies(
+                ~fixed[of_bodies], diagonal[of_bodies]
+            )
         self._tell(e.matrix)
         return Hierarchy.of(e.matrix, e.level)
 
     @cached_property
     def levels(self) -> ContactLevels:
         """Of the hierarchy, as contact truncates them; collective."""
-        rigid = int(np.count_nonzero(~self.contact.fixed[self.contact.fixed.size - self.elasticity.rigid :]))
+        rigid = int(
+            np.count_nonzero(~self.contact.fixed[self.contact.fixed.size - self.elasticity.rigid :])
+        )
         return ContactLevels(self.hierarchy, self.matrix, self._touched, self.contact, rigid=rigid)
 
     @cached_property
     def _touched(self) -> npt.NDArray[np.int64]:
-        """The unknowns of this rank that contact can act on, ascending; prescribed ones left out."""
+        """The unknowns of this rank that contact can act on, ascending; prescribed ones left
+        out.
+        """
         touched = self.contact.touched
         touched[touched.size - self.elasticity.rigid :] = True
         return np.flatnonzero(touched & ~self.contact.fixed)
 
     def configure(self, ksp: PETSc.KSP, *, symmetric: bool) -> None:
-        """CG, or FGMRES where the matrix is not symmetric, to a residual against the forces; see ``multigrid``."""
+        """CG, or FGMRES where the matrix is not symmetric, to a residual against the forces; see
+        ``multigrid``.
+        """
         ksp.setType(PETSc.KSP.Type.CG if symmetric else PETSc.KSP.Type.FGMRES)
         if not petsc_options.user_sets("ksp_"):  # another method may not know this norm
             ksp.setNormType(PETSc.KSP.NormType.UNPRECONDITIONED)
@@ -110,18 +130,25 @@ class KrylovSystem(ElasticSystem):
         preconditioner = ContactPreconditioner(self.levels, self.contact.fixed, symmetric=symmetric)
         self._preconditioners[ksp.handle] = preconditioner
         pc.setType(PETSc.PC.Type.PYTHON)
-        pc.setPythonContext(SimpleNamespace(setUp=weakly(preconditioner.setUp), apply=weakly(preconditioner.apply)))
+        pc.setPythonContext(
+            SimpleNamespace(setUp=weakly(preconditioner.setUp), apply=weakly(preconditioner.apply))
+        )
         ksp.setInitialGuessNonzero(True)
         ksp.setPreSolve(weakly(self._begin))
-        # A tolerance of the user's is one of the residual that the exact solve at the contact unknowns leaves.
+        # A tolerance of the user's is one of the residual that the exact solve at the contact
+        # unknowns leaves.
         call("KSPConvergedDefaultSetUIRNorm", ksp)
 
     def factorise(self, ksp: PETSc.KSP, *, symmetric: bool) -> bool:
-        """Where the user has chosen no solver, and a factor, without symmetry two of them, fits into the memory."""
+        """Where the user has chosen no solver, and a factor, without symmetry two of them, fits
+        into the memory.
+        """
         if petsc_options.user_sets("ksp_", "pc_") or not can_factorise(self.comm):
             return False
         unknowns, dimension = self.matrix.getSize()[0], self.contact.points.dimension
-        if not enough_memory(self.comm, (1 if symmetric else 2) * factor_memory(unknowns, dimension)):
+        if not enough_memory(
+            self.comm, (1 if symmetric else 2) * factor_memory(unknowns, dimension)
+        ):
             return False
         if not is_by_blocks(self.matrix):
             use_factorisation(ksp, symmetric=symmetric)
@@ -137,24 +164,36 @@ class KrylovSystem(ElasticSystem):
 
     @called_back
     def _begin(self, ksp: PETSc.KSP, b: PETSc.Vec, x: PETSc.Vec) -> None:
-        """Solve for the contact unknowns, which leaves no penalty in the residual, and say how much may be left."""
+        """Solve for the contact unknowns, which leaves no penalty in the residual, and say how much
+        may be left.
+        """
         ksp.setUp()  # PETSc calls this before
         self._preconditioners[ksp.handle].solve_contact(b, x)
         rtol, atol, _, _ = ksp.getTolerances()
-        # With no absolute tolerance a share of this right-hand side is asked for, which is none of the forces.
+        # With no absolute tolerance a share of this right-hand side is asked for, which is none of
+        # the forces.
         if petsc_options.user_sets("ksp_") or (atol == 0.0 and rtol > ZERO_COMPONENT):
             return
         size = (b - ksp.getOperators()[0] * x).norm()
-        # What Newton's method will leave anyway, if it gains as much as in the last step, or the share of the forces,
-        # if that is larger (Eisenstat & Walker, 1996; "Tolerances" in docs/theory.md).
+        # What Newton's method will leave anyway, if it gains as much as in the last step, or the
+        # share of the forces, if that is larger (Eisenstat & Walker, 1996; "Tolerances" in
+        # docs/theory.md).
         scales = [scale for scale in (self._forces, self._first_residual) if scale > 0]
-        allowance = size * min(INEXACT_TOLERANCE, max((size / scale for scale in scales), default=1.0))
-        if not self.inexact or allowance <= ATTAINABLE_SHARE * self._forces:  # the method may end soon
+        allowance = size * min(
+            INEXACT_TOLERANCE, max((size / scale for scale in scales), default=1.0)
+        )
+        if (
+            not self.inexact or allowance <= ATTAINABLE_SHARE * self._forces
+        ):  # the method may end soon
             allowance = 0.0
         ksp.setTolerances(rtol=ZERO_COMPONENT, atol=max(LEFT_BY_SOLVES * self._forces, allowance))
-        self._first_residual = size if allowance > 0 else 0.0  # else Newton's method ends, and another iteration begins
+        self._first_residual = (
+            size if allowance > 0 else 0.0
+        )  # else Newton's method ends, and another iteration begins
 
-    def keep_factor(self, ksp: PETSc.KSP, unchanged: bool, forces: float, *, exact: bool = False) -> bool:
+    def keep_factor(
+        self, ksp: PETSc.KSP, unchanged: bool, forces: float, *, exact: bool = False
+    ) -> bool:
         """For the same matrix; where it is another one, a solve by multigrid need not be exact."""
         if ksp.getType() == PETSc.KSP.Type.PREONLY:
             self.inexact = False

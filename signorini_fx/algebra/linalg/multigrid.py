@@ -1,18 +1,21 @@
-"""Multigrid for the tangent of contact: one hierarchy for each mesh, truncated where contact holds the body.
+"""Multigrid for the tangent of contact: one hierarchy for each mesh, truncated where contact holds
+the body.
 
-The hierarchy is that of coarser meshes, see ``mechanics.rigid.mesh_levels``, as far as there are any, and below them of
-smoothed aggregation, for A, the stiffness without contact; it never changes.  Contact adds
-C = B^T D B, which lives on the contact unknowns c and is as large as gamma.  What it holds, the directions in which C
-is no smaller than A, must not move on coarse levels either.  With E the projection onto these directions, the finest
-interpolation P becomes (I - E) P and the smoother leaves them alone: truncation, as in monotone multigrid (Kornhuber
-1994; Graeser & Kornhuber 2009).  The coarse matrices follow by products of the size of the contact boundary
-(``truncation``),
+The hierarchy is that of coarser meshes, see ``mechanics.rigid.mesh_levels``, as far as there are
+any, and below them of smoothed aggregation, for A, the stiffness without contact; it never changes.
+Contact adds
+C = B^T D B, which lives on the contact unknowns c and is as large as gamma.  What it holds, the
+directions in which C is no smaller than A, must not move on coarse levels either.  With E the
+projection onto these directions, the finest interpolation P becomes (I - E) P and the smoother
+leaves them alone: truncation, as in monotone multigrid (Kornhuber 1994; Graeser & Kornhuber 2009).
+The coarse matrices follow by products of the size of the contact boundary (``truncation``),
 
     A_1' = A_1 - X^T W - W^T X + X^T A_cc X + Y^T C Y,   X = E P_c,  Y = P_c - X,  W = (A P)_c,
 
-and A_l+1' = A_l+1 + P_l^T (A_l' - A_l) P_l below.  So a V-cycle V never sees gamma.  Around it the contact unknowns are
-solved for exactly, F = (A + C)_cc^-1, before and after, which makes a symmetric multiplicative preconditioner: AMG with
-filtering (Petrides et al. 2025, arXiv:2505.18576).  The residual is zero on c from then on.
+and A_l+1' = A_l+1 + P_l^T (A_l' - A_l) P_l below.  So a V-cycle V never sees gamma.  Around it the
+contact unknowns are solved for exactly, F = (A + C)_cc^-1, before and after, which makes a
+symmetric multiplicative preconditioner: AMG with filtering (Petrides et al. 2025,
+arXiv:2505.18576).  The residual is zero on c from then on.
 """
 
 from __future__ import annotations
@@ -37,14 +40,17 @@ from signorini_fx.tuned import FEWEST_BLOCK_UNKNOWNS, NEGLIGIBLE, NOTABLE, NOTHI
 
 Array = npt.NDArray[np.float64]
 _ESTIMATING_STEPS = 10
-_FEW = 300  # unknowns that PETSc's own factor, without the overhead of a package, is good enough for
+_FEW = (
+    300  # unknowns that PETSc's own factor, without the overhead of a package, is good enough for
+)
 
 
 @dataclass(frozen=True)
 class Hierarchy:
-    """Levels of A, the finest first: coarser meshes as far as there are any, then smoothed aggregation. From each level
-    P_0, P_1, ... interpolate to the finer one, and A_1 = P_0^T A P_0, ... are ``coarse``; ``largest``: the largest
-    eigenvalue of A over its diagonal, as CG sees it in a few steps.
+    """Levels of A, the finest first: coarser meshes as far as there are any, then smoothed
+    aggregation. From each level P_0, P_1, ... interpolate to the finer one, and A_1 = P_0^T A P_0,
+    ... are ``coarse``; ``largest``: the largest eigenvalue of A over its diagonal, as CG sees it in
+    a few steps.
     """
 
     interpolations: tuple[PETSc.Mat, ...]
@@ -53,7 +59,8 @@ class Hierarchy:
 
     @classmethod
     def of(cls, matrix: PETSc.Mat, level: Level | None = None) -> Hierarchy:
-        """Set up once for A, with the size of its blocks and its near null space, and its mesh and the coarser ones,
+        """Set up once for A, with the size of its blocks and its near null space, and its mesh and
+        the coarser ones,
         None: there are none; collective.
         """
         interpolations, coarse = list[PETSc.Mat](), list[PETSc.Mat]()
@@ -73,18 +80,26 @@ class Hierarchy:
             coarse += below.coarse
         return cls(tuple(interpolations), tuple(coarse), _largest_eigenvalue(matrix))
 
-    def with_rigid_bodies(self, free: npt.NDArray[np.bool_], stiffness: npt.NDArray[np.float64]) -> Hierarchy:
-        """The same with the unknowns of rigid bodies on each level, see ``rigid_unknowns``, on coarse ones those that
-        are free; ``stiffness``: of the springs that hold these; collective.
+    def with_rigid_bodies(
+        self, free: npt.NDArray[np.bool_], stiffness: npt.NDArray[np.float64]
+    ) -> Hierarchy:
+        """The same with the unknowns of rigid bodies on each level, see ``rigid_unknowns``, on
+        coarse ones those that are free; ``stiffness``: of the springs that hold these; collective.
         """
         springs, ones = stiffness[free], np.ones(np.count_nonzero(free))
         all_free = ones.astype(bool)
         coarse = tuple(
-            bordered(by_entries(matrix), all_free, np.maximum(springs, NOTHING_LEFT * matrix.getDiagonal().max()[1]))
+            bordered(
+                by_entries(matrix),
+                all_free,
+                np.maximum(springs, NOTHING_LEFT * matrix.getDiagonal().max()[1]),
+            )
             for matrix in self.coarse
         )
         borders = [all_free if level else free for level in range(len(self.interpolations))]
-        interpolations = tuple(bordered(*each, ones) for each in zip(self.interpolations, borders, strict=True))
+        interpolations = tuple(
+            bordered(*each, ones) for each in zip(self.interpolations, borders, strict=True)
+        )
         return replace(self, interpolations=interpolations, coarse=coarse)
 
     @classmethod
@@ -110,7 +125,9 @@ class Hierarchy:
 
 
 def _coarse_matrix(matrix: PETSc.Mat, interpolation: PETSc.Mat, level: Level) -> PETSc.Mat:
-    """P^T A P: the stiffness of the coarser mesh where one product tells that it is the same, as on nested meshes."""
+    """P^T A P: the stiffness of the coarser mesh where one product tells that it is the same, as on
+    nested meshes.
+    """
     stiffness = level.stiffness
     if stiffness is not None and stiffness.getSizes() == (interpolation.getSizes()[1],) * 2:
         coarse, wanted = stiffness.createVecs()
@@ -121,7 +138,9 @@ def _coarse_matrix(matrix: PETSc.Mat, interpolation: PETSc.Mat, level: Level) ->
         matrix.mult(fine, forces)
         interpolation.multTranspose(forces, wanted)
         given = coarse.duplicate()
-        coarse.getArray()[~free] = _irregular(given).getArray(readonly=True)[~free]  # which must not act on the others
+        coarse.getArray()[~free] = _irregular(given).getArray(readonly=True)[
+            ~free
+        ]  # which must not act on the others
         stiffness.mult(coarse, given)
         given.getArray()[~free] = 0.0
         size = wanted.norm()
@@ -139,7 +158,9 @@ def _coarse_matrix(matrix: PETSc.Mat, interpolation: PETSc.Mat, level: Level) ->
 
 
 def _irregular(x: PETSc.Vec) -> PETSc.Vec:
-    """The vector itself with entries that are the same on any number of ranks, and no smooth function of the place."""
+    """The vector itself with entries that are the same on any number of ranks, and no smooth
+    function of the place.
+    """
     first, last = x.getOwnershipRange()
     x.getArray()[:] = np.sin(1e4 * np.arange(first + 1, last + 1))
     return x
@@ -159,10 +180,12 @@ def _largest_eigenvalue(matrix: PETSc.Mat) -> float:
 
 
 class ContactLevels:
-    """All that the preconditioners of one system share: it follows from A, but for the truncation of the levels.
-    ``unknowns``: the contact unknowns of this rank, in the local part of x, ascending, the last ``rigid`` of them those
-    of rigid bodies, and ``places`` their numbers; ``diagonal``: of A, infinite where a rigid body moves; ``joined``:
-    the blocks of two bodies at the points, and ``lift``, S of ``truncation``, None with a rigid foundation;
+    """All that the preconditioners of one system share: it follows from A, but for the truncation
+    of the levels.
+    ``unknowns``: the contact unknowns of this rank, in the local part of x, ascending, the last
+    ``rigid`` of them those of rigid bodies, and ``places`` their numbers; ``diagonal``: of A,
+    infinite where a rigid body moves; ``joined``: the blocks of two bodies at the points, and
+    ``lift``, S of ``truncation``, None with a rigid foundation;
     ``inverse``: D^-1, zero where contact holds; ``times``: how often the levels were truncated.
     """
 
@@ -178,23 +201,33 @@ class ContactLevels:
         self._comm = matrix.comm.tompi4py()
         self.hierarchy, self.unknowns = hierarchy, unknowns
         first = matrix.getOwnershipRange()[0]
-        self.places = PETSc.IS().createGeneral((first + unknowns).astype(PETSc.IntType), comm=matrix.comm)
+        self.places = PETSc.IS().createGeneral(
+            (first + unknowns).astype(PETSc.IntType), comm=matrix.comm
+        )
         # All that is needed of A: its rows at the contact unknowns, and its diagonal.
         rows = matrix.createSubMatrix(self.places, None)
         elastic = matrix.createSubMatrix(self.places, self.places)
         self.diagonal = matrix.getDiagonal()
-        self.diagonal.getArray()[unknowns[unknowns.size - rigid :]] = np.inf  # which no smoother moves
-        self.nodes = NodalBlocks(elastic, unknowns[: unknowns.size - rigid], contact.points.dimension)
+        self.diagonal.getArray()[unknowns[unknowns.size - rigid :]] = (
+            np.inf
+        )  # which no smoother moves
+        self.nodes = NodalBlocks(
+            elastic, unknowns[: unknowns.size - rigid], contact.points.dimension
+        )
         functions = hierarchy.interpolations[0].createSubMatrix(self.places, None)
         self.lift: PETSc.Mat | None = None
         self.joined: NodalBlocks | None = None
         if contact.lift is not None:
             self.lift = contact.lift.createSubMatrix(self.places, None)
             at_points, dimension = elastic.ptap(self.lift), contact.points.dimension
-            self.joined = NodalBlocks(at_points, np.arange(dimension * contact.points.size), dimension)
+            self.joined = NodalBlocks(
+                at_points, np.arange(dimension * contact.points.size), dimension
+            )
             first, last = contact.operator.getOwnershipRange()
             rows_of_points = PETSc.IS().createStride(last - first, first, 1, comm=self._comm)
-            functions = contact.operator.createSubMatrix(rows_of_points, self.places).matMult(functions)
+            functions = contact.operator.createSubMatrix(rows_of_points, self.places).matMult(
+                functions
+            )
         elif parallel.any_rank(self._comm, rigid > 0):
             functions = relative_to_rigid_bodies(contact, self.places, rigid).matMult(functions)
         self.truncated = TruncatedLevels(
@@ -212,7 +245,8 @@ class ContactLevels:
         self._truncated_at: tuple[Array, Array] | None = None
 
     def truncate(self, held: Array, soft: Array, reduced: PETSc.Mat | None) -> None:
-        """Truncate the levels where the directions held are others; ``held`` and ``soft``: see ``NodalBlocks.split``;
+        """Truncate the levels where the directions held are others; ``held`` and ``soft``: see
+        ``NodalBlocks.split``;
         ``reduced``: S^T (A + C)_cc S of two bodies; collective.
         """
         if not parallel.any_rank(self._comm, self._differs(held, soft)):
@@ -228,7 +262,9 @@ class ContactLevels:
         if nodes.columns.size:
             values = nodes.values(nodes.inverse(held))
             starts = nodes.starts.astype(PETSc.IntType)
-            self.inverse.setValuesIJV(starts, names[nodes.columns], values, rowmap=names[: starts.size - 1])
+            self.inverse.setValuesIJV(
+                starts, names[nodes.columns], values, rowmap=names[: starts.size - 1]
+            )
         self.inverse.assemble()
 
     def _differs(self, held: Array, soft: Array) -> bool:
@@ -237,35 +273,51 @@ class ContactLevels:
             return True
         truncated = self._truncated_at
         near = NOTABLE * np.abs(truncated[1]) + NEGLIGIBLE * self.nodes.scale[:, None, None]
-        return bool((np.abs(held - truncated[0]) > NEGLIGIBLE).any() or (np.abs(soft - truncated[1]) > near).any())
+        return bool(
+            (np.abs(held - truncated[0]) > NEGLIGIBLE).any()
+            or (np.abs(soft - truncated[1]) > near).any()
+        )
 
     def _inverse_diagonal(self) -> PETSc.Mat:
-        """D^-1, with room for the directions of the nodes in contact that are free to move; collective."""
+        """D^-1, with room for the directions of the nodes in contact that are free to move;
+        collective.
+        """
         nodes, first = self.nodes, self.diagonal.getOwnershipRange()[0]
-        diagonal, unknowns = self.diagonal.getArray(readonly=True), self.unknowns[: self.nodes.starts.size - 1]
+        diagonal, unknowns = (
+            self.diagonal.getArray(readonly=True),
+            self.unknowns[: self.nodes.starts.size - 1],
+        )
         interior = np.setdiff1d(np.arange(diagonal.size), unknowns)
         row = np.concatenate((interior, np.repeat(unknowns, np.diff(nodes.starts))))
         column = np.concatenate((interior, unknowns[nodes.columns]))
         values = np.concatenate((1.0 / diagonal[interior], np.zeros(nodes.columns.size)))
         rows = sp.csr_array((values, (row, column)), shape=(diagonal.size,) * 2)
-        csr = rows.indptr.astype(PETSc.IntType), (first + rows.indices).astype(PETSc.IntType), rows.data
+        csr = (
+            rows.indptr.astype(PETSc.IntType),
+            (first + rows.indices).astype(PETSc.IntType),
+            rows.data,
+        )
         sizes = self.diagonal.getSizes()
         return row_by_row(PETSc.Mat().createAIJ((sizes, sizes), csr=csr, comm=self._comm))
 
 
 class ContactPreconditioner:
-    """F, V-cycle, F for a tangent of contact, as a context of PETSc's ``python`` preconditioner; ``fixed``: the
-    prescribed unknowns of this rank.
+    """F, V-cycle, F for a tangent of contact, as a context of PETSc's ``python`` preconditioner;
+    ``fixed``: the prescribed unknowns of this rank.
     """
 
-    def __init__(self, levels: ContactLevels, fixed: npt.NDArray[np.bool_], *, symmetric: bool) -> None:
+    def __init__(
+        self, levels: ContactLevels, fixed: npt.NDArray[np.bool_], *, symmetric: bool
+    ) -> None:
         self._levels, self._fixed, self._symmetric = levels, fixed, symmetric
         self._places, self._unknowns = levels.places, levels.unknowns
         self._prescribed = levels.diagonal.getArray(readonly=True)[fixed]
         self._contact_rows: PETSc.Mat | None = None
         self._contact: PETSc.Mat | None = None
         self._reduced: PETSc.Mat | None = None
-        self._solver = PETSc.PC().create(self._places.comm)  # of the contact unknowns, whose graph is that of a surface
+        self._solver = PETSc.PC().create(
+            self._places.comm
+        )  # of the contact unknowns, whose graph is that of a surface
         use_direct(self._solver, self._places.getSize(), symmetric=symmetric)
         # A V-cycle with Chebyshev's iteration on each level, Jacobi inside.
         hierarchy, truncated = levels.hierarchy, levels.truncated
@@ -274,7 +326,9 @@ class ContactPreconditioner:
         cycle.setOptionsPrefix(petsc_options.PREFIX)
         cycle.setType(PETSc.PC.Type.MG)
         cycle.setMGLevels(depth + 1)
-        for level, interpolation in enumerate((truncated.interpolation, *hierarchy.interpolations[1:])):
+        for level, interpolation in enumerate(
+            (truncated.interpolation, *hierarchy.interpolations[1:])
+        ):
             cycle.setMGInterpolation(depth - level, interpolation)
         self._smoothers = [cycle.getMGSmoother(level) for level in range(depth - 1, 0, -1)]
         self._smoothers.append(cycle.getMGCoarseSolve())
@@ -285,18 +339,24 @@ class ContactPreconditioner:
             smoother.getPC().setType(PETSc.PC.Type.JACOBI)
         for smoother, matrix in zip(self._smoothers, truncated.coarse, strict=True):
             smoother.setOperators(matrix)
-        # On the finest level D^-1 is a matrix of its own, zero where contact holds; no option may change that.
+        # On the finest level D^-1 is a matrix of its own, zero where contact holds; no option may
+        # change that.
         finest = cycle.getMGSmoother(depth)
         finest.setOptionsPrefix(f"{petsc_options.PREFIX}mg_finest_")
         finest.setType(PETSc.KSP.Type.CHEBYSHEV)
         finest.getPC().setType(PETSc.PC.Type.MAT)
-        low, high = 0.1 * hierarchy.largest, 1.1 * hierarchy.largest  # the part of the spectrum that PETSc damps
+        low, high = (
+            0.1 * hierarchy.largest,
+            1.1 * hierarchy.largest,
+        )  # the part of the spectrum that PETSc damps
         call("KSPChebyshevSetEigenvalues", finest, ctypes.c_double(high), ctypes.c_double(low))
         self._finest, self._cycle = finest, cycle
 
     @called_back
     def setUp(self, pc: PETSc.PC) -> None:
-        """Factorise a new tangent at the contact unknowns, and truncate where others are held; collective."""
+        """Factorise a new tangent at the contact unknowns, and truncate where others are held;
+        collective.
+        """
         tangent = pc.getOperators()[0]
         self._contact_rows = tangent.createSubMatrix(self._places, None, self._contact_rows)
         self._contact = tangent.createSubMatrix(self._places, self._places, self._contact)
@@ -332,8 +392,9 @@ class ContactPreconditioner:
 
     @called_back
     def apply(self, pc: PETSc.PC, right: PETSc.Vec, x: PETSc.Vec) -> None:
-        """F, V-cycle, F; of an unsymmetric tangent the first F has the rows in place of the columns, which does not
-        matter, as the right-hand sides of a Krylov method that begins with F are zero there.
+        """F, V-cycle, F; of an unsymmetric tangent the first F has the rows in place of the
+        columns, which does not matter, as the right-hand sides of a Krylov method that begins with
+        F are zero there.
         """
         assert self._contact_rows is not None
         unknowns = self._unknowns
@@ -342,9 +403,12 @@ class ContactPreconditioner:
         self._contact_rows.multTranspose(self._product, self._residual)
         self._residual.aypx(-1.0, right)
         self._cycle.apply(self._residual, x)
-        # Prescribed unknowns have rows of their own; the least of what the coarse levels move there would be a motion.
+        # Prescribed unknowns have rows of their own; the least of what the coarse levels move there
+        # would be a motion.
         x.getArray()[self._fixed] = right.getArray(readonly=True)[self._fixed] / self._prescribed
         self._contact_rows.mult(x, self._product)
-        self._right.getArray()[:] = right.getArray(readonly=True)[unknowns] - self._product.getArray(readonly=True)
+        self._right.getArray()[:] = right.getArray(readonly=True)[
+            unknowns
+        ] - self._product.getArray(readonly=True)
         self._solver.apply(self._right, self._product)
         x.getArray()[unknowns] += self._product.getArray(readonly=True)

@@ -1,11 +1,12 @@
-"""Partial factorisation by MUMPS, for which petsc4py has no binding: eliminate all dofs but a few, and get the dense
-Schur complement on these.
+"""Partial factorisation by MUMPS, for which petsc4py has no binding: eliminate all dofs but a few,
+and get the dense Schur complement on these.
 
-Nested dissection eliminates last the nodes that separate two halves of a body.  With the halves of a k-d tree of the
-nodes' positions it is found in a fraction of the time of minimum degree, and the factorisation takes about as few
-operations as with METIS, in 3D half of those with minimum degree.
+Nested dissection eliminates last the nodes that separate two halves of a body.  With the halves of
+a k-d tree of the nodes' positions it is found in a fraction of the time of minimum degree, and the
+factorisation takes about as few operations as with METIS, in 3D half of those with minimum degree.
 
-Sources: George, SIAM J. Numer. Anal. 10 (1973) 345-363; Heath & Raghavan, SIAM J. Matrix Anal. Appl. 16 (1995) 235-253.
+Sources: George, SIAM J. Numer. Anal. 10 (1973) 345-363; Heath & Raghavan, SIAM J. Matrix Anal.
+Appl. 16 (1995) 235-253.
 """
 
 from __future__ import annotations
@@ -40,11 +41,13 @@ _DEEPEST = 40  # halvings
 
 
 class PartialFactor:
-    """The symmetric matrix of inner unknowns i, factorised, and what is left of it for those that stay, c; one rank. A
-    load is one row and column more that stay: the factorisation condenses it, and no back substitution is needed.
-    ``rows``: of A, shape (n, n or more); ``places``: of each column its place among the ``count`` that stay, -1: it is
-    inner, or if it is none of this rank empty; ``positions``: of the first unknowns, from which the order of their
-    elimination is taken, None: minimum degree. ``inner``: the m inner unknowns; ``toward``: A_ic, shape (m, c);
+    """The symmetric matrix of inner unknowns i, factorised, and what is left of it for those that
+    stay, c; one rank. A load is one row and column more that stay: the factorisation condenses it,
+    and no back substitution is needed.
+    ``rows``: of A, shape (n, n or more); ``places``: of each column its place among the ``count``
+    that stay, -1: it is inner, or if it is none of this rank empty; ``positions``: of the first
+    unknowns, from which the order of their elimination is taken, None: minimum degree. ``inner``:
+    the m inner unknowns; ``toward``: A_ic, shape (m, c);
     ``negative``: how many eigenvalues of A_ii are, once it is factorised.
     """
 
@@ -76,11 +79,15 @@ class PartialFactor:
         row_between = np.searchsorted(rows.indptr, between, side="right") - 1
         entries = rows.data[between], (row_between, places[rows.indices[between]])
         self.toward = sp.csr_array(entries, shape=(inside, count))
-        # With a Schur complement MUMPS does not scale, and pivots below an absolute threshold would be lost.
+        # With a Schur complement MUMPS does not scale, and pivots below an absolute threshold would
+        # be lost.
         self._unit = _power(np.abs(rows.data[column == row]).max(initial=0.0))
         # So small that they have no influence on the choice of pivots of an indefinite matrix.
-        self._sizes = np.array([_power(np.abs(load[self.inner]).max(initial=0.0)) * 2.0**_SMALL for load in loads])
-        # Zeros between inner ones stay: with the same pattern for all unknowns of a node the ordering is better.
+        self._sizes = np.array(
+            [_power(np.abs(load[self.inner]).max(initial=0.0)) * 2.0**_SMALL for load in loads]
+        )
+        # Zeros between inner ones stay: with the same pattern for all unknowns of a node the
+        # ordering is better.
         upper = (column >= row) & ((column < inside) | (rows.data != 0.0))
         staying = np.arange(inside, inside + count + len(loads), dtype=row.dtype)
         row = np.concatenate((row[upper], np.tile(self._order, len(loads)), staying))
@@ -89,7 +96,10 @@ class PartialFactor:
         data = np.concatenate((rows.data[upper] / self._unit, *of_loads, np.zeros(staying.size)))
         size = inside + staying.size
         bordered = sp.csr_array((data, (row, column)), shape=(size, size))
-        csr = (*(at.astype(PETSc.IntType, copy=False) for at in (bordered.indptr, bordered.indices)), bordered.data)
+        csr = (
+            *(at.astype(PETSc.IntType, copy=False) for at in (bordered.indptr, bordered.indices)),
+            bordered.data,
+        )
         # Of the rows of such a matrix MUMPS gets what is above the diagonal.
         self._matrix = PETSc.Mat().createAIJWithArrays((size, size), csr, comm=PETSc.COMM_SELF)
         self._matrix.setOption(PETSc.Mat.Option.SPD, definite)
@@ -98,7 +108,8 @@ class PartialFactor:
         """Factorise, once, when the caller needs the rows no more.
 
         Returns:
-            -A_ci A_ii^-1 A_ic, symmetric, shape (c, c), and -A_ci A_ii^-1 b_i of each load, shape (loads, c).
+            -A_ci A_ii^-1 A_ic, symmetric, shape (c, c), and -A_ci A_ii^-1 b_i of each load, shape
+            (loads, c).
 
         Raises:
             PETSc.Error: the factorisation broke down.
@@ -113,7 +124,9 @@ class PartialFactor:
         call("MatFactorGetSchurComplement", handle, ctypes.byref(dense), None)
         entries = ctypes.POINTER(ctypes.c_double)()
         call("MatDenseGetArrayRead", dense, ctypes.byref(entries))
-        values = self._unit * np.ctypeslib.as_array(entries, shape=(bordered.getSize()[0] - inside,) * 2)
+        values = self._unit * np.ctypeslib.as_array(
+            entries, shape=(bordered.getSize()[0] - inside,) * 2
+        )
         call("MatDenseRestoreArrayRead", dense, ctypes.byref(entries))
         _symmetrise(values)
         call("MatMumpsSetIcntl", handle, 26, _SOLVE_INTERIOR_ONLY)
@@ -162,13 +175,17 @@ def _infog(factor: ctypes.c_void_p, number: int) -> int:
 
 
 def _factorise(matrix: PETSc.Mat, inside: int, *, in_order: bool) -> ctypes.c_void_p:
-    """Factorise the first rows and columns of a symmetric matrix, in their order or by minimum degree."""
+    """Factorise the first rows and columns of a symmetric matrix, in their order or by minimum
+    degree.
+    """
     broken = ctypes.c_int()
     info = (ctypes.c_double * 32)()  # MatFactorInfo is a struct of doubles; zeros are its defaults
     factor = ctypes.c_void_p()
     call("MatGetFactor", matrix, b"mumps", _FACTOR_CHOLESKY, ctypes.byref(factor))
     indices = np.arange(matrix.getSize()[0], dtype=PETSc.IntType)
-    call("MatFactorSetSchurIS", factor, PETSc.IS().createGeneral(indices[inside:], comm=matrix.comm))
+    call(
+        "MatFactorSetSchurIS", factor, PETSc.IS().createGeneral(indices[inside:], comm=matrix.comm)
+    )
     call("MatMumpsSetIcntl", factor, *_MEMORY)
     if in_order:
         # PETSc passes an order on in the symbolic LU factorisation alone, which is borrowed.
@@ -192,7 +209,9 @@ def _factorise(matrix: PETSc.Mat, inside: int, *, in_order: bool) -> ctypes.c_vo
 
 
 def _symmetrise(values: Array, block: int = 256) -> None:
-    """Complete a symmetric matrix of which MUMPS has filled the lower triangle, by columns, in place."""
+    """Complete a symmetric matrix of which MUMPS has filled the lower triangle, by columns, in
+    place.
+    """
     values = values.T
     for k in range(0, values.shape[0], block):
         rows = slice(k, k + block)
@@ -201,14 +220,15 @@ def _symmetrise(values: Array, block: int = 256) -> None:
         values[rows, k + block :] = values[k + block :, rows].T
 
 
-# The last order, by what tells bodies apart: tangents of a nonlinear body have one pattern, and any order is right.
+# The last order, by what tells bodies apart: tangents of a nonlinear body have one pattern, and any
+# order is right.
 _last_dissected: dict[int, Numbers] = {}
 
 
 def _dissected(rows: sp.csr_array, inner: Numbers, positions: Array) -> Numbers:
-    """The inner unknowns, ascending in ``inner``, in the order of nested dissection, those of a node one after another,
-    shape (m,). ``rows``: theirs, with the columns of this rank first; ``positions``: of the first unknowns, the others
-    are eliminated at the end.
+    """The inner unknowns, ascending in ``inner``, in the order of nested dissection, those of a
+    node one after another, shape (m,). ``rows``: theirs, with the columns of this rank first;
+    ``positions``: of the first unknowns, the others are eliminated at the end.
     """
     body = hash((rows.indptr.tobytes(), inner.tobytes(), positions.tobytes()))
     if body in _last_dissected:
@@ -226,7 +246,9 @@ def _dissected(rows: sp.csr_array, inner: Numbers, positions: Array) -> Numbers:
     coupled = columns >= 0
     ends = np.concatenate(([0], np.cumsum(coupled)))[node_rows.indptr]
     columns = columns[coupled]
-    graph = sp.csr_array((np.broadcast_to(1.0, columns.size), columns, ends), shape=(first.size,) * 2)
+    graph = sp.csr_array(
+        (np.broadcast_to(1.0, columns.size), columns, ends), shape=(first.size,) * 2
+    )
     when = np.empty(first.size, dtype=np.intp)
     when[_nested_dissection(graph, positions.take(inner[first], axis=0))] = np.arange(first.size)
     _last_dissected.clear()
@@ -236,7 +258,9 @@ def _dissected(rows: sp.csr_array, inner: Numbers, positions: Array) -> Numbers:
 
 def _nested_dissection(graph: sp.csr_array, positions: Array) -> Numbers:
     """The nodes of a graph of symmetric pattern in the order of their elimination, shape (n,)."""
-    _, piece = connected_components(graph, directed=True, connection="weak")  # of symmetric ones the fastest
+    _, piece = connected_components(
+        graph, directed=True, connection="weak"
+    )  # of symmetric ones the fastest
     path = _paths(positions, piece)
     apart = np.repeat(path, np.diff(graph.indptr)) ^ path[graph.indices]
     edges = np.flatnonzero(apart)
@@ -247,13 +271,21 @@ def _nested_dissection(graph: sp.csr_array, positions: Array) -> Numbers:
     edges, ends = edges[order], np.cumsum(counts)[:-1]
     tails, heads = np.searchsorted(graph.indptr, edges, side="right") - 1, graph.indices[edges]
     separates = np.full(path.size, _DEEPEST)  # the halves of which halving; none
-    for halving, tail, head in zip(halvings.tolist(), np.split(tails, ends), np.split(heads, ends), strict=False):
-        unseparated = (path[tail] < path[head]) & (separates[tail] == _DEEPEST) & (separates[head] == _DEEPEST)
+    for halving, tail, head in zip(
+        halvings.tolist(), np.split(tails, ends), np.split(heads, ends), strict=False
+    ):
+        unseparated = (
+            (path[tail] < path[head])
+            & (separates[tail] == _DEEPEST)
+            & (separates[head] == _DEEPEST)
+        )
         sides = [np.unique(side[unseparated]) for side in (tail, head)]
         halved = np.concatenate([path[side] >> (_DEEPEST - halving) for side in sides])
         number = np.unique(halved, return_inverse=True)[1]
         first, second = np.split(number, [sides[0].size])
-        fewer = np.bincount(first, minlength=number.size) <= np.bincount(second, minlength=number.size)
+        fewer = np.bincount(first, minlength=number.size) <= np.bincount(
+            second, minlength=number.size
+        )
         separates[sides[0][fewer[first]]] = halving
         separates[sides[1][~fewer[second]]] = halving
     behind = (1 << (_DEEPEST - separates)) - 1  # both halves
@@ -262,16 +294,26 @@ def _nested_dissection(graph: sp.csr_array, positions: Array) -> Numbers:
 
 
 def _paths(positions: Array, piece: npt.NDArray[np.int32]) -> npt.NDArray[np.int64]:
-    """For each node its piece, and a bit for each halving of it, on which side the node is, shape (n,)."""
-    # Round-off must not divide nodes that are in one plane, which would make of a separating layer two.
+    """For each node its piece, and a bit for each halving of it, on which side the node is, shape
+    (n,).
+    """
+    # Round-off must not divide nodes that are in one plane, which would make of a separating layer
+    # two.
     positions = np.rint(positions / (float(np.ptp(positions, axis=0).max()) * SAME_LENGTH or 1.0))
     paths = piece.astype(np.int64) << _DEEPEST
     for nodes in np.split(np.argsort(piece, kind="stable"), np.cumsum(np.bincount(piece))[:-1]):
-        waiting = [(cKDTree(positions.take(nodes, axis=0), leafsize=_LEAF).tree, 0, 0)] if nodes.size > _LEAF else []
+        waiting = (
+            [(cKDTree(positions.take(nodes, axis=0), leafsize=_LEAF).tree, 0, 0)]
+            if nodes.size > _LEAF
+            else []
+        )
         while waiting:
             node, path, depth = waiting.pop()
             if node.split_dim < 0 or depth == _DEEPEST:
                 paths[nodes[node.indices]] |= path << (_DEEPEST - depth)
             else:
-                waiting += [(node.lesser, 2 * path, depth + 1), (node.greater, 2 * path + 1, depth + 1)]
+                waiting += [
+                    (node.lesser, 2 * path, depth + 1),
+                    (node.greater, 2 * path + 1, depth + 1),
+                ]
     return paths

@@ -1,12 +1,14 @@
-"""Calls from us to PETSc and back: functions in C that petsc4py has no binding for, and functions of ours that PETSc
-calls; and why a linear solve has failed: memory that has ended is told from a matrix that is singular.
+"""Calls from us to PETSc and back: functions in C that petsc4py has no binding for, and functions
+of ours that PETSc calls; and why a linear solve has failed: memory that has ended is told from a
+matrix that is singular.
 
 Those in C are looked up in petsc4py's own library, hence in the same PETSc that petsc4py uses.
 
-What a function raises that PETSc calls ends the solve, and is raised again when PETSc has returned.  An exception that
-passes through PETSc becomes an error code there, which may come back as another exception or as none; so the first one
-is kept.  PETSc holds bound methods weakly: petsc4py stores what it calls in the PETSc object, where Python's collector
-of cycles sees it only in some builds, and a solver that PETSc holds would never be freed.
+What a function raises that PETSc calls ends the solve, and is raised again when PETSc has returned.
+An exception that passes through PETSc becomes an error code there, which may come back as another
+exception or as none; so the first one is kept.  PETSc holds bound methods weakly: petsc4py stores
+what it calls in the PETSc object, where Python's collector of cycles sees it only in some builds,
+and a solver that PETSc holds would never be freed.
 """
 
 from __future__ import annotations
@@ -25,7 +27,8 @@ from petsc4py import PETSc
 from signorini_fx.machine import signals
 
 _OUT_OF_MEMORY, _IN_LIBRARY = 55, 76  # PETSC_ERR_MEM, PETSC_ERR_LIB
-# What PETSc says of CHOLMOD, whose numbers below 0 are errors: -2 out of memory, -3 integer overflow by the size.
+# What PETSc says of CHOLMOD, whose numbers below 0 are errors: -2 out of memory, -3 integer
+# overflow by the size.
 _BY_CHOLMOD = re.compile(r"CHOLMOD \w+ failed.* with status -[23]\b")
 # What dolfinx says of an error of PETSc.
 _BY_DOLFINX = re.compile(rf"error code is: {_OUT_OF_MEMORY}\b")
@@ -51,14 +54,18 @@ def call(name: str, *arguments: Any) -> None:
 def memory_ended(error: BaseException) -> bool:
     """Whether an error says that there was not enough memory."""
     if isinstance(error, PETSc.Error):
-        return error.ierr == _OUT_OF_MEMORY or (error.ierr == _IN_LIBRARY and bool(_BY_CHOLMOD.search(str(error))))
+        return error.ierr == _OUT_OF_MEMORY or (
+            error.ierr == _IN_LIBRARY and bool(_BY_CHOLMOD.search(str(error)))
+        )
     return isinstance(error, MemoryError) or (
         isinstance(error, RuntimeError) and _BY_DOLFINX.search(str(error)) is not None
     )
 
 
 def factor_lacks_memory(ksp: PETSc.KSP) -> bool:
-    """Whether the factorisation of a linear solver, one that raises no error, had not enough memory; collective."""
+    """Whether the factorisation of a linear solver, one that raises no error, had not enough
+    memory; collective.
+    """
     return bool(ksp.getPC().getFailedReason() == PETSc.PC.FailedReason.FACTOR_OUTMEMORY)
 
 
@@ -98,7 +105,9 @@ def called_back(function: Callable[P, T]) -> Callable[P, T]:
             return function(*args, **kwargs)
         except BaseException as error:
             _raised.append(error)
-            gc.disable()  # Python loses an exception that passes through C while garbage is collected, and crashes
+            # Python loses an exception that passes through C while garbage is collected, and
+            # crashes
+            gc.disable()
             raise
 
     return guarded
@@ -117,8 +126,8 @@ def weakly(method: Callable[..., T]) -> Callable[..., T]:
 
 
 def solve(solver: Callable[..., object], *arguments: Any) -> None:
-    """Call a solver of PETSc that calls back, such as ``snes.solve``; the first exception that a function raised that
-    PETSc called is raised.
+    """Call a solver of PETSc that calls back, such as ``snes.solve``; the first exception that a
+    function raised that PETSc called is raised.
     """
     _raised.clear()
     collecting = gc.isenabled()

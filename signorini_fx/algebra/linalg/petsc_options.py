@@ -11,7 +11,8 @@ from petsc4py import PETSc
 from signorini_fx.errors import OptionsError
 
 PREFIX = "sfx_"
-# Options that put another method in the place of ours, or another matrix or test into it, and the values that do not.
+# Options that put another method in the place of ours, or another matrix or test into it, and the
+# values that do not.
 _OFF = ("false", "no", "off", "0")
 _EXCHANGING = {
     "snes_type": ("newtonls",),
@@ -20,9 +21,10 @@ _EXCHANGING = {
     "snes_grid_sequence": ("0",),
     **dict.fromkeys(("snes_mf", "snes_mf_operator", "snes_fd", "snes_fd_color"), _OFF),
 }
-# MUMPS takes more memory (per cent) than it predicts if large contact blocks disturb the pivot order; minimum degree is
-# its quickest order on few ranks; CHOLMOD's own nested dissection has half the fill of its default orderings on large
-# meshes; on the coarsest level of multigrid PETSc calls pivots zero below a number that has no unit.
+# MUMPS takes more memory (per cent) than it predicts if large contact blocks disturb the pivot
+# order; minimum degree is its quickest order on few ranks; CHOLMOD's own nested dissection has half
+# the fill of its default orderings on large meshes; on the coarsest level of multigrid PETSc calls
+# pivots zero below a number that has no unit.
 _OF_FACTORS = {
     "mat_mumps_icntl_14": "100",
     "mat_mumps_icntl_7": "0",
@@ -36,9 +38,15 @@ _WATCHING = ("monitor", "view", "converged_reason")
 
 
 def user_sets(*starts: str) -> bool:
-    """Whether the user has set any option whose name begins with one of these (without prefix), monitors excepted."""
-    names = [name.removeprefix(PREFIX) for name in PETSc.Options().getAll() if name.startswith(PREFIX)]
-    return any(name.startswith(starts) and not any(word in name for word in _WATCHING) for name in names)
+    """Whether the user has set any option whose name begins with one of these (without prefix),
+    monitors excepted.
+    """
+    names = [
+        name.removeprefix(PREFIX) for name in PETSc.Options().getAll() if name.startswith(PREFIX)
+    ]
+    return any(
+        name.startswith(starts) and not any(word in name for word in _WATCHING) for name in names
+    )
 
 
 def user_chooses_solver() -> bool:
@@ -48,7 +56,9 @@ def user_chooses_solver() -> bool:
 
 @contextmanager
 def defaults(values: Mapping[str, str | None] = _OF_FACTORS) -> Iterator[None]:
-    """Set options, those of factorisations, while PETSc reads them, unless the user has set them."""
+    """Set options, those of factorisations, while PETSc reads them, unless the user has set
+    them.
+    """
     options = PETSc.Options(PREFIX)
     ours = [name for name in values if not options.hasName(name)]
     for name in ours:
@@ -70,17 +80,27 @@ def refuse_exchanged() -> None:
         harmless = _EXCHANGING.get(name, () if name.startswith(_INNER_SOLVER) else None)
         if harmless is not None and (value or "").lower() not in harmless:
             raise OptionsError(
-                f"PETSc option {_spelt({PREFIX + name: value or ''})}: it would take the place of the semi-smooth "
-                "Newton method, of its matrix or of its test: leave it out, and choose by solver.algorithm"
+                f"PETSc option {_spelt({PREFIX + name: value or ''})}: it would take the place of "
+                "the semi-smooth "
+                "Newton method, of its matrix or of its test: leave it out, and choose by "
+                "solver.algorithm"
             )
 
 
 def refused(error: PETSc.Error) -> OptionsError | None:
-    """The message for an error of PETSc that options of the user may have caused; None if there are none."""
-    user_options = {name: value or "" for name, value in PETSc.Options().getAll().items() if name.startswith(PREFIX)}
+    """The message for an error of PETSc that options of the user may have caused; None if there are
+    none.
+    """
+    user_options = {
+        name: value or ""
+        for name, value in PETSc.Options().getAll().items()
+        if name.startswith(PREFIX)
+    }
     if not user_options:
         return None
-    reason = re.sub(r"^\[\d+\] *", "", str(error).splitlines()[-1])  # without the number of the rank
+    reason = re.sub(
+        r"^\[\d+\] *", "", str(error).splitlines()[-1]
+    )  # without the number of the rank
     return OptionsError(f"PETSc fails with the options {_spelt(user_options)}: {reason}")
 
 

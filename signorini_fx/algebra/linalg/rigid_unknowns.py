@@ -1,7 +1,9 @@
-"""Unknowns of rigid bodies for multigrid: the last k of the system, on its last rank, which contact alone acts on.
+"""Unknowns of rigid bodies for multigrid: the last k of the system, on its last rank, which contact
+alone acts on.
 
-They are on every level.  Where contact holds the nodes, a coarse function moves a rigid body and these nodes with it:
-with E of ``multigrid`` and motions G of the contact unknowns for which B (G, 1) = 0, the finest interpolation is
+They are on every level.  Where contact holds the nodes, a coarse function moves a rigid body and
+these nodes with it: with E of ``multigrid`` and motions G of the contact unknowns for which B (G,
+1) = 0, the finest interpolation is
 
     [P - E P_c, E G; 0, 1].
 """
@@ -17,8 +19,12 @@ from signorini_fx.machine import parallel
 from signorini_fx.tuned import KRYLOV_STEPS, SAME_NUMBER
 
 
-def bordered(matrix: PETSc.Mat, free: npt.NDArray[np.bool_], entries: npt.NDArray[np.float64]) -> PETSc.Mat:
-    """[A 0; 0 D] with a row more for each unknown of a rigid body and a column for each free one; collective."""
+def bordered(
+    matrix: PETSc.Mat, free: npt.NDArray[np.bool_], entries: npt.NDArray[np.float64]
+) -> PETSc.Mat:
+    """[A 0; 0 D] with a row more for each unknown of a rigid body and a column for each free one;
+    collective.
+    """
     (rows, _), (columns, total_columns) = matrix.getSizes()
     starts, names, values = matrix.getValuesCSR()
     count = np.count_nonzero(free)
@@ -27,18 +33,22 @@ def bordered(matrix: PETSc.Mat, free: npt.NDArray[np.bool_], entries: npt.NDArra
         np.append(names, total_columns + np.arange(count)).astype(PETSc.IntType),
         np.append(values, entries),
     )
-    return PETSc.Mat().createAIJ(((rows + free.size, None), (columns + count, None)), csr=csr, comm=matrix.comm)
+    return PETSc.Mat().createAIJ(
+        ((rows + free.size, None), (columns + count, None)), csr=csr, comm=matrix.comm
+    )
 
 
 def relative_to_rigid_bodies(contact: ContactMap, places: PETSc.IS, rigid: int) -> PETSc.Mat:
-    """[1, -G; 0, 0] on the contact unknowns of this rank, ``places``, of which the last are those of rigid bodies: how
-    nodes move relative to these; collective.
+    """[1, -G; 0, 0] on the contact unknowns of this rank, ``places``, of which the last are those
+    of rigid bodies: how nodes move relative to these; collective.
     """
     comm, unknowns = places.comm, places.getIndices()
     nodes, count = unknowns.size - rigid, int(parallel.global_sum(comm.tompi4py(), np.array(rigid)))
     first, last = contact.operator.getOwnershipRange()
     rows = PETSc.IS().createStride(last - first, first, 1, comm=comm)
-    operator = contact.operator.createSubMatrix(rows, PETSc.IS().createGeneral(unknowns[:nodes], comm=comm))
+    operator = contact.operator.createSubMatrix(
+        rows, PETSc.IS().createGeneral(unknowns[:nodes], comm=comm)
+    )
     ksp = PETSc.KSP().create(comm)
     ksp.setType(PETSc.KSP.Type.LSQR)
     ksp.getPC().setType(PETSc.PC.Type.NONE)
@@ -58,7 +68,9 @@ def relative_to_rigid_bodies(contact: ContactMap, places: PETSc.IS, rigid: int) 
         motions[:, column] = motion.getArray(readonly=True)
     layout = PETSc.Vec().createMPI((unknowns.size, None), comm=comm)
     begin, total = layout.getOwnershipRange()[0], layout.getSize()
-    names = np.column_stack((begin + np.arange(nodes), np.tile(np.arange(total - count, total), (nodes, 1))))
+    names = np.column_stack(
+        (begin + np.arange(nodes), np.tile(np.arange(total - count, total), (nodes, 1)))
+    )
     starts = np.minimum(np.arange(unknowns.size + 1), nodes) * (1 + count)
     values = np.column_stack((np.ones(nodes), motions))
     csr = (starts.astype(PETSc.IntType), names.ravel().astype(PETSc.IntType), values.ravel())

@@ -1,8 +1,10 @@
-"""The Schur complement on any number of ranks: each eliminates what is its own, and all what separates them.
+"""The Schur complement on any number of ranks: each eliminates what is its own, and all what
+separates them.
 
-The unknowns of a rank that couple with those of a later one are the border.  Without it, and without the unknowns that
-stay, no two ranks couple, so that each factorises alone the matrix of its others, which need no messages.  What is left
-is dense, the border as long as a cut through the body; every rank has all of it and eliminates the border.
+The unknowns of a rank that couple with those of a later one are the border.  Without it, and
+without the unknowns that stay, no two ranks couple, so that each factorises alone the matrix of its
+others, which need no messages.  What is left is dense, the border as long as a cut through the
+body; every rank has all of it and eliminates the border.
 
 Source: Przemieniecki, AIAA J. 1 (1963) 138-147.
 """
@@ -28,14 +30,16 @@ Indices = npt.NDArray[np.int64]
 class SchurComplement:
     """A condensed onto some of its unknowns; collective, as all its methods are.
 
-    ``matrix``: A, symmetric, of which A_ii must be regular, on several ranks positive definite; ``retained``: local
-    numbers of the dofs c of this rank that stay; those of all ranks stacked are in the order of the dense matrix;
+    ``matrix``: A, symmetric, of which A_ii must be regular, on several ranks positive definite;
+    ``retained``: local numbers of the dofs c of this rank that stay; those of all ranks stacked are
+    in the order of the dense matrix;
     ``loads``: right-hand sides b, the entries of this rank; ``positions``: see ``PartialFactor``.
 
     Attributes:
         dense: A_cc - A_ci A_ii^-1 A_ic, symmetric, the same on all ranks.
         loads: b_c - A_ci A_ii^-1 b_i of each load, shape (loads, c), the same on all ranks.
-        between: of each load what it is to the border, eliminated, shape (loads, border), the same on all ranks.
+        between: of each load what it is to the border, eliminated, shape (loads, border), the same
+            on all ranks.
         regular: whether A_ii is positive definite.
 
     Raises:
@@ -60,11 +64,16 @@ class SchurComplement:
             separating = np.zeros(owned + foreign.size, dtype=bool)
             separating[owned:] = (foreign >= last) & ~np.isin(foreign, stay)
             entries = np.flatnonzero(separating[rows.indices] & (rows.data != 0.0))
-            self._border = np.setdiff1d(np.searchsorted(rows.indptr, entries, side="right") - 1, retained)
+            self._border = np.setdiff1d(
+                np.searchsorted(rows.indptr, entries, side="right") - 1, retained
+            )
         joint = np.concatenate((parallel.gather_rows(self._comm, first + self._border), stay))
         self._size, self._cut = joint.size, joint.size - stay.size
         # Of each column its number among the joint unknowns; -1: it is inner.
-        numbers, local_joint = np.full(owned + foreign.size, -1), np.concatenate((self._border, retained))
+        numbers, local_joint = (
+            np.full(owned + foreign.size, -1),
+            np.concatenate((self._border, retained)),
+        )
         named = np.concatenate((local_joint, np.arange(owned, numbers.size)))
         numbers[named] = _places_in(joint, np.concatenate((first + local_joint, foreign)))
         touched = np.full(self._size, self._comm.size == 1)
@@ -94,14 +103,18 @@ class SchurComplement:
         )
         beyond = sp.csr_array((entry, (row, column)), shape=(self._size, self._size))
         self.dense = self._eliminate_border(self._joined(beyond, dense))
-        condensed_loads = [self._onto_retained(load, condensed[number]) for number, load in enumerate(loads)]
+        condensed_loads = [
+            self._onto_retained(load, condensed[number]) for number, load in enumerate(loads)
+        ]
         self.loads = np.reshape([load for load, _ in condensed_loads], (len(loads), stay.size))
-        self.between = np.reshape([between for _, between in condensed_loads], (len(loads), self._cut))
+        self.between = np.reshape(
+            [between for _, between in condensed_loads], (len(loads), self._cut)
+        )
         self._condensed = (loads[-1][self._factor.inner], condensed[-1]) if len(loads) else None
 
     def condense(self, load: PETSc.Vec) -> tuple[Array, Array]:
-        """Another load as one of ``loads``, and as one of ``between``: one back substitution, or none where the last
-        load was the same but for unknowns that stay.
+        """Another load as one of ``loads``, and as one of ``between``: one back substitution, or
+        none where the last load was the same but for unknowns that stay.
         """
         values = load.getArray(readonly=True)
         inner = values[self._factor.inner]
@@ -110,13 +123,20 @@ class SchurComplement:
         return self._onto_retained(values, self._condensed[1])
 
     def recover(self, load: PETSc.Vec, between: Array, values: Array) -> PETSc.Vec:
-        """All unknowns, from those of this rank that stay: one back substitution; ``between``: of this load."""
+        """All unknowns, from those of this rank that stay: one back substitution; ``between``: of
+        this load.
+        """
         at_joint, result = np.zeros(self._size), load.duplicate()
         at_joint[self._cut :] = parallel.gather_rows(self._comm, values)
         right = between - self._across @ at_joint[self._cut :]
-        at_joint[: self._cut] = solve_triangular(self._border_factor, right, lower=True, trans=1, check_finite=False)
+        at_joint[: self._cut] = solve_triangular(
+            self._border_factor, right, lower=True, trans=1, check_finite=False
+        )
         unknowns = result.getArray()
-        right = load.getArray(readonly=True)[self._factor.inner] - self._factor.toward @ at_joint[self._places]
+        right = (
+            load.getArray(readonly=True)[self._factor.inner]
+            - self._factor.toward @ at_joint[self._places]
+        )
         unknowns[self._factor.inner] = self._factor.solve(right)
         offset = parallel.rows_before(self._comm, self._border.size)
         unknowns[self._border] = at_joint[offset : offset + self._border.size]
@@ -124,7 +144,9 @@ class SchurComplement:
         return result
 
     def _joined(self, beyond: sp.csr_array, dense: Array) -> Array:
-        """The matrix of the joint unknowns; ``beyond``: entries of all ranks, ``dense``: of those it touches."""
+        """The matrix of the joint unknowns; ``beyond``: entries of all ranks, ``dense``: of those
+        it touches.
+        """
         if self._comm.size == 1:
             entries = sp.coo_array(beyond)
             dense[entries.row, entries.col] += entries.data
@@ -141,37 +163,54 @@ class SchurComplement:
             self._border_factor = cholesky(matrix[:cut, :cut], lower=True, check_finite=False)
         except np.linalg.LinAlgError:  # not definite, on all ranks
             raise PETSc.Error(ERROR_IN_LIBRARY) from None
-        self._across = solve_triangular(self._border_factor, matrix[:cut, cut:], lower=True, check_finite=False)
+        self._across = solve_triangular(
+            self._border_factor, matrix[:cut, cut:], lower=True, check_finite=False
+        )
         return matrix[cut:, cut:] - self._across.T @ self._across if cut else matrix
 
     def _onto_retained(self, load: Array, part: Array) -> tuple[Array, Array]:
-        """A load at all that stay without the border, and at the border; ``part``: of its inner unknowns."""
+        """A load at all that stay without the border, and at the border; ``part``: of its inner
+        unknowns.
+        """
         joint_load = np.concatenate(
-            [parallel.gather_rows(self._comm, load[unknowns]) for unknowns in (self._border, self.retained)]
+            [
+                parallel.gather_rows(self._comm, load[unknowns])
+                for unknowns in (self._border, self.retained)
+            ]
         )
         for members, values in self._parts(self._places, part):
             joint_load[members] += values
-        between = solve_triangular(self._border_factor, joint_load[: self._cut], lower=True, check_finite=False)
+        between = solve_triangular(
+            self._border_factor, joint_load[: self._cut], lower=True, check_finite=False
+        )
         return joint_load[self._cut :] - self._across.T @ between, between
 
     def _parts(self, places: Indices, values: Array) -> Iterator[tuple[Indices, Array]]:
         """Numbers of joint unknowns of each rank, and its values there, flat."""
         gathered = [parallel.gather_rows(self._comm, rows) for rows in (places, np.ravel(values))]
         ends = [np.cumsum(self._comm.allgather(size))[:-1] for size in (places.size, values.size)]
-        return zip(*(np.split(rows, at) for rows, at in zip(gathered, ends, strict=True)), strict=True)
+        return zip(
+            *(np.split(rows, at) for rows, at in zip(gathered, ends, strict=True)), strict=True
+        )
 
 
 def _own_columns_first(matrix: PETSc.Mat) -> tuple[sp.csr_array, Indices]:
-    """The rows of this rank, their columns those of this rank first, then those of others, and the names of these."""
+    """The rows of this rank, their columns those of this rank first, then those of others, and the
+    names of these.
+    """
     first, last = matrix.getOwnershipRange()
     starts, columns, values = matrix.getValuesCSR()
     if matrix.comm.size == 1:
-        return sp.csr_array((values, columns, starts), shape=(last, last)), np.zeros(0, dtype=np.int64)
+        return sp.csr_array((values, columns, starts), shape=(last, last)), np.zeros(
+            0, dtype=np.int64
+        )
     columns -= first
     outside = np.flatnonzero((columns < 0) | (columns >= last - first))
     foreign, at = np.unique(columns[outside], return_inverse=True)
     columns[outside] = last - first + at
-    rows = sp.csr_array((values, columns, starts), shape=(last - first, last - first + foreign.size))
+    rows = sp.csr_array(
+        (values, columns, starts), shape=(last - first, last - first + foreign.size)
+    )
     return rows, foreign.astype(np.int64) + first
 
 

@@ -1,15 +1,16 @@
-"""The levels of a hierarchy truncated where contact holds the body: what ``multigrid`` says of A_1', A_2', ...
+"""The levels of a hierarchy truncated where contact holds the body: what ``multigrid`` says of
+A_1', A_2', ...
 
-With E the projections onto the directions that contact holds, a block for each point, and C' the soft rest of its
-stiffness, X = S E G.  On a rigid foundation points are nodes, S = 1 and G = P_c.  Of two bodies S goes from relative
-displacements at the points back to the unknowns of the side with the points, B S = 1, and G = B P_c: then contact does
-no work on P - X as far as it is stiff, while truncation of both sides would clamp the interface in 3D.  As C' is zero
-where E is not,
+With E the projections onto the directions that contact holds, a block for each point, and C' the
+soft rest of its stiffness, X = S E G.  On a rigid foundation points are nodes, S = 1 and G = P_c.
+Of two bodies S goes from relative displacements at the points back to the unknowns of the side with
+the points, B S = 1, and G = B P_c: then contact does no work on P - X as far as it is stiff, while
+truncation of both sides would clamp the interface in 3D.  As C' is zero where E is not,
 
     A_1' = A_1 + G^T (E K E + C') G - G^T E V - V^T E G,   K = S^T A_cc S,   V = S^T (A P)_c.
 
-Nothing but the blocks that contact matrices have at the nodes changes from one tangent to the next.  So the pattern of
-each product is found once, which takes five to ten times as long as its numbers.
+Nothing but the blocks that contact matrices have at the nodes changes from one tangent to the next.
+So the pattern of each product is found once, which takes five to ten times as long as its numbers.
 """
 
 from __future__ import annotations
@@ -18,7 +19,13 @@ import numpy as np
 import numpy.typing as npt
 from petsc4py import PETSc
 
-from signorini_fx.algebra.linalg import DIFFERENT_PATTERN, SAME_PATTERN, SUBSET_PATTERN, is_by_blocks, row_by_row
+from signorini_fx.algebra.linalg import (
+    DIFFERENT_PATTERN,
+    SAME_PATTERN,
+    SUBSET_PATTERN,
+    is_by_blocks,
+    row_by_row,
+)
 from signorini_fx.algebra.linalg.blocks import with_added
 from signorini_fx.tuned import NOTHING_LEFT
 
@@ -26,10 +33,12 @@ Array = npt.NDArray[np.float64]
 
 
 def stiff_and_soft(added: Array, scale: Array) -> tuple[Array, Array]:
-    """Projections E onto the directions that contact holds, and the rest of what it adds to the stiffness, blocks of
-    shape (n, d, d); ``added``: relative to ``scale``, force per length, shape (n,).
+    """Projections E onto the directions that contact holds, and the rest of what it adds to the
+    stiffness, blocks of shape (n, d, d); ``added``: relative to ``scale``, force per length, shape
+    (n,).
     """
-    # The blocks of the monolithic method are not symmetric: what they hold is what they do not map to nearly zero.
+    # The blocks of the monolithic method are not symmetric: what they hold is what they do not map
+    # to nearly zero.
     _, stiffness, directions = np.linalg.svd(added)
     stiff = directions * (stiffness >= 1.0)[:, :, None]
     held = stiff.transpose(0, 2, 1) @ stiff
@@ -39,10 +48,11 @@ def stiff_and_soft(added: Array, scale: Array) -> tuple[Array, Array]:
 
 
 class NodalBlocks:
-    """The blocks that contact matrices have at the nodes of this rank, which have those of their ``size`` unknowns that
-    are contact unknowns, ``unknowns`` in the local part of x, ascending; blocks are of shape (nodes, size, size), with
-    zeros for the others. ``starts``, ``columns``: the rows of a matrix with these blocks, columns by their place in
-    ``unknowns``; ``scale``: mean stiffness of each node, force per length.
+    """The blocks that contact matrices have at the nodes of this rank, which have those of their
+    ``size`` unknowns that are contact unknowns, ``unknowns`` in the local part of x, ascending;
+    blocks are of shape (nodes, size, size), with zeros for the others. ``starts``, ``columns``: the
+    rows of a matrix with these blocks, columns by their place in ``unknowns``; ``scale``: mean
+    stiffness of each node, force per length.
     """
 
     def __init__(self, elastic: PETSc.Mat, unknowns: npt.NDArray[np.int64], size: int) -> None:
@@ -58,7 +68,9 @@ class NodalBlocks:
         self.columns = np.repeat(begins - self.starts[:-1], counts) + np.arange(self._rows.size)
         self._elastic = self._blocks(elastic)
         trace = np.trace(self._elastic, axis1=1, axis2=2)
-        self.scale = np.divide(trace, self._components().sum(axis=1), out=np.ones_like(trace), where=trace > 0)
+        self.scale = np.divide(
+            trace, self._components().sum(axis=1), out=np.ones_like(trace), where=trace > 0
+        )
 
     def _components(self) -> npt.NDArray[np.bool_]:
         present = np.zeros(self.shape[:2], dtype=bool)
@@ -67,11 +79,17 @@ class NodalBlocks:
 
     def values(self, blocks: Array) -> Array:
         """The entries of blocks in the order of ``columns``."""
-        node, row, column = self._node[self._rows], self._component[self._rows], self._component[self.columns]
+        node, row, column = (
+            self._node[self._rows],
+            self._component[self._rows],
+            self._component[self.columns],
+        )
         return np.asarray(blocks[node, row, column])
 
     def matrix(self, blocks: Array, into: PETSc.Mat | None = None) -> PETSc.Mat:
-        """The matrix with these blocks; ``into``: an earlier one, which is filled again; collective."""
+        """The matrix with these blocks; ``into``: an earlier one, which is filled again;
+        collective.
+        """
         empty_rows = self._sizes[0][0] - self._node.size
         csr = (
             np.pad(self.starts, (0, empty_rows), "edge").astype(PETSc.IntType),
@@ -98,8 +116,10 @@ class NodalBlocks:
         return blocks
 
     def split(self, contact: PETSc.Mat, rows: PETSc.Mat | None = None) -> tuple[Array, Array]:
-        """What contact adds to A at each node: projections E onto the directions that it holds, and the rest of it;
-        ``contact``: (A + C)_cc, where the row and column of a constraint are empty but for the diagonal; ``rows``: of A
+        """What contact adds to A at each node: projections E onto the directions that it holds, and
+        the rest of it;
+        ``contact``: (A + C)_cc, where the row and column of a constraint are empty but for the
+        diagonal; ``rows``: of A
         + C at the contact unknowns, None: there are no constraints.
         """
         added = (self._blocks(contact) - self._elastic) / self.scale[:, None, None]
@@ -108,7 +128,11 @@ class NodalBlocks:
         starts, _, values = rows.getValuesCSR()
         starts, values = starts[: self._node.size + 1], values[: starts[self._node.size]]
         constrained = np.zeros(self.shape[:2], dtype=bool)
-        entries = np.add.reduceat(np.append(values != 0, False), starts[:-1]) if self._node.size else np.zeros(0)
+        entries = (
+            np.add.reduceat(np.append(values != 0, False), starts[:-1])
+            if self._node.size
+            else np.zeros(0)
+        )
         constrained[self._node, self._component] = entries <= 1
         added[constrained[:, :, None] | constrained[:, None, :]] = 0.0
         node, component = np.nonzero(constrained)
@@ -116,7 +140,9 @@ class NodalBlocks:
         return stiff_and_soft(added, self.scale)
 
     def inverse(self, held: Array) -> Array:
-        """Of the diagonal of A, on the directions that are not held; what contact adds softly takes no fewer steps."""
+        """Of the diagonal of A, on the directions that are not held; what contact adds softly takes
+        no fewer steps.
+        """
         size = self.shape[1]
         present = self._components()
         diagonal = np.diagonal(self._elastic, axis1=1, axis2=2)
@@ -128,9 +154,10 @@ class NodalBlocks:
 
 
 class TruncatedLevels:
-    """(I - E) P_0, ``interpolation``, and the coarse matrices A_1', A_2', ..., which change in place; ``lift``: S,
-    None: the unit matrix; ``functions``: G; ``elastic``: A_cc; ``product``: (A P)_c; ``places``: c, numbers of the
-    contact unknowns of this rank.
+    """(I - E) P_0, ``interpolation``, and the coarse matrices A_1', A_2', ..., which change in
+    place; ``lift``: S,
+    None: the unit matrix; ``functions``: G; ``elastic``: A_cc; ``product``: (A P)_c; ``places``: c,
+    numbers of the contact unknowns of this rank.
     """
 
     def __init__(
@@ -173,22 +200,34 @@ class TruncatedLevels:
             self._products.append(self._changes[-1].matMult(interpolation))
             self._changes.append(interpolation.transposeMatMult(self._products[-1]))
         # Of a level by blocks only what is added to it changes.
-        self._untruncated, self._truncated, self.coarse = list[PETSc.Mat](), list[PETSc.Mat](), list[PETSc.Mat]()
+        self._untruncated, self._truncated, self.coarse = (
+            list[PETSc.Mat](),
+            list[PETSc.Mat](),
+            list[PETSc.Mat](),
+        )
         for level, change in zip(coarse, self._changes, strict=True):
             # With a little more on its diagonal, and room for the change.
             diagonal, by_blocks = level.getDiagonal(), is_by_blocks(level)
-            wider = PETSc.Mat().createAIJ(level.getSizes(), nnz=1, comm=level.comm) if by_blocks else level.copy()
+            wider = (
+                PETSc.Mat().createAIJ(level.getSizes(), nnz=1, comm=level.comm)
+                if by_blocks
+                else level.copy()
+            )
             diagonal.scale(NOTHING_LEFT)
             wider.setDiagonal(diagonal, addv=PETSc.InsertMode.ADD_VALUES)
             wider.axpy(1.0, change, structure=DIFFERENT_PATTERN)
             self._untruncated.append(wider)
             self._truncated.append(row_by_row(wider.copy()))
-            self.coarse.append(with_added(level, self._truncated[-1]) if by_blocks else self._truncated[-1])
+            self.coarse.append(
+                with_added(level, self._truncated[-1]) if by_blocks else self._truncated[-1]
+            )
         for level in self.coarse:
             level.setOption(PETSc.Mat.Option.SPD, True)
 
     def _in_all_rows(self, matrix: PETSc.Mat) -> PETSc.Mat:
-        """A matrix with rows at the contact unknowns as one with rows at all unknowns; collective."""
+        """A matrix with rows at the contact unknowns as one with rows at all unknowns;
+        collective.
+        """
         first, last = self.interpolation.getOwnershipRange()
         starts, columns, values = matrix.getValuesCSR()
         counts = np.zeros(last - first, dtype=PETSc.IntType)
@@ -197,7 +236,9 @@ class TruncatedLevels:
         return PETSc.Mat().createAIJ(self.interpolation.getSizes(), csr=csr, comm=matrix.comm)
 
     def truncate(self, held: Array, soft: Array) -> None:
-        """Truncate the levels anew by E, ``held``, and C', ``soft``, force per length; collective."""
+        """Truncate the levels anew by E, ``held``, and C', ``soft``, force per length;
+        collective.
+        """
         self._blocks.matrix(held, self._held)
         self._blocks.matrix(soft, self._soft)
         self._held.matMult(self._functions, result=self._along)
@@ -207,7 +248,9 @@ class TruncatedLevels:
         self._kept_rows.axpy(-1.0, self._moved, structure=SUBSET_PATTERN)
         starts, columns, values = self._kept_rows.getValuesCSR()
         if len(starts) > 1:
-            self.interpolation.setValuesIJV(starts, columns, values, rowmap=self._places.getIndices())
+            self.interpolation.setValuesIJV(
+                starts, columns, values, rowmap=self._places.getIndices()
+            )
         self.interpolation.assemble()
         self._stiffness.ptap(self._held, result=self._law)
         self._law.axpy(1.0, self._soft, structure=SUBSET_PATTERN)

@@ -1,9 +1,9 @@
 """Linear solvers of other packages: named by a scene, found as entry points, and not trusted.
 
-A solver is a class that has ``set_up`` and ``solve``, see ``LinearSolver``, and is made without arguments; an installed
-package names it in the group ``signorini_fx.linear_solvers``.  FGMRES takes what it returns as a
-preconditioner and goes on until the residual is small against the forces: one that is not exact costs steps, not
-digits.
+A solver is a class that has ``set_up`` and ``solve``, see ``LinearSolver``, and is made without
+arguments; an installed package names it in the group ``signorini_fx.linear_solvers``.  FGMRES takes
+what it returns as a preconditioner and goes on until the residual is small against the forces: one
+that is not exact costs steps, not digits.
 """
 
 from __future__ import annotations
@@ -24,7 +24,9 @@ class LinearSolver(Protocol):
     """Solves J x = b for the stiffness with the contact blocks; both methods are collective."""
 
     def set_up(self, matrix: PETSc.Mat) -> None:
-        """Take J, which is new: sparse, of the ranks of the body, symmetric unless friction makes it otherwise."""
+        """Take J, which is new: sparse, of the ranks of the body, symmetric unless friction makes
+        it otherwise.
+        """
 
     def solve(self, b: PETSc.Vec, x: PETSc.Vec) -> None:
         """Write the solution, or something near it, into x."""
@@ -32,7 +34,9 @@ class LinearSolver(Protocol):
 
 @called_back
 def _judge(ksp: PETSc.KSP, b: PETSc.Vec, x: PETSc.Vec) -> None:
-    """Where a solver returns nothing new FGMRES breaks down, and believes its own estimate of the residual."""
+    """Where a solver returns nothing new FGMRES breaks down, and believes its own estimate of the
+    residual.
+    """
     allowed = NO_FORCE * b.norm() + 10 * ksp.getTolerances()[1]
     if ksp.getConvergedReason() > 0 and not (b - ksp.getOperators()[0] * x).norm() <= allowed:
         ksp.setConvergedReason(PETSc.KSP.ConvergedReason.DIVERGED_BREAKDOWN)
@@ -70,7 +74,9 @@ class UserSystem(ElasticSystem):
         pc.setPythonContext(SimpleNamespace(setUp=set_up, apply=apply))
         ksp.setPostSolve(_judge)
 
-    def keep_factor(self, ksp: PETSc.KSP, unchanged: bool, forces: float, *, exact: bool = False) -> bool:
+    def keep_factor(
+        self, ksp: PETSc.KSP, unchanged: bool, forces: float, *, exact: bool = False
+    ) -> bool:
         """For the same matrix; the residual is measured against the forces."""
         if not petsc_options.user_sets("ksp_"):
             ksp.setTolerances(rtol=ZERO_COMPONENT, atol=LEFT_BY_SOLVES * forces)

@@ -2,8 +2,9 @@
 
     a(y, z) = a(u, z) - F(u; z),    a = F'(u) - lambda Hess phi + what turns the shear,
 
-with the gaps and normals of the shapes at X + u.  The right-hand side is assembled from a and F as they are compiled:
-a form a(u, .) - F(u; .) would get a quadrature degree of its own, and Newton's method the residual of that.
+with the gaps and normals of the shapes at X + u.  The right-hand side is assembled from a and F as
+they are compiled: a form a(u, .) - F(u; .) would get a quadrature degree of its own, and Newton's
+method the residual of that.
 """
 
 from __future__ import annotations
@@ -63,7 +64,9 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class State:
-    """A solution, or what there is before the first one: all that an attempt changes, and where shapes were placed."""
+    """A solution, or what there is before the first one: all that an attempt changes, and where
+    shapes were placed.
+    """
 
     displacement: Array  # values of u, ghosts included
     contact: ContactState | None
@@ -82,7 +85,9 @@ class MovingFoundations(Foundations):
 
     sliding: Mapping[int, MovingPair]  # by their numbers
     coordinates: Array  # of tools where they are, see ``MovingTools``
-    settled: dict[int, Any]  # the shapes at the end of the last step, by the numbers of their foundations
+    settled: dict[
+        int, Any
+    ]  # the shapes at the end of the last step, by the numbers of their foundations
 
     def __init__(self, *args: Any, at: fem.Function) -> None:
         self.at, self.sliding = at, {}
@@ -93,11 +98,16 @@ class MovingFoundations(Foundations):
         self.coordinates = np.zeros(super().rigid_bodies.fixed.size)
 
     def _shaped(self) -> dict[int, Any]:
-        x, moving = node_positions(self._space)[:, : self._dimension].astype(np.float64), dict[int, Any]()
+        x, moving = (
+            node_positions(self._space)[:, : self._dimension].astype(np.float64),
+            dict[int, Any](),
+        )
         averages = averaging(self._space)
         for number, distance in super()._shaped().items():
             if averages and not isinstance(distance.shape, Plane):
-                reason = "on quadratic tetrahedra a shape must be a plane: take hexahedra, or degree 1"
+                reason = (
+                    "on quadratic tetrahedra a shape must be a plane: take hexahedra, or degree 1"
+                )
                 raise FormError([(f"contact[{number}].shape", reason)])
             turns = self._contact[number].measure is None and not averages
             shape = fitting(number, distance.shape, self._dimension, turns=turns)
@@ -116,13 +126,17 @@ class MovingFoundations(Foundations):
     def _put(self, number: int, distance: Distance) -> None:
         moving = self.moving[number]
         if distance.shape.driven is not moving.shape.driven:
-            raise FormError([(f"contact[{number}].shape", "forces move it, or they do not: that cannot change")])
+            raise FormError(
+                [(f"contact[{number}].shape", "forces move it, or they do not: that cannot change")]
+            )
         moving.shape = fitting(number, distance.shape, self._dimension, turns=moving.turns)
 
     @property
     def driven(self) -> list[Any]:
         """As they are given."""
-        return [shape and self.moving[number].as_given for number, shape in enumerate(super().driven)]
+        return [
+            shape and self.moving[number].as_given for number, shape in enumerate(super().driven)
+        ]
 
     @property
     def rigid_bodies(self) -> MovingTools:
@@ -147,21 +161,29 @@ class MovingFoundations(Foundations):
                 self.moving[part].carry_to(tool)
 
     def motion_at(self, boundary: ContactBoundary, begun: Array) -> Array | None:
-        """How far shapes have moved with points since the displacements ``begun``, length, shape (n, d); None: not."""
-        moved = {k: moving.shape for k, moving in self.moving.items() if moving.shape != self.settled[k]}
+        """How far shapes have moved with points since the displacements ``begun``, length, shape
+        (n, d); None: not.
+        """
+        moved = {
+            k: moving.shape for k, moving in self.moving.items() if moving.shape != self.settled[k]
+        }
         if not moved:
             return None
         motion = np.zeros_like(boundary.x)
         for number, shape in moved.items():
             points = np.flatnonzero(boundary.part == number)
-            # Not its closest points: a node may be inside by the penalty, or away by a gap that is added.
+            # Not its closest points: a node may be inside by the penalty, or away by a gap that is
+            # added.
             at = boundary.x[points] + begun[boundary.nodes[points]]
             motion[points] = shape.carried_from(self.settled[number], at)
         return motion
 
     def spin_at(self, boundary: ContactBoundary) -> Array | None:
         """Also of the other side of a pair."""
-        turned = {k: moving.shape.turned_from(self.settled[k], self._dimension) for k, moving in self.moving.items()}
+        turned = {
+            k: moving.shape.turned_from(self.settled[k], self._dimension)
+            for k, moving in self.moving.items()
+        }
         turned |= {k: pair.rotation for k, pair in self.sliding.items()}
         if not turned:
             return None
@@ -175,7 +197,9 @@ class MovingFoundations(Foundations):
         return bool(shape.prescribes("x") == 0.0)
 
     def _paired(self, number: int, *known: Any) -> ContactBoundary:
-        """Where both sides are now, if they slide; else with the partners of undeformed sides and normals of now."""
+        """Where both sides are now, if they slide; else with the partners of undeformed sides and
+        normals of now.
+        """
         if number in self.sliding:
             return self.sliding[number].boundary()
         facts = [values.tobytes() for values in known if isinstance(values, np.ndarray)]
@@ -212,7 +236,9 @@ class LinearisedProblem(FormSolver):
     """The contact problem of one iteration, at the displacement ``at``."""
 
     symmetric = definite = True  # as far as is known
-    residual: Array | None = None  # F at the displacement of now, less the loads; None: it has not been assembled yet
+    residual: Array | None = (
+        None  # F at the displacement of now, less the loads; None: it has not been assembled yet
+    )
     several = False  # see ``Start``
     bodies: tuple[str, ...] = ()  # see ``BodyPieces``
     _keeps = False  # whether the next solve keeps the stiffness of the last one
@@ -232,8 +258,13 @@ class LinearisedProblem(FormSolver):
         **settings: Any,
     ) -> None:
         at = self.at = evaluated.u
-        increment, self._foundations_class = fem.Function(at.function_space), partial(MovingFoundations, at=at)
-        forms, increment = given_forms(tangents.leading, evaluated.form, contact, increment, boundaries=boundaries)
+        increment, self._foundations_class = (
+            fem.Function(at.function_space),
+            partial(MovingFoundations, at=at),
+        )
+        forms, increment = given_forms(
+            tangents.leading, evaluated.form, contact, increment, boundaries=boundaries
+        )
         forms = replace(forms, original=(tangents.bilinear, evaluated.form))
         super().__init__(forms, increment, bcs, settings, options)
         self._evaluated = evaluated
@@ -260,19 +291,29 @@ class LinearisedProblem(FormSolver):
             fixed, values = prescribed(space, conditions_of(self.bcs, space))
             owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
             at_rest, fixed = foundations.at_rest(fixed, values)[:owned], fixed[:owned]
-            facing = {k: foundations.facing(k, foundations.factor_of(k), fixed, None, at_rest) for k in numbers}
+            facing = {
+                k: foundations.facing(k, foundations.factor_of(k), fixed, None, at_rest)
+                for k in numbers
+            }
             pairs = {k: MovingPair(both, self.contact[k].reach) for k, both in facing.items()}
-            reason = "no point of its side sees the other one within the reach: nothing would hold both together"
+            reason = (
+                "no point of its side sees the other one within the reach: nothing would "
+                "hold both together"
+            )
             unseen = [k for k, pair in pairs.items() if not pair.coupling.frames.partnered.any()]
-            if apart := [(f"contact[{k}].bilateral", reason) for k in unseen if self.contact[k].bilateral]:
+            if apart := [
+                (f"contact[{k}].bilateral", reason) for k in unseen if self.contact[k].bilateral
+            ]:
                 raise FormError(apart)
             self.foundations.sliding = pairs
         for pair in self.foundations.sliding.values():
             pair.move(self.places[: self.space.dofmap.index_map.size_local])
 
     def bend(self, *, symmetric: bool = True) -> None:
-        """Give the tangent the curvature of the shapes with the tractions of the last solution, all of it unless
-        ``symmetric``: then what is not is left out, which only pairs with Coulomb friction have; collective.
+        """Give the tangent the curvature of the shapes with the tractions of the last solution, all
+        of it unless
+        ``symmetric``: then what is not is left out, which only pairs with Coulomb friction have;
+        collective.
         """
         if (state := self._state) is None:
             return
@@ -280,12 +321,17 @@ class LinearisedProblem(FormSolver):
         whole = not symmetric and type(self.task.system) is ElasticSystem
         laws = [self.contact[number].friction for number in self.foundations.sliding]
         self._askew = whole and any(law is not None and law.follows_pressure for law in laws)
-        hessians = hessians_at(state.boundary, self.foundations.moving, self.places, self.scales.size)
+        hessians = hessians_at(
+            state.boundary, self.foundations.moving, self.places, self.scales.size
+        )
         blocks = curvature_of(hessians, state)
         self._hessians, tools, self.relative = hessians, self.foundations.rigid_bodies, None
         if tools.bodies:
             self.relative = tools.relative_stiffness(state, blocks)
-        joint = tuple(pair.stiffness(state, symmetric=not self._askew) for pair in self.foundations.sliding.values())
+        joint = tuple(
+            pair.stiffness(state, symmetric=not self._askew)
+            for pair in self.foundations.sliding.values()
+        )
         places = self.places[: self.space.dofmap.index_map.size_local]
         for number, (_, paired) in self.foundations.undeformed.items():
             if not self.contact[number].bonded:
@@ -298,8 +344,15 @@ class LinearisedProblem(FormSolver):
         """Slips of points that stick are linearised as their tangent planes turn."""
         state = self._state
         begun = super().begin_step()
-        boundary, tools, origin = self.boundary, self.foundations.rigid_bodies, begun.data.slip_origin
-        for number, pair in self.foundations.sliding.items():  # slips count from where their step has begun
+        boundary, tools, origin = (
+            self.boundary,
+            self.foundations.rigid_bodies,
+            begun.data.slip_origin,
+        )
+        for (
+            number,
+            pair,
+        ) in self.foundations.sliding.items():  # slips count from where their step has begun
             rows = boundary.part == number
             origin = origin.copy()
             origin[rows] = np.einsum("nij,ni->nj", boundary.tangents[rows], pair.slip_origin)
@@ -310,39 +363,58 @@ class LinearisedProblem(FormSolver):
             else:
                 self._last.taken_up(self.task, self.elastic, self.rigid)
         places, way = self.places[boundary.nodes], self._way()
-        if boundary.moving is not None:  # slips on tools are counted from where a step has begun by their finite motion
+        if (
+            boundary.moving is not None
+        ):  # slips on tools are counted from where a step has begun by their finite motion
             places = places - boundary.moving.modes @ tools.coordinates
             begins = np.einsum("nij,ni->nj", boundary.tangents, places - way)
-            on_tools = np.isin(boundary.part, [part for body in tools.bodies for part in body.parts])
+            on_tools = np.isin(
+                boundary.part, [part for body in tools.bodies for part in body.parts]
+            )
             origin = np.where(on_tools[:, None], begins, origin)
         if state is not None and len(self._hessians) == boundary.size == state.boundary.size:
             slip = np.einsum("nij,ni->nj", boundary.tangents, places) - origin
-            slip -= np.einsum("nij,nik,nk->nj", boundary.tangents, state.boundary.cotangents, state.slip_length)
+            slip -= np.einsum(
+                "nij,nik,nk->nj", boundary.tangents, state.boundary.cotangents, state.slip_length
+            )
             turned = left_by_turning(boundary, self._hessians, way, slip)
             origin = origin + np.where(self.sticks[:, None], turned, 0.0)
         return replace(begun, data=replace(begun.data, slip_origin=origin))
 
     def _way(self) -> Array:
-        """Of contact points relative to shapes since the step has begun, without what forces move, shape (n, d)."""
+        """Of contact points relative to shapes since the step has begun, without what forces move,
+        shape (n, d).
+        """
         previous, way = self.previous_step, (self.places - self._begun_places)[self.boundary.nodes]
-        return way if previous is None or previous.moved is None else np.asarray(way - previous.moved)
+        return (
+            way if previous is None or previous.moved is None else np.asarray(way - previous.moved)
+        )
 
     def _body(self, fixed: npt.NDArray[np.bool_], boundary: ContactBoundary) -> ElasticBody:
-        """A tangent that is not definite is factorised whole, without fall-backs: a smaller increment is what helps."""
+        """A tangent that is not definite is factorised whole, without fall-backs: a smaller
+        increment is what helps.
+        """
         definite, symmetric = self.definite and self.symmetric, self.symmetric and not self._askew
         whole = {"linear_algebra": "full", "fallbacks": definite and self.settings.fallbacks}
-        settings = self.settings if definite and symmetric else self.settings.model_copy(update=whole)
+        settings = (
+            self.settings if definite and symmetric else self.settings.model_copy(update=whole)
+        )
         beside: dict[str, Any] = {"definite": definite and symmetric, "symmetric": symmetric}
         last, comm = self.__dict__.get("elastic"), self.space.mesh.comm
         if not parallel.any_rank(comm, last is None or not np.array_equal(last.fixed, fixed)):
             assert last is not None
-            beside["of_body"], beside["of_mesh"] = last.of_body if self._keeps else last.of_supports, last.of_mesh
+            beside["of_body"], beside["of_mesh"] = (
+                last.of_body if self._keeps else last.of_supports,
+                last.of_mesh,
+            )
             if self._keeps and isinstance(self.task.system, CondensedSystem):
                 beside["eliminated"] = self.task.system.schur
         if definite:
             beside["far"] = self._far_points(boundary)
         try:
-            return self.body_of(self.forms.compiled[0], boundary, fixed=fixed, settings=settings, **beside)
+            return self.body_of(
+                self.forms.compiled[0], boundary, fixed=fixed, settings=settings, **beside
+            )
         except MatrixError as error:
             if error.fault != NOT_SYMMETRIC:
                 raise
@@ -351,7 +423,9 @@ class LinearisedProblem(FormSolver):
         return self._body(fixed, boundary)
 
     def body_of(self, tangent: fem.Form, boundary: ContactBoundary, **more: Any) -> ElasticBody:
-        """The body of a tangent, with what turns; for the further arguments see ``elastic_body``; collective."""
+        """The body of a tangent, with what turns; for the further arguments see ``elastic_body``;
+        collective.
+        """
         fits = self.relative is not None and len(self.relative[0]) == boundary.size
         points = boundary if self.contact else None
         more |= {"beside": self.curvature, "relative": self.relative if fits else None}
@@ -360,30 +434,46 @@ class LinearisedProblem(FormSolver):
     def _forces(self, values: Array) -> tuple[Array, Array]:
         """Supports that have not moved since F was evaluated add nothing to it."""
         at = self.at.x.array
-        return self.elastic.forces_of_free(at) - self._residual_now, np.where(self.prescribed[0], values - at, 0.0)
+        return self.elastic.forces_of_free(at) - self._residual_now, np.where(
+            self.prescribed[0], values - at, 0.0
+        )
 
-    def _set_up(self, shapes: Sequence[ShapeDistances]) -> tuple[RegularisedData, PointFriction | None]:
+    def _set_up(
+        self, shapes: Sequence[ShapeDistances]
+    ) -> tuple[RegularisedData, PointFriction | None]:
         """Displacements are counted from the initial position, whatever holds the body."""
         data = super()._set_up(shapes)
         self.task = replace(self.task, rest=None)
         return data
 
     def _case(self, values: Array) -> LoadCase:
-        """With the work of the residual on free motions, and with what relative displacements meet."""
+        """With the work of the residual on free motions, and with what relative displacements
+        meet.
+        """
         case, elastic, driven = super()._case(values), self.elastic, self.driven
         if elastic.motions.free.size:
             resultant = elastic.motions.load_of(-self._residual_now, elastic.comm, driven.forces)
-            case = replace(case, resultant=replace(resultant, size=resultant.size + self._lost / NO_FORCE))
+            case = replace(
+                case, resultant=replace(resultant, size=resultant.size + self._lost / NO_FORCE)
+            )
         if elastic.relative is not None:
             away = self.at.x.array - np.where(self.prescribed[0], values, 0.0)
             moved = self.foundations.coordinates - np.where(self.rigid.fixed, driven.motion, 0.0)
             forces, _ = elastic.relative_forces(away, moved)
-            case.load.getArray()[: forces.size] += np.where(elastic.prescribed[: forces.size], 0.0, forces)
+            case.load.getArray()[: forces.size] += np.where(
+                elastic.prescribed[: forces.size], 0.0, forces
+            )
         return case
 
     def _beside(self) -> Sequence[npt.NDArray[Any]]:
-        loads, where = np.asarray(self._evaluated.loads), [self.foundations.coordinates, self.at.x.array]
-        follows = any(entry.against is not None and not entry.bonded for entry in self.contact) or self.rigid.bodies
+        loads, where = (
+            np.asarray(self._evaluated.loads),
+            [self.foundations.coordinates, self.at.x.array],
+        )
+        follows = (
+            any(entry.against is not None and not entry.bonded for entry in self.contact)
+            or self.rigid.bodies
+        )
         curvature = self.curvature.nodes, self.curvature.blocks
         return *curvature, loads, *(where if follows else ())
 
@@ -398,13 +488,17 @@ class LinearisedProblem(FormSolver):
         return self._last.before.displacement.x.array.reshape(self.places.shape)
 
     def _judged(self, outcome: Outcome, solves_before: int) -> None:
-        """None: the solution of the nonlinear problem gets one; points that were taken to be far are where it is."""
+        """None: the solution of the nonlinear problem gets one; points that were taken to be far
+        are where it is.
+        """
         if isinstance(system := outcome.problem.system, CondensedSystem):
             system.find_far_points(outcome.newton.x)
 
     @property
     def _residual_now(self) -> Array:
-        """F less the loads at the displacement of now, forces of shape (owned dofs,); collective."""
+        """F less the loads at the displacement of now, forces of shape (owned dofs,);
+        collective.
+        """
         return self._evaluated.assembled() if self.residual is None else self.residual
 
     @property
@@ -412,7 +506,9 @@ class LinearisedProblem(FormSolver):
         """What round-off may make of the resultant of the residual, force; collective."""
         if self._round_off is None:
             lost, free = round_off(self._evaluated, self._residual_now), ~self.elastic.fixed
-            self._round_off = UNITS_OF_NO_LOAD * float(parallel.global_sum(self.space.mesh.comm, lost[free].sum()))
+            self._round_off = UNITS_OF_NO_LOAD * float(
+                parallel.global_sum(self.space.mesh.comm, lost[free].sum())
+            )
         return self._round_off
 
     # --- one iteration ---
@@ -425,8 +521,9 @@ class LinearisedProblem(FormSolver):
         self._last_values: Array | None = None  # of the displacement in the last iteration
 
     def solve(self, *, keeps_stiffness: bool = False) -> None:
-        """Solve it, with the stiffness of the last solve if ``keeps_stiffness`` and that has a solution; a tangent that
-        Cholesky's factorisation refuses is factorised as LDL^T.  A ConvergenceError or MatrixError says how it ends.
+        """Solve it, with the stiffness of the last solve if ``keeps_stiffness`` and that has a
+        solution; a tangent that Cholesky's factorisation refuses is factorised as LDL^T.  A
+        ConvergenceError or MatrixError says how it ends.
         """
         if keeps_stiffness:
             self._keeps, solved = True, False
@@ -443,28 +540,43 @@ class LinearisedProblem(FormSolver):
         try:
             why = self.attempt()
             curved = bool(self.curvature.nodes.size or self.curvature.joint)
-            if self.status is Status.OPEN and self.task.idle and parallel.any_rank(self.space.mesh.comm, curved):
+            if (
+                self.status is Status.OPEN
+                and self.task.idle
+                and parallel.any_rank(self.space.mesh.comm, curved)
+            ):
                 # What nothing presses on any more has no tractions that turn.
-                self.curvature, self.relative = NodalStiffness.none(self.curvature.blocks.shape[1]), None
+                self.curvature, self.relative = (
+                    NodalStiffness.none(self.curvature.blocks.shape[1]),
+                    None,
+                )
                 why = self.attempt()
         except MatrixError as error:
             if error.fault != NOT_POSITIVE:
                 raise
             why, refused = error.fault, True
-        if self.definite and (refused or (why and self.status in (Status.SINGULAR, Status.LINEAR_SOLVER))):
+        if self.definite and (
+            refused or (why and self.status in (Status.SINGULAR, Status.LINEAR_SOLVER))
+        ):
             self.definite, self._last_pattern = False, None
             self.history.add("the tangent is not positive definite: it is factorised as LDL^T")
             why = self.attempt()
         if why:
             raise ConvergenceError(self, why)
 
-    def _far_points(self, boundary: ContactBoundary) -> tuple[npt.NDArray[np.bool_], fem.Function] | None:
-        """Which points are farther from their shapes than an increment may bring them, shape (n,), and the displacement
-        of now; None: none is.  The dense matrix of a body in 3D on one rank does without them; the next iteration has
-        those that are inside of their shapes.
+    def _far_points(
+        self, boundary: ContactBoundary
+    ) -> tuple[npt.NDArray[np.bool_], fem.Function] | None:
+        """Which points are farther from their shapes than an increment may bring them, shape (n,),
+        and the displacement of now; None: none is.  The dense matrix of a body in 3D on one rank
+        does without them; the next iteration has those that are inside of their shapes.
         """
         state, values, dim = self._state, self.at.x.array, boundary.x.shape[1]
-        plain = boundary.averages.shares.nnz == boundary.size > 0 and boundary.moving is None and not boundary.paired
+        plain = (
+            boundary.averages.shares.nnz == boundary.size > 0
+            and boundary.moving is None
+            and not boundary.paired
+        )
         known = state is not None and state.boundary.size == boundary.size
         if dim != 3 or boundary.comm.size > 1 or self.residual is None or not plain or not known:
             return None
@@ -473,8 +585,11 @@ class LinearisedProblem(FormSolver):
         for number, moving in self.foundations.moving.items():
             points = np.flatnonzero(boundary.part == number)
             nodes, added[moving.nodes] = boundary.nodes[points], moving.added
-            distance[points] = moving.shape.distance(boundary.x[points] + self.places[nodes])[0] + added[nodes]
-        # As far as shapes are inside, supports move now, or the last increment, or the last load, has moved anything.
+            distance[points] = (
+                moving.shape.distance(boundary.x[points] + self.places[nodes])[0] + added[nodes]
+            )
+        # As far as shapes are inside, supports move now, or the last increment, or the last load,
+        # has moved anything.
         fixed, to = self.prescribed
         increments = [np.abs(to - values)[fixed], -distance[np.isfinite(distance)]]
         if self._last_values is None:
@@ -491,7 +606,9 @@ class LinearisedProblem(FormSolver):
         return None if near.all() else (~near, self.at)
 
     def leave_open(self, status: Status) -> None:
-        """Make the displacement of now, without any contact, the last result, of a solve with this end; collective."""
+        """Make the displacement of now, without any contact, the last result, of a solve with this
+        end; collective.
+        """
         with options_applied(*self.options):
             begun = self.begun = self.begin_step()
         nowhere = np.zeros(self.boundary.size)
@@ -501,7 +618,10 @@ class LinearisedProblem(FormSolver):
         newton.pose(begun.data, sets)
         x = self.task.system.unknowns(self.elastic.unknowns(self.at))
         newton.restore((x, newton.problem.sets, newton.problem.data))
-        self.show(Outcome(status, newton, begun.data, augmented=self.task.settings.algorithm == "alm"), None)
+        self.show(
+            Outcome(status, newton, begun.data, augmented=self.task.settings.algorithm == "alm"),
+            None,
+        )
 
     @property
     def step(self) -> int:
@@ -509,7 +629,9 @@ class LinearisedProblem(FormSolver):
         return 0 if self._last is None else self._last.start.step
 
     def begin_at_tangent(self, *, definite: bool, symmetric: bool) -> None:
-        """Assemble the contact problem of now as in the last iteration of an earlier run; collective."""
+        """Assemble the contact problem of now as in the last iteration of an earlier run;
+        collective.
+        """
         self.begin_anew()
         self.definite, self.symmetric = definite, symmetric
         self.slide()
@@ -524,7 +646,9 @@ class LinearisedProblem(FormSolver):
         return other
 
     def derivative_at(self, last: State) -> tuple[Any, ...]:
-        """The last solution with the derivative of its contact problem there, see ``SolvedStep.of``; collective."""
+        """The last solution with the derivative of its contact problem there, see
+        ``SolvedStep.of``; collective.
+        """
         self._last, self.foundations.settled = last.before, last.settled
         outcome, solved, symmetric = self.outcome, self.state, self.symmetric
         assert outcome is not None
@@ -532,17 +656,25 @@ class LinearisedProblem(FormSolver):
         curvature = curvature_of(self._hessians, solved, symmetric=False)
         sheared = bool((curvature != curvature.transpose(0, 2, 1)).any())
         if parallel.any_rank(self.space.mesh.comm, sheared):
-            self.curvature, symmetric = NodalStiffness.summed(solved.boundary.nodes, curvature, ()), False
+            self.curvature, symmetric = (
+                NodalStiffness.summed(solved.boundary.nodes, curvature, ()),
+                False,
+            )
         self.begin_at_tangent(definite=self.definite, symmetric=symmetric)
         state = replace(solved, boundary=self.boundary)
         # Of displacements along the normal there are none.
-        slips = np.pad(turned_slips(self.boundary, self._hessians, self._way()), ((0, 0), (0, 0), (1, 0)))
+        slips = np.pad(
+            turned_slips(self.boundary, self._hessians, self._way()), ((0, 0), (0, 0), (1, 0))
+        )
         turning = curvature, slips, self.foundations.spin_at(self.boundary)
         return self.elastic, self.task, outcome, self.begun, state, self.at, self.begun.law, turning
 
-    def data_now(self, solved: FormSolver | None = None, begun: Array | None = None) -> tuple[Any, ...]:
-        """Minus the residual in place of the forms, with what supports prescribe, and the motion of shapes at contact
-        points in the step; ``begun``: values of the displacement at the end of the last step; None: of that here.
+    def data_now(
+        self, solved: FormSolver | None = None, begun: Array | None = None
+    ) -> tuple[Any, ...]:
+        """Minus the residual in place of the forms, with what supports prescribe, and the motion of
+        shapes at contact points in the step; ``begun``: values of the displacement at the end of
+        the last step; None: of that here.
         """
         kept, at = self.at.x.array.copy(), self.at.x.array
         fixed, supports = prescribed(self.space, conditions_of(self.bcs, self.space))
@@ -566,8 +698,9 @@ class LinearisedProblem(FormSolver):
         return task.motions.untouched(task.idle, pressed)
 
     def internal(self, increment: Array) -> tuple[Array, Array, float]:
-        """What a(d, .), where no support prescribes d, and the curvature alone are, shapes (owned dofs,), and the work
-        of the forces that normals which turn relative to tools, and springs of tools, exert on increments; collective.
+        """What a(d, .), where no support prescribes d, and the curvature alone are, shapes (owned
+        dofs,), and the work of the forces that normals which turn relative to tools, and springs of
+        tools, exert on increments; collective.
         """
         elastic, work = self.elastic, 0.0
         if self.rigid.bodies:
@@ -578,17 +711,28 @@ class LinearisedProblem(FormSolver):
                 on_tools = elastic.relative_forces(increment, moved)[1]
                 work += float(2 * on_tools @ moved + moved @ elastic.relative[1] @ moved)
         held = elastic.forces_of(np.where(self.prescribed[0], increment, 0.0))
-        return elastic.forces_of_free(increment) + held, self.curvature.times(increment, self.space), work
+        return (
+            elastic.forces_of_free(increment) + held,
+            self.curvature.times(increment, self.space),
+            work,
+        )
 
     def state_now(self, certificate: Certificate | None, iterations: int) -> State:
         """What there is now."""
-        shapes, tools = {k: moving.shape for k, moving in self.foundations.moving.items()}, self.foundations.coordinates
+        shapes, tools = (
+            {k: moving.shape for k, moving in self.foundations.moving.items()},
+            self.foundations.coordinates,
+        )
         solution = self._state, self.outcome, self._solution
         before = self._last, self.foundations.settled
-        return State(self.at.x.array.copy(), *solution, certificate, iterations, shapes, tools, *before)
+        return State(
+            self.at.x.array.copy(), *solution, certificate, iterations, shapes, tools, *before
+        )
 
     def go_back(self, state: State) -> None:
-        """Go back to an earlier solution; shapes stay where they are, but for those that forces move; collective."""
+        """Go back to an earlier solution; shapes stay where they are, but for those that forces
+        move; collective.
+        """
         self.at.x.array[:] = state.displacement
         self.fields.take(self.space, state.contact)
         self._state, self.outcome, self._solution = state.contact, state.outcome, state.guess
@@ -600,8 +744,12 @@ class LinearisedProblem(FormSolver):
 
     @property
     def sticks(self) -> npt.NDArray[np.bool_]:
-        """Which points friction has held in the last solution, in contact or by a bound without it, shape (n,)."""
+        """Which points friction has held in the last solution, in contact or by a bound without it,
+        shape (n,).
+        """
         part, state = self.state.boundary.part, self.state
-        rough = np.array([entry.friction is not None or entry.bonded for entry in self.contact], dtype=bool)[part]
+        rough = np.array(
+            [entry.friction is not None or entry.bonded for entry in self.contact], dtype=bool
+        )[part]
         acts = state.in_contact | (state.bound > 0.0)
         return np.asarray(rough & acts & (state.direction == 0.0).all(axis=1))

@@ -1,13 +1,16 @@
-"""Rigid shapes as nodes at finite displacements see them: distance, direction, curvature and motion of the shape.
+"""Rigid shapes as nodes at finite displacements see them: distance, direction, curvature and motion
+of the shape.
 
-The formulas of the gap at X + u are in docs/theory.md.  Functions of all shapes take the contact points ``boundary``,
-the ``shapes`` by the numbers of their foundations, ``places``, displacements of the nodes, shape (nodes, d), and the
-``size`` of the body, lengths; H are the ``hessians``, second derivatives of distances, and w is the ``way`` of the
-points relative to their shapes since the last step, length, shape (n, d).
+The formulas of the gap at X + u are in docs/theory.md.  Functions of all shapes take the contact
+points ``boundary``, the ``shapes`` by the numbers of their foundations, ``places``, displacements
+of the nodes, shape (nodes, d), and the ``size`` of the body, lengths; H are the ``hessians``,
+second derivatives of distances, and w is the ``way`` of the points relative to their shapes since
+the last step, length, shape (n, d).
 
-Tools are rigid shapes that forces and moments move by v and turn about their pivot c by a rotation vector psi, which
-are unknown and need not be small.  With the arm a = X + u - c - v of a point, contact sees y - R q with
-R q = v + psi x a, to first order: psi is along one axis, so that in 3D no more than one of its components may be free.
+Tools are rigid shapes that forces and moments move by v and turn about their pivot c by a rotation
+vector psi, which are unknown and need not be small.  With the arm a = X + u - c - v of a point,
+contact sees y - R q with R q = v + psi x a, to first order: psi is along one axis, so that in 3D no
+more than one of its components may be free.
 """
 
 from __future__ import annotations
@@ -62,7 +65,9 @@ class MovingShape:
         """The shape without what forces have moved it by."""
         if not self.shape.driven:
             return self.shape
-        return self.shape.model_copy(update={"shift": self._home.shift, "rotation": self._home.rotation})
+        return self.shape.model_copy(
+            update={"shift": self._home.shift, "rotation": self._home.rotation}
+        )
 
     def carry_to(self, motion: ToolMotion) -> None:
         """Put a shape that forces move where its rigid body is."""
@@ -79,17 +84,25 @@ class MovingShape:
         self.shape = self.shape.model_copy(update=update)
 
     def turned_otherwise(self, turn: Array) -> str:
-        """Why forces cannot turn it by a rotation vector, as it is given turned about another axis; "": they can."""
+        """Why forces cannot turn it by a rotation vector, as it is given turned about another axis;
+        "": they can.
+        """
         given = np.zeros(turn.size) + np.asarray(self._home.angles())
         if turn.size == 1 or not np.cross(given, turn).any():
             return ""
-        reason = "forces turn this rigid body about another axis, which is not possible yet with a nonlinear body"
-        return f"{reason}: turn what the shape is given by (axis, normal, points), and leave rotation out"
+        reason = (
+            "forces turn this rigid body about another axis, which is not possible yet with "
+            "a nonlinear body"
+        )
+        return (
+            f"{reason}: turn what the shape is given by (axis, normal, points), and leave "
+            "rotation out"
+        )
 
     def projected(self, *, linear: bool = True) -> tuple[Array, Array]:
-        """The linearised gap without what is added to it, length, shape (n,), and the direction to the shape, unit
-        vectors, shape (n, d), at the displaced nodes; of a shape that forces move linear in all unknowns, if
-        ``linear``.
+        """The linearised gap without what is added to it, length, shape (n,), and the direction to
+        the shape, unit vectors, shape (n, d), at the displaced nodes; of a shape that forces move
+        linear in all unknowns, if ``linear``.
         """
         u = self.u.x.array.reshape(-1, self.x.shape[1])[self.nodes]
         places, moved = self.x + u, np.zeros_like(u)
@@ -99,8 +112,12 @@ class MovingShape:
         return np.asarray(signed - np.einsum("ni,ni->n", normal, u - moved)), -normal
 
 
-def hessians_at(boundary: ContactBoundary, shapes: Mapping[int, MovingShape], places: Array, size: float) -> Array:
-    """H at contact points, 1 / length, shape (n, d, d), zero without a shape: by central differences of normals."""
+def hessians_at(
+    boundary: ContactBoundary, shapes: Mapping[int, MovingShape], places: Array, size: float
+) -> Array:
+    """H at contact points, 1 / length, shape (n, d, d), zero without a shape: by central
+    differences of normals.
+    """
     dimension, step = boundary.x.shape[1], DIFFERENCE_STEP * size
     hessians = np.zeros((boundary.size, dimension, dimension))
     for number, moving in shapes.items():
@@ -113,13 +130,14 @@ def hessians_at(boundary: ContactBoundary, shapes: Mapping[int, MovingShape], pl
 
 
 def curvature_of(hessians: Array, state: ContactState, *, symmetric: bool = True) -> Array:
-    """What the shapes add to the tangent as their normals turn with the displacement, at contact tractions: forces of
-    displacements of the points relative to shapes, force per length, shape (n, d, d).
+    """What the shapes add to the tangent as their normals turn with the displacement, at contact
+    tractions: forces of displacements of the points relative to shapes, force per length, shape (n,
+    d, d).
 
-    The force of a pressure lambda along the normal n turns by -lambda H d, with H the second derivatives of the
-    distance; a shear m in the tangent plane turns by n (m . H d).  Where ``symmetric`` the transpose of what turns the
-    shear is added: it acts on displacements along the normal alone, and where there is contact these are of second
-    order in d.
+    The force of a pressure lambda along the normal n turns by -lambda H d, with H the second
+    derivatives of the distance; a shear m in the tangent plane turns by n (m . H d).  Where
+    ``symmetric`` the transpose of what turns the shear is added: it acts on displacements along the
+    normal alone, and where there is contact these are of second order in d.
     """
     boundary = state.boundary
     shear = np.einsum("nij,nj->ni", boundary.tangents, state.shear)
@@ -131,28 +149,34 @@ def curvature_of(hessians: Array, state: ContactState, *, symmetric: bool = True
 
 
 def turning_of(state: ContactState, size: float) -> Array:
-    """What friction of sliding points in 3D does against displacements that turn their slip, in the frames of the
-    points, force per length, shape (n, d, d).
+    """What friction of sliding points in 3D does against displacements that turn their slip, in the
+    frames of the points, force per length, shape (n, d, d).
 
-    The shear m turns with the slip s: a displacement d along the tangent plane and across s meets |m| / |s| d.  As a
-    dead load it would twist rubber that is squeezed between rough plates.  A shear that does not follow its slip, as
-    that of an ellipse, is left out.  Slips that are round-off turn as easily as the smallest other ones.
+    The shear m turns with the slip s: a displacement d along the tangent plane and across s meets
+    |m| / |s| d.  As a dead load it would twist rubber that is squeezed between rough plates.  A
+    shear that does not follow its slip, as that of an ellipse, is left out.  Slips that are
+    round-off turn as easily as the smallest other ones.
     """
     boundary, slip, shear = state.boundary, state.slip_length, state.shear
     blocks = np.zeros((boundary.size, boundary.x.shape[1], boundary.x.shape[1]))
     if slip.shape[1] == 2:
         far, strong = np.linalg.norm(slip, axis=1), np.linalg.norm(shear, axis=1)
         along = np.einsum("ni,ni->n", slip, shear) >= (1 - NEGLIGIBLE) * far * strong
-        turns = np.flatnonzero(along & state.in_contact & (state.direction != 0.0).any(axis=1) & (far > 0.0))
+        turns = np.flatnonzero(
+            along & state.in_contact & (state.direction != 0.0).any(axis=1) & (far > 0.0)
+        )
         across = np.column_stack((-slip[turns, 1], slip[turns, 0])) / far[turns, None]
-        rate = boundary.weight[turns] * strong[turns] / np.maximum(far[turns], DIFFERENCE_STEP * size)
+        rate = (
+            boundary.weight[turns] * strong[turns] / np.maximum(far[turns], DIFFERENCE_STEP * size)
+        )
         blocks[turns, 1:, 1:] = rate[:, None, None] * np.einsum("ni,nj->nij", across, across)
     return blocks
 
 
 def turned_slips(boundary: ContactBoundary, hessians: Array, way: Array) -> Array:
-    """M - 1 on the tangent planes, shape (n, d - 1, d - 1), symmetric: the slip, the part of the way w along the plane,
-    which turns with a displacement d, changes by M d with M = 1 - (n_f . w) H on the plane, not by d.
+    """M - 1 on the tangent planes, shape (n, d - 1, d - 1), symmetric: the slip, the part of the
+    way w along the plane, which turns with a displacement d, changes by M d with M = 1 - (n_f . w)
+    H on the plane, not by d.
     """
     along = np.einsum("ni,ni->n", boundary.normal, way)  # - n_f . w
     bends = np.einsum("n,nki,nkl,nlj->nij", along, boundary.tangents, hessians, boundary.tangents)
@@ -160,10 +184,11 @@ def turned_slips(boundary: ContactBoundary, hessians: Array, way: Array) -> Arra
 
 
 def left_by_turning(boundary: ContactBoundary, hessians: Array, way: Array, slip: Array) -> Array:
-    """What part of a slip s turning tangent planes undo, or take on top of it: s - M^-1 s, length, shape (n, d - 1).
+    """What part of a slip s turning tangent planes undo, or take on top of it: s - M^-1 s, length,
+    shape (n, d - 1).
 
-    With M of ``turned_slips`` what is left to go, s, needs d = -M^-1 s.  In a bowl M may vanish: it is not taken below
-    1 + ``MOST_TURNED``.
+    With M of ``turned_slips`` what is left to go, s, needs d = -M^-1 s.  In a bowl M may vanish: it
+    is not taken below 1 + ``MOST_TURNED``.
     """
     sizes, axes = np.linalg.eigh(turned_slips(boundary, hessians, way))
     sizes = np.maximum(sizes, MOST_TURNED)
@@ -171,8 +196,9 @@ def left_by_turning(boundary: ContactBoundary, hessians: Array, way: Array, slip
 
 
 def fitting(number: int, shape: Any, dimension: int, *, turns: bool = True) -> Shape:
-    """The shape of a foundation, if it can meet a nonlinear body; ``turns``: whether forces may turn it: not where the
-    contact has a measure, or points that average.  In 3D components of rotation vectors add up about one axis alone.
+    """The shape of a foundation, if it can meet a nonlinear body; ``turns``: whether forces may
+    turn it: not where the contact has a measure, or points that average.  In 3D components of
+    rotation vectors add up about one axis alone.
 
     Raises:
         FormError: it cannot.
@@ -185,19 +211,30 @@ def fitting(number: int, shape: Any, dimension: int, *, turns: bool = True) -> S
     values = {key: shape.prescribes(key) for key in rotations}
     if not turns and any(value != 0.0 for value in values.values()):
         cure = ", ".join(f"{key} = 0" for key in rotations)
-        reason = f"a tool that forces turn is not possible yet with these contact points: prescribe {cure}"
+        reason = (
+            "a tool that forces turn is not possible yet with these contact points: "
+            f"prescribe {cure}"
+        )
         raise FormError([(f"{path}.prescribed", reason)])
-    free, wrong = [key for key in rotations if values[key] is None], [key for key in rotations if values[key]]
+    free, wrong = (
+        [key for key in rotations if values[key] is None],
+        [key for key in rotations if values[key]],
+    )
     if len(free) > 1 or (free and wrong):
         others = " and ".join(f"{key} = 0" for key in rotations if key != free[0])
-        reason = "a tool that forces turn about more than one axis is not possible yet with a nonlinear body"
+        reason = (
+            "a tool that forces turn about more than one axis is not possible yet with a "
+            "nonlinear body"
+        )
         cure = f"prescribe {others}, or all of {', '.join(rotations)}"
         raise FormError([(f"{path}.prescribed", f"{reason}: {cure}")])
     return shape
 
 
 class ToolMotion(RigidBodyMotion):
-    """How a tool has moved: by a translation of its pivot and a rotation vector that need not be small."""
+    """How a tool has moved: by a translation of its pivot and a rotation vector that need not be
+    small.
+    """
 
     def at(self, x: Array) -> Array:
         turned = (x - self.reference) @ (turn_of(self.rotation) - np.eye(self.reference.size)).T
@@ -207,12 +244,16 @@ class ToolMotion(RigidBodyMotion):
         """R q at displaced points, shape (n, d)."""
         return super().at(places - self.translation)
 
-    def as_dict(self, contact: ContactState, contacts: Sequence[Any], kinematics: Kinematics) -> dict[str, Any]:
+    def as_dict(
+        self, contact: ContactState, contacts: Sequence[Any], kinematics: Kinematics
+    ) -> dict[str, Any]:
         """Its gap is not linearised."""
         return super().as_dict(contact, contacts, kinematics) | {"gap_error": None}
 
     def arms(self, contact: ContactState, touching: npt.NDArray[np.bool_]) -> Array:
-        """Arms of the displaced points, from their displacement relative to the tool, r = X + a - c - psi x a."""
+        """Arms of the displaced points, from their displacement relative to the tool, r = X + a - c
+        - psi x a.
+        """
         boundary, axes = contact.boundary, np.eye(self.reference.size)
         relative = contact.u_n[:, None] * boundary.normal
         relative = relative + np.einsum("nij,nj->ni", boundary.cotangents, contact.u_t)
@@ -227,7 +268,9 @@ class ToolMotion(RigidBodyMotion):
 
 @dataclass(frozen=True)
 class MovingTools(RigidBodies):
-    """The tools of a problem, which are given where they have not moved yet, at points that have been displaced."""
+    """The tools of a problem, which are given where they have not moved yet, at points that have
+    been displaced.
+    """
 
     displacement: fem.Function  # of the body
     coordinates: Array  # (v, L psi) of each where it is, lengths, shape (k,)
@@ -239,21 +282,27 @@ class MovingTools(RigidBodies):
 
     def moved(self, unknowns: Array) -> tuple[ToolMotion, ...]:
         moved = super().moved(unknowns)
-        return tuple(ToolMotion(one.body, one.reference, one.translation, one.rotation) for one in moved)
+        return tuple(
+            ToolMotion(one.body, one.reference, one.translation, one.rotation) for one in moved
+        )
 
     def places(self, boundary: ContactBoundary) -> Array:
         """Less the way of the pivot."""
-        places = boundary.centre + self.displacement.x.array.reshape(-1, boundary.x.shape[1])[boundary.nodes]
+        places = (
+            boundary.centre
+            + self.displacement.x.array.reshape(-1, boundary.x.shape[1])[boundary.nodes]
+        )
         for tool in self.motions:
             places[np.isin(boundary.part, tool.body.parts)] -= tool.translation
         return np.asarray(places)
 
     def relative_stiffness(self, state: ContactState, curvature: Array) -> tuple[Array, Array]:
-        """What tractions t of contact points and ``curvature``, C, shape (n, d, d), are between points and tools, see
-        ``ElasticBody.relative``; collective.
+        """What tractions t of contact points and ``curvature``, C, shape (n, d, d), are between
+        points and tools, see ``ElasticBody.relative``; collective.
 
-        They are forces of (r, L w), the displacement relative to the tool and its turn: normals meet r by C, tractions
-        turn by w, and arms change by r + w x a.  The symmetric part of that is, with [t] b = t x b,
+        They are forces of (r, L w), the displacement relative to the tool and its turn: normals
+        meet r by C, tractions turn by w, and arms change by r + w x a.  The symmetric part of that
+        is, with [t] b = t x b,
 
             [0, -[t]; [t], a . t - (a t^T + t a^T) / 2].
         """
@@ -262,7 +311,9 @@ class MovingTools(RigidBodies):
         tractions, turns = boundary.nodal_forces(state.pressure, state.shear), np.arange(dim, each)
         arms, forces = np.zeros((2, boundary.size, 3))
         arms[:, :dim] = self.places(boundary)
-        seen = np.zeros((boundary.size, each, dim + each * len(self.bodies)))  # (r, L w) of the unknowns
+        seen = np.zeros(
+            (boundary.size, each, dim + each * len(self.bodies))
+        )  # (r, L w) of the unknowns
         seen[:, :dim, :dim], seen[:, :dim, dim:] = np.eye(dim), -boundary.moving.modes
         for number, body in enumerate(self.bodies):
             points = np.flatnonzero(np.isin(boundary.part, body.parts))
@@ -279,4 +330,6 @@ class MovingTools(RigidBodies):
         blocks = turned[:, axes][:, :, axes] / np.multiply.outer(self.units, self.units)
         blocks[:, :dim, :dim] += curvature
         together = seen.transpose(0, 2, 1) @ blocks @ seen
-        return together[:, :dim, dim:], parallel.global_sum(boundary.comm, together[:, dim:, dim:].sum(axis=0))
+        return together[:, :dim, dim:], parallel.global_sum(
+            boundary.comm, together[:, dim:, dim:].sum(axis=0)
+        )

@@ -1,11 +1,12 @@
-"""The equilibria of a nonlinear body: Newton's method from where it is, the verdicts on where that ends, and the way
-through load steps: how large they are, and where they begin again.
+"""The equilibria of a nonlinear body: Newton's method from where it is, the verdicts on where that
+ends, and the way through load steps: how large they are, and where they begin again.
 
-Newton's method for the body has the semi-smooth method for contact inside: each of its iterations is a linear
-``ContactProblem`` for the whole displacement, see ``linearised``.  Contact pressure and friction are those of the new
-displacement, so the old ones only enter through the curvature of the shapes.  A line search follows
-d . (R(u + s d) + B^T (lambda, mu)), the slope of the energy with contact where there is one; it needs no energy
-(P. Wriggers, Computational Contact Mechanics, 2006, chapter 10).
+Newton's method for the body has the semi-smooth method for contact inside: each of its iterations
+is a linear ``ContactProblem`` for the whole displacement, see ``linearised``.  Contact pressure and
+friction are those of the new displacement, so the old ones only enter through the curvature of the
+shapes.  A line search follows d . (R(u + s d) + B^T (lambda, mu)), the slope of the energy with
+contact where there is one; it needs no energy (P. Wriggers, Computational Contact Mechanics, 2006,
+chapter 10).
 """
 
 from __future__ import annotations
@@ -53,28 +54,46 @@ OF_LINEAR_BODIES = (*OF_THE_BODY, Status.SLIDES_AT_PRESSURES, Status.SINGULAR)
 # What smaller steps do not change.
 FINAL = (Status.STABILITY_UNKNOWN, Status.NO_DIGIT, Status.NO_MEMORY, Status.NOT_HELD, Status.OPEN)
 # How a solve ends that says nothing of the stiffness, beside these.
-NOT_BY_STIFFNESS = (*OF_THE_BODY, Status.PASSED, Status.FOLDED, Status.AT_END, Status.INSIDE, Status.NOT_CERTIFIED)
+NOT_BY_STIFFNESS = (
+    *OF_THE_BODY,
+    Status.PASSED,
+    Status.FOLDED,
+    Status.AT_END,
+    Status.INSIDE,
+    Status.NOT_CERTIFIED,
+)
 
 
 @dataclass
 class EquilibriumSolver(Stability):
-    """Finds the equilibrium next to where a nonlinear body is, with loads and shapes as they are."""
+    """Finds the equilibrium next to where a nonlinear body is, with loads and shapes as they
+    are.
+    """
 
     commit: Callable[[], object]  # the user's function at the end of a step
     max_newton: int
     asks_stability: bool
-    too_large: Callable[[], str] = lambda: ""  # by how much the deformation is, in words; "": it is not; collective
-    status: Status | None = None  # of the last attempt; None: it has ended by an error, or there is none
+    too_large: Callable[[], str] = lambda: (
+        ""
+    )  # by how much the deformation is, in words; "": it is not; collective
+    status: Status | None = (
+        None  # of the last attempt; None: it has ended by an error, or there is none
+    )
     certificate: Certificate | None = None  # of the last solution, or the last iterate
     iterations: int = 0  # of the last attempt
     linear_solves: int = 0  # likewise
     failure: str = ""  # how the last attempt has ended that has no solution, in words
     without: str = ""  # why there may be no solution, in words; "": nothing says so
-    tangent_at: tuple[Array, Array] = field(init=False)  # of the last tangent: values of u, coordinates of tools
-    last: State | None = None  # the last solution that was taken, or what there was before; None: nothing was tried
+    tangent_at: tuple[Array, Array] = field(
+        init=False
+    )  # of the last tangent: values of u, coordinates of tools
+    last: State | None = (
+        None  # the last solution that was taken, or what there was before; None: nothing was tried
+    )
     solved: SolvedBody | None = None  # the last solution that was taken, for results
     timings: Timings = field(default_factory=Timings)
-    farthest: float = 0.0  # the largest displacement of solutions that were taken, relative to the size of the body
+    # the largest displacement of solutions that were taken, relative to the size of the body
+    farthest: float = 0.0
     _tried: Array | None = None  # see ``reason_for_none``
     _mechanics: ResidualMechanics = field(init=False)  # of the certificate
 
@@ -85,22 +104,29 @@ class EquilibriumSolver(Stability):
 
     @property
     def _least_increment(self) -> float:
-        """Increments that may be round-off of the body, its places, or loose bodies, length; collective."""
+        """Increments that may be round-off of the body, its places, or loose bodies, length;
+        collective.
+        """
         linear = self.linear
-        places = UNITS_OF_PLACES * float(np.finfo(float).eps * np.abs(linear.elastic.pieces.bounds).max())
+        places = UNITS_OF_PLACES * float(
+            np.finfo(float).eps * np.abs(linear.elastic.pieces.bounds).max()
+        )
         loose = linear.scales.coordinate_error / NO_FORCE if linear.loose else 0.0
         return max(SAME_NUMBER * linear.scales.size, places, loose)
 
     def begin_path(self, *, several: bool) -> None:
-        """Forget how long solves took, and a first step that had no solution; ``several``: see ``Start``."""
+        """Forget how long solves took, and a first step that had no solution; ``several``: see
+        ``Start``.
+        """
         self.timings, self.linear.several = Timings(), several
         if self.solved is not None and self.solved.step.status is not Status.CONVERGED:
             self.solved = None
 
     def attempt(self, *, final: bool = True) -> str:
-        """Solve with the values of now; ``take`` makes it the last solution; ``final``: whether no smaller step will be
-        tried, so that a failure is asked why there may be no solution.  Returns why there is none, and what to do, with
-        all but ``status`` as the last solution was; "": there is one; collective.
+        """Solve with the values of now; ``take`` makes it the last solution; ``final``: whether no
+        smaller step will be tried, so that a failure is asked why there may be no solution.
+        Returns why there is none, and what to do, with all but ``status`` as the last solution was;
+        "": there is one; collective.
         """
         last = self.last = self.last or self.snapshot()
         self.certificate, self.status, self.without, self._detail = None, None, "", ""
@@ -112,7 +138,11 @@ class EquilibriumSolver(Stability):
                 status = Status.NO_DIGIT
             elif status is Status.CONVERGED and self.asks_stability:
                 status = self.stable()
-            elif final and status not in (Status.CONVERGED, *FINAL, *NOT_BY_STIFFNESS) and not self.without:
+            elif (
+                final
+                and status not in (Status.CONVERGED, *FINAL, *NOT_BY_STIFFNESS)
+                and not self.without
+            ):
                 self.without = self.reason_for_none(last.displacement, self._tried)
         except Exception:
             self.go_back(last)
@@ -121,15 +151,25 @@ class EquilibriumSolver(Stability):
         if status is Status.CONVERGED:
             return ""
         reason, certificate = self.without or self._detail, self.certificate
-        if not reason and certificate is not None and status in (Status.NOT_CERTIFIED, Status.NOT_SOLVED):
+        if (
+            not reason
+            and certificate is not None
+            and status in (Status.NOT_CERTIFIED, Status.NOT_SOLVED)
+        ):
             reason = f"{certificate.worst_name} {certificate.worst:.1e}"
-        ended = "deformation too large for small strains" if status is Status.TOO_LARGE else status.value
+        ended = (
+            "deformation too large for small strains"
+            if status is Status.TOO_LARGE
+            else status.value
+        )
         self.failure = ended + (f" ({reason})" if reason else "")
         self.go_back(last)
         return f"{self.failure}: {status.advice}"
 
     def certify(self, begun: State) -> Status:
-        """The verdict, but for stability, on a displacement of an earlier run whose step has ``begun``; collective."""
+        """The verdict, but for stability, on a displacement of an earlier run whose step has
+        ``begun``; collective.
+        """
         self.last = self.last or begun
         return self._ended("certify", lambda: self._judge(self.residual.at(self.u.x.array.copy())))
 
@@ -151,19 +191,27 @@ class EquilibriumSolver(Stability):
     def take(self) -> None:
         """Make what there is now the last solution; collective."""
         assert self.certificate is not None
-        self.last, self.farthest = self.snapshot(), max(self.farthest, self.certificate.displacement)
-        self.solved = SolvedBody.of(self.linear, self.certificate, self._mechanics, self.linear_solves)
+        self.last, self.farthest = (
+            self.snapshot(),
+            max(self.farthest, self.certificate.displacement),
+        )
+        self.solved = SolvedBody.of(
+            self.linear, self.certificate, self._mechanics, self.linear_solves
+        )
 
     def take_before(self, status: Status, solves: int) -> None:
-        """Show the body as it is, without contact, in place of a first solution that there is not, unless it cannot be
-        evaluated; ``status``, ``solves``: how the search has ended, after how many linear solves; collective.
+        """Show the body as it is, without contact, in place of a first solution that there is not,
+        unless it cannot be evaluated; ``status``, ``solves``: how the search has ended, after how
+        many linear solves; collective.
         """
         with suppress(FormError, MatrixError, PairingError):
             if (residual := self.residual.at(self.u.x.array.copy())) is None:
                 return
             self.linear.slide()
             self.linear.leave_open(status)
-            self.solved = SolvedBody.of(self.linear, *certified(residual, self.linear), solves, status)
+            self.solved = SolvedBody.of(
+                self.linear, *certified(residual, self.linear), solves, status
+            )
 
     def advance(self) -> None:
         """Begin the next step where the last one has ended."""
@@ -181,20 +229,24 @@ class EquilibriumSolver(Stability):
         return self.linear.state_now(self.certificate, self.iterations)
 
     def go_back(self, state: State) -> None:
-        """Go back to where the body was; loads and shapes stay, but for tools that forces move; collective."""
+        """Go back to where the body was; loads and shapes stay, but for tools that forces move;
+        collective.
+        """
         self.linear.go_back(state)
         self.certificate, self.iterations = state.certificate, state.iterations
         with suppress(FormError):  # before the first solution it may not be possible
             self.residual.updated()
 
-    # --- Newton's method ----------------------------------------------------------------------------------------------
+    # --- Newton's method --------------------------------------------------------------------------
 
     def _iterate(self) -> Status:
-        """Newton's method from the present ``u``, with one increment where F and contact are linear; collective.
+        """Newton's method from the present ``u``, with one increment where F and contact are
+        linear; collective.
 
-        It ends where increments are small and the certificate holds, or, as with a J that is not the derivative of F,
-        iterations no longer make it better.  With a J the residual of a body at rest is round-off once increments are
-        no longer halved; where the displacement is round-off, it goes on from the undeformed body.
+        It ends where increments are small and the certificate holds, or, as with a J that is not
+        the derivative of F, iterations no longer make it better.  With a J the residual of a body
+        at rest is round-off once increments are no longer halved; where the displacement is
+        round-off, it goes on from the undeformed body.
         """
         linear, u, worst, last_change, keeps = self.linear, self.u, np.inf, np.inf, False
         comm = linear.space.mesh.comm
@@ -203,7 +255,9 @@ class EquilibriumSolver(Stability):
         residual: Array | None = None
         rests = False
         follows = linear.foundations.moving or any(entry.sliding for entry in linear.contact)
-        is_linear = not follows and self.residual.update is None and self.tangents.bilinear is not None
+        is_linear = (
+            not follows and self.residual.update is None and self.tangents.bilinear is not None
+        )
         for iteration in range(1, self.max_newton + 1):
             self.iterations = iteration
             old, tools = self.tangent_at = u.x.array.copy(), linear.foundations.coordinates
@@ -230,12 +284,17 @@ class EquilibriumSolver(Stability):
             moved = length * (linear.rigid.unknowns(linear.tools) - tools)
             linear.foundations.carry_to(tools + moved)
             change, size = (
-                max(float(parallel.largest(comm, np.abs(values), 0.0)), float(np.abs(further).max(initial=0.0)))
+                max(
+                    float(parallel.largest(comm, np.abs(values), 0.0)),
+                    float(np.abs(further).max(initial=0.0)),
+                )
                 for values, further in ((length * increment, moved), (u.x.array, tools + moved))
             )
             small = change <= ROOT_OF_EPS * size
             least = change <= self._least_increment
-            keeps = length == 1.0 and change <= min(KEPT_TANGENT[0] * size, KEPT_TANGENT[1] * last_change)
+            keeps = length == 1.0 and change <= min(
+                KEPT_TANGENT[0] * size, KEPT_TANGENT[1] * last_change
+            )
             shortened, last_change = self.tangents.given and 2 * change < last_change, change
             ends = small or (length == 1.0 and is_linear)
             if ends or (least and not (shortened and iteration < self.max_newton)):
@@ -244,14 +303,19 @@ class EquilibriumSolver(Stability):
                     return status
                 if self.certificate.worst < worst:
                     worst = self.certificate.worst
-                elif rests or float(parallel.largest(comm, np.abs(u.x.array), 0.0)) > ROOT_OF_EPS * begun:
+                elif (
+                    rests
+                    or float(parallel.largest(comm, np.abs(u.x.array), 0.0)) > ROOT_OF_EPS * begun
+                ):
                     return status
                 else:
                     u.x.array[:], residual, keeps, rests = 0.0, None, False, True
         return Status.NOT_SOLVED
 
     def _not_solved(self, inner: Status) -> Status:
-        """How a solve ends whose linear contact problem has no solution, which proves little of the body itself."""
+        """How a solve ends whose linear contact problem has no solution, which proves little of the
+        body itself.
+        """
         if inner is Status.NOT_HELD:
             return inner
         if inner is Status.OPEN and self.linear.loose:
@@ -266,14 +330,19 @@ class EquilibriumSolver(Stability):
         self._detail = inner.value
         return Status.NOT_SOLVED
 
-    # --- what is said of a solution -----------------------------------------------------------------------------------
+    # --- what is said of a solution ---------------------------------------------------------------
 
     @property
     def _hidden(self) -> bool:
-        """Whether round-off may be all that there is in the solution, unless the body has come back to rest."""
+        """Whether round-off may be all that there is in the solution, unless the body has come back
+        to rest.
+        """
         certificate = self.certificate
         assert certificate is not None
-        return certificate.displacement > self.farthest and certificate.placed < 1.0 <= certificate.lost
+        return (
+            certificate.displacement > self.farthest
+            and certificate.placed < 1.0 <= certificate.lost
+        )
 
     def _judge(self, residual: Array | None) -> Status:
         """Whether an iterate is a solution, where F is ``residual``, evaluated last; collective."""
@@ -294,7 +363,9 @@ class EquilibriumSolver(Stability):
             if linear.contact[number].bilateral and (reached := pair.parted):
                 self._detail = reached
                 return Status.AT_END
-        self.certificate, self._mechanics = certified(residual, linear, round_off(self.residual, residual))
+        self.certificate, self._mechanics = certified(
+            residual, linear, round_off(self.residual, residual)
+        )
         return Status.CONVERGED if self.certificate.holds else Status.NOT_CERTIFIED
 
 
@@ -305,11 +376,13 @@ def line_search(
     *,
     search: bool,
 ) -> tuple[float, Array | None]:
-    """The share of an increment to take, and F there; 0 and None: there is no F however short it is; collective.
+    """The share of an increment to take, and F there; 0 and None: there is no F however short it
+    is; collective.
 
-    It is halved where F cannot be evaluated, by a FormError of ``Residual.at``, too, or where ``search`` and the slope
-    of the energy along it has not become smaller; prescribed values must arrive.  ``at``: values of ``u`` and the
-    increment to them, ghosts included, and F at the owned unknowns.
+    It is halved where F cannot be evaluated, by a FormError of ``Residual.at``, too, or where
+    ``search`` and the slope of the energy along it has not become smaller; prescribed values must
+    arrive.  ``at``: values of ``u`` and the increment to them, ghosts included, and F at the owned
+    unknowns.
     """
     old, increment, residual = at
     comm, owned = linear.space.mesh.comm, len(residual)
@@ -320,7 +393,9 @@ def line_search(
         return float(parallel.global_sum(comm, np.array(ahead @ forces)))
 
     first = -along(internal) - on_tools
-    size, change = (float(parallel.largest(comm, np.abs(values), 0.0)) for values in (old, increment))
+    size, change = (
+        float(parallel.largest(comm, np.abs(values), 0.0)) for values in (old, increment)
+    )
     search = search and first < 0 and change > CERTIFICATE_TOLERANCE * size
     steepest = WHOLE_SLOPE * abs(first) if search else np.finfo(float).max
     share, slope = 2.0, np.inf
@@ -331,7 +406,8 @@ def line_search(
         except FormError as error:
             forces, failed = None, error
         if forces is not None:
-            # The contact forces of the linearised problem are - a(d, .) - R(u); along d they turn with the normals.
+            # The contact forces of the linearised problem are - a(d, .) - R(u); along d they turn
+            # with the normals.
             slope = along(forces - internal - residual + share * turning) - (1.0 - share) * on_tools
         if slope <= steepest:
             break
@@ -342,21 +418,23 @@ def line_search(
     return 0.0, None
 
 
-# --- the way through load steps ---------------------------------------------------------------------------------------
+# --- the way through load steps -------------------------------------------------------------------
 
 _SOLUTION, _TANGENT = "solution", "tangent"
 
 
 class Continuation(Stepping[StepResult]):
-    """Goes through the load steps of a path, each of which an ``EquilibriumSolver`` attempts.  One without a solution
-    is halved, the first one from time 0; after an easy one the next is larger.  One that cannot be shortened
-    ends it with a ``failure`` in words or a FormError.
+    """Goes through the load steps of a path, each of which an ``EquilibriumSolver`` attempts.  One
+    without a solution is halved, the first one from time 0; after an easy one the next is larger.
+    One that cannot be shortened ends it with a ``failure`` in words or a FormError.
 
-    ``apply`` changes the problem to what it is at a place.  ``ends`` are the load steps with a solution, with what the
-    residual says of them.
+    ``apply`` changes the problem to what it is at a place.  ``ends`` are the load steps with a
+    solution, with what the residual says of them.
     """
 
-    def __init__(self, solver: EquilibriumSolver, path: LoadPath, apply: Callable[[float], object]) -> None:
+    def __init__(
+        self, solver: EquilibriumSolver, path: LoadPath, apply: Callable[[float], object]
+    ) -> None:
         solver.begin_path(several=path.several)
         self.solver, self.way, self._apply = solver, PathIncrements(path), apply
         self.history, self.timings = solver.linear.history, solver.timings
@@ -375,7 +453,9 @@ class Continuation(Stepping[StepResult]):
     def solved(self) -> StepResult | None:
         begun, solver, way = self.solver.snapshot(), self.solver, self.way
         if (path := way.path).several:
-            self.history.add(StepRecord(len(self.ends) + 1, path.name_at(way.next), path.time_at(way.next)))
+            self.history.add(
+                StepRecord(len(self.ends) + 1, path.name_at(way.next), path.time_at(way.next))
+            )
         why: Exception | str
         try:
             self._apply(way.next)
@@ -392,7 +472,9 @@ class Continuation(Stepping[StepResult]):
         return self._end_step(end)
 
     def _give_up(self, begun: State, why: Exception | str) -> None:
-        """Go back to where a failed step has begun, and halve it, or end with why there is no solution; collective."""
+        """Go back to where a failed step has begun, and halve it, or end with why there is no
+        solution; collective.
+        """
         solver, way, status = self.solver, self.way, self.solver.status
         final = not self._may_halve or status in FINAL
         if status is not None and solver.without:
@@ -410,7 +492,9 @@ class Continuation(Stepping[StepResult]):
         if not final:
             way.halve()
             return
-        last = f"there is a solution at {reached}" if self.ends else "there is no solution before it"
+        last = (
+            f"there is a solution at {reached}" if self.ends else "there is no solution before it"
+        )
         if isinstance(why, FormError):
             reasons = [(key, f"{reason} (at {end}; {last})") for key, reason in why.problems]
             raise FormError(reasons, why.source) from why.__cause__
@@ -433,7 +517,9 @@ class Continuation(Stepping[StepResult]):
         return replace(step, place=end, time=path.time_at(end), name=path.name_at(end))
 
     def _end_step(self, end: float) -> StepResult:
-        """Make the last solution that of a step, and begin the next one; ``end``: where the step ends; collective."""
+        """Make the last solution that of a step, and begin the next one; ``end``: where the step
+        ends; collective.
+        """
         solved = self.solver.solved
         assert solved is not None
         step = self._named(end, replace(solved.step, step=len(self.ends) + 1))
@@ -443,7 +529,9 @@ class Continuation(Stepping[StepResult]):
         return step
 
     def store(self, checkpoint: MeshCheckpoint, step: StepResult, marks: Marks) -> None:
-        """Its displacement, that of its last tangent, and the iterate of the contact problem of that are stored."""
+        """Its displacement, that of its last tangent, and the iterate of the contact problem of
+        that are stored.
+        """
         solver, linear = self.solver, self.solver.linear
         assert linear.outcome is not None
         values, coordinates = solver.tangent_at
@@ -451,13 +539,19 @@ class Continuation(Stepping[StepResult]):
             "newton": solver.iterations,
             "path": self.way.stored(),
             "linear_solves": step.linear_solves,
-            "coordinates": {_SOLUTION: linear.foundations.coordinates.tolist(), _TANGENT: coordinates.tolist()},
+            "coordinates": {
+                _SOLUTION: linear.foundations.coordinates.tolist(),
+                _TANGENT: coordinates.tolist(),
+            },
             "definite": bool(linear.definite),
             "symmetric": bool(linear.symmetric),
         }
         at, start = fem.Function(linear.space), replace(linear.begun, place=step.place)
         at.x.array[:] = values
-        beside, result = {_SOLUTION: step.displacement, _TANGENT: at}, replace(step, displacement=linear.u.copy())
+        beside, result = (
+            {_SOLUTION: step.displacement, _TANGENT: at},
+            replace(step, displacement=linear.u.copy()),
+        )
         solved = linear.task, start, linear.outcome, result
         checkpoint.store(linear.elastic, solver.timings, *solved, marks, figures, beside)
 
@@ -485,19 +579,25 @@ class Continuation(Stepping[StepResult]):
         return None
 
     def _fits(self, checkpoint: MeshCheckpoint, figures: Figures) -> bool:
-        """Take the displacement and the contact of the next load step from a checkpoint, if they fit; collective."""
+        """Take the displacement and the contact of the next load step from a checkpoint, if they
+        fit; collective.
+        """
         linear, residual = self.solver.linear, self.solver.residual
         fields = checkpoint.beside(linear.step, linear.space, (_SOLUTION, _TANGENT))
         if fields is None:
             checkpoint.forget(linear.step)
             return False
         solution, tangent = fields
-        at_solution, at_tangent = (np.array(figures["coordinates"][name]) for name in (_SOLUTION, _TANGENT))
+        at_solution, at_tangent = (
+            np.array(figures["coordinates"][name]) for name in (_SOLUTION, _TANGENT)
+        )
         outcome = None
         with suppress(FormError, MatrixError, PairingError):
             if residual.at(tangent.x.array.copy()) is not None:
                 linear.foundations.carry_to(at_tangent)
-                linear.begin_at_tangent(definite=figures["definite"], symmetric=figures["symmetric"])
+                linear.begin_at_tangent(
+                    definite=figures["definite"], symmetric=figures["symmetric"]
+                )
                 start = replace(linear.begun, place=float(figures["place"]), factors=np.ones(1))
                 outcome = checkpoint.recall(linear.elastic, linear.scales.size, linear.task, start)
         if outcome is None:

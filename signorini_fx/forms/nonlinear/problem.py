@@ -1,5 +1,5 @@
-"""``NonlinearContactProblem``: contact and friction for anybody's residual, in the idiom of dolfinx's
-``NonlinearProblem``; see ``newton`` for one step and the way through load steps.
+"""``NonlinearContactProblem``: contact and friction for anybody's residual, in the idiom of
+dolfinx's ``NonlinearProblem``; see ``newton`` for one step and the way through load steps.
 """
 
 from __future__ import annotations
@@ -15,7 +15,13 @@ from dolfinx import fem
 
 from signorini_fx.errors import FormError
 from signorini_fx.forms.contact_problem import ProblemOfForms
-from signorini_fx.forms.given_forms import foundations_of, model_of, named_parts, space_of, supported
+from signorini_fx.forms.given_forms import (
+    foundations_of,
+    model_of,
+    named_parts,
+    space_of,
+    supported,
+)
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
 from signorini_fx.forms.nonlinear.newton import Continuation, EquilibriumSolver
 from signorini_fx.forms.nonlinear.residual import Residual, Tangents, refuse_miscompiled
@@ -40,7 +46,9 @@ from signorini_fx.solving.findings import loose_at_rest, loose_in, pushed_nodes
 from signorini_fx.solving.solve_on_mesh import contact_solution
 
 
-def checked(F: Any, u: Any, J: Any, contact: Sequence[Foundation | Pair]) -> tuple[Foundation | Pair, ...]:
+def checked(
+    F: Any, u: Any, J: Any, contact: Sequence[Foundation | Pair]
+) -> tuple[Foundation | Pair, ...]:
     """The foundations and pairs; a FormError says that the arguments do not fit each other."""
     problems = list[tuple[str, str]]()
     kept = "give sliding = False"
@@ -49,34 +57,61 @@ def checked(F: Any, u: Any, J: Any, contact: Sequence[Foundation | Pair]) -> tup
         for k, entry in enumerate(contact)
         if entry.sliding
         for key, wrong, reason in (
-            ("gap", entry.gap != "geometry", f'must be "geometry" where sides slide, as partners change: or {kept}'),
+            (
+                "gap",
+                entry.gap != "geometry",
+                f'must be "geometry" where sides slide, as partners change: or {kept}',
+            ),
             ("bonded", entry.bonded, f"is not possible where sides slide: {kept}"),
-            ("adjust", entry.adjust is not None, f"is not possible where sides slide: move the meshes, or {kept}"),
+            (
+                "adjust",
+                entry.adjust is not None,
+                f"is not possible where sides slide: move the meshes, or {kept}",
+            ),
         )
         if wrong
     ]
-    instead = "prescribe the displacement of this boundary, or tie it to a stiff body (against, sliding = False)"
+    instead = (
+        "prescribe the displacement of this boundary, or tie it to a stiff body (against, "
+        "sliding = False)"
+    )
     problems += [
-        (f"contact[{k}].bonded", f"is not possible yet: nonlinear bodies are not tied to rigid ones: {instead}")
+        (
+            f"contact[{k}].bonded",
+            f"is not possible yet: nonlinear bodies are not tied to rigid ones: {instead}",
+        )
         for k, entry in enumerate(contact)
         if entry.bonded and entry.against is None
     ]
     if not isinstance(u, fem.Function):
         problems.append(("u", f"must be a Function, not {kind_of(u)}"))
     if not isinstance(F, ufl.Form) or F.empty() or len(F.arguments()) != 1:
-        problems.append(("F", "must be a UFL form with one test function; what is 0 times a form has none"))
+        problems.append(
+            ("F", "must be a UFL form with one test function; what is 0 times a form has none")
+        )
     elif J is None and u not in F.coefficients():
-        problems.append(("F", "does not contain u, so that its derivative is zero: form it with u, or give J"))
+        problems.append(
+            ("F", "does not contain u, so that its derivative is zero: form it with u, or give J")
+        )
     if problems:
         raise FormError(problems)
     space = supported(u.function_space, "u")
     try:
-        space_of(ufl.inner(ufl.TrialFunction(space), ufl.TestFunction(space)) * ufl.dx if J is None else J, F, u)
+        space_of(
+            ufl.inner(ufl.TrialFunction(space), ufl.TestFunction(space)) * ufl.dx
+            if J is None
+            else J,
+            F,
+            u,
+        )
     except FormError as error:
-        raise FormError([({"a": "J", "L": "F"}.get(key, key), why) for key, why in error.problems]) from None
+        raise FormError(
+            [({"a": "J", "L": "F"}.get(key, key), why) for key, why in error.problems]
+        ) from None
     if space.mesh.geometry.dim != 2 and space.element.basix_element.degree > 1:
         reason = (
-            "in 3D two bodies slide on each other with degree 1 only, as curved facets are not worked out there: "
+            "in 3D two bodies slide on each other with degree 1 only, as curved facets are not "
+            "worked out there: "
             "take degree 1, or, where sides slide by little of a facet, sliding = False"
         )
         problems += [(f"contact[{k}]", reason) for k, entry in enumerate(contact) if entry.sliding]
@@ -86,48 +121,55 @@ def checked(F: Any, u: Any, J: Any, contact: Sequence[Foundation | Pair]) -> tup
 
 
 class NonlinearContactProblem(ProblemOfForms):
-    """Find u with F(u; v) = 0 for all v, and contact with rigid foundations or of two bodies on parts of the boundary.
+    """Find u with F(u; v) = 0 for all v, and contact with rigid foundations or of two bodies on
+    parts of the boundary.
 
-        problem = NonlinearContactProblem(F, u, bcs=[fixed], contact=Foundation(facets, shape=circle))
-        problem.run([0.5, 1.0], lambda t: problem.place(0, shift=(0.0, -0.3 * t)))
+        problem = NonlinearContactProblem(F, u, bcs=[fixed], contact=Foundation(facets,
+        shape=circle)) problem.run([0.5, 1.0], lambda t: problem.place(0, shift=(0.0, -0.3 * t)))
 
-    A foundation with a ``shape``, a ``Shape`` or a table of one, is met at the displaced points, however far they slide
-    on it, and its friction is relative to it; gaps and directions without a shape are those of the undeformed boundary.
-    Pressures, shears and bounds of friction are per area of the undeformed boundary.  Friction depends on the path:
-    ``advance`` ends a step.
+    A foundation with a ``shape``, a ``Shape`` or a table of one, is met at the displaced points,
+    however far they slide on it, and its friction is relative to it; gaps and directions without a
+    shape are those of the undeformed boundary. Pressures, shears and bounds of friction are per
+    area of the undeformed boundary.  Friction depends on the path: ``advance`` ends a step.
 
-    The sides of a ``Pair`` slide on each other, in 3D with degree 1: its points see the other side at displaced
-    places, half-way between the normals of both, and slip along it over any number of facets.  Areas, and so bounds of
-    friction such as those of ``Tresca``, are those of the undeformed first side; a bound without pressure acts wherever
-    a point sees the other side, in contact or not.
+    The sides of a ``Pair`` slide on each other, in 3D with degree 1: its points see the other side
+    at displaced places, half-way between the normals of both, and slip along it over any number of
+    facets.  Areas, and so bounds of friction such as those of ``Tresca``, are those of the
+    undeformed first side; a bound without pressure acts wherever a point sees the other side, in
+    contact or not.
 
     Args:
         F: the residual, a UFL form with one argument, nonlinear in ``u``.
-        u: the Function that takes the solution, in a vector Lagrange space of degree 1 or 2; its values are the first
-            iterate.
+        u: the Function that takes the solution, in a vector Lagrange space of degree 1 or 2; its
+            values are the first iterate.
         bcs: Dirichlet conditions as dolfinx makes them; their values may change between two solves.
         contact: the foundations, and pairs of sides of the mesh; none: the body alone.
-        J: the tangent, a form with two arguments, UFL or compiled; None: the derivative of ``F``.  Where it is not
-            symmetric, as that of loads that follow the body, it is factorised as a whole.
-        update: called before anything is assembled at new values of ``u``, such as to return stresses to a yield
-            surface, from the state of the last ``commit``.  Where it raises an exception the increment is shortened.
+        J: the tangent, a form with two arguments, UFL or compiled; None: the derivative of ``F``.
+            Where it is not symmetric, as that of loads that follow the body, it is factorised as a
+            whole.
+        update: called before anything is assembled at new values of ``u``, such as to return
+            stresses to a yield surface, from the state of the last ``commit``.  Where it raises an
+            exception the increment is shortened.
         commit: called by ``advance``: the state at ``u`` is that from which the next step starts.
-        petsc_options_prefix, petsc_options, form_compiler_options, jit_options, boundaries: see ``ContactProblem``.
-        stability: whether the inertia of the tangent is looked at after each solve, by a factorisation of its own where
-            the last one does not tell; then *converged* means that the equilibrium is stable.  The verdict is that of
-            the derivative of ``F``: a ``J`` that differs from it, tried by a difference, only leads Newton's method.
+            petsc_options_prefix, petsc_options, form_compiler_options, jit_options, boundaries: see
+            ``ContactProblem``.
+        stability: whether the inertia of the tangent is looked at after each solve, by a
+            factorisation of its own where the last one does not tell; then *converged* means that
+            the equilibrium is stable.  The verdict is that of the derivative of ``F``: a ``J`` that
+            differs from it, tried by a difference, only leads Newton's method.
         max_newton: iterations of Newton's method.
         settings: algorithm, coulomb, ..., see ``SolverSettings``.
 
     Attributes:
         u: the solution.
         pressure, shear, gap, slip: see ``ContactFields``.
-        solution: the last solution with all that results are made of; after ``run`` with all of its steps.  Where the
-            first one has no solution it is the body as it was before, under the load of this step, and converged it is
-            not.  Of what needs a strain energy it says that a nonlinear body has none.
+        solution: the last solution with all that results are made of; after ``run`` with all of its
+            steps.  Where the first one has no solution it is the body as it was before, under the
+            load of this step, and converged it is not.  Of what needs a strain energy it says that
+            a nonlinear body has none.
 
-    After a failure ``u``, ``pressure``, ``state``, ``certificate`` and all others are those of the last solution again,
-    and ``update`` has been called there.
+    After a failure ``u``, ``pressure``, ``state``, ``certificate`` and all others are those of the
+    last solution again, and ``update`` has been called there.
 
     Raises:
         FormError: an argument is wrong.
@@ -157,7 +199,10 @@ class NonlinearContactProblem(ProblemOfForms):
     ) -> None:
         self.u = u
         contact = checked(F, u, J, foundations_of(contact))
-        options: dict[str, Any] = {"form_compiler_options": form_compiler_options, "jit_options": jit_options}
+        options: dict[str, Any] = {
+            "form_compiler_options": form_compiler_options,
+            "jit_options": jit_options,
+        }
         tangents = Tangents(F, J, u, options)
         with compiling():
             residual = Residual(fem.form(F, **options), u, update)
@@ -172,7 +217,12 @@ class NonlinearContactProblem(ProblemOfForms):
             **settings,
         )
         self.shapes, fields = self.linear.foundations.moving, self.linear.fields
-        self.pressure, self.shear, self.gap, self.slip = fields.pressure, fields.shear, fields.gap, fields.slip
+        self.pressure, self.shear, self.gap, self.slip = (
+            fields.pressure,
+            fields.shear,
+            fields.gap,
+            fields.slip,
+        )
         actions = commit or (lambda: None), max_newton, stability
         self._solver = self._ended = EquilibriumSolver(self.linear, residual, tangents, *actions)
         # The load steps of the last ``run`` with a solution, until the next solve.
@@ -204,15 +254,22 @@ class NonlinearContactProblem(ProblemOfForms):
         assert linear.outcome is not None
         named = named_parts(linear.forms, linear.elastic.settings, ("F",))
         model = model_of(linear.elastic, named, path, title, linear.begun.law, {}, linear.rigid)
-        body = ResidualBody.of(model, ends=ends, boundaries=linear.forms.boundaries, stress_error=error)
+        body = ResidualBody.of(
+            model, ends=ends, boundaries=linear.forms.boundaries, stress_error=error
+        )
         ended, found = (linear.outcome, linear.outcome.problem.data), self.findings
-        solution = contact_solution(body, steps, linear.task, ended, self._solver.timings, lambda: found)
+        solution = contact_solution(
+            body, steps, linear.task, ended, self._solver.timings, lambda: found
+        )
         status, algorithm = self.status or Status.CONVERGED, f"newton, {solution.algorithm}"
         return replace(solution, status=status, algorithm=algorithm)
 
     def _errors_in_body(self, solution: Solution) -> tuple[Any, float]:
         product = ufl.inner(ufl.grad(self.u), ufl.grad(ufl.TestFunction(self.u.function_space)))
-        both = solution.error_shares, stress_error(product * ufl.dx, self.u, self.linear.forms.parts)
+        both = (
+            solution.error_shares,
+            stress_error(product * ufl.dx, self.u, self.linear.forms.parts),
+        )
         if reasons := [shares for shares in both if isinstance(shares, str)]:
             raise RuntimeError(reasons[0])
         return np.array(both), 0.5
@@ -233,7 +290,9 @@ class NonlinearContactProblem(ProblemOfForms):
 
     @property
     def tools(self) -> tuple[RigidBodyMotion, ...]:
-        """Where the foundations are that forces move: in the last solution, by how much they have moved."""
+        """Where the foundations are that forces move: in the last solution, by how much they have
+        moved.
+        """
         return self.linear.foundations.rigid_bodies.motions
 
     def _differentiated(self) -> tuple[Any, ...]:
@@ -241,11 +300,14 @@ class NonlinearContactProblem(ProblemOfForms):
         return lambda: named, linearised_at(self._solver, linear), linear.data_now
 
     def solve(self) -> fem.Function:
-        """Solve with the values that Constants, Functions, conditions and shapes have now, return ``u``; collective.
+        """Solve with the values that Constants, Functions, conditions and shapes have now, return
+        ``u``; collective.
 
         Raises:
-            ConvergenceError: no solution was reached; ``status`` says why, and all else is as the last solution was.
-            FormError: a value is not finite, cannot be evaluated, or ``update`` raised an exception.
+            ConvergenceError: no solution was reached; ``status`` says why, and all else is as the
+                last solution was.
+            FormError: a value is not finite, cannot be evaluated, or ``update`` raised an
+                exception.
         """
         self._ends = []
         self._solver.begin_path(several=False)
@@ -255,7 +317,11 @@ class NonlinearContactProblem(ProblemOfForms):
         return self.u
 
     def _through(
-        self, path: LoadPath, clock: Clock, stored: MeshCheckpoint | None, on_step: Callable[[StepResult], object]
+        self,
+        path: LoadPath,
+        clock: Clock,
+        stored: MeshCheckpoint | None,
+        on_step: Callable[[StepResult], object],
     ) -> Solution:
         way = Continuation(self._solver, path, lambda place: clock(path.time_at(place)))
         self._ends = way.ends
@@ -266,13 +332,20 @@ class NonlinearContactProblem(ProblemOfForms):
 
 
 def linearised_at(solver: EquilibriumSolver, linear: LinearisedProblem) -> tuple[Any, ...]:
-    """The last solution with its linearised problem, which is assembled there, see ``SolvedStep.of``; collective."""
+    """The last solution with its linearised problem, which is assembled there, see
+    ``SolvedStep.of``; collective.
+    """
     residual = solver.residual
     for number, entry in enumerate(linear.contact):
         if entry.against is not None and not entry.bonded:
-            raise FormError([(f"contact[{number}]", "derivatives are not possible yet where two bodies touch")])
+            raise FormError(
+                [(f"contact[{number}]", "derivatives are not possible yet where two bodies touch")]
+            )
     if residual.update is not None and linear.step > 0:
-        why = "the solution depends on the state of the material before it, whose derivatives are not kept"
+        why = (
+            "the solution depends on the state of the material before it, whose derivatives are "
+            "not kept"
+        )
         raise RuntimeError(f"{why}: ask for derivatives of the first step, before advance()")
     values = solver.u.x.array.copy()
     residual.go_to(values)

@@ -1,4 +1,6 @@
-"""The residual F with the material's state, and its derivative: made with the quadrature of F, tried by differences."""
+"""The residual F with the material's state, and its derivative: made with the quadrature of F,
+tried by differences.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,13 @@ from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.assembly.mesh_entities import action, assemble
 from signorini_fx.mechanics.body.deformation import CellSlopes
 from signorini_fx.mechanics.mesh.points import determinants
-from signorini_fx.tuned import DIFFERENCE_STRAINS, NEGLIGIBLE, NOTHING_LEFT, SAME_TANGENT, UNITS_OF_DIFFERENCE
+from signorini_fx.tuned import (
+    DIFFERENCE_STRAINS,
+    NEGLIGIBLE,
+    NOTHING_LEFT,
+    SAME_TANGENT,
+    UNITS_OF_DIFFERENCE,
+)
 
 Array = npt.NDArray[np.float64]
 
@@ -34,7 +42,9 @@ class Residual:
     form: fem.Form
     u: fem.Function
     update: Callable[[], object] | None  # the user's function; None: the material has no state
-    loads: Array | float = 0.0  # forces on the body beside F, shape (owned dofs,); a number: the same at all
+    loads: Array | float = (
+        0.0  # forces on the body beside F, shape (owned dofs,); a number: the same at all
+    )
     _slopes: CellSlopes | None = field(default=None, init=False)  # of the mesh where it is
 
     def assembled(self) -> Array:
@@ -42,8 +52,9 @@ class Residual:
         return np.asarray(assemble(self.form) - self.loads)
 
     def at(self, values: Array) -> Array | None:
-        """F at the owned unknowns for values of ``u``, ghosts included, which it gets; None: it is not finite there, or
-        cells are turned inside out; a FormError says that ``update`` has raised an exception; collective.
+        """F at the owned unknowns for values of ``u``, ghosts included, which it gets; None: it is
+        not finite there, or cells are turned inside out; a FormError says that ``update`` has
+        raised an exception; collective.
         """
         self.go_to(values)
         forces = self.assembled()
@@ -51,24 +62,37 @@ class Residual:
         return None if parallel.any_rank(self.u.function_space.mesh.comm, fails) else forces
 
     def _turned_inside_out(self) -> bool:
-        """Whether det(I + grad u) is not positive at a quadrature point of this rank, in the plane of sections."""
+        """Whether det(I + grad u) is not positive at a quadrature point of this rank, in the plane
+        of sections.
+        """
         space = self.u.function_space
         if self._slopes is None or not self._slopes.fits:
             cell, degree = space.mesh.topology.cell_name(), space.element.basix_element.degree
-            self._slopes = CellSlopes(space, basix.make_quadrature(getattr(basix.CellType, cell), 2 * degree)[0])
-        # The determinant of the product I + grad u = (x + u)' / x', with derivatives along the reference cell.
+            self._slopes = CellSlopes(
+                space, basix.make_quadrature(getattr(basix.CellType, cell), 2 * degree)[0]
+            )
+        # The determinant of the product I + grad u = (x + u)' / x', with derivatives along the
+        # reference cell.
         return any(
-            bool((determinants(place + moved[: len(place)]) * np.sign(determinants(place)) <= 0).any())
+            bool(
+                (
+                    determinants(place + moved[: len(place)]) * np.sign(determinants(place)) <= 0
+                ).any()
+            )
             for place, moved in self._slopes.along_reference(self.u)
         )
 
     def go_to(self, values: Array) -> None:
-        """Give ``u`` values, and the material its state there; for the arguments and errors see ``at``; collective."""
+        """Give ``u`` values, and the material its state there; for the arguments and errors see
+        ``at``; collective.
+        """
         self.u.x.array[:] = values
         self.updated()
 
     def updated(self) -> None:
-        """Call ``update``; a FormError says that it has raised an exception on some rank; collective."""
+        """Call ``update``; a FormError says that it has raised an exception on some rank;
+        collective.
+        """
         if self.update is None:
             return
         error: Exception | None = None
@@ -76,7 +100,11 @@ class Residual:
             self.update()
         except Exception as raised:  # whatever a user's function may raise
             error = raised
-        named = None if error is None else FormError([("update", f"raised {type(error).__name__}: {error}")])
+        named = (
+            None
+            if error is None
+            else FormError([("update", f"raised {type(error).__name__}: {error}")])
+        )
         try:
             parallel.raise_together(self.u.function_space.mesh.comm, named)
         except FormError as failed:
@@ -84,8 +112,10 @@ class Residual:
 
 
 class Tangents:
-    """The user's tangent J, if it is ``given``, and the derivative of F by u, each compiled when it is first needed;
-    ``trusted``: whether J is known to be the derivative, and is not tried: near a yield stress no difference tells.
+    """The user's tangent J, if it is ``given``, and the derivative of F by u, each compiled when it
+    is first needed;
+    ``trusted``: whether J is known to be the derivative, and is not tried: near a yield stress no
+    difference tells.
     """
 
     trusted = False
@@ -106,16 +136,22 @@ class Tangents:
 
     @cached_property
     def bilinear(self) -> Any:
-        """F' in UFL where it is the same at all displacements; else, and where there is one of the user's, None."""
+        """F' in UFL where it is the same at all displacements; else, and where there is one of the
+        user's, None.
+        """
         if self.given:
             return None
-        form = apply_derivatives(ufl.derivative(self.lowered, self._u, ufl.TrialFunction(self._u.function_space)))
+        form = apply_derivatives(
+            ufl.derivative(self.lowered, self._u, ufl.TrialFunction(self._u.function_space))
+        )
         return None if self._u in form.coefficients() else form
 
     @cached_property
     def derivative(self) -> fem.Form:
         """That of F; collective."""
-        return self._compiled(derivative(self._F, self._u, ufl.TrialFunction(self._u.function_space)))
+        return self._compiled(
+            derivative(self._F, self._u, ufl.TrialFunction(self._u.function_space))
+        )
 
     def _compiled(self, form: Any) -> fem.Form:
         with compiling():
@@ -123,8 +159,12 @@ class Tangents:
 
 
 def derivative(F: Any, u: fem.Function, trial: Any) -> Any:
-    """F'(u) along ``trial``, integrated where F is, as UFL by default estimates a higher degree for it."""
-    unknown = [integral for integral in F.integrals() if "quadrature_degree" not in integral.metadata()]
+    """F'(u) along ``trial``, integrated where F is, as UFL by default estimates a higher degree for
+    it.
+    """
+    unknown = [
+        integral for integral in F.integrals() if "quadrature_degree" not in integral.metadata()
+    ]
     if not unknown:
         return ufl.derivative(F, u, trial)
     form_data = compute_form_data(
@@ -138,24 +178,43 @@ def derivative(F: Any, u: fem.Function, trial: Any) -> Any:
     )
     estimated = dict[tuple[str, Any], int]()
     for data in form_data.integral_data:
-        degrees = [integral.metadata()["estimated_polynomial_degree"] for integral in data.integrals]
-        estimated |= {(data.integral_type, number): int(max(map(np.max, degrees))) for number in data.subdomain_id}
+        degrees = [
+            integral.metadata()["estimated_polynomial_degree"] for integral in data.integrals
+        ]
+        estimated |= {
+            (data.integral_type, number): int(max(map(np.max, degrees)))
+            for number in data.subdomain_id
+        }
 
     def as_assembled(integral: Any) -> Any:
         numbers = integral.subdomain_id()
-        numbers = numbers if isinstance(numbers, tuple) else ("otherwise" if numbers == "everywhere" else numbers,)
-        degrees = [estimated[key] for number in numbers if (key := (integral.integral_type(), number)) in estimated]
+        numbers = (
+            numbers
+            if isinstance(numbers, tuple)
+            else ("otherwise" if numbers == "everywhere" else numbers,)
+        )
+        degrees = [
+            estimated[key]
+            for number in numbers
+            if (key := (integral.integral_type(), number)) in estimated
+        ]
         if "quadrature_degree" in integral.metadata() or not degrees:
             return integral
-        return integral.reconstruct(metadata={**integral.metadata(), "quadrature_degree": max(degrees)})
+        return integral.reconstruct(
+            metadata={**integral.metadata(), "quadrature_degree": max(degrees)}
+        )
 
-    return ufl.derivative(ufl.Form([as_assembled(integral) for integral in F.integrals()]), u, trial)
+    return ufl.derivative(
+        ufl.Form([as_assembled(integral) for integral in F.integrals()]), u, trial
+    )
 
 
-def is_derivative(form: fem.Form, residual: Residual, values: Array, free: npt.NDArray[np.bool_]) -> bool:
-    """Whether the product of a bilinear form with random displacements is what F changes by at values of ``u``, at
-    owned ``free`` unknowns; collective.  Where a change leads across a yield surface, forces change otherwise ahead
-    than behind: either is a derivative.
+def is_derivative(
+    form: fem.Form, residual: Residual, values: Array, free: npt.NDArray[np.bool_]
+) -> bool:
+    """Whether the product of a bilinear form with random displacements is what F changes by at
+    values of ``u``, at owned ``free`` unknowns; collective.  Where a change leads across a yield
+    surface, forces change otherwise ahead than behind: either is a derivative.
     """
     u, comm = residual.u, residual.u.function_space.mesh.comm
 
@@ -171,7 +230,9 @@ def is_derivative(form: fem.Form, residual: Residual, values: Array, free: npt.N
             return False
         apart = np.abs(predicted - (ahead - behind) / 2) - np.abs(ahead - 2 * now + behind) / 2
         error = np.where(free, np.maximum(apart, 0.0), 0.0)
-        squares = parallel.global_sum(comm, np.array([error @ error, (predicted * free) @ predicted]))
+        squares = parallel.global_sum(
+            comm, np.array([error @ error, (predicted * free) @ predicted])
+        )
         return bool(squares[0] <= SAME_TANGENT**2 * squares[1])
 
     fits = any(map(agrees, DIFFERENCE_STRAINS))
@@ -180,13 +241,17 @@ def is_derivative(form: fem.Form, residual: Residual, values: Array, free: npt.N
 
 
 def random_direction(u: fem.Function, strain: float) -> fem.Function:
-    """A displacement that strains each cell by about this much, the same on any number of ranks only in size."""
+    """A displacement that strains each cell by about this much, the same on any number of ranks
+    only in size.
+    """
     space, direction = u.function_space, fem.Function(u.function_space)
     mesh, tdim, dim = space.mesh, space.mesh.topology.dim, space.dofmap.index_map_bs
     cells = mesh.topology.index_map(tdim)
     count = cells.size_local + cells.num_ghosts
     smallest = np.full(direction.x.array.size // dim, np.inf)  # cell around each node
-    np.minimum.at(smallest, space.dofmap.list[:count], mesh.h(tdim, np.arange(count, dtype=np.int32))[:, None])
+    np.minimum.at(
+        smallest, space.dofmap.list[:count], mesh.h(tdim, np.arange(count, dtype=np.int32))[:, None]
+    )
     signs = np.random.default_rng(mesh.comm.rank).choice([-1.0, 1.0], direction.x.array.size)
     direction.x.array[:] = strain * np.repeat(smallest, dim) * signs
     direction.x.scatter_forward()
@@ -196,10 +261,11 @@ def random_direction(u: fem.Function, strain: float) -> fem.Function:
 def round_off(residual: Residual, forces: Array) -> Array:
     """What round-off changes of F, shape (owned dofs,), which is ``forces`` at ``u``; collective.
 
-    It is measured: over a change that is large beside round-off, and small beside anything else, F is linear, so that
-    its second difference is round-off of three evaluations. A residual that computes I + grad u has that of the unit,
-    however small u is; one that computes strains from grad u alone that of the strains. At some unknowns it is nothing
-    by chance: they have the mean of all, quadratic.
+    It is measured: over a change that is large beside round-off, and small beside anything else, F
+    is linear, so that its second difference is round-off of three evaluations. A residual that
+    computes I + grad u has that of the unit, however small u is; one that computes strains from
+    grad u alone that of the strains. At some unknowns it is nothing by chance: they have the mean
+    of all, quadratic.
     """
     u, unit = residual.u, UNITS_OF_DIFFERENCE * float(np.finfo(float).eps)
     values = u.x.array.copy()
@@ -216,8 +282,12 @@ def round_off(residual: Residual, forces: Array) -> Array:
     return np.asarray(np.maximum(lost, np.sqrt(squares / count)))
 
 
-def refuse_miscompiled(F: Any, residual: fem.Form, u: fem.Function, options: dict[str, Any]) -> None:
-    """Raise a FormError if F has several rules of quadrature, and its compiled sum is not that of each; collective."""
+def refuse_miscompiled(
+    F: Any, residual: fem.Form, u: fem.Function, options: dict[str, Any]
+) -> None:
+    """Raise a FormError if F has several rules of quadrature, and its compiled sum is not that of
+    each; collective.
+    """
     rules: dict[Any, list[Any]] = {}
     for integral in F.integrals():
         rules.setdefault(integral.metadata().get("quadrature_degree"), []).append(integral)
@@ -230,8 +300,13 @@ def refuse_miscompiled(F: Any, residual: fem.Form, u: fem.Function, options: dic
     whole, summed = assemble(residual), np.sum([assemble(part) for part in parts], axis=0)
     u.x.array[:] = values
     comm = u.function_space.mesh.comm
-    wrong, size = (parallel.largest(comm, np.abs(forces), 0.0) for forces in (whole - summed, summed))
+    wrong, size = (
+        parallel.largest(comm, np.abs(forces), 0.0) for forces in (whole - summed, summed)
+    )
     if np.isfinite(size) and not wrong <= NOTHING_LEFT * size:
-        why = "is compiled wrongly: FFCx takes a quadrature rule of one point beside another one for something else, "
+        why = (
+            "is compiled wrongly: FFCx takes a quadrature rule of one point beside another one "
+            "for something else, "
+        )
         cure = f"{wrong / size:.1e} from the sum over its rules; take no quadrature_degree below 2"
         raise FormError([("F", why + cure)])

@@ -1,5 +1,6 @@
-"""What a nonlinear body is at a solution: its certificate by F, assembled anew at the displaced points, its load step,
-and the error of its stress P, by which the residual multiplies the gradient of its test function, see docs/theory.md.
+"""What a nonlinear body is at a solution: its certificate by F, assembled anew at the displaced
+points, its load step, and the error of its stress P, by which the residual multiplies the gradient
+of its test function, see docs/theory.md.
 
 What a coarse mesh leaves in the state of a material counts as far as it makes the stress rough.
 """
@@ -50,7 +51,9 @@ class ResidualMechanics:
 
     forces: Balance  # the residual as forces on the body without contact
     contact: ContactConditions | None  # at the displaced points; None: there is no contact
-    fixed: npt.NDArray[np.bool_]  # which dofs of this rank are prescribed, ghosts included, shape (dofs,)
+    fixed: npt.NDArray[
+        np.bool_
+    ]  # which dofs of this rank are prescribed, ghosts included, shape (dofs,)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,7 +70,9 @@ class ResidualBody(SolidBody):
         return self._at(y).contact
 
     def stress(self, y: fem.Function, step: float) -> RawStresses | str:
-        return "only the residual knows the stresses of a nonlinear body: evaluate its own expression"
+        return (
+            "only the residual knows the stresses of a nonlinear body: evaluate its own expression"
+        )
 
     def balance(self, y: fem.Function, step: float) -> Balance:
         return self._at(y).forces
@@ -79,14 +84,20 @@ class ResidualBody(SolidBody):
 
     def _at(self, y: fem.Function) -> ResidualMechanics:
         """That of the load step with a displacement, or of the last one."""
-        return next((end for load_step, end in self.ends if load_step.displacement is y), self.ends[-1][1])
+        return next(
+            (end for load_step, end in self.ends if load_step.displacement is y), self.ends[-1][1]
+        )
 
 
 def certified(
-    residual: Array, linear: LinearisedProblem, lost: Array | None = None, tractions: Tractions | None = None
+    residual: Array,
+    linear: LinearisedProblem,
+    lost: Array | None = None,
+    tractions: Tractions | None = None,
 ) -> tuple[Certificate, ResidualMechanics]:
-    """The certificate of the displacement of now, where F is ``residual`` and its round-off ``lost``, forces at the
-    owned unknowns, and what it is of; ``linear``: of the last iteration; ``tractions``: else the solver's; collective.
+    """The certificate of the displacement of now, where F is ``residual`` and its round-off
+    ``lost``, forces at the owned unknowns, and what it is of; ``linear``: of the last iteration;
+    ``tractions``: else the solver's; collective.
     """
     u, space, scales, (fixed, values) = linear.at, linear.space, linear.scales, linear.prescribed
     forces = residual.reshape(-1, space.mesh.geometry.dim)
@@ -113,26 +124,37 @@ def certified(
                 touching = np.isin(boundary.part, tool.body.parts)
                 moved[touching] += sign * tool.at(boundary.x[touching])
         before = replace(before, moved=moved)
-    rigid, tractions = [*zip(tools.motions, tools.drives(), strict=True)], tractions or Tractions.of(linear.state)
+    rigid, tractions = (
+        [*zip(tools.motions, tools.drives(), strict=True)],
+        tractions or Tractions.of(linear.state),
+    )
     assert linear.outcome is not None
     law = Law(*linear.task.promised(linear.outcome))
     certificate = judged(u, balance, contact, tractions, law=law, before=before, rigid=rigid)
     return certificate, ResidualMechanics(balance, contact, fixed)
 
 
-def _conditions(linear: LinearisedProblem, fixed: npt.NDArray[np.bool_], values: Array) -> ContactConditions:
-    """What holds at the contact points: distances and normals of shapes, and the maps of pairs, at displaced points."""
+def _conditions(
+    linear: LinearisedProblem, fixed: npt.NDArray[np.bool_], values: Array
+) -> ContactConditions:
+    """What holds at the contact points: distances and normals of shapes, and the maps of pairs, at
+    displaced points.
+    """
     linear.slide()
     data, foundations, places = [*linear.data], linear.foundations, linear.places
     for number, moving in foundations.moving.items():
         gap, along = np.full(len(places), np.nan), np.full(places.shape, np.nan)
         gap[moving.nodes], along[moving.nodes] = moving.projected(linear=False)
         gap[moving.nodes] += moving.added
-        data[number] = replace(data[number], gap=gap, shape=replace(data[number].shape, direction=along))
+        data[number] = replace(
+            data[number], gap=gap, shape=replace(data[number].shape, direction=along)
+        )
     for number in foundations.sliding:  # their distance is that of the map
         data[number] = replace(data[number], gap=foundations.given_gap(number))
     boundary = linear.points([entry.shape for entry in data], fixed, values)
-    regularised, law = foundations.problem(boundary, data, Settings.of(linear.settings), linear.scales)
+    regularised, law = foundations.problem(
+        boundary, data, Settings.of(linear.settings), linear.scales
+    )
     both: Mapping[int, PairedSides | MovingPair] = {**foundations.pairs, **foundations.sliding}
     pairs = {number: PairPoints.of(pair) for number, pair in both.items()}
     return ContactConditions(boundary, regularised.gap, law, regularised.bilateral, pairs)
@@ -140,8 +162,8 @@ def _conditions(linear: LinearisedProblem, fixed: npt.NDArray[np.bool_], values:
 
 @dataclass(frozen=True)
 class SolvedBody:
-    """A nonlinear body at a solution: the problem of the last iteration, with the foundations where they are, and the
-    solution as a load step.
+    """A nonlinear body at a solution: the problem of the last iteration, with the foundations where
+    they are, and the solution as a load step.
     """
 
     linear: LinearisedProblem
@@ -157,11 +179,16 @@ class SolvedBody:
         solves: int,
         status: Status = Status.CONVERGED,
     ) -> SolvedBody:
-        """What there is after a solve, which the user sees, with its linear solves and how it has ended; collective."""
+        """What there is after a solve, which the user sees, with its linear solves and how it has
+        ended; collective.
+        """
         linear.fields.take(linear.space, linear.state)
         shapes, solved = linear.foundations.moving, copy(linear)
         given: Any = linear.contact
-        placed = [replace(entry, shape=shapes[k].as_given) if k in shapes else entry for k, entry in enumerate(given)]
+        placed = [
+            replace(entry, shape=shapes[k].as_given) if k in shapes else entry
+            for k, entry in enumerate(given)
+        ]
         solved.forms = replace(linear.forms, contact=tuple(placed))
         number, u, y = linear.begun.step, linear.at, linear.at.copy()
         y.name = u.name
@@ -183,32 +210,40 @@ class SolvedBody:
 
 
 def lost_digits(certificates: Sequence[Certificate], residual: str) -> Iterator[Finding]:
-    """What round-off may hide at the ends of load steps, where that is more than a certificate allows; ``residual``:
-    its name.  Steps with a small share of the farthest displacement are round-off, as where a body is back at rest.
+    """What round-off may hide at the ends of load steps, where that is more than a certificate
+    allows; ``residual``: its name.  Steps with a small share of the farthest displacement are
+    round-off, as where a body is back at rest.
     """
     farthest = max((certificate.displacement for certificate in certificates), default=0.0)
     judged = [one for one in certificates if one.displacement > CERTIFICATE_TOLERANCE * farthest]
     hidden, placed = (
-        max((getattr(certificate, name) for certificate in judged), default=0.0) for name in ("lost", "placed")
+        max((getattr(certificate, name) for certificate in judged), default=0.0)
+        for name in ("lost", "placed")
     )
     if hidden > CERTIFICATE_TOLERANCE:
         message = (
-            f"round-off of the residual may hide errors of up to {hidden:.0e} of the forces, and of displacements as "
-            "large: evaluate strains from grad u, without the difference of numbers near one such as I + grad u, or "
+            f"round-off of the residual may hide errors of up to {hidden:.0e} of the forces, and "
+            "of displacements as "
+            "large: evaluate strains from grad u, without the difference of numbers near one such "
+            "as I + grad u, or "
             "take a linear body, which one of such small strains is"
         )
         yield Finding("warning", residual, message)
     if placed > CERTIFICATE_TOLERANCE:
         message = (
-            f"contact is met at displaced points, whose round-off is {placed:.0e} of the displacement: forces and "
-            "displacements may be wrong by as much: take a linear body, which one of such small displacements is, or "
+            f"contact is met at displaced points, whose round-off is {placed:.0e} of the "
+            "displacement: forces and "
+            "displacements may be wrong by as much: take a linear body, which one of such small "
+            "displacements is, or "
             "for contact of two bodies sliding = 'small'"
         )
         yield Finding("warning", "contact", message)
 
 
 def slid_past_partners(linear: LinearisedProblem) -> Iterator[Finding]:
-    """A warning for each pair whose touching points have moved farther than partners may be kept; collective."""
+    """A warning for each pair whose touching points have moved farther than partners may be kept;
+    collective.
+    """
     mesh, state = linear.space.mesh, linear.state
     for number, entry in enumerate(linear.contact):
         if entry.against is None or entry.sliding or entry.bonded:
@@ -219,16 +254,21 @@ def slid_past_partners(linear: LinearisedProblem) -> Iterator[Finding]:
         farthest = parallel.largest(mesh.comm, np.linalg.norm(state.u_t[touching], axis=1), 0.0)
         if farthest > FACETS_OF_KEPT_PARTNERS * facet:
             message = (
-                f"points that keep their partners have moved by up to {farthest:.3g} along the other side, "
-                f"{farthest / facet:.2g} facets: forces there may be wrong, and those on both sides act apart: let the "
+                f"points that keep their partners have moved by up to {farthest:.3g} along the "
+                "other side, "
+                f"{farthest / facet:.2g} facets: forces there may be wrong, and those on both "
+                "sides act apart: let the "
                 "sides slide"
             )
             yield Finding("warning", f"contact[{number}].sliding", message)
 
 
-def stress_error(residual: Any, u: fem.Function, parts: Sequence[npt.NDArray[np.int32]]) -> Array | str:
-    """What each owned cell has of the squared relative error of the stress in L2, or why it is not known; ``residual``:
-    F as ``Tangents.lowered``; ``parts``: cells of each material, local numbers, ghosts included; collective.
+def stress_error(
+    residual: Any, u: fem.Function, parts: Sequence[npt.NDArray[np.int32]]
+) -> Array | str:
+    """What each owned cell has of the squared relative error of the stress in L2, or why it is not
+    known; ``residual``: F as ``Tangents.lowered``; ``parts``: cells of each material, local
+    numbers, ghosts included; collective.
     """
     stress = SimpleNamespace(
         displacement=u,
@@ -239,17 +279,28 @@ def stress_error(residual: Any, u: fem.Function, parts: Sequence[npt.NDArray[np.
     )
     recovery = StressRecovery(stress, lambda z: (lambda step: None, None))
     size = 2 * recovery.energy(u)
-    return np.asarray(recovery.squares(u) / size) if size > 0 else "there is no stress, and no error of it"
+    return (
+        np.asarray(recovery.squares(u) / size)
+        if size > 0
+        else "there is no stress, and no error of it"
+    )
 
 
 def stress_of(residual: Any, u: fem.Function) -> fem.Function:
     """P as a polynomial of degree k - 1 in each cell, its components row by row; collective."""
     mesh, rows = u.function_space.mesh, u.ufl_shape[0]
     columns, degree = mesh.geometry.dim, u.function_space.element.basix_element.degree - 1
-    space, scalar = (fem.functionspace(mesh, ("DG", degree, shape)) for shape in ((rows * columns,), ()))
-    tested, product = ufl.TestFunction(space), ufl.inner(ufl.TrialFunction(scalar), ufl.TestFunction(scalar))
+    space, scalar = (
+        fem.functionspace(mesh, ("DG", degree, shape)) for shape in ((rows * columns,), ())
+    )
+    tested, product = (
+        ufl.TestFunction(space),
+        ufl.inner(ufl.TrialFunction(scalar), ufl.TestFunction(scalar)),
+    )
     tensor = ufl.as_matrix([[tested[i * columns + j] for j in range(columns)] for i in range(rows)])
-    over_cells = ufl.Form([integral for integral in residual.integrals() if integral.integral_type() == "cell"])
+    over_cells = ufl.Form(
+        [integral for integral in residual.integrals() if integral.integral_type() == "cell"]
+    )
     (v,) = residual.arguments()
     with compiling():
         moments = fem.form(ufl.replace(over_cells, {ufl.grad(v): tensor, v: ufl.zero(v.ufl_shape)}))
@@ -258,6 +309,8 @@ def stress_of(residual: Any, u: fem.Function) -> fem.Function:
     stress = fem.Function(space)
     values = assemble(moments).reshape(owned, rows * columns)
     if owned:
-        stress.x.array[: values.size] = scipy.sparse.linalg.splu(mass[:owned, :owned].tocsc()).solve(values).ravel()
+        stress.x.array[: values.size] = (
+            scipy.sparse.linalg.splu(mass[:owned, :owned].tocsc()).solve(values).ravel()
+        )
     stress.x.scatter_forward()
     return stress

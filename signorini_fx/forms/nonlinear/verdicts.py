@@ -1,5 +1,6 @@
-"""The verdicts on a displacement: whether displacements that contact admits raise the energy, by the derivative of F,
-and whether shapes or bodies are inside each other, or have passed through since the last solution, in words.
+"""The verdicts on a displacement: whether displacements that contact admits raise the energy, by
+the derivative of F, and whether shapes or bodies are inside each other, or have passed through
+since the last solution, in words.
 """
 
 from __future__ import annotations
@@ -39,12 +40,16 @@ Flags = npt.NDArray[np.bool_]
 
 @dataclass
 class Stability:
-    """What the inertia of the tangent of the last iteration of Newton's method says of a displacement."""
+    """What the inertia of the tangent of the last iteration of Newton's method says of a
+    displacement.
+    """
 
     linear: LinearisedProblem
     residual: Residual
     tangents: Tangents
-    _detail: str = field(default="", init=False)  # what is wrong, or where, in words; empty: nothing is known
+    _detail: str = field(
+        default="", init=False
+    )  # what is wrong, or where, in words; empty: nothing is known
 
     def stable(self) -> Status:
         """Whether an equilibrium is stable, by the derivative of F; collective."""
@@ -55,13 +60,17 @@ class Stability:
         negative, place = found
         if not negative:
             return Status.CONVERGED
-        if not self.linear.symmetric:  # without an energy a symmetric part that is not definite proves nothing
+        if (
+            not self.linear.symmetric
+        ):  # without an energy a symmetric part that is not definite proves nothing
             return Status.STABILITY_UNKNOWN
         self._detail = f"it begins at {place}"
         return Status.UNSTABLE
 
     def _holds(self) -> bool:
-        """Whether the stiffness of the last iteration, condensed, is definite with ``_springs``; collective."""
+        """Whether the stiffness of the last iteration, condensed, is definite with ``_springs``;
+        collective.
+        """
         system = self.linear.task.system
         condensed = isinstance(system, CondensedSystem) and system.schur.regular
         if not condensed or not self.leads(self.residual.u.x.array.copy()):
@@ -76,7 +85,9 @@ class Stability:
         return True
 
     def _inertia(self) -> tuple[int, str] | None:
-        """Negative directions of the derivative of F: how many, and where one is largest; None: unknown; collective."""
+        """Negative directions of the derivative of F: how many, and where one is largest; None:
+        unknown; collective.
+        """
         elastic, mesh = self.linear.elastic, self.linear.space.mesh
         if not enough_memory(mesh.comm, factor_memory(elastic.dofs, mesh.topology.dim)):
             return None
@@ -89,38 +100,49 @@ class Stability:
         return self._negative(tangent)
 
     def reason_for_none(self, before: Array, tried: Array | None = None) -> str:
-        """Why there may be no solution, at an iterate; empty: nothing says so; ``before``: values of ``u`` of the last
-        solution; ``tried``: of where the tangent leads to, if no part of the way is possible; collective.
+        """Why there may be no solution, at an iterate; empty: nothing says so; ``before``: values
+        of ``u`` of the last solution; ``tried``: of where the tangent leads to, if no part of the
+        way is possible; collective.
         """
         u, comm = self.residual.u, self.linear.space.mesh.comm
         farthest = u.x.array if tried is None else tried
-        away, so_far = (parallel.largest(comm, np.abs(values), 0.0) for values in (farthest - before, before))
+        away, so_far = (
+            parallel.largest(comm, np.abs(values), 0.0) for values in (farthest - before, before)
+        )
         if not away <= max(self.linear.elastic.diameter, so_far):
             return "the displacement runs away" if self.leads(before) else ""
         with suppress(FormError):
-            known = self.residual.at(u.x.array.copy()) is not None and self.linear.outcome is not None
+            known = (
+                self.residual.at(u.x.array.copy()) is not None and self.linear.outcome is not None
+            )
             if known and (found := self._inertia()) is not None and found[0]:
                 return f"the tangent has lost its stiffness, first at {found[1]}"
         return ""
 
     def leads(self, values: Array) -> bool:
-        """Whether the tangent is the derivative of F at values of ``u``: others may lead away; collective.  That of UFL
-        does not see what a function of the user changes.
+        """Whether the tangent is the derivative of F at values of ``u``: others may lead away;
+        collective.  That of UFL does not see what a function of the user changes.
         """
         tangents, residual = self.tangents, self.residual
         known = tangents.trusted or not (tangents.given or residual.update is not None)
-        return known or is_derivative(tangents.leading, residual, values, ~self.linear.elastic.fixed)
+        return known or is_derivative(
+            tangents.leading, residual, values, ~self.linear.elastic.fixed
+        )
 
     @property
     def _largest(self) -> float:
         """Of the diagonal of the stiffness, force per length; collective."""
         linear = self.linear
-        diagonal = linear.elastic.stiffness.getDiagonal().getArray(readonly=True)[: linear.elastic.fixed.size]
+        diagonal = linear.elastic.stiffness.getDiagonal().getArray(readonly=True)[
+            : linear.elastic.fixed.size
+        ]
         return parallel.largest(linear.space.mesh.comm, np.abs(diagonal), 0.0) or 1.0
 
     @property
     def _springs(self) -> Array:
-        """What keeps points in contact and in place, whatever the units, force per length, shape (n, d, d)."""
+        """What keeps points in contact and in place, whatever the units, force per length, shape
+        (n, d, d).
+        """
         linear, springs = self.linear, turning_of(self.linear.state, self.linear.scales.size)
         components = np.arange(springs.shape[1])
         sticks = np.tile(linear.sticks, (components.size - 1, 1)).T
@@ -145,7 +167,9 @@ class Stability:
             springs = self._springs
             acts, dim = np.flatnonzero(springs.any(axis=(1, 2))), space.mesh.geometry.dim
             kept = (dim * acts[:, None] + np.arange(dim)).ravel() + rows.getOwnershipRange()[0]
-            rows = rows.createSubMatrix(PETSc.IS().createGeneral(kept.astype(PETSc.IntType), comm=matrix.comm))
+            rows = rows.createSubMatrix(
+                PETSc.IS().createGeneral(kept.astype(PETSc.IntType), comm=matrix.comm)
+            )
             added = rows.transposeMatMult(block_diagonal(rows, springs[acts]).matMult(rows))
             held_rows = added.getOwnershipRange()[0] + np.flatnonzero(body.prescribed)
             added.zeroRowsColumns(held_rows.astype(PETSc.IntType), diag=0.0)
@@ -153,18 +177,28 @@ class Stability:
         if not linear.symmetric:
             matrix.axpy(1.0, matrix.transpose(PETSc.Mat()))
             matrix.scale(0.5)
-        if linear.loose:  # bodies may move without resistance, so that a small stiffness must hold them
+        if (
+            linear.loose
+        ):  # bodies may move without resistance, so that a small stiffness must hold them
             matrix.shift(NO_FORCE * self._largest)
         negative, direction = negative_directions(matrix)
         sizes = np.linalg.norm(direction[: fixed.size].reshape(-1, space.mesh.geometry.dim), axis=1)
-        rows = np.column_stack((sizes, node_positions(space)[: sizes.size, : space.mesh.geometry.dim]))
-        farthest = max(map(tuple, parallel.gather_rows(space.mesh.comm, rows[np.argsort(-sizes, kind="stable")[:1]])))
+        rows = np.column_stack(
+            (sizes, node_positions(space)[: sizes.size, : space.mesh.geometry.dim])
+        )
+        farthest = max(
+            map(
+                tuple,
+                parallel.gather_rows(space.mesh.comm, rows[np.argsort(-sizes, kind="stable")[:1]]),
+            )
+        )
         return negative, f"({', '.join(f'{x:.4g}' for x in farthest[1:])})"
 
 
 def negative_directions(matrix: PETSc.Mat) -> tuple[int, Array]:
-    """The number of negative eigenvalues of a symmetric matrix of a body, by one LDL^T factorisation with MUMPS, and if
-    there are any an unstable direction, shape (rows of this rank,); it is destroyed; collective.
+    """The number of negative eigenvalues of a symmetric matrix of a body, by one LDL^T
+    factorisation with MUMPS, and if there are any an unstable direction, shape (rows of this
+    rank,); it is destroyed; collective.
     """
     matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
     preconditioner = PETSc.PC().create(matrix.comm)
@@ -172,11 +206,18 @@ def negative_directions(matrix: PETSc.Mat) -> tuple[int, Array]:
     preconditioner.setType("cholesky")
     preconditioner.setFactorSolverType("mumps")
     preconditioner.setFactorSetUpSolverType()
-    for option in (13, 24):  # the inertia needs the root on one rank, and null pivots told from others
+    for option in (
+        13,
+        24,
+    ):  # the inertia needs the root on one rank, and null pivots told from others
         preconditioner.getFactorMatrix().setMumpsIcntl(option, 1)
     preconditioner.setUp()
     negative = int(preconditioner.getFactorMatrix().getInertia()[0])
-    comm, (x, y), own = matrix.comm.tompi4py(), matrix.createVecs(), slice(*matrix.getOwnershipRange())
+    comm, (x, y), own = (
+        matrix.comm.tompi4py(),
+        matrix.createVecs(),
+        slice(*matrix.getOwnershipRange()),
+    )
 
     def solved(values: Array) -> Array:
         x.getArray()[:] = values[own]
@@ -186,7 +227,9 @@ def negative_directions(matrix: PETSc.Mat) -> tuple[int, Array]:
     direction = np.zeros(matrix.getLocalSize()[0])
     if negative:  # the eigenvector of the lowest eigenvalue of the inverse
         inverse, begin = LinearOperator(matrix.getSize(), matvec=solved), np.random.default_rng(0)
-        _, vectors = eigsh(inverse, k=1, which="SA", v0=begin.standard_normal(inverse.shape[0]), tol=NEGLIGIBLE)
+        _, vectors = eigsh(
+            inverse, k=1, which="SA", v0=begin.standard_normal(inverse.shape[0]), tol=NEGLIGIBLE
+        )
         direction = vectors[own, 0]
     preconditioner.destroy()
     matrix.destroy()
@@ -194,7 +237,9 @@ def negative_directions(matrix: PETSc.Mat) -> tuple[int, Array]:
 
 
 def overlap(foundations: MovingFoundations, last: State) -> str:
-    """Of shapes, since the ``last`` solution, or else since they were given outside of the body; collective."""
+    """Of shapes, since the ``last`` solution, or else since they were given outside of the body;
+    collective.
+    """
     cells, solved = foundations.cells, last.certificate is not None
     now, then = cells.placed(foundations.at.x.array), cells.placed(last.displacement)
     for number, moving in foundations.moving.items():
@@ -212,24 +257,33 @@ def overlap(foundations: MovingFoundations, last: State) -> str:
 def overlap_of_bodies(foundations: MovingFoundations, last: State) -> str:
     """Of pairs, since the ``last`` solution, or what there is before; collective.
 
-    The nodes of each side are looked for in the cells of other pieces of the mesh, at the end and on the straight way
-    to it.  Chords leave them there by up to ``SHAPE_INSIDE`` of a facet of the other side, at the end within reach.
+    The nodes of each side are looked for in the cells of other pieces of the mesh, at the end and
+    on the straight way to it.  Chords leave them there by up to ``SHAPE_INSIDE`` of a facet of the
+    other side, at the end within reach.
     """
     if not foundations.sliding:
         return ""
     cells = foundations.cells
-    comm, now, then = cells.space.mesh.comm, cells.placed(foundations.at.x.array), cells.placed(last.displacement)
+    comm, now, then = (
+        cells.space.mesh.comm,
+        cells.placed(foundations.at.x.array),
+        cells.placed(last.displacement),
+    )
     piece, every = find_pieces(cells.space.mesh).of_cell, cells.space.dofmap.list
     nodal = np.zeros((len(now), 1))
     nodal[every.ravel(), 0] = np.repeat(piece[: len(every)], every.shape[1])
     owned = cells.space.dofmap.index_map.size_local
     lengths = np.linalg.norm(np.ptp(now[cells.nodes], axis=1), axis=1)
     total, count = parallel.global_sum(comm, np.array([lengths.sum(), lengths.size]))
-    way = parallel.largest(comm, np.linalg.norm(now - then, axis=1), 0.0) / (SHAPE_INSIDE * total / count)
+    way = parallel.largest(comm, np.linalg.norm(now - then, axis=1), 0.0) / (
+        SHAPE_INSIDE * total / count
+    )
     steps = math.ceil(min(max(float(way), 1.0), MOST_PLACES))
     for number, pair in foundations.sliding.items():
         of_node = pair.sides.gathered(nodal[:owned])[:, 0]
-        added = max(parallel.largest(comm, foundations.given_gap(number)[pair.local_points], 0.0), 0.0)
+        added = max(
+            parallel.largest(comm, foundations.given_gap(number)[pair.local_points], 0.0), 0.0
+        )
         for share in np.arange(1, steps + 1) / steps:
             # Contact at the end would not see what is deeper than its reach.
             seen = pair.reach if share == 1.0 else math.inf
@@ -243,14 +297,18 @@ def overlap_of_bodies(foundations: MovingFoundations, last: State) -> str:
 
 
 def _within(cells: BodyCells, places: Array, piece: Indices, at: Array, of_node: Array) -> Flags:
-    """Which points, of the pieces ``of_node``, are in a cell of this rank that belongs to another piece, shape (m,)."""
+    """Which points, of the pieces ``of_node``, are in a cell of this rank that belongs to another
+    piece, shape (m,).
+    """
     within, corners = np.zeros(len(at), dtype=bool), cells.corners(places)
     high, low = (reduce(extreme, corners.swapaxes(0, 1)) for extreme in (np.maximum, np.minimum))
     meeting = np.zeros(len(corners), dtype=bool)
     for own in np.unique(piece):  # cells whose boxes meet that of all points of other pieces
         x = at[of_node != own]
         if len(x):
-            meeting |= (piece == own) & ((high >= x.min(axis=0)) & (low <= x.max(axis=0))).all(axis=1)
+            meeting |= (piece == own) & ((high >= x.min(axis=0)) & (low <= x.max(axis=0))).all(
+                axis=1
+            )
     near = np.flatnonzero(meeting)
     if not near.size:
         return within
@@ -258,7 +316,10 @@ def _within(cells: BodyCells, places: Array, piece: Indices, at: Array, of_node:
     middles = corners.mean(axis=1)
     reach = np.linalg.norm(corners - middles[:, None], axis=2).max(axis=1)
     points = cKDTree(at).query_ball_point(middles, reach)
-    cell, point = np.repeat(np.arange(near.size), list(map(len, points))), np.concatenate(points).astype(np.int64)
+    cell, point = (
+        np.repeat(np.arange(near.size), list(map(len, points))),
+        np.concatenate(points).astype(np.int64),
+    )
     others = piece[near][cell] != of_node[point]
     cell, point = cell[others], point[others]
     on_planes, outward = cells.planes(corners)
@@ -267,8 +328,12 @@ def _within(cells: BodyCells, places: Array, piece: Indices, at: Array, of_node:
     return within
 
 
-def _deepest(sides: FacingSides, at: Array, within: Flags, at_most: float, added: float) -> InsideBody | None:
-    """The deepest node too deep in the other body, along the normal there; ``added``: to the distance, length."""
+def _deepest(
+    sides: FacingSides, at: Array, within: Flags, at_most: float, added: float
+) -> InsideBody | None:
+    """The deepest node too deep in the other body, along the normal there; ``added``: to the
+    distance, length.
+    """
     halves, deepest = np.split(np.arange(len(at)), [sides.slave.nodes.size]), None
     both = zip((sides.slave.surface, sides.master.surface), halves, strict=True)
     surfaces = [surface.displaced(at[half] - surface.x) for surface, half in both]

@@ -1,10 +1,11 @@
 """How contact points average the displacement around them.
 
-Most take that of their node.  On quadratic triangles, whose functions of the vertices integrate to zero, the contact
-points are the vertices alone.  With the dual functions psi_i of the linear hat functions, see ``pairs.dual_functions``,
-w_i = (psi_i, 1) is the weight of a point, and y_i = (psi_i, y) / w_i the displacement that contact sees there.  Of a
-linear one that is its value at the vertex, as the gap is that of the vertex.  A point hardly feels the tractions of
-those beside it, so that pressures do not alternate.
+Most take that of their node.  On quadratic triangles, whose functions of the vertices integrate to
+zero, the contact points are the vertices alone.  With the dual functions psi_i of the linear hat
+functions, see ``pairs.dual_functions``, w_i = (psi_i, 1) is the weight of a point, and y_i =
+(psi_i, y) / w_i the displacement that contact sees there.  Of a linear one that is its value at the
+vertex, as the gap is that of the vertex.  A point hardly feels the tractions of those beside it, so
+that pressures do not alternate.
 """
 
 from __future__ import annotations
@@ -27,18 +28,30 @@ _Floats = npt.NDArray[np.float64]
 class Averages:
     """How n contact points of this rank average over m nodes, which other ranks may own."""
 
-    shares: Any  # share of each node in each point, rows with the sum one, scipy sparse, shape (n, m)
-    nodes: npt.NDArray[np.int64]  # global numbers, shape (m,); a node of two contact boundaries is there twice
+    shares: (
+        Any  # share of each node in each point, rows with the sum one, scipy sparse, shape (n, m)
+    )
+    nodes: npt.NDArray[
+        np.int64
+    ]  # global numbers, shape (m,); a node of two contact boundaries is there twice
     x: _Floats  # positions of the nodes, length, shape (m, d)
-    fixed: npt.NDArray[np.bool_]  # which displacement components are prescribed at the nodes, shape (m, d)
-    # Where the force of each point acts on the body of its node, length, shape (n, d); None: at the average.
+    fixed: npt.NDArray[
+        np.bool_
+    ]  # which displacement components are prescribed at the nodes, shape (m, d)
+    # Where the force of each point acts on the body of its node, length, shape (n, d); None: at the
+    # average.
     centre: _Floats | None = None
-    # Displacements of some nodes along one direction that move the points of two bodies by one, (m, n); None: unknown.
+    # Displacements of some nodes along one direction that move the points of two bodies by one, (m,
+    # n); None: unknown.
     lift: Any = None
-    between: Any = None  # ``operator`` between two bodies, shape (n d, m d); None: it is that of ``shares``
+    between: Any = (
+        None  # ``operator`` between two bodies, shape (n d, m d); None: it is that of ``shares``
+    )
 
     @classmethod
-    def at_nodes(cls, nodes: npt.NDArray[np.int64], x: _Floats, fixed: npt.NDArray[np.bool_]) -> Averages:
+    def at_nodes(
+        cls, nodes: npt.NDArray[np.int64], x: _Floats, fixed: npt.NDArray[np.bool_]
+    ) -> Averages:
         """Of points that take the displacement of their nodes."""
         itself = sp.eye_array(nodes.size, format="csr")
         return cls(itself, nodes, x, fixed, lift=itself)
@@ -49,12 +62,22 @@ class Averages:
         if len(parts) == 1:
             return parts[0]
         shares = sp.block_diag([part.shares for part in parts], format="csr")
-        nodes, x, fixed = (np.concatenate([getattr(part, name) for part in parts]) for name in ("nodes", "x", "fixed"))
+        nodes, x, fixed = (
+            np.concatenate([getattr(part, name) for part in parts])
+            for name in ("nodes", "x", "fixed")
+        )
         if not any(part.paired for part in parts):
             return cls(shares, nodes, x, fixed)
-        lifts, between = [part.lift for part in parts], sp.block_diag([part.operator for part in parts], format="csr")
-        lift = None if any(matrix is None for matrix in lifts) else sp.block_diag(lifts, format="csr")
-        return cls(shares, nodes, x, fixed, np.concatenate([part.arm for part in parts]), lift, between)
+        lifts, between = (
+            [part.lift for part in parts],
+            sp.block_diag([part.operator for part in parts], format="csr"),
+        )
+        lift = (
+            None if any(matrix is None for matrix in lifts) else sp.block_diag(lifts, format="csr")
+        )
+        return cls(
+            shares, nodes, x, fixed, np.concatenate([part.arm for part in parts]), lift, between
+        )
 
     @property
     def paired(self) -> bool:
@@ -73,7 +96,9 @@ class Averages:
 
     @cached_property
     def operator(self) -> Any:
-        """From displacements of nodes to those at the points, in the axes of space, scipy sparse, shape (n d, m d)."""
+        """From displacements of nodes to those at the points, in the axes of space, scipy sparse,
+        shape (n d, m d).
+        """
         if self.between is not None:
             return self.between
         return sp.csr_array(sp.kron(self.shares, sp.eye_array(self.x.shape[1]), format="csr"))
@@ -85,11 +110,15 @@ class Averages:
 
 def averaging(space: fem.FunctionSpace) -> bool:
     """Whether the contact points of displacements in a space average: on quadratic tetrahedra."""
-    return space.element.basix_element.degree == 2 and space.mesh.topology.cell_name() == "tetrahedron"
+    return (
+        space.element.basix_element.degree == 2 and space.mesh.topology.cell_name() == "tetrahedron"
+    )
 
 
 def from_owners(owned_rows: _Floats, nodes: npt.NDArray[Any], comm: MPI.Comm) -> _Floats:
-    """Rows of ``owned_rows``, which has one per owned node, for global numbers of nodes; collective."""
+    """Rows of ``owned_rows``, which has one per owned node, for global numbers of nodes;
+    collective.
+    """
     if comm.size == 1:
         return np.array(owned_rows[nodes], dtype=np.float64)
     width = owned_rows.shape[1]
@@ -101,9 +130,13 @@ def from_owners(owned_rows: _Floats, nodes: npt.NDArray[Any], comm: MPI.Comm) ->
 
 
 def to_owners(values: _Floats, nodes: npt.NDArray[Any], comm: MPI.Comm, owned: int) -> _Floats:
-    """Sums of rows for global numbers of nodes over all ranks, at the owned nodes, shape (owned, k); collective."""
+    """Sums of rows for global numbers of nodes over all ranks, at the owned nodes, shape (owned,
+    k); collective.
+    """
     width = values.shape[1]
     sums = PETSc.Vec().createMPI((owned * width, None), bsize=width, comm=comm)
-    sums.setValuesBlocked(nodes.astype(PETSc.IntType), np.ascontiguousarray(values), addv=PETSc.InsertMode.ADD_VALUES)
+    sums.setValuesBlocked(
+        nodes.astype(PETSc.IntType), np.ascontiguousarray(values), addv=PETSc.InsertMode.ADD_VALUES
+    )
     sums.assemble()
     return np.array(sums.getArray(readonly=True)).reshape(-1, width)

@@ -1,4 +1,6 @@
-"""Tools for all forms: positions of nodes, facets as integration entities, measures, quadrature, assembled vectors."""
+"""Tools for all forms: positions of nodes, facets as integration entities, measures, quadrature,
+assembled vectors.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,8 @@ from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.kinematics.protocol import SPACE, Kinematics
 from signorini_fx.tuned import ROOT_OF_EPS
 
-# Sums in another order can be computed two at a time, in 3D in half of the time; the difference is round-off.
+# Sums in another order can be computed two at a time, in 3D in half of the time; the difference is
+# round-off.
 _IN_ANY_ORDER = ["-fassociative-math", "-fno-signed-zeros", "-fno-trapping-math"]
 
 # Where a function space keeps the positions of its nodes.
@@ -26,8 +29,8 @@ _ATTRIBUTE = "_signorini_fx_node_positions"
 
 
 def node_positions(space: fem.FunctionSpace) -> npt.NDArray[np.float64]:
-    """X of the nodes of this rank, ghosts included: length, shape (nodes, 3), read-only; kept with the space, as
-    dolfinx passes over all cells at every call.
+    """X of the nodes of this rank, ghosts included: length, shape (nodes, 3), read-only; kept with
+    the space, as dolfinx passes over all cells at every call.
     """
     positions: npt.NDArray[np.float64] | None = getattr(space, _ATTRIBUTE, None)
     if positions is None:
@@ -44,7 +47,9 @@ def compile_form(term: Any) -> Any:
 
 
 def stiffness_form(term: Any, dimension: int) -> fem.Form:
-    """A bilinear form on cells of this dimension, compiled for speed, see ``compile_form``; collective."""
+    """A bilinear form on cells of this dimension, compiled for speed, see ``compile_form``;
+    collective.
+    """
     if dimension < 3:
         return compile_form(term)
     arguments = [*jit.get_options()["cffi_extra_compile_args"], *_IN_ANY_ORDER]
@@ -63,21 +68,29 @@ def facet_entities(mesh: dmesh.Mesh, facets: npt.NDArray[np.int32]) -> npt.NDArr
         return np.empty((0, 2), dtype=np.int32)
     cells = facet_cells.array[facet_cells.offsets[facets]]
     per_cell = cell_facets.array.reshape(cell_facets.num_nodes, -1)
-    return np.column_stack((cells, np.argmax(per_cell[cells] == facets[:, None], axis=1))).astype(np.int32)
+    return np.column_stack((cells, np.argmax(per_cell[cells] == facets[:, None], axis=1))).astype(
+        np.int32
+    )
 
 
 def facet_vertices(mesh: dmesh.Mesh, facets: npt.NDArray[np.int32]) -> npt.NDArray[np.float64]:
     """The vertices of each facet, m of them, shape (facets, m, 3)."""
     if facets.size == 0:  # dolfinx divides by their number
         return np.empty((0, mesh.topology.dim, 3))
-    return mesh.geometry.x[dmesh.entities_to_geometry(mesh, mesh.topology.dim - 1, facets)].astype(np.float64)
+    return mesh.geometry.x[dmesh.entities_to_geometry(mesh, mesh.topology.dim - 1, facets)].astype(
+        np.float64
+    )
 
 
 def facet_nodes(space: fem.FunctionSpace, facets: npt.NDArray[np.int32]) -> npt.NDArray[np.int32]:
-    """The nodes of exterior facets, all with as many, local numbers in the order of basix, shape (facets, nodes)."""
+    """The nodes of exterior facets, all with as many, local numbers in the order of basix, shape
+    (facets, nodes).
+    """
     layout, kind = space.dofmap.dof_layout, getattr(basix.CellType, space.mesh.topology.cell_name())
     side = space.mesh.topology.dim - 1
-    closures = np.array([layout.entity_closure_dofs(side, k) for k in range(len(basix.topology(kind)[side]))])
+    closures = np.array(
+        [layout.entity_closure_dofs(side, k) for k in range(len(basix.topology(kind)[side]))]
+    )
     entities = facet_entities(space.mesh, facets)
     return np.asarray(space.dofmap.list[entities[:, :1], closures[entities[:, 1]]])
 
@@ -91,9 +104,16 @@ def marked_nodes(space: fem.FunctionSpace, nodes: npt.NDArray[np.int32]) -> npt.
     return np.asarray(mark.array > 0)
 
 
-def measure(mesh: dmesh.Mesh, parts: Sequence[npt.NDArray[np.int32]], metadata: dict[str, Any]) -> Any:
-    """Integration over lists of facets, numbered from 1 on every mesh, so that forms are compiled once."""
-    data = [(number, facet_entities(mesh, facets).ravel()) for number, facets in enumerate(parts, start=1)]
+def measure(
+    mesh: dmesh.Mesh, parts: Sequence[npt.NDArray[np.int32]], metadata: dict[str, Any]
+) -> Any:
+    """Integration over lists of facets, numbered from 1 on every mesh, so that forms are compiled
+    once.
+    """
+    data = [
+        (number, facet_entities(mesh, facets).ravel())
+        for number, facets in enumerate(parts, start=1)
+    ]
     return ufl.Measure("ds", domain=mesh, subdomain_data=data, metadata=metadata)
 
 
@@ -105,8 +125,9 @@ def assemble(form: fem.Form) -> npt.NDArray[np.float64]:
 def action(
     elastic: tuple[fem.Form, ...], function: fem.Function, blocks: npt.NDArray[np.int32]
 ) -> npt.NDArray[np.float64]:
-    """a(function, .) with the values at the nodes ``blocks`` only, shape (owned dofs,): dolfinx lifts prescribed values
-    by assembling the same form cell by cell, so that no further form is compiled.
+    """a(function, .) with the values at the nodes ``blocks`` only, shape (owned dofs,): dolfinx
+    lifts prescribed values by assembling the same form cell by cell, so that no further form is
+    compiled.
     """
     result = fem.Function(function.function_space)
     for form in elastic:
@@ -117,16 +138,18 @@ def action(
 def _summed(vector: la.Vector) -> npt.NDArray[np.float64]:
     """The owned entries of a vector, to which the other ranks add theirs; collective.
 
-    No vector of PETSc is made of it: dolfinx destroys such vectors when the garbage collector finds them, at another
-    time on each rank, and one rank would wait in the duplication of a communicator that the others do not need.
+    No vector of PETSc is made of it: dolfinx destroys such vectors when the garbage collector finds
+    them, at another time on each rank, and one rank would wait in the duplication of a communicator
+    that the others do not need.
     """
     vector.scatter_reverse(la.InsertMode.add)
     return np.array(vector.array[: vector.index_map.size_local * vector.block_size])
 
 
 def shared_in(holder: str) -> Callable[[Callable[[Any], Any]], Any]:
-    """Make a method a property whose value is computed once and kept in the dictionary ``holder`` of its object, which
-    ``dataclasses.replace`` passes on; a copy with other data is given an empty one.
+    """Make a method a property whose value is computed once and kept in the dictionary ``holder``
+    of its object, which ``dataclasses.replace`` passes on; a copy with other data is given an empty
+    one.
     """
 
     def kept(compute: Callable[[Any], Any]) -> Any:
@@ -143,11 +166,16 @@ def shared_in(holder: str) -> Callable[[Callable[[Any], Any]], Any]:
 
 
 def strain_degree(space: fem.FunctionSpace, kinematics: Kinematics = SPACE) -> int:
-    """Quadrature degree of a(., .) for displacements in ``space``: that of epsilon(y) : epsilon(z) times the Jacobian's
-    determinant on simplices and along each axis of parallelepipeds; on other quadrilaterals and hexahedra, where the
-    integrand is rational, that of the products of all polynomials in it, as UFL estimates in 2D; collective.
+    """Quadrature degree of a(., .) for displacements in ``space``: that of epsilon(y) : epsilon(z)
+    times the Jacobian's determinant on simplices and along each axis of parallelepipeds; on other
+    quadrilaterals and hexahedra, where the integrand is rational, that of the products of all
+    polynomials in it, as UFL estimates in 2D; collective.
     """
-    mesh, degree, further = space.mesh, space.element.basix_element.degree, kinematics.further_degrees
+    mesh, degree, further = (
+        space.mesh,
+        space.element.basix_element.degree,
+        kinematics.further_degrees,
+    )
     cell, geometry = mesh.topology.cell_name(), compat.geometry_degree(mesh)
     if cell in ("triangle", "tetrahedron"):
         return 2 * (degree - 1) + (2 if cell == "triangle" else 3) * (geometry - 1) + further
@@ -156,7 +184,10 @@ def strain_degree(space: fem.FunctionSpace, kinematics: Kinematics = SPACE) -> i
 
 def parallelepipeds(mesh: dmesh.Mesh) -> bool:
     """Whether all cells are quadrilaterals or hexahedra with affine maps; collective."""
-    if mesh.topology.cell_name() not in ("quadrilateral", "hexahedron") or compat.geometry_degree(mesh) > 1:
+    if (
+        mesh.topology.cell_name() not in ("quadrilateral", "hexahedron")
+        or compat.geometry_degree(mesh) > 1
+    ):
         return False
     dim = mesh.topology.dim
     # Shape (d, corners of a cell, cells), corners in the order of basix: along x[0] first.
@@ -170,5 +201,7 @@ def parallelepipeds(mesh: dmesh.Mesh) -> bool:
 
 
 def lumped_degree(degree: int, geometry: int) -> int:
-    """Quadrature degree that integrates a basis function of ``degree`` times the normal of a surface exactly."""
+    """Quadrature degree that integrates a basis function of ``degree`` times the normal of a
+    surface exactly.
+    """
     return 2 * (degree + geometry)

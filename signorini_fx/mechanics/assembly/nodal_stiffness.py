@@ -1,5 +1,6 @@
-"""Stiffness between the components of single nodes, beside that of forms, such as curved foundations add, and between
-the nodes of two sides that slide on each other; and with it the stiffness of a body by blocks, for ``linalg.blocks``.
+"""Stiffness between the components of single nodes, beside that of forms, such as curved
+foundations add, and between the nodes of two sides that slide on each other; and with it the
+stiffness of a body by blocks, for ``linalg.blocks``.
 """
 
 from __future__ import annotations
@@ -32,24 +33,38 @@ class JointStiffness:
         """Its forces at the owned nodes, shape (owned nodes * d,); collective."""
         index_map, dim = space.dofmap.index_map, space.dofmap.index_map_bs
         owned = displacement.reshape(-1, dim)[: index_map.size_local]
-        forces = (self.matrix @ from_owners(owned, self.nodes, space.mesh.comm).ravel()).reshape(-1, dim)
+        forces = (self.matrix @ from_owners(owned, self.nodes, space.mesh.comm).ravel()).reshape(
+            -1, dim
+        )
         here = (self.nodes >= index_map.local_range[0]) & (self.nodes < index_map.local_range[1])
         at_owned = np.zeros((index_map.size_local, dim))
         np.add.at(at_owned, self.nodes[here] - index_map.local_range[0], forces[here])
         return at_owned.ravel()
 
     def add_to(self, matrix: PETSc.Mat, dim: int, fixed: npt.NDArray[np.bool_] | None) -> None:
-        """To the unknowns that are not fixed; entries for which the matrix has no room are made; collective."""
+        """To the unknowns that are not fixed; entries for which the matrix has no room are made;
+        collective.
+        """
         unknowns = (dim * self.nodes[:, None] + np.arange(dim)).astype(PETSc.IntType)
         if fixed is not None:
-            free = from_owners((~fixed).reshape(-1, dim).astype(np.float64), self.nodes, matrix.comm.tompi4py())
+            free = from_owners(
+                (~fixed).reshape(-1, dim).astype(np.float64), self.nodes, matrix.comm.tompi4py()
+            )
             unknowns[free == 0.0] = -1  # of which PETSc takes no entries
-        unknowns, (first, last), (count, total) = unknowns.ravel(), matrix.getOwnershipRange(), matrix.getSizes()[0]
+        unknowns, (first, last), (count, total) = (
+            unknowns.ravel(),
+            matrix.getOwnershipRange(),
+            matrix.getSizes()[0],
+        )
         here, room = (unknowns >= first) & (unknowns < last), np.zeros(count, dtype=PETSc.IntType)
         room[unknowns[here] - first] = np.diff(self.matrix.indptr)[here]
         nnz = np.minimum(room, count), np.minimum(room, total - count)
         more = PETSc.Mat().createAIJ(matrix.getSizes(), nnz=nnz, comm=matrix.comm)
-        entries = self.matrix.indptr.astype(PETSc.IntType), unknowns[self.matrix.indices], self.matrix.data
+        entries = (
+            self.matrix.indptr.astype(PETSc.IntType),
+            unknowns[self.matrix.indices],
+            self.matrix.data,
+        )
         more.setValuesIJV(*entries, rowmap=np.where(here, unknowns, -1).astype(PETSc.IntType))
         more.assemble()
         matrix.axpy(1.0, more, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
@@ -80,15 +95,21 @@ class NodalStiffness:
         return cls(each.astype(np.int64), sums, joint)
 
     def times(self, displacement: Array, space: fem.FunctionSpace) -> Array:
-        """The forces of a displacement at the unknowns of this rank, shape (owned dofs,); collective."""
+        """The forces of a displacement at the unknowns of this rank, shape (owned dofs,);
+        collective.
+        """
         dim, owned = self.blocks.shape[1], space.dofmap.index_map.size_local
         forces = np.zeros((owned, dim))
-        forces[self.nodes] = np.einsum("nij,nj->ni", self.blocks, displacement.reshape(-1, dim)[self.nodes])
-        return np.asarray(sum((joint.times(displacement, space) for joint in self.joint), forces.ravel()))
+        forces[self.nodes] = np.einsum(
+            "nij,nj->ni", self.blocks, displacement.reshape(-1, dim)[self.nodes]
+        )
+        return np.asarray(
+            sum((joint.times(displacement, space) for joint in self.joint), forces.ravel())
+        )
 
     def add_to(self, matrix: PETSc.Mat, fixed: npt.NDArray[np.bool_] | None = None) -> None:
-        """Add it to the assembled matrix of a form on the same space, without rows and columns that are ``fixed``,
-        shape (owned dofs,); collective.
+        """Add it to the assembled matrix of a form on the same space, without rows and columns that
+        are ``fixed``, shape (owned dofs,); collective.
         """
         dim, blocks = self.blocks.shape[1], self.blocks
         if fixed is not None:
@@ -97,7 +118,10 @@ class NodalStiffness:
         first = matrix.getOwnershipRange()[0]
         rows = (first + self.nodes[:, None] * dim + np.arange(dim)).astype(PETSc.IntType)
         if rows.size:
-            ends, columns = np.arange(0, blocks.size + 1, dim, dtype=PETSc.IntType), np.repeat(rows, dim, axis=0)
+            ends, columns = (
+                np.arange(0, blocks.size + 1, dim, dtype=PETSc.IntType),
+                np.repeat(rows, dim, axis=0),
+            )
             added = {"addv": PETSc.InsertMode.ADD_VALUES, "rowmap": rows.ravel()}
             matrix.setValuesIJV(ends, columns.ravel(), blocks.ravel(), **added)
         matrix.assemble()
@@ -108,8 +132,9 @@ class NodalStiffness:
 def block_stiffness(
     forms: Sequence[fem.Form], fixed: npt.NDArray[np.bool_], beside: NodalStiffness | None = None
 ) -> PETSc.Mat:
-    """The matrix of a sum of bilinear forms of a vector Lagrange space by blocks, with what is ``beside``; rows and
-    columns of ``fixed`` unknowns of this rank are left out, and have the largest entry of the diagonal; collective.
+    """The matrix of a sum of bilinear forms of a vector Lagrange space by blocks, with what is
+    ``beside``; rows and columns of ``fixed`` unknowns of this rank are left out, and have the
+    largest entry of the diagonal; collective.
     """
     from signorini_fx.algebra.linalg import kernels
 
@@ -134,7 +159,9 @@ def block_stiffness(
     held = extended.array.reshape(-1, size) > 0
     some: npt.NDArray[np.bool_] = np.asarray(held.any(axis=1))
     block = np.flatnonzero(some[of_row] | some[columns])
-    blocks[block] = np.where(held[of_row[block], :, None] | held[columns[block], None, :], 0.0, blocks[block])
+    blocks[block] = np.where(
+        held[of_row[block], :, None] | held[columns[block], None, :], 0.0, blocks[block]
+    )
     node, component = np.nonzero(held[:owned])
     largest = parallel.largest(comm, np.diagonal(blocks[on_diagonal], axis1=1, axis2=2)) or 1.0
     blocks[on_diagonal[node], component, component] = largest

@@ -1,4 +1,6 @@
-"""Data of a foundation at points of the boundary: numbers, callables, UFL expressions and Functions."""
+"""Data of a foundation at points of the boundary: numbers, callables, UFL expressions and
+Functions.
+"""
 
 from __future__ import annotations
 
@@ -23,8 +25,9 @@ Array = npt.NDArray[np.float64]
 class NodalValues:
     """Evaluates data at the nodes of a vector Lagrange space that belong to a part of the boundary.
 
-    UFL expressions are compiled once, and evaluated in the cells at these nodes only, so that they may be singular
-    elsewhere.  Of an expression that jumps between cells any of its values is taken.
+    UFL expressions are compiled once, and evaluated in the cells at these nodes only, so that they
+    may be singular elsewhere.  Of an expression that jumps between cells any of its values is
+    taken.
     """
 
     def __init__(self, space: fem.FunctionSpace, facets: npt.NDArray[np.int32]) -> None:
@@ -37,11 +40,15 @@ class NodalValues:
     @cached_property
     def _cells(self) -> npt.NDArray[np.int32]:
         """The cells of this rank at the nodes."""
-        return np.flatnonzero(np.isin(self._space.dofmap.list, self.nodes).any(axis=1)).astype(np.int32)
+        return np.flatnonzero(np.isin(self._space.dofmap.list, self.nodes).any(axis=1)).astype(
+            np.int32
+        )
 
-    def __call__(self, value: Any, name: str, components: int = 1, minimum: float = -np.inf) -> Array:
-        """The values at all nodes of this rank, ghosts included, shape (nodes,) or (nodes, d), nan where no facet is,
-        or a ``FormError`` about the argument ``name``; collective.
+    def __call__(
+        self, value: Any, name: str, components: int = 1, minimum: float = -np.inf
+    ) -> Array:
+        """The values at all nodes of this rank, ghosts included, shape (nodes,) or (nodes, d), nan
+        where no facet is, or a ``FormError`` about the argument ``name``; collective.
         """
         comm, error = self._space.mesh.comm, None
         x = node_positions(self._space)
@@ -50,9 +57,13 @@ class NodalValues:
             if hasattr(value, "ufl_shape"):
                 expression, function, _ = self._expression(value, components)
                 function.interpolate(expression, cells0=self._cells)
-                nodal_values[self.nodes] = function.x.array.reshape(-1, self._space.dofmap.bs)[self.nodes, :components]
+                nodal_values[self.nodes] = function.x.array.reshape(-1, self._space.dofmap.bs)[
+                    self.nodes, :components
+                ]
             else:
-                point_values = real_numbers(value(in_space(x[self.nodes])) if callable(value) else value)
+                point_values = real_numbers(
+                    value(in_space(x[self.nodes])) if callable(value) else value
+                )
                 if point_values.ndim < 2 and components > 1:  # one vector for all points
                     point_values = point_values[:, None]
                 rows = point_values[:components] if components > 1 else point_values
@@ -71,7 +82,9 @@ class NodalValues:
         return nodal_values[:, 0] if components == 1 else nodal_values
 
     def _expression(self, value: Any, components: int) -> tuple[fem.Expression, fem.Function, Any]:
-        """The compiled expression, and a Function of the displacements for it; the value stays with them."""
+        """The compiled expression, and a Function of the displacements for it; the value stays with
+        them.
+        """
         compiled = self._compiled.get(id(value))
         if compiled is None:
             shape = tuple(value.ufl_shape)
@@ -80,8 +93,12 @@ class NodalValues:
             domain = ufl.domain.extract_unique_domain(value)
             if domain is not None and domain != self._space.mesh.ufl_domain():
                 raise ValueError("it is given on another mesh")
-            vector = value if components > 1 else ufl.as_vector([value] + [0.0] * (self._dimension - 1))
+            vector = (
+                value if components > 1 else ufl.as_vector([value] + [0.0] * (self._dimension - 1))
+            )
             with compiling():
-                expression = fem.Expression(vector, compat.interpolation_points(self._space.element))
+                expression = fem.Expression(
+                    vector, compat.interpolation_points(self._space.element)
+                )
             compiled = self._compiled[id(value)] = expression, fem.Function(self._space), value
         return compiled

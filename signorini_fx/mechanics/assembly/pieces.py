@@ -1,7 +1,8 @@
 """The connected pieces of a body: cells that are connected by their sides.
 
-Cells transmit forces to each other through the sides that they share.  A body whose mesh consists of several pieces is
-therefore several bodies.  Pieces that share a vertex and no side would be joined by a hinge: they are refused.
+Cells transmit forces to each other through the sides that they share.  A body whose mesh consists
+of several pieces is therefore several bodies.  Pieces that share a vertex and no side would be
+joined by a hinge: they are refused.
 """
 
 from __future__ import annotations
@@ -24,7 +25,8 @@ from signorini_fx.errors import MeshError
 from signorini_fx.machine import compat, parallel
 
 _Labels = npt.NDArray[np.int64]
-# With more pieces the cells of the mesh do not share their nodes; rigid motions are dense objects of this size.
+# With more pieces the cells of the mesh do not share their nodes; rigid motions are dense objects
+# of this size.
 MOST_PIECES = 200
 # The pieces of each mesh that still exists.
 _known: WeakKeyDictionary[dmesh.Mesh, BodyPieces] = WeakKeyDictionary()
@@ -34,10 +36,14 @@ _known: WeakKeyDictionary[dmesh.Mesh, BodyPieces] = WeakKeyDictionary()
 class BodyPieces:
     """The pieces of a body; all but ``of_cell`` are the same on every rank."""
 
-    of_cell: _Labels  # number of the piece that each cell of this rank is in, ghosts included, shape (cells,)
+    # number of the piece that each cell of this rank is in, ghosts included, shape (cells,)
+    of_cell: _Labels
     cells: npt.NDArray[np.int64]  # number of cells of each piece, shape (pieces,)
-    bounds: npt.NDArray[np.float64]  # smallest and largest coordinates of each piece, lengths, shape (pieces, 2, d)
-    assembly: _Labels  # number of the assembly of bodies that may touch each other of each piece, shape (pieces,)
+    bounds: npt.NDArray[
+        np.float64
+    ]  # smallest and largest coordinates of each piece, lengths, shape (pieces, 2, d)
+    # number of the assembly of bodies that may touch each other of each piece, shape (pieces,)
+    assembly: _Labels
     bodies: tuple[str, ...] = ()  # name of the body of each piece; empty where bodies have no names
 
     @cached_property
@@ -50,12 +56,19 @@ class BodyPieces:
         bodies, cells = self.bodies, int(self.cells[piece])
         if bodies and bodies.count(bodies[piece]) == 1:
             return f"body {bodies[piece]!r}"
-        number = f"piece {piece + 1} of {self.count}" + (f", in body {bodies[piece]!r}" if bodies else "")
+        number = f"piece {piece + 1} of {self.count}" + (
+            f", in body {bodies[piece]!r}" if bodies else ""
+        )
         return f"{number} ({cells} cell{'s' * (cells > 1)}, {extent(self.bounds[piece])})"
 
     def of_bodies(self, comm: MPI.Comm, cells: Mapping[str, npt.NDArray[np.int32]]) -> BodyPieces:
-        """The same with the names of bodies, each of which has these cells on this rank; collective."""
-        counts = [np.bincount(self.of_cell[body_cells], minlength=self.count) for body_cells in cells.values()]
+        """The same with the names of bodies, each of which has these cells on this rank;
+        collective.
+        """
+        counts = [
+            np.bincount(self.of_cell[body_cells], minlength=self.count)
+            for body_cells in cells.values()
+        ]
         majority = parallel.global_sum(comm, np.array(counts)).argmax(axis=0)
         return replace(self, bodies=tuple(np.array(list(cells), dtype=object)[majority]))
 
@@ -74,12 +87,14 @@ class BodyPieces:
 
 def extent(bounds: npt.ArrayLike) -> str:
     """The extent of something as text, from its smallest and largest coordinates, shape (2, d)."""
-    return ", ".join(f"x[{axis}] {low:g} to {high:g}" for axis, (low, high) in enumerate(np.transpose(bounds)))
+    return ", ".join(
+        f"x[{axis}] {low:g} to {high:g}" for axis, (low, high) in enumerate(np.transpose(bounds))
+    )
 
 
 def find_pieces(mesh: dmesh.Mesh) -> BodyPieces:
-    """The connected pieces of a body, in the order of their smallest coordinates; a ``MeshError`` where there are more
-    than ``MOST_PIECES``, or two share a vertex; collective.
+    """The connected pieces of a body, in the order of their smallest coordinates; a ``MeshError``
+    where there are more than ``MOST_PIECES``, or two share a vertex; collective.
     """
     if mesh not in _known:
         _known[mesh] = _pieces_of(mesh)
@@ -87,7 +102,9 @@ def find_pieces(mesh: dmesh.Mesh) -> BodyPieces:
 
 
 def _pieces_of(mesh: dmesh.Mesh) -> BodyPieces:
-    """Those of a whole mesh: labels of sides between two ranks join components of each rank's own cells; collective."""
+    """Those of a whole mesh: labels of sides between two ranks join components of each rank's own
+    cells; collective.
+    """
     comm, topology = mesh.comm, mesh.topology
     dim = topology.dim
     topology.create_connectivity(dim, dim - 1)
@@ -101,11 +118,14 @@ def _pieces_of(mesh: dmesh.Mesh) -> BodyPieces:
     of_side = _labels_of(sides.array, local, topology.index_map(dim - 1))
     shared = _disagreements(of_side, topology.index_map(dim - 1))
     links = np.unique(parallel.gather_rows(comm, np.unique(shared[:, 1:], axis=0)), axis=0)
-    graph = coo_array((np.ones(len(links), dtype=np.int8), (links[:, 0], links[:, 1])), shape=(total, total))
+    graph = coo_array(
+        (np.ones(len(links), dtype=np.int8), (links[:, 0], links[:, 1])), shape=(total, total)
+    )
     count, names = connected_components(graph, directed=False)
     if count > MOST_PIECES:
         raise MeshError(
-            f"the mesh falls into {count} pieces that share no side (more than {MOST_PIECES}): its cells do not share "
+            f"the mesh falls into {count} pieces that share no side (more than {MOST_PIECES}): "
+            "its cells do not share "
             "their nodes; merge coincident points (signorini-fx mesh-info counts them)"
         )
     of_cell = names[local].astype(np.int64)
@@ -115,11 +135,14 @@ def _pieces_of(mesh: dmesh.Mesh) -> BodyPieces:
     bounds: npt.NDArray[np.float64] = np.empty((count, 2, dim))
     for piece in range(count):
         in_piece = of_cell == piece
-        bounds[piece] = parallel.global_bounds(comm, x if count == 1 else x.take(corners[in_piece].ravel(), axis=0))
+        bounds[piece] = parallel.global_bounds(
+            comm, x if count == 1 else x.take(corners[in_piece].ravel(), axis=0)
+        )
         numbers[piece] = parallel.global_sum(comm, np.array(np.count_nonzero(in_piece[:owned])))
     if count > 1:
         _refuse_hinges(mesh, of_cell)
-    # Rounded, because otherwise round-off would order pieces that are meant to begin at the same place.
+    # Rounded, because otherwise round-off would order pieces that are meant to begin at the same
+    # place.
     size = float(np.ptp(bounds.reshape(-1, dim), axis=0).max())
     order = np.lexsort(np.round(bounds.reshape(count, 2 * dim) / size, 9).T[::-1])
     position = np.argsort(order)
@@ -127,27 +150,34 @@ def _pieces_of(mesh: dmesh.Mesh) -> BodyPieces:
 
 
 def _local_components(topology: Any) -> tuple[Any, _Labels]:
-    """The sides of the cells of this rank, and a label for each of its cells: those that share a side have the same."""
+    """The sides of the cells of this rank, and a label for each of its cells: those that share a
+    side have the same.
+    """
     sides = topology.connectivity(topology.dim, topology.dim - 1)
     side_map = topology.index_map(topology.dim - 1)
     cells, count = sides.num_nodes, side_map.size_local + side_map.num_ghosts
     starts = np.concatenate((sides.offsets, np.full(count, sides.array.size))).astype(np.int32)
     graph = csr_array(
-        (np.ones(sides.array.size, dtype=np.int8), sides.array + cells, starts), shape=(cells + count, cells + count)
+        (np.ones(sides.array.size, dtype=np.int8), sides.array + cells, starts),
+        shape=(cells + count, cells + count),
     )
     _, labels = connected_components(graph, directed=True, connection="weak")
     return sides, labels[:cells].astype(np.int64)  # every side has a cell, so every label has one
 
 
 def _labels_of(entities: npt.NDArray[np.int32], labels: _Labels, index_map: Any) -> _Labels:
-    """The label of a cell at each vertex or side (any of them, if there are several), -1 where there is no cell."""
+    """The label of a cell at each vertex or side (any of them, if there are several), -1 where
+    there is no cell.
+    """
     entity_labels = np.full(index_map.size_local + index_map.num_ghosts, -1, dtype=np.int64)
     entity_labels[entities] = np.repeat(labels, entities.size // max(labels.size, 1))
     return entity_labels
 
 
 def _disagreements(labels: _Labels, index_map: Any) -> _Labels:
-    """Ghosts to which this rank and their owner give different labels: (entity, own label, owner's); collective."""
+    """Ghosts to which this rank and their owner give different labels: (entity, own label,
+    owner's); collective.
+    """
     vector = la.vector(index_map, 1, dtype=np.int64)
     vector.array[:] = labels
     vector.scatter_forward()
@@ -171,6 +201,7 @@ def _refuse_hinges(mesh: dmesh.Mesh, of_cell: _Labels) -> None:
     if len(places):
         place = ", ".join(f"{x:g}" for x in min(places.tolist()))
         raise MeshError(
-            f"parts of the mesh that share no side share the node at ({place}), as a hinge: let them share a side, or "
+            f"parts of the mesh that share no side share the node at ({place}), as a hinge: let "
+            "them share a side, or "
             "give each of them a node of its own there"
         )

@@ -1,7 +1,7 @@
 """How much a body is deformed, compared with the range of linear elasticity.
 
-The relative size of what it neglects of Green's strain, grad u^T grad u / 2, is that of grad u, strain and rotation; so
-is that of a gap along the normal of the undeformed body, which rotates.
+The relative size of what it neglects of Green's strain, grad u^T grad u / 2, is that of grad u,
+strain and rotation; so is that of a gap along the normal of the undeformed body, which rotates.
 """
 
 from __future__ import annotations
@@ -26,9 +26,10 @@ class Deformation:
     """The deformation of the most deformed piece of a body.
 
     Attributes:
-        gradient: mean over the piece of the size of grad u (strain and rotation): the root of the mean square of its
-            Frobenius norm; finite where single points are singular.
-        displacement: largest displacement of a node, relative to the size of the pieces that are joined to its own.
+        gradient: mean over the piece of the size of grad u (strain and rotation): the root of the
+            mean square of its Frobenius norm; finite where single points are singular.
+        displacement: largest displacement of a node, relative to the size of the pieces that are
+            joined to its own.
     """
 
     gradient: float
@@ -41,16 +42,22 @@ class Deformation:
 
 
 def deformation_of(body: ElasticBody, displacement: fem.Function, size: float) -> Deformation:
-    """How much a displacement deforms a body of a size, from grad u at the midpoint of each cell; collective."""
+    """How much a displacement deforms a body of a size, from grad u at the midpoint of each cell;
+    collective.
+    """
     pieces = body.motions.pieces
     cell = getattr(basix.CellType, body.space.mesh.topology.cell_name())
-    at_middle = CellSlopes(displacement.function_space, basix.geometry(cell).mean(axis=0, keepdims=True))
+    at_middle = CellSlopes(
+        displacement.function_space, basix.geometry(cell).mean(axis=0, keepdims=True)
+    )
     of_place, of_displacement = next(at_middle.along_reference(displacement))
     areas = np.abs(determinants(of_place))
     slopes = np.einsum("ijc,jkc->ikc", of_displacement, inverses(of_place))
     squares = np.einsum("ikc,ikc->c", slopes, slopes)
     of_cell = pieces.of_cell[: areas.size]
-    total = parallel.sums_by(body.comm, of_cell, np.column_stack((squares * areas, areas)), pieces.count)
+    total = parallel.sums_by(
+        body.comm, of_cell, np.column_stack((squares * areas, areas)), pieces.count
+    )
     gradient = float(np.sqrt(total[:, 0] / total[:, 1]).max())
     moved = np.linalg.norm(displacement.x.array.reshape(-1, body.dimension), axis=1)
     assembly = pieces.assembly[body.motions.piece]
@@ -64,12 +71,17 @@ def deformation_of(body: ElasticBody, displacement: fem.Function, size: float) -
 
 
 class CellSlopes:
-    """Derivatives along the reference cell at some of its points, shape (points, d), in all owned cells."""
+    """Derivatives along the reference cell at some of its points, shape (points, d), in all owned
+    cells.
+    """
 
     def __init__(self, space: fem.FunctionSpace, points: Array) -> None:
         mesh = self._mesh = space.mesh
         self._dimension = mesh.topology.dim
-        cell, owned = mesh.topology.cell_name(), slice(mesh.topology.index_map(self._dimension).size_local)
+        cell, owned = (
+            mesh.topology.cell_name(),
+            slice(mesh.topology.index_map(self._dimension).size_local),
+        )
 
         def slopes(degree: int) -> Array:
             """Derivatives of the scalar basis functions, shape (points, d, functions)."""
@@ -79,7 +91,10 @@ class CellSlopes:
         self._nodes, self._seen = space.dofmap.list[owned], mesh.geometry.x.copy()
         x = mesh.geometry.x[compat.geometry_cells(mesh)[owned], : self._dimension]
         self._x = _by_function(x.astype(np.float64))
-        self._slopes = slopes(compat.geometry_degree(mesh)), slopes(space.element.basix_element.degree)
+        self._slopes = (
+            slopes(compat.geometry_degree(mesh)),
+            slopes(space.element.basix_element.degree),
+        )
 
     @property
     def fits(self) -> bool:
@@ -87,16 +102,21 @@ class CellSlopes:
         return np.array_equal(self._mesh.geometry.x, self._seen)
 
     def along_reference(self, displacement: fem.Function) -> Iterator[tuple[Array, Array]]:
-        """Of each point the derivatives of places, and of displacements likewise, shape (d, d, cells), the direction in
-        the reference cell last.
+        """Of each point the derivatives of places, and of displacements likewise, shape (d, d,
+        cells), the direction in the reference cell last.
         """
         dim, components = self._dimension, self._mesh.geometry.dim
         y = _by_function(displacement.x.array.reshape(-1, components)[self._nodes])
         for of_place, slopes in zip(*self._slopes, strict=True):
-            of_x, of_y = (of_place @ self._x).reshape(dim, dim, -1), (slopes @ y).reshape(dim, components, -1)
+            of_x, of_y = (
+                (of_place @ self._x).reshape(dim, dim, -1),
+                (slopes @ y).reshape(dim, components, -1),
+            )
             yield of_x.transpose(1, 0, 2), of_y.transpose(1, 0, 2)
 
 
 def _by_function(values: Array) -> Array:
-    """Of nodal values, shape (cells, functions, d): shape (functions, d cells), the cells next to each other."""
+    """Of nodal values, shape (cells, functions, d): shape (functions, d cells), the cells next to
+    each other.
+    """
     return np.ascontiguousarray(values.transpose(1, 2, 0)).reshape(values.shape[1], -1)

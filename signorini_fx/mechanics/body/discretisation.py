@@ -1,4 +1,6 @@
-"""From a scene and its mesh to assembled operators: exactly the forms that the scene lists, each assembled once."""
+"""From a scene and its mesh to assembled operators: exactly the forms that the scene lists, each
+assembled once.
+"""
 
 from __future__ import annotations
 
@@ -49,14 +51,16 @@ from signorini_fx.tuned import LARGEST_MULTIGRID_POISSON, LARGEST_NUMBER, SAME_N
 M = TypeVar("M", bound=Model)
 
 
-def prepare(statement: Statement, tagged: TaggedMesh, timings: Timings, *, path_step: float = 0) -> Model:
-    """Compile and assemble loads and contact boundaries, and find all errors; ``path_step``: place in the lists of
-    factors, at which foundations are, -1 before any has moved; collective.
+def prepare(
+    statement: Statement, tagged: TaggedMesh, timings: Timings, *, path_step: float = 0
+) -> Model:
+    """Compile and assemble loads and contact boundaries, and find all errors; ``path_step``: place
+    in the lists of factors, at which foundations are, -1 before any has moved; collective.
 
     Raises:
-        SceneError: a file is not there on some rank; or with all errors that only the mesh reveals: boundaries and
-            regions that do not exist or are empty, contact and prescribed displacement in conflict, expressions that
-            are not finite.
+        SceneError: a file is not there on some rank; or with all errors that only the mesh reveals:
+            boundaries and regions that do not exist or are empty, contact and prescribed
+            displacement in conflict, expressions that are not finite.
         MeshError: the cells of the mesh are not connected.
     """
     _refuse_missing_files(statement, tagged.mesh.comm)
@@ -69,27 +73,46 @@ def prepare(statement: Statement, tagged: TaggedMesh, timings: Timings, *, path_
     try:
         return _prepared(statement.placed(path_step), tagged, facets, timings)
     except FormError as error:  # of a foundation; the allowance of a pair is the gap of a scene
-        raise SceneError([(path.replace("].allowance", "].gap"), wrong) for path, wrong in error.problems]) from None
+        raise SceneError(
+            [(path.replace("].allowance", "].gap"), wrong) for path, wrong in error.problems]
+        ) from None
 
 
 def _refuse_missing_files(statement: Statement, comm: MPI.Comm) -> None:
-    """Refuse tables and surfaces that some rank does not see, whose error would leave the others waiting."""
+    """Refuse tables and surfaces that some rank does not see, whose error would leave the others
+    waiting.
+    """
     if comm.size == 1:
         return
     places = statement.listed()
-    places += [(f"contact[{k}].foundation", effect.surface) for k, effect in enumerate(statement.contact)]
-    files = [(path, file) for path, entry in places if isinstance(file := getattr(entry, "file", None), Path)]
-    missing = [(path, f"{file}: rank {comm.rank} has no such file") for path, file in files if not file.is_file()]
+    places += [
+        (f"contact[{k}].foundation", effect.surface) for k, effect in enumerate(statement.contact)
+    ]
+    files = [
+        (path, file)
+        for path, entry in places
+        if isinstance(file := getattr(entry, "file", None), Path)
+    ]
+    missing = [
+        (path, f"{file}: rank {comm.rank} has no such file")
+        for path, file in files
+        if not file.is_file()
+    ]
     parallel.raise_together(comm, SceneError(missing) if missing else None)
 
 
 def _prepared(
-    statement: Statement, tagged: TaggedMesh, facets: dict[str, npt.NDArray[np.int32]], timings: Timings
+    statement: Statement,
+    tagged: TaggedMesh,
+    facets: dict[str, npt.NDArray[np.int32]],
+    timings: Timings,
 ) -> Model:
     check_materials(statement.material)
     kinematics = statement.kinematics_in(tagged.dimension)
     _check_measure(kinematics, tagged)
-    space = fem.functionspace(tagged.mesh, ("Lagrange", statement.element.degree, (tagged.mesh.geometry.dim,)))
+    space = fem.functionspace(
+        tagged.mesh, ("Lagrange", statement.element.degree, (tagged.mesh.geometry.dim,))
+    )
     on = FormCoefficients(statement, tagged, space)
     elastic, _ = together(lambda: on.elastic, partial(check_fits, statement, tagged))
     if statement.sides[1] is not None:
@@ -98,14 +121,22 @@ def _prepared(
             statement, on = chosen, replace(on, statement=chosen)
     pieces = find_pieces(tagged.mesh)
     if statement.bodies:
-        pieces = pieces.of_bodies(tagged.mesh.comm, {name: tagged.cells(name) for name in statement.bodies})
+        pieces = pieces.of_bodies(
+            tagged.mesh.comm, {name: tagged.cells(name) for name in statement.bodies}
+        )
     with timings.phase("compile"):
         acting = [effect for effect in statement.of(Resistance) if effect.acts]
-        resistance = compile_resistance(acting, on, ufl.TrialFunction(space), ufl.TestFunction(space))
+        resistance = compile_resistance(
+            acting, on, ufl.TrialFunction(space), ufl.TestFunction(space)
+        )
         loaded = _loaded(on, facets)
     resists = () if resistance is None else (resistance,)
-    # Mean ratios of Poisson follow from moduli, with round-off; in plane stress those of plane strain count.
-    most, lame = LARGEST_MULTIGRID_POISSON * (1 + SAME_NUMBER), [material.lame for material in statement.material]
+    # Mean ratios of Poisson follow from moduli, with round-off; in plane stress those of plane
+    # strain count.
+    most, lame = (
+        LARGEST_MULTIGRID_POISSON * (1 + SAME_NUMBER),
+        [material.lame for material in statement.material],
+    )
     model = Model(
         space=space,
         terms=lambda: (*on.elastic.compiled(space), *resists),
@@ -127,16 +158,22 @@ def _prepared(
     with timings.phase("assemble"):
         contact = contact_of(model, statement) if statement.contact else {}
         boundary: ContactBoundary | None = contact.get("boundary")
-        applied += [driving_load(model.rigid, k, statement, space) for k in range(len(model.rigid.bodies))]
+        applied += [
+            driving_load(model.rigid, k, statement, space) for k in range(len(model.rigid.bodies))
+        ]
         if jumps := jumps_in(statement, tagged, space):
             bonded = [k for k, effect in enumerate(statement.contact) if effect.bonded]
-            held = partial(holds, fixed=model.fixed, turned=model.turned, boundary=boundary, bonded=bonded)
+            held = partial(
+                holds, fixed=model.fixed, turned=model.turned, boundary=boundary, bonded=bonded
+            )
             applied += jump_loads(jumps, space, on.elastic, held)
     together(
         partial(check_finite, tagged.mesh.comm, applied),
         lambda: None if boundary is None else check_overlap(statement, boundary, facets, tagged),
     )
-    for step in range(1, statement.steps if any(effect.friction.timed for effect in statement.contact) else 1):
+    for step in range(
+        1, statement.steps if any(effect.friction.timed for effect in statement.contact) else 1
+    ):
         # Errors are found before the first step.
         _foundations(model, statement.placed(step)).friction()
     return replace(model, applied=tuple(applied), **contact)
@@ -144,7 +181,10 @@ def _prepared(
 
 def _loaded(on: FormCoefficients, facets: dict[str, npt.NDArray[np.int32]]) -> dict[str, Any]:
     """The fields of a model that follow from supports and loads; collective."""
-    supports, test = Supports.of(on.statement, on.space, facets, on.tagged), ufl.TestFunction(on.space)
+    supports, test = (
+        Supports.of(on.statement, on.space, facets, on.tagged),
+        ufl.TestFunction(on.space),
+    )
     groups = load_groups(on.statement, on.statement.loads).items()
     return {
         "bcs": [support for _, support in supports.conditions],
@@ -152,12 +192,17 @@ def _loaded(on: FormCoefficients, facets: dict[str, npt.NDArray[np.int32]]) -> d
         "fixed": supports.fixed,
         "supports": supports.conditions,
         "coefficients": on,
-        "applied": tuple(applied_load(group, loads, on, test, supports.at) for group, loads in groups),
+        "applied": tuple(
+            applied_load(group, loads, on, test, supports.at) for group, loads in groups
+        ),
     }
 
 
 def _problem(
-    model: Model, foundations: Foundations, shapes: Sequence[ShapeDistances], boundary: ContactBoundary
+    model: Model,
+    foundations: Foundations,
+    shapes: Sequence[ShapeDistances],
+    boundary: ContactBoundary,
 ) -> dict[str, Any]:
     """Gap and friction of foundations at contact points as fields of a model."""
     settings = Settings.of(model.statement.solver)
@@ -172,12 +217,19 @@ def _check_measure(kinematics: Kinematics, tagged: TaggedMesh) -> None:
     x = tagged.mesh.geometry.x[:, : tagged.dimension].astype(np.float64)
     measures = np.broadcast_to(kinematics.measure(x.T), len(x))
     most = parallel.largest(tagged.mesh.comm, measures, 0.0)
-    if parallel.any_rank(tagged.mesh.comm, bool((measures < -SAME_NUMBER * most).any())) or most <= 0:
-        raise SceneError([("material.hypothesis", f"measure of {kinematics.words!r} is not positive")])
+    if (
+        parallel.any_rank(tagged.mesh.comm, bool((measures < -SAME_NUMBER * most).any()))
+        or most <= 0
+    ):
+        raise SceneError(
+            [("material.hypothesis", f"measure of {kinematics.words!r} is not positive")]
+        )
 
 
 def placed(model: M, step: float) -> M:
-    """The same with contact and supports of a place in the lists of factors; itself if nothing changes; collective."""
+    """The same with contact and supports of a place in the lists of factors; itself if nothing
+    changes; collective.
+    """
     statement = model.statement.placed(step)
     if statement is model.statement or model.boundary is None:
         return model
@@ -189,7 +241,9 @@ def placed(model: M, step: float) -> M:
 
 
 def held_at(model: M, step: float) -> M:
-    """The same with the supports of a place, and contact as it is; itself if no support changes; collective."""
+    """The same with the supports of a place, and contact as it is; itself if no support changes;
+    collective.
+    """
     supports = model.statement.placed(step).displacement
     if supports is model.statement.displacement:
         return model
@@ -199,15 +253,27 @@ def held_at(model: M, step: float) -> M:
 def _with_supports(model: M, statement: Statement) -> M:
     """The same body with other supports, and contact as another statement has it; collective."""
     assert model.coefficients is not None
-    loaded = _loaded(replace(model.coefficients, statement=statement), boundary_facets(statement, model.tagged))
+    loaded = _loaded(
+        replace(model.coefficients, statement=statement), boundary_facets(statement, model.tagged)
+    )
     further = model.applied[len(load_groups(model.statement, model.statement.loads)) :]
-    changed = replace(model, statement=statement, **loaded | {"applied": (*loaded["applied"], *further)}, of_body={})
+    changed = replace(
+        model,
+        statement=statement,
+        **loaded | {"applied": (*loaded["applied"], *further)},
+        of_body={},
+    )
     return replace(changed, **contact_of(changed, statement))
 
 
 def contact_of(model: Model, statement: Statement) -> dict[str, Any]:
-    """The fields of a model that follow from the contact of another statement, with the same supports; collective."""
-    foundations, rests = _foundations(model, statement), at_rest(model.space, model.supports, model.turned, model.fixed)
+    """The fields of a model that follow from the contact of another statement, with the same
+    supports; collective.
+    """
+    foundations, rests = (
+        _foundations(model, statement),
+        at_rest(model.space, model.supports, model.turned, model.fixed),
+    )
     shapes = foundations.shapes()
     boundary = model.rigid.on(foundations.boundary(shapes, model.fixed, rests, model.turned))
     problem = _problem(replace(model, statement=statement), foundations, shapes, boundary)
@@ -221,21 +287,29 @@ def law_of(model: Model, statement: Statement) -> PointFriction | None:
 
 
 def with_gap_and_friction(model: M, statement: Statement) -> M:
-    """The same contact points with gap and friction, without axes, of another statement; collective."""
+    """The same contact points with gap and friction, without axes, of another statement;
+    collective.
+    """
     assert model.boundary is not None
     foundations, changed = _foundations(model, statement), replace(model, statement=statement)
     return replace(changed, **_problem(changed, foundations, foundations.shapes(), model.boundary))
 
 
 def moved_since(model: Model, earlier: Statement) -> npt.NDArray[np.float64]:
-    """How far foundations have moved at the contact points since another statement, length, shape (n, d)."""
+    """How far foundations have moved at the contact points since another statement, length, shape
+    (n, d).
+    """
     assert model.boundary is not None
     moved, dimension = np.zeros_like(model.boundary.x), model.tagged.dimension
-    for number, (contact, earlier_contact) in enumerate(zip(model.statement.contact, earlier.contact, strict=True)):
+    for number, (contact, earlier_contact) in enumerate(
+        zip(model.statement.contact, earlier.contact, strict=True)
+    ):
         if contact.moves:
             on_part = model.boundary.part == number
             x = model.boundary.x[on_part, :dimension]
-            moved[on_part, :dimension] = contact.foundation.moved_from(earlier_contact.foundation, x)
+            moved[on_part, :dimension] = contact.foundation.moved_from(
+                earlier_contact.foundation, x
+            )
     return moved
 
 
@@ -244,18 +318,25 @@ def _foundations(model: Model, statement: Statement) -> Foundations:
     facets = model.tagged.facets
     on = [facets(effect.boundary) for effect in statement.contact]
     masters = {
-        number: facets(effect.against) for number, effect in enumerate(statement.contact) if effect.against is not None
+        number: facets(effect.against)
+        for number, effect in enumerate(statement.contact)
+        if effect.against is not None
     }
     names = [f"contact {effect.boundary}" for effect in statement.contact]
     return Foundations(model.space, foundations_of(statement, on, masters), on, names, masters)
 
 
 def boundary_facets(statement: Statement, tagged: TaggedMesh) -> dict[str, npt.NDArray[np.int32]]:
-    """Facets of every boundary that the scene names; all missing and empty ones are reported together."""
+    """Facets of every boundary that the scene names; all missing and empty ones are reported
+    together.
+    """
     facets: dict[str, npt.NDArray[np.int32]] = {}
     problems: list[tuple[str, str]] = []
     for path, effect in statement.listed():
-        for key, name in (("boundary", effect.where), ("against", getattr(effect, "against", None))):
+        for key, name in (
+            ("boundary", effect.where),
+            ("against", getattr(effect, "against", None)),
+        ):
             if name is None:
                 continue
             try:
@@ -268,8 +349,13 @@ def boundary_facets(statement: Statement, tagged: TaggedMesh) -> dict[str, npt.N
             if outside == 0:
                 problems.append((f"{path}.{key}", f"boundary {name!r} has no exterior facets"))
             elif inside := tagged.inside(name):
-                which = f"{inside} of the {inside + outside} facets of boundary {name!r} are inside of the body"
-                cure = "give exterior facets alone; two bodies that touch there need their own nodes"
+                which = (
+                    f"{inside} of the {inside + outside} facets of boundary {name!r} are "
+                    "inside of the body"
+                )
+                cure = (
+                    "give exterior facets alone; two bodies that touch there need their own nodes"
+                )
                 problems.append((f"{path}.{key}", f"{which}: {cure}"))
     sides = [
         (f"contact[{index}].{key}", name)
@@ -285,30 +371,39 @@ def boundary_facets(statement: Statement, tagged: TaggedMesh) -> dict[str, npt.N
         shared = np.intersect1d(facets[name], facets[earlier_name]).size
         if total := parallel.global_sum(tagged.mesh.comm, np.array(shared)):
             shared_with = f"shares {total} facets with the contact boundary {earlier_name!r}"
-            cure = "a facet can touch one other only; bodies that touch need names of the mesh file or [[body]]"
+            cure = (
+                "a facet can touch one other only; bodies that touch need names of the mesh "
+                "file or [[body]]"
+            )
             problems.append((path, f"boundary {name!r} {shared_with}: {cure}"))
     for path, effect in statement.listed():
         region = getattr(effect, "region", None)
         if region is not None and region not in tagged.regions:
             known = ", ".join(sorted(tagged.regions)) or "none"
-            problems.append((f"{path}.region", f"the mesh has no region {region!r}; its regions are: {known}"))
+            problems.append(
+                (f"{path}.region", f"the mesh has no region {region!r}; its regions are: {known}")
+            )
     if problems:
         raise SceneError(problems)
     return facets
 
 
-# --- values, tried on all ranks before anything waits for another rank ------------------------------------------------
+# --- values, tried on all ranks before anything waits for another rank ----------------------------
 
 
 def _try_functions(statement: Statement, tagged: TaggedMesh) -> None:
-    """Refuse what cannot be evaluated on some rank, while the others would wait, or is a wrong number."""
+    """Refuse what cannot be evaluated on some rank, while the others would wait, or is a wrong
+    number.
+    """
     problems = []
     for path, entry in statement.listed():
         strains = isinstance(entry, InitialStrain)
         for step in range(statement.steps if strains and entry.timed else 1):
             for key, value in _values(entry.at_time(statement.time_at(step)) if strains else entry):
                 problems += _problems(f"{path}.{key}", value, entry, tagged)
-    parallel.raise_together(tagged.mesh.comm, SceneError(list(dict.fromkeys(problems))) if problems else None)
+    parallel.raise_together(
+        tagged.mesh.comm, SceneError(list(dict.fromkeys(problems))) if problems else None
+    )
 
 
 def _problems(path: str, value: Any, entry: Any, tagged: TaggedMesh) -> list[tuple[str, str]]:
@@ -318,7 +413,11 @@ def _problems(path: str, value: Any, entry: Any, tagged: TaggedMesh) -> list[tup
     if value is None or hasattr(value, "ufl_shape") or not (strains or resists or given):
         return []
     # Outside of its region an expression is multiplied by zero.
-    x = tagged.mesh.geometry.x.T.astype(np.float64) if strains and not given else _points_of(entry, tagged)
+    x = (
+        tagged.mesh.geometry.x.T.astype(np.float64)
+        if strains and not given
+        else _points_of(entry, tagged)
+    )
     try:
         values = sample(value, x) if x.size else np.zeros(0)
     except SceneError as error:  # of a table
@@ -328,7 +427,9 @@ def _problems(path: str, value: Any, entry: Any, tagged: TaggedMesh) -> list[tup
     if strains and not (np.abs(values) <= LARGEST_NUMBER).all():
         return [(path, f"must be a number up to {LARGEST_NUMBER:g} at all nodes of the mesh")]
     if resists and not ((values >= 0) & (values <= LARGEST_NUMBER)).all():
-        return [(path, f"must be a number from 0 to {LARGEST_NUMBER:g} everywhere on {entry.where!r}")]
+        return [
+            (path, f"must be a number from 0 to {LARGEST_NUMBER:g} everywhere on {entry.where!r}")
+        ]
     return []
 
 
@@ -343,11 +444,19 @@ def _values(entry: Any) -> Iterator[tuple[str, Any]]:
 
 
 def _points_of(entry: Any, tagged: TaggedMesh) -> npt.NDArray[np.float64]:
-    """Nodes of the region of an entry, of its boundary with middles of facets, or of the mesh, shape (3, n)."""
-    mesh, boundary, region = tagged.mesh, getattr(entry, "boundary", None), getattr(entry, "region", None)
+    """Nodes of the region of an entry, of its boundary with middles of facets, or of the mesh,
+    shape (3, n).
+    """
+    mesh, boundary, region = (
+        tagged.mesh,
+        getattr(entry, "boundary", None),
+        getattr(entry, "region", None),
+    )
     if boundary is not None:
         corners = facet_vertices(mesh, tagged.facets(boundary))
         return np.concatenate((corners.reshape(-1, 3), corners.mean(axis=1))).T
     if region is not None:
-        return np.ascontiguousarray(mesh.geometry.x[np.unique(compat.geometry_cells(mesh)[tagged.cells(region)])].T)
+        return np.ascontiguousarray(
+            mesh.geometry.x[np.unique(compat.geometry_cells(mesh)[tagged.cells(region)])].T
+        )
     return np.ascontiguousarray(mesh.geometry.x.T)

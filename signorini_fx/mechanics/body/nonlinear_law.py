@@ -1,12 +1,16 @@
-"""The work of the stress of nonlinear materials on a mesh: the residual of a body, and the state at its points.
+"""The work of the stress of nonlinear materials on a mesh: the residual of a body, and the state at
+its points.
 
-Springs of a boundary are part of it: their forces follow the displacement, along the normal of the undeformed boundary.
+Springs of a boundary are part of it: their forces follow the displacement, along the normal of the
+undeformed boundary.
 
-    F(u; v) = sum over the materials of the derivative of their energies, or of the integral of sigma : epsilon(v).
+    F(u; v) = sum over the materials of the derivative of their energies, or of the integral of
+    sigma : epsilon(v).
 
-The mean stress, of finite strains the energy of the volume, may be integrated with fewer points.  A temperature by
-which the body expands freely by s in all directions leaves of the deformation F = (1 + s) F_e the elastic part, whose
-energy is per volume after the expansion, (1 + s)^3 W(F_e), and of small strains epsilon - s I.
+The mean stress, of finite strains the energy of the volume, may be integrated with fewer points.  A
+temperature by which the body expands freely by s in all directions leaves of the deformation F = (1
++ s) F_e the elastic part, whose energy is per volume after the expansion, (1 + s)^3 W(F_e), and of
+  small strains epsilon - s I.
 """
 
 from __future__ import annotations
@@ -42,11 +46,15 @@ Cells = npt.NDArray[np.int32]
 
 def at_rest(statement: Statement) -> Statement:
     """The same with materials of small strains, and without loads that follow the body."""
-    return without_followers(statement).changed(material=tuple(material.at_rest for material in statement.material))
+    return without_followers(statement).changed(
+        material=tuple(material.at_rest for material in statement.material)
+    )
 
 
 def volume_degree(statement: Statement, tagged: TaggedMesh) -> int | None:
-    """Quadrature degree of the part of the volume; None: it is not reduced; a ``SceneError`` where it cannot be."""
+    """Quadrature degree of the part of the volume; None: it is not reduced; a ``SceneError`` where
+    it cannot be.
+    """
     if not all(material.splits for material in statement.material):
         return None
     return reduced_degree(at_rest(statement), tagged.mesh)
@@ -55,7 +63,9 @@ def volume_degree(statement: Statement, tagged: TaggedMesh) -> int | None:
 def cells_of(material: Any, tagged: TaggedMesh) -> Cells:
     """The cells of a material that this rank owns, ascending."""
     cells = tagged.cells(material.region)
-    return np.sort(cells[cells < tagged.mesh.topology.index_map(tagged.mesh.topology.dim).size_local]).astype(np.int32)
+    return np.sort(
+        cells[cells < tagged.mesh.topology.index_map(tagged.mesh.topology.dim).size_local]
+    ).astype(np.int32)
 
 
 @dataclass
@@ -64,7 +74,8 @@ class MaterialPoints:
 
     material: PathDependent
     cells: Cells
-    # From the displacement of now, less that of the temperature, components ``PAIRS``, of shear twice epsilon_ij.
+    # From the displacement of now, less that of the temperature, components ``PAIRS``, of shear
+    # twice epsilon_ij.
     strain: fem.Expression
     stress: fem.Function  # the deviatoric stress, components ``pairs``
     tangent: fem.Function  # its derivative by the strain
@@ -77,7 +88,9 @@ class MaterialPoints:
         self.current = self.begun
 
     def update(self) -> None:
-        """Stress, tangent and state at the displacement of now, from the state of the last load step."""
+        """Stress, tangent and state at the displacement of now, from the state of the last load
+        step.
+        """
         stress, tangent, state = self.response()
         self.current = state.reshape(self.begun.shape)
         i, j = np.transpose([PAIRS[pair] for pair in self.pairs])
@@ -88,9 +101,13 @@ class MaterialPoints:
         self.tangent.x.array.reshape(-1, count**2)[at] = used.reshape(-1, count**2)
 
     def response(self) -> tuple[Array, Array, Array]:
-        """What the material says at the displacement of now, see ``PathDependent.respond``, n = c q."""
+        """What the material says at the displacement of now, see ``PathDependent.respond``, n = c
+        q.
+        """
         domain, (cells, points, numbers) = self.stress.function_space.mesh, self.begun.shape
-        values = np.asarray(self.strain.eval(domain, self.cells)).reshape(cells * points, len(PAIRS))
+        values = np.asarray(self.strain.eval(domain, self.cells)).reshape(
+            cells * points, len(PAIRS)
+        )
         strain = tensors(values / [1, 1, 1, 2, 2, 2], PAIRS)
         return self.material.at_time(self.time).respond(strain, self.begun.reshape(-1, numbers))
 
@@ -112,7 +129,9 @@ class BodyResidual:
     path: LoadPath  # whose times the materials go through
 
     def move_to(self, step: float) -> None:
-        """Take the loads that follow the body, the temperature and the time of a place in the lists of factors."""
+        """Take the loads that follow the body, the temperature and the time of a place in the lists
+        of factors.
+        """
         self.followers.move_to(step)
         self.heat(step)
         for state in self.points:
@@ -130,14 +149,19 @@ class BodyResidual:
 
 
 def body_residual(statement: Statement, tagged: TaggedMesh, u: fem.Function) -> BodyResidual:
-    """That of the materials of a statement at the displacement ``u``; errors: see ``volume_degree``; collective."""
+    """That of the materials of a statement at the displacement ``u``; errors: see
+    ``volume_degree``; collective.
+    """
     space = u.function_space
     kinematics = statement.kinematics_in(tagged.dimension)
     full = max(1, strain_degree(space, kinematics))
     reduced = volume_degree(statement, tagged)
     cells = [cells_of(material, tagged) for material in statement.material]
-    # Each rule has cells of its own number: FFCx 0.9 compiles one of one point beside another one wrongly.
-    owned_cells = np.arange(tagged.mesh.topology.index_map(tagged.mesh.topology.dim).size_local, dtype=np.int32)
+    # Each rule has cells of its own number: FFCx 0.9 compiles one of one point beside another one
+    # wrongly.
+    owned_cells = np.arange(
+        tagged.mesh.topology.index_map(tagged.mesh.topology.dim).size_local, dtype=np.int32
+    )
     parts = [*enumerate(cells), *enumerate(cells, len(cells)), (2 * len(cells), owned_cells)]
     measure = ufl.Measure("dx", domain=space.mesh, subdomain_data=parts)
     around = kinematics.measure(position(u))
@@ -145,22 +169,35 @@ def body_residual(statement: Statement, tagged: TaggedMesh, u: fem.Function) -> 
     v, du = ufl.TestFunction(space), ufl.TrialFunction(space)
     energies, forms, of_states, points = [], [], [], []
     for number, (material, owned) in enumerate(zip(statement.material, cells, strict=True)):
-        shape = volume = measure(number, metadata={"quadrature_degree": full, "quadrature_rule": "default"})
+        shape = volume = measure(
+            number, metadata={"quadrature_degree": full, "quadrature_rule": "default"}
+        )
         if reduced is not None:
             volume = measure(number + len(cells), metadata={"quadrature_degree": reduced})
         if material.finite:
             parts_of_energy = _energies(material, kinematics.gradient(u), free)
-            energies += [energy * around * d for energy, d in zip(parts_of_energy, (shape, volume), strict=False)]
+            energies += [
+                energy * around * d
+                for energy, d in zip(parts_of_energy, (shape, volume), strict=False)
+            ]
             continue
-        tested, (of_shape, of_volume) = kinematics.strain(v), stress_parts(material, u, kinematics, free)
+        tested, (of_shape, of_volume) = (
+            kinematics.strain(v),
+            stress_parts(material, u, kinematics, free),
+        )
         if isinstance(material, PathDependent):
-            state = _points(material, owned, kinematics, space, _elastic(kinematics.strain(u), free), full)
+            state = _points(
+                material, owned, kinematics, space, _elastic(kinematics.strain(u), free), full
+            )
             points.append(state)
             by_components, tried = (
-                components(one, [PAIRS[k] for k in state.pairs]) for one in (tested, kinematics.strain(du))
+                components(one, [PAIRS[k] for k in state.pairs])
+                for one in (tested, kinematics.strain(du))
             )
             forms.append(ufl.inner(state.stress, by_components) * around * shape)
-            of_states.append(ufl.inner(ufl.dot(state.tangent, tried), by_components) * around * shape)
+            of_states.append(
+                ufl.inner(ufl.dot(state.tangent, tried), by_components) * around * shape
+            )
         else:
             forms.append(ufl.inner(of_shape, tested) * around * shape)
         forms.append(ufl.inner(of_volume, tested) * around * volume)
@@ -168,7 +205,11 @@ def body_residual(statement: Statement, tagged: TaggedMesh, u: fem.Function) -> 
         forms.append(ufl.derivative(sum(energies[1:], energies[0]), u, v))
     springs = [effect for effect in statement.of(Resistance) if effect.acts]
     on = FormCoefficients(statement, tagged, space)
-    ds = surface_measure(space.mesh, [tagged.facets(effect.where) for effect in (*following(statement), *springs)], {})
+    ds = surface_measure(
+        space.mesh,
+        [tagged.facets(effect.where) for effect in (*following(statement), *springs)],
+        {},
+    )
     followers = Followers.of(statement, tagged, u, ds, measure(2 * len(cells)))
     forms += followers.works
     for number, effect in enumerate(springs, len(following(statement)) + 1):
@@ -179,9 +220,11 @@ def body_residual(statement: Statement, tagged: TaggedMesh, u: fem.Function) -> 
     return BodyResidual(form, tangent, tuple(points), followers, free, heat, statement.path)
 
 
-def stress_parts(material: Any, u: fem.Function, kinematics: Kinematics, free: Any | None) -> list[Any | None]:
-    """The Cauchy stress in 3D of the shape, and of the volume, at small strains the stress, UFL, shape (3, 3); None: it
-    is zero, or that of a state; ``free``: see ``BodyResidual``.
+def stress_parts(
+    material: Any, u: fem.Function, kinematics: Kinematics, free: Any | None
+) -> list[Any | None]:
+    """The Cauchy stress in 3D of the shape, and of the volume, at small strains the stress, UFL,
+    shape (3, 3); None: it is zero, or that of a state; ``free``: see ``BodyResidual``.
     """
     if not material.finite:
         (first, shear), strain = material.at_rest.lame, _elastic(kinematics.strain(u), free)
@@ -200,16 +243,27 @@ def _elastic(strain: Any, free: Any | None) -> Any:
 
 
 def _energies(material: Any, change: Any, free: Any | None) -> list[Any]:
-    """The energy of the shape, and that of the volume if it is apart, per undeformed volume, from grad u, UFL."""
+    """The energy of the shape, and that of the volume if it is apart, per undeformed volume, from
+    grad u, UFL.
+    """
     expanded = 1
     if free is not None:
         change, expanded = (change - free * ufl.Identity(3)) / (1 + free), (1 + free) ** 3
     energies = [material.shape_energy_by_change(change) * expanded]
-    return [*energies, material.volume_energy_by_change(growth(change)) * expanded] if material.splits else energies
+    return (
+        [*energies, material.volume_energy_by_change(growth(change)) * expanded]
+        if material.splits
+        else energies
+    )
 
 
 def _points(
-    material: PathDependent, cells: Cells, kinematics: Kinematics, space: fem.FunctionSpace, strain: Any, degree: int
+    material: PathDependent,
+    cells: Cells,
+    kinematics: Kinematics,
+    space: fem.FunctionSpace,
+    strain: Any,
+    degree: int,
 ) -> MaterialPoints:
     """The points of one material, with a strain in UFL; collective."""
     mesh = space.mesh
@@ -218,7 +272,9 @@ def _points(
     count = len(pairs)
     rule, _ = basix.make_quadrature(getattr(basix.CellType, name), degree)
     stress, tangent = (
-        fem.Function(fem.functionspace(mesh, basix.ufl.quadrature_element(name, shape, degree=degree)))
+        fem.Function(
+            fem.functionspace(mesh, basix.ufl.quadrature_element(name, shape, degree=degree))
+        )
         for shape in ((count,), (count, count))
     )
     at_points = fem.Expression(components(strain, PAIRS), rule)

@@ -1,4 +1,5 @@
-"""The contact boundary and its points: normals and frames, the map B, and states and tables of points.
+"""The contact boundary and its points: normals and frames, the map B, and states and tables of
+points.
 
 It knows nothing of what the points may touch, which is in ``obstacles``.
 """

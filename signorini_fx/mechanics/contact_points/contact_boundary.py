@@ -1,9 +1,10 @@
-"""The contact boundary: its nodes with weights and directions, the traces tau_N y and tau_T y, and the map B to them.
+"""The contact boundary: its nodes with weights and directions, the traces tau_N y and tau_T y, and
+the map B to them.
 
 With the nodal rule of ``mesh_entities`` the products on Gamma_c are sums over nodes,
-(lambda, tau_N z) = sum_i w_i lambda_i n_i . z_i.  A node belongs to the rank that owns its degrees of freedom.  A node
-of two contact boundaries has two entries, one for each normal.  Where nodes have no such rule the contact points are
-the vertices, at which z_i is an average (``averages.py``).
+(lambda, tau_N z) = sum_i w_i lambda_i n_i . z_i.  A node belongs to the rank that owns its degrees
+of freedom.  A node of two contact boundaries has two entries, one for each normal.  Where nodes
+have no such rule the contact points are the vertices, at which z_i is an average (``averages.py``).
 """
 
 from __future__ import annotations
@@ -48,10 +49,12 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class MovingFoundation:
-    """The motion of rigid foundations at n contact points, where it is an unknown, see ``rigid_bodies``.
+    """The motion of rigid foundations at n contact points, where it is an unknown, see
+    ``rigid_bodies``.
 
     Attributes:
-        modes: displacement of the foundation of each point for each of the k unknowns, shape (n, d, k).
+        modes: displacement of the foundation of each point for each of the k unknowns, shape (n, d,
+            k).
         fixed: which unknowns are prescribed, shape (k,).
         stiffness: of springs to the ground, force / length, shape (k,).
         number: of the foundation of each unknown among the ``bodies``, shape (k,).
@@ -80,16 +83,18 @@ class ContactBoundary:
         weight: w_i, the area (in 2D: length) that belongs to the node, shape (n,).
         normal: outward unit normal n_i, shape (n, d).
         part: position of the effect in ``statement.contact`` that the node belongs to, shape (n,).
-        free: which displacement components are not prescribed, shape (n, d); where points average, at some node.
+        free: which displacement components are not prescribed, shape (n, d); where points average,
+            at some node.
         surface: of each part the space, the facets of this rank, and its number.
         global_nodes: global number of the node, shape (n,).
         averages: how each point averages the displacement around it.
-        axes: the frame of each point that ``free`` is told in, one direction per column, shape (n, d, d).
+        axes: the frame of each point that ``free`` is told in, one direction per column, shape (n,
+            d, d).
         moving: foundations whose motion is an unknown; None: there are none.
         friction_axes: of friction that depends on the direction; None: none does.
         kinematics: of displacements with these components on these cells, whatever the scene is.
-        pushing: the force of a unit pressure on the body of its node, per area and negative, shape (n, d), where that
-            acts along derivatives of the gap; None: ``normal``.
+        pushing: the force of a unit pressure on the body of its node, per area and negative, shape
+            (n, d), where that acts along derivatives of the gap; None: ``normal``.
     """
 
     comm: MPI.Comm
@@ -115,8 +120,8 @@ class ContactBoundary:
 
     @cached_property
     def segments(self) -> npt.NDArray[np.int64]:
-        """Facets of this rank: the part, then global node numbers, shape (facets, 1 + points of a facet); in the plane
-        in order along the facet, in 3D as basix has them.
+        """Facets of this rank: the part, then global node numbers, shape (facets, 1 + points of a
+        facet); in the plane in order along the facet, in 3D as basix has them.
         """
         return np.concatenate([segments_of(*part) for part in self.surface])
 
@@ -132,29 +137,41 @@ class ContactBoundary:
 
     @cached_property
     def tangents(self) -> Array:
-        """Tangents T_i, one per column, shape (n, d, d - 1): orthonormal, unless friction has a direction."""
+        """Tangents T_i, one per column, shape (n, d, d - 1): orthonormal, unless friction has a
+        direction.
+        """
         return self._axes if self.friction_axes is None else self._axes * self.friction_axes.scale
 
     @cached_property
     def cotangents(self) -> Array:
-        """Their dual basis, shape (n, d, d - 1), with which components of displacements make a vector; forces are made
-        with the tangents.
+        """Their dual basis, shape (n, d, d - 1), with which components of displacements make a
+        vector; forces are made with the tangents.
         """
         return self._axes if self.friction_axes is None else self._axes / self.friction_axes.scale
 
     @cached_property
     def _axes(self) -> Array:
-        """Orthonormal tangents; one is along a component that is prescribed, those of friction along its axes."""
+        """Orthonormal tangents; one is along a component that is prescribed, those of friction
+        along its axes.
+        """
         tangents = tangents_of(self.normal)
         if self.normal.shape[1] == 2:
             return tangents
         # Normals of a curved surface are off a support's plane by round-off of its cells.
         components = np.abs(np.einsum("ij,ijk->ik", self.normal, self.axes))
         for axis in range(3):
-            held_across = ~self.free[:, axis] & self.free.any(axis=1) & (components[:, axis] <= ROOT_OF_EPS)
+            held_across = (
+                ~self.free[:, axis] & self.free.any(axis=1) & (components[:, axis] <= ROOT_OF_EPS)
+            )
             along = self.axes[held_across, :, axis]
-            tangents[held_across] = np.stack((along, np.cross(self.normal[held_across], along)), axis=2)
-        return tangents if self.friction_axes is None else self.friction_axes.directions(self.normal, tangents)
+            tangents[held_across] = np.stack(
+                (along, np.cross(self.normal[held_across], along)), axis=2
+            )
+        return (
+            tangents
+            if self.friction_axes is None
+            else self.friction_axes.directions(self.normal, tangents)
+        )
 
     @property
     def frames(self) -> Array:
@@ -173,7 +190,9 @@ class ContactBoundary:
         frames = np.einsum("nji,njk->nik", self.axes, orthonormal)
         movable = np.einsum("nki,nk,nkj->nij", frames, self.free.astype(np.float64), frames)
         if self.moving is not None:
-            moves = np.einsum("nij,nik->njk", orthonormal, self.moving.modes[:, :, ~self.moving.fixed])
+            moves = np.einsum(
+                "nij,nik->njk", orthonormal, self.moving.modes[:, :, ~self.moving.fixed]
+            )
             on_moving = moves.any(axis=(1, 2))
             movable[on_moving] = onto_range(
                 movable[on_moving] + np.einsum("nik,njk->nij", moves[on_moving], moves[on_moving])
@@ -190,10 +209,14 @@ class ContactBoundary:
         nodes = np.split(order, np.flatnonzero(np.diff(self.nodes[order])) + 1)
         pairs = [pair for group in nodes for pair in permutations(map(int, group), 2)]
         points, beside = np.array(pairs, dtype=np.int64).reshape(-1, 2).T
-        return SharedNodes(points, beside, np.einsum("nji,nj->ni", self.coframes[points], self.normal[beside]))
+        return SharedNodes(
+            points, beside, np.einsum("nji,nj->ni", self.coframes[points], self.normal[beside])
+        )
 
     def nodal_forces(self, pressure: Array, shear: Array) -> Array:
-        """Nodal w (lambda n + T mu), shape (n, d), minus the forces on the body; with ``pushing`` for n."""
+        """Nodal w (lambda n + T mu), shape (n, d), minus the forces on the body; with ``pushing``
+        for n.
+        """
         along = self.normal if self.pushing is None else self.pushing
         traction = pressure[:, None] * along + np.einsum("ik,ijk->ij", shear, self.tangents)
         return self.weight[:, None] * traction
@@ -202,8 +225,9 @@ class ContactBoundary:
 def tangents_of(normal: Array) -> Array:
     """Orthonormal tangents of unit normals, one per column, shape (n, d, d - 1).
 
-    In 2D t = (-n_2, n_1), along x[0] for a body above its foundation; in 3D any two of a right-handed frame (n, t_1,
-    t_2) (Duff et al., J. Comput. Graph. Tech. 6 (2017) 1-8), which must not be compared from node to node.
+    In 2D t = (-n_2, n_1), along x[0] for a body above its foundation; in 3D any two of a
+    right-handed frame (n, t_1, t_2) (Duff et al., J. Comput. Graph. Tech. 6 (2017) 1-8), which must
+    not be compared from node to node.
     """
     if normal.shape[1] == 2:
         return np.stack((-normal[:, 1], normal[:, 0]), axis=1)[:, :, None]
@@ -219,38 +243,53 @@ def tangents_of(normal: Array) -> Array:
 def join(parts: list[ContactBoundary]) -> ContactBoundary:
     """Several contact boundaries as one list of nodes."""
     names = ("nodes", "x", "weight", "normal", "part", "free", "global_nodes", "axes")
-    fields: dict[str, Any] = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
+    fields: dict[str, Any] = {
+        name: np.concatenate([getattr(part, name) for part in parts]) for name in names
+    }
     pushing = None
     if any(part.pushing is not None for part in parts):
-        pushing = np.concatenate([part.normal if part.pushing is None else part.pushing for part in parts])
+        pushing = np.concatenate(
+            [part.normal if part.pushing is None else part.pushing for part in parts]
+        )
     return ContactBoundary(
         parts[0].comm,
         **fields,
         surface=tuple(surface for part in parts for surface in part.surface),
         averages=Averages.joined([part.averages for part in parts]),
-        friction_axes=FrictionAxes.joined([part.friction_axes for part in parts], [part.size for part in parts]),
+        friction_axes=FrictionAxes.joined(
+            [part.friction_axes for part in parts], [part.size for part in parts]
+        ),
         kinematics=parts[0].kinematics,
         pushing=pushing,
     )
 
 
-def unit_contact_form(space: fem.FunctionSpace, facets: npt.NDArray[np.int32], factor: Any = None) -> fem.Form:
-    """(lambda, tau_N z) for lambda = 1: the nodal weights times the normals; ``factor``: of the surface measure."""
+def unit_contact_form(
+    space: fem.FunctionSpace, facets: npt.NDArray[np.int32], factor: Any = None
+) -> fem.Form:
+    """(lambda, tau_N z) for lambda = 1: the nodal weights times the normals; ``factor``: of the
+    surface measure.
+    """
     mesh = space.mesh
     degree, geometry = space.element.basix_element.degree, compat.geometry_degree(mesh)
     rule: dict[str, Any] = {"quadrature_degree": lumped_degree(degree, geometry)}
     if mesh.topology.dim == 2 and (degree > 1 or factor is None):
-        # The points are the nodes, with positive weights; on the axis of a body of revolution a vertex would have none,
-        # and on surfaces these rules are not exact.
-        rule = {"quadrature_rule": "GLL" if degree > 1 else "vertex", "quadrature_degree": 2 * degree - 1}
+        # The points are the nodes, with positive weights; on the axis of a body of revolution a
+        # vertex would have none, and on surfaces these rules are not exact.
+        rule = {
+            "quadrature_rule": "GLL" if degree > 1 else "vertex",
+            "quadrature_degree": 2 * degree - 1,
+        }
     factor = fem.Constant(mesh, default_scalar_type(1.0)) if factor is None else factor
     ds = measure(mesh, [facets], rule)(1)
     return compile_form(factor * ufl.inner(ufl.TestFunction(space), ufl.FacetNormal(mesh)) * ds)
 
 
-def nodal_points(space: fem.FunctionSpace, form: fem.Form, least: float) -> tuple[npt.NDArray[np.int32], Array, Array]:
-    """Local numbers of contact nodes, their weights and normals, from the unit contact form; nodes whose weight is no
-    larger than ``least`` times the largest one are no points; collective.
+def nodal_points(
+    space: fem.FunctionSpace, form: fem.Form, least: float
+) -> tuple[npt.NDArray[np.int32], Array, Array]:
+    """Local numbers of contact nodes, their weights and normals, from the unit contact form; nodes
+    whose weight is no larger than ``least`` times the largest one are no points; collective.
     """
     weighted_normals = assemble(form).reshape(-1, space.mesh.geometry.dim)
     size = np.linalg.norm(weighted_normals, axis=1)
@@ -279,7 +318,9 @@ def contact_part(
         surface=((space, facets, index),),
         global_nodes=space.dofmap.index_map.local_to_global(nodes),
         averages=averages,
-        axes=np.tile(np.eye(dim), (nodes.size, 1, 1)) if turned is None else turned.frames_at(nodes),
+        axes=np.tile(np.eye(dim), (nodes.size, 1, 1))
+        if turned is None
+        else turned.frames_at(nodes),
         kinematics=of_components(space.mesh.topology.dim, dim),
     )
 
@@ -292,7 +333,9 @@ def no_points(space: fem.FunctionSpace) -> ContactBoundary:
     return contact_part(space, (nowhere, np.zeros(0), x), averages, nowhere, 0)
 
 
-def segments_of(space: fem.FunctionSpace, facets: npt.NDArray[np.int32], part: int) -> npt.NDArray[np.int64]:
+def segments_of(
+    space: fem.FunctionSpace, facets: npt.NDArray[np.int32], part: int
+) -> npt.NDArray[np.int64]:
     """The segments of one part of a contact boundary."""
     side, local_nodes = space.mesh.topology.dim - 1, facet_nodes(space, facets)
     # Vertices come first, then inner nodes: along a facet in 2D the second vertex is the last node.
@@ -311,44 +354,63 @@ def contact_map(
     rotation: PETSc.Mat | None,
     behind: int = 0,
 ) -> ContactMap:
-    """B from the unknowns of the stiffness, of which some are ``fixed``; ``rotation``: Q, where displacements are
-    y = Q x, None: they are x; ``behind``: how many unknowns, which no point reaches, stand behind those of foundations
-    that move; collective.
+    """B from the unknowns of the stiffness, of which some are ``fixed``; ``rotation``: Q, where
+    displacements are
+    y = Q x, None: they are x; ``behind``: how many unknowns, which no point reaches, stand behind
+    those of foundations that move; collective.
     """
     columns, total = (matrix if rotation is None else rotation).getSizes()[0]
     count, dim = boundary.x.shape
     blocks = sp.bsr_array(boundary.averages.operator, blocksize=(dim, dim))
-    values = boundary.frames.transpose(0, 2, 1)[np.repeat(np.arange(count), np.diff(blocks.indptr))] @ blocks.data
+    values = (
+        boundary.frames.transpose(0, 2, 1)[np.repeat(np.arange(count), np.diff(blocks.indptr))]
+        @ blocks.data
+    )
     at_nodes = values, boundary.averages.nodes[blocks.indices], blocks.indptr
     csr = sp.csr_array(sp.bsr_array(at_nodes, shape=(dim * count, dim * (total // dim))))
     csr.sum_duplicates()
     entries = csr.indptr.astype(PETSc.IntType), csr.indices.astype(PETSc.IntType), csr.data
-    operator = PETSc.Mat().createAIJ(((dim * count, None), (columns, None)), csr=entries, comm=matrix.comm)
-    mapping = ContactMap(operator, boundary.points, fixed, _lift(boundary, operator), boundary.paired)
+    operator = PETSc.Mat().createAIJ(
+        ((dim * count, None), (columns, None)), csr=entries, comm=matrix.comm
+    )
+    mapping = ContactMap(
+        operator, boundary.points, fixed, _lift(boundary, operator), boundary.paired
+    )
     if rotation is None:
         return mapping
-    # What a tangent or a normal has of a component across it is round-off, and gamma makes a shear of it: it is zero.
+    # What a tangent or a normal has of a component across it is round-off, and gamma makes a shear
+    # of it: it is zero.
     mapping = mapping.after(rotation, fixed)
     mapping.operator.chop(ZERO_COMPONENT)
     if (moving := boundary.moving) is None:
         return mapping
     # [I, -R]: the map with the motion of foundations.
     (rows, _), (columns, total_columns) = mapping.operator.getSizes()
-    csr = sp.csr_array(-np.einsum("nij,nik->njk", boundary.frames, moving.modes).reshape(rows, moving.number.size))
+    csr = sp.csr_array(
+        -np.einsum("nij,nik->njk", boundary.frames, moving.modes).reshape(rows, moving.number.size)
+    )
     indices = (total_columns - behind - moving.number.size + csr.indices).astype(PETSc.IntType)
     entries = csr.indptr.astype(PETSc.IntType), indices, csr.data
-    relative = PETSc.Mat().createAIJ(((rows, None), (columns, None)), csr=entries, comm=boundary.comm)
+    relative = PETSc.Mat().createAIJ(
+        ((rows, None), (columns, None)), csr=entries, comm=boundary.comm
+    )
     relative.axpy(1.0, mapping.operator, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
     return replace(mapping, operator=relative, paired=True)
 
 
 def block_diagonal(operator: PETSc.Mat, blocks: Array) -> PETSc.Mat:
-    """The matrix with these blocks, shape (n, m, m), on the diagonal, for the rows of an operator; collective."""
+    """The matrix with these blocks, shape (n, m, m), on the diagonal, for the rows of an operator;
+    collective.
+    """
     rows, first = operator.getSizes()[0], operator.getOwnershipRange()[0]
     numbers = np.arange(len(blocks) + 1)
     csr = sp.csr_array(sp.bsr_array((blocks, numbers[:-1], numbers), shape=(rows[0], rows[0])))
     csr.eliminate_zeros()
-    entries = csr.indptr.astype(PETSc.IntType), (first + csr.indices).astype(PETSc.IntType), csr.data
+    entries = (
+        csr.indptr.astype(PETSc.IntType),
+        (first + csr.indices).astype(PETSc.IntType),
+        csr.data,
+    )
     return PETSc.Mat().createAIJ((rows, rows), csr=entries, comm=operator.comm)
 
 
@@ -361,14 +423,22 @@ def _lift(boundary: ContactBoundary, operator: PETSc.Mat) -> PETSc.Mat | None:
     if parallel.any_rank(boundary.comm, np.unique(alone).size < alone.size):
         return None
     dim = boundary.x.shape[1]
-    blocks, size = (boundary.coframes, np.arange(boundary.size), np.arange(boundary.size + 1)), dim * boundary.size
+    blocks, size = (
+        (boundary.coframes, np.arange(boundary.size), np.arange(boundary.size + 1)),
+        dim * boundary.size,
+    )
     frames = sp.bsr_array(blocks, shape=(size, size))
     lift = sp.csr_array((sp.kron(averages.lift, sp.eye_array(dim)) @ frames).T)
     columns = (dim * averages.nodes[:, None] + np.arange(dim)).ravel()[lift.indices]
     csr = (lift.indptr.astype(PETSc.IntType), columns.astype(PETSc.IntType), lift.data)
-    inverse = PETSc.Mat().createAIJ(operator.getSizes(), csr=csr, comm=operator.comm).transpose(PETSc.Mat())
-    # Points see half the rotation of their own nodes, too, along other directions than the displacements that cause it:
-    # one step of Newton's method for the inverse of B S, S (2 - B S), leaves the square of a small angle.
+    inverse = (
+        PETSc.Mat()
+        .createAIJ(operator.getSizes(), csr=csr, comm=operator.comm)
+        .transpose(PETSc.Mat())
+    )
+    # Points see half the rotation of their own nodes, too, along other directions than the
+    # displacements that cause it: one step of Newton's method for the inverse of B S, S (2 - B S),
+    # leaves the square of a small angle.
     turned = operator.matMult(inverse)
     turned.scale(-1.0)
     turned.shift(2.0)

@@ -1,4 +1,6 @@
-"""Results at the contact points together with where these are: forces and moments in the axes of space."""
+"""Results at the contact points together with where these are: forces and moments in the axes of
+space.
+"""
 
 from __future__ import annotations
 
@@ -24,17 +26,22 @@ class ContactState(PointState):
     @classmethod
     def of(cls, state: PointState, boundary: ContactBoundary) -> ContactState:
         """A state at the points of a boundary."""
-        return cls(**{field.name: getattr(state, field.name) for field in fields(state)}, boundary=boundary)
+        return cls(
+            **{field.name: getattr(state, field.name) for field in fields(state)}, boundary=boundary
+        )
 
     @cached_property
     def forces(self) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-        """Resultants that the foundation exerts on the body: contact force, friction force, shape (d,); collective."""
+        """Resultants that the foundation exerts on the body: contact force, friction force, shape
+        (d,); collective.
+        """
         contact, friction = self.forces_of_each.sum(axis=0)
         return contact, friction
 
     @cached_property
     def forces_of_each(self) -> npt.NDArray[np.float64]:
-        """``forces`` of each contact boundary, in the order of the scene, shape (boundaries, 2, d); collective.
+        """``forces`` of each contact boundary, in the order of the scene, shape (boundaries, 2, d);
+        collective.
 
         Between bodies each is on the body that has the contact points, and their sum on none.
         """
@@ -47,40 +54,52 @@ class ContactState(PointState):
     @property
     def _forces(self) -> npt.NDArray[np.float64]:
         """Contact force and friction force on the body at each point, shape (n, 2, d)."""
-        boundary, none_n, none_t = self.boundary, np.zeros_like(self.pressure), np.zeros_like(self.shear)
+        boundary, none_n, none_t = (
+            self.boundary,
+            np.zeros_like(self.pressure),
+            np.zeros_like(self.shear),
+        )
         tractions = (self.pressure, none_t), (none_n, self.shear)
         return -np.stack([boundary.nodal_forces(*traction) for traction in tractions], axis=1)
 
     @cached_property
     def moments(self) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-        """Moments of ``forces`` about the origin, in 3D only, shape (3,); of a section those about the axis x[1], as
-        others cancel over a revolution; collective.
+        """Moments of ``forces`` about the origin, in 3D only, shape (3,); of a section those about
+        the axis x[1], as others cancel over a revolution; collective.
         """
         boundary = self.boundary
         about_origin = np.cross(boundary.centre[:, None], self._forces).sum(axis=0)
-        contact, friction = boundary.kinematics.unbalanced[3:] * parallel.global_sum(boundary.comm, about_origin)
+        contact, friction = boundary.kinematics.unbalanced[3:] * parallel.global_sum(
+            boundary.comm, about_origin
+        )
         return contact, friction
 
     @property
     def mean_tangential_displacement(self) -> float | Array:
-        """Mean of tau_T y over the contact boundary, length: along the tangent; in 3D a vector, shape (3,);
-        collective.
+        """Mean of tau_T y over the contact boundary, length: along the tangent; in 3D a vector,
+        shape (3,); collective.
         """
         return self.mean_tangential_displacements[0]
 
     @cached_property
     def mean_tangential_displacements(self) -> list[float | Array]:
-        """Of all contact boundaries together, and of each, in the order of the scene; collective."""
+        """Of all contact boundaries together, and of each, in the order of the scene;
+        collective.
+        """
         boundary, along = self.boundary, self.displaced(self.u_t)
         sums = np.zeros((len(self.forces_of_each), along.shape[1] + 1))
-        np.add.at(sums, boundary.part, boundary.weight[:, None] * np.column_stack((along, np.ones(len(along)))))
+        np.add.at(
+            sums,
+            boundary.part,
+            boundary.weight[:, None] * np.column_stack((along, np.ones(len(along)))),
+        )
         total = parallel.global_sum(boundary.comm, sums)
         means = [mean[:-1] / mean[-1] for mean in (total.sum(axis=0), *total)]
         return [float(mean[0]) if mean.size == 1 else mean for mean in means]
 
     def tangential(self, vectors: Array) -> Array:
-        """Shears, shape (n, d - 1), as in tables: in 2D along the tangent, in 3D as vectors, shape (n, 3), which do not
-        depend on the choice of tangents.
+        """Shears, shape (n, d - 1), as in tables: in 2D along the tangent, in 3D as vectors, shape
+        (n, 3), which do not depend on the choice of tangents.
         """
         if vectors.shape[1] == 1:
             return vectors
@@ -88,4 +107,8 @@ class ContactState(PointState):
 
     def displaced(self, vectors: Array) -> Array:
         """The same for tangential displacements and slips."""
-        return vectors if vectors.shape[1] == 1 else np.einsum("ijk,ik->ij", self.boundary.cotangents, vectors)
+        return (
+            vectors
+            if vectors.shape[1] == 1
+            else np.einsum("ijk,ik->ij", self.boundary.cotangents, vectors)
+        )

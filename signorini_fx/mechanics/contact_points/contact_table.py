@@ -1,4 +1,6 @@
-"""The contact boundary as a table: nodes of all ranks in a fixed order, and in 2D the zones on it."""
+"""The contact boundary as a table: nodes of all ranks in a fixed order, and in 2D the zones on
+it.
+"""
 
 from __future__ import annotations
 
@@ -24,17 +26,20 @@ class ContactTable:
     """The contact boundary as a table, gathered from all ranks, nodes in order along each boundary.
 
     Attributes:
-        columns: name -> one entry per node.  ``state`` is open, stick, slip+ or slip-, in 3D open, stick or slip;
-            ``friction`` is the same without open, or none where the bound is 0, whether or not the node is in contact
-            (Tresca friction acts on open nodes too).  ``u_t``, ``shear`` and ``slip`` are along the tangent; in 3D,
-            and of a section in 3D, they are lengths of vectors, whose components follow as ``u_t_x`` and so
-            on.  Where two bodies are in contact, ``against`` names the other boundary.
-        chains: the connected pieces of the boundary, as ranges of rows; in 3D none.  The column ``to_next`` has the
-            distance to the next node along a piece; at the last node it is positive where the piece is closed.
-        nodes: position of the boundary in ``statement.contact`` and global number of the node, shape (rows, 2); None
-            for a table that belongs to no mesh.
-        facets: in 3D the rows at the nodes of each facet, as basix has them, facets in the order of the ranks, -1
-            for nodes that are no contact nodes, shape (facets, nodes of a facet); None in 2D.
+        columns: name -> one entry per node.  ``state`` is open, stick, slip+ or slip-, in 3D open,
+            stick or slip; ``friction`` is the same without open, or none where the bound is 0,
+            whether or not the node is in contact (Tresca friction acts on open nodes too).
+            ``u_t``, ``shear`` and ``slip`` are along the tangent; in 3D, and of a section in 3D,
+            they are lengths of vectors, whose components follow as ``u_t_x`` and so on.  Where two
+            bodies are in contact, ``against`` names the other boundary.
+        chains: the connected pieces of the boundary, as ranges of rows; in 3D none.  The column
+            ``to_next`` has the distance to the next node along a piece; at the last node it is
+            positive where the piece is closed.
+        nodes: position of the boundary in ``statement.contact`` and global number of the node,
+            shape (rows, 2); None for a table that belongs to no mesh.
+        facets: in 3D the rows at the nodes of each facet, as basix has them, facets in the order of
+            the ranks, -1 for nodes that are no contact nodes, shape (facets, nodes of a facet);
+            None in 2D.
     """
 
     columns: dict[str, npt.NDArray[Any]]
@@ -50,8 +55,17 @@ class ContactTable:
         x = [self.columns[axis] for axis in "xyz" if axis in self.columns]
         extent = max((float(np.ptp(column)) for column in x if column.size), default=0.0)
         first = {name: column[:_SHOWN_ROWS].tolist() for name, column in self.columns.items()}
-        rows = list(zip(*(clean(c, extent) if name in "xyz" else c for name, c in first.items()), strict=True))
-        return html_table(tuple(self.columns), rows, f"{len(self.columns['x'])} contact nodes, the first {len(rows)}")
+        rows = list(
+            zip(
+                *(clean(c, extent) if name in "xyz" else c for name, c in first.items()),
+                strict=True,
+            )
+        )
+        return html_table(
+            tuple(self.columns),
+            rows,
+            f"{len(self.columns['x'])} contact nodes, the first {len(rows)}",
+        )
 
     @property
     def touching(self) -> int:
@@ -63,7 +77,10 @@ class ContactTable:
         """The rows along each connected piece; at the end of a closed one its first row again."""
         to_next = self.columns.get("to_next")
         closed = [to_next is not None and to_next[piece.stop - 1] > 0 for piece in self.chains]
-        return [np.array([*c, *c[:1]] if loop else c) for c, loop in zip(self.chains, closed, strict=True)]
+        return [
+            np.array([*c, *c[:1]] if loop else c)
+            for c, loop in zip(self.chains, closed, strict=True)
+        ]
 
     def arc(self, path: npt.NDArray[np.int64]) -> npt.NDArray[np.float64]:
         """Arc length at the rows of one of ``paths``, from its first row."""
@@ -72,8 +89,11 @@ class ContactTable:
             s[-1] = s[-2] + self.columns["to_next"][path[-2]]
         return s
 
-    def unrolled(self, path: npt.NDArray[np.int64]) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.float64], slice]:
-        """Rows and arc length along one of ``paths``, and which of the intervals between them are its own.
+    def unrolled(
+        self, path: npt.NDArray[np.int64]
+    ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.float64], slice]:
+        """Rows and arc length along one of ``paths``, and which of the intervals between them are
+        its own.
 
         A closed path goes round three times, so that the round in the middle has no ends.
         """
@@ -86,7 +106,8 @@ class ContactTable:
     def zones(self, mask: npt.NDArray[np.bool_]) -> list[list[list[float]]]:
         """Runs of neighbouring nodes where ``mask`` holds, each as [first point, last point].
 
-        A run across the first row of a closed piece is one; one all around goes from the first row to the last.
+        A run across the first row of a closed piece is one; one all around goes from the first row
+        to the last.
         """
         places, zones = np.column_stack((self.columns["x"], self.columns["y"])), []
         for path in self.paths:
@@ -95,7 +116,10 @@ class ContactTable:
             first, last = rows[np.flatnonzero(enters == 1)], rows[np.flatnonzero(enters == -1) - 1]
             if is_closed(path) and len(first) > 1 and mask[rows[0]] and mask[rows[-1]]:
                 first, last = first[1:], np.append(last[1:-1], last[0])
-            zones += [[places[start].tolist(), places[end].tolist()] for start, end in zip(first, last, strict=True)]
+            zones += [
+                [places[start].tolist(), places[end].tolist()]
+                for start, end in zip(first, last, strict=True)
+            ]
         return zones
 
 
@@ -107,7 +131,8 @@ def is_closed(path: npt.NDArray[np.int64]) -> bool:
 def contact_table(
     contact: ContactState, names: Sequence[str], against: Sequence[str | None] | None = None
 ) -> ContactTable:
-    """Gather the contact nodes of all ranks and put them in order; the same on every rank, and on any number of ranks.
+    """Gather the contact nodes of all ranks and put them in order; the same on every rank, and on
+    any number of ranks.
 
     In 2D the order is that along the boundary, on a surface that of the coordinates.
 
@@ -118,7 +143,9 @@ def contact_table(
     """
     boundary = contact.boundary
     dim = boundary.x.shape[1] - boundary.kinematics.out_of_section
-    numbers = parallel.gather_rows(boundary.comm, np.column_stack((boundary.part, boundary.global_nodes)))
+    numbers = parallel.gather_rows(
+        boundary.comm, np.column_stack((boundary.part, boundary.global_nodes))
+    )
     values = {
         "x": boundary.x[:, :dim],
         "n": boundary.normal[:, :dim],
@@ -144,7 +171,9 @@ def contact_table(
         facets = _rows_of(numbers[order], segments)
     part = numbers[order, 0]
     of = dict(zip(values, np.split(rows[order], np.cumsum(widths)[:-1], axis=1), strict=True))
-    slipping = np.array(["slip-", "stick", "slip+"] if boundary.x.shape[1] == 2 else ["", "stick", "slip"])
+    slipping = np.array(
+        ["slip-", "stick", "slip+"] if boundary.x.shape[1] == 2 else ["", "stick", "slip"]
+    )
     state = slipping[of["side"][:, 0].astype(int) + 1]
     columns: dict[str, npt.NDArray[Any]] = {
         **dict(zip("xyz", of["x"].T, strict=False)),
@@ -158,7 +187,11 @@ def contact_table(
         "friction": np.where(of["bound"][:, 0] > 0, state, "none"),
         **_components("slip", of["slip"]),
         "boundary": np.array(names)[part.astype(int)],
-        **({} if against is None else {"against": np.array([body or "" for body in against])[part.astype(int)]}),
+        **(
+            {}
+            if against is None
+            else {"against": np.array([body or "" for body in against])[part.astype(int)]}
+        ),
         **(_along(of["x"], pieces, closed) if dim == 2 else {}),
         **dict(zip(("n_x", "n_y", "n_z"), of["n"].T, strict=False)),
         **_components("weight", of["weight"]),
@@ -167,7 +200,9 @@ def contact_table(
 
 
 def _in_line(x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """Positions relative to their extent, shape (n, d), rounded: else round-off would order points in line."""
+    """Positions relative to their extent, shape (n, d), rounded: else round-off would order points
+    in line.
+    """
     extent = float(np.ptp(x, axis=0).max()) if len(x) > 1 else 0.0
     return np.asarray(np.round(x / extent, 9)) if extent > 0 else np.zeros_like(x)
 
@@ -175,9 +210,13 @@ def _in_line(x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
 def _chains(
     numbers: npt.NDArray[np.int64], segments: npt.NDArray[np.int64], x: npt.NDArray[np.float64]
 ) -> tuple[list[range], npt.NDArray[np.int64], list[bool]]:
-    """Connected pieces, their nodes in order, and whether each is closed, whatever the numbers of nodes and ranks."""
+    """Connected pieces, their nodes in order, and whether each is closed, whatever the numbers of
+    nodes and ranks.
+    """
     keys: Any = [*zip(numbers.T[0], *_in_line(x).T, strict=True)]
-    row_of = {(int(part), int(node)): row for row, (part, node) in enumerate(zip(*numbers.T, strict=True))}
+    row_of = {
+        (int(part), int(node)): row for row, (part, node) in enumerate(zip(*numbers.T, strict=True))
+    }
     neighbours: list[list[int]] = [[] for _ in keys]
     for part, *nodes in segments:
         path = [row_of[number] for node in nodes if (number := (int(part), int(node))) in row_of]
@@ -185,13 +224,21 @@ def _chains(
             neighbours[a].append(b)
             neighbours[b].append(a)
     rows = sorted(range(len(keys)), key=keys.__getitem__)
-    ends, seen, paths = [row for row in rows if len(neighbours[row]) <= 1], set[int](), list[list[int]]()
+    ends, seen, paths = (
+        [row for row in rows if len(neighbours[row]) <= 1],
+        set[int](),
+        list[list[int]](),
+    )
     for start in [*ends, *rows]:
         path, row = list[int](), None if start in seen else start
         while row is not None:
             path.append(row)
             seen.add(row)
-            row = min((near for near in neighbours[row] if near not in seen), key=keys.__getitem__, default=None)
+            row = min(
+                (near for near in neighbours[row] if near not in seen),
+                key=keys.__getitem__,
+                default=None,
+            )
         paths += [path] if path else []
     paths.sort(key=lambda path: keys[path[0]])
     closed = [len(path) > 2 and path[0] in neighbours[path[-1]] for path in paths]
@@ -199,10 +246,17 @@ def _chains(
     return [range(a, b) for a, b in limits], np.array([*chain(*paths)], dtype=np.int64), closed
 
 
-def _rows_of(numbers: npt.NDArray[np.int64], segments: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
-    """``ContactTable.facets`` from the part and the global number of each row and ``ContactBoundary.segments``."""
+def _rows_of(
+    numbers: npt.NDArray[np.int64], segments: npt.NDArray[np.int64]
+) -> npt.NDArray[np.int64]:
+    """``ContactTable.facets`` from the part and the global number of each row and
+    ``ContactBoundary.segments``.
+    """
     base = int(segments[:, 1:].max(initial=0)) + 1
-    row_keys, wanted = numbers[:, 0] * base + numbers[:, 1], segments[:, :1] * base + segments[:, 1:]
+    row_keys, wanted = (
+        numbers[:, 0] * base + numbers[:, 1],
+        segments[:, :1] * base + segments[:, 1:],
+    )
     order = np.argsort(row_keys)
     rows = order[np.minimum(np.searchsorted(row_keys[order], wanted), row_keys.size - 1)]
     return np.where(row_keys[rows] == wanted, rows, -1)
@@ -212,11 +266,18 @@ def _components(name: str, vectors: npt.NDArray[np.float64]) -> dict[str, npt.ND
     """Values as columns: themselves; of tangential vectors in 3D their lengths and components."""
     if vectors.shape[1] == 1:
         return {name: vectors[:, 0]}
-    return {name: length(vectors), **{f"{name}_{axis}": vectors[:, k] for k, axis in enumerate("xyz")}}
+    return {
+        name: length(vectors),
+        **{f"{name}_{axis}": vectors[:, k] for k, axis in enumerate("xyz")},
+    }
 
 
-def _along(x: npt.NDArray[np.float64], pieces: list[range], closed: list[bool]) -> dict[str, npt.NDArray[np.float64]]:
-    """Arc length along each connected piece, from its beginning, and the distance from each node to the next one."""
+def _along(
+    x: npt.NDArray[np.float64], pieces: list[range], closed: list[bool]
+) -> dict[str, npt.NDArray[np.float64]]:
+    """Arc length along each connected piece, from its beginning, and the distance from each node to
+    the next one.
+    """
     along, to_next = np.zeros(len(x)), np.zeros(len(x))
     for piece, loop in zip(pieces, closed, strict=True):
         rows = slice(piece.start, piece.stop)

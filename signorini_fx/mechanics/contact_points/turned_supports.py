@@ -1,9 +1,10 @@
-"""Supports along no axis: nodes turned into a frame in which what is prescribed there is a component.
+"""Supports along no axis: nodes turned into a frame in which what is prescribed there is a
+component.
 
-A boundary that is flat, but across no axis, prescribes n . y = g at its nodes, and other supports may prescribe more
-there.  With an orthonormal frame Q_i at each such node, y_i = Q_i x_i, the first components of x_i are prescribed and
-the others free; so the unknowns of the whole body are x with y = Q x, A = Q^T K Q and b = Q^T f, in which supports are
-eliminated as they are along axes.
+A boundary that is flat, but across no axis, prescribes n . y = g at its nodes, and other supports
+may prescribe more there.  With an orthonormal frame Q_i at each such node, y_i = Q_i x_i, the first
+components of x_i are prescribed and the others free; so the unknowns of the whole body are x with y
+= Q x, A = Q^T K Q and b = Q^T f, in which supports are eliminated as they are along axes.
 """
 
 from __future__ import annotations
@@ -23,9 +24,9 @@ _Floats = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class SkewSupport:
-    """A normal displacement on a flat boundary across no axis: its effect, and the position of that in
-    ``scene.displacement``, m nodes, local numbers, ghosts included, the outward unit normal, shape (d,), and n . y at
-    the nodes, length, shape (m,).
+    """A normal displacement on a flat boundary across no axis: its effect, and the position of that
+    in ``scene.displacement``, m nodes, local numbers, ghosts included, the outward unit normal,
+    shape (d,), and n . y at the nodes, length, shape (m,).
     """
 
     effect: PrescribedDisplacement
@@ -43,8 +44,8 @@ class TurnedNodes:
         nodes: local numbers, shape (m,), in order.
         frames: Q_i, one direction per column, shape (m, d, d).
         fixed: which components in the frame are prescribed, shape (m, d).
-        from_given: from what the supports prescribe to y_i, shape (m, d, d + s): the components along the axes, then
-            along the normals of the s skew supports.
+        from_given: from what the supports prescribe to y_i, shape (m, d, d + s): the components
+            along the axes, then along the normals of the s skew supports.
         supports: the skew supports, s of them.
     """
 
@@ -57,12 +58,14 @@ class TurnedNodes:
     @classmethod
     def of(cls, supports: Sequence[SkewSupport], axes: npt.NDArray[np.int64]) -> TurnedNodes:
         """The frames of all nodes with skew supports, of which there is one; ``axes``: position in
-        ``scene.displacement`` of the support that prescribes each component, -1 where none does, ghosts included, shape
-        (nodes, d).
+        ``scene.displacement`` of the support that prescribes each component, -1 where none does,
+        ghosts included, shape (nodes, d).
         """
         dim = axes.shape[1]
         nodes = np.unique(np.concatenate([support.nodes for support in supports]))
-        skew = (np.where(np.isin(nodes, support.nodes), support.position, -1) for support in supports)
+        skew = (
+            np.where(np.isin(nodes, support.nodes), support.position, -1) for support in supports
+        )
         directions = np.vstack((np.eye(dim), *(support.normal for support in supports)))
         frames, fixed = np.empty((nodes.size, dim, dim)), np.zeros((nodes.size, dim), dtype=bool)
         from_given = np.zeros((nodes.size, dim, len(directions)))
@@ -74,8 +77,8 @@ class TurnedNodes:
         return cls(nodes.astype(np.int32), frames, fixed, from_given, supports)
 
     def place(self, y: _Floats, active: Sequence[Any]) -> None:
-        """Put what the active effects prescribe into nodal displacements, shape (nodes, d), which have what supports
-        along the axes prescribe.
+        """Put what the active effects prescribe into nodal displacements, shape (nodes, d), which
+        have what supports along the axes prescribe.
         """
         given = np.zeros((len(y), y.shape[1] + len(self.supports)))
         given[:, : y.shape[1]] = y
@@ -93,7 +96,9 @@ class TurnedNodes:
 
 
 def _frame(directions: _Floats, prescribes: npt.NDArray[np.int64]) -> tuple[_Floats, int, _Floats]:
-    """The frame of a node, how many components are prescribed, and its motion: later supports apply before earlier."""
+    """The frame of a node, how many components are prescribed, and its motion: later supports apply
+    before earlier.
+    """
     identity, free = np.eye(len(directions)), np.eye(directions.shape[1])
     matrix = np.zeros(directions.T.shape)
     held = free[:, :0]
@@ -105,7 +110,9 @@ def _frame(directions: _Floats, prescribes: npt.NDArray[np.int64]) -> tuple[_Flo
         count = int(np.count_nonzero(size > ROOT_OF_EPS))
         added, free = free @ along[:count].T, free @ along[count:].T
         matrix += added @ (
-            left_vectors[:, :count].T @ (identity[selected] - directions[selected] @ matrix) / size[:count, None]
+            left_vectors[:, :count].T
+            @ (identity[selected] - directions[selected] @ matrix)
+            / size[:count, None]
         )
         held = np.hstack((held, added))
     return np.hstack((held, free)), held.shape[1], matrix

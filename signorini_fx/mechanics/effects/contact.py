@@ -1,4 +1,6 @@
-"""Contact with a rigid foundation or another body, and its friction by the laws of ``laws`` or of other packages."""
+"""Contact with a rigid foundation or another body, and its friction by the laws of ``laws`` or of
+other packages.
+"""
 
 from __future__ import annotations
 
@@ -37,8 +39,8 @@ OneLaw = Annotated[NoFriction | Tresca | Coulomb, Discriminator("law"), WrapVali
 
 
 class Overclosure(Table):
-    """How far contact gives way: pressure = stiffness times overclosure, the length by which one side has entered the
-    other.
+    """How far contact gives way: pressure = stiffness times overclosure, the length by which one
+    side has entered the other.
 
     Attributes:
         law: its name.
@@ -50,29 +52,37 @@ class Overclosure(Table):
 
 
 class Contact(Effect):
-    """Contact of a boundary with a rigid foundation, or with a boundary of another body, whose meshes need not match.
+    """Contact of a boundary with a rigid foundation, or with a boundary of another body, whose
+    meshes need not match.
 
     Attributes:
         boundary: name of the boundary where contact may occur.
-        against: name of the boundary of another body that it may touch; None: the foundation is rigid.
-        points: which of both carries the contact points; ``auto``: that of the softer body, or of the finer mesh, see
-            ``obstacles.scene_contact``.
-        distance: between two bodies, to which ``gap`` is added: ``geometry``, as the meshes lie; ``nominal``: zero.
-        adjust: between two bodies, the distance of the meshes, length, that counts as zero, as do all that are smaller,
-            overlaps included; None: none does.
-        sliding: between nonlinear bodies: ``finite``: points follow the other side wherever it is; ``small``: they keep
+        against: name of the boundary of another body that it may touch; None: the foundation is
+            rigid.
+        points: which of both carries the contact points; ``auto``: that of the softer body, or of
+            the finer mesh, see ``obstacles.scene_contact``.
+        distance: between two bodies, to which ``gap`` is added: ``geometry``, as the meshes lie;
+        ``nominal``: zero.
+        adjust: between two bodies, the distance of the meshes, length, that counts as zero, as do
+            all that are smaller, overlaps included; None: none does.
+        sliding: between nonlinear bodies: ``finite``: points follow the other side wherever it is;
+        ``small``: they keep
             their partners, which is right as long as sides slide by less than a facet.
-        gap: distance d to the foundation along ``direction``, a length; negative: initial penetration; it is added to
-            the distance of a ``foundation``.
-        direction: from the body to the foundation, any length; None: the outward normal of the body.
-        foundation: a shape, whose closest points determine gap and direction, ``statement.rigid_shape``; None: none.
+        gap: distance d to the foundation along ``direction``, a length; negative: initial
+            penetration; it is added to the distance of a ``foundation``.
+        direction: from the body to the foundation, any length; None: the outward normal of the
+            body.
+        foundation: a shape, whose closest points determine gap and direction,
+            ``statement.rigid_shape``; None: none.
         friction: the friction law.
-        contact_size: length of its facets, on both sides, where gmsh makes the mesh; None: as it makes them.
-        kind: ``unilateral``: Signorini contact (1.1d), the boundary may leave the foundation, but not enter it;
-            ``bilateral``: it cannot open, tau_N y = d; ``bonded``: a tie of two bodies, or of a body and a rigid one
-            that forces move: both sides stay together as they lie, wherever the surface of a ``foundation`` is.
-        overclosure: how far unilateral contact gives way under its pressure, ``Overclosure``; None: not at all, but for
-            ``gamma_n``.
+        contact_size: length of its facets, on both sides, where gmsh makes the mesh; None: as it
+            makes them.
+        kind: ``unilateral``: Signorini contact (1.1d), the boundary may leave the foundation, but
+            not enter it; ``bilateral``: it cannot open, tau_N y = d; ``bonded``: a tie of two
+            bodies, or of a body and a rigid one that forces move: both sides stay together as they
+            lie, wherever the surface of a ``foundation`` is.
+        overclosure: how far unilateral contact gives way under its pressure, ``Overclosure``; None:
+            not at all, but for ``gamma_n``.
     """
 
     key: ClassVar[str] = "contact"
@@ -105,7 +115,8 @@ class Contact(Effect):
     vectors: ClassVar[tuple[str, ...]] = ("direction",)
     refuses: ClassVar[Mapping[str, Mapping[str, str]]] = {
         "contact of two bodies": {
-            "local refinement for contact": "contact of two bodies shows its error on the side with the points alone, "
+            "local refinement for contact": "contact of two bodies shows its error on the side "
+            "with the points alone, "
             "so that cells of the other one would not be divided: use 'uniform', or of = 'energy'",
         },
     }
@@ -124,35 +135,66 @@ class Contact(Effect):
         if any(rival.boundary == self.boundary for rival in statement.contact[:number]):
             cure = "describe it in one [[contact]]"
             if self.against is not None:
-                cure = "name it as against, and the others as boundary: several contacts may be against the same one"
+                cure = (
+                    "name it as against, and the others as boundary: several contacts may be "
+                    "against the same one"
+                )
             yield ("contact", number), f"boundary {self.boundary!r} is in contact twice: {cure}"
-        for rival, said in (("against", "the other body"), ("direction", "the direction, that of the closest point")):
+        for rival, said in (
+            ("against", "the other body"),
+            ("direction", "the direction, that of the closest point"),
+        ):
             if self.foundation is not None and getattr(self, rival) is not None:
-                yield ("contact", number, rival), f"foundation already says {said}: leave one of them out"
+                yield (
+                    ("contact", number, rival),
+                    f"foundation already says {said}: leave one of them out",
+                )
         if self.tool is not None:
             yield from _not_with_tools(statement, number)
         if self.overclosure is not None and not self.opens:
-            yield ("contact", number, "overclosure"), f"is for unilateral contact, not for {self.kind!r}"
+            yield (
+                ("contact", number, "overclosure"),
+                f"is for unilateral contact, not for {self.kind!r}",
+            )
         elif self.overclosure is not None and statement.solver.algorithm not in ("auto", "ssn"):
             reason = f"is for 'ssn': {statement.solver.algorithm!r} makes contact harder and harder"
             yield ("contact", number, "overclosure"), reason
         if self.bonded and self.against is None and self.tool is None:
-            reason = "a bond needs the boundary of another body (against), or a foundation that force or moment moves"
+            reason = (
+                "a bond needs the boundary of another body (against), or a foundation that "
+                "force or moment moves"
+            )
             yield ("contact", number), reason
-        stated = [key for key, field in type(self).model_fields.items() if getattr(self, key) != field.default]
+        stated = [
+            key
+            for key, field in type(self).model_fields.items()
+            if getattr(self, key) != field.default
+        ]
         for key in stated:
             if self.bonded and key in ("distance", "adjust", "gap", "friction"):
-                yield ("contact", number, key), "a bond has none: both sides stay together as they lie"
+                yield (
+                    ("contact", number, key),
+                    "a bond has none: both sides stay together as they lie",
+                )
             if self.against is None and key in ("distance", "points", "sliding", "adjust"):
                 yield ("contact", number, key), "is for contact against another boundary"
         if self.against is None:
             return
         if self.against == self.boundary:
-            yield ("contact", number, "against"), "is the boundary itself: two bodies have two boundaries"
+            yield (
+                ("contact", number, "against"),
+                "is the boundary itself: two bodies have two boundaries",
+            )
         if self.adjust is not None and self.distance == "nominal":
-            yield ("contact", number, "adjust"), "closes distances that the meshes have: with 'nominal' there are none"
+            yield (
+                ("contact", number, "adjust"),
+                "closes distances that the meshes have: with 'nominal' there are none",
+            )
         if self.direction is not None:
-            yield ("contact", number, "direction"), "is that of the normal where two bodies touch: leave it out"
+            yield (
+                ("contact", number, "direction"),
+                "is that of the normal where two bodies touch: leave it out",
+            )
 
     @property
     def opens(self) -> bool:
@@ -170,12 +212,16 @@ class Contact(Effect):
         return None if self.bonded else self.foundation
 
     def gap_in(self, dimension: int) -> Any:
-        """The gap in a space of a given dimension: a number, an expression or a callable of the position, length."""
+        """The gap in a space of a given dimension: a number, an expression or a callable of the
+        position, length.
+        """
         return self.gap if self.surface is None else Distance(self.surface, self.gap, dimension)
 
     @property
     def tool(self) -> Any:
-        """Its foundation, if the motion of that is an unknown, see ``statement.rigid_body``; else None."""
+        """Its foundation, if the motion of that is an unknown, see ``statement.rigid_body``; else
+        None.
+        """
         return self.foundation if getattr(self.foundation, "driven", False) else None
 
     @property
@@ -227,5 +273,8 @@ def _not_with_tools(statement: Any, number: int) -> Contradictions:
         if wrong and (reason := statement.kinematics.refuses.get("motion of a tool")):
             yield ("contact", number, "foundation", name), reason
     if any(contact.moves for contact in statement.contact):
-        reason = "shift or rotation with t, here or elsewhere, and force, moment or prescribed: choose one of both"
+        reason = (
+            "shift or rotation with t, here or elsewhere, and force, moment or prescribed: "
+            "choose one of both"
+        )
         yield ("contact", number, "foundation"), reason

@@ -14,22 +14,27 @@ from signorini_fx.mechanics.statement.values import Direction, TimedSampledValue
 
 
 class PrescribedDisplacement(Load):
-    """Displacement prescribed on a boundary or at a point; a component that is not named stays free.
+    """Displacement prescribed on a boundary or at a point; a component that is not named stays
+    free.
 
     Attributes:
         boundary: its name; None: it is prescribed at a point.
         at: the point, which must be a node of the mesh, length.
-        region: of the point: the part of the body whose node is meant; None: there is only one node.
+        region: of the point: the part of the body whose node is meant; None: there is only one
+            node.
         x: component along x[0], length.
         y: component along x[1], length.
-        z: component along x[2], length; only in 3D, and around the axis of a body that turns about it.
+        z: component along x[2], length; only in 3D, and around the axis of a body that turns about
+            it.
         normal: component along the outward normal, length, on a flat boundary (0: symmetry).
-        rotation: angle of a small rotation, radians, which is added to the components that it moves: it prescribes
+        rotation: angle of a small rotation, radians, which is added to the components that it
+        moves: it prescribes
             them, w x (x - c).
         about: a point c of its axis, length; None: the origin.
-        axis: the direction of w, any length; only in 3D; None: x[2]; of a section that turns about its axis
-            this one, (0, 1).
-        holds: whether it holds in each load step; in the others nothing is prescribed; None: in all.
+        axis: the direction of w, any length; only in 3D; None: x[2]; of a section that turns about
+            its axis this one, (0, 1).
+        holds: whether it holds in each load step; in the others nothing is prescribed; None: in
+            all.
         factors: one number per load step; None: 1 in every step.
     """
 
@@ -74,7 +79,9 @@ class PrescribedDisplacement(Load):
         return self._holding
 
     def holds_at(self, step: float) -> bool:
-        """Whether it holds at a place in the lists of factors: on the way to a load step as in that."""
+        """Whether it holds at a place in the lists of factors: on the way to a load step as in
+        that.
+        """
         return self.holds is None or self.holds[max(0, ceil(step))]
 
     def in_step(self, step: float) -> Self:
@@ -101,7 +108,9 @@ class PrescribedDisplacement(Load):
         def moved(component: Any, row: Array) -> Any:
             if not row.any():
                 return component
-            return lambda x: sample(component or 0.0, x) + sample(rotation, x) * (row @ (x - centre[:, None]))
+            return lambda x: (
+                sample(component or 0.0, x) + sample(rotation, x) * (row @ (x - centre[:, None]))
+            )
 
         first, second, third = map(moved, (self.x, self.y, self.z), across)
         return first, second, third
@@ -123,11 +132,20 @@ class PrescribedDisplacement(Load):
         if self.holds is not None:
             path = ("displacement", number, "holds")
             if len(self.holds) != statement.steps:
-                yield path, f"has {len(self.holds)} entries, one for each of {statement.steps} load steps is expected"
+                yield (
+                    path,
+                    f"has {len(self.holds)} entries, one for each of {statement.steps} load steps "
+                    "is expected",
+                )
             elif not statement.contact:
                 yield path, "is for scenes with contact: solve the others step by step"
             elif not any(self.holds):
                 yield path, "is false in all load steps: leave the entry out"
-        touching = self.at is None and any(contact.boundary == self.boundary for contact in statement.contact)
+        touching = self.at is None and any(
+            contact.boundary == self.boundary for contact in statement.contact
+        )
         if touching and (self.normal is not None or None not in self.components):
-            yield ("displacement", number), f"{self.boundary!r} is prescribed, and in contact as well: choose one"
+            yield (
+                ("displacement", number),
+                f"{self.boundary!r} is prescribed, and in contact as well: choose one",
+            )

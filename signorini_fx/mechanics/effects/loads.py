@@ -1,4 +1,6 @@
-"""Loads with a density, changes of temperature, preloads of bolts, and springs: of each its keys, and its form."""
+"""Loads with a density, changes of temperature, preloads of bolts, and springs: of each its keys,
+and its form.
+"""
 
 from __future__ import annotations
 
@@ -48,8 +50,8 @@ class SurfaceTraction(VectorForce):
         x: component along x[0], stress.
         y: component along x[1], stress.
         z: component along x[2], stress; only in 3D.
-        pressure: pressure on the boundary, which acts along the inward normal, stress; at finite strains along that of
-            the deformed boundary, and per deformed area.
+        pressure: pressure on the boundary, which acts along the inward normal, stress; at finite
+            strains along that of the deformed boundary, and per deformed area.
         factors: one number per load step; None: 1 in every step.
     """
 
@@ -61,7 +63,9 @@ class SurfaceTraction(VectorForce):
 
     def density(self, on: Coefficients) -> Any:
         traction = super().density(on)
-        return traction if is_zero(self.pressure) else traction - on.value(self.pressure) * on.normal
+        return (
+            traction if is_zero(self.pressure) else traction - on.value(self.pressure) * on.normal
+        )
 
 
 class TotalForce(VectorForce):
@@ -72,7 +76,8 @@ class TotalForce(VectorForce):
         x: component along x[0], force (in 2D per thickness).
         y: component along x[1], force (in 2D per thickness).
         z: component along x[2], force; only in 3D.
-        spread: to what the force per area is proportional; its integral over the boundary must not be zero.
+        spread: to what the force per area is proportional; its integral over the boundary must not
+            be zero.
         factors: one number per load step; None: 1 in every step.
     """
 
@@ -119,8 +124,8 @@ class Gravity(VectorForce):
 
 
 class Rotation(Force):
-    """Centrifugal force rho omega^2 r of a body that rotates steadily, in the frame that rotates with it; r is the
-    displaced radius where materials know finite strains.
+    """Centrifugal force rho omega^2 r of a body that rotates steadily, in the frame that rotates
+    with it; r is the displaced radius where materials know finite strains.
 
     Attributes:
         speed: angular speed omega, radians / time.
@@ -143,7 +148,9 @@ class Rotation(Force):
             yield ("rotation", number, "axis"), reason
 
     def density(self, on: Coefficients) -> Any:
-        dimension = len(on.position)  # displacements out of a section have one more than its point and axis
+        dimension = len(
+            on.position
+        )  # displacements out of a section have one more than its point and axis
         about, axis = np.zeros(dimension), np.zeros(dimension)
         about[: len(self.about or ())] = self.about or ()
         given = np.array((0.0, 0.0, 1.0) if self.axis is None else self.axis)
@@ -151,11 +158,14 @@ class Rotation(Force):
         axis[: len(unit)] = unit
         arm = on.position - on.vector(tuple(about.tolist()))
         along = sum(component * part for component, part in zip(axis.tolist(), arm, strict=True))
-        return on.density * on.value(self.speed) ** 2 * (arm - along * on.vector(tuple(axis.tolist())))
+        return (
+            on.density * on.value(self.speed) ** 2 * (arm - along * on.vector(tuple(axis.tolist())))
+        )
 
 
 class Fluid(Force):
-    """Pressure of a fluid at rest on a boundary: its weight times the depth below its level, and none above.
+    """Pressure of a fluid at rest on a boundary: its weight times the depth below its level, and
+    none above.
 
     Attributes:
         boundary: its name.
@@ -187,7 +197,10 @@ class Fluid(Force):
         return True
 
     def density(self, on: Coefficients) -> Any:
-        depth = on.value(self.level) - on.position[len(on.position) - 1 if self.up is None else "xyz".index(self.up)]
+        depth = (
+            on.value(self.level)
+            - on.position[len(on.position) - 1 if self.up is None else "xyz".index(self.up)]
+        )
         return -on.value(self.weight) * (depth + abs(depth)) / 2 * on.normal
 
 
@@ -196,8 +209,10 @@ class PointForce(VectorForce):
 
     Attributes:
         at: a point, which must be a node of the mesh, length.
-        region: of the point: the part of the body whose node is meant; None: there is only one node.
-        x: component along x[0], force (in 2D per thickness, of a body of revolution of the whole ring).
+        region: of the point: the part of the body whose node is meant; None: there is only one
+            node.
+        x: component along x[0], force (in 2D per thickness, of a body of revolution of the whole
+            ring).
         y: component along x[1], force (likewise).
         z: component along x[2], force; only in 3D.
         factors: one number per load step; None: 1 in every step.
@@ -205,9 +220,11 @@ class PointForce(VectorForce):
 
     refuses: ClassVar[Mapping[str, Mapping[str, str]]] = {
         "point force": {
-            "accuracy of the energy": "a force at a point does infinite work: take the 'force', 'pressure' or 'zone', "
+            "accuracy of the energy": "a force at a point does infinite work: take the 'force', "
+            "'pressure' or 'zone', "
             "or spread it over a boundary, in [[force]]",
-            "local refinement": "cells at a force at a point would be divided without end: use 'uniform'",
+            "local refinement": "cells at a force at a point would be divided without end: use "
+            "'uniform'",
         }
     }
     nodal: ClassVar[bool] = True
@@ -222,12 +239,13 @@ class PointForce(VectorForce):
 
 
 class TemperatureChange(InitialStrain):
-    """A change of the temperature, by which the body expands in all directions where nothing prevents it.
+    """A change of the temperature, by which the body expands in all directions where nothing
+    prevents it.
 
     Attributes:
         change: since the body was without stress, temperature.
-        file: instead, a .csv with the columns x, y, in 3D z, and change: values at points of the body, between
-            which they are interpolated linearly.
+        file: instead, a .csv with the columns x, y, in 3D z, and change: values at points of the
+            body, between which they are interpolated linearly.
         region: name of the part of the body that it is in; None: all of it.
         factors: one number per load step; None: 1 in every step.
     """
@@ -262,7 +280,8 @@ class TemperatureChange(InitialStrain):
 
 
 class Springs(Resistance):
-    """Springs on a boundary, which pull with the stiffness per area times the displacement, and push as well.
+    """Springs on a boundary, which pull with the stiffness per area times the displacement, and
+    push as well.
 
     Attributes:
         boundary: its name.
@@ -301,19 +320,24 @@ class Springs(Resistance):
 
 
 class Preload(Load):
-    """A section across a bolt, whose two sides are moved towards each other along one direction, and else are joined.
+    """A section across a bolt, whose two sides are moved towards each other along one direction,
+    and else are joined.
 
     In Abaqus and CalculiX it is a ``*PRE-TENSION SECTION``.
 
     Attributes:
-        section: name of facets inside the mesh that cut the bolt through in a plane; None: a plane does.
+        section: name of facets inside the mesh that cut the bolt through in a plane; None: a plane
+            does.
         region: instead: name of the part of the mesh that a plane cuts; None: all of the body.
         point: of that plane, length.
         axis: across that plane, along which the sides move, any length.
         force: tension through the section, force; a number or an expression of the time t.
-        shortening: instead, how far the sides are moved towards each other, length; of the same kinds.
-        locked_after: number of the factors, from 1, after which the length that the force has led to is kept.
-        factors: one number per load step, by which force or shortening are multiplied; None: 1 in every step.
+        shortening: instead, how far the sides are moved towards each other, length; of the same
+            kinds.
+        locked_after: number of the factors, from 1, after which the length that the force has led
+            to is kept.
+        factors: one number per load step, by which force or shortening are multiplied; None: 1 in
+            every step.
     """
 
     value_keys: ClassVar[tuple[str, ...]] = ("force", "shortening")
@@ -335,8 +359,13 @@ class Preload(Load):
     @model_validator(mode="after")
     def _one_of_both(self) -> Self:
         plane = self.point is not None and self.axis is not None
-        if (self.section is None) != plane or (self.section is not None and (self.region or self.point or self.axis)):
-            raise ValueError("give either section, a name of facets inside the mesh, or point and axis of a plane")
+        if (self.section is None) != plane or (
+            self.section is not None and (self.region or self.point or self.axis)
+        ):
+            raise ValueError(
+                "give either section, a name of facets inside the mesh, or point and axis of a "
+                "plane"
+            )
         if (self.force is None) == (self.shortening is None):
             raise ValueError("give either force or shortening")
         if isinstance(self.force, float) and self.force <= 0:
@@ -349,11 +378,18 @@ class Preload(Load):
     def place(self) -> str:
         if self.section is not None:
             return self.section
-        return f"at ({', '.join(f'{x:g}' for x in self.point or ())})" if self.region is None else self.region
+        return (
+            f"at ({', '.join(f'{x:g}' for x in self.point or ())})"
+            if self.region is None
+            else self.region
+        )
 
     @property
     def features(self) -> Features:
-        return (*super().features, *((("shortening by force", ("force",)),) if self.force is not None else ()))
+        return (
+            *super().features,
+            *((("shortening by force", ("force",)),) if self.force is not None else ()),
+        )
 
     def contradictions(self, statement: Any, number: int) -> Contradictions:
         path = ("preload", number)
@@ -365,7 +401,9 @@ class Preload(Load):
             yield (*path, "factors"), "must be positive while the force acts"
 
     def force_at(self, statement: Any, step: float) -> float | None:
-        """The tension that determines its shortening, at a place in the lists of factors; None: that is known."""
+        """The tension that determines its shortening, at a place in the lists of factors; None:
+        that is known.
+        """
         if self.force is None or step > self.locked_after - 1:
             return None
         return self._value_at(statement, step)
@@ -397,19 +435,21 @@ def _without_density(statement: Any, key: str) -> Contradictions:
             yield ("material", number), f"has no density, which {key} needs"
 
 
-# --- values at points, from a table ----------------------------------------------------------------------------------
+# --- values at points, from a table ---------------------------------------------------------------
 
 
 @dataclass(frozen=True)
 class PointValues:
-    """A function of the position from a .csv with the columns x, y, in 3D z, and change; linear between the points,
-    whose triangulation is that of Delaunay.
+    """A function of the position from a .csv with the columns x, y, in 3D z, and change; linear
+    between the points, whose triangulation is that of Delaunay.
     """
 
     file: Path
 
     def __call__(self, x: Array) -> Array:
-        """Values at points of shape (3, n), shape (n,); a ``SceneError`` outside of the hull of those of the file."""
+        """Values at points of shape (3, n), shape (n,); a ``SceneError`` outside of the hull of
+        those of the file.
+        """
         changed = self.file.stat().st_mtime_ns if self.file.is_file() else 0
         middle, function = _read_table(self.file, changed)
         at = x[: middle.size].T
@@ -419,7 +459,9 @@ class PointValues:
             values[outside] = function(middle + (1 - share) * (at[outside] - middle))
         if np.isnan(values).any():
             point = ", ".join(f"{c:g}" for c in at[np.argmax(np.isnan(values))])
-            raise _wrong_file(self.file, f"has no points around ({point}) of the body; check its unit of lengths")
+            raise _wrong_file(
+                self.file, f"has no points around ({point}) of the body; check its unit of lengths"
+            )
         return values
 
 
@@ -448,8 +490,13 @@ def _rows(file: Path) -> tuple[Array, Array]:
     names = table.dtype.names or ()
     axes = [name for name in "xyz" if name in names]
     if axes not in (["x", "y"], ["x", "y", "z"]) or "change" not in names:
-        raise _wrong_file(file, f"has the columns {', '.join(names)}; it needs x, y, in 3D z, and change")
-    points, values = np.column_stack([table[name] for name in axes]), np.asarray(table["change"], dtype=np.float64)
+        raise _wrong_file(
+            file, f"has the columns {', '.join(names)}; it needs x, y, in 3D z, and change"
+        )
+    points, values = (
+        np.column_stack([table[name] for name in axes]),
+        np.asarray(table["change"], dtype=np.float64),
+    )
     if not (np.isfinite(points).all() and np.isfinite(values).all()):
         raise _wrong_file(file, "has an entry that is not one number, or not a finite one")
     return points, values
@@ -461,12 +508,17 @@ def _distinct(file: Path, points: Array, values: Array) -> tuple[Array, Array]:
 
     near = ROOT_OF_EPS * float(np.linalg.norm(np.ptp(points, axis=0))) if len(points) else 0.0
     earlier, later = cKDTree(points).query_pairs(near, output_type="ndarray").reshape(-1, 2).T
-    unequal = np.abs(values[earlier] - values[later]) > DIGITS_OF_FILES * np.abs(values).max(initial=0.0)
+    unequal = np.abs(values[earlier] - values[later]) > DIGITS_OF_FILES * np.abs(values).max(
+        initial=0.0
+    )
     if unequal.any():
         one, other = earlier[unequal][0], later[unequal][0]
         place = ", ".join(f"{c:g}" for c in points[other])
         both = f"{values[one]:g} and {values[other]:g}"
-        message = f"has several values at one place, {both} at ({place}): give each body a file of its own, with region"
+        message = (
+            f"has several values at one place, {both} at ({place}): give each body a file "
+            "of its own, with region"
+        )
         raise _wrong_file(file, message)
     first = np.setdiff1d(np.arange(len(points)), later)
     return points[first], values[first]

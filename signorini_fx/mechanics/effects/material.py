@@ -1,7 +1,8 @@
-"""What the body is made of: materials by their keys, those of ``materials`` and those of other packages.
+"""What the body is made of: materials by their keys, those of ``materials`` and those of other
+packages.
 
-Linear materials of ``materials`` are known by their keys alone, all others by their law.  A scene imports the files of
-its materials alone.
+Linear materials of ``materials`` are known by their keys alone, all others by their law.  A scene
+imports the files of its materials alone.
 """
 
 from __future__ import annotations
@@ -54,12 +55,16 @@ def read_material(entry: Any) -> Any:
     """A material from a table; itself if it is one."""
     if isinstance(entry, Material):
         return entry
-    return TypeAdapter(_class_of(entry) if isinstance(entry, Mapping) else LinearElastic).validate_python(entry)
+    return TypeAdapter(
+        _class_of(entry) if isinstance(entry, Mapping) else LinearElastic
+    ).validate_python(entry)
 
 
 def every_entry() -> Any:
     """The type of any material of this package, for help and messages: this imports all of them."""
-    return reduce(or_, (_of_file(*place) for place in (_ORTHOTROPIC, *NONLINEAR.values())), LinearElastic)
+    return reduce(
+        or_, (_of_file(*place) for place in (_ORTHOTROPIC, *NONLINEAR.values())), LinearElastic
+    )
 
 
 Entry = Annotated[Any, BeforeValidator(read_material)]

@@ -1,4 +1,5 @@
-"""The materials of a problem on its mesh: moduli in cells, and the elastic law as forms and stresses.
+"""The materials of a problem on its mesh: moduli in cells, and the elastic law as forms and
+stresses.
 
 ``materials`` has each material at a point; ``loads.load_vectors`` decides which law a problem has.
 """

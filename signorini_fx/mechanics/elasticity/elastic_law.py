@@ -1,7 +1,9 @@
-"""The elastic law of a body on its mesh: all that assembles, shows and judges a stress asks it, and knows no kind.
+"""The elastic law of a body on its mesh: all that assembles, shows and judges a stress asks it, and
+knows no kind.
 
-Two laws have the displacement as their only unknown: that of isotropic materials, whose change of volume may be
-integrated with fewer points, and that of others, by the stiffness in each cell.  Another one adds a pressure.
+Two laws have the displacement as their only unknown: that of isotropic materials, whose change of
+volume may be integrated with fewer points, and that of others, by the stiffness in each cell.
+Another one adds a pressure.
 """
 
 from __future__ import annotations
@@ -34,8 +36,8 @@ Interpolation = tuple[fem.Function, fem.Expression]
 
 @dataclass(frozen=True)
 class ElementStress:
-    """The stress of a displacement that the elements work with, as UFL, and what follows from its law: everything that
-    shows or judges a stress takes it from here.
+    """The stress of a displacement that the elements work with, as UFL, and what follows from its
+    law: everything that shows or judges a stress takes it from here.
     """
 
     displacement: fem.Function  # y, whose values may change
@@ -43,14 +45,17 @@ class ElementStress:
     in_space: Any  # shape (3, 3); of the displacement at the time of the last ``refresh``
     compliance: Callable[[Any], Any]  # components tau of a difference of stresses -> C^-1 tau : tau
     modulus: Any  # the largest normal stress per strain, lambda + 2 mu
-    shear_modulus: Any  # mu, the mean one of an orthotropic material; None: the body is not known to be isotropic
+    # mu, the mean one of an orthotropic material; None: the body is not known to be isotropic
+    shear_modulus: Any
     interpolated: Sequence[Interpolation] = ()  # what it does not see of the displacement itself
     # The cells of each part within which the stress has no jumps, local numbers, ghosts included.
     parts: Sequence[npt.NDArray[np.int32]] = ()
     move: Callable[[float], None] = lambda place: None  # takes jumps and initial strains to a place
 
     def refresh(self, step: float) -> None:
-        """Take from the displacement anew what the stress does not see of it, on all cells of this rank, at a place."""
+        """Take from the displacement anew what the stress does not see of it, on all cells of this
+        rank, at a place.
+        """
         self.move(step)
         for function, expression in self.interpolated:
             function.interpolate(expression)
@@ -72,14 +77,16 @@ class ElementStress:
         return ufl.as_vector([self.in_space[pair] for pair in self.kinematics.stressed])
 
     def squared(self, difference: Any, times: Any, dx: Any) -> Any:
-        """The form of C^-1 tau : tau for a difference of stresses, its ``components``, times a factor."""
+        """The form of C^-1 tau : tau for a difference of stresses, its ``components``, times a
+        factor.
+        """
         within = ufl.as_vector([difference[k] for k in range(len(self.kinematics.pairs))])
         return times * self.compliance(within) * self.around * dx
 
 
 def embedding(rotation: PETSc.Mat | None, own: PETSc.Mat, whole: PETSc.Mat) -> PETSc.Mat:
-    """[Q 0], from the unknowns of ``whole``, on each rank those of ``own`` first, to displacements; ``rotation``: Q,
-    from the unknowns of ``own``, None: the identity.
+    """[Q 0], from the unknowns of ``whole``, on each rank those of ``own`` first, to displacements;
+    ``rotation``: Q, from the unknowns of ``own``, None: the identity.
     """
     rows, first = own.getSizes()[0], own.getOwnershipRange()[0]
     if rotation is None:
@@ -87,28 +94,40 @@ def embedding(rotation: PETSc.Mat | None, own: PETSc.Mat, whole: PETSc.Mat) -> P
         columns, values = first + starts[:-1], np.ones(rows[0])
     else:
         rows = rotation.getSizes()[0]
-        starts, columns, values = rotation.getValuesCSR()  # Q turns the nodes of each rank within it
+        starts, columns, values = (
+            rotation.getValuesCSR()
+        )  # Q turns the nodes of each rank within it
     csr = (starts, (columns + whole.getOwnershipRange()[0] - first).astype(PETSc.IntType), values)
     return PETSc.Mat().createAIJ((rows, whole.getSizes()[1]), csr=csr, comm=own.comm)
 
 
 def fields_of(displacement: fem.Function) -> tuple[fem.Function, ...]:
     """A displacement, and the pressure that its law has found with it."""
-    return (displacement, displacement.hydrostatic) if hasattr(displacement, "hydrostatic") else (displacement,)
+    return (
+        (displacement, displacement.hydrostatic)
+        if hasattr(displacement, "hydrostatic")
+        else (displacement,)
+    )
 
 
 @dataclass(frozen=True)
 class SceneLaw:
     """The law of the materials of a scene; its methods are collective."""
 
-    pressed: ClassVar[bool] = False  # whether a pressure is an unknown too, so that the matrix is indefinite
+    pressed: ClassVar[bool] = (
+        False  # whether a pressure is an unknown too, so that the matrix is indefinite
+    )
 
     statement: Statement
     tagged: TaggedMesh
     space: fem.FunctionSpace  # of the displacement
-    lame: tuple[Any, Any]  # Lame parameters as coefficients, of materials that are not isotropic their means
+    lame: tuple[
+        Any, Any
+    ]  # Lame parameters as coefficients, of materials that are not isotropic their means
     stiffness: CellwiseStiffness | None = None  # where a material is not isotropic; None: all are
-    reduced: int | None = None  # quadrature degree of the volumetric term where it is reduced, else None
+    reduced: int | None = (
+        None  # quadrature degree of the volumetric term where it is reduced, else None
+    )
 
     @property
     def kinematics(self) -> Kinematics:
@@ -130,17 +149,21 @@ class SceneLaw:
         return self.kinematics.uniform_strain
 
     def parts(self, strain: Any) -> list[tuple[Any, int | None]]:
-        """The stress of a strain, UFL, both of shape (3, 3), as a sum: each part with the quadrature degree of its work
-        where it is reduced, else None.
+        """The stress of a strain, UFL, both of shape (3, 3), as a sum: each part with the
+        quadrature degree of its work where it is reduced, else None.
         """
         raise NotImplementedError
 
     def stress(self, y: fem.Function, moved: Any, initial: Any) -> ElementStress:
-        """The stress of a displacement, which jumps have ``moved``, with initial strains, None without any, UFL."""
+        """The stress of a displacement, which jumps have ``moved``, with initial strains, None
+        without any, UFL.
+        """
         raise NotImplementedError
 
     def elastic(self, y: Any, initial: Any, *, on_axis: bool = False) -> Any:
-        """The strain of a displacement, None: zero, without the initial one, None: zero, UFL, shape (3, 3)."""
+        """The strain of a displacement, None: zero, without the initial one, None: zero, UFL, shape
+        (3, 3).
+        """
         strain = ufl.zero(3, 3) if y is None else self.kinematics.strain(y, on_axis=on_axis)
         return strain if initial is None else strain - initial * self.uniform_strain
 
@@ -163,30 +186,45 @@ class SceneLaw:
         return self.terms(y if moved is None else moved, z)
 
     def initial_terms(self, z: Any, jump: Any, strain: Any, degree: int) -> list[Any]:
-        """That of the stress that initial strains and jumps of the displacement cause where they are prevented, as a
-        load; ``degree``: of the quadrature of the strains; None: there are none.
+        """That of the stress that initial strains and jumps of the displacement cause where they
+        are prevented, as a load; ``degree``: of the quadrature of the strains; None: there are
+        none.
         """
         free = () if strain is None else self.strain_terms(z, strain, degree)
         return [*free, *(() if jump is None else (-term for term in self.terms(jump, z)))]
 
     def prevented_terms(self, y: fem.Function, jump: Any, strain: Any, degree: int) -> list[Any]:
-        """The energy of that stress: what is missing in that of ``force_terms`` on y less their load."""
+        """The energy of that stress: what is missing in that of ``force_terms`` on y less their
+        load.
+        """
         prevented = self.elastic(jump, strain)
-        return [*self._work(prevented, prevented / 2, degree if jump is None else max(degree, self.degree))]
+        return [
+            *self._work(
+                prevented, prevented / 2, degree if jump is None else max(degree, self.degree)
+            )
+        ]
 
     def dilation_terms(self, y: fem.Function, jump: Any, strain: Any, degree: int) -> list[Any]:
-        """The residual of the law of a pressure, tested with its functions, and at last the integrals of these."""
+        """The residual of the law of a pressure, tested with its functions, and at last the
+        integrals of these.
+        """
         raise NotImplementedError
 
     def _work(self, strain: Any, tested: Any, degree: int) -> tuple[Any, ...]:
         """The work of the stress of a strain on another one."""
         parts = self.parts(strain)
-        return tuple(self._integral(ufl.inner(part, tested), reduced or degree) for part, reduced in parts)
+        return tuple(
+            self._integral(ufl.inner(part, tested), reduced or degree) for part, reduced in parts
+        )
 
     def _integral(self, density: Any, degree: int) -> Any:
         """Over the body, with a quadrature of this degree."""
         around = self.kinematics.measure(ufl.SpatialCoordinate(self.tagged.mesh))
-        return density * around * ufl.dx(domain=self.tagged.mesh, metadata={"quadrature_degree": degree})
+        return (
+            density
+            * around
+            * ufl.dx(domain=self.tagged.mesh, metadata={"quadrature_degree": degree})
+        )
 
     def compiled(self, space: fem.FunctionSpace) -> tuple[fem.Form, ...]:
         """The terms of a(., .)."""
@@ -194,7 +232,8 @@ class SceneLaw:
         return tuple(stiffness_form(term, space.mesh.topology.dim) for term in terms)
 
     def assembled(self, forms: Sequence[fem.Form], owned: int) -> tuple[_Floats, _Floats | None]:
-        """Compiled terms of an initial strain or a jump at the owned unknowns of the displacement, and of the pressure,
+        """Compiled terms of an initial strain or a jump at the owned unknowns of the displacement,
+        and of the pressure,
         None: there is none.
         """
         return sum((assemble(form) for form in forms), np.zeros(owned)), None
@@ -202,27 +241,35 @@ class SceneLaw:
 
 @dataclass(frozen=True)
 class IsotropicLaw(SceneLaw):
-    """Sigma = 2 mu epsilon + lambda theta I, with the volumetric strain theta as the stiffness sees it.
+    """Sigma = 2 mu epsilon + lambda theta I, with the volumetric strain theta as the stiffness sees
+    it.
 
-    Both strains are without the initial one, and with the jumps across sections.  Without reduced integration theta is
-    tr(epsilon).  A reduced volumetric term sees tr(epsilon) at the points of its rule only.  Between them it may have
-    any value, and lambda times it is any multiple of the true stress if Poisson's ratio is near 1/2.  There theta is
-    interpolated between these points: constant in a cell with one point, bilinear or trilinear with two along each
-    axis.  This is the pressure of the method with two fields that reduced integration is equivalent to (Malkus and
+    Both strains are without the initial one, and with the jumps across sections.  Without reduced
+    integration theta is tr(epsilon).  A reduced volumetric term sees tr(epsilon) at the points of
+    its rule only.  Between them it may have any value, and lambda times it is any multiple of the
+    true stress if Poisson's ratio is near 1/2.  There theta is interpolated between these points:
+    constant in a cell with one point, bilinear or trilinear with two along each axis.  This is the
+    pressure of the method with two fields that reduced integration is equivalent to (Malkus and
     Hughes, Comput. Methods Appl. Mech. Engrg. 15 (1978) 63-81).
     """
 
     def parts(self, strain: Any) -> list[tuple[Any, int | None]]:
         (lame, mu), apart = self.lame, self.reduced
         mean = lame * ufl.tr(strain) * self.uniform_strain
-        return [(mean + 2 * mu * strain, None)] if apart is None else [(2 * mu * strain, None), (mean, apart)]
+        return (
+            [(mean + 2 * mu * strain, None)]
+            if apart is None
+            else [(2 * mu * strain, None), (mean, apart)]
+        )
 
     def stress(self, y: fem.Function, moved: Any, initial: Any) -> ElementStress:
         (lame, mu), kinematics, mesh = self.lame, self.kinematics, self.tagged.mesh
         strain = self.elastic(moved, initial, on_axis=True)
         theta, interpolated = ufl.tr(strain), []
         if self.reduced is not None:
-            at_points = fem.functionspace(mesh, element_at_points(mesh.topology.cell_name(), self.reduced))
+            at_points = fem.functionspace(
+                mesh, element_at_points(mesh.topology.cell_name(), self.reduced)
+            )
             with compiling():
                 points = compat.interpolation_points(at_points.element)
                 expression = fem.Expression(theta, points, dtype=default_scalar_type)
@@ -249,8 +296,14 @@ class CellwiseLaw(SceneLaw):
 
     def _tensor(self, values: Any) -> Any:
         """A tensor from its components, UFL, shape (3, 3)."""
-        at = {pair: k for k, (i, j) in enumerate(self.kinematics.stressed) for pair in ((i, j), (j, i))}
-        return ufl.as_tensor([[values[at[i, j]] if (i, j) in at else 0 for j in range(3)] for i in range(3)])
+        at = {
+            pair: k
+            for k, (i, j) in enumerate(self.kinematics.stressed)
+            for pair in ((i, j), (j, i))
+        }
+        return ufl.as_tensor(
+            [[values[at[i, j]] if (i, j) in at else 0 for j in range(3)] for i in range(3)]
+        )
 
     def stress(self, y: fem.Function, moved: Any, initial: Any) -> ElementStress:
         ((sigma, _),) = self.parts(self.elastic(moved, initial, on_axis=True))
@@ -262,9 +315,9 @@ class CellwiseLaw(SceneLaw):
 def cellwise_stress(
     y: fem.Function, kinematics: Kinematics, sigma: Any, moduli: _Floats, shear_modulus: Any
 ) -> ElementStress:
-    """That of a stress in 3D with moduli which are constant in each cell: components of the stress, see
-    ``Kinematics.pairs``, over those of the strain, of shear twice epsilon_ij, shape (cells, m, m); a LinAlgError on all
-    ranks where some strain has no stress; collective.
+    """That of a stress in 3D with moduli which are constant in each cell: components of the stress,
+    see ``Kinematics.pairs``, over those of the strain, of shear twice epsilon_ij, shape (cells, m,
+    m); a LinAlgError on all ranks where some strain has no stress; collective.
     """
     mesh, dim, m = y.function_space.mesh, y.function_space.mesh.geometry.dim, moduli.shape[2]
     inverse, error = moduli, None
@@ -278,17 +331,25 @@ def cellwise_stress(
     flexibility = fem.Function(fem.functionspace(mesh, ("DG", 0, (m, m))))
     flexibility.x.array[:] = inverse.ravel()
     return ElementStress(
-        y, kinematics, sigma, lambda tau: ufl.inner(ufl.dot(flexibility, tau), tau), largest, shear_modulus
+        y,
+        kinematics,
+        sigma,
+        lambda tau: ufl.inner(ufl.dot(flexibility, tau), tau),
+        largest,
+        shear_modulus,
     )
 
 
 def compliance(tau: Any, kinematics: Kinematics, lame: Any, mu: Any, poisson: Any = 0.5) -> Any:
-    """C^-1 tau : tau of an isotropic body for a stress tau, given by its components, see ``Kinematics.pairs``; without
-    the first Lame parameter, which may be infinite, it follows from Poisson's ratio, but not in plane stress.
+    """C^-1 tau : tau of an isotropic body for a stress tau, given by its components, see
+    ``Kinematics.pairs``; without the first Lame parameter, which may be infinite, it follows from
+    Poisson's ratio, but not in plane stress.
     """
     normal = [tau[k] for k, (i, j) in enumerate(kinematics.pairs) if i == j]
     trace = sum(normal[1:], normal[0])
-    square = ufl.inner(tau, tau) + sum(tau[k] ** 2 for k, (i, j) in enumerate(kinematics.pairs) if i != j)
+    square = ufl.inner(tau, tau) + sum(
+        tau[k] ** 2 for k, (i, j) in enumerate(kinematics.pairs) if i != j
+    )
     share = poisson / (1 + poisson if len(normal) == 3 else 1)
     if lame is not None:
         share = lame / (len(normal) * lame + 2 * mu)
@@ -296,7 +357,11 @@ def compliance(tau: Any, kinematics: Kinematics, lame: Any, mu: Any, poisson: An
 
 
 def element_at_points(cell: str, degree: int) -> Any:
-    """The discontinuous element whose nodes are the points of a Gauss rule: one point, or two along each axis."""
+    """The discontinuous element whose nodes are the points of a Gauss rule: one point, or two along
+    each axis.
+    """
     if degree == 1:
         return basix.ufl.element("DG", cell, 0)
-    return basix.ufl.element("DQ", cell, 1, lagrange_variant=basix.LagrangeVariant.gl_warped, discontinuous=True)
+    return basix.ufl.element(
+        "DQ", cell, 1, lagrange_variant=basix.LagrangeVariant.gl_warped, discontinuous=True
+    )

@@ -1,13 +1,15 @@
-"""The pressure of a mixed element: a field of degree 1, whose unknowns follow those of the displacement.
+"""The pressure of a mixed element: a field of degree 1, whose unknowns follow those of the
+displacement.
 
-It is continuous within each material: of several it has one component for each, which counts in the cells of this
-material alone.  The unknowns (y, p) of the body have
+It is continuous within each material: of several it has one component for each, which counts in the
+cells of this material alone.  The unknowns (y, p) of the body have
 
     K = [A B^T; B -C],   b = [f; -B y_D - s],
 
-symmetric and indefinite, with C = 0 for nu = 1/2, the prescribed displacements y_D, and the work s of initial strains.
-The unknowns of the pressure are multiples of Young's modulus over the spacing of the nodes, so that the blocks have
-entries of one size, which a factorisation that does not scale needs.
+symmetric and indefinite, with C = 0 for nu = 1/2, the prescribed displacements y_D, and the work s
+of initial strains. The unknowns of the pressure are multiples of Young's modulus over the spacing
+of the nodes, so that the blocks have entries of one size, which a factorisation that does not scale
+needs.
 """
 
 from __future__ import annotations
@@ -30,7 +32,13 @@ from signorini_fx.errors import needs_fenicsx
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.assembly.mesh_entities import assemble, compile_form
 from signorini_fx.mechanics.assembly.pieces import find_pieces
-from signorini_fx.mechanics.elasticity.elastic_law import ElementStress, SceneLaw, compliance, embedding, fields_of
+from signorini_fx.mechanics.elasticity.elastic_law import (
+    ElementStress,
+    SceneLaw,
+    compliance,
+    embedding,
+    fields_of,
+)
 from signorini_fx.mechanics.elasticity.moduli import of_materials
 from signorini_fx.mechanics.scales import Scales
 from signorini_fx.tuned import NOTHING_LEFT
@@ -42,9 +50,9 @@ class MixedDisplacement(fem.Function):
     """The displacement of a mixed element, with the pressure that belongs to it.
 
     Attributes:
-        hydrostatic: p = -lambda tr(epsilon), for nu = 1/2 minus the mean stress; a stress, positive in compression;
-            of several materials discontinuous between cells.  With initial strains see
-            ``MixedLaw.strain_terms``.
+        hydrostatic: p = -lambda tr(epsilon), for nu = 1/2 minus the mean stress; a stress, positive
+            in compression; of several materials discontinuous between cells.  With initial strains
+            see ``MixedLaw.strain_terms``.
     """
 
     def __init__(self, space: fem.FunctionSpace, hydrostatic: fem.Function) -> None:
@@ -54,8 +62,8 @@ class MixedDisplacement(fem.Function):
 
 @dataclass(frozen=True)
 class MixedLaw(SceneLaw):
-    """Sigma = 2 mu epsilon - p I, with the pressure p as an unknown; in plane strain -p is the stress out of the plane
-    as well.
+    """Sigma = 2 mu epsilon - p I, with the pressure p as an unknown; in plane strain -p is the
+    stress out of the plane as well.
     """
 
     pressed: ClassVar[bool] = True
@@ -96,7 +104,9 @@ class MixedLaw(SceneLaw):
         return self.own.dofmap.list * self._materials + self._part[:, None]
 
     def _over_cells(self, values: _Floats) -> _Floats:
-        """The mean of values in cells, shape (cells, vertices), at each owned unknown of the pressure; collective."""
+        """The mean of values in cells, shape (cells, vertices), at each owned unknown of the
+        pressure; collective.
+        """
         sums = [fem.Function(self.own) for _ in range(2)]
         for function, added in zip(sums, (values, np.ones(values.shape)), strict=True):
             np.add.at(function.x.array, self._rows, added)
@@ -105,9 +115,13 @@ class MixedLaw(SceneLaw):
         return total / np.maximum(times, 1.0)
 
     def _coefficient(self, number: Callable[[Any, float], Any]) -> Any:
-        """A number from Young's modulus, a float or an array, and Poisson's ratio, as a coefficient."""
+        """A number from Young's modulus, a float or an array, and Poisson's ratio, as a
+        coefficient.
+        """
         (coefficient,) = of_materials(
-            self.statement, self.tagged, lambda one, share: (number(one.young * share, one.poisson),)
+            self.statement,
+            self.tagged,
+            lambda one, share: (number(one.young * share, one.poisson),),
         )
         return coefficient
 
@@ -131,7 +145,10 @@ class MixedLaw(SceneLaw):
     def forms(self) -> tuple[fem.Form, ...]:
         """The compiled forms of A, B and -C."""
         trial = ufl.TrialFunction(self.space)
-        terms = *self.terms(trial, ufl.TestFunction(self.space)), *self._constraint(trial, ufl.TrialFunction(self.own))
+        terms = (
+            *self.terms(trial, ufl.TestFunction(self.space)),
+            *self._constraint(trial, ufl.TrialFunction(self.own)),
+        )
         return tuple(map(compile_form, terms))
 
     def compiled(self, space: fem.FunctionSpace) -> tuple[fem.Form, ...]:
@@ -142,12 +159,13 @@ class MixedLaw(SceneLaw):
         return [(2 * self.lame[1] * strain, None)]
 
     def _constraint(self, y: Any, p: Any) -> tuple[Any, ...]:
-        """B and -C of a displacement and unknowns of the pressure p = -lambda tr(epsilon), in multiples of a unit.
+        """B and -C of a displacement and unknowns of the pressure p = -lambda tr(epsilon), in
+        multiples of a unit.
 
             2 mu (epsilon(y), epsilon(z)) - (p, div z),    -(div y, q) - (p, q) / lambda
 
-        (L. R. Herrmann, AIAA J. 3 (1965) 1896-1900), with the element of C. Taylor and P. Hood, Comput. Fluids 1 (1973)
-        73-100, which is stable for nu = 1/2 too.
+        (L. R. Herrmann, AIAA J. 3 (1965) 1896-1900), with the element of C. Taylor and P. Hood,
+        Comput. Fluids 1 (1973) 73-100, which is stable for nu = 1/2 too.
         """
         p, q = self._pressure(p), self._pressure(ufl.TestFunction(self.own))
         unit = fem.Constant(self.space.mesh, default_scalar_type(self.unit))
@@ -157,9 +175,9 @@ class MixedLaw(SceneLaw):
     def strain_terms(self, z: Any, strain: Any, degree: int) -> tuple[Any, ...]:
         """The work of e I in the constraint, ((3 + 2 mu / lambda) e, q).
 
-        With the pressure p = 2 mu e - lambda (tr(epsilon) - 3 e) the stress is 2 mu epsilon - p I, as without the
-        strain, which enters the constraint alone: div y + p / lambda = (3 + 2 mu / lambda) e, where the factor is
-        (1 + nu) / nu.
+        With the pressure p = 2 mu e - lambda (tr(epsilon) - 3 e) the stress is 2 mu epsilon - p I,
+        as without the strain, which enters the constraint alone: div y + p / lambda = (3 + 2 mu /
+        lambda) e, where the factor is (1 + nu) / nu.
         """
         q = self._pressure(ufl.TestFunction(self.own))
         return (self._integral(self._swelling * strain * q, degree),)
@@ -186,9 +204,16 @@ class MixedLaw(SceneLaw):
         terms, pressure = [], fields_of(y)[1]
         if jump is not None:
             dilation = ufl.tr(self.kinematics.strain(jump))
-            terms += [0.5 * self.terms(jump, jump)[0], self._integral(-pressure * dilation / 2, self.degree)]
+            terms += [
+                0.5 * self.terms(jump, jump)[0],
+                self._integral(-pressure * dilation / 2, self.degree),
+            ]
         if strain is not None:
-            terms.append(self._integral(self._swelling * strain * (pressure / 2 - self.lame[1] * strain), degree))
+            terms.append(
+                self._integral(
+                    self._swelling * strain * (pressure / 2 - self.lame[1] * strain), degree
+                )
+            )
         return terms
 
     def dilation_terms(self, y: fem.Function, jump: Any, strain: Any, degree: int) -> list[Any]:
@@ -202,14 +227,21 @@ class MixedLaw(SceneLaw):
 
     @cached_property
     def _swelling(self) -> Any:
-        """By how much an initial strain of one changes the volume in the constraint, (1 + nu) / nu."""
+        """By how much an initial strain of one changes the volume in the constraint, (1 + nu) /
+        nu.
+        """
         return self._coefficient(lambda _, nu: (1 + nu) / nu)
 
     def stress(self, y: fem.Function, moved: Any, initial: Any) -> ElementStress:
         (_, mu), kinematics = self.lame, self.kinematics
-        poisson, modulus = self._coefficient(lambda _, nu: nu), self._coefficient(lambda young, nu: young / (1 - nu**2))
+        poisson, modulus = (
+            self._coefficient(lambda _, nu: nu),
+            self._coefficient(lambda young, nu: young / (1 - nu**2)),
+        )
         sigma = 2 * mu * self.elastic(moved, None, on_axis=True) - fields_of(y)[1] * ufl.Identity(3)
-        of_difference = partial(compliance, kinematics=kinematics, lame=None, mu=mu, poisson=poisson)
+        of_difference = partial(
+            compliance, kinematics=kinematics, lame=None, mu=mu, poisson=poisson
+        )
         return ElementStress(y, kinematics, sigma, of_difference, modulus, mu)
 
     def _matrix(self, number: int) -> PETSc.Mat:
@@ -224,7 +256,9 @@ class MixedLaw(SceneLaw):
 
     @cached_property
     def compressibility(self) -> PETSc.Mat:
-        """-C, with its pattern where it is zero; unknowns that count for nothing have an entry like those of B."""
+        """-C, with its pattern where it is zero; unknowns that count for nothing have an entry like
+        those of B.
+        """
         matrix = self._matrix(2)
         if self._materials > 1:
             size = self.divergence.norm(PETSc.NormType.NORM_INFINITY)
@@ -236,23 +270,33 @@ class MixedLaw(SceneLaw):
     def joined(
         self, stiffness: PETSc.Mat, rotation: PETSc.Mat | None, fixed: npt.NDArray[np.bool_]
     ) -> tuple[PETSc.Mat, PETSc.Mat | None, PETSc.Mat | None]:
-        """K, from A without prescribed rows and columns, and what turns its unknowns into displacements, with and
-        without rigid bodies, of which there are none; ``rotation``: from those of A, None: they are the same.
+        """K, from A without prescribed rows and columns, and what turns its unknowns into
+        displacements, with and without rigid bodies, of which there are none; ``rotation``: from
+        those of A, None: they are the same.
         """
         if not has_package("mumps"):
-            raise needs_fenicsx("PETSc has no MUMPS, which a mixed element needs: its matrix is indefinite")
-        divergence = self.divergence.copy() if rotation is None else self.divergence.matMult(rotation)
+            raise needs_fenicsx(
+                "PETSc has no MUMPS, which a mixed element needs: its matrix is indefinite"
+            )
+        divergence = (
+            self.divergence.copy() if rotation is None else self.divergence.matMult(rotation)
+        )
         free = divergence.createVecRight()
         free.getArray()[:] = ~fixed
         divergence.diagonalScale(R=free)
-        blocks = [[stiffness, divergence.transpose(PETSc.Mat())], [divergence, self.compressibility]]
+        blocks = [
+            [stiffness, divergence.transpose(PETSc.Mat())],
+            [divergence, self.compressibility],
+        ]
         matrix = PETSc.Mat().createNest(blocks, comm=stiffness.comm).convert("aij")
         matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
         displacements = embedding(rotation, stiffness, matrix)
         return matrix, displacements, displacements
 
     def lifted(self, prescribed: _Floats, pressure_load: _Floats | None = None) -> _Floats:
-        """The load at the unknowns of the pressure, -B y_D, with the ``pressure_load`` of an ``AppliedLoad``."""
+        """The load at the unknowns of the pressure, -B y_D, with the ``pressure_load`` of an
+        ``AppliedLoad``.
+        """
         displacement, divergences = self.divergence.createVecs()
         displacement.getArray()[:] = prescribed[: displacement.getLocalSize()]
         self.divergence.mult(displacement, divergences)
@@ -266,7 +310,9 @@ class MixedLaw(SceneLaw):
             pressure.x.array[: self.count] = self.unit * values
             pressure.x.scatter_forward()
         if self._materials > 1:
-            cellwise = fem.Function(fem.functionspace(self.space.mesh, ("DG", 1)), name=pressure.name)
+            cellwise = fem.Function(
+                fem.functionspace(self.space.mesh, ("DG", 1)), name=pressure.name
+            )
             cellwise.x.array[cellwise.function_space.dofmap.list] = pressure.x.array[self._rows]
             pressure = cellwise
         return MixedDisplacement(self.space, pressure)
@@ -280,25 +326,35 @@ class MixedLaw(SceneLaw):
         return np.asarray(values / self.unit)
 
     def encloses(self, vector: Callable[[_Floats], PETSc.Vec], held: npt.NDArray[np.bool_]) -> bool:
-        """Whether what is ``held`` lets no part of one material with nu = 1/2 change its volume, so that constant
-        pressures do no work; ``vector``: see ``ElasticBody``.
+        """Whether what is ``held`` lets no part of one material with nu = 1/2 change its volume, so
+        that constant pressures do no work; ``vector``: see ``ElasticBody``.
         """
         part, pieces, comm = self._part, find_pieces(self.space.mesh), self.space.mesh.comm
         works = list[_Floats]()
-        soft = [number for number, material in enumerate(self.statement.material) if material.poisson == 0.5]
+        soft = [
+            number
+            for number, material in enumerate(self.statement.material)
+            if material.poisson == 0.5
+        ]
         for number, assembly in product(soft, range(int(pieces.assembly.max()) + 1)):
             cells = (part == number) & (pieces.assembly[pieces.of_cell] == assembly)
             if not parallel.any_rank(comm, bool(cells.any())):
                 continue
             force, pressure = self.divergence.createVecs()
-            pressure.getArray()[:] = self._over_cells(np.ones(self._rows.shape) * cells[:, None]) > 0
+            pressure.getArray()[:] = (
+                self._over_cells(np.ones(self._rows.shape) * cells[:, None]) > 0
+            )
             self.divergence.multTranspose(pressure, force)
-            works.append(np.array(vector(np.array(force.getArray(readonly=True))).getArray(readonly=True)))
+            works.append(
+                np.array(vector(np.array(force.getArray(readonly=True))).getArray(readonly=True))
+            )
         if not works:
             return False
         columns = np.column_stack(works)
         columns /= np.sqrt(parallel.global_sum(comm, (columns**2).sum(axis=0)))
-        triangle: Any = np.linalg.qr(columns[~held], mode="r")  # whose singular values are those of all rows
+        triangle: Any = np.linalg.qr(
+            columns[~held], mode="r"
+        )  # whose singular values are those of all rows
         triangles = parallel.gather_rows(comm, triangle)
         square = np.vstack((triangles, np.zeros((len(works), len(works)))))
         return bool(np.linalg.svd(square, compute_uv=False)[-1] <= NOTHING_LEFT)

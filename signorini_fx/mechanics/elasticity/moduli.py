@@ -1,6 +1,7 @@
 """The numbers of the materials on the mesh: cell by cell where there are several, or axes.
 
-Stress and strain are vectors of the components ``Kinematics.stressed``, of shear strains twice epsilon_ij.
+Stress and strain are vectors of the components ``Kinematics.stressed``, of shear strains twice
+epsilon_ij.
 """
 
 from __future__ import annotations
@@ -36,20 +37,38 @@ def check_covers(statement: Statement, tagged: TaggedMesh) -> None:
     bare = np.flatnonzero(covered[: cells.size_local] == 0)
     if count := int(parallel.global_sum(comm, np.array(bare.size))):
         names = list(statement.bodies)
-        names = [name for name in names if parallel.any_rank(comm, bool(np.isin(bare, tagged.cells(name)).any()))]
+        names = [
+            name
+            for name in names
+            if parallel.any_rank(comm, bool(np.isin(bare, tagged.cells(name)).any()))
+        ]
         of_bodies = f" of {' and '.join(map(repr, names))}" if names else ""
-        raise SceneError([("material", f"{count} cells{of_bodies} are in none of the regions that have a material")])
+        raise SceneError(
+            [
+                (
+                    "material",
+                    f"{count} cells{of_bodies} are in none of the regions that have a material",
+                )
+            ]
+        )
     if twice := int(parallel.global_sum(comm, np.array(np.sum(covered[: cells.size_local] > 1)))):
-        raise SceneError([("material", f"{twice} cells are in several of the regions that have a material")])
+        raise SceneError(
+            [("material", f"{twice} cells are in several of the regions that have a material")]
+        )
 
 
 def of_materials(
     statement: Statement, tagged: TaggedMesh, numbers: Callable[[Any, Any], tuple[Any, ...]]
 ) -> tuple[Any, ...]:
-    """Numbers of the materials: constants of one material, cell-wise functions of several and of graded ones;
-    ``numbers`` gives them from a material and the values of its grading in its cells; collective.
+    """Numbers of the materials: constants of one material, cell-wise functions of several and of
+    graded ones; ``numbers`` gives them from a material and the values of its grading in its cells;
+    collective.
     """
-    mesh, share, of_first = tagged.mesh, graded(statement, tagged), numbers(statement.material[0], 1.0)
+    mesh, share, of_first = (
+        tagged.mesh,
+        graded(statement, tagged),
+        numbers(statement.material[0], 1.0),
+    )
     if len(statement.material) == 1 and share is None:
         return tuple(fem.Constant(mesh, default_scalar_type(number)) for number in of_first)
     space = fem.functionspace(mesh, ("DG", 0))
@@ -73,7 +92,9 @@ def lame_coefficients(statement: Statement, tagged: TaggedMesh) -> tuple[Any, An
 
 
 def middles(tagged: TaggedMesh, cells: npt.NDArray[np.int32]) -> npt.NDArray[np.float64]:
-    """The middles of the corners of cells, whose other nodes depend on how curves are drawn, shape (3, n)."""
+    """The middles of the corners of cells, whose other nodes depend on how curves are drawn, shape
+    (3, n).
+    """
     mesh = tagged.mesh
     corners = len(basix.geometry(getattr(basix.CellType, mesh.topology.cell_name())))
     middle = mesh.geometry.x[compat.geometry_cells(mesh)[cells, :corners]].mean(axis=1)
@@ -81,7 +102,9 @@ def middles(tagged: TaggedMesh, cells: npt.NDArray[np.int32]) -> npt.NDArray[np.
 
 
 def graded(statement: Statement, tagged: TaggedMesh) -> fem.Function | None:
-    """By what moduli are multiplied in each cell, which must be between 0 and 1; None: by nothing; collective."""
+    """By what moduli are multiplied in each cell, which must be between 0 and 1; None: by nothing;
+    collective.
+    """
     problems, mesh = [], tagged.mesh
     if all(material.grading is None for material in statement.material):
         return None
@@ -93,7 +116,10 @@ def graded(statement: Statement, tagged: TaggedMesh) -> fem.Function | None:
         cells = tagged.cells(material.region)
         values = sample(material.grading, middles(tagged, cells))
         if parallel.any_rank(mesh.comm, not ((values > 0) & (values <= 1 + SAME_NUMBER)).all()):
-            bounds = "must be above 0 and at most 1 in the middle of each cell: young is the largest Young's modulus"
+            bounds = (
+                "must be above 0 and at most 1 in the middle of each cell: young is the "
+                "largest Young's modulus"
+            )
             problems.append((f"material[{index}].grading", bounds))
         grading.x.array[grading.function_space.dofmap.list[cells, 0]] = values
     if problems:
@@ -102,7 +128,9 @@ def graded(statement: Statement, tagged: TaggedMesh) -> fem.Function | None:
 
 
 def reduced_degree(statement: Statement, mesh: dmesh.Mesh) -> int | None:
-    """Quadrature degree of the volumetric term where it is reduced: Q1/P0, P2/P0, Q2 with two points per axis."""
+    """Quadrature degree of the volumetric term where it is reduced: Q1/P0, P2/P0, Q2 with two
+    points per axis.
+    """
     degree, kind = statement.element.degree, mesh.topology.cell_name()
     has_form = not (degree == 1 and kind in ("triangle", "tetrahedron"))
     volumetric = statement.element.volumetric
@@ -124,19 +152,23 @@ class CellwiseStiffness:
     """The stiffness of all cells, with the axes in their middle."""
 
     stiffness: fem.Function  # stresses from strains, see ``Kinematics.stressed``, shape (m, m)
-    free_strain: fem.Function  # the initial strain, one where a material expands alike in all directions, shape (m,)
+    free_strain: (
+        fem.Function
+    )  # the initial strain, one where a material expands alike in all directions, shape (m,)
 
 
 def cellwise_stiffness(statement: Statement, tagged: TaggedMesh) -> CellwiseStiffness | None:
-    """That of a scene, whose axes must have directions, and a plane body must stay plane; None: all of its materials
-    are isotropic; collective.
+    """That of a scene, whose axes must have directions, and a plane body must stay plane; None: all
+    of its materials are isotropic; collective.
     """
     if all(material.isotropic for material in statement.material):
         return None
     kinematics = statement.kinematics_in(tagged.dimension)
     rows = list(map(PAIRS.index, kinematics.stressed))
     m = len(rows)
-    moduli, free = (fem.Function(fem.functionspace(tagged.mesh, ("DG", 0, shape))) for shape in ((m, m), (m,)))
+    moduli, free = (
+        fem.Function(fem.functionspace(tagged.mesh, ("DG", 0, shape))) for shape in ((m, m), (m,))
+    )
     at_cells, free_at_cells = moduli.x.array.reshape(-1, m, m), free.x.array.reshape(-1, m)
     problems = []
     for number, material in enumerate(statement.material):
@@ -149,13 +181,21 @@ def cellwise_stiffness(statement: Statement, tagged: TaggedMesh) -> CellwiseStif
         turned = _turned(axes)
         whole = turned @ material.stiffness @ turned.swapaxes(1, 2)
         off = np.abs(whole[:, [4, 5], :4]).max(initial=0.0) if m < len(PAIRS) else 0.0
-        if parallel.any_rank(tagged.mesh.comm, bool(off > ZERO_IN_SOLUTION * np.abs(whole).max(initial=0.0))):
+        if parallel.any_rank(
+            tagged.mesh.comm, bool(off > ZERO_IN_SOLUTION * np.abs(whole).max(initial=0.0))
+        ):
             problems.append(
-                (f"material[{number}]", "a plane body needs a plane of symmetry: shear across it is not free")
+                (
+                    f"material[{number}]",
+                    "a plane body needs a plane of symmetry: shear across it is not free",
+                )
             )
             continue
-        # Without a stress in all other directions, of which those of shear across a plane body are apart.
-        at_cells[moduli.function_space.dofmap.list[cells, 0]] = np.linalg.inv(np.linalg.inv(whole)[:, rows][:, :, rows])
+        # Without a stress in all other directions, of which those of shear across a plane body are
+        # apart.
+        at_cells[moduli.function_space.dofmap.list[cells, 0]] = np.linalg.inv(
+            np.linalg.inv(whole)[:, rows][:, :, rows]
+        )
         expansion = np.einsum("nia,a,nja->nij", axes, np.array(material.free_strain), axes)
         strains = np.column_stack([expansion[:, i, j] for i, j in kinematics.stressed])
         free_at_cells[free.function_space.dofmap.list[cells, 0]] = strains
@@ -172,16 +212,23 @@ def _fault_of_axes(axes: Array, count: int, words: str) -> str:
     if axes.shape != (count, 3, 3):
         return f"axes of {words} must have the shape (n, 3, 3) for points of the shape (3, n)"
     if not np.isfinite(axes).all():
-        return f"direction and second of {words} must be finite, not zero and not parallel in the middle of each cell"
+        return (
+            f"direction and second of {words} must be finite, not zero and not parallel in the "
+            "middle of each cell"
+        )
     if np.abs(axes.swapaxes(1, 2) @ axes - np.eye(3)).max(initial=0.0) > SAME_LENGTH:
         return f"axes of {words} must be unit vectors at right angles"
     return ""
 
 
 def _turned(axes: Array) -> Array:
-    """Turns a stress, its transpose a strain back, shape (cells, 6, 6) (Bond, Bell Syst. Tech. J. 22 (1943) 1)."""
+    """Turns a stress, its transpose a strain back, shape (cells, 6, 6) (Bond, Bell Syst. Tech. J.
+    22 (1943) 1).
+    """
     bond_matrices = np.empty((len(axes), 6, 6))
     for p, (i, j) in enumerate(PAIRS):
         for q, (a, b) in enumerate(PAIRS):
-            bond_matrices[:, p, q] = axes[:, i, a] * axes[:, j, b] + (axes[:, i, b] * axes[:, j, a] if a != b else 0)
+            bond_matrices[:, p, q] = axes[:, i, a] * axes[:, j, b] + (
+                axes[:, i, b] * axes[:, j, a] if a != b else 0
+            )
     return bond_matrices

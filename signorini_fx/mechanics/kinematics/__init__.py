@@ -1,8 +1,8 @@
 """Which displacements a body has: strains, measures, rigid motions and components of each kind.
 
-The object of a problem is ``Statement.kinematics``, that of its body ``ElasticBody.kinematics``; all others ask it and
-know no kind.  Materials name that of another package, an object with the base ``Kinematics``, as their ``hypothesis``.
-UFL is imported where it is needed.
+The object of a problem is ``Statement.kinematics``, that of its body ``ElasticBody.kinematics``;
+all others ask it and know no kind.  Materials name that of another package, an object with the base
+``Kinematics``, as their ``hypothesis``. UFL is imported where it is needed.
 """
 
 from __future__ import annotations
@@ -33,7 +33,9 @@ def hypotheses() -> tuple[str, ...]:
 
 
 def of_hypothesis(name: str) -> Kinematics:
-    """The kinematics of a name in ``hypotheses``; an ``InstallationError`` where their package is missing."""
+    """The kinematics of a name in ``hypotheses``; an ``InstallationError`` where their package is
+    missing.
+    """
     if name in HYPOTHESES:
         return HYPOTHESES[name]
     if name not in names_of(KINEMATICS):
@@ -45,12 +47,16 @@ def of_hypothesis(name: str) -> Kinematics:
 
 
 def of_materials(materials: Iterable[tuple[str, bool]], dimension: int = 2) -> Kinematics:
-    """That of a body with these materials, of each its hypothesis and whether it has torsion: the most special one, as
-    all must agree; ``dimension``: of the cells; those in 3D need no hypothesis.
+    """That of a body with these materials, of each its hypothesis and whether it has torsion: the
+    most special one, as all must agree; ``dimension``: of the cells; those in 3D need no
+    hypothesis.
     """
     if dimension != 2:
         return SPACE
-    names = {TORSION.words if torsion else hypothesis for hypothesis, torsion in materials} - {"", PLANE_STRAIN.words}
+    names = {TORSION.words if torsion else hypothesis for hypothesis, torsion in materials} - {
+        "",
+        PLANE_STRAIN.words,
+    }
     if not names:
         return PLANE_STRAIN
     special = [kind for kind in (TORSION, AXISYMMETRIC, PLANE_STRESS) if kind.words in names]
@@ -60,9 +66,14 @@ def of_materials(materials: Iterable[tuple[str, bool]], dimension: int = 2) -> K
 def of_data(scene: Mapping[str, Any], dimension: int = 2) -> Kinematics:
     """That of a scene as plain data, see ``of_materials``."""
     materials = scene.get("material") or ()
-    return of_materials(((entry.get("hypothesis", ""), bool(entry.get("torsion"))) for entry in materials), dimension)
+    return of_materials(
+        ((entry.get("hypothesis", ""), bool(entry.get("torsion"))) for entry in materials),
+        dimension,
+    )
 
 
 def of_components(cells: int, components: int) -> Kinematics:
-    """That of forms of one's own, by the dimension of the cells and the components of the displacement."""
+    """That of forms of one's own, by the dimension of the cells and the components of the
+    displacement.
+    """
     return TORSION if components > cells else CARTESIAN[cells]

@@ -1,4 +1,6 @@
-"""What every kind of kinematics answers, and the kinds: in Cartesian coordinates, and bodies of revolution."""
+"""What every kind of kinematics answers, and the kinds: in Cartesian coordinates, and bodies of
+revolution.
+"""
 
 from __future__ import annotations
 
@@ -19,25 +21,36 @@ _Floats = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Kinematics:
-    """Which displacements a body has, and the strains, measures and rigid motions that belong to them."""
+    """Which displacements a body has, and the strains, measures and rigid motions that belong to
+    them.
+    """
 
     words: str  # what it is called
     dimension: int  # d, components of the displacement
-    # The two axes of each rotation, which turns the first towards the second; in 3D the rotation about x[0] is first.
+    # The two axes of each rotation, which turns the first towards the second; in 3D the rotation
+    # about x[0] is first.
     rotations: tuple[tuple[int, int], ...]
-    normal_out: bool = False  # whether the components of the strain include that along x[2], which is across the mesh
+    # whether the components of the strain include that along x[2], which is across the mesh
+    normal_out: bool = False
     out_of_section: int = 0  # components of the displacement along x[2], which is across the mesh
-    prevented: bool = False  # whether a strain across the mesh is prevented, so that there is a stress
-    whole: bool = False  # whether forces are those of the whole body; else they are per unit of length across the mesh
-    uniform: bool = True  # whether areas and lengths of the mesh are those of the body, up to ``depth``
-    # By how much the quadrature degree of products of strains is higher, where these are no polynomials of the degree
-    # that the displacement has.
+    prevented: bool = (
+        False  # whether a strain across the mesh is prevented, so that there is a stress
+    )
+    # whether forces are those of the whole body; else they are per unit of length across the mesh
+    whole: bool = False
+    uniform: bool = (
+        True  # whether areas and lengths of the mesh are those of the body, up to ``depth``
+    )
+    # By how much the quadrature degree of products of strains is higher, where these are no
+    # polynomials of the degree that the displacement has.
     further_degrees: int = 0
     # Which translations and rotations about the origin have no strain; None: all.
     motions_without_strain: tuple[bool, ...] | None = None
     zero_on_axis: tuple[int, ...] = ()  # components of the displacement that vanish where x[0] = 0
     least_x: float = -np.inf  # the smallest x[0] that a mesh may have
-    refuses: Mapping[str, str] = field(default_factory=dict)  # what does not go together with it, by its name, and why
+    refuses: Mapping[str, str] = field(
+        default_factory=dict
+    )  # what does not go together with it, by its name, and why
 
     @cached_property
     def motions(self) -> int:
@@ -46,9 +59,15 @@ class Kinematics:
 
     @property
     def pairs(self) -> list[tuple[int, int]]:
-        """The components of a symmetric tensor: the normal ones, the shears, and zz with ``normal_out``."""
+        """The components of a symmetric tensor: the normal ones, the shears, and zz with
+        ``normal_out``.
+        """
         axes = range(self.dimension)
-        return [*((k, k) for k in axes), *combinations(axes, 2), *([(2, 2)] if self.normal_out else [])]
+        return [
+            *((k, k) for k in axes),
+            *combinations(axes, 2),
+            *([(2, 2)] if self.normal_out else []),
+        ]
 
     @property
     def stressed(self) -> list[tuple[int, int]]:
@@ -57,47 +76,66 @@ class Kinematics:
 
     @property
     def uniform_strain(self) -> Any:
-        """The same strain in all directions, in plane stress without that across the mesh, UFL, shape (3, 3)."""
+        """The same strain in all directions, in plane stress without that across the mesh, UFL,
+        shape (3, 3).
+        """
         import ufl
 
-        return ufl.as_tensor([[int(i == j and (i, j) in self.stressed) for j in range(3)] for i in range(3)])
+        return ufl.as_tensor(
+            [[int(i == j and (i, j) in self.stressed) for j in range(3)] for i in range(3)]
+        )
 
     def turned(self, arms: _Floats, vectors: _Floats) -> _Floats:
-        """Arms times vectors, shape (..., d): moments of forces, one per rotation, shape (..., rotations)."""
-        pairs = ((arms[..., i] * vectors[..., j], arms[..., j] * vectors[..., i]) for i, j in self.rotations)
+        """Arms times vectors, shape (..., d): moments of forces, one per rotation, shape (...,
+        rotations).
+        """
+        pairs = (
+            (arms[..., i] * vectors[..., j], arms[..., j] * vectors[..., i])
+            for i, j in self.rotations
+        )
         return np.stack([positive - negative for positive, negative in pairs], axis=-1)
 
     @cached_property
     def unbalanced(self) -> npt.NDArray[np.bool_]:
-        """Along which rigid motions forces on the whole body do not cancel by symmetry, shape (motions,)."""
+        """Along which rigid motions forces on the whole body do not cancel by symmetry, shape
+        (motions,).
+        """
         return np.array(self.motions_without_strain or (True,) * self.motions)
 
-    def refused_axis(self, axis: tuple[float, ...] | None, about: tuple[float, ...] | None = None) -> str:
-        """Why nothing acts along or about an axis, x[2] unless given, through a point; empty: it may."""
+    def refused_axis(
+        self, axis: tuple[float, ...] | None, about: tuple[float, ...] | None = None
+    ) -> str:
+        """Why nothing acts along or about an axis, x[2] unless given, through a point; empty: it
+        may.
+        """
         return ""
 
     def depth(self, size: float) -> float:
         """What areas of the mesh are multiplied by in a body of this size, about."""
         return 1.0
 
-    # --- forms -------------------------------------------------------------------------------------------------------
+    # --- forms ------------------------------------------------------------------------------------
 
     def strain(self, y: Any, *, on_axis: bool = False) -> Any:
-        """Linearised strain, epsilon(y) of section 2.1, UFL, shape (3, 3); for the arguments see ``gradient``."""
+        """Linearised strain, epsilon(y) of section 2.1, UFL, shape (3, 3); for the arguments see
+        ``gradient``.
+        """
         import ufl
 
         return ufl.sym(self.gradient(y, on_axis=on_axis))
 
     def gradient(self, y: Any, *, on_axis: bool = False) -> Any:
-        """Gradient of a displacement with what is across the mesh, UFL, shape (3, 3); ``on_axis``: whether it is wanted
-        where x[0] = 0 too, as a limit.
+        """Gradient of a displacement with what is across the mesh, UFL, shape (3, 3); ``on_axis``:
+        whether it is wanted where x[0] = 0 too, as a limit.
         """
         import ufl
 
         return padded(ufl.grad(y), self.dimension)
 
     def measure(self, x: Any) -> Any:
-        """By what areas and lengths of the mesh are multiplied at x, UFL of shape (d,) or numbers of shape (d, n)."""
+        """By what areas and lengths of the mesh are multiplied at x, UFL of shape (d,) or numbers
+        of shape (d, n).
+        """
         return 1
 
     def measure_at(self, x: _Floats) -> _Floats:
@@ -117,7 +155,9 @@ PLANE_STRESS = Kinematics(
 
 
 def padded(tensor: Any, dimension: int, outward: Any = 0) -> Any:
-    """The components of a tensor along the first axes, and one across the mesh, UFL, shape (3, 3)."""
+    """The components of a tensor along the first axes, and one across the mesh, UFL, shape (3,
+    3).
+    """
     import ufl
 
     if dimension == 3:
@@ -149,11 +189,13 @@ def position(y: Any) -> Any:
     return ufl.SpatialCoordinate(ufl.domain.extract_unique_domain(y))
 
 
-# --- bodies of revolution about x[1], of which the mesh is half of a section: x[0] is the radius r --------------------
+# --- bodies of revolution about x[1], of which the mesh is half of a section: x[0] is the radius r
 
 
 def off_axis(y: Any) -> Any:
-    """Whether a place of UFL is off the axis, by more than the round-off of coordinates in files."""
+    """Whether a place of UFL is off the axis, by more than the round-off of coordinates in
+    files.
+    """
     import ufl
 
     x = position(y)
@@ -173,7 +215,9 @@ class BodyOfRevolution(Kinematics):
     further_degrees: int = 2
     least_x: float = 0.0
 
-    def refused_axis(self, axis: tuple[float, ...] | None, about: tuple[float, ...] | None = None) -> str:
+    def refused_axis(
+        self, axis: tuple[float, ...] | None, about: tuple[float, ...] | None = None
+    ) -> str:
         if axis is not None and len(axis) == 2 and axis[0] == 0 and (about or (0.0,))[0] == 0:
             return ""
         return "must be that of the body: axis = [0.0, 1.0]"
@@ -189,7 +233,9 @@ class BodyOfRevolution(Kinematics):
         stretch = y[0] / position(y)[0]
         if on_axis:
             off = off_axis(y)
-            stretch = ufl.conditional(off, y[0] / ufl.conditional(off, position(y)[0], 1), y[0].dx(0))
+            stretch = ufl.conditional(
+                off, y[0] / ufl.conditional(off, position(y)[0], 1), y[0].dx(0)
+            )
         return padded(ufl.grad(y), 2, stretch)
 
     def measure(self, x: Any) -> Any:
@@ -219,12 +265,15 @@ AXISYMMETRIC = BodyOfRevolution(
 class TwistedBody(BodyOfRevolution):
     """A body of revolution that also moves around its axis: elements with twist (CGAX in Abaqus).
 
-    The displacement has three components, which do not depend on the angle: radial, axial, and around the axis.  The
-    last one is z, along x[2] out of the section: what turns by an angle about x[1] moves by -angle x[0] along it.
+    The displacement has three components, which do not depend on the angle: radial, axial, and
+    around the axis.  The last one is z, along x[2] out of the section: what turns by an angle about
+    x[1] moves by -angle x[0] along it.
     """
 
     def gradient(self, y: Any, *, on_axis: bool = False) -> Any:
-        """Has the shears gamma_02 = r d(y_2 / r)/dr and gamma_12 = dy_2/dx_1 of torsion, which vanish on the axis."""
+        """Has the shears gamma_02 = r d(y_2 / r)/dr and gamma_12 = dy_2/dx_1 of torsion, which
+        vanish on the axis.
+        """
         import ufl
 
         radius, around = position(y)[0], [-y[2], 0, y[0]]
@@ -233,7 +282,9 @@ class TwistedBody(BodyOfRevolution):
             off = off_axis(y)
             limits = (-ufl.grad(y)[2, 0], 0, ufl.grad(y)[0, 0])
             ratios = (component / ufl.conditional(off, radius, 1) for component in around)
-            along = ufl.as_vector([ufl.conditional(off, *pair) for pair in zip(ratios, limits, strict=True)])
+            along = ufl.as_vector(
+                [ufl.conditional(off, *pair) for pair in zip(ratios, limits, strict=True)]
+            )
         return ufl.grad(y) + ufl.outer(along, ufl.unit_vector(2, 3))
 
 
@@ -246,7 +297,8 @@ TORSION = TwistedBody(
     zero_on_axis=(0, 2),
     refuses={
         **REFUSED,
-        "contact of two bodies": "is not possible yet where material.torsion is true: model the stiffer body as rigid, "
+        "contact of two bodies": "is not possible yet where material.torsion is true: model the "
+        "stiffer body as rigid, "
         "or both in 3D",
         "driven foundation": "is not possible yet where material.torsion is true",
         "friction axes": "is not possible yet where material.torsion is true",

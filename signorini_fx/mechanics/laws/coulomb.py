@@ -1,4 +1,6 @@
-"""The friction laws of the paper: none; Tresca, whose bound is given and acts without a pressure too; Coulomb."""
+"""The friction laws of the paper: none; Tresca, whose bound is given and acts without a pressure
+too; Coulomb.
+"""
 
 from __future__ import annotations
 
@@ -44,7 +46,8 @@ class Tresca(DirectedLaw):
 
 
 class Coulomb(DirectedLaw):
-    """Coulomb friction: |mu| <= min(cohesion + coefficient * lambda, cap) in contact, (1.1e) and (1.1f).
+    """Coulomb friction: |mu| <= min(cohesion + coefficient * lambda, cap) in contact, (1.1e) and
+    (1.1f).
 
     Attributes:
         coefficient: F, without unit.
@@ -58,7 +61,9 @@ class Coulomb(DirectedLaw):
     cohesion: Parameter | None = None
 
     def envelope(self, zero: Array) -> Envelope:
-        return Envelope(zero if self.cohesion is None else self.cohesion, self.coefficient, self.cap)
+        return Envelope(
+            zero if self.cohesion is None else self.cohesion, self.coefficient, self.cap
+        )
 
     @property
     def ends_open(self) -> bool:

@@ -1,10 +1,12 @@
-"""Friction that depends on the direction of slip, in 3D: an ellipse in place of the disc, a modifier of other laws.
+"""Friction that depends on the direction of slip, in 3D: an ellipse in place of the disc, a
+modifier of other laws.
 
-The bound along an axis e_1 in the tangent plane is g, along e_2 across it r g, and the slip is normal to the ellipse
-(Z. Mroz and S. Stupkiewicz, Int. J. Solids Structures 31 (1994) 2027-2040).  With the tangents (e_1, r e_2) in place of
-orthonormal ones the shear mu = mu_1 e_1 + mu_2 r e_2 fills the disc |(mu_1, mu_2)| <= g, the slip has the components s
-. e_1 and r s . e_2, and the normal of the ellipse is that of the disc: everything in the frame of a point is what it is
-for the disc.  Displacements in 3D are made with ``ContactBoundary.cotangents``, (e_1, e_2 / r).
+The bound along an axis e_1 in the tangent plane is g, along e_2 across it r g, and the slip is
+normal to the ellipse (Z. Mroz and S. Stupkiewicz, Int. J. Solids Structures 31 (1994) 2027-2040).
+With the tangents (e_1, r e_2) in place of orthonormal ones the shear mu = mu_1 e_1 + mu_2 r e_2
+fills the disc |(mu_1, mu_2)| <= g, the slip has the components s . e_1 and r s . e_2, and the
+normal of the ellipse is that of the disc: everything in the frame of a point is what it is for the
+disc.  Displacements in 3D are made with ``ContactBoundary.cotangents``, (e_1, e_2 / r).
 """
 
 from __future__ import annotations
@@ -27,7 +29,11 @@ Ratio = Annotated[Any, BeforeValidator(value), WithJsonSchema({"type": ["number"
 VectorField = Annotated[
     tuple[SampledValue, ...],
     Field(min_length=3, max_length=3),
-    WrapValidator(lambda given, handler: given if callable(given) or hasattr(given, "ufl_shape") else handler(given)),
+    WrapValidator(
+        lambda given, handler: (
+            given if callable(given) or hasattr(given, "ufl_shape") else handler(given)
+        )
+    ),
 ]
 
 
@@ -35,28 +41,42 @@ VectorField = Annotated[
 class FrictionAxes:
     """The axes of friction at each of n points."""
 
-    along: Array  # a vector whose part in the tangent plane is along e_1, shape (n, 3); zero: friction has no direction
+    # a vector whose part in the tangent plane is along e_1, shape (n, 3); zero: friction has no
+    # direction
+    along: Array
     ratio: Array  # r, shape (n,)
 
     @classmethod
-    def joined(cls, parts: Sequence[FrictionAxes | None], sizes: Sequence[int]) -> FrictionAxes | None:
+    def joined(
+        cls, parts: Sequence[FrictionAxes | None], sizes: Sequence[int]
+    ) -> FrictionAxes | None:
         """Those of several boundaries, of the sizes; None: no friction has a direction."""
         if not any(parts):
             return None
         # Others are discs.
-        axes = [part or cls(np.zeros((size, 3)), np.ones(size)) for part, size in zip(parts, sizes, strict=True)]
-        return cls(np.concatenate([part.along for part in axes]), np.concatenate([part.ratio for part in axes]))
+        axes = [
+            part or cls(np.zeros((size, 3)), np.ones(size))
+            for part, size in zip(parts, sizes, strict=True)
+        ]
+        return cls(
+            np.concatenate([part.along for part in axes]),
+            np.concatenate([part.ratio for part in axes]),
+        )
 
     def at(self, points: Any) -> FrictionAxes:
         """Those of some of the points."""
         return FrictionAxes(self.along[points], self.ratio[points])
 
     def directions(self, normal: Array, otherwise: Array) -> Array:
-        """(e_1, e_2), one per column, shape (n, 3, 2); ``otherwise`` where friction has no direction."""
+        """(e_1, e_2), one per column, shape (n, 3, 2); ``otherwise`` where friction has no
+        direction.
+        """
         directed = np.asarray(self.along.any(axis=1))
         first = self.along - np.einsum("ni,ni->n", self.along, normal)[:, None] * normal
         first /= np.where(directed, np.linalg.norm(first, axis=1), 1.0)[:, None]
-        return np.where(directed[:, None, None], np.stack((first, np.cross(normal, first)), axis=2), otherwise)
+        return np.where(
+            directed[:, None, None], np.stack((first, np.cross(normal, first)), axis=2), otherwise
+        )
 
     @property
     def scale(self) -> Array:
@@ -64,8 +84,10 @@ class FrictionAxes:
         return np.stack((np.ones_like(self.ratio), self.ratio), axis=1)[:, None]
 
     def check(self, normal: Array, movable: Callable[[], Array], path: str, comm: Any) -> None:
-        """Refuse axes without a direction at points of one foundation, and supports that are not along them;
-        ``movable``: see ``ContactPoints``, along these axes; ``path``: of the law, for errors; collective.
+        """Refuse axes without a direction at points of one foundation, and supports that are not
+        along them;
+        ``movable``: see ``ContactPoints``, along these axes; ``path``: of the law, for errors;
+        collective.
         """
         from signorini_fx.machine import parallel
 
@@ -78,8 +100,13 @@ class FrictionAxes:
     def check_supports(self, movable: Array, path: str, comm: Any) -> None:
         """Whether what may move at the points is along the axes, see ``check``; collective."""
         askew = np.abs(movable[self.along.any(axis=1)] * (1 - np.eye(3))) > ROOT_OF_EPS
-        why = "a support prescribes the displacement there neither along nor across it, nor along the normal"
-        _refuse_where(askew, f"{path}.along", f"{why}, which is not possible yet with a ratio", comm)
+        why = (
+            "a support prescribes the displacement there neither along nor across it, nor along "
+            "the normal"
+        )
+        _refuse_where(
+            askew, f"{path}.along", f"{why}, which is not possible yet with a ratio", comm
+        )
 
 
 def _refuse_where(wrong: Any, key: str, reason: str, comm: Any) -> None:
@@ -95,7 +122,8 @@ class DirectedLaw(FrictionLaw):
 
     Attributes:
         law: its name.
-        ratio: that of the friction across ``along`` to the friction along it; None: it is the same in all directions.
+        ratio: that of the friction across ``along`` to the friction along it; None: it is the same
+            in all directions.
         along: a vector, whose part in the tangent plane counts; None: along x[0].
     """
 
@@ -107,7 +135,9 @@ class DirectedLaw(FrictionLaw):
     @model_validator(mode="after")
     def _both(self) -> Self:
         if self.along is not None and self.ratio is None:
-            raise refused(type(self).__name__, [(("along",), "needs a ratio, of the friction across it")])
+            raise refused(
+                type(self).__name__, [(("along",), "needs a ratio, of the friction across it")]
+            )
         return self
 
     @property
@@ -118,16 +148,26 @@ class DirectedLaw(FrictionLaw):
     def vectors(self, x: Array) -> Array:
         """``along`` at points, both with shape (3, n)."""
         along = self.along or (1.0, 0.0, 0.0)
-        return np.asarray(along(x) if callable(along) else [sample(component, x) for component in along])
+        return np.asarray(
+            along(x) if callable(along) else [sample(component, x) for component in along]
+        )
 
     def axes(self, at: Any, path: str, dimension: int, comm: Any) -> FrictionAxes | None:
-        """The axes of friction at nodes; None: it has no direction; ``at``: evaluates data at nodes, see
-        ``assembly.nodal_values.NodalValues``; ``path``: of the law, for errors; collective.
+        """The axes of friction at nodes; None: it has no direction; ``at``: evaluates data at
+        nodes, see ``assembly.nodal_values.NodalValues``; ``path``: of the law, for errors;
+        collective.
         """
         if self.ratio is None:
             return None
         if dimension < 3:
-            raise FormError([(f"{path}.ratio", "the mesh is plane: friction has one direction there, leave it out")])
+            raise FormError(
+                [
+                    (
+                        f"{path}.ratio",
+                        "the mesh is plane: friction has one direction there, leave it out",
+                    )
+                ]
+            )
         ratio = at(self.ratio, f"{path}.ratio", minimum=0.0)
         _refuse_where(np.isfinite(ratio) & ~(ratio > 0), f"{path}.ratio", "must be above 0", comm)
         form = hasattr(self.along, "ufl_shape")

@@ -1,4 +1,5 @@
-"""Loads and supports on a mesh: vectors of the densities of effects, prescribed displacements, jumps and strains.
+"""Loads and supports on a mesh: vectors of the densities of effects, prescribed displacements,
+jumps and strains.
 
 ``effects`` has the density of each; here these are integrated, and followed through load steps.
 """

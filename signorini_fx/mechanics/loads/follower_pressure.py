@@ -1,8 +1,10 @@
-"""Pressure that follows a body at finite strains, along the inward normal of the deformed boundary, per deformed area.
+"""Pressure that follows a body at finite strains, along the inward normal of the deformed boundary,
+per deformed area.
 
-Per undeformed area it is, by Nanson's formula, the traction -p cof(F) N with cof(F) = J F^-T.  Its tangent is not
-symmetric where p varies or its boundary ends at an edge that is not held (K. Schweizerhof, E. Ramm, Comput. Struct. 18
-(1984) 1099-1114).  Centrifugal forces are those of the displaced places.
+Per undeformed area it is, by Nanson's formula, the traction -p cof(F) N with cof(F) = J F^-T.  Its
+tangent is not symmetric where p varies or its boundary ends at an edge that is not held (K.
+Schweizerhof, E. Ramm, Comput. Struct. 18 (1984) 1099-1114).  Centrifugal forces are those of the
+displaced places.
 """
 
 from __future__ import annotations
@@ -24,16 +26,20 @@ from signorini_fx.mechanics.statement.statement import Statement
 
 
 def follower_pressure(pressure: Any, u: fem.Function, *, axisymmetric: bool = False) -> Any:
-    """The traction of a pressure on the deformed boundary, per undeformed area, UFL, a stress, shape (d,).
+    """The traction of a pressure on the deformed boundary, per undeformed area, UFL, a stress,
+    shape (d,).
 
         F -= ufl.inner(follower_pressure(p, u), v) * ds(1)
 
     Args:
         pressure: p, positive where it pushes on the body; a number, a Constant, or anything of UFL.
         u: the displacement, length.
-        axisymmetric: whether the mesh is half of a section, x[0] is the radius, and the integral has its factor.
+        axisymmetric: whether the mesh is half of a section, x[0] is the radius, and the integral
+            has its factor.
     """
-    kinematics = AXISYMMETRIC if axisymmetric else CARTESIAN[int(u.function_space.mesh.geometry.dim)]
+    kinematics = (
+        AXISYMMETRIC if axisymmetric else CARTESIAN[int(u.function_space.mesh.geometry.dim)]
+    )
     return _traction(pressure, u, kinematics)
 
 
@@ -47,7 +53,9 @@ def _traction(pressure: Any, u: fem.Function, kinematics: Kinematics) -> Any:
 
 
 def following(statement: Statement) -> list[Any]:
-    """The tractions of a statement whose pressure follows the body: where materials know finite strains."""
+    """The tractions of a statement whose pressure follows the body: where materials know finite
+    strains.
+    """
     tractions = statement.effects.get("traction", ()) if statement.finite_strains else ()
     return [traction for traction in tractions if not is_zero(traction.pressure)]
 
@@ -76,7 +84,10 @@ def without_followers(statement: Statement) -> Statement:
 
     def kept(entries: tuple[Any, ...]) -> tuple[Any, ...]:
         staying = (entry for entry in entries if id(entry) not in leaving)
-        return tuple(entry.model_copy(update={"pressure": 0.0}) if id(entry) in pressed else entry for entry in staying)
+        return tuple(
+            entry.model_copy(update={"pressure": 0.0}) if id(entry) in pressed else entry
+            for entry in staying
+        )
 
     return statement.changed(**{key: kept(entries) for key, entries in statement.effects.items()})
 
@@ -91,15 +102,27 @@ class Followers:
     on: FormCoefficients  # gives their values at a time
 
     @classmethod
-    def of(cls, statement: Statement, tagged: TaggedMesh, u: fem.Function, ds: Any, dx: Any) -> Followers:
-        """Those of a statement at ``u``; ``ds(1)`` and so on integrate over the boundaries of pressures."""
-        pressures, carried, mesh = following(statement), carried_loads(statement), u.function_space.mesh
+    def of(
+        cls, statement: Statement, tagged: TaggedMesh, u: fem.Function, ds: Any, dx: Any
+    ) -> Followers:
+        """Those of a statement at ``u``; ``ds(1)`` and so on integrate over the boundaries of
+        pressures.
+        """
+        pressures, carried, mesh = (
+            following(statement),
+            carried_loads(statement),
+            u.function_space.mesh,
+        )
         effects, element = [*pressures, *carried], statement.element.degree
         on = _DisplacedCoefficients(statement, tagged, u.function_space, u)
         factors = [fem.Constant(mesh, np.float64(0.0)) for _ in effects]
         v, around = ufl.TestFunction(u.function_space), on.kinematics.measure(position(u))
         loads = [
-            (_traction(on.value(effect.pressure), u, on.kinematics), ds(number), effect.degree(element) + element)
+            (
+                _traction(on.value(effect.pressure), u, on.kinematics),
+                ds(number),
+                effect.degree(element) + element,
+            )
             for number, effect in enumerate(pressures, start=1)
         ]
         loads += [(effect.density(on), dx, effect.degree(element)) for effect in carried]

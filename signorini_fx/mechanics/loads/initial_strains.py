@@ -1,8 +1,9 @@
 """Initial strains, and sections across bolts with the jumps of the displacement there.
 
-Cells beyond a section move against the nodes that they share with those before it, as if these were there twice: with
-the unit vector n across it their displacement is that of the nodes minus s n at those on the section, where s is the
-amount.  So no node is added, and the section may consist of any facets, here of those closest to a plane.
+Cells beyond a section move against the nodes that they share with those before it, as if these were
+there twice: with the unit vector n across it their displacement is that of the nodes minus s n at
+those on the section, where s is the amount.  So no node is added, and the section may consist of
+any facets, here of those closest to a plane.
 """
 
 from __future__ import annotations
@@ -21,7 +22,12 @@ from dolfinx import mesh as dmesh
 from signorini_fx.errors import SceneError
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.assembly.averages import from_owners
-from signorini_fx.mechanics.assembly.mesh_entities import compile_form, facet_nodes, marked_nodes, node_positions
+from signorini_fx.mechanics.assembly.mesh_entities import (
+    compile_form,
+    facet_nodes,
+    marked_nodes,
+    node_positions,
+)
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.elasticity.elastic_law import SceneLaw
 from signorini_fx.mechanics.loads.load_vectors import AppliedLoad, FormCoefficients
@@ -51,20 +57,28 @@ class Jump:
 
     @property
     def at_nodes(self) -> _Floats:
-        """J: what an amount of one adds to the displacement of nodes in cells beyond it, shape (nodes, d)."""
+        """J: what an amount of one adds to the displacement of nodes in cells beyond it, shape
+        (nodes, d).
+        """
         return np.where(self.nodes[:, None], -self.axis, 0.0)
 
     def on(self, space: fem.FunctionSpace) -> fem.Function:
         """J as a function without continuity; ``space``: of the displacement."""
         dim = self.axis.size
-        jump = fem.Function(fem.functionspace(space.mesh, ("DG", space.element.basix_element.degree, (dim,))))
+        jump = fem.Function(
+            fem.functionspace(space.mesh, ("DG", space.element.basix_element.degree, (dim,)))
+        )
         of_cells = jump.function_space.dofmap.list[self.cells]
         jump.x.array.reshape(-1, dim)[of_cells] = self.at_nodes[space.dofmap.list[self.cells]]
         return jump
 
 
-def jump_at(path: str, effect: Preload, statement: Statement, tagged: TaggedMesh, space: fem.FunctionSpace) -> Jump:
-    """The jump that an entry of a scene, with this path, prescribes on a section that cuts the body; collective."""
+def jump_at(
+    path: str, effect: Preload, statement: Statement, tagged: TaggedMesh, space: fem.FunctionSpace
+) -> Jump:
+    """The jump that an entry of a scene, with this path, prescribes on a section that cuts the
+    body; collective.
+    """
     mesh, dim = tagged.mesh, tagged.dimension
     of_cells, corners = space.dofmap.list, compat.geometry_cells(mesh)
     middle = mesh.geometry.x[corners, :dim].mean(axis=1)
@@ -87,17 +101,27 @@ def jump_at(path: str, effect: Preload, statement: Statement, tagged: TaggedMesh
         sides = (marked_nodes(space, of_cells[inside & side].ravel()) for side in (beyond, ~beyond))
         nodes = np.logical_and(*sides)
     touching = nodes[of_cells].any(axis=1)
-    far_nodes, near_nodes = (marked_nodes(space, of_cells[touching & side].ravel()) for side in (beyond, ~beyond))
+    far_nodes, near_nodes = (
+        marked_nodes(space, of_cells[touching & side].ravel()) for side in (beyond, ~beyond)
+    )
     where = "the mesh" if effect.region is None else f"region {effect.region!r}"
     for wrong, reason in (
         (not parallel.any_rank(mesh.comm, bool(nodes.any())), f"the plane does not cut {where}"),
-        (bool((touching & ~inside).any()), f"cells outside {where} share nodes with the section: move it"),
-        (bool((far_nodes & near_nodes & ~nodes).any()), "the section ends inside the body: it must cut it through"),
+        (
+            bool((touching & ~inside).any()),
+            f"cells outside {where} share nodes with the section: move it",
+        ),
+        (
+            bool((far_nodes & near_nodes & ~nodes).any()),
+            "the section ends inside the body: it must cut it through",
+        ),
     ):
         if parallel.any_rank(mesh.comm, wrong):
             raise SceneError([(f"{path}.{key}", reason)])
     cells = np.flatnonzero(touching & beyond).astype(np.int32)
-    axis = np.append(axis, np.zeros(space.dofmap.index_map_bs - dim))  # nothing moves around the axis of a body
+    axis = np.append(
+        axis, np.zeros(space.dofmap.index_map_bs - dim)
+    )  # nothing moves around the axis of a body
     return Jump(path, effect, partial(effect.shortening_at, statement), axis, nodes, cells)
 
 
@@ -106,17 +130,25 @@ def _inner_facets(name: str, path: str, tagged: TaggedMesh) -> npt.NDArray[np.in
     mesh = tagged.mesh
     if name not in tagged.boundaries:
         boundary_names = ", ".join(sorted(tagged.boundaries)) or "none"
-        raise SceneError([(f"{path}.section", f"the mesh has no facets {name!r}; it has: {boundary_names}")])
+        raise SceneError(
+            [(f"{path}.section", f"the mesh has no facets {name!r}; it has: {boundary_names}")]
+        )
     mesh.topology.create_connectivity(mesh.topology.dim - 1, mesh.topology.dim)
     tags = tagged.boundaries[name]
     tagged_facets = tagged.facet_tags.indices[np.isin(tagged.facet_tags.values, tags)]
-    inner_facets = np.setdiff1d(tagged_facets, dmesh.exterior_facet_indices(mesh.topology)).astype(np.int32)
+    inner_facets = np.setdiff1d(tagged_facets, dmesh.exterior_facet_indices(mesh.topology)).astype(
+        np.int32
+    )
     if not parallel.any_rank(mesh.comm, inner_facets.size > 0):
-        raise SceneError([(f"{path}.section", f"{name!r} has no facets inside the mesh: it is on its boundary")])
+        raise SceneError(
+            [(f"{path}.section", f"{name!r} has no facets inside the mesh: it is on its boundary")]
+        )
     return inner_facets
 
 
-def _plane(space: fem.FunctionSpace, nodes: _Flags, tagged: TaggedMesh, path: str) -> tuple[_Floats, _Floats]:
+def _plane(
+    space: fem.FunctionSpace, nodes: _Flags, tagged: TaggedMesh, path: str
+) -> tuple[_Floats, _Floats]:
     """A point and the unit normal of the plane through nodes."""
     comm, owned = space.mesh.comm, space.dofmap.index_map.size_local
     x = node_positions(space)[:owned, : tagged.dimension][nodes[:owned]]
@@ -124,7 +156,9 @@ def _plane(space: fem.FunctionSpace, nodes: _Flags, tagged: TaggedMesh, path: st
     point = sums[:-1] / sums[-1]
     spread, directions = np.linalg.eigh(parallel.global_sum(comm, (x - point).T @ (x - point)))
     if np.sqrt(max(spread[0], 0.0) / sums[-1]) > DIGITS_OF_FILES * tagged.size:
-        raise SceneError([(f"{path}.section", "its facets are not in one plane: give point and axis instead")])
+        raise SceneError(
+            [(f"{path}.section", "its facets are not in one plane: give point and axis instead")]
+        )
     return point, directions[:, 0]
 
 
@@ -139,19 +173,29 @@ def jumps_in(statement: Statement, tagged: TaggedMesh, space: fem.FunctionSpace)
 def jump_loads(
     jumps: Sequence[Jump], space: fem.FunctionSpace, elastic: SceneLaw, held: Callable[[Jump], bool]
 ) -> list[AppliedLoad]:
-    """-a(J, .) of each jump J, times its amount, and -(div J, .) where the pressure is an unknown; ``held``: whether
-    contact or supports hold nodes of a jump on this rank along its axis, which is refused; collective.
+    """-a(J, .) of each jump J, times its amount, and -(div J, .) where the pressure is an unknown;
+    ``held``: whether contact or supports hold nodes of a jump on this rank along its axis, which is
+    refused; collective.
     """
     z, loads = ufl.TestFunction(space), []
     for jump in jumps:
         if parallel.any_rank(space.mesh.comm, held(jump)):
-            raise SceneError([(jump.path, "contact or a support holds nodes of the section along its axis: move it")])
+            raise SceneError(
+                [
+                    (
+                        jump.path,
+                        "contact or a support holds nodes of the section along its axis: move it",
+                    )
+                ]
+            )
         terms = elastic.jump_terms(jump.on(space), z)
         forms = tuple(map(compile_form, terms))
         owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
         forces, pressure_load = elastic.assembled(forms, owned)
         of_jump = jump.amount, forms, -forces, fem.Function(space)
-        loads.append(AppliedLoad(*of_jump, balanced=True, entry=jump.entry, pressure_load=pressure_load))
+        loads.append(
+            AppliedLoad(*of_jump, balanced=True, entry=jump.entry, pressure_load=pressure_load)
+        )
     return loads
 
 
@@ -162,9 +206,9 @@ def holds(
     boundary: ContactBoundary | None,
     bonded: Sequence[int] = (),
 ) -> bool:
-    """Whether contact or prescribed displacements hold nodes of a jump on this rank along its axis, which would see the
-    displacement on one of its sides alone; ``fixed`` and ``turned``: see ``ElasticBody``; ``bonded``: numbers of the
-    contacts that hold in all directions; collective.
+    """Whether contact or prescribed displacements hold nodes of a jump on this rank along its axis,
+    which would see the displacement on one of its sides alone; ``fixed`` and ``turned``: see
+    ``ElasticBody``; ``bonded``: numbers of the contacts that hold in all directions; collective.
     """
     dim = jump.axis.size
     nodes = np.flatnonzero(jump.nodes[: fixed.size // dim])
@@ -173,8 +217,13 @@ def holds(
     held = bool((fixed.reshape(-1, dim)[nodes] & along).any())
     if boundary is None:
         return held
-    owned_flags, averages = jump.nodes[: fixed.size // dim, None].astype(np.float64), boundary.averages
-    of_points = abs(averages.shares) @ from_owners(owned_flags, averages.nodes, boundary.comm)[:, 0] > 0
+    owned_flags, averages = (
+        jump.nodes[: fixed.size // dim, None].astype(np.float64),
+        boundary.averages,
+    )
+    of_points = (
+        abs(averages.shares) @ from_owners(owned_flags, averages.nodes, boundary.comm)[:, 0] > 0
+    )
     holding = (np.abs(boundary.normal @ jump.axis) > ROOT_OF_EPS) | np.isin(boundary.part, bonded)
     return held or bool((of_points & holding).any())
 
@@ -182,13 +231,17 @@ def holds(
 def given_strains(
     statement: Statement, tagged: TaggedMesh, space: fem.FunctionSpace
 ) -> tuple[Any, Any, Callable[[float], None]]:
-    """All initial strains together in each direction, and all jumps together, UFL, None without any, as in the first
-    load step, and what moves them to a place; collective.
+    """All initial strains together in each direction, and all jumps together, UFL, None without
+    any, as in the first load step, and what moves them to a place; collective.
     """
-    on = FormCoefficients(statement, tagged, space)  # of its own: other stresses are at other places
+    on = FormCoefficients(
+        statement, tagged, space
+    )  # of its own: other stresses are at other places
     effects = [effect for effect in statement.of(InitialStrain) if effect.acts]
     jumps = jumps_in(statement, tagged, space)
-    factors, amounts = ([fem.Constant(tagged.mesh, default_scalar_type(0.0)) for _ in of] for of in (effects, jumps))
+    factors, amounts = (
+        [fem.Constant(tagged.mesh, default_scalar_type(0.0)) for _ in of] for of in (effects, jumps)
+    )
 
     def move_to(step: float) -> None:
         on.move_to(step)

@@ -17,7 +17,12 @@ from mpi4py import MPI
 from signorini_fx.errors import SceneError, together
 from signorini_fx.extensions import is_of_package
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.assembly.mesh_entities import assemble, compile_form, facet_vertices, measure
+from signorini_fx.mechanics.assembly.mesh_entities import (
+    assemble,
+    compile_form,
+    facet_vertices,
+    measure,
+)
 from signorini_fx.mechanics.contact_points.turned_supports import TurnedNodes
 from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
 from signorini_fx.mechanics.elasticity.elastic_law import CellwiseLaw, IsotropicLaw, SceneLaw
@@ -42,21 +47,30 @@ from signorini_fx.tuned import LARGEST_NUMBER, SAME_NUMBER
 
 @dataclass(frozen=True)
 class AppliedLoad:
-    """The loads and prescribed displacements that share one list of load factors, as the scene has them.
+    """The loads and prescribed displacements that share one list of load factors, as the scene has
+    them.
 
     Those that depend on the time are separate, and have the values of one time.
     """
 
-    factor: Callable[[float], float]  # from a place in the lists of factors to what multiplies it there
-    forms: tuple[fem.Form, ...]  # the compiled terms of L; none if there are prescribed displacements only
+    factor: Callable[
+        [float], float
+    ]  # from a place in the lists of factors to what multiplies it there
+    forms: tuple[
+        fem.Form, ...
+    ]  # the compiled terms of L; none if there are prescribed displacements only
     forces: npt.NDArray[np.float64]  # L at the owned dofs, shape (owned dofs,)
     prescribed: fem.Function  # zero, with its prescribed displacements put in
-    # From a place to the same at the time of that place, collective; None: it does not depend on the time.
+    # From a place to the same at the time of that place, collective; None: it does not depend on
+    # the time.
     again: Callable[[float], AppliedLoad] | None = None
     driven: Driven | None = None  # what drives rigid bodies; None: nothing
-    balanced: bool = False  # whether its forces balance each other in each cell, as those of initial strains do
+    balanced: bool = (
+        False  # whether its forces balance each other in each cell, as those of initial strains do
+    )
     entry: Load | None = None  # the entry of the scene that it is of alone; None: of several
-    # The work of an initial strain at the owned unknowns of a pressure, volumes; None: forces say it.
+    # The work of an initial strain at the owned unknowns of a pressure, volumes; None: forces say
+    # it.
     pressure_load: npt.NDArray[np.float64] | None = None
 
     def at(self, step: float) -> AppliedLoad:
@@ -65,7 +79,9 @@ class AppliedLoad:
 
     @property
     def pushing(self) -> npt.NDArray[np.float64]:
-        """The forces that may do work on rigid motions, shape (owned dofs,): round-off does none."""
+        """The forces that may do work on rigid motions, shape (owned dofs,): round-off does
+        none.
+        """
         return np.zeros_like(self.forces) if self.balanced else self.forces
 
     @property
@@ -88,7 +104,9 @@ class FormCoefficients:
         return fem.Constant(self.space.mesh, default_scalar_type(self.statement.time_at(0)))
 
     def move_to(self, step: float) -> None:
-        """Give expressions of the time t the value at the time of a place in the lists of factors."""
+        """Give expressions of the time t the value at the time of a place in the lists of
+        factors.
+        """
         self._time.value = self.statement.time_at(step)
 
     @property
@@ -104,18 +122,26 @@ class FormCoefficients:
     @cached_property
     def density(self) -> Any:
         """Mass per volume: a constant, or a function that is constant in each cell."""
-        (density,) = of_materials(self.statement, self.tagged, lambda material, _: (material.density or 0.0,))
+        (density,) = of_materials(
+            self.statement, self.tagged, lambda material, _: (material.density or 0.0,)
+        )
         return density
 
     @cached_property
     def expansion(self) -> Any:
-        """Coefficient of thermal expansion: a constant, or a function that is constant in each cell."""
-        (expansion,) = of_materials(self.statement, self.tagged, lambda material, _: (material.expansion or 0.0,))
+        """Coefficient of thermal expansion: a constant, or a function that is constant in each
+        cell.
+        """
+        (expansion,) = of_materials(
+            self.statement, self.tagged, lambda material, _: (material.expansion or 0.0,)
+        )
         return expansion
 
     @cached_property
     def elastic(self) -> SceneLaw:
-        """The elastic law, with coefficients of its own, or all errors that the mesh reveals of them; collective."""
+        """The elastic law, with coefficients of its own, or all errors that the mesh reveals of
+        them; collective.
+        """
         of = self.statement, self.tagged, self.space
         lame, stiffness, reduced, _ = together(
             partial(lame_coefficients, self.statement, self.tagged),
@@ -127,7 +153,11 @@ class FormCoefficients:
             from signorini_fx.mechanics.elasticity.mixed_pressure import MixedLaw
 
             return MixedLaw(*of, lame)
-        return IsotropicLaw(*of, lame, None, reduced) if stiffness is None else CellwiseLaw(*of, lame, stiffness)
+        return (
+            IsotropicLaw(*of, lame, None, reduced)
+            if stiffness is None
+            else CellwiseLaw(*of, lame, stiffness)
+        )
 
     def value_in(self, region: str | None, value: Any) -> Any:
         """A value in the cells of a region, 0 in the others; see ``BodyCoefficients``."""
@@ -153,7 +183,9 @@ class FormCoefficients:
         return self.statement.kinematics_in(self.tagged.dimension)
 
     def total(self, effect: Any) -> Any:
-        """The integral of ``effect.spread`` over the boundary of the effect, which must not be zero; collective."""
+        """The integral of ``effect.spread`` over the boundary of the effect, which must not be
+        zero; collective.
+        """
         boundary, spread, mesh = str(effect.where), effect.spread, self.space.mesh
         if (boundary, spread) not in self._totals:
             form = _compiled([effect], lambda effect: self.value(effect.spread), self)
@@ -162,7 +194,9 @@ class FormCoefficients:
             corners = facet_vertices(mesh, self.tagged.facets(boundary))
             largest = parallel.largest(mesh.comm, np.abs(sample(spread, corners.reshape(-1, 3).T)))
             size = self.tagged.size
-            scales = Scales(self.tagged.dimension, self.statement.young, size, self.kinematics.depth(size))
+            scales = Scales(
+                self.tagged.dimension, self.statement.young, size, self.kinematics.depth(size)
+            )
             if not abs(integral) > SAME_NUMBER * largest * scales.surface:
                 wrong = f"its integral over {boundary!r} is {integral:g}: it must not be 0"
                 raise SceneError([(f"{self.path(effect)}.spread", wrong)])
@@ -171,10 +205,14 @@ class FormCoefficients:
 
     def path(self, effect: Effect) -> str:
         """Where the scene has an effect."""
-        return next((path for path, entry in self.statement.listed() if entry is effect), effect.label)
+        return next(
+            (path for path, entry in self.statement.listed() if entry is effect), effect.label
+        )
 
     def value(self, value: Any, cells: npt.NDArray[np.int32] | None = None) -> Any:
-        """A value as a coefficient; a callable is interpolated in some cells, without them in all."""
+        """A value as a coefficient; a callable is interpolated in some cells, without them in
+        all.
+        """
         mesh = self.space.mesh
         if isinstance(value, float):
             return fem.Constant(mesh, default_scalar_type(value))
@@ -182,47 +220,67 @@ class FormCoefficients:
             return value.ufl(mesh, self._time)
         if hasattr(value, "ufl_domain"):
             return value
-        function = fem.Function(fem.functionspace(mesh, ("Lagrange", self.space.element.basix_element.degree)))
+        function = fem.Function(
+            fem.functionspace(mesh, ("Lagrange", self.space.element.basix_element.degree))
+        )
         error: SceneError | None = None
         try:
             function.interpolate(lambda x: sample(value, x), cells0=cells)
         except Exception as failure:  # of a user's function, perhaps on one rank only
-            keys = ((at, key, entry) for at, effect in self.statement.listed() for key, entry in vars(effect).items())
+            keys = (
+                (at, key, entry)
+                for at, effect in self.statement.listed()
+                for key, entry in vars(effect).items()
+            )
             path = next((f"{at}.{key}" for at, key, entry in keys if entry is value), "scene")
-            error = SceneError([(path, f"cannot be evaluated at the nodes of the whole mesh: {failure}")])
+            error = SceneError(
+                [(path, f"cannot be evaluated at the nodes of the whole mesh: {failure}")]
+            )
         parallel.raise_together(mesh.comm, error)
         return function
 
     def vector(self, values: tuple[Any, ...]) -> Any:
         """Values along the axes as a vector, shape (d,)."""
-        return ufl.as_vector([self.value(value) for value in values[: self.space.mesh.geometry.dim]])
+        return ufl.as_vector(
+            [self.value(value) for value in values[: self.space.mesh.geometry.dim]]
+        )
 
 
 def measures(effects: Sequence[Effect], tagged: TaggedMesh) -> list[Any]:
     """Integration over what each effect acts on, the body, or the facets of its boundary."""
-    ds = measure(tagged.mesh, [tagged.facets(effect.where) for effect in effects if effect.where is not None], {})
+    ds = measure(
+        tagged.mesh,
+        [tagged.facets(effect.where) for effect in effects if effect.where is not None],
+        {},
+    )
     number = count(1)
     return [ufl.dx if effect.where is None else ds(next(number)) for effect in effects]
 
 
-# The factors that loads of one vector have in common, None of those that depend on the time and have none; whether they
-# depend on the time; and whether they are balanced, see ``AppliedLoad``.
+# The factors that loads of one vector have in common, None of those that depend on the time and
+# have none; whether they depend on the time; and whether they are balanced, see ``AppliedLoad``.
 LoadGroup = tuple[tuple[float, ...] | None, bool, bool]
 _Load = TypeVar("_Load", bound=Load)
 
 
 def load_groups(statement: Statement, loads: Sequence[_Load]) -> dict[LoadGroup, list[_Load]]:
-    """Loads by what they share, without those that are zero or that ``initial_strains`` assembles."""
+    """Loads by what they share, without those that are zero or that ``initial_strains``
+    assembles.
+    """
     groups: dict[LoadGroup, list[_Load]] = {}
     for load in loads:
         if load.acts and load.grouped:
             factors = load.factors if load.timed else statement.factors_of(load)
-            groups.setdefault((factors, load.timed, isinstance(load, InitialStrain)), []).append(load)
+            groups.setdefault((factors, load.timed, isinstance(load, InitialStrain)), []).append(
+                load
+            )
     return groups
 
 
 # From a time, to prescribed displacements and supports along no axis with their values.
-SupportsAt = Callable[[float], tuple[list[tuple[PrescribedDisplacement, fem.DirichletBC]], TurnedNodes | None]]
+SupportsAt = Callable[
+    [float], tuple[list[tuple[PrescribedDisplacement, fem.DirichletBC]], TurnedNodes | None]
+]
 
 
 def applied_load(
@@ -234,9 +292,10 @@ def applied_load(
     compiled: tuple[fem.Form, ...] | None = None,
     step: float = 0,
 ) -> AppliedLoad:
-    """Compile and assemble the loads of a group, with prescribed displacements, at a place in the lists of factors;
-    ``z``: the test function of L; ``compiled``: the forms of an earlier place, None if they are to be compiled;
-    collective.
+    """Compile and assemble the loads of a group, with prescribed displacements, at a place in the
+    lists of factors;
+    ``z``: the test function of L; ``compiled``: the forms of an earlier place, None if they are to
+    be compiled; collective.
     """
     factors, timed, balanced = group
     space = on.space
@@ -254,12 +313,17 @@ def applied_load(
         turned.place(prescribed.x.array.reshape(-1, space.mesh.geometry.dim), loads)
     owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
     forces, pressure_load = (
-        on.elastic.assembled(forms, owned) if balanced else (sum(map(assemble, forms), np.zeros(owned)), None)
+        on.elastic.assembled(forms, owned)
+        if balanced
+        else (sum(map(assemble, forms), np.zeros(owned)), None)
     )
     for load in loads:
         if load.nodal:
-            forces = forces + forces_at_nodes(on.statement.now(load, step)[1], on.path(load), space, on.tagged)
-    # No function that refers to itself: such a cycle keeps the mesh until the garbage collector comes.
+            forces = forces + forces_at_nodes(
+                on.statement.now(load, step)[1], on.path(load), space, on.tagged
+            )
+    # No function that refers to itself: such a cycle keeps the mesh until the garbage collector
+    # comes.
     reassemble = partial(applied_load, group, loads, on, z, supports, forms) if timed else None
     return AppliedLoad(
         _factor(factors),
@@ -280,7 +344,9 @@ def _factor(factors: tuple[float, ...] | None) -> Callable[[float], float]:
 def driving_load(
     rigid: RigidBodies, number: int, statement: Statement, space: fem.FunctionSpace, step: float = 0
 ) -> AppliedLoad:
-    """What drives one of the rigid bodies, at the time of a place in the lists of factors; collective."""
+    """What drives one of the rigid bodies, at the time of a place in the lists of factors;
+    collective.
+    """
     timed = rigid.bodies[number].motion.driven_in_time
     return AppliedLoad(
         _factor(None if timed else (1.0,) * statement.steps),
@@ -293,23 +359,41 @@ def driving_load(
 
 
 def compile_loads(loads: Sequence[Load], on: FormCoefficients, z: Any) -> tuple[fem.Form, ...]:
-    """The terms of L of section 2.1, (f, z) and (h, z), compiled together, or those of initial strains."""
+    """The terms of L of section 2.1, (f, z) and (h, z), compiled together, or those of initial
+    strains.
+    """
     if strains := [load for load in loads if isinstance(load, InitialStrain)]:
         total_strain = sum(_asked(strain, "strain", on) for strain in strains)
-        terms = on.elastic.strain_terms(z, total_strain, strains[0].degree(on.space.element.basix_element.degree))
+        terms = on.elastic.strain_terms(
+            z, total_strain, strains[0].degree(on.space.element.basix_element.degree)
+        )
         return tuple(map(compile_form, terms))
     formed = (load for load in loads if isinstance(load, Force) and not load.nodal)
     forces = sorted(formed, key=lambda load: load.where is not None)
-    return (_compiled(forces, lambda load: ufl.inner(_asked(load, "density", on), z), on),) if forces else ()
+    return (
+        (_compiled(forces, lambda load: ufl.inner(_asked(load, "density", on), z), on),)
+        if forces
+        else ()
+    )
 
 
-def compile_resistance(acting: Sequence[Resistance], on: FormCoefficients, y: Any, z: Any) -> fem.Form | None:
-    """The terms of a(y, z) by which effects resist the displacement on the boundary, compiled together."""
-    return _compiled(acting, lambda effect: ufl.inner(_asked(effect, "reaction", on, y), z), on) if acting else None
+def compile_resistance(
+    acting: Sequence[Resistance], on: FormCoefficients, y: Any, z: Any
+) -> fem.Form | None:
+    """The terms of a(y, z) by which effects resist the displacement on the boundary, compiled
+    together.
+    """
+    return (
+        _compiled(acting, lambda effect: ufl.inner(_asked(effect, "reaction", on, y), z), on)
+        if acting
+        else None
+    )
 
 
 def _asked(effect: Any, method: str, on: FormCoefficients, *arguments: Any) -> Any:
-    """What a method of an effect gives, UFL, or a ``SceneError`` of one of another package that gives none."""
+    """What a method of an effect gives, UFL, or a ``SceneError`` of one of another package that
+    gives none.
+    """
     if is_of_package(type(effect)):
         return getattr(effect, method)(*arguments, on)
     name, wanted = type(effect).__name__, () if method == "strain" else (len(on.position),)
@@ -326,7 +410,9 @@ def _asked(effect: Any, method: str, on: FormCoefficients, *arguments: Any) -> A
     raise SceneError([(on.path(effect), reason)])
 
 
-def _compiled(effects: Sequence[Any], integrand: Callable[[Any], Any], on: FormCoefficients) -> fem.Form:
+def _compiled(
+    effects: Sequence[Any], integrand: Callable[[Any], Any], on: FormCoefficients
+) -> fem.Form:
     """The integrals of effects over what each of them acts on."""
     element, where = on.space.element.basix_element.degree, measures(effects, on.tagged)
     terms = [
@@ -337,13 +423,23 @@ def _compiled(effects: Sequence[Any], integrand: Callable[[Any], Any], on: FormC
 
 
 def check_finite(comm: MPI.Comm, loads: list[AppliedLoad]) -> None:
-    """Refuse loads and prescribed displacements that are not finite, or whose squares are not; collective."""
+    """Refuse loads and prescribed displacements that are not finite, or whose squares are not;
+    collective.
+    """
     problems = []
-    where = f"an expression is not finite, or larger than {LARGEST_NUMBER:g}, somewhere on its boundary"
+    where = (
+        f"an expression is not finite, or larger than {LARGEST_NUMBER:g}, somewhere on its boundary"
+    )
     acting = [load.forces if load.pressure_load is None else load.pressure_load for load in loads]
-    if parallel.any_rank(comm, not all((np.abs(load.start) <= LARGEST_NUMBER).all() for load in loads)):
+    if parallel.any_rank(
+        comm, not all((np.abs(load.start) <= LARGEST_NUMBER).all() for load in loads)
+    ):
         problems.append(("displacement", where))
-    elif parallel.any_rank(comm, not all((np.abs(forces) <= LARGEST_NUMBER**2).all() for forces in acting)):
-        problems.append(("traction, body_force", f"{where} or in the body"))  # stresses times lengths
+    elif parallel.any_rank(
+        comm, not all((np.abs(forces) <= LARGEST_NUMBER**2).all() for forces in acting)
+    ):
+        problems.append(
+            ("traction, body_force", f"{where} or in the body")
+        )  # stresses times lengths
     if problems:
         raise SceneError(problems)

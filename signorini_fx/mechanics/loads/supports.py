@@ -1,4 +1,6 @@
-"""Prescribed displacements: Dirichlet conditions along the axes, supports along no axis; and what acts at nodes."""
+"""Prescribed displacements: Dirichlet conditions along the axes, supports along no axis; and what
+acts at nodes.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,12 @@ from dolfinx import mesh as dmesh
 
 from signorini_fx.errors import SceneError
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.assembly.mesh_entities import facet_entities, facet_vertices, marked_nodes, node_positions
+from signorini_fx.mechanics.assembly.mesh_entities import (
+    facet_entities,
+    facet_vertices,
+    marked_nodes,
+    node_positions,
+)
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
@@ -31,10 +38,14 @@ Conditions = list[tuple[PrescribedDisplacement, fem.DirichletBC]]
 class Supports:
     """What supports prescribe on a mesh."""
 
-    conditions: Conditions  # the prescribed displacements of the first load step, one component each
+    conditions: (
+        Conditions  # the prescribed displacements of the first load step, one component each
+    )
     skew: list[SkewSupport]  # those along the normals of flat boundaries across no axis
     turned: TurnedNodes | None  # the nodes of these; None: there are none
-    fixed: npt.NDArray[np.bool_]  # the prescribed owned dofs, in the frames of turned nodes, shape (owned dofs,)
+    fixed: npt.NDArray[
+        np.bool_
+    ]  # the prescribed owned dofs, in the frames of turned nodes, shape (owned dofs,)
     _place: tuple[Statement, fem.FunctionSpace, dict[str, npt.NDArray[np.int32]], TaggedMesh]
 
     @classmethod
@@ -54,7 +65,10 @@ class Supports:
         fixed = prescribed(space, [condition for _, condition in conditions])[0][: owned * dim]
         if skew:
             axes = np.full((len(node_positions(space)), dim), -1)
-            position = {id(effect): index for index, effect in enumerate((*statement.displacement, _ON_AXIS))}
+            position = {
+                id(effect): index
+                for index, effect in enumerate((*statement.displacement, _ON_AXIS))
+            }
             for effect, condition in conditions:
                 axes.reshape(-1)[condition.dof_indices()[0]] = position[id(effect)]
             turned = TurnedNodes.of(skew, axes)
@@ -70,16 +84,25 @@ class Supports:
         moved = tuple(effect.at_time(statement.time_at(step)) for effect in statement.displacement)
         place = statement.changed(displacement=moved), space, facets, tagged
         axes, skew = conditions_on(*place)
-        updated = [replace(initial, values=current.values) for initial, current in zip(self.skew, skew, strict=True)]
-        pairs = [(effect, support) for (effect, _), (_, support) in zip(self.conditions, axes, strict=True)]
+        updated = [
+            replace(initial, values=current.values)
+            for initial, current in zip(self.skew, skew, strict=True)
+        ]
+        pairs = [
+            (effect, support)
+            for (effect, _), (_, support) in zip(self.conditions, axes, strict=True)
+        ]
         return pairs, None if self.turned is None else replace(self.turned, supports=updated)
 
 
 def conditions_on(
-    statement: Statement, space: fem.FunctionSpace, facets: dict[str, npt.NDArray[np.int32]], tagged: TaggedMesh
+    statement: Statement,
+    space: fem.FunctionSpace,
+    facets: dict[str, npt.NDArray[np.int32]],
+    tagged: TaggedMesh,
 ) -> tuple[Conditions, list[SkewSupport]]:
-    """Dirichlet conditions, one per component, of which the later one applies where two meet; and the supports along
-    the normals of flat boundaries across no axis; collective.
+    """Dirichlet conditions, one per component, of which the later one applies where two meet; and
+    the supports along the normals of flat boundaries across no axis; collective.
     """
     from signorini_fx.mechanics.contact_points.turned_supports import SkewSupport
 
@@ -111,7 +134,9 @@ def conditions_on(
                 support = fem.dirichletbc(default_scalar_type(value), dofs, subspace)
             else:
                 collapsed, _ = subspace.collapse()
-                pair = fem.locate_dofs_topological((subspace, collapsed), dim, facets[str(effect.boundary)])
+                pair = fem.locate_dofs_topological(
+                    (subspace, collapsed), dim, facets[str(effect.boundary)]
+                )
                 function = fem.Function(collapsed)
                 function.interpolate(lambda x, value=value: sample(value, x))
                 support = fem.dirichletbc(function, pair, subspace)
@@ -119,7 +144,9 @@ def conditions_on(
     on_rank = np.flatnonzero(on_axis(node_positions(space), tagged))
     for component in statement.kinematics_in(tagged.dimension).zero_on_axis:
         dofs = (space.mesh.geometry.dim * on_rank + component).astype(np.int32)
-        supports.append((_ON_AXIS, fem.dirichletbc(default_scalar_type(0.0), dofs, space.sub(component))))
+        supports.append(
+            (_ON_AXIS, fem.dirichletbc(default_scalar_type(0.0), dofs, space.sub(component)))
+        )
     return supports, skew
 
 
@@ -128,7 +155,8 @@ def _times(sign: float, value: Any) -> Any:
     return sign * value if isinstance(value, float) else lambda x: sign * sample(value, x)
 
 
-# What holds the nodes on the axis of revolution, whatever components of their displacements are zero.
+# What holds the nodes on the axis of revolution, whatever components of their displacements are
+# zero.
 _ON_AXIS = PrescribedDisplacement(boundary="on the axis", x=0.0)
 
 
@@ -137,17 +165,28 @@ def on_axis(x: npt.NDArray[np.float64], tagged: TaggedMesh) -> npt.NDArray[np.bo
     return np.asarray(np.abs(x[:, 0]) <= ROOT_OF_EPS * tagged.size)
 
 
-def flat_normal(effect: PrescribedDisplacement, index: int, tagged: TaggedMesh) -> npt.NDArray[np.float64]:
-    """Outward unit normal of a flat boundary, exact where it is along an axis, shape (d,); collective."""
+def flat_normal(
+    effect: PrescribedDisplacement, index: int, tagged: TaggedMesh
+) -> npt.NDArray[np.float64]:
+    """Outward unit normal of a flat boundary, exact where it is along an axis, shape (d,);
+    collective.
+    """
     mesh = tagged.mesh
     facets = tagged.facets(str(effect.boundary))
     dim = mesh.topology.dim
     inside = dmesh.compute_midpoints(mesh, dim, facet_entities(mesh, facets)[:, 0])
-    outward = parallel.global_sum(mesh.comm, (dmesh.compute_midpoints(mesh, dim - 1, facets) - inside).sum(axis=0))
-    # From the facets themselves: as sharp as round-off allows, which their points all together are not.
+    outward = parallel.global_sum(
+        mesh.comm, (dmesh.compute_midpoints(mesh, dim - 1, facets) - inside).sum(axis=0)
+    )
+    # From the facets themselves: as sharp as round-off allows, which their points all together are
+    # not.
     corners = facet_vertices(mesh, facets)[:, :, :dim]
     along = corners[:, 1:dim] - corners[:, :1]
-    across = np.column_stack((along[:, 0, 1], -along[:, 0, 0])) if dim == 2 else np.cross(along[:, 0], along[:, 1])
+    across = (
+        np.column_stack((along[:, 0, 1], -along[:, 0, 0]))
+        if dim == 2
+        else np.cross(along[:, 0], along[:, 1])
+    )
     across = across * np.sign(across @ outward[:dim])[:, None]
     normal = parallel.global_sum(mesh.comm, across.sum(axis=0))
     normal = normal / max(float(np.linalg.norm(normal)), 1e-300)
@@ -155,7 +194,9 @@ def flat_normal(effect: PrescribedDisplacement, index: int, tagged: TaggedMesh) 
         normal = np.rint(normal)
     low, high = parallel.global_bounds(mesh.comm, (corners @ normal).reshape(-1, 1))
     if float(high[0] - low[0]) > 1e-9 * tagged.size:
-        message = f"boundary {effect.boundary!r} is not flat: use bilateral contact without friction"
+        message = (
+            f"boundary {effect.boundary!r} is not flat: use bilateral contact without friction"
+        )
         raise SceneError([(f"displacement[{index}].normal", message)])
     return np.pad(normal, (0, mesh.geometry.dim - dim))
 
@@ -163,7 +204,9 @@ def flat_normal(effect: PrescribedDisplacement, index: int, tagged: TaggedMesh) 
 def prescribed(
     space: fem.FunctionSpace, bcs: Sequence[fem.DirichletBC]
 ) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.float64]]:
-    """Which dofs of this rank are prescribed, and to what, else zero, shape (dofs,); the last condition applies."""
+    """Which dofs of this rank are prescribed, and to what, else zero, shape (dofs,); the last
+    condition applies.
+    """
     index_map, block = space.dofmap.index_map, space.dofmap.index_map_bs
     values = np.zeros((index_map.size_local + index_map.num_ghosts) * block)
     fixed = np.zeros(values.size, dtype=bool)
@@ -179,7 +222,9 @@ def at_rest(
     turned: TurnedNodes | None,
     fixed: npt.NDArray[np.bool_],
 ) -> npt.NDArray[np.bool_]:
-    """Which of the prescribed dofs are zero at all times, shape (owned dofs,); of turned nodes in their frames."""
+    """Which of the prescribed dofs are zero at all times, shape (owned dofs,); of turned nodes in
+    their frames.
+    """
     values = prescribed(space, [support for _, support in supports])[1]
     for effect, support in supports:
         if effect.timed:
@@ -196,33 +241,50 @@ def at_rest(
 
 
 def check_overlap(
-    statement: Statement, boundary: ContactBoundary, facets: dict[str, npt.NDArray[np.int32]], tagged: TaggedMesh
+    statement: Statement,
+    boundary: ContactBoundary,
+    facets: dict[str, npt.NDArray[np.int32]],
+    tagged: TaggedMesh,
 ) -> None:
-    """Refuse a prescribed normal displacement on contact facets, where it contradicts the contact condition."""
+    """Refuse a prescribed normal displacement on contact facets, where it contradicts the contact
+    condition.
+    """
     problems = []
     for index, support in enumerate(statement.displacement):
         if support.at is not None:  # as where a supported side ends at the contact
             continue
-        axes = [component for component, value in enumerate(support.components) if value is not None]
-        prescribed = np.eye(tagged.mesh.geometry.dim)[axes] if axes else flat_normal(support, index, tagged)[None]
+        axes = [
+            component for component, value in enumerate(support.components) if value is not None
+        ]
+        prescribed = (
+            np.eye(tagged.mesh.geometry.dim)[axes]
+            if axes
+            else flat_normal(support, index, tagged)[None]
+        )
         for part, effect in enumerate(statement.contact):
             shared = np.intersect1d(facets[support.boundary], facets[effect.boundary]).size
             total = int(parallel.global_sum(boundary.comm, np.array(shared)))
             slope = np.abs(boundary.normal[boundary.part == part] @ prescribed.T).max(initial=0.0)
             if total and parallel.global_max(boundary.comm, slope) > 1e-8:
-                message = f"boundary {support.boundary!r} prescribes the normal displacement on {total} facets of the "
+                message = (
+                    f"boundary {support.boundary!r} prescribes the normal displacement on "
+                    f"{total} facets of the "
+                )
                 message += f"contact boundary {effect.boundary!r}: remove them from one of the two"
                 problems.append((f"displacement[{index}]", message))
     if problems:
         raise SceneError(problems)
 
 
-# --- what acts at single nodes ---------------------------------------------------------------------------------------
+# --- what acts at single nodes --------------------------------------------------------------------
 
 
-def node_at(space: fem.FunctionSpace, effect: Any, path: str, tagged: TaggedMesh) -> npt.NDArray[np.int64]:
-    """The node of this rank at the point ``at`` of an effect, of its region if it names one, ghosts included, shape
-    (1,) or (0,); there must be one on all ranks together; ``path``: for errors; collective.
+def node_at(
+    space: fem.FunctionSpace, effect: Any, path: str, tagged: TaggedMesh
+) -> npt.NDArray[np.int64]:
+    """The node of this rank at the point ``at`` of an effect, of its region if it names one, ghosts
+    included, shape (1,) or (0,); there must be one on all ranks together; ``path``: for errors;
+    collective.
     """
     point, x = np.array(effect.at), node_positions(space)[:, : tagged.dimension]
     away = np.linalg.norm(x - point, axis=1)
@@ -231,24 +293,37 @@ def node_at(space: fem.FunctionSpace, effect: Any, path: str, tagged: TaggedMesh
         near &= marked_nodes(space, space.dofmap.list[tagged.cells(effect.region)].ravel())
     candidates = np.flatnonzero(near)
     if not parallel.any_rank(tagged.mesh.comm, candidates.size > 0):
-        nearest = parallel.gather_rows(tagged.mesh.comm, np.column_stack((away, x))[np.argsort(away)[:1]])
-        nearest_point = np.round(nearest[np.argmin(nearest[:, 0]), 1:] / tagged.size, 9) * tagged.size
+        nearest = parallel.gather_rows(
+            tagged.mesh.comm, np.column_stack((away, x))[np.argsort(away)[:1]]
+        )
+        nearest_point = (
+            np.round(nearest[np.argmin(nearest[:, 0]), 1:] / tagged.size, 9) * tagged.size
+        )
         at = ", ".join(f"{value:.6g}" for value in nearest_point)
-        raise SceneError([(f"{path}.at", f"no node of the mesh is at {effect.place}; near is ({at})")])
+        raise SceneError(
+            [(f"{path}.at", f"no node of the mesh is at {effect.place}; near is ({at})")]
+        )
     owned = candidates[candidates < space.dofmap.index_map.size_local]
     count = int(parallel.global_sum(tagged.mesh.comm, np.array(owned.size)))
     if count > 1:
         message = (
-            f"{count} nodes of the mesh are at {effect.place}, of parts that do not share them: name the region of one "
+            f"{count} nodes of the mesh are at {effect.place}, of parts that do not share them: "
+            "name the region of one "
             "of them, or choose a point at which there is one node"
         )
         raise SceneError([(f"{path}.at", message)])
     return candidates
 
 
-def forces_at_nodes(load: Any, path: str, space: fem.FunctionSpace, tagged: TaggedMesh) -> npt.NDArray[np.float64]:
-    """A ``PointForce`` as the part of L that it is, shape (owned dofs,), or the error of ``node_at``; collective."""
+def forces_at_nodes(
+    load: Any, path: str, space: fem.FunctionSpace, tagged: TaggedMesh
+) -> npt.NDArray[np.float64]:
+    """A ``PointForce`` as the part of L that it is, shape (owned dofs,), or the error of
+    ``node_at``; collective.
+    """
     node, owned = node_at(space, load, path, tagged), space.dofmap.index_map.size_local
     at, forces = in_space(np.array([load.at])), np.zeros((owned, space.dofmap.index_map_bs))
-    forces[node[node < owned], : tagged.dimension] = [sample(c, at)[0] for c in load.components[: tagged.dimension]]
+    forces[node[node < owned], : tagged.dimension] = [
+        sample(c, at)[0] for c in load.components[: tagged.dimension]
+    ]
     return forces.ravel()

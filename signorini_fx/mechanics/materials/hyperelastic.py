@@ -23,7 +23,8 @@ from signorini_fx.tuned import EQUAL_STRETCHES
 
 
 class NeoHooke(Hyperelastic):
-    """The energy mu/2 (tr C - 3) - mu ln J + lambda/2 ln^2 J, or, ``isochoric``, mu/2 (J^(-2/3) tr C - 3) +
+    """The energy mu/2 (tr C - 3) - mu ln J + lambda/2 ln^2 J, or, ``isochoric``, mu/2 (J^(-2/3) tr
+    C - 3) +
     kappa/2 (J - 1)^2, per undeformed volume: rubber at moderate strains (R. S. Rivlin,
     Phil. Trans. R. Soc. A 240 (1948) 459-490).
 
@@ -31,7 +32,8 @@ class NeoHooke(Hyperelastic):
         law: its name.
         young: Young's modulus at small strains, stress.
         poisson: Poisson's ratio at small strains, in (-1, 0.5).
-        isochoric: which energy: the second one is that of Abaqus, Ansys and CalculiX, with C10 = mu/2, D1 = 2/kappa.
+        isochoric: which energy: the second one is that of Abaqus, Ansys and CalculiX, with C10 =
+            mu/2, D1 = 2/kappa.
     """
 
     law: Literal["neo-hooke"]
@@ -42,7 +44,11 @@ class NeoHooke(Hyperelastic):
     def shape_energy_by_change(self, change: Any) -> Any:
         import ufl
 
-        (shear, _), grown, beyond = self.constants_at_rest, growth(change), strain_beyond_growth(change)
+        (shear, _), grown, beyond = (
+            self.constants_at_rest,
+            growth(change),
+            strain_beyond_growth(change),
+        )
         if self.isochoric:
             curved = power_beyond_line(grown, -2 / 3)
             further = ufl.tr(green_strain(change)) * (curved - 2 / 3 * grown)
@@ -57,13 +63,15 @@ class NeoHooke(Hyperelastic):
 
 
 class MooneyRivlin(Hyperelastic):
-    """The energy C10 (I1 - 3) + C01 (I2 - 3) + kappa/2 (J - 1)^2, with the invariants I1 and I2 of J^(-2/3) C, per
-    undeformed volume: rubber up to about twice its length (M. Mooney, J. Appl. Phys. 11 (1940) 582-592).
+    """The energy C10 (I1 - 3) + C01 (I2 - 3) + kappa/2 (J - 1)^2, with the invariants I1 and I2 of
+    J^(-2/3) C, per undeformed volume: rubber up to about twice its length (M. Mooney, J. Appl.
+    Phys. 11 (1940) 582-592).
 
     Attributes:
         law: its name.
         c10: C10, stress.
-        c01: C01, stress; both are not negative, and the shear modulus at small strains is twice their sum.
+        c01: C01, stress; both are not negative, and the shear modulus at small strains is twice
+            their sum.
         bulk: bulk modulus kappa, stress; 2 / D1 of Abaqus and CalculiX.
     """
 
@@ -75,7 +83,10 @@ class MooneyRivlin(Hyperelastic):
     @model_validator(mode="after")
     def _stiff(self) -> Self:
         if not self.c10 + self.c01 > 0:
-            raise refused("MooneyRivlin", [(("c10",), "must be above 0, or c01: the shear modulus is 2 (c10 + c01)")])
+            raise refused(
+                "MooneyRivlin",
+                [(("c10",), "must be above 0, or c01: the shear modulus is 2 (c10 + c01)")],
+            )
         return self
 
     @property
@@ -98,16 +109,17 @@ class MooneyRivlin(Hyperelastic):
 
 
 class Ogden(Hyperelastic):
-    """The energy sum_p mu_p / alpha_p (l_1^alpha_p + l_2^alpha_p + l_3^alpha_p - 3) + kappa/2 (J - 1)^2 of the
-    stretches l_i J^(-1/3), per undeformed volume: rubber up to several times its length (R. W. Ogden, Proc. R. Soc. A
-    326 (1972) 565-584).
+    """The energy sum_p mu_p / alpha_p (l_1^alpha_p + l_2^alpha_p + l_3^alpha_p - 3) + kappa/2 (J -
+    1)^2 of the stretches l_i J^(-1/3), per undeformed volume: rubber up to several times its length
+    (R. W. Ogden, Proc. R. Soc. A 326 (1972) 565-584).
 
-    Abaqus and CalculiX have 2 mu_p / alpha_p^2 in place of mu_p / alpha_p: their mu_p is mu_p alpha_p / 2 of these.
+    Abaqus and CalculiX have 2 mu_p / alpha_p^2 in place of mu_p / alpha_p: their mu_p is mu_p
+    alpha_p / 2 of these.
 
     Attributes:
         law: its name.
-        mu: mu_p, stresses; each has the sign of its exponent, and the shear modulus at small strains is half the sum of
-            mu_p alpha_p.
+        mu: mu_p, stresses; each has the sign of its exponent, and the shear modulus at small
+            strains is half the sum of mu_p alpha_p.
         alpha: the exponents alpha_p, as many.
         bulk: bulk modulus kappa, stress; 2 / D1 of Abaqus and CalculiX.
     """
@@ -120,11 +132,20 @@ class Ogden(Hyperelastic):
     @model_validator(mode="after")
     def _stiff(self) -> Self:
         if len(self.mu) != len(self.alpha):
-            reason = f"has {len(self.alpha)} exponents, one for each of {len(self.mu)} mu is expected"
+            reason = (
+                f"has {len(self.alpha)} exponents, one for each of {len(self.mu)} mu is expected"
+            )
             raise refused("Ogden", [(("alpha",), reason)])
-        wrong = [number for number, pair in enumerate(zip(self.mu, self.alpha, strict=True)) if not np.prod(pair) > 0]
+        wrong = [
+            number
+            for number, pair in enumerate(zip(self.mu, self.alpha, strict=True))
+            if not np.prod(pair) > 0
+        ]
         if wrong:
-            reason = "must have the sign of its exponent alpha: otherwise some shear has no positive energy"
+            reason = (
+                "must have the sign of its exponent alpha: otherwise some shear has no "
+                "positive energy"
+            )
             raise refused("Ogden", [(("mu", number), reason) for number in wrong])
         return self
 
@@ -148,7 +169,11 @@ class Ogden(Hyperelastic):
             pair = 2 * (1 + power * mean + of_mean) * _beyond_mean(apart / (1 + mean) ** 2, power)
             quadratic = 2 * of_mean + of_across + pair
             share = power * (2 * mean + across) + quadratic
-            energy += mu / alpha * (alpha * beyond + 3 * curved + quadratic + share * (curved - alpha / 3 * grown))
+            energy += (
+                mu
+                / alpha
+                * (alpha * beyond + 3 * curved + quadratic + share * (curved - alpha / 3 * grown))
+            )
         return energy
 
     def volume_energy_by_change(self, growth: Any) -> Any:
@@ -156,10 +181,15 @@ class Ogden(Hyperelastic):
 
 
 def _beyond_mean(ratio: Any, power: float) -> Any:
-    """((1 + r)^p + (1 - r)^p)/2 - 1 with r^2 = ``ratio``, UFL; near 0, where r is not smooth, its series in r^2."""
+    """((1 + r)^p + (1 - r)^p)/2 - 1 with r^2 = ``ratio``, UFL; near 0, where r is not smooth, its
+    series in r^2.
+    """
     import ufl
 
-    near, far = ufl.lt(ratio, EQUAL_STRETCHES**2), ufl.conditional(ufl.lt(ratio, EQUAL_STRETCHES**2), 1, ratio)
+    near, far = (
+        ufl.lt(ratio, EQUAL_STRETCHES**2),
+        ufl.conditional(ufl.lt(ratio, EQUAL_STRETCHES**2), 1, ratio),
+    )
     series, factor = 0, 1.0
     for k in range(1, 5):
         factor *= (power - 2 * k + 2) * (power - 2 * k + 1) / (2 * k * (2 * k - 1))
@@ -169,11 +199,12 @@ def _beyond_mean(ratio: Any, power: float) -> Any:
 
 
 class SaintVenantKirchhoff(Hyperelastic):
-    """The energy mu E : E + lambda/2 tr^2 E, with E = (F^T F - I)/2, per undeformed volume: large rotations
+    """The energy mu E : E + lambda/2 tr^2 E, with E = (F^T F - I)/2, per undeformed volume: large
+    rotations
     at small strains.
 
-    Under strong compression it softens, and it has no resistance to vanishing volume (A. Raoult, Aplikace matematiky 31
-    (1986) 417-419): then take ``neo-hooke``.
+    Under strong compression it softens, and it has no resistance to vanishing volume (A. Raoult,
+    Aplikace matematiky 31 (1986) 417-419): then take ``neo-hooke``.
 
     Attributes:
         law: its name.

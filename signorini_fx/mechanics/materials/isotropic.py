@@ -18,8 +18,10 @@ class LinearElastic(Material):
 
     Attributes:
         young: Young's modulus E > 0, stress, which ``grading`` multiplies.
-        poisson: Poisson's ratio nu in (-1, 0.5); 0.5 too in plane stress, and with a pressure as an unknown.
-        yield_stress: by von Mises, a stress, which gives ``utilisation`` and changes nothing else; None: not known.
+        poisson: Poisson's ratio nu in (-1, 0.5); 0.5 too in plane stress, and with a pressure as an
+            unknown.
+        yield_stress: by von Mises, a stress, which gives ``utilisation`` and changes nothing else;
+        None: not known.
     """
 
     isotropic: ClassVar[bool] = True
@@ -41,8 +43,8 @@ class LinearElastic(Material):
 
     @property
     def lame(self) -> tuple[float, float]:
-        """Lame parameters (lambda, mu) of section 2.1, stresses, before grading; lambda is the reduced one for plane
-        stress, and infinite elsewhere for nu = 1/2.
+        """Lame parameters (lambda, mu) of section 2.1, stresses, before grading; lambda is the
+        reduced one for plane stress, and infinite elsewhere for nu = 1/2.
 
         Plane strain has those of three dimensions.
         """
@@ -50,7 +52,9 @@ class LinearElastic(Material):
         mu = young / (2 * (1 + poisson))
         if self.hypothesis == "plane stress":
             return young * poisson / (1 - poisson**2), mu
-        return math.inf if poisson == 0.5 else young * poisson / ((1 + poisson) * (1 - 2 * poisson)), mu
+        return math.inf if poisson == 0.5 else young * poisson / (
+            (1 + poisson) * (1 - 2 * poisson)
+        ), mu
 
     def stiffest(self, *, pressed: bool) -> float:
         first, second = self.lame
@@ -59,7 +63,10 @@ class LinearElastic(Material):
     @property
     def locks(self) -> bool:
         """Of nonlinear materials the ratio follows from moduli, with round-off."""
-        return self.poisson >= LOCKING_POISSON * (1 - SAME_NUMBER) and self.hypothesis != "plane stress"
+        return (
+            self.poisson >= LOCKING_POISSON * (1 - SAME_NUMBER)
+            and self.hypothesis != "plane stress"
+        )
 
     def contradictions(self, statement: Any, number: int) -> Contradictions:
         yield from super().contradictions(statement, number)
@@ -67,9 +74,21 @@ class LinearElastic(Material):
         if statement.element.pressed:
             setting = repr(statement.element.volumetric)
             if not self.poisson > 0:
-                yield ("material", number, "poisson"), f"must be above 0 where element.volumetric = {setting}"
+                yield (
+                    ("material", number, "poisson"),
+                    f"must be above 0 where element.volumetric = {setting}",
+                )
             if number == 0 and statement.element.degree != 2:
-                yield ("element", "degree"), f"must be 2 for {setting}, whose pressure has one degree less"
+                yield (
+                    ("element", "degree"),
+                    f"must be 2 for {setting}, whose pressure has one degree less",
+                )
         elif self.poisson == 0.5 and (apart or self.hypothesis != "plane stress"):
-            cure = 'element = { degree = 2, volumetric = "mixed" }, whose pressure is an unknown of its own'
-            yield ("material", number, "poisson"), f"must be below 0.5: an incompressible body needs {cure}"
+            cure = (
+                'element = { degree = 2, volumetric = "mixed" }, whose pressure is an unknown '
+                "of its own"
+            )
+            yield (
+                ("material", number, "poisson"),
+                f"must be below 0.5: an incompressible body needs {cure}",
+            )

@@ -1,7 +1,9 @@
-"""What a nonlinear material says.  A scene with one is solved by Newton's method, see ``scenes.nonlinear``.
+"""What a nonlinear material says.  A scene with one is solved by Newton's method, see
+``scenes.nonlinear``.
 
-Of finite strains it has a stored energy per undeformed volume, in two parts: that of the shape, and that of the volume,
-which may be integrated with fewer points.  Of small strains it has a stress that depends on the past, with its tangent:
+Of finite strains it has a stored energy per undeformed volume, in two parts: that of the shape, and
+that of the volume, which may be integrated with fewer points.  Of small strains it has a stress
+that depends on the past, with its tangent:
 
     class Soft(Hyperelastic):
         law: Literal["soft"] = "soft"
@@ -21,9 +23,10 @@ which may be integrated with fewer points.  Of small strains it has a stress tha
         def constants_at_rest(self):
             return self.shear, self.bulk
 
-F = I + grad u and J = det F are known to the unit of round-off only, so that stresses at strains of 1e-10 have six
-digits.  The methods whose names end in ``by_change`` take grad u and J - 1 instead, from which stresses can be
-evaluated with all digits however small they are; unless a material has its own, they call those above.
+F = I + grad u and J = det F are known to the unit of round-off only, so that stresses at strains of
+1e-10 have six digits.  The methods whose names end in ``by_change`` take grad u and J - 1 instead,
+from which stresses can be evaluated with all digits however small they are; unless a material has
+its own, they call those above.
 """
 
 from __future__ import annotations
@@ -51,20 +54,26 @@ class NonlinearMaterial(Material):
 
     refuses: ClassVar[Mapping[str, Mapping[str, str]]] = {
         "nonlinear material": {
-            "plane stress": "a nonlinear material in plane stress is not possible yet: take plane strain",
+            "plane stress": "a nonlinear material in plane stress is not possible yet: take plane "
+            "strain",
             "axisymmetric, torsion": "a nonlinear material with torsion is not possible yet",
-            "mixed element": "a pressure as an unknown is not possible yet with a nonlinear material: take 'reduced' "
+            "mixed element": "a pressure as an unknown is not possible yet with a nonlinear "
+            "material: take 'reduced' "
             "or 'auto'",
-            "accuracy of the zone or the peak": "of a nonlinear body the error of the stress, of the pressure and of "
+            "accuracy of the zone or the peak": "of a nonlinear body the error of the stress, of "
+            "the pressure and of "
             "the force is known: take 'energy', 'pressure' or 'force'",
-            "accuracy of contact on cells that lock": "is not known where cells lock: take element.volumetric = 'auto'",
+            "accuracy of contact on cells that lock": "is not known where cells lock: take "
+            "element.volumetric = 'auto'",
             "statement of an error bound": "a nonlinear body has no guaranteed bound",
             "soft contact": "soft contact is for linear materials: leave 'overclosure' out",
-            "fluid": "changes as the body moves, which is not possible yet with a nonlinear material",
+            "fluid": "changes as the body moves, which is not possible yet with a nonlinear "
+            "material",
             "preload": _NOT_YET,
         },
         "finite strain": {
-            "prescribed rotation": "is a small one, which a body at finite strains does not know: give x and y as "
+            "prescribed rotation": "is a small one, which a body at finite strains does not know: "
+            "give x and y as "
             "expressions",
         },
     }
@@ -73,7 +82,9 @@ class NonlinearMaterial(Material):
 
     @property
     def constants_at_rest(self) -> tuple[float, float]:
-        """Shear and bulk modulus at small strains, stresses, by default from the keys ``young`` and ``poisson``."""
+        """Shear and bulk modulus at small strains, stresses, by default from the keys ``young`` and
+        ``poisson``.
+        """
         young, poisson = getattr(self, "young", None), getattr(self, "poisson", None)
         if young is None or poisson is None:
             raise NotImplementedError
@@ -81,7 +92,9 @@ class NonlinearMaterial(Material):
 
     @cached_property
     def at_rest(self) -> LinearElastic:
-        """The linear material that it is at small strains, from which scales and quadratures follow."""
+        """The linear material that it is at small strains, from which scales and quadratures
+        follow.
+        """
         shear, bulk = self.constants_at_rest
         shared = ("hypothesis", "density", "expansion", "region")
         return LinearElastic(
@@ -104,7 +117,10 @@ class NonlinearMaterial(Material):
             yield ("material", number, "hypothesis"), f"that of another package {_NOT_YET}"
         for other, beside in enumerate(statement.material):
             if beside.linear and (beside.varies or not beside.isotropic):
-                yield ("material", other), "is not possible yet beside a nonlinear one: give regions of isotropic ones"
+                yield (
+                    ("material", other),
+                    "is not possible yet beside a nonlinear one: give regions of isotropic ones",
+                )
         if any(contact.against is not None for contact in statement.contact):
             for row, support in enumerate(statement.displacement):
                 if support.holds is not None:
@@ -127,8 +143,10 @@ class NonlinearMaterial(Material):
 class Hyperelastic(NonlinearMaterial):
     """An elastic material at finite strains, by its energy.
 
-    Gradients F = I + grad u and stresses have the shape (3, 3), in 2D and in bodies of revolution with what is
-    across the mesh.  A material has ``shape_energy`` or ``shape_energy_by_change``, and so on: the latter are called.
+    Gradients F = I + grad u and stresses have the shape (3, 3), in 2D and in bodies of revolution
+    with what is
+    across the mesh.  A material has ``shape_energy`` or ``shape_energy_by_change``, and so on: the
+    latter are called.
 
     Attributes:
         hypothesis, torsion, grading, density, expansion, region: see ``Material``.
@@ -145,7 +163,9 @@ class Hyperelastic(NonlinearMaterial):
         return 0 * volume
 
     def shape_energy_by_change(self, change: Any) -> Any:
-        """``shape_energy`` from grad u, UFL of shape (3, 3), so that its derivative keeps the digits of that."""
+        """``shape_energy`` from grad u, UFL of shape (3, 3), so that its derivative keeps the
+        digits of that.
+        """
         import ufl
 
         return self.shape_energy(ufl.Identity(3) + change)
@@ -161,27 +181,42 @@ class Hyperelastic(NonlinearMaterial):
     def contradictions(self, statement: Any, number: int) -> Contradictions:
         yield from super().contradictions(statement, number)
         if statement.element.volumetric == "reduced" and not self.splits:
-            reason = f"'reduced' needs an energy of the volume alone, which {self.words} does not have"
+            reason = (
+                f"'reduced' needs an energy of the volume alone, which {self.words} does not have"
+            )
             yield ("element", "volumetric"), reason
         for row, traction in enumerate(statement.effects.get("traction", ())):
             if hasattr(traction.pressure, "ufl_shape"):
-                reason = "follows the body at finite strains: give a number, an expression or a callable, not UFL"
+                reason = (
+                    "follows the body at finite strains: give a number, an expression or a "
+                    "callable, not UFL"
+                )
                 yield ("traction", row, "pressure"), reason
         for row, rotation in enumerate(statement.effects.get("rotation", ())):
             if getattr(rotation.speed, "jumps", False):
-                yield ("rotation", row, "speed"), f"that jumps from place to place {_NOT_YET} at finite strains"
+                yield (
+                    ("rotation", row, "speed"),
+                    f"that jumps from place to place {_NOT_YET} at finite strains",
+                )
         for other, beside in enumerate(statement.material):
             if not beside.finite:
-                cure = "give law = 'saint-venant-kirchhoff', which has the constants of a linear one"
+                cure = (
+                    "give law = 'saint-venant-kirchhoff', which has the constants of a linear one"
+                )
                 if not beside.linear:
                     cure = f"if it stays elastic {cure}, else put a rigid foundation in its place"
-                yield ("material", other), f"is one of small strains, beside one of finite strains: {cure}"
+                yield (
+                    ("material", other),
+                    f"is one of small strains, beside one of finite strains: {cure}",
+                )
 
 
 class PathDependent(NonlinearMaterial):
-    """A material at small strains whose stress depends on the past, with a mean stress that follows the volume.
+    """A material at small strains whose stress depends on the past, with a mean stress that follows
+    the volume.
 
-    Its state is a row of numbers at each point, zeros to begin with.  Strains and stresses have the shape (n, 3, 3).
+    Its state is a row of numbers at each point, zeros to begin with.  Strains and stresses have the
+    shape (n, 3, 3).
 
     Attributes:
         hypothesis, torsion, grading, density, expansion, region: see ``Material``.
@@ -195,24 +230,29 @@ class PathDependent(NonlinearMaterial):
         return (*super().features, ("material with a state", ()))
 
     def at_time(self, time: float) -> PathDependent:
-        """The material in a load step that ends at this time of the load path; itself where time is nothing to it."""
+        """The material in a load step that ends at this time of the load path; itself where time is
+        nothing to it.
+        """
         return self
 
     def respond(self, strain: Array, state: Array) -> tuple[Array, Array, Array]:
-        """The deviatoric stress, its derivative by the strain, and the new state, from the state of the last load step.
+        """The deviatoric stress, its derivative by the strain, and the new state, from the state of
+        the last load step.
 
         Args:
             strain: less that of the temperature, shape (n, 3, 3).
             state: shape (n, ``state_size``).
 
         Returns:
-            Shapes (n, 3, 3), (n, 6, 6) and (n, ``state_size``); rows and columns of the derivative are the components
-            ``protocol.PAIRS``, of strains twice epsilon_ij in shear.
+            Shapes (n, 3, 3), (n, 6, 6) and (n, ``state_size``); rows and columns of the derivative
+            are the components ``protocol.PAIRS``, of strains twice epsilon_ij in shear.
         """
         raise NotImplementedError
 
     def plastic_strain(self, state: Array) -> Array | None:
-        """The accumulated (equivalent) plastic strain of states, for results, shape (n,); None: there is none."""
+        """The accumulated (equivalent) plastic strain of states, for results, shape (n,); None:
+        there is none.
+        """
         return None
 
 
@@ -233,10 +273,14 @@ def growth(change: Any) -> Any:
 
 
 def strain_beyond_growth(change: Any) -> Any:
-    """Tr E - (J - 1) from grad u, with Green's strain E, UFL: quadratic in small changes, without their difference."""
+    """Tr E - (J - 1) from grad u, with Green's strain E, UFL: quadratic in small changes, without
+    their difference.
+    """
     import ufl
 
-    return (ufl.inner(change, change) - ufl.tr(change) ** 2 + ufl.tr(change * change)) / 2 - ufl.det(change)
+    return (
+        ufl.inner(change, change) - ufl.tr(change) ** 2 + ufl.tr(change * change)
+    ) / 2 - ufl.det(change)
 
 
 # Of the series that take the place of differences near one.
@@ -244,7 +288,9 @@ _POWERS = range(2, 7)
 
 
 def power_beyond_line(change: Any, power: float) -> Any:
-    """(1 + x)^p - 1 - p x, UFL, so that its derivative keeps the digits of a small x: by its series there."""
+    """(1 + x)^p - 1 - p x, UFL, so that its derivative keeps the digits of a small x: by its series
+    there.
+    """
     factors, factor = list[float](), power
     for k in _POWERS:
         factor *= (power - k + 1) / k
@@ -272,4 +318,6 @@ def _beyond_line(change: Any, factors: Sequence[float], far: Any) -> Any:
 
 def deviator(tensor: Array) -> Array:
     """The tensor without its mean, shape (..., 3, 3)."""
-    return np.asarray(tensor - np.trace(tensor, axis1=-2, axis2=-1)[..., None, None] * np.eye(3) / 3)
+    return np.asarray(
+        tensor - np.trace(tensor, axis1=-2, axis2=-1)[..., None, None] * np.eye(3) / 3
+    )

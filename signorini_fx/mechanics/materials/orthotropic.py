@@ -1,7 +1,8 @@
-"""Materials whose stress depends on the direction: axes 1, 2 and 3, which may turn from place to place.
+"""Materials whose stress depends on the direction: axes 1, 2 and 3, which may turn from place to
+place.
 
-In 2D axis 3 is across it, of bodies of revolution along the circumference.  An orthotropic material, such as wood, has
-three planes of symmetry and nine constants.
+In 2D axis 3 is across it, of bodies of revolution along the circumference.  An orthotropic
+material, such as wood, has three planes of symmetry and nine constants.
 """
 
 from __future__ import annotations
@@ -30,7 +31,8 @@ class Axes(Table):
 
     Attributes:
         direction: axis 1, a vector of any length, whose components are values; None: along x[0].
-        second: in 3D, a vector that with ``direction`` spans the plane of the axes 1 and 2; None: along x[1].
+        second: in 3D, a vector that with ``direction`` spans the plane of the axes 1 and 2; None:
+            along x[1].
     """
 
     direction: VectorField | None = None
@@ -39,21 +41,33 @@ class Axes(Table):
     @property
     def turns(self) -> bool:
         """Whether they may vary from place to place."""
-        return not all(isinstance(value, float) for value in (*(self.direction or ()), *(self.second or ())))
+        return not all(
+            isinstance(value, float) for value in (*(self.direction or ()), *(self.second or ()))
+        )
 
     def dimension_problems(self, dimension: int) -> Contradictions:
         """What does not fit to a mesh of a dimension: the key, and why."""
         for key, axis in (("direction", self.direction), ("second", self.second)):
             if axis is not None and len(axis) != dimension:
-                yield (key,), f"give {dimension} values, not {len(axis)}: the mesh has {dimension} dimensions"
-            if any(isinstance(component, Expression) and component.coordinates > dimension for component in axis or ()):
+                yield (
+                    (key,),
+                    f"give {dimension} values, not {len(axis)}: the mesh has {dimension} "
+                    "dimensions",
+                )
+            if any(
+                isinstance(component, Expression) and component.coordinates > dimension
+                for component in axis or ()
+            ):
                 yield (key,), "the mesh is plane: there is no x[2]"
         if dimension == 2 and self.second is not None:
             yield ("second",), "the mesh is plane: direction determines the axes, leave it out"
 
     def axes(self, x: Array) -> Array:
         """They are not finite where the vectors of the scene are not, are zero, or are parallel."""
-        first, second = _vectors(self.direction or (1.0,), x), _vectors(self.second or (0.0, 1.0), x)
+        first, second = (
+            _vectors(self.direction or (1.0,), x),
+            _vectors(self.second or (0.0, 1.0), x),
+        )
         if self.direction is not None and len(self.direction) == 2:
             second = np.column_stack((-first[:, 1], first[:, 0], first[:, 2]))
         first = _unit(first)
@@ -66,8 +80,8 @@ class DirectedMaterial(Axes, Material):
     """A material with axes; a user's own derives from it.
 
     Attributes:
-        direction, second: see ``Axes``.
-        hypothesis, torsion, grading, density, expansion, region: see ``Material``.
+        direction, second: see ``Axes``. hypothesis, torsion, grading, density, expansion, region:
+            see ``Material``.
     """
 
     @property
@@ -84,7 +98,11 @@ def _vectors(components: tuple[object, ...], x: Array) -> Array:
 
 def _unit(vectors: Array, longest: float | None = None) -> Array:
     length = np.linalg.norm(vectors, axis=1, keepdims=True)
-    longest = float(np.max(length, initial=0.0, where=np.isfinite(length))) if longest is None else longest
+    longest = (
+        float(np.max(length, initial=0.0, where=np.isfinite(length)))
+        if longest is None
+        else longest
+    )
     nothing = ~(length > CERTIFICATE_TOLERANCE * longest)
     return np.where(nothing, np.nan, vectors / np.where(nothing, 1.0, length))
 
@@ -92,8 +110,8 @@ def _unit(vectors: Array, longest: float | None = None) -> Array:
 class Orthotropic(Axes):
     """The constants along the axes, and these.
 
-    Under a stress s along axis i alone, the strain is s / E_i along i, and -nu_ij s / E_i along j; nu_ji / E_j is
-    nu_ij / E_i.
+    Under a stress s along axis i alone, the strain is s / E_i along i, and -nu_ij s / E_i along j;
+    nu_ji / E_j is nu_ij / E_i.
 
     Attributes:
         young: E_1, E_2, E_3, stresses.
@@ -110,19 +128,29 @@ class Orthotropic(Axes):
         for (i, j), ratio in zip(_SHEARS, self.poisson, strict=True):
             largest = math.sqrt(self.young[i] / self.young[j])
             if not abs(ratio) < largest:
-                why = f"nu_{i + 1}{j + 1} = {ratio:g} must be between -{largest:.6g} and {largest:.6g}, the square root"
-                raise refused("Orthotropic", [(("poisson",), f"{why} of E_{i + 1} / E_{j + 1}: {_ENERGY}")])
+                why = (
+                    f"nu_{i + 1}{j + 1} = {ratio:g} must be between -{largest:.6g} and "
+                    f"{largest:.6g}, the square root"
+                )
+                raise refused(
+                    "Orthotropic", [(("poisson",), f"{why} of E_{i + 1} / E_{j + 1}: {_ENERGY}")]
+                )
         scale = np.sqrt(np.array(self.young))
         determinant = float(np.linalg.det(self.compliance[:3, :3] * np.outer(scale, scale)))
         if not determinant > 0:
             formula = "1 - nu_12 nu_21 - nu_13 nu_31 - nu_23 nu_32 - 2 nu_21 nu_32 nu_13"
-            raise refused("Orthotropic", [(("poisson",), f"{formula} = {determinant:.6g} must be positive: {_ENERGY}")])
+            raise refused(
+                "Orthotropic",
+                [(("poisson",), f"{formula} = {determinant:.6g} must be positive: {_ENERGY}")],
+            )
         return self
 
     @property
     def compliance(self) -> Array:
         """In the order 11, 22, 33 and the shears, 1 / stress, shape (6, 6)."""
-        matrix = np.diag([*(1 / modulus for modulus in self.young), *(1 / modulus for modulus in self.shear)])
+        matrix = np.diag(
+            [*(1 / modulus for modulus in self.young), *(1 / modulus for modulus in self.shear)]
+        )
         for (i, j), ratio in zip(_SHEARS, self.poisson, strict=True):
             matrix[i, j] = matrix[j, i] = -ratio / self.young[i]
         return matrix
@@ -157,4 +185,7 @@ class OrthotropicElastic(Material):
         return "an orthotropic material"
 
     def dimension_problems(self, dimension: int) -> Contradictions:
-        return ((("orthotropic", *path), reason) for path, reason in self.orthotropic.dimension_problems(dimension))
+        return (
+            (("orthotropic", *path), reason)
+            for path, reason in self.orthotropic.dimension_problems(dimension)
+        )

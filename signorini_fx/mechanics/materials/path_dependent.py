@@ -1,5 +1,5 @@
-"""Materials whose stress depends on the past, at small strains (J. C. Simo and T. J. R. Hughes, Computational
-Inelasticity, Springer, 1998).
+"""Materials whose stress depends on the past, at small strains (J. C. Simo and T. J. R. Hughes,
+Computational Inelasticity, Springer, 1998).
 """
 
 from __future__ import annotations
@@ -9,7 +9,12 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 import numpy as np
 from pydantic import Field, PrivateAttr, model_validator
 
-from signorini_fx.mechanics.materials.nonlinear import DEVIATORIC, PathDependent, PoissonBelowHalf, deviator
+from signorini_fx.mechanics.materials.nonlinear import (
+    DEVIATORIC,
+    PathDependent,
+    PoissonBelowHalf,
+    deviator,
+)
 from signorini_fx.mechanics.materials.protocol import PAIRS, Array
 from signorini_fx.mechanics.statement.base import refused
 from signorini_fx.mechanics.statement.effect import Contradictions
@@ -19,8 +24,9 @@ _Table = Annotated[tuple[tuple[Positive, Positive], ...], Field(min_length=1)]
 
 
 class J2(PathDependent):
-    """The stress E : (epsilon - epsilon_p), whose von Mises stress stays below the yield stress that has been reached:
-    metal that yields, with isotropic hardening, by radial return (boxes 3.1 and 3.2).
+    """The stress E : (epsilon - epsilon_p), whose von Mises stress stays below the yield stress
+    that has been reached: metal that yields, with isotropic hardening, by radial return (boxes 3.1
+    and 3.2).
 
     The state is the plastic strain, 9 numbers, and the accumulated one.
 
@@ -29,8 +35,9 @@ class J2(PathDependent):
         young: Young's modulus, stress.
         poisson: Poisson's ratio, in (-1, 0.5).
         yield_stress: by von Mises, at first, stress.
-        hardening: by how much the yield stress grows per accumulated plastic strain, a stress; or rows [plastic strain,
-            yield stress] of a table, between which it is linear; beyond the last one it is constant.
+        hardening: by how much the yield stress grows per accumulated plastic strain, a stress; or
+            rows [plastic strain, yield stress] of a table, between which it is linear; beyond the
+            last one it is constant.
     """
 
     state_size: ClassVar[int] = 10
@@ -44,15 +51,22 @@ class J2(PathDependent):
     @model_validator(mode="after")
     def _hardens(self) -> Self:
         strains, stresses = self._curve
-        for number, (wider, stronger) in enumerate(zip(np.diff(strains) > 0, np.diff(stresses) >= 0, strict=True)):
+        for number, (wider, stronger) in enumerate(
+            zip(np.diff(strains) > 0, np.diff(stresses) >= 0, strict=True)
+        ):
             if not (wider and stronger):
-                rule = "plastic strains must increase from 0, and yield stresses not decrease from yield_stress"
+                rule = (
+                    "plastic strains must increase from 0, and yield stresses not decrease "
+                    "from yield_stress"
+                )
                 raise refused("J2", [(("hardening", number), rule)])
         return self
 
     @property
     def _curve(self) -> tuple[Array, Array]:
-        """Plastic strains and yield stresses of the table, the first ones at 0; of linear hardening these alone."""
+        """Plastic strains and yield stresses of the table, the first ones at 0; of linear hardening
+        these alone.
+        """
         rows = () if isinstance(self.hardening, float) else self.hardening
         strains, stresses = zip((0.0, self.yield_stress), *rows, strict=True)
         return np.array(strains), np.array(stresses)
@@ -71,8 +85,8 @@ class J2(PathDependent):
         trial = 2 * shear * (deviator(strain) - plastic)
         size = np.linalg.norm(trial, axis=(1, 2))
         mises, (begins, stresses), slopes = np.sqrt(1.5) * size, self._curve, self._slopes
-        # The last point of the curve that the flow passes.  Comparing where the flow ends with both ends of a segment
-        # would, by round-off, find none where it ends at a point of the curve.
+        # The last point of the curve that the flow passes.  Comparing where the flow ends with both
+        # ends of a segment would, by round-off, find none where it ends at a point of the curve.
         until = np.maximum(begins - accumulated[:, None], 0.0)
         passed = mises[:, None] - 3 * shear * until > np.where(until > 0, stresses, -np.inf)
         last = np.maximum(passed.sum(axis=1) - 1, 0)
@@ -100,18 +114,20 @@ _Branch = tuple[Positive, Positive]
 
 
 class Maxwell(PathDependent):
-    """The deviatoric stress 2 G e + sum of q_i with dq_i/dt = 2 G_i de/dt - q_i / tau_i, e the deviator of the strain;
-    the mean stress is that of the spring alone: rubber or polymer that relaxes (section 10.3).
+    """The deviatoric stress 2 G e + sum of q_i with dq_i/dt = 2 G_i de/dt - q_i / tau_i, e the
+    deviator of the strain; the mean stress is that of the spring alone: rubber or polymer that
+    relaxes (section 10.3).
 
-    A load step is integrated exactly for a strain that changes evenly in it.  Its duration is that between the times of
-    the load path, which begins at time 0.  The state are the q_i and e, 9 numbers each, and the time.
+    A load step is integrated exactly for a strain that changes evenly in it.  Its duration is that
+    between the times of the load path, which begins at time 0.  The state are the q_i and e, 9
+    numbers each, and the time.
 
     Attributes:
         law: its name.
         young: Young's modulus of the spring, which is left after a long time, stress.
         poisson: Poisson's ratio of the spring, in (-1, 0.5).
-        branches: rows [G_i, tau_i], the shear modulus that a branch adds at first, stress, and the time in which its
-            stress falls to 1/e of itself.
+        branches: rows [G_i, tau_i], the shear modulus that a branch adds at first, stress, and the
+            time in which its stress falls to 1/e of itself.
     """
 
     law: Literal["maxwell"]
@@ -122,7 +138,8 @@ class Maxwell(PathDependent):
     _time: float = PrivateAttr(1.0)
 
     @property
-    def state_size(self) -> int:  # type: ignore[override]  # that of other materials is one number for all of a class
+    # That of other materials is one number for all of a class.
+    def state_size(self) -> int:  # type: ignore[override]
         return 9 * len(self.branches) + 10
 
     @property
@@ -135,7 +152,10 @@ class Maxwell(PathDependent):
         yield from super().contradictions(statement, number)
         times = statement.load_steps.times
         if times is not None and times[0] <= 0:
-            yield ("load_steps", "times"), "must be positive: a body that relaxes is without strain until time 0"
+            yield (
+                ("load_steps", "times"),
+                "must be positive: a body that relaxes is without strain until time 0",
+            )
 
     def at_time(self, time: float) -> Self:
         material = self.model_copy()
@@ -143,16 +163,24 @@ class Maxwell(PathDependent):
         return material
 
     def respond(self, strain: Array, state: Array) -> tuple[Array, Array, Array]:
-        strain_deviator, last, since = deviator(strain), state[:, -10:-1].reshape(-1, 3, 3), self._time - state[:, -1]
+        strain_deviator, last, since = (
+            deviator(strain),
+            state[:, -10:-1].reshape(-1, 3, 3),
+            self._time - state[:, -1],
+        )
         spring, parts = super().constants_at_rest[0], list[Array]()
         stress, stiffness = 2 * spring * strain_deviator, np.full(len(strain_deviator), 2 * spring)
         for branch, (shear, relaxation) in enumerate(self.branches):
             lasts = since / relaxation
             # (1 - exp(-x)) / x
             share = np.divide(-np.expm1(-lasts), lasts, out=np.ones_like(lasts), where=lasts > 0)
-            part = np.exp(-lasts)[:, None, None] * state[:, 9 * branch : 9 * branch + 9].reshape(-1, 3, 3)
+            part = np.exp(-lasts)[:, None, None] * state[:, 9 * branch : 9 * branch + 9].reshape(
+                -1, 3, 3
+            )
             part += 2 * shear * share[:, None, None] * (strain_deviator - last)
             stress, stiffness = stress + part, stiffness + 2 * shear * share
             parts.append(part.reshape(-1, 9))
-        new = np.column_stack((*parts, strain_deviator.reshape(-1, 9), np.full(len(strain_deviator), self._time)))
+        new = np.column_stack(
+            (*parts, strain_deviator.reshape(-1, 9), np.full(len(strain_deviator), self._time))
+        )
         return stress, stiffness[:, None, None] * DEVIATORIC, new

@@ -1,8 +1,9 @@
-"""What a material says.  All that assembles, judges and tells of one asks these methods and knows no kind.
+"""What a material says.  All that assembles, judges and tells of one asks these methods and knows
+no kind.
 
-The fields of its class are its constants.  Strains and stresses are symmetric tensors along its axes, which are those
-of space unless it has others, see ``orthotropic``.  ``stress`` is linear, and UFL, as in
-``demos/extensions/material.py``.
+The fields of its class are its constants.  Strains and stresses are symmetric tensors along its
+axes, which are those of space unless it has others, see ``orthotropic``.  ``stress`` is linear, and
+UFL, as in ``demos/extensions/material.py``.
 """
 
 from __future__ import annotations
@@ -39,32 +40,36 @@ class Material(Effect):
     """A material, linear elastic unless it says otherwise.
 
     Attributes:
-        hypothesis: plane strain, plane stress, or axisymmetric, if the mesh has two dimensions, or one of another
-            package, see ``kinematics``.  An axisymmetric mesh is half of a section: x[0] >= 0 is the radius, x[1] is
-            along the axis, forces are those of a revolution.
-        torsion: whether an axisymmetric body also moves around its axis; the components z are those around it, along
-            x[2], so that an angle about x[1] moves a point by -angle x[0].
-        grading: between 0 and 1, by which the moduli, the largest, are multiplied: its value in the middle of each
-            cell; None: 1 everywhere.
+        hypothesis: plane strain, plane stress, or axisymmetric, if the mesh has two dimensions, or
+            one of another package, see ``kinematics``.  An axisymmetric mesh is half of a section:
+            x[0] >= 0 is the radius, x[1] is along the axis, forces are those of a revolution.
+        torsion: whether an axisymmetric body also moves around its axis; the components z are those
+            around it, along x[2], so that an angle about x[1] moves a point by -angle x[0].
+        grading: between 0 and 1, by which the moduli, the largest, are multiplied: its value in the
+            middle of each cell; None: 1 everywhere.
         density: mass per volume, which ``gravity`` and ``rotation`` need; None: it is not known.
-        expansion: coefficient of thermal expansion, 1 / temperature, which ``temperature`` needs; None: not known.
+        expansion: coefficient of thermal expansion, 1 / temperature, which ``temperature`` needs;
+        None: not known.
         region: name of the part of the body that is made of this material; None: all of it.
     """
 
     refuses: ClassVar[Mapping[str, Mapping[str, str]]] = {
         "anisotropic material": {
             "mixed element": f"{_FULL}: its pressure would not follow from the change of volume",
-            "reduced integration": f"{_FULL}: its mean stress does not follow from the change of volume",
+            "reduced integration": f"{_FULL}: its mean stress does not follow from the change of "
+            "volume",
         },
     }
     key: ClassVar[str] = "material"
-    # Whether the stress is a linear function of the strain, as it is said here; else see ``nonlinear``.
+    # Whether the stress is a linear function of the strain, as it is said here; else see
+    # ``nonlinear``.
     linear: ClassVar[bool] = True
     # Whether it knows strains that are not small.
     finite: ClassVar[bool] = False
     # Whether a part of it follows the volume alone, and may be integrated with fewer points.
     splits: ClassVar[bool] = True
-    # Whether the stress is a epsilon + b tr(epsilon) I, whose terms may be integrated apart or have a pressure.
+    # Whether the stress is a epsilon + b tr(epsilon) I, whose terms may be integrated apart or have
+    # a pressure.
     isotropic: ClassVar[bool] = False
     # How much it expands along its axes, relative to ``expansion``.
     free_strain: ClassVar[tuple[float, float, float]] = (1.0, 1.0, 1.0)
@@ -85,8 +90,8 @@ class Material(Effect):
     # --- what it may say ---
 
     def axes(self, x: Array) -> Array:
-        """The unit vectors along its axes at points ``x``, shape (3, n), as the columns of (n, 3, 3); not finite where
-        they have no direction.
+        """The unit vectors along its axes at points ``x``, shape (3, n), as the columns of (n, 3,
+        3); not finite where they have no direction.
         """
         return np.broadcast_to(np.eye(3), (x.shape[1], 3, 3))
 
@@ -108,7 +113,9 @@ class Material(Effect):
 
     @property
     def stiffness(self) -> Array:
-        """Stresses ``PAIRS`` from strains, of shear twice epsilon_ij, along the axes, shape (6, 6)."""
+        """Stresses ``PAIRS`` from strains, of shear twice epsilon_ij, along the axes, shape (6,
+        6).
+        """
         return stiffness_of(self)
 
     @property
@@ -118,21 +125,29 @@ class Material(Effect):
 
     @property
     def natural_modulus(self) -> float:
-        """The largest Young's modulus along its axes, which scales and settings follow, and what is below."""
+        """The largest Young's modulus along its axes, which scales and settings follow, and what is
+        below.
+        """
         return float(1 / self.compliance.diagonal()[:3].min())
 
     @property
     def lame(self) -> tuple[float, float]:
-        """Lame parameters of the isotropic material whose stiffness is the mean over all directions (W. Voigt,
-        Lehrbuch der Kristallphysik, Teubner, 1910).
+        """Lame parameters of the isotropic material whose stiffness is the mean over all directions
+        (W. Voigt, Lehrbuch der Kristallphysik, Teubner, 1910).
         """
         c = self.stiffness
-        normal, lateral, shear = np.trace(c[:3, :3]), c[0, 1] + c[0, 2] + c[1, 2], np.trace(c[3:, 3:])
+        normal, lateral, shear = (
+            np.trace(c[:3, :3]),
+            c[0, 1] + c[0, 2] + c[1, 2],
+            np.trace(c[3:, 3:]),
+        )
         mu = float((normal - lateral + 3 * shear) / 15)
         return float((normal + 2 * lateral) / 9) - 2 * mu / 3, mu
 
     def stiffest(self, *, pressed: bool) -> float:
-        """The largest normal stress per strain, ``pressed``: without a pressure that is an unknown of its own."""
+        """The largest normal stress per strain, ``pressed``: without a pressure that is an unknown
+        of its own.
+        """
         return float(self.stiffness.diagonal().max())
 
     @property
@@ -148,13 +163,18 @@ class Material(Effect):
     def kind(self) -> tuple[Any, ...]:
         """What two regions of the same material have in common."""
         apart = ("region", "density", "expansion", "yield_stress")
-        return type(self), *(getattr(self, key) for key in type(self).model_fields if key not in apart)
+        return type(self), *(
+            getattr(self, key) for key in type(self).model_fields if key not in apart
+        )
 
     def contradictions(self, statement: Any, number: int) -> Contradictions:
         if self.hypothesis != statement.material[0].hypothesis:
             yield ("material", number), "all materials must have the same hypothesis"
         if self.torsion and self.hypothesis != "axisymmetric":
-            yield ("material", number, "torsion"), 'needs hypothesis = "axisymmetric": other bodies have no axis'
+            yield (
+                ("material", number, "torsion"),
+                'needs hypothesis = "axisymmetric": other bodies have no axis',
+            )
         if self.torsion != statement.material[0].torsion:
             yield ("material", number, "torsion"), "must be the same in all materials"
 
@@ -171,7 +191,9 @@ def stiffness_of(material: Material) -> Array:
 
 
 def stress_of(material: Material, components: Array) -> Array:
-    """The stresses ``PAIRS`` by ``Material.stress``, of strains that are twice epsilon_ij in shear, shape (6,)."""
+    """The stresses ``PAIRS`` by ``Material.stress``, of strains that are twice epsilon_ij in shear,
+    shape (6,).
+    """
     import ufl
     from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
 

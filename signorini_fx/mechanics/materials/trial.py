@@ -40,13 +40,19 @@ def fault_of(material: Any) -> str:
         from signorini_fx.mechanics.materials.nonlinear import Hyperelastic, PathDependent
 
         if not all(0 < modulus < np.inf for modulus in material.constants_at_rest):
-            return f"constants_at_rest of {name} are {material.constants_at_rest}: both must be positive"
+            return (
+                f"constants_at_rest of {name} are {material.constants_at_rest}: both must be "
+                "positive"
+            )
         if isinstance(material, Hyperelastic):
             return _fault_of_energy(material)
         if isinstance(material, PathDependent):
             return _fault_of_response(material)
     except NotImplementedError:
-        return f"{name} does not say {'its stress' if material.linear else 'all that a nonlinear material says'}"
+        return (
+            f"{name} does not say "
+            f"{'its stress' if material.linear else 'all that a nonlinear material says'}"
+        )
     except Exception as error:
         return f"{name} fails: {type(error).__name__}: {error}"
     return f"{name} is neither Hyperelastic nor PathDependent"
@@ -64,7 +70,10 @@ def _fault_of_linear(material: Any, name: str) -> str:
     if np.abs(stiffness - stiffness.T).max() > tiny:
         return f"stress of {name} has no energy: its stiffness is not symmetric"
     if not (least := np.linalg.eigvalsh((stiffness + stiffness.T) / 2)[0]) > 0:
-        return f"stress of {name} does no work on some strain: its stiffness has the eigenvalue {least:g}"
+        return (
+            f"stress of {name} does no work on some strain: its stiffness has the eigenvalue "
+            f"{least:g}"
+        )
     if np.shape(material.free_strain) != (3,) or not np.isfinite(material.free_strain).all():
         return f"free_strain of {name} must be three finite numbers"
     if not material.isotropic:
@@ -73,24 +82,38 @@ def _fault_of_linear(material: Any, name: str) -> str:
     expected = np.diag([2 * second] * 3 + [second] * 3)
     expected[:3, :3] += first
     if np.abs(stiffness - expected).max() > tiny:
-        return f"{name} is not isotropic, as it says: its stress follows the direction of the strain"
+        return (
+            f"{name} is not isotropic, as it says: its stress follows the direction of the strain"
+        )
     derived = isinstance(material, LinearElastic)
-    return "" if derived else f"{name} has isotropic = True: derive it from LinearElastic, or leave that out"
+    return (
+        ""
+        if derived
+        else f"{name} has isotropic = True: derive it from LinearElastic, or leave that out"
+    )
 
 
 def _fault_of_energy(material: Any) -> str:
     import ufl
     from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
 
-    name, modulus, drawn = type(material).__name__, max(material.constants_at_rest), np.random.default_rng(0)
+    name, modulus, drawn = (
+        type(material).__name__,
+        max(material.constants_at_rest),
+        np.random.default_rng(0),
+    )
 
     def shape(change: Array) -> float:
-        energy = apply_algebra_lowering(material.shape_energy_by_change(ufl.as_matrix(change.tolist())))
+        energy = apply_algebra_lowering(
+            material.shape_energy_by_change(ufl.as_matrix(change.tolist()))
+        )
         return float(ufl.as_ufl(energy)(()))
 
     def whole(change: Array) -> float:
         growth = float(np.linalg.det(np.eye(3) + change)) - 1
-        return shape(change) + float(ufl.as_ufl(material.volume_energy_by_change(ufl.as_ufl(growth)))(()))
+        return shape(change) + float(
+            ufl.as_ufl(material.volume_energy_by_change(ufl.as_ufl(growth)))(())
+        )
 
     change = np.zeros((3, 3))
     # A strain of rubber.
@@ -103,9 +126,15 @@ def _fault_of_energy(material: Any) -> str:
         return f"shape_energy of {name} is not objective: a rotation of the body changes it"
     # A body in the plane has no shear across the mesh.
     units = {k: unit for k, unit in enumerate(_UNITS) if PAIRS[k] not in ((0, 2), (1, 2))}
-    first, second = DIFFERENCE_STEP, np.finfo(np.float64).eps ** 0.25  # where both errors of differences are small
+    first, second = (
+        DIFFERENCE_STEP,
+        np.finfo(np.float64).eps ** 0.25,
+    )  # where both errors of differences are small
     for unit in units.values():
-        if not abs(whole(first * unit) - whole(-first * unit)) <= 2 * first * SAME_TANGENT * modulus:
+        if (
+            not abs(whole(first * unit) - whole(-first * unit))
+            <= 2 * first * SAME_TANGENT * modulus
+        ):
             return f"{name} has a stress without strain"
     stiffness = material.at_rest.stiffness
     for (i, one), (j, other) in product(units.items(), repeat=2):
@@ -117,7 +146,11 @@ def _fault_of_energy(material: Any) -> str:
 
 
 def _fault_of_response(material: Any) -> str:
-    name, modulus, drawn = type(material).__name__, max(material.constants_at_rest), np.random.default_rng(0)
+    name, modulus, drawn = (
+        type(material).__name__,
+        max(material.constants_at_rest),
+        np.random.default_rng(0),
+    )
     strain = drawn.standard_normal((64, 3, 3)) * np.geomspace(1e-5, 1e-1, 64)[:, None, None]
     strain = (strain + strain.swapaxes(1, 2)) / 2
     state: Array = np.zeros((len(strain), material.state_size))
@@ -128,13 +161,21 @@ def _fault_of_response(material: Any) -> str:
         stress, tangent, grown = material.respond(tried, state)
         if not np.abs(np.trace(stress, axis1=1, axis2=2)).max() <= SAME_TANGENT * modulus:
             return f"respond of {name} gives a stress that is not deviatoric"
-        if not np.isfinite(tangent).all() or not np.array_equal(material.respond(tried, state)[0], stress):
-            return f"respond of {name} is not finite, or gives something else when it is called again"
+        if not np.isfinite(tangent).all() or not np.array_equal(
+            material.respond(tried, state)[0], stress
+        ):
+            return (
+                f"respond of {name} is not finite, or gives something else when it is called again"
+            )
         for column, unit in enumerate(_UNITS):
             small = DIFFERENCE_STEP**2 * unit
-            ahead, behind = (material.respond(factor * strain + sign * small, state)[0] for sign in (1, -1))
+            ahead, behind = (
+                material.respond(factor * strain + sign * small, state)[0] for sign in (1, -1)
+            )
             change = (ahead - behind) / (2 * DIFFERENCE_STEP**2)
-            wrong = np.abs(np.array([change[:, i, j] for i, j in PAIRS]).T - tangent[:, :, column]).max(axis=1)
+            wrong = np.abs(
+                np.array([change[:, i, j] for i, j in PAIRS]).T - tangent[:, :, column]
+            ).max(axis=1)
             if not np.median(wrong) <= SAME_TANGENT * modulus:  # some may yield in between
                 return f"the derivative that respond of {name} gives is not that of its stress"
         state = grown

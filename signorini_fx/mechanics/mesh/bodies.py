@@ -1,4 +1,6 @@
-"""Several bodies, each with a mesh of its own, turned and moved to its place in one mesh of several pieces."""
+"""Several bodies, each with a mesh of its own, turned and moved to its place in one mesh of several
+pieces.
+"""
 
 from __future__ import annotations
 
@@ -18,18 +20,22 @@ from signorini_fx.mechanics.mesh.tagged import TaggedMesh, arrays_of, from_array
 from signorini_fx.mechanics.statement.mesh_sources import Body, MeshFile, MeshGenerator
 
 
-def together(bodies: Sequence[Body], load: Callable[[int, MPI.Comm], TaggedMesh], comm: MPI.Comm) -> TaggedMesh:
+def together(
+    bodies: Sequence[Body], load: Callable[[int, MPI.Comm], TaggedMesh], comm: MPI.Comm
+) -> TaggedMesh:
     """Several bodies as one mesh; collective.
 
-    The cells of a body are the region of its name.  Its boundaries and regions have their names with that of the body
-    and a dot before them; names that one body alone has are also names without.  Where some bodies have curved cells,
-    the others get nodes in the middle of their sides.
+    The cells of a body are the region of its name.  Its boundaries and regions have their names
+    with that of the body and a dot before them; names that one body alone has are also names
+    without.  Where some bodies have curved cells, the others get nodes in the middle of their
+    sides.
 
-    The first rank makes the mesh of each body, by ``load`` of its number, so that the order of the cells does not
-    depend on the ranks, and checkpoints fit any number of them.
+    The first rank makes the mesh of each body, by ``load`` of its number, so that the order of the
+    cells does not depend on the ranks, and checkpoints fit any number of them.
 
     Raises:
-        SceneError: keys that do not fit the dimension of the meshes, or errors of a mesh, which name the body.
+        SceneError: keys that do not fit the dimension of the meshes, or errors of a mesh, which
+            name the body.
         MeshError: the meshes have different kinds of cells, or a mesh cannot be made.
     """
 
@@ -38,12 +44,21 @@ def together(bodies: Sequence[Body], load: Callable[[int, MPI.Comm], TaggedMesh]
             return arrays_of(load(number, ranks))
 
     # Meshes of the caller are on all ranks.
-    given = {number: of_body(number, comm) for number, body in enumerate(bodies) if isinstance(body.mesh, TaggedMesh)}
+    given = {
+        number: of_body(number, comm)
+        for number, body in enumerate(bodies)
+        if isinstance(body.mesh, TaggedMesh)
+    }
 
     def make() -> MeshArrays:
-        return _joined(bodies, [given.get(k) or of_body(k, MPI.COMM_SELF) for k in range(len(bodies))])
+        return _joined(
+            bodies, [given.get(k) or of_body(k, MPI.COMM_SELF) for k in range(len(bodies))]
+        )
 
-    return replace(from_arrays(comm, make), origin={"bodies": {body.name: _origin(body.mesh) for body in bodies}})
+    return replace(
+        from_arrays(comm, make),
+        origin={"bodies": {body.name: _origin(body.mesh) for body in bodies}},
+    )
 
 
 def _joined(bodies: Sequence[Body], meshes: Sequence[MeshArrays]) -> MeshArrays:
@@ -54,23 +69,35 @@ def _joined(bodies: Sequence[Body], meshes: Sequence[MeshArrays]) -> MeshArrays:
     names = [body.name for body in bodies]
     first_point, first_cell, first_facet = (
         [0, *np.cumsum([len(entities) for entities in of_bodies])]
-        for of_bodies in zip(*((mesh.points, mesh.cells, mesh.facets) for mesh in meshes), strict=True)
+        for of_bodies in zip(
+            *((mesh.points, mesh.cells, mesh.facets) for mesh in meshes), strict=True
+        )
     )
     regions = _named(names, [mesh.regions for mesh in meshes], first_cell)
     whole = {name: np.arange(first_cell[k], first_cell[k + 1]) for k, name in enumerate(names)}
     return MeshArrays(
-        points=np.concatenate([body.moved_points(mesh.points) for mesh, body in zip(meshes, bodies, strict=True)]),
+        points=np.concatenate(
+            [body.moved_points(mesh.points) for mesh, body in zip(meshes, bodies, strict=True)]
+        ),
         kind=meshes[0].kind,
-        cells=np.concatenate([mesh.cells + first for mesh, first in zip(meshes, first_point, strict=False)]),
-        facets=np.concatenate([mesh.facets + first for mesh, first in zip(meshes, first_point, strict=False)]),
+        cells=np.concatenate(
+            [mesh.cells + first for mesh, first in zip(meshes, first_point, strict=False)]
+        ),
+        facets=np.concatenate(
+            [mesh.facets + first for mesh, first in zip(meshes, first_point, strict=False)]
+        ),
         boundaries=_named(names, [mesh.boundaries for mesh in meshes], first_facet),
         regions=regions | whole,
         astray=_named(names, [mesh.astray for mesh in meshes], [0] * len(meshes)),
     )
 
 
-def _named(bodies: Sequence[str], named: Sequence[Mapping[str, Any]], firsts: Sequence[int]) -> dict[str, Any]:
-    """What the names of all bodies have, its numbers shifted; those that are the name of a body are left to it."""
+def _named(
+    bodies: Sequence[str], named: Sequence[Mapping[str, Any]], firsts: Sequence[int]
+) -> dict[str, Any]:
+    """What the names of all bodies have, its numbers shifted; those that are the name of a body are
+    left to it.
+    """
     count = Counter(name for names in named for name in names)
     result: dict[str, Any] = {}
     for body, names, first in zip(bodies, named, firsts, strict=False):
@@ -94,12 +121,15 @@ def _origin(mesh: Any) -> dict[str, Any]:
 
 @contextmanager
 def naming(number: int, body: Body) -> Iterator[None]:
-    """Errors of the mesh of one of several bodies name it: the keys of a table ``mesh`` are those of the body."""
+    """Errors of the mesh of one of several bodies name it: the keys of a table ``mesh`` are those
+    of the body.
+    """
     try:
         yield
     except SceneError as error:
         problems = [
-            (f"body[{number}].{path}" if path.startswith("mesh") else path, reason) for path, reason in error.problems
+            (f"body[{number}].{path}" if path.startswith("mesh") else path, reason)
+            for path, reason in error.problems
         ]
         raise SceneError(problems) from None
     except MeshError as error:
@@ -113,8 +143,10 @@ def _check_alike(bodies: Sequence[Body], meshes: Sequence[MeshArrays]) -> None:
         if mesh.kind != first.kind:
             simplices = "tetrahedra" if mesh.dim == 3 else "triangles"
             raise MeshError(
-                f"body {body.name!r} has {mesh.cell.word}, body {bodies[0].name!r} {first.cell.word}: a mesh has one "
-                f"kind of cell. Generators have a parameter 'cell'; gmsh makes {simplices} of a drawing without "
+                f"body {body.name!r} has {mesh.cell.word}, body {bodies[0].name!r} "
+                f"{first.cell.word}: a mesh has one "
+                f"kind of cell. Generators have a parameter 'cell'; gmsh makes {simplices} of a "
+                "drawing without "
                 "Recombine, ParaView's filter Tetrahedralize of any file"
             )
     problems = [

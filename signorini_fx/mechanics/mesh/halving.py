@@ -1,7 +1,8 @@
-"""Operations on a mesh in plain arrays: straighten its sides, or halve the sides of all cells; names are kept.
+"""Operations on a mesh in plain arrays: straighten its sides, or halve the sides of all cells;
+names are kept.
 
-A triangle or quadrilateral is divided into four, a tetrahedron or hexahedron into eight.  Cells with curved sides are
-divided on their own geometry: their children lie on the same curves.
+A triangle or quadrilateral is divided into four, a tetrahedron or hexahedron into eight.  Cells
+with curved sides are divided on their own geometry: their children lie on the same curves.
 """
 
 from __future__ import annotations
@@ -14,8 +15,9 @@ from scipy.spatial.distance import cdist
 from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, rows_of, sides_of
 from signorini_fx.mechanics.mesh.files.cells import CELLS, Cell, Floats, Ints, straight
 
-# The ends of the sides whose middles are the corners of children that have no corner of their parent.  The order of Bey
-# (Computing 55, 1995): however often they are divided, tetrahedra have three shapes at most.
+# The ends of the sides whose middles are the corners of children that have no corner of their
+# parent.  The order of Bey (Computing 55, 1995): however often they are divided, tetrahedra have
+# three shapes at most.
 _WITHIN = {
     "triangle": [[(1, 2), (0, 2), (0, 1)]],
     "tetra": [
@@ -44,12 +46,22 @@ def straightened(mesh: MeshArrays) -> MeshArrays:
 
 
 def quadratic(mesh: MeshArrays) -> MeshArrays:
-    """A mesh of straight cells with nodes in the middle of their edges and faces, of the same shape."""
-    cell = next(kind for kind in CELLS.values() if kind.basix_type == mesh.cell.basix_type and kind.degree == 2)
+    """A mesh of straight cells with nodes in the middle of their edges and faces, of the same
+    shape.
+    """
+    cell = next(
+        kind
+        for kind in CELLS.values()
+        if kind.basix_type == mesh.cell.basix_type and kind.degree == 2
+    )
     number, points, lattice = _numbered(mesh, 2)
     cells = number[:, _places(cell, cell.corners, lattice)]
-    rows = rows_of(mesh.facet_corners, sides_of(mesh.cells, mesh.cell)[:, : len(mesh.facet.corners)])
-    return replace(mesh, points=points, kind=cell.kind, cells=cells, facets=sides_of(cells, cell)[rows])
+    rows = rows_of(
+        mesh.facet_corners, sides_of(mesh.cells, mesh.cell)[:, : len(mesh.facet.corners)]
+    )
+    return replace(
+        mesh, points=points, kind=cell.kind, cells=cells, facets=sides_of(cells, cell)[rows]
+    )
 
 
 def halved(mesh: MeshArrays) -> MeshArrays:
@@ -58,21 +70,29 @@ def halved(mesh: MeshArrays) -> MeshArrays:
     number, points, lattice = _numbered(mesh, 2 * mesh.degree)
     children = _places(cell, _children(cell, corners), lattice)
     ends = cell.facet_nodes[:, : len(mesh.facet.corners)]
-    sides = np.array([_places(mesh.facet, _children(mesh.facet, corners[facet]), lattice) for facet in ends])
-    owner, side = np.divmod(rows_of(mesh.facet_corners, mesh.cells[:, ends].reshape(-1, ends.shape[1])), len(ends))
+    sides = np.array(
+        [_places(mesh.facet, _children(mesh.facet, corners[facet]), lattice) for facet in ends]
+    )
+    owner, side = np.divmod(
+        rows_of(mesh.facet_corners, mesh.cells[:, ends].reshape(-1, ends.shape[1])), len(ends)
+    )
     halves = number[owner[:, None, None], sides[side]]
     return MeshArrays(
         points=points,
         kind=mesh.kind,
         cells=number[:, children].reshape(-1, len(cell.nodes)),
         facets=halves.reshape(-1, halves.shape[2]),
-        boundaries={name: _repeated(rows, halves.shape[1]) for name, rows in mesh.boundaries.items()},
+        boundaries={
+            name: _repeated(rows, halves.shape[1]) for name, rows in mesh.boundaries.items()
+        },
         regions={name: _repeated(rows, len(children)) for name, rows in mesh.regions.items()},
     )
 
 
 def _numbered(mesh: MeshArrays, degree: int) -> tuple[Ints, Floats, Floats]:
-    """A number for each node, shape (m, k), the same in cells that share it, their positions, and nodes of a cell."""
+    """A number for each node, shape (m, k), the same in cells that share it, their positions, and
+    nodes of a cell.
+    """
     import basix.ufl
     import mpi4py.MPI  # first, see signorini_fx.mechanics.body
     import ufl
@@ -93,14 +113,18 @@ def _numbered(mesh: MeshArrays, degree: int) -> tuple[Ints, Floats, Floats]:
 
 
 def _places(kind: Cell, corners: Floats, lattice: Floats) -> Ints:
-    """Which nodes of the reference cell are those of cells or facets of a kind between corners, shape (..., k)."""
+    """Which nodes of the reference cell are those of cells or facets of a kind between corners,
+    shape (..., k).
+    """
     nodes = straight(kind).shape(kind.places) @ corners
     places = cdist(nodes.reshape(-1, nodes.shape[-1]), lattice).argmin(axis=1)
     return np.asarray(places.reshape(nodes.shape[:-1]), dtype=np.int64)
 
 
 def _children(kind: Cell, corners: Floats) -> Floats:
-    """The corners of each child of a cell or facet with some corners, shape (children, corners, d)."""
+    """The corners of each child of a cell or facet with some corners, shape (children, corners,
+    d).
+    """
     count = len(corners)
     ends = [[(own, other) for other in range(count)] for own in range(count)]
     return np.asarray(corners[np.array(ends + _WITHIN.get(straight(kind).kind, []))].mean(axis=2))

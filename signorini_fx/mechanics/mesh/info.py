@@ -24,21 +24,29 @@ def mesh_info(file: MeshFile) -> dict[str, Any]:
     """A summary of a file that JSON can hold.
 
     Returns:
-        ``cells``, ``kind``, ``degree`` (of the geometry), ``points``, ``bounds`` ([low, high], one pair of coordinates
-        each), ``area``, in 3D ``volume``, with curved sides where they are; ``pieces`` (parts of the body that share no
-        facet), ``coincident`` (points at the place of another one); ``boundaries`` and ``unnamed`` (exterior facets
-        without a name) with ``facets``, ``bounds`` and ``length``, in 3D ``area``; ``regions`` with ``cells`` and
+        ``cells``, ``kind``, ``degree`` (of the geometry), ``points``, ``bounds`` ([low, high], one
+        pair of coordinates each), ``area``, in 3D ``volume``, with curved sides where they are;
+        ``pieces`` (parts of the body that share no facet), ``coincident`` (points at the place of
+        another one); ``boundaries`` and ``unnamed`` (exterior facets without a name) with
+        ``facets``, ``bounds`` and ``length``, in 3D ``area``; ``regions`` with ``cells`` and
         ``area``, in 3D ``volume``.
     """
     mesh = read_file(file)
-    size, areas = measures(mesh.points, mesh.cells, mesh.cell), measures(mesh.points, mesh.facets, mesh.facet)
+    size, areas = (
+        measures(mesh.points, mesh.cells, mesh.cell),
+        measures(mesh.points, mesh.facets, mesh.facet),
+    )
     measure, of_facets = _MEASURES[mesh.dim]
 
     def facets(rows: Ints) -> dict[str, Any]:
         figures: dict[str, Any] = {"facets": len(rows), of_facets: float(areas[rows].sum())}
-        return figures | ({"bounds": bounds(mesh.points[mesh.facet_corners[rows].ravel()])} if len(rows) else {})
+        return figures | (
+            {"bounds": bounds(mesh.points[mesh.facet_corners[rows].ravel()])} if len(rows) else {}
+        )
 
-    coincident = cKDTree(mesh.points).query_pairs(NOTHING_LEFT * mesh.diagonal, output_type="ndarray")
+    coincident = cKDTree(mesh.points).query_pairs(
+        NOTHING_LEFT * mesh.diagonal, output_type="ndarray"
+    )
     named = np.concatenate([np.empty(0, dtype=np.int64), *mesh.boundaries.values()])
     return {
         "cells": len(mesh.cells),
@@ -52,7 +60,8 @@ def mesh_info(file: MeshFile) -> dict[str, Any]:
         "boundaries": {name: facets(rows) for name, rows in mesh.boundaries.items()},
         "unnamed": facets(np.setdiff1d(np.arange(len(mesh.facets)), named)),
         "regions": {
-            name: {"cells": len(rows), measure: float(size[rows].sum())} for name, rows in mesh.regions.items()
+            name: {"cells": len(rows), measure: float(size[rows].sum())}
+            for name, rows in mesh.regions.items()
         },
     }
 
@@ -62,7 +71,9 @@ def _pieces(mesh: MeshArrays) -> int:
     sides = row_keys(sides_of(mesh.cells, mesh.cell)[:, : len(mesh.facet.corners)])
     cells = np.repeat(np.arange(len(mesh.cells)), len(mesh.cell.facet_nodes))
     count = len(mesh.cells) + int(sides.max()) + 1
-    links = coo_array((np.ones(cells.size, dtype=bool), (cells, sides + len(mesh.cells))), shape=(count, count))
+    links = coo_array(
+        (np.ones(cells.size, dtype=bool), (cells, sides + len(mesh.cells))), shape=(count, count)
+    )
     return int(connected_components(links, directed=False)[0])
 
 
@@ -79,9 +90,16 @@ def render(info: Mapping[str, Any], name: str) -> str:
     row("extent", f"{extent(info['bounds'])}; {measure} {info[measure]:g}")
     if info["pieces"] > 1:
         shared = "face" if "volume" in info else "side"
-        row("pieces", f"{info['pieces']} parts of the body share no {shared}: each must be held by itself")
+        row(
+            "pieces",
+            f"{info['pieces']} parts of the body share no {shared}: each must be held by itself",
+        )
     if info["coincident"]:
-        row("warning", f"{info['coincident']} points coincide with another one: the cells there are not connected")
+        row(
+            "warning",
+            f"{info['coincident']} points coincide with another one: the cells there are not "
+            "connected",
+        )
     for title, entries in (("boundaries", info["boundaries"]), ("regions", info["regions"])):
         for label, entry in entries.items():
             row(title, f"{label:16s} {_amount(entry)}")

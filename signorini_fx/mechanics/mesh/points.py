@@ -1,8 +1,9 @@
-"""Points in the cells of a mesh, or next to them: which cell, where in it, and what another rank knows there.
+"""Points in the cells of a mesh, or next to them: which cell, where in it, and what another rank
+knows there.
 
-Meshes of one body need not be nested: points of one lie in cells of another, or beside them where the boundary is
-curved.  Cells are chosen by their bounding boxes and by Newton's method for the place in the reference cell, so that
-curved cells are taken as they are.
+Meshes of one body need not be nested: points of one lie in cells of another, or beside them where
+the boundary is curved.  Cells are chosen by their bounding boxes and by Newton's method for the
+place in the reference cell, so that curved cells are taken as they are.
 """
 
 from __future__ import annotations
@@ -24,7 +25,8 @@ from signorini_fx.tuned import MANY_STEPS, NOTHING_LEFT
 Array = npt.NDArray[np.float64]
 Cells = npt.NDArray[np.int32]
 _SIMPLICES = (basix.CellType.triangle, basix.CellType.tetrahedron)
-# So many pairs of a point and a cell are treated at once: they and their shape functions fit into 100 megabytes.
+# So many pairs of a point and a cell are treated at once: they and their shape functions fit into
+# 100 megabytes.
 _PAIRS = 100_000
 
 
@@ -41,25 +43,33 @@ def at_points(
         mesh: the mesh.
         x: the points that this rank asks for, shape (n, 3), length.
         outside: how far outside a cell a point may be, in sizes of the cell.
-        evaluate: gives a row for each of m owned cells, shape (m,), and place in the reference cell, shape (m, d); rows
-            have the same length on all ranks.  Not called where there are no cells; it may not fail on one rank alone.
-        pieces: the pieces that the points, shape (n,), and the cells of this rank, shape (cells,), are of, which must
-            be the same; None: any cell will do.
+        evaluate: gives a row for each of m owned cells, shape (m,), and place in the reference
+            cell, shape (m, d); rows have the same length on all ranks.  Not called where there are
+            no cells; it may not fail on one rank alone.
+        pieces: the pieces that the points, shape (n,), and the cells of this rank, shape (cells,),
+            are of, which must be the same; None: any cell will do.
 
     Returns:
-        The rows, shape (n, length of a row), or (0, 0) without points; None on all ranks: some point of some rank is
-        outside of all cells.
+        The rows, shape (n, length of a row), or (0, 0) without points; None on all ranks: some
+        point of some rank is outside of all cells.
     """
     comm, dim = mesh.comm, mesh.topology.dim
     nodes = _nodes(mesh)
     reach = outside * _sizes(nodes).max(initial=0.0)
-    low, high = nodes.min(axis=(0, 1), initial=np.inf) - reach, nodes.max(axis=(0, 1), initial=-np.inf) + reach
+    low, high = (
+        nodes.min(axis=(0, 1), initial=np.inf) - reach,
+        nodes.max(axis=(0, 1), initial=-np.inf) + reach,
+    )
     asked = [
         np.flatnonzero(((x[:, :dim] >= low) & (x[:, :dim] <= high)).all(axis=1))
         for low, high in comm.allgather((low, high))
     ]
     received = comm.alltoall([x[points] for points in asked])
-    of = None if pieces is None else (np.concatenate(comm.alltoall([pieces[0][points] for points in asked])), pieces[1])
+    of = (
+        None
+        if pieces is None
+        else (np.concatenate(comm.alltoall([pieces[0][points] for points in asked])), pieces[1])
+    )
     cells, reference, gap = cells_of_points(mesh, np.concatenate(received), outside, of)
     hits = np.flatnonzero(cells >= 0)
     values = evaluate(cells[hits], reference[hits]) if hits.size else np.empty((0, 0))
@@ -68,7 +78,10 @@ def at_points(
         share = slice(*np.searchsorted(hits, (begin, end)))
         answers.append((hits[share] - begin, gap[hits[share]], values[share]))
     replies = comm.alltoall(answers)
-    least, rows = np.full(len(x), np.inf), np.empty((len(x), max(values.shape[1] for *_, values in replies)))
+    least, rows = (
+        np.full(len(x), np.inf),
+        np.empty((len(x), max(values.shape[1] for *_, values in replies))),
+    )
     for points, (hits, gap, values) in zip(asked, replies, strict=True):
         numbers = points[hits]
         nearer = gap < least[numbers]
@@ -92,34 +105,56 @@ def cells_of_points(
         pieces: as for ``at_points``.
 
     Returns:
-        The owned cells, -1 for none, shape (n,); the places in the reference cell, which cells continue outside
-        themselves, shape (n, d); how far outside the points are, a length that is zero but for round-off inside and
-        infinite without a cell, shape (n,).
+        The owned cells, -1 for none, shape (n,); the places in the reference cell, which cells
+        continue outside themselves, shape (n, d); how far outside the points are, a length that is
+        zero but for round-off inside and infinite without a cell, shape (n,).
     """
     dim, nodes = mesh.topology.dim, _nodes(mesh)
     element, size = compat.geometry_element(mesh), _sizes(nodes)
     middle = basix.geometry(element.cell_type).mean(axis=0)
     table = element.tabulate(1, middle[None])[:, 0, :, 0]
     scaled = nodes / size[:, None, None]
-    centre, edges = np.einsum("k,nkc->nc", table[0], scaled), np.einsum("dk,nkc->cdn", table[1:], scaled)
-    # How the place moves with the point, in sizes of the cell, where cells are taken for parallelepipeds or simplices.
+    centre, edges = (
+        np.einsum("k,nkc->nc", table[0], scaled),
+        np.einsum("dk,nkc->cdn", table[1:], scaled),
+    )
+    # How the place moves with the point, in sizes of the cell, where cells are taken for
+    # parallelepipeds or simplices.
     turned = inverses(edges)
     flat = centre[:, None] + np.einsum("kd,cdn->nkc", element.points - middle, edges)
     curved = np.abs(scaled - flat).max(axis=(1, 2)) > NOTHING_LEFT
-    cells, reference, gap = np.full(len(x), -1, dtype=np.int32), np.zeros((len(x), dim)), np.full(len(x), np.inf)
-    # Cells that differ much in size are apart from each other, because a tree pads all its boxes alike.
+    cells, reference, gap = (
+        np.full(len(x), -1, dtype=np.int32),
+        np.zeros((len(x), dim)),
+        np.full(len(x), np.inf),
+    )
+    # Cells that differ much in size are apart from each other, because a tree pads all its boxes
+    # alike.
     groups = np.floor(np.log2(size))
     for share in (NOTHING_LEFT, outside):
-        open_points = np.flatnonzero((cells < 0) | (gap > NOTHING_LEFT * size[cells])) if len(size) else cells[:0]
+        open_points = (
+            np.flatnonzero((cells < 0) | (gap > NOTHING_LEFT * size[cells]))
+            if len(size)
+            else cells[:0]
+        )
         for group in np.unique(groups) if len(open_points) else ():
             entities = np.flatnonzero(groups == group).astype(np.int32)
-            if len(entities) == 1:  # of a tree with one box dolfinx 0.9 reads children, which are not there
+            if (
+                len(entities) == 1
+            ):  # of a tree with one box dolfinx 0.9 reads children, which are not there
                 entities = np.repeat(entities, 2)
-            tree = geometry.bb_tree(mesh, dim, entities=entities, padding=float(share * 2 ** (group + 1)))
-            near: Any = geometry.compute_collisions_points(tree, np.ascontiguousarray(x[open_points]))
+            tree = geometry.bb_tree(
+                mesh, dim, entities=entities, padding=float(share * 2 ** (group + 1))
+            )
+            near: Any = geometry.compute_collisions_points(
+                tree, np.ascontiguousarray(x[open_points])
+            )
             point_numbers = np.repeat(open_points, np.diff(near.offsets))
             for begin in range(0, len(point_numbers), _PAIRS):
-                point, cell = point_numbers[begin : begin + _PAIRS], near.array[begin : begin + _PAIRS]
+                point, cell = (
+                    point_numbers[begin : begin + _PAIRS],
+                    near.array[begin : begin + _PAIRS],
+                )
                 if pieces is not None:
                     same_piece = pieces[0][point] == pieces[1][cell]
                     point, cell = point[same_piece], cell[same_piece]
@@ -127,29 +162,43 @@ def cells_of_points(
                         continue
                 # Lengths of the cell, so that no unit matters.
                 away = centre[cell] - x[point, :dim] / size[cell, None]
-                trial, distance = middle - np.einsum("cdn,nd->nc", turned[..., cell], away), np.zeros(len(cell))
+                trial, distance = (
+                    middle - np.einsum("cdn,nd->nc", turned[..., cell], away),
+                    np.zeros(len(cell)),
+                )
                 beside = np.abs(_clipped(element, trial) - trial).max(axis=1) > NOTHING_LEFT
                 rest = np.flatnonzero(curved[cell] | beside)
                 if len(rest):
-                    corners = (nodes[cell[rest]] - x[point[rest], None, :dim]) / size[cell[rest], None, None]
+                    corners = (nodes[cell[rest]] - x[point[rest], None, :dim]) / size[
+                        cell[rest], None, None
+                    ]
                     trial[rest] = _pull_back(element, corners, trial[rest])
-                    # At most: the distance of the point of the cell next to the place in the reference cell.
+                    # At most: the distance of the point of the cell next to the place in the
+                    # reference cell.
                     shares = element.tabulate(0, _clipped(element, trial[rest]))[0, :, :, 0]
-                    distance[rest] = np.linalg.norm(np.einsum("nk,nkc->nc", shares, corners), axis=1)
+                    distance[rest] = np.linalg.norm(
+                        np.einsum("nk,nkc->nc", shares, corners), axis=1
+                    )
                 far = distance * size[cell]
                 order = np.lexsort((far, point))
                 order = order[(distance <= outside)[order]]
                 best = order[np.unique(point[order], return_index=True)[1]]
                 best = best[far[best] < gap[point[best]]]
                 best_points = point[best]
-                cells[best_points], reference[best_points], gap[best_points] = cell[best], trial[best], far[best]
+                cells[best_points], reference[best_points], gap[best_points] = (
+                    cell[best],
+                    trial[best],
+                    far[best],
+                )
     return cells, reference, gap
 
 
 def _nodes(mesh: dmesh.Mesh) -> Array:
     """The geometry nodes of the owned cells, shape (cells, nodes of each, d)."""
     count, dim = mesh.topology.index_map(mesh.topology.dim).size_local, mesh.topology.dim
-    return np.asarray(mesh.geometry.x[:, :dim][compat.geometry_cells(mesh)[:count]], dtype=np.float64)
+    return np.asarray(
+        mesh.geometry.x[:, :dim][compat.geometry_cells(mesh)[:count]], dtype=np.float64
+    )
 
 
 def _sizes(nodes: Array) -> Array:
@@ -167,7 +216,9 @@ def determinants(matrices: Array) -> Array:
 
 
 def inverses(matrices: Array) -> Array:
-    """The inverses of many such matrices, of singular ones the unit matrix, by hand: shape (d, d, ...)."""
+    """The inverses of many such matrices, of singular ones the unit matrix, by hand: shape (d, d,
+    ...).
+    """
     if len(matrices) == 2:
         (a, b), (c, d) = matrices
         adjugates = np.array([[d, -b], [-c, a]])
@@ -183,7 +234,9 @@ def inverses(matrices: Array) -> Array:
 
 
 def _pull_back(element: Any, corners: Array, reference: Array) -> Array:
-    """Places in the reference cell that cells map to the origin, by Newton's method; corners in sizes of the cell."""
+    """Places in the reference cell that cells map to the origin, by Newton's method; corners in
+    sizes of the cell.
+    """
     moving = np.arange(len(corners))
     for _ in range(MANY_STEPS):
         if not moving.size:
@@ -192,7 +245,9 @@ def _pull_back(element: Any, corners: Array, reference: Array) -> Array:
         away = np.einsum("nk,nkc->nc", table[0], corners[moving])
         turned = inverses(np.einsum("dnk,nkc->cdn", table[1:], corners[moving]))
         step = np.einsum("cdn,nd->nc", turned, away)
-        reference[moving] -= np.clip(step, -1.0, 1.0)  # at most from one side of the cell to the other
+        reference[moving] -= np.clip(
+            step, -1.0, 1.0
+        )  # at most from one side of the cell to the other
         moving = moving[np.abs(step).max(axis=1) >= NOTHING_LEFT]
     return reference
 

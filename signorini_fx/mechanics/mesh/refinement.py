@@ -1,9 +1,10 @@
-"""The next mesh: triangles and tetrahedra that are bisected, or lengths of cells that gmsh makes anew.
+"""The next mesh: triangles and tetrahedra that are bisected, or lengths of cells that gmsh makes
+anew.
 
-The names of boundaries and regions are kept.  Lengths follow O. C. Zienkiewicz, J. Z. Zhu, Int. J. Numer. Meth. Engng
-24 (1987): the error of a cell falls with its length to the power of the degree, and the next mesh is to have the same
-error in all cells.  At the ends of a contact it falls more slowly, so that another mesh follows: to begin with fewer
-cells costs less than to have too many.
+The names of boundaries and regions are kept.  Lengths follow O. C. Zienkiewicz, J. Z. Zhu, Int. J.
+Numer. Meth. Engng 24 (1987): the error of a cell falls with its length to the power of the degree,
+and the next mesh is to have the same error in all cells.  At the ends of a contact it falls more
+slowly, so that another mesh follows: to begin with fewer cells costs less than to have too many.
 """
 
 from __future__ import annotations
@@ -29,8 +30,9 @@ Floats = npt.NDArray[np.float64]
 
 
 def mark(comm: MPI.Comm, squares: Floats, share: float = 0.5) -> npt.NDArray[np.int32]:
-    """The smallest number of cells that have a share of the squared error together (Doerfler), over all ranks: those of
-    this rank, from the squared errors of its owned cells, shape (cells,); collective.
+    """The smallest number of cells that have a share of the squared error together (Doerfler), over
+    all ranks: those of this rank, from the squared errors of its owned cells, shape (cells,);
+    collective.
     """
     total = float(parallel.global_sum(comm, squares.sum()))
     low, high = 0.0, parallel.largest(comm, squares)
@@ -42,17 +44,25 @@ def mark(comm: MPI.Comm, squares: Floats, share: float = 0.5) -> npt.NDArray[np.
 
 
 def check_divisible(tagged: TaggedMesh) -> None:
-    """Refuse a mesh whose cells are neither triangles nor tetrahedra, or not straight, by a ``MeshError``."""
+    """Refuse a mesh whose cells are neither triangles nor tetrahedra, or not straight, by a
+    ``MeshError``.
+    """
     simplex = {2: "triangle", 3: "tetrahedron"}[tagged.mesh.topology.dim]
     if tagged.mesh.topology.cell_name() != simplex:
         plural = {"triangle": "triangles", "tetrahedron": "tetrahedra"}[simplex]
-        raise MeshError(f"only {plural} can be refined: use cell = '{simplex}', or a generator and uniform refinement")
+        raise MeshError(
+            f"only {plural} can be refined: use cell = '{simplex}', or a generator and uniform "
+            "refinement"
+        )
     if compat.geometry_degree(tagged.mesh) > 1:
-        raise MeshError("only cells with straight sides can be refined: use a mesh whose geometry has degree 1")
+        raise MeshError(
+            "only cells with straight sides can be refined: use a mesh whose geometry has degree 1"
+        )
 
 
 def refine(tagged: TaggedMesh, cells: npt.NDArray[np.int32] | None = None) -> TaggedMesh:
-    """Bisect triangles or tetrahedra, at least some cells of this rank, None: all; the mesh stays conforming.
+    """Bisect triangles or tetrahedra, at least some cells of this rank, None: all; the mesh stays
+    conforming.
 
     Where only some are divided, the cells of several ranks are distributed anew.
 
@@ -71,7 +81,8 @@ def refine(tagged: TaggedMesh, cells: npt.NDArray[np.int32] | None = None) -> Ta
     )
     for pair in pairs:
         fine.topology.create_connectivity(*pair)
-    # dolfinx's own transfer refuses meshes with ghost cells.  A child knows its parent by its place before reordering.
+    # dolfinx's own transfer refuses meshes with ghost cells.  A child knows its parent by its place
+    # before reordering.
     original = fine.topology.original_cell_index
     first = parallel.rows_before(mesh.comm, len(parent_cell))
     children = np.arange(len(parent_cell), dtype=np.int32)
@@ -82,14 +93,20 @@ def refine(tagged: TaggedMesh, cells: npt.NDArray[np.int32] | None = None) -> Ta
         kinds = _table(tagged.cell_tags, mesh.topology.index_map(dim))[parents]
         has_tag = kinds != _NO_TAG
         cell_tags = dmesh.meshtags(fine, dim, children[has_tag], kinds[has_tag])
-    old, new = (m.topology.connectivity(dim, dim - 1).array.reshape(-1, dim + 1) for m in (mesh, fine))
+    old, new = (
+        m.topology.connectivity(dim, dim - 1).array.reshape(-1, dim + 1) for m in (mesh, fine)
+    )
     on_side = sides >= 0
     facets = new[: len(children)][on_side]
     origin = old[np.repeat(parents, dim + 1).reshape(-1, dim + 1)[on_side], sides[on_side]]
     kinds = _table(tagged.facet_tags, mesh.topology.index_map(dim - 1))[origin]
     facets, index = np.unique(facets[kinds != _NO_TAG], return_index=True)
-    facet_tags = dmesh.meshtags(fine, dim - 1, facets.astype(np.int32), kinds[kinds != _NO_TAG][index])
-    refined = TaggedMesh(fine, facet_tags, tagged.boundaries, cell_tags, tagged.regions, tagged.origin)
+    facet_tags = dmesh.meshtags(
+        fine, dim - 1, facets.astype(np.int32), kinds[kinds != _NO_TAG][index]
+    )
+    refined = TaggedMesh(
+        fine, facet_tags, tagged.boundaries, cell_tags, tagged.regions, tagged.origin
+    )
     if cells is None or mesh.comm.size == 1:
         return refined
     arrays = arrays_of(refined)
@@ -106,15 +123,23 @@ def _table(tags: dmesh.MeshTags, index_map: Any) -> npt.NDArray[np.int32]:
     return table
 
 
-# --- lengths of the next cells ---------------------------------------------------------------------------------------
+# --- lengths of the next cells --------------------------------------------------------------------
 
 
 def shorter_lengths(
-    comm: MPI.Comm, squares: Floats, lengths: Floats, factor: float, degree: int, dimension: int, finer: float
+    comm: MPI.Comm,
+    squares: Floats,
+    lengths: Floats,
+    factor: float,
+    degree: int,
+    dimension: int,
+    finer: float,
 ) -> Floats:
-    """The lengths of cells for an error ``factor`` times as small, with the fewest cells; collective.
+    """The lengths of cells for an error ``factor`` times as small, with the fewest cells;
+    collective.
 
-    Those that this takes may be too many: then the error becomes as small as the allowed number of cells can make it.
+    Those that this takes may be too many: then the error becomes as small as the allowed number of
+    cells can make it.
 
     Args:
         comm: the ranks that share the mesh.
@@ -123,8 +148,8 @@ def shorter_lengths(
         factor: by which the error is to fall.
         degree: power of its length with which the error of a cell falls.
         dimension: of the mesh.
-        finer: how many times finer, on average over the body, the mesh may become: with 2 it has as many cells as one
-            all of whose cells are halved.
+        finer: how many times finer, on average over the body, the mesh may become: with 2 it has as
+            many cells as one all of whose cells are halved.
     """
     errors = np.sqrt(squares)
     total, largest = float(parallel.global_sum(comm, squares.sum())), parallel.largest(comm, errors)
@@ -143,7 +168,9 @@ def shorter_lengths(
         share = shares(np.exp(middle))
         left_over = float(parallel.global_sum(comm, (squares * share ** (2 * degree)).sum()))
         cells = float(parallel.global_sum(comm, (share**-dimension).sum()))
-        low, high = (low, middle) if left_over > total / factor**2 and cells < allowed else (middle, high)
+        low, high = (
+            (low, middle) if left_over > total / factor**2 and cells < allowed else (middle, high)
+        )
     return lengths * shares(np.exp(low))
 
 
@@ -152,20 +179,27 @@ def lengths_of_cells(tagged: TaggedMesh) -> Floats:
     owned = tagged.mesh.topology.index_map(tagged.dimension).size_local
     x = tagged.mesh.geometry.x[compat.geometry_cells(tagged.mesh)[:owned]]
     edges = basix.topology(getattr(basix.CellType, tagged.mesh.topology.cell_name()))[1]
-    return np.asarray(np.mean([np.linalg.norm(x[:, a] - x[:, b], axis=1) for a, b in edges], axis=0))
+    return np.asarray(
+        np.mean([np.linalg.norm(x[:, a] - x[:, b], axis=1) for a, b in edges], axis=0)
+    )
 
 
 def size_fields(
-    tagged: TaggedMesh, lengths: Floats, parts: Sequence[npt.NDArray[np.int32]], finer: float = np.inf
+    tagged: TaggedMesh,
+    lengths: Floats,
+    parts: Sequence[npt.NDArray[np.int32]],
+    finer: float = np.inf,
 ) -> list[SizeField]:
     """Lengths that grow slowly from the shortest ones, also from body to body; collective.
 
-    Where these would take too many cells all that differ from those of the mesh become longer by the same factor.
+    Where these would take too many cells all that differ from those of the mesh become longer by
+    the same factor.
 
     Args:
         tagged: the mesh.
         lengths: of the cells that take the place of each owned cell, shape (cells,).
-        parts: cells of this rank; each gets a field, on the first rank, without cells on the others.
+        parts: cells of this rank; each gets a field, on the first rank, without cells on the
+            others.
         finer: see ``shorter_lengths``; cells between short and long ones count as well.
     """
     comm, dim, of_part = tagged.mesh.comm, tagged.dimension, np.full(len(lengths), -1)
@@ -196,9 +230,16 @@ def size_fields(
 
 
 def _affordable(
-    sizes: Floats, longest: Floats, corners: npt.NDArray[np.int64], old: Floats, dimension: int, finer: float
+    sizes: Floats,
+    longest: Floats,
+    corners: npt.NDArray[np.int64],
+    old: Floats,
+    dimension: int,
+    finer: float,
 ) -> Floats:
-    """Lengths at all nodes, by a factor longer than ``sizes`` if these take too many cells, up to those of the mesh."""
+    """Lengths at all nodes, by a factor longer than ``sizes`` if these take too many cells, up to
+    those of the mesh.
+    """
 
     def longer(factor: float) -> Floats:
         return np.minimum(factor * sizes, longest)
@@ -217,7 +258,9 @@ def _affordable(
 
 
 def _graded(x: Floats, sizes: Floats) -> Floats:
-    """Lengths at points that differ by no more than ``SIZE_GROWTH`` times their distance, or about that."""
+    """Lengths at points that differ by no more than ``SIZE_GROWTH`` times their distance, or about
+    that.
+    """
     from scipy.spatial import cKDTree
 
     graded = sizes.copy()
@@ -227,5 +270,7 @@ def _graded(x: Floats, sizes: Floats) -> Floats:
         short, longer = at == octave, at > octave
         if short.any() and longer.any():
             distance, nearest = cKDTree(x[short]).query(x[longer])
-            graded[longer] = np.minimum(graded[longer], graded[short][nearest] + SIZE_GROWTH * distance)
+            graded[longer] = np.minimum(
+                graded[longer], graded[short][nearest] + SIZE_GROWTH * distance
+            )
     return graded

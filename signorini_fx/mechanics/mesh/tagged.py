@@ -1,4 +1,6 @@
-"""Distributed meshes with named boundaries: from a generator in ``meshes/``, from a file, or from the caller."""
+"""Distributed meshes with named boundaries: from a generator in ``meshes/``, from a file, or from
+the caller.
+"""
 
 from __future__ import annotations
 
@@ -49,8 +51,10 @@ class TaggedMesh(TaggedMeshBase):
         boundaries: name of a boundary -> its tag, or all its tags if boundaries overlap.
         cell_tags: tags on cells; None if the body is one region.
         regions: name of a part of the body -> its tag, or all its tags.
-        origin: what a scene calls the file or the generator that it was made from; empty if the caller made it.
-        left_out: name of a boundary -> how many of its elements in the file are no sides of cells, and have no tag.
+        origin: what a scene calls the file or the generator that it was made from; empty if the
+            caller made it.
+        left_out: name of a boundary -> how many of its elements in the file are no sides of cells,
+            and have no tag.
     """
 
     mesh: dmesh.Mesh
@@ -64,7 +68,9 @@ class TaggedMesh(TaggedMeshBase):
     def __repr__(self) -> str:
         cells = self.mesh.topology.index_map(self.dimension).size_global
         names = ", ".join(self.boundaries) or "none"
-        return f"<TaggedMesh: {cells:,} cells ({self.mesh.topology.cell_name()}), boundaries {names}>"
+        return (
+            f"<TaggedMesh: {cells:,} cells ({self.mesh.topology.cell_name()}), boundaries {names}>"
+        )
 
     @cached_property
     def dimension(self) -> int:
@@ -72,15 +78,21 @@ class TaggedMesh(TaggedMeshBase):
         return int(self.mesh.topology.dim)
 
     def cells(self, region: str | None) -> npt.NDArray[np.int32]:
-        """Cells of the part ``region`` on this rank, ghosts included (local numbers); None: all of them."""
+        """Cells of the part ``region`` on this rank, ghosts included (local numbers); None: all of
+        them.
+        """
         if region is None:
             return np.arange(len(compat.geometry_cells(self.mesh)), dtype=np.int32)
         if self.cell_tags is None or region not in self.regions:
-            raise MeshError(f"the mesh has no region {region!r}; its regions are: {', '.join(self.regions) or 'none'}")
+            raise MeshError(
+                f"the mesh has no region {region!r}; its regions are: "
+                f"{', '.join(self.regions) or 'none'}"
+            )
         return _tagged(self.cell_tags, self.regions[region])
 
     def facets(self, name: str) -> npt.NDArray[np.int32]:
-        """Exterior facets of the boundary ``name`` whose cell this rank owns (local numbers, sorted).
+        """Exterior facets of the boundary ``name`` whose cell this rank owns (local numbers,
+        sorted).
 
         Raises:
             MeshError: there is no such name; the message lists the known ones.
@@ -88,20 +100,27 @@ class TaggedMesh(TaggedMeshBase):
         if name not in self.boundaries:
             names = ", ".join(sorted(self.boundaries)) or "none"
             raise MeshError(f"the mesh has no boundary {name!r}; its boundaries are: {names}")
-        # dolfinx 0.10 integrates ds(tag) over interior facets too: only the exterior ones are kept, on every version.
+        # dolfinx 0.10 integrates ds(tag) over interior facets too: only the exterior ones are kept,
+        # on every version.
         tagged = _tagged(self.facet_tags, self.boundaries[name])
         return tagged[self._exterior[tagged]]
 
     def inside(self, name: str) -> int:
-        """How many facets of the boundary ``name`` are inside of the body, on all ranks; collective."""
+        """How many facets of the boundary ``name`` are inside of the body, on all ranks;
+        collective.
+        """
         tagged = _tagged(self.facet_tags, self.boundaries[name])
         owned = tagged[tagged < self.mesh.topology.index_map(self.dimension - 1).size_local]
         within = np.count_nonzero(~self._exterior[owned])
-        return int(parallel.global_sum(self.mesh.comm, np.array(within))) + self.left_out.get(name, 0)
+        return int(parallel.global_sum(self.mesh.comm, np.array(within))) + self.left_out.get(
+            name, 0
+        )
 
     @cached_property
     def _exterior(self) -> npt.NDArray[np.bool_]:
-        """Which facets of this rank are exterior ones whose cell it owns; a topology does not change."""
+        """Which facets of this rank are exterior ones whose cell it owns; a topology does not
+        change.
+        """
         topology, across = self.mesh.topology, self.dimension - 1
         topology.create_connectivity(across, across + 1)
         facets = topology.index_map(across)
@@ -111,10 +130,11 @@ class TaggedMesh(TaggedMeshBase):
 
     @cached_property
     def size(self) -> float:
-        """Diameter of the body, the largest distance of two of its points, a length; the same on all ranks.
+        """Diameter of the body, the largest distance of two of its points, a length; the same on
+        all ranks.
 
-        For a rectangle this is the diagonal in any orientation, so that scales that depend on it, such as gamma = auto,
-        do not depend on the axes.
+        For a rectangle this is the diagonal in any orientation, so that scales that depend on it,
+        such as gamma = auto, do not depend on the axes.
         """
         return diameter_of(self.mesh)
 
@@ -140,7 +160,10 @@ def diameter_of(mesh: dmesh.Mesh) -> float:
         except QhullError:
             extents = " by ".join(f"{extent:g}" for extent in high - low)
             raise MeshError(f"the body is too thin to be meshed: it measures {extents}") from None
-        return max(float(cdist(chunk, corners).max()) for chunk in np.array_split(corners, 1 + len(corners) // 1000))
+        return max(
+            float(cdist(chunk, corners).max())
+            for chunk in np.array_split(corners, 1 + len(corners) // 1000)
+        )
 
     return parallel.on_root(mesh.comm, of_hull)
 
@@ -155,25 +178,35 @@ def check_fits(statement: Statement, tagged: TaggedMesh) -> None:
     """Check the scene against dimension and shape of its mesh; collective.
 
     Raises:
-        SceneError: keys of another dimension than that of the mesh; linear elements on curved cells; a negative radius.
+        SceneError: keys of another dimension than that of the mesh; linear elements on curved
+            cells; a negative radius.
     """
     from signorini_fx.mechanics.statement.features import dimension_problems
 
     problems = dimension_problems(statement, tagged.dimension)
     least_x = -parallel.largest(tagged.mesh.comm, -tagged.mesh.geometry.x[:, 0])
     if least_x < statement.kinematics.least_x - SAME_LENGTH * tagged.size:
-        problems.append(("mesh", f"has points with x[0] = {least_x:g}: it is the radius of a body of revolution"))
+        problems.append(
+            (
+                "mesh",
+                f"has points with x[0] = {least_x:g}: it is the radius of a body of revolution",
+            )
+        )
     if statement.element.degree == 1 and curvature(tagged) > SAME_LENGTH * tagged.size:
         # Such elements cannot even represent a rotation without strain: no refinement would help.
-        message = "the mesh has curved cells: set degree = 2, or take straight cells (order = 1 of a generator)"
+        message = (
+            "the mesh has curved cells: set degree = 2, or take straight cells (order = 1 "
+            "of a generator)"
+        )
         problems.append(("element.degree", message))
     if problems:
         raise SceneError(problems)
 
 
 def check_dimension(tagged: TaggedMesh, *, section: bool = False) -> None:
-    """Check that positions are finite, and that cells and points have the same dimension, 2 or 3, or with ``section``
-    that the cells are plane and the points may leave them, as with torsion; or a ``MeshError``; collective.
+    """Check that positions are finite, and that cells and points have the same dimension, 2 or 3,
+    or with ``section`` that the cells are plane and the points may leave them, as with torsion; or
+    a ``MeshError``; collective.
     """
     if parallel.any_rank(tagged.mesh.comm, not np.isfinite(tagged.mesh.geometry.x).all()):
         raise MeshError("a node of the mesh has coordinates that are not finite")
@@ -181,9 +214,13 @@ def check_dimension(tagged: TaggedMesh, *, section: bool = False) -> None:
     if (cells == points and cells in (2, 3)) or (section and is_section(tagged.mesh)):
         return
     if (cells, points) != (2, 3):
-        raise MeshError(f"the mesh has cells of dimension {cells} and points of dimension {points}: a body has 2 or 3")
+        raise MeshError(
+            f"the mesh has cells of dimension {cells} and points of dimension {points}: a body "
+            "has 2 or 3"
+        )
     raise MeshError(
-        "the mesh is a surface in 3D (a shell): a planar one has points of two coordinates, x[0] and x[1] (gdim = 2), "
+        "the mesh is a surface in 3D (a shell): a planar one has points of two coordinates, x[0] "
+        "and x[1] (gdim = 2), "
         "and a body in 3D tetrahedra or hexahedra"
     )
 
@@ -191,9 +228,10 @@ def check_dimension(tagged: TaggedMesh, *, section: bool = False) -> None:
 def section_in_space(mesh: dmesh.Mesh) -> dmesh.Mesh:
     """The same mesh in 2D x[2] = 0 of space, where displacements have three components; collective.
 
-    It shares the topology, so that its cells and facets have the same numbers, and tags of the one are tags of the
-    other.  In forms of a body of revolution about x[1] whose displacement turns with the section, the gradient of y
-    along x[2] is (-y[2], 0, y[0]) / x[0], and moments of contact about x[1] are torques.
+    It shares the topology, so that its cells and facets have the same numbers, and tags of the one
+    are tags of the other.  In forms of a body of revolution about x[1] whose displacement turns
+    with the section, the gradient of y along x[2] is (-y[2], 0, y[0]) / x[0], and moments of
+    contact about x[1] are torques.
 
     Args:
         mesh: of the plane.
@@ -207,7 +245,9 @@ def section_in_space(mesh: dmesh.Mesh) -> dmesh.Mesh:
         shape=(3,),
         dtype=mesh.geometry.x.dtype,
     )
-    made: Any = type(compat.wrapped(mesh))(mesh.comm, compat.topology(mesh), compat.geometry_in_space(mesh))
+    made: Any = type(compat.wrapped(mesh))(
+        mesh.comm, compat.topology(mesh), compat.geometry_in_space(mesh)
+    )
     return dmesh.Mesh(made, ufl.Mesh(domain))
 
 
@@ -217,17 +257,23 @@ def is_section(mesh: dmesh.Mesh) -> bool:
 
 
 def curvature(tagged: TaggedMesh) -> float:
-    """The largest distance of a midside node from the middle of its side, a length; the same on all ranks."""
+    """The largest distance of a midside node from the middle of its side, a length; the same on all
+    ranks.
+    """
     from signorini_fx.mechanics.mesh.files import cells
 
     kind = cells.kind_of_mesh(tagged.mesh)
     if kind is None or kind.degree == 1:  # of a higher degree are those of a caller's own mesh
         return 0.0
     x, nodes = tagged.mesh.geometry.x, compat.geometry_cells(tagged.mesh).astype(np.int64)
-    return parallel.global_max(tagged.mesh.comm, cells.curvature(np.asarray(x, dtype=np.float64), nodes, kind))
+    return parallel.global_max(
+        tagged.mesh.comm, cells.curvature(np.asarray(x, dtype=np.float64), nodes, kind)
+    )
 
 
-def generate_mesh(name: str, parameters: Mapping[str, Any], comm: MPI.Comm, sizes: Sizes = ()) -> TaggedMesh:
+def generate_mesh(
+    name: str, parameters: Mapping[str, Any], comm: MPI.Comm, sizes: Sizes = ()
+) -> TaggedMesh:
     """Run the generator ``name``, see ``signorini_fx.meshes``.
 
     Args:
@@ -237,7 +283,8 @@ def generate_mesh(name: str, parameters: Mapping[str, Any], comm: MPI.Comm, size
         sizes: lengths of the facets of some boundaries, or of all cells, on the first rank.
 
     Raises:
-        SceneError: unknown generator, or parameters that it refuses; or lengths that it cannot make.
+        SceneError: unknown generator, or parameters that it refuses; or lengths that it cannot
+            make.
     """
     from signorini_fx.mechanics.mesh.files.size_field import SizeField
 
@@ -249,9 +296,15 @@ def generate_mesh(name: str, parameters: Mapping[str, Any], comm: MPI.Comm, size
     finally:
         _LOCAL_SIZES.reset(reset)
     if not isinstance(tagged, TaggedMesh):
-        raise SceneError([("mesh.generator", f"{name!r} has made {kind_of(tagged)}, a TaggedMesh is expected")])
+        raise SceneError(
+            [("mesh.generator", f"{name!r} has made {kind_of(tagged)}, a TaggedMesh is expected")]
+        )
     # Lengths of all cells are asked of generators alone that make cells of several.
-    asked = [] if isinstance(sizes, SizeField) else [size.path for size in sizes if size.boundary in tagged.boundaries]
+    asked = (
+        []
+        if isinstance(sizes, SizeField)
+        else [size.path for size in sizes if size.boundary in tagged.boundaries]
+    )
     if in_rows and asked:
         cure = "make all of them smaller by its parameters, or draw the body in a .geo"
         raise SceneError([(asked[0], f"the cells of the generator {name!r} are in rows: {cure}")])
@@ -271,17 +324,21 @@ def read_mesh(
     Args:
         file: the file.
         comm: the ranks that share the mesh.
-        boundaries: name -> a number in the cell data of the file, or a function of points of shape (3, n) that is
-            positive at all vertices of the exterior facets of the boundary.
+        boundaries: name -> a number in the cell data of the file, or a function of points of shape
+            (3, n) that is positive at all vertices of the exterior facets of the boundary.
         regions: the same for cells and all their vertices.
         data: the cell data that numbers refer to; None: there is only one.
-        size: length of the cells of a .step, .stp or .brep; None: a fraction of the size of the body.
+        size: length of the cells of a .step, .stp or .brep; None: a fraction of the size of the
+            body.
 
     Raises:
-        MeshError: there is no such file, it is not a mesh of that format, or no boundary has a name.
+        MeshError: there is no such file, it is not a mesh of that format, or no boundary has a
+            name.
         SceneError: a number or a condition selects nothing.
     """
-    mesh = MeshFile(file=file, boundaries=boundaries or {}, regions=regions or {}, data=data, size=size)
+    mesh = MeshFile(
+        file=file, boundaries=boundaries or {}, regions=regions or {}, data=data, size=size
+    )
     return _of_file(mesh, comm)
 
 
@@ -294,9 +351,10 @@ def load_file(
         mesh: the file, with the names that the scene gives.
         comm: the ranks that share the mesh.
         halvings: how often the sides of all cells are halved, for a drawing on the true shape.
-        degree: of the geometry: 1: straight sides; 2 (drawings only): nodes between the corners as well, if there are
-            curves; None: as the file has it, 1 for a drawing of a CAD program.
-        sizes: of a drawing the lengths of facets of some boundaries, or of all cells, on the first rank.
+        degree: of the geometry: 1: straight sides; 2 (drawings only): nodes between the corners as
+            well, if there are curves; None: as the file has it, 1 for a drawing of a CAD program.
+        sizes: of a drawing the lengths of facets of some boundaries, or of all cells, on the first
+            rank.
     """
     try:
         tagged = _of_file(mesh, comm, halvings, degree, sizes)
@@ -314,7 +372,8 @@ def _of_file(
         arrays = formats.read_file(mesh, halvings, degree, sizes)
         if not any(rows.size for rows in arrays.boundaries.values()):
             raise MeshError(
-                f"{mesh.file}: the mesh has no named boundary: name some in mesh.boundaries of the scene, "
+                f"{mesh.file}: the mesh has no named boundary: name some in mesh.boundaries of "
+                "the scene, "
                 f"or in the file (in gmsh: physical groups of dimension {arrays.dim - 1})"
             )
         return arrays
@@ -323,10 +382,12 @@ def _of_file(
 
 
 def from_arrays(comm: MPI.Comm, make: Callable[[], MeshArrays]) -> TaggedMesh:
-    """The mesh that ``make`` gives on the first rank, where alone it is called, distributed; collective.
+    """The mesh that ``make`` gives on the first rank, where alone it is called, distributed;
+    collective.
 
     Raises:
-        MeshError: cells have different nodes in the middle of the same edge or face, or one in the middle of two.
+        MeshError: cells have different nodes in the middle of the same edge or face, or one in the
+            middle of two.
     """
     from signorini_fx.mechanics.mesh.files.arrays import MeshArrays
     from signorini_fx.mechanics.mesh.files.cells import CELLS
@@ -336,7 +397,13 @@ def from_arrays(comm: MPI.Comm, make: Callable[[], MeshArrays]) -> TaggedMesh:
     def made() -> tuple[str, int, Mapping[str, int], list[str], list[str]]:
         arrays = make()
         on_root.append(arrays)
-        return arrays.kind, len(arrays.points), arrays.astray, [*arrays.boundaries], [*arrays.regions]
+        return (
+            arrays.kind,
+            len(arrays.points),
+            arrays.astray,
+            [*arrays.boundaries],
+            [*arrays.regions],
+        )
 
     kind, nodes, astray, *names = parallel.on_root(comm, made)
     cell, none = CELLS[kind], np.empty(0, dtype=np.int64)
@@ -347,26 +414,41 @@ def from_arrays(comm: MPI.Comm, make: Callable[[], MeshArrays]) -> TaggedMesh:
     facets, of_facets, boundaries = _combined(comm, arrays.boundaries)
     cells, of_cells, regions = _combined(comm, arrays.regions)
     even = basix.ufl.element(
-        "Lagrange", cell.basix_type.name, cell.degree, basix.LagrangeVariant.equispaced, shape=(cell.dim,)
+        "Lagrange",
+        cell.basix_type.name,
+        cell.degree,
+        basix.LagrangeVariant.equispaced,
+        shape=(cell.dim,),
     )
     mesh = dmesh.create_mesh(comm, cells=arrays.cells, x=arrays.points, e=ufl.Mesh(even))
     if mesh.geometry.index_map().size_global != nodes:
-        raise MeshError("cells cross: a node in the middle of edges or faces belongs to two of them, or two to one")
+        raise MeshError(
+            "cells cross: a node in the middle of edges or faces belongs to two of them, or two "
+            "to one"
+        )
     facet_tags = _meshtags(mesh, cell.dim - 1, arrays.facets[facets], of_facets)
     cell_tags = _meshtags(mesh, cell.dim, arrays.cells[cells], of_cells)
-    return TaggedMesh(mesh, facet_tags, boundaries, cell_tags if regions else None, regions, left_out=astray)
+    return TaggedMesh(
+        mesh, facet_tags, boundaries, cell_tags if regions else None, regions, left_out=astray
+    )
 
 
-def _meshtags(mesh: dmesh.Mesh, dim: int, nodes: Ints, values: npt.NDArray[np.int32]) -> dmesh.MeshTags:
+def _meshtags(
+    mesh: dmesh.Mesh, dim: int, nodes: Ints, values: npt.NDArray[np.int32]
+) -> dmesh.MeshTags:
     """Tags of entities, given on the first rank by their nodes."""
     local, of_local = distribute_entity_data(mesh, dim, nodes, values)
     mesh.topology.create_connectivity(dim, 0)
     mesh.topology.create_connectivity(dim, mesh.topology.dim)
-    return dmesh.meshtags_from_entities(mesh, dim, adjacencylist(local), of_local.astype(np.int32, copy=False))
+    return dmesh.meshtags_from_entities(
+        mesh, dim, adjacencylist(local), of_local.astype(np.int32, copy=False)
+    )
 
 
 def arrays_of(tagged: TaggedMesh) -> MeshArrays:
-    """All cells and names of a mesh on the first rank, none on the others, if its degree is at most 2; collective."""
+    """All cells and names of a mesh on the first rank, none on the others, if its degree is at most
+    2; collective.
+    """
     from signorini_fx.mechanics.mesh.files.arrays import MeshArrays
     from signorini_fx.mechanics.mesh.files.cells import CELLS, kind_of_mesh
 
@@ -385,17 +467,31 @@ def arrays_of(tagged: TaggedMesh) -> MeshArrays:
     entities = tagged.facet_tags.indices[owned]
     mesh.topology.create_connectivity(dim - 1, dim)
     # dolfinx divides by the number of entities, and a rank may have none.
-    rows = dmesh.entities_to_geometry(mesh, dim - 1, entities) if entities.size else np.empty((0, width), np.int32)
+    rows = (
+        dmesh.entities_to_geometry(mesh, dim - 1, entities)
+        if entities.size
+        else np.empty((0, width), np.int32)
+    )
     facets = np.column_stack((_global_nodes(mesh, rows), tagged.facet_tags.values[owned]))
-    points = parallel.rows_on_root(comm, mesh.geometry.x[: nodes.size_local, :dim].astype(np.float64))
-    cells, parts, facets = (parallel.rows_on_root(comm, table) for table in (cells, parts, facets.astype(np.int64)))
+    points = parallel.rows_on_root(
+        comm, mesh.geometry.x[: nodes.size_local, :dim].astype(np.float64)
+    )
+    cells, parts, facets = (
+        parallel.rows_on_root(comm, table) for table in (cells, parts, facets.astype(np.int64))
+    )
     return MeshArrays(
         points=points,
         kind=kind.kind,
         cells=cells,
         facets=facets[:, :width],
-        boundaries={name: np.flatnonzero(np.isin(facets[:, width], tags)) for name, tags in tagged.boundaries.items()},
-        regions={name: np.sort(parts[np.isin(parts[:, 1], tags), 0]) for name, tags in tagged.regions.items()},
+        boundaries={
+            name: np.flatnonzero(np.isin(facets[:, width], tags))
+            for name, tags in tagged.boundaries.items()
+        },
+        regions={
+            name: np.sort(parts[np.isin(parts[:, 1], tags), 0])
+            for name, tags in tagged.regions.items()
+        },
         astray=tagged.left_out,
     )
 
@@ -410,15 +506,18 @@ def _global_nodes(mesh: dmesh.Mesh, rows: npt.NDArray[np.int32]) -> Ints:
 _LOCAL_SIZES: ContextVar[Sizes] = ContextVar("_LOCAL_SIZES", default=())
 
 
-def gmsh_mesh(comm: MPI.Comm, draw: Callable[[Any], None], name: str, unit: float = 1.0) -> TaggedMesh:
+def gmsh_mesh(
+    comm: MPI.Comm, draw: Callable[[Any], None], name: str, unit: float = 1.0
+) -> TaggedMesh:
     """Let ``draw(gmsh)`` make a meshed gmsh model on the first rank, and distribute it.
 
     Args:
         comm: the ranks that share the mesh.
-        draw: called on the first rank only; makes a meshed model with physical groups, of two or three dimensions.
+        draw: called on the first rank only; makes a meshed model with physical groups, of two or
+            three dimensions.
         name: name of the mesh in messages.
-        unit: length of the model's unit.  The tolerances of gmsh are absolute: its geometry should be neither large
-            nor small, and have the same numbers in all units.
+        unit: length of the model's unit.  The tolerances of gmsh are absolute: its geometry should
+            be neither large nor small, and have the same numbers in all units.
 
     Raises:
         MeshError: the model has no cells, no physical group for the body, or no named boundary.
@@ -430,7 +529,10 @@ def gmsh_mesh(comm: MPI.Comm, draw: Callable[[Any], None], name: str, unit: floa
     from signorini_fx.mechanics.mesh.halving import straightened
 
     sizes = _LOCAL_SIZES.get()
-    cure = f"the cells of {name} are in rows; make them smaller by its parameters, or draw the body in a .geo"
+    cure = (
+        f"the cells of {name} are in rows; make them smaller by its parameters, or draw the "
+        "body in a .geo"
+    )
 
     def make() -> MeshArrays:
         with gmsh_session(f"{name}: gmsh cannot make the mesh") as gmsh:
@@ -448,11 +550,18 @@ def gmsh_mesh(comm: MPI.Comm, draw: Callable[[Any], None], name: str, unit: floa
             draw(gmsh)
             top = max((dim for dim, _ in gmsh.model.getPhysicalGroups()), default=0)
             if top < 2:
-                raise MeshError(f"{name}: the mesh has no physical group of dimension 2 or 3 (the body)")
+                raise MeshError(
+                    f"{name}: the mesh has no physical group of dimension 2 or 3 (the body)"
+                )
             drawn = current()
-            arrays = with_sizes(gmsh, lambda: straightened(drawn), again, sizes, cure, unit) or drawn
+            arrays = (
+                with_sizes(gmsh, lambda: straightened(drawn), again, sizes, cure, unit) or drawn
+            )
         if not arrays.boundaries:
-            raise MeshError(f"{name}: the mesh has no named boundary: give it physical groups of dimension {top - 1}")
+            raise MeshError(
+                f"{name}: the mesh has no named boundary: give it physical groups of dimension "
+                f"{top - 1}"
+            )
         return arrays
 
     return from_arrays(comm, make)
@@ -473,8 +582,8 @@ def tag_boundaries(
 
     Args:
         mesh: the mesh.
-        markers: name -> rule: a function of points of shape (3, n) that gives truth values of shape (n,), or an
-            expression of the position such as "x[0] < 1e-9".
+        markers: name -> rule: a function of points of shape (3, n) that gives truth values of shape
+            (n,), or an expression of the position such as "x[0] < 1e-9".
 
     Raises:
         TypeError: an argument is of another kind.
@@ -485,22 +594,32 @@ def tag_boundaries(
     for name, rule in rules.items():
         if not callable(rule):
             raise TypeError(
-                f"boundary {name!r}: a function of points or an expression is expected, not {kind_of(rule)}"
+                f"boundary {name!r}: a function of points or an expression is expected, not "
+                f"{kind_of(rule)}"
             )
     dim = mesh.topology.dim - 1
-    facets = {name: dmesh.locate_entities_boundary(mesh, dim, rule).astype(np.int32) for name, rule in rules.items()}
+    facets = {
+        name: dmesh.locate_entities_boundary(mesh, dim, rule).astype(np.int32)
+        for name, rule in rules.items()
+    }
     return tagged_mesh(mesh, facets)
 
 
 def tagged_mesh(mesh: dmesh.Mesh, boundaries: Mapping[str, npt.NDArray[np.int32]]) -> TaggedMesh:
-    """A mesh with names of parts of its boundary, each with its facets; a facet may have several names; collective."""
+    """A mesh with names of parts of its boundary, each with its facets; a facet may have several
+    names; collective.
+    """
     facets, tags, names = _combined(mesh.comm, boundaries)
     facet_tags = dmesh.meshtags(mesh, mesh.topology.dim - 1, facets.astype(np.int32), tags)
     return TaggedMesh(mesh, facet_tags, names)
 
 
-def _combined(comm: MPI.Comm, groups: Mapping[str, npt.NDArray[Any]]) -> tuple[Ints, npt.NDArray[np.int32], _Tags]:
-    """One tag for each combination of groups that overlap: members, the tag of each, those of groups; collective."""
+def _combined(
+    comm: MPI.Comm, groups: Mapping[str, npt.NDArray[Any]]
+) -> tuple[Ints, npt.NDArray[np.int32], _Tags]:
+    """One tag for each combination of groups that overlap: members, the tag of each, those of
+    groups; collective.
+    """
     members = np.unique(np.concatenate([np.empty(0, dtype=np.int64), *groups.values()]))
     holds = np.zeros((len(members), len(groups)), dtype=bool)
     for number, part in enumerate(groups.values()):
@@ -511,6 +630,9 @@ def _combined(comm: MPI.Comm, groups: Mapping[str, npt.NDArray[Any]]) -> tuple[I
     own = holds[np.unique(combination, return_index=True)[1]]
     patterns = np.unique(parallel.gather_rows(comm, own), axis=0)
     numbers = np.unique(np.concatenate((patterns, own)), axis=0, return_inverse=True)[1].reshape(-1)
-    tags = {name: tuple(map(int, np.flatnonzero(held) + 1)) for name, held in zip(groups, patterns.T, strict=True)}
+    tags = {
+        name: tuple(map(int, np.flatnonzero(held) + 1))
+        for name, held in zip(groups, patterns.T, strict=True)
+    }
     names = {name: of_name[0] if len(of_name) == 1 else of_name for name, of_name in tags.items()}
     return members, (numbers[len(patterns) :][combination] + 1).astype(np.int32), names

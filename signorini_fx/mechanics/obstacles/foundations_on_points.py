@@ -1,4 +1,6 @@
-"""The foundations and pairs of a problem on their contact points: weights, frames, gap and friction."""
+"""The foundations and pairs of a problem on their contact points: weights, frames, gap and
+friction.
+"""
 
 from __future__ import annotations
 
@@ -51,8 +53,9 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class ShapeDistances:
-    """What decides about the contact points of one foundation, at all nodes of this rank, nan where it is not: the
-    ``factor`` of the surface measure, shape (nodes,), None: 1; the ``direction`` n, of length one, shape (nodes, d),
+    """What decides about the contact points of one foundation, at all nodes of this rank, nan where
+    it is not: the ``factor`` of the surface measure, shape (nodes,), None: 1; the ``direction`` n,
+    of length one, shape (nodes, d),
     None: the outward normal; the ``axes`` of its friction, None: it has no direction.
     """
 
@@ -63,8 +66,8 @@ class ShapeDistances:
 
 @dataclass(frozen=True)
 class FoundationData:
-    """What one foundation says at all nodes of this rank: direction and measure, its law of friction, None: none, and
-    the gap d, length, nan where no facet is.
+    """What one foundation says at all nodes of this rank: direction and measure, its law of
+    friction, None: none, and the gap d, length, nan where no facet is.
     """
 
     shape: ShapeDistances
@@ -73,10 +76,12 @@ class FoundationData:
 
 
 class Foundations:
-    """Several foundations, and pairs, whose slave sides have the points, on one space; all methods are collective.
+    """Several foundations, and pairs, whose slave sides have the points, on one space; all methods
+    are collective.
 
-    ``facets`` are those of each foundation or slave, owned, local numbers; ``names`` are those in its form; ``masters``
-    are facets of the other side of each pair, by its number among the contacts.
+    ``facets`` are those of each foundation or slave, owned, local numbers; ``names`` are those in
+    its form; ``masters`` are facets of the other side of each pair, by its number among the
+    contacts.
     """
 
     def __init__(
@@ -102,11 +107,21 @@ class Foundations:
             if contact.shape is None:
                 continue
             if contact.direction is not None:
-                problems.append((f"contact[{k}].direction", "is that of the closest point of shape: leave it out"))
+                problems.append(
+                    (
+                        f"contact[{k}].direction",
+                        "is that of the closest point of shape: leave it out",
+                    )
+                )
             try:
-                distances[k] = distance_from(contact.shape, self._dimension, turns=contact.measure is None)
+                distances[k] = distance_from(
+                    contact.shape, self._dimension, turns=contact.measure is None
+                )
             except SceneError as error:
-                problems += [(f"contact[{k}].shape.{key}".rstrip("."), reason) for key, reason in error.problems]
+                problems += [
+                    (f"contact[{k}].shape.{key}".rstrip("."), reason)
+                    for key, reason in error.problems
+                ]
                 continue
             x = node_positions(self._space)[self._values[k].nodes, : self._dimension]
             self._refuse(f"contact[{k}].shape", fault_of_shape(distances[k].shape, x, self._length))
@@ -116,13 +131,17 @@ class Foundations:
 
     def _refuse(self, path: str, fault: str) -> None:
         """Raise an error on all ranks if any of them has a fault."""
-        parallel.raise_together(self._space.mesh.comm, FormError([(path, fault)]) if fault else None)
+        parallel.raise_together(
+            self._space.mesh.comm, FormError([(path, fault)]) if fault else None
+        )
 
     @cached_property
     def _length(self) -> float:
         """The size of the body; collective."""
         mesh = self._space.mesh
-        bounds = parallel.global_bounds(mesh.comm, mesh.geometry.x[:, : self._dimension].astype(np.float64))
+        bounds = parallel.global_bounds(
+            mesh.comm, mesh.geometry.x[:, : self._dimension].astype(np.float64)
+        )
         return float(np.linalg.norm(np.ptp(bounds, axis=0)))
 
     @property
@@ -151,11 +170,18 @@ class Foundations:
         for k, (contact, shape) in enumerate(zip(self._contact, self.driven, strict=True)):
             tied = contact.bonded and contact.against is None
             if tied and not shape:
-                problems.append((f"contact[{k}].bonded", "needs a shape that force, moment or prescribed moves"))
+                problems.append(
+                    (f"contact[{k}].bonded", "needs a shape that force, moment or prescribed moves")
+                )
             if shape is None:
                 continue
             if contact.measure is not None and not self.measured(shape):
-                problems.append((f"contact[{k}].measure", "is not possible yet where a force moves the foundation"))
+                problems.append(
+                    (
+                        f"contact[{k}].measure",
+                        "is not possible yet where a force moves the foundation",
+                    )
+                )
             if shape.timed or shape.driven_in_time:
                 problems.append((f"contact[{k}].shape", "depends on t: give numbers, and place()"))
             if reason := driven_twice(self.driven, k):
@@ -177,7 +203,12 @@ class Foundations:
         if not isinstance(shape, Shape):
             raise FormError([(path, "this foundation has no shape that can be placed")])
         if driven[number] is not None and (wrong := set(placement) - set(RigidMotion.model_fields)):
-            raise FormError([(f"{path}.{key}", "stays: this foundation is moved by what drives it") for key in wrong])
+            raise FormError(
+                [
+                    (f"{path}.{key}", "stays: this foundation is moved by what drives it")
+                    for key in wrong
+                ]
+            )
         try:
             moved = distance_from(shape.remade(**placement), self._dimension)
         except SceneError as error:
@@ -193,7 +224,9 @@ class Foundations:
 
     @property
     def placed_shapes(self) -> list[tuple[str, Any, Any]]:
-        """Names of the foundations with shapes, these where they are, and what is added to the distance."""
+        """Names of the foundations with shapes, these where they are, and what is added to the
+        distance.
+        """
         return [(f"contact[{k}].shape", at.shape, at.added) for k, at in self._distances.items()]
 
     def change(self, number: int, **values: Any) -> None:
@@ -207,22 +240,32 @@ class Foundations:
         self.settled = dict(self._distances)
 
     def moved(self, boundary: ContactBoundary) -> Array | None:
-        """How far the shapes have moved at the points since they have settled, shape (n, d); None: they have not."""
+        """How far the shapes have moved at the points since they have settled, shape (n, d); None:
+        they have not.
+        """
         displacements = None
         for k, distance in self._distances.items():
             if not self.driven[k] and distance.shape != self.settled[k].shape:
-                displacements = np.zeros_like(boundary.x) if displacements is None else displacements
+                displacements = (
+                    np.zeros_like(boundary.x) if displacements is None else displacements
+                )
                 on_part = boundary.part == k
-                displacements[on_part] = distance.shape.moved_from(self.settled[k].shape, boundary.x[on_part])
+                displacements[on_part] = distance.shape.moved_from(
+                    self.settled[k].shape, boundary.x[on_part]
+                )
         return displacements
 
     def spin_at(self, boundary: ContactBoundary) -> Array | None:
-        """The rotation of the foundation of each point since it has settled, shape (n, d, d); None: none counts."""
+        """The rotation of the foundation of each point since it has settled, shape (n, d, d); None:
+        none counts.
+        """
         return None
 
     @cached_property
     def forms(self) -> list[tuple[Any, fem.Function | None]]:
-        """The unit contact form of each foundation, and the factor of the measure in it; of pairs and averages None."""
+        """The unit contact form of each foundation, and the factor of the measure in it; of pairs
+        and averages None.
+        """
         forms = list[tuple[Any, fem.Function | None]]()
         for contact, facets in zip(self._contact, self.facets, strict=True):
             if contact.against is not None or averaging(self._space):
@@ -234,7 +277,8 @@ class Foundations:
         return forms
 
     def factor_of(self, number: int) -> Array | None:
-        """The factor of the measure of one contact at all nodes of this rank, shape (nodes,); None: 1; collective.
+        """The factor of the measure of one contact at all nodes of this rank, shape (nodes,); None:
+        1; collective.
 
         Raises:
             FormError: it is negative or not finite somewhere.
@@ -256,7 +300,9 @@ class Foundations:
         for k, (contact, at) in enumerate(zip(self._contact, self._values, strict=True)):
             factor, direction, axes = self.factor_of(k), None, None
             if isinstance(contact.friction, DirectedLaw):
-                axes = contact.friction.axes(at, f"contact[{k}].friction", self._dimension, self._space.mesh.comm)
+                axes = contact.friction.axes(
+                    at, f"contact[{k}].friction", self._dimension, self._space.mesh.comm
+                )
             along: Any = self._distances[k].direction if k in self._distances else contact.direction
             if along is not None:
                 direction = at(along, f"contact[{k}].direction", self._dimension)
@@ -274,8 +320,9 @@ class Foundations:
         at_rest: npt.NDArray[np.bool_],
         turned: TurnedNodes | None = None,
     ) -> ContactBoundary:
-        """Weights, frames and positions of the points; ``fixed``: which owned dofs are prescribed, shape (owned dofs,),
-        at nodes that are ``turned`` in their frames; ``at_rest``: see there, ghosts may be included.
+        """Weights, frames and positions of the points; ``fixed``: which owned dofs are prescribed,
+        shape (owned dofs,), at nodes that are ``turned`` in their frames; ``at_rest``: see there,
+        ghosts may be included.
         """
         parts = []
         for k, shape in enumerate(shapes):
@@ -292,12 +339,18 @@ class Foundations:
         return join(parts) if parts else no_points(self._space)
 
     def _rigid_points(
-        self, number: int, shape: ShapeDistances, fixed: npt.NDArray[np.bool_], turned: TurnedNodes | None
+        self,
+        number: int,
+        shape: ShapeDistances,
+        fixed: npt.NDArray[np.bool_],
+        turned: TurnedNodes | None,
     ) -> ContactBoundary:
         """The points of a rigid foundation."""
         space, facets, (form, function) = self._space, self.facets[number], self.forms[number]
         if function is not None and shape.factor is not None:
-            function.x.array.reshape(-1, function.function_space.dofmap.bs)[:, 0] = np.nan_to_num(shape.factor)
+            function.x.array.reshape(-1, function.function_space.dofmap.bs)[:, 0] = np.nan_to_num(
+                shape.factor
+            )
         if form is None:
             from signorini_fx.mechanics.obstacles.paired_points import averaged_points
 
@@ -305,13 +358,18 @@ class Foundations:
         else:
             points = nodal_points(space, form, 0.0 if shape.factor is None else SAME_NUMBER)
             nodes, names = points[0], space.dofmap.index_map.local_to_global(points[0])
-            x, held = node_positions(space)[nodes, : self._dimension], fixed.reshape(-1, self._dimension)[nodes]
+            x, held = (
+                node_positions(space)[nodes, : self._dimension],
+                fixed.reshape(-1, self._dimension)[nodes],
+            )
             averages = Averages.at_nodes(names, x, held)
         part = contact_part(space, points, averages, facets, number, turned)
         if shape.direction is not None:
             return replace(part, normal=shape.direction[part.nodes])
         if shape.factor is not None:
-            on_axis = shape.factor[part.nodes, None] == 0  # all around the tip of a cone the mean of normals is axial
+            on_axis = (
+                shape.factor[part.nodes, None] == 0
+            )  # all around the tip of a cone the mean of normals is axial
             axial = np.where(on_axis & (np.arange(part.normal.shape[1]) == 0), 0.0, part.normal)
             size = np.linalg.norm(axial, axis=1, keepdims=True)
             along = np.where(size > ROOT_OF_EPS, axial / np.maximum(size, ROOT_OF_EPS), part.normal)
@@ -319,7 +377,9 @@ class Foundations:
         return part
 
     def at_rest(self, fixed: npt.NDArray[np.bool_], values: Array) -> npt.NDArray[np.bool_]:
-        """Which dofs are prescribed to be zero, if pairs are there, which alone take notice of it."""
+        """Which dofs are prescribed to be zero, if pairs are there, which alone take notice of
+        it.
+        """
         return np.asarray(fixed & (values == 0) & bool(self._masters))
 
     def _paired(self, number: int, *known: Any) -> ContactBoundary:
@@ -339,13 +399,20 @@ class Foundations:
         turned: TurnedNodes | None,
         at_rest: npt.NDArray[np.bool_],
     ) -> FacingSides:
-        """Both sides of a pair before they are paired, with the factor of its measure, see ``boundary``."""
+        """Both sides of a pair before they are paired, with the factor of its measure, see
+        ``boundary``.
+        """
         from signorini_fx.mechanics.obstacles.paired_points import FacingSides
 
-        sides, flags = (self.facets[number], self._masters[number]), fixed.reshape(-1, self._dimension)
+        sides, flags = (
+            (self.facets[number], self._masters[number]),
+            fixed.reshape(-1, self._dimension),
+        )
         rests = at_rest.reshape(-1, self._dimension)[: len(flags)]
         # Of a node that two contacts share an earlier pair, or a foundation, has the point.
-        first = (k for k, contact in enumerate(self._contact) if k < number or contact.against is None)
+        first = (
+            k for k, contact in enumerate(self._contact) if k < number or contact.against is None
+        )
         taken = [self.facets[k] for k in first if k != number]
         return FacingSides.of(self._space, sides, number, flags, taken, turned, rests, factor)
 
@@ -364,7 +431,9 @@ class Foundations:
         if pair is not None and contact.by_geometry:
             distance = pair.coupling.gap
             if contact.adjust is not None:
-                distance = np.where(distance <= (1.0 + DIGITS_OF_FILES) * contact.adjust, 0.0, distance)
+                distance = np.where(
+                    distance <= (1.0 + DIGITS_OF_FILES) * contact.adjust, 0.0, distance
+                )
             gap[pair.sides.local(pair.coupling.nodes)] += distance
         return gap
 
@@ -374,21 +443,25 @@ class Foundations:
         return BodyCells.of(self._space)
 
     def _distance_of(self, number: int) -> Array:
-        """The signed distance from the shape of one contact at all nodes of this rank; collective."""
+        """The signed distance from the shape of one contact at all nodes of this rank;
+        collective.
+        """
         comm, distance = self._space.mesh.comm, self._distances[number]
         distances = self._values[number](distance, f"contact[{number}].shape")
         if not parallel.any_rank(comm, bool((distances >= 0).any())):
             at_vertices = distance(self._space.mesh.geometry.x.T.astype(np.float64))
             if not parallel.any_rank(comm, bool((at_vertices >= 0).any())):
                 message = (
-                    "the whole body is inside of the foundation: move it, set hollow if the body belongs there, or "
+                    "the whole body is inside of the foundation: move it, set hollow if the body "
+                    "belongs there, or "
                     "reverse the order of the points of a line, which has the body on its left"
                 )
                 raise FormError([(f"contact[{number}]", message)])
         if (swallowed := self.cells.swallowed(distance.shape)) is not None:
             at = ", ".join(f"{c:.4g}" for c in swallowed.at)
             message = (
-                f"the foundation lies inside the body, at ({at}), where its contact boundary does not see it: begin "
+                f"the foundation lies inside the body, at ({at}), where its contact boundary does "
+                "not see it: begin "
                 "where it touches from outside; a nonlinear body may be pressed farther, in steps"
             )
             raise FormError([(f"contact[{number}]", message)])
@@ -396,11 +469,14 @@ class Foundations:
 
     @property
     def pairs(self) -> dict[int, PairedSides]:
-        """Both sides of each pair by its number among the contacts, since ``boundary`` was asked for."""
+        """Both sides of each pair by its number among the contacts, since ``boundary`` was asked
+        for.
+        """
         return dict(self._pairs)
 
     def friction(self) -> list[FrictionLaw | None]:
-        """The laws of friction with their values at all nodes of this rank, as they are now; None: there is none.
+        """The laws of friction with their values at all nodes of this rank, as they are now; None:
+        there is none.
 
         Raises:
             FormError: a value is wrong somewhere.
@@ -408,7 +484,9 @@ class Foundations:
         laws = list[FrictionLaw | None]()
         for k, (contact, at) in enumerate(zip(self._contact, self._values, strict=True)):
 
-            def nodal(key: str, value: Any, at: NodalValues = at, path: str = f"contact[{k}].friction") -> Array:
+            def nodal(
+                key: str, value: Any, at: NodalValues = at, path: str = f"contact[{k}].friction"
+            ) -> Array:
                 return at(value, f"{path}.{key}", minimum=0.0)
 
             laws.append(None if contact.friction is None else contact.friction.with_values(nodal))
@@ -424,30 +502,47 @@ class Foundations:
         return [FoundationData(shape, laws[k], self._gap_of(k)) for k, shape in enumerate(shapes)]
 
     def problem(
-        self, boundary: ContactBoundary, data: Sequence[FoundationData], settings: Settings, scales: Scales
+        self,
+        boundary: ContactBoundary,
+        data: Sequence[FoundationData],
+        settings: Settings,
+        scales: Scales,
     ) -> tuple[RegularisedData, PointFriction | None]:
-        """The regularised problem without shifts at the points, and its friction law; None where no law can act."""
+        """The regularised problem without shifts at the points, and its friction law; None where no
+        law can act.
+        """
         law = self.law(boundary, scales.modulus, [entry.law for entry in data])
-        closed = [k for k, contact in enumerate(self._contact) if contact.bilateral or contact.bonded]
-        bilateral, gap = np.isin(boundary.part, closed) & ~self.alone(boundary), np.zeros(boundary.size)
+        closed = [
+            k for k, contact in enumerate(self._contact) if contact.bilateral or contact.bonded
+        ]
+        bilateral, gap = (
+            np.isin(boundary.part, closed) & ~self.alone(boundary),
+            np.zeros(boundary.size),
+        )
         # The gap is that of nodes, whose value averages of a linear displacement have, too.
         for k, entry in enumerate(data):
             on_part = boundary.part == k
             gap[on_part] = entry.gap[boundary.nodes[on_part]]
         points = law, bilateral, boundary.points.immovable
-        return RegularisedData.unshifted(gap, self._dimension - 1, settings, scales.gamma, *points), law
+        return RegularisedData.unshifted(
+            gap, self._dimension - 1, settings, scales.gamma, *points
+        ), law
 
     def alone(self, boundary: ContactBoundary) -> npt.NDArray[np.bool_]:
-        """Which points do not see the other side of their pair, shape (n,): nothing holds them, without pressure or
-        with.
+        """Which points do not see the other side of their pair, shape (n,): nothing holds them,
+        without pressure or with.
         """
         return np.zeros(boundary.size, dtype=bool)
 
     def law(
-        self, boundary: ContactBoundary, modulus: float, friction: Sequence[FrictionLaw | None] | None = None
+        self,
+        boundary: ContactBoundary,
+        modulus: float,
+        friction: Sequence[FrictionLaw | None] | None = None,
     ) -> PointFriction | None:
-        """The friction at the points, where these cannot move along their normal without pressure; None where none can
-        act; ``modulus``: of the body, stress, up to which pressures are tried; ``friction``: None: as it is now.
+        """The friction at the points, where these cannot move along their normal without pressure;
+        None where none can act; ``modulus``: of the body, stress, up to which pressures are tried;
+        ``friction``: None: as it is now.
 
         Raises:
             FormError: a law is not what it says.
@@ -456,7 +551,9 @@ class Foundations:
             return None
         parts = list[PointFriction]()
         points = [np.flatnonzero(boundary.part == k) for k in range(len(self._contact))]
-        for k, (of_all, at) in enumerate(zip(self.friction() if friction is None else friction, points, strict=True)):
+        for k, (of_all, at) in enumerate(
+            zip(self.friction() if friction is None else friction, points, strict=True)
+        ):
             law = None if of_all is None else of_all.at(boundary.nodes[at])
             if law is not None and not is_of_package(type(law)):
                 self._refuse(f"contact[{k}].friction", fault_of(law, at.size, modulus))

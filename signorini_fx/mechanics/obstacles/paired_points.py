@@ -1,5 +1,5 @@
-"""The contact points of a pair of bodies: both sides as surfaces for ``pairs``, and the map of both as a boundary, once
-for all or at the displacement of now.
+"""The contact points of a pair of bodies: both sides as surfaces for ``pairs``, and the map of both
+as a boundary, once for all or at the displacement of now.
 """
 
 from __future__ import annotations
@@ -18,7 +18,12 @@ from scipy.spatial import cKDTree
 from signorini_fx.errors import FormError
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.assembly.averages import Averages, from_owners
-from signorini_fx.mechanics.assembly.mesh_entities import facet_entities, facet_nodes, lumped_degree, node_positions
+from signorini_fx.mechanics.assembly.mesh_entities import (
+    facet_entities,
+    facet_nodes,
+    lumped_degree,
+    node_positions,
+)
 from signorini_fx.mechanics.assembly.nodal_stiffness import JointStiffness
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary, contact_part
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
@@ -48,8 +53,8 @@ Flags = npt.NDArray[np.bool_]
 class PairedSide:
     """Facets of the body as a surface, the same on every rank but for ``facets``.
 
-    ``nodes``: global number of each node of the ``surface`` in the space, ascending, shape (N,); ``facets``: those of
-    this rank, local numbers.
+    ``nodes``: global number of each node of the ``surface`` in the space, ascending, shape (N,);
+    ``facets``: those of this rank, local numbers.
     """
 
     surface: PairSurface
@@ -58,16 +63,21 @@ class PairedSide:
 
     @classmethod
     def of(cls, space: fem.FunctionSpace, facets: Indices, factor: Array | None) -> PairedSide:
-        """Those facets of all ranks, with a factor of the measure at all nodes of this rank, shape (nodes,), None: 1;
-        collective.  Positions interpolate those of the nodes of the displacement.
+        """Those facets of all ranks, with a factor of the measure at all nodes of this rank, shape
+        (nodes,), None: 1; collective.  Positions interpolate those of the nodes of the
+        displacement.
         """
         mesh, dim, element = space.mesh, space.mesh.topology.dim, space.element.basix_element
         kind = basix.cell.subentity_types(element.cell_type)[dim - 1][0]
-        places = basix.create_element(element.family, kind, element.degree, element.lagrange_variant).points
+        places = basix.create_element(
+            element.family, kind, element.degree, element.lagrange_variant
+        ).points
         x, node_table = node_positions(space)[:, :dim], facet_nodes(space, facets)
         names = space.dofmap.index_map.local_to_global(node_table.ravel()).reshape(node_table.shape)
         middles = x[space.dofmap.list[facet_entities(mesh, facets)[:, 0]]].mean(axis=1)
-        names, positions, middles = (parallel.gather_rows(mesh.comm, rows) for rows in (names, x[node_table], middles))
+        names, positions, middles = (
+            parallel.gather_rows(mesh.comm, rows) for rows in (names, x[node_table], middles)
+        )
         nodes, first, numbers = np.unique(names, return_index=True, return_inverse=True)
         x = np.array(positions.reshape(-1, dim)[first], dtype=np.float64)
         measure = None
@@ -89,9 +99,9 @@ class PairedSide:
 def averaged_points(
     space: fem.FunctionSpace, facets: Indices, factor: Array | None, fixed: npt.NDArray[np.bool_]
 ) -> tuple[tuple[Indices, Array, Array], Averages]:
-    """The points of a rigid foundation on a side whose dual functions average, see ``averages``: local numbers of their
-    nodes, weights and normals, and how they average; ``factor``: see ``PairedSide.of``; ``fixed``: which owned dofs are
-    prescribed; collective.
+    """The points of a rigid foundation on a side whose dual functions average, see ``averages``:
+    local numbers of their nodes, weights and normals, and how they average; ``factor``: see
+    ``PairedSide.of``; ``fixed``: which owned dofs are prescribed; collective.
     """
     comm, dim, side = space.mesh.comm, space.mesh.topology.dim, PairedSide.of(space, facets, factor)
     surface = side.surface
@@ -114,26 +124,32 @@ def averaged_points(
 
 
 def held_along(normal: Array, frames: Array, fixed: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
-    """Which nodes supports hold along their normals, zero where there is none, shape (n, d): no component that is free,
-    not ``fixed``, in their frames, one direction per column, shape (n, d, d), has any of it; shape (n,).
+    """Which nodes supports hold along their normals, zero where there is none, shape (n, d): no
+    component that is free, not ``fixed``, in their frames, one direction per column, shape (n, d,
+    d), has any of it; shape (n,).
     """
     sizes = np.abs(np.einsum("nij,ni->nj", frames, normal))
     return np.asarray(np.where(fixed, 0.0, sizes).max(axis=1) <= ROOT_OF_EPS) & normal.any(axis=1)
 
 
 def mirrored(
-    slave: PairSurface, master: PairSurface, at_rest: tuple[Array, Flags], opposite: tuple[Array, Flags]
+    slave: PairSurface,
+    master: PairSurface,
+    at_rest: tuple[Array, Flags],
+    opposite: tuple[Array, Flags],
 ) -> Array:
-    """Projectors onto the directions across planes of symmetry at the nodes of the slave, shape (N, d, d), from a frame
-    at each node of the slave, one direction per column, shape (N, d, d), and along which of them supports hold it where
-    it is, shape (N, d), and the same of the master.
+    """Projectors onto the directions across planes of symmetry at the nodes of the slave, shape (N,
+    d, d), from a frame at each node of the slave, one direction per column, shape (N, d, d), and
+    along which of them supports hold it where it is, shape (N, d), and the same of the master.
 
-    Supports hold both bodies across such a plane, beyond which no side goes on; it may be an axis of revolution.
-    The function of a point on it is even across it, the relative displacement across it is odd: their product
-    integrates to zero, but not over one half.  So there such a point has no relative displacement across the plane, and
-    no traction, and its normal, the mean of those on both halves, is in the plane.
-    (Multipliers where Dirichlet conditions meet a mortar interface: Wohlmuth, SIAM J. Numer. Anal. 38 (2000) 989-1012;
-    Puso and Laursen, Comput. Methods Appl. Mech. Engrg. 193 (2004) 601-629.)
+    Supports hold both bodies across such a plane, beyond which no side goes on; it may be an axis
+    of revolution.
+    The function of a point on it is even across it, the relative displacement across it is odd:
+    their product integrates to zero, but not over one half.  So there such a point has no relative
+    displacement across the plane, and no traction, and its normal, the mean of those on both
+    halves, is in the plane. (Multipliers where Dirichlet conditions meet a mortar interface:
+    Wohlmuth, SIAM J. Numer. Anal. 38 (2000) 989-1012; Puso and Laursen, Comput. Methods Appl. Mech.
+    Engrg. 193 (2004) 601-629.)
     """
     (frames, held), (axes, master_held), projectors = at_rest, opposite, np.zeros_like(at_rest[0])
     nodes, columns = np.nonzero(held & slave.nodal_normals.any(axis=1, keepdims=True))
@@ -145,9 +161,14 @@ def mirrored(
     nodes, across = nodes[along_side], across[along_side]
     if not nodes.size or not master_held.any():
         return projectors
-    size = max(float(np.linalg.norm(np.ptp(side.corners, axis=1), axis=1).max()) for side in (slave, master))
+    size = max(
+        float(np.linalg.norm(np.ptp(side.corners, axis=1), axis=1).max())
+        for side in (slave, master)
+    )
     within, reach = DIGITS_OF_FILES * size, size + cKDTree(master.x).query(slave.x[nodes])[0]
-    _, first, direction = np.unique(np.round(across, 9), axis=0, return_index=True, return_inverse=True)
+    _, first, direction = np.unique(
+        np.round(across, 9), axis=0, return_index=True, return_inverse=True
+    )
     for number, outward in enumerate(across[first]):
         along = np.einsum("nik,i->nk", axes, outward)
         held_across = np.linalg.norm(np.where(master_held, 0.0, along), axis=1) < DIGITS_OF_FILES
@@ -156,21 +177,25 @@ def mirrored(
             partners = np.flatnonzero(held_across & (master.x @ normal <= plane))
             if partners.size and (master.x @ normal).min() >= plane - 2 * within:
                 near = cKDTree(master.x[partners]).query(slave.x[nodes])[0] <= reach
-                found = nodes[near & (slave.x[nodes] @ normal <= plane) & (direction.ravel() == number)]
+                found = nodes[
+                    near & (slave.x[nodes] @ normal <= plane) & (direction.ravel() == number)
+                ]
                 projectors[found] += np.outer(normal, normal)
     return projectors
 
 
 @dataclass(frozen=True)
 class FacingSides:
-    """Both sides of a pair, undeformed and the same on every rank, and what supports prescribe there.
+    """Both sides of a pair, undeformed and the same on every rank, and what supports prescribe
+    there.
 
     Attributes:
         space: the displacements.
         index: of the pair among the contacts.
         slave: the side with the contact points.
         master: the other one.
-        fixed: which components are prescribed at the nodes of both sides, those of the slave first, shape (m, d).
+        fixed: which components are prescribed at the nodes of both sides, those of the slave first,
+            shape (m, d).
         turned: nodes whose supports are told in their own frames; None: there are none.
     """
 
@@ -193,30 +218,45 @@ class FacingSides:
         at_rest: npt.NDArray[np.bool_],
         factor: Array | None,
     ) -> FacingSides:
-        """Two parts of the boundary, the ``facets`` of the slave and of the master, owned, local numbers; ``fixed``:
-        which displacement components are prescribed at the owned nodes, ``at_rest``: which of them are zero at all
-        times, shapes (owned nodes, d); ``taken``: facets of other contacts, whose nodes carry no points of this one;
-        ``factor``: of the measure, at all nodes of this rank, shape (nodes,), None: 1; a FormError: the sides are
-        curved and the displacement is linear; collective.
+        """Two parts of the boundary, the ``facets`` of the slave and of the master, owned, local
+        numbers; ``fixed``: which displacement components are prescribed at the owned nodes,
+        ``at_rest``: which of them are zero at all times, shapes (owned nodes, d); ``taken``: facets
+        of other contacts, whose nodes carry no points of this one;
+        ``factor``: of the measure, at all nodes of this rank, shape (nodes,), None: 1; a FormError:
+        the sides are curved and the displacement is linear; collective.
         """
         if compat.geometry_degree(space.mesh) > space.element.basix_element.degree:
-            raise FormError([(f"contact[{index}]", "two bodies with curved cells need a space of degree 2")])
+            raise FormError(
+                [(f"contact[{index}]", "two bodies with curved cells need a space of degree 2")]
+            )
         comm, dim, owned = space.mesh.comm, space.mesh.topology.dim, len(fixed)
         sides = [PairedSide.of(space, entries, factor) for entries in facets]
         taken_nodes = np.zeros(owned, dtype=bool)
         for taken_facets in (*taken, facets[1]):
             reached = fem.locate_dofs_topological(space, dim - 1, taken_facets)
             taken_nodes[reached[reached < owned]] = True
-        axes = np.tile(np.eye(dim), (owned, 1, 1)) if turned is None else turned.frames_at(np.arange(owned))
-        owned_rows = np.column_stack((axes.reshape(owned, dim**2), fixed, at_rest, taken_nodes)).astype(np.float64)
+        axes = (
+            np.tile(np.eye(dim), (owned, 1, 1))
+            if turned is None
+            else turned.frames_at(np.arange(owned))
+        )
+        owned_rows = np.column_stack(
+            (axes.reshape(owned, dim**2), fixed, at_rest, taken_nodes)
+        ).astype(np.float64)
         known = [from_owners(owned_rows, side.nodes, comm) for side in sides]
         frames = [rows[:, : dim**2].reshape(-1, dim, dim) for rows in known]
         flags = [rows[:, dim**2 :] > 0 for rows in known]
         rests = [(axes, entries[:, dim:-1]) for axes, entries in zip(frames, flags, strict=True)]
         surfaces = [side.surface for side in sides]
         across = [mirrored(surfaces[k], surfaces[1 - k], rests[k], rests[1 - k]) for k in range(2)]
-        surfaces = [replace(surface, across=planes) for surface, planes in zip(surfaces, across, strict=True)]
-        held = [held_along(surface.directions, frames[k], flags[k][:, :dim]) for k, surface in enumerate(surfaces)]
+        surfaces = [
+            replace(surface, across=planes)
+            for surface, planes in zip(surfaces, across, strict=True)
+        ]
+        held = [
+            held_along(surface.directions, frames[k], flags[k][:, :dim])
+            for k, surface in enumerate(surfaces)
+        ]
         slave, master = (
             replace(side, surface=replace(surfaces[k], held=held[k], unable=flags[k][:, -1]))
             for k, side in enumerate(sides)
@@ -239,20 +279,30 @@ class FacingSides:
         return from_owners(owned, self.nodes, self.space.mesh.comm)
 
     def displaced_master(self, owned: Array) -> PairSurface:
-        """The master at a displacement of the owned nodes, length, shape (owned nodes, d); collective."""
-        return self.master.surface.displaced(from_owners(owned, self.master.nodes, self.space.mesh.comm))
+        """The master at a displacement of the owned nodes, length, shape (owned nodes, d);
+        collective.
+        """
+        return self.master.surface.displaced(
+            from_owners(owned, self.master.nodes, self.space.mesh.comm)
+        )
 
     def local(self, nodes: npt.NDArray[np.int64]) -> Indices:
         """Local numbers of nodes of the slave that this rank owns."""
-        return np.asarray(self.slave.nodes[nodes] - self.space.dofmap.index_map.local_range[0], dtype=np.int32)
+        return np.asarray(
+            self.slave.nodes[nodes] - self.space.dofmap.index_map.local_range[0], dtype=np.int32
+        )
 
     def points_at(
         self, nodes: npt.NDArray[np.int64], weight: Array, normal: Array, averages: Averages
     ) -> ContactBoundary:
-        """The contact points at nodes of the slave that this rank owns; planes of symmetry hold them."""
+        """The contact points at nodes of the slave that this rank owns; planes of symmetry hold
+        them.
+        """
         points, facets = (self.local(nodes), weight, normal), self.slave.facets
         part = contact_part(self.space, points, averages, facets, self.index, self.turned)
-        across = np.einsum("nji,njk,nki->ni", part.axes, self.slave.surface.across[nodes], part.axes)
+        across = np.einsum(
+            "nji,njk,nki->ni", part.axes, self.slave.surface.across[nodes], part.axes
+        )
         return replace(part, free=(part.free | (self.turned is not None)) & (across < 0.5))
 
 
@@ -260,8 +310,8 @@ class FacingSides:
 class PairedSides:
     """The two sides of a pair whose points keep their partners, and what joins them.
 
-    ``followed``: whether the normals are those of the deformed sides, with which distances turn; else it is the
-    coupling that tells how distances turn.
+    ``followed``: whether the normals are those of the deformed sides, with which distances turn;
+    else it is the coupling that tells how distances turn.
     """
 
     sides: FacingSides
@@ -286,55 +336,78 @@ class PairedSides:
         return cls(facing, coupling)
 
     def deformed(self, displacement: Array) -> PairedSides:
-        """The same points and partners as those of undeformed sides, with normals that turn as those of the master do
-        at the partners; collective.  ``displacement``: of the owned nodes, length, shape (owned nodes, d).
+        """The same points and partners as those of undeformed sides, with normals that turn as
+        those of the master do at the partners; collective.  ``displacement``: of the owned nodes,
+        length, shape (owned nodes, d).
         """
         normal, moved = self.coupling.normal, self.sides.displaced_master(displacement)
         initial, present = (self._at_partners(side) for side in (self.sides.master.surface, moved))
-        initial, present = (vectors / np.linalg.norm(vectors, axis=1, keepdims=True) for vectors in (initial, present))
+        initial, present = (
+            vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
+            for vectors in (initial, present)
+        )
         bisector, share = initial + present, 1.0 + np.sum(initial * present, axis=1, keepdims=True)
-        along, initial_part = (np.sum(vectors * normal, axis=1, keepdims=True) for vectors in (bisector, initial))
+        along, initial_part = (
+            np.sum(vectors * normal, axis=1, keepdims=True) for vectors in (bisector, initial)
+        )
         normal = normal - along / share * bisector + 2.0 * initial_part * present
         return replace(self, coupling=replace(self.coupling, normal=normal), followed=True)
 
     def stiffness(self, state: ContactState, displacement: Array) -> JointStiffness:
-        """What displacements of the owned nodes change of the contact forces of a state as normals turn from those of
-        ``deformed``, as if they were opposite to those of the master, which is not symmetric, and its transpose;
-        collective.
+        """What displacements of the owned nodes change of the contact forces of a state as normals
+        turn from those of ``deformed``, as if they were opposite to those of the master, which is
+        not symmetric, and its transpose; collective.
 
         Between the vertices of quadratic triangles normals are means, whose turning is left out.
         """
         boundary, sides, dim = state.boundary, self.sides, displacement.shape[1]
-        master, identity, points = sides.displaced_master(displacement), np.eye(dim), boundary.part == sides.index
+        master, identity, points = (
+            sides.displaced_master(displacement),
+            np.eye(dim),
+            boundary.part == sides.index,
+        )
         sums = self._at_partners(master)
         size = np.linalg.norm(sums, axis=1)[:, None, None]
         present = sums / size[:, 0]
-        turned = (present[:, :, None] * present[:, None] - identity) @ (identity - self.across) / size
+        turned = (
+            (present[:, :, None] * present[:, None] - identity) @ (identity - self.across) / size
+        )
         shear = np.einsum("nik,nk->ni", boundary.tangents[points], state.shear[points])
         # Tangents turn against normals.
-        tractions = state.pressure[points, None, None] * identity - boundary.normal[points, :, None] * shear[:, None]
+        tractions = (
+            state.pressure[points, None, None] * identity
+            - boundary.normal[points, :, None] * shear[:, None]
+        )
         turning = (boundary.weight[points, None, None] * tractions @ turned).swapaxes(1, 2)
-        forces = along_vectors(turning, in_blocks(self.coupling.master, dim)) @ turned_normals(master)
+        forces = along_vectors(turning, in_blocks(self.coupling.master, dim)) @ turned_normals(
+            master
+        )
         entries = sp.coo_array(replace(self, followed=True).relative.T @ forces)
         places = np.column_stack((entries.row, entries.col + dim * sides.slave.nodes.size))
-        places, values = (parallel.gather_rows(boundary.comm, rows) for rows in (places, entries.data))
+        places, values = (
+            parallel.gather_rows(boundary.comm, rows) for rows in (places, entries.data)
+        )
         matrix = sp.coo_array((values, tuple(places.T)), shape=(sides.x.size, sides.x.size))
         return JointStiffness(sides.nodes, sp.csr_array(matrix + matrix.T))
 
     def _at_partners(self, master: PairSurface) -> Array:
-        """Sums of the normals of the master at the partners of the points; none across planes of symmetry."""
+        """Sums of the normals of the master at the partners of the points; none across planes of
+        symmetry.
+        """
         sums = self.coupling.master @ master.directions
         return np.asarray(sums - np.einsum("nij,nj->ni", self.across, sums))
 
     @property
     def across(self) -> Array:
-        """Projectors onto the directions across planes of symmetry at the points, shape (n, d, d)."""
+        """Projectors onto the directions across planes of symmetry at the points, shape (n, d,
+        d).
+        """
         return np.asarray(self.sides.slave.surface.across[self.coupling.nodes])
 
     @cached_property
     def relative(self) -> sp.csr_array:
-        """The relative displacement from that of the nodes of both sides, shape (n d, m d), without what ``mirrored``
-        leaves out.
+        """The relative displacement from that of the nodes of both sides, shape (n d, m d), without
+        what ``mirrored`` leaves out.
         """
         dim = self.sides.slave.surface.dimension
         relative = in_blocks(self.coupling.both, dim)
@@ -344,10 +417,17 @@ class PairedSides:
 
     def boundary(self) -> ContactBoundary:
         """The contact points of this rank; collective."""
-        sides, coupling, dim, relative = self.sides, self.coupling, self.sides.slave.surface.dimension, self.relative
+        sides, coupling, dim, relative = (
+            self.sides,
+            self.coupling,
+            self.sides.slave.surface.dimension,
+            self.relative,
+        )
         lift = coupling.lift(sides.slave.surface).tocoo()
         reached = np.unique(np.concatenate((relative.indices // dim, lift.row)))
-        lifting = sp.csr_array((lift.data, (lift.row, lift.col)), shape=(sides.nodes.size, coupling.nodes.size))
+        lifting = sp.csr_array(
+            (lift.data, (lift.row, lift.col)), shape=(sides.nodes.size, coupling.nodes.size)
+        )
         averages = Averages(
             coupling.both[:, reached],
             sides.nodes[reached],
@@ -381,10 +461,20 @@ class MovingPair:
         """Two sides, undeformed; ``reach``: None: a default."""
         surface, name = sides.slave.surface, f"contact[{sides.index}]"
         if np.intersect1d(sides.slave.nodes, sides.master.nodes).size:
-            raise FormError([(name, "its sides share nodes, and slide on each other: give parts that do not meet")])
+            raise FormError(
+                [
+                    (
+                        name,
+                        "its sides share nodes, and slide on each other: give parts that do not "
+                        "meet",
+                    )
+                ]
+            )
         points = np.flatnonzero(~surface.unable & (surface.area > 0.0) & ~surface.without_area)
         if not points.size:
-            raise FormError([(name, "other contacts own all nodes of its side: exchange facets and against")])
+            raise FormError(
+                [(name, "other contacts own all nodes of its side: exchange facets and against")]
+            )
         self.sides, self.points = sides, points
         self.reach = default_reach(surface.x, sides.master.surface.x) if reach is None else reach
         self.displacement = np.zeros_like(sides.x)
@@ -392,8 +482,8 @@ class MovingPair:
         self.settle()
 
     def move(self, owned: Array) -> None:
-        """Renew the map at a displacement of the owned nodes, length, shape (owned nodes, d); a PairingError: a facet
-        sees two sheets of the other side; collective.
+        """Renew the map at a displacement of the owned nodes, length, shape (owned nodes, d); a
+        PairingError: a facet sees two sheets of the other side; collective.
         """
         displacement = self.sides.gathered(owned)
         if np.array_equal(displacement, self.settled):
@@ -410,7 +500,10 @@ class MovingPair:
         """The map at a displacement of the nodes of both sides, shape (m, d)."""
         sides = self.sides
         on_slave, on_master = np.split(displacement, [sides.slave.nodes.size])
-        slave, master = sides.slave.surface.displaced(on_slave), sides.master.surface.displaced(on_master)
+        slave, master = (
+            sides.slave.surface.displaced(on_slave),
+            sides.master.surface.displaced(on_master),
+        )
         return slide(slave, master, self.points, self.reach)
 
     @cached_property
@@ -425,39 +518,55 @@ class MovingPair:
 
     @property
     def across(self) -> Array:
-        """Projectors onto the directions across planes of symmetry at the points of all ranks, shape (n, d, d)."""
+        """Projectors onto the directions across planes of symmetry at the points of all ranks,
+        shape (n, d, d).
+        """
         return np.asarray(self.sides.slave.surface.across[self.points])
 
     @property
     def _sliding(self) -> Array:
-        """Tangents without what they have across planes of symmetry, as nothing slides there, shape (n, d, d - 1)."""
+        """Tangents without what they have across planes of symmetry, as nothing slides there, shape
+        (n, d, d - 1).
+        """
         tangents = self.coupling.frames.tangents
         return np.asarray(tangents - np.einsum("nij,njk->nik", self.across, tangents))
 
     def boundary(self) -> ContactBoundary:
-        """The contact points of this rank; those without a partner do not move, and those in a plane of symmetry not
-        across it.
+        """The contact points of this rank; those without a partner do not move, and those in a
+        plane of symmetry not across it.
         """
         if self._known is not None and self._known[0] is self.coupling:
             return self._known[1]
-        sides, coupling, mine, normal = self.sides, self.coupling, self.mine, self.coupling.normal[self.mine]
+        sides, coupling, mine, normal = (
+            self.sides,
+            self.coupling,
+            self.mine,
+            self.coupling.normal[self.mine],
+        )
         dim, on_slave = normal.shape[1], sides.slave.surface.x.size
-        own = np.column_stack((mine, len(self.points) + (dim - 1) * mine[:, None] + np.arange(dim - 1)))
+        own = np.column_stack(
+            (mine, len(self.points) + (dim - 1) * mine[:, None] + np.arange(dim - 1))
+        )
         rows = sp.vstack((coupling.normal_rows, coupling.tangent_rows), format="csr")
         frames = np.concatenate((normal[:, :, None], self._sliding[mine]), axis=2)
         along, moved = in_rows(frames, own, rows.shape[0]) @ rows, coupling.frames.both[mine]
-        averages = Averages(moved, sides.nodes, sides.x, sides.fixed, coupling.centre[mine], between=along)
+        averages = Averages(
+            moved, sides.nodes, sides.x, sides.fixed, coupling.centre[mine], between=along
+        )
         translations = np.tile(np.eye(dim), (len(sides.x), 1))  # of the slave alone
         translations[on_slave:] = 0.0
         pushing = np.asarray(coupling.normal_rows @ translations)[mine]
         points = sides.points_at(self.points[mine], coupling.weight[mine], normal, averages)
         counted = coupling.frames.partnered | ~coupling.frames.partnered.any()
-        self._known = coupling, replace(points, free=points.free & counted[mine, None], pushing=pushing)
+        self._known = (
+            coupling,
+            replace(points, free=points.free & counted[mine, None], pushing=pushing),
+        )
         return self._known[1]
 
     def sliding_along(self, slip: Array) -> Array:
-        """Slips along T_i of the points of all ranks, shape (n, d - 1), as vectors without what nothing slides along,
-        at those of this rank, shape (n, d).
+        """Slips along T_i of the points of all ranks, shape (n, d - 1), as vectors without what
+        nothing slides along, at those of this rank, shape (n, d).
         """
         return np.asarray(np.einsum("ndk,nk->nd", self._sliding, slip))[self.mine]
 
@@ -481,7 +590,9 @@ class MovingPair:
     def slip_origin(self) -> Array:
         """Where the slip of the points counts from, length, shape (n, d)."""
         slip = self.slip
-        return self.sliding_along((self.coupling.tangent_rows @ self.displacement.ravel()).reshape(slip.shape) - slip)
+        return self.sliding_along(
+            (self.coupling.tangent_rows @ self.displacement.ravel()).reshape(slip.shape) - slip
+        )
 
     def stiffness(self, state: ContactState, *, symmetric: bool = True) -> JointStiffness:
         """What the tractions of a state add to the tangent, see ``SlidingCoupling``; collective."""
@@ -491,24 +602,35 @@ class MovingPair:
         owned[self.local_points] = np.column_stack((state.pressure[rows], shear))
         tractions = from_owners(owned, self.sides.slave.nodes[self.points], space.mesh.comm)
         along = np.einsum("ndk,nd->nk", self.coupling.frames.tangents, tractions[:, 1:])
-        return JointStiffness(self.sides.nodes, self.coupling.stiffness(tractions[:, 0], along, symmetric=symmetric))
+        return JointStiffness(
+            self.sides.nodes, self.coupling.stiffness(tractions[:, 0], along, symmetric=symmetric)
+        )
 
     @property
     def parted(self) -> str:
-        """The place of a point that saw the other side as the step began, if none sees it any more; else ""."""
+        """The place of a point that saw the other side as the step began, if none sees it any more;
+        else "".
+        """
         left = np.flatnonzero(self.begun.frames.partnered)
         if self.coupling.frames.partnered.any() or not left.size:
             return ""
         place = self.coupling.slave.x[self.points[left[0]]]
-        return f"contact[{self.sides.index}], at ({', '.join(f'{component:.4g}' for component in place)})"
+        return (
+            f"contact[{self.sides.index}], at "
+            f"({', '.join(f'{component:.4g}' for component in place)})"
+        )
 
     @property
     def rotation(self) -> Array:
-        """That of the frames of the points of this rank since the step began, shape (n, d, d); in 2D none counts."""
+        """That of the frames of the points of this rank since the step began, shape (n, d, d); in
+        2D none counts.
+        """
         if self.displacement.shape[1] == 2:
             return np.eye(2)
         frames, start = (
-            np.concatenate((np.cross(tangents[:, :, :1], tangents[:, :, 1:], axis=1), tangents), axis=2)
+            np.concatenate(
+                (np.cross(tangents[:, :, :1], tangents[:, :, 1:], axis=1), tangents), axis=2
+            )
             for tangents in (self.coupling.frames.tangents, self.begun.frames.tangents)
         )
         return np.asarray(np.einsum("nik,njk->nij", frames, start))[self.mine]

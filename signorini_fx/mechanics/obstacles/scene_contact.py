@@ -1,9 +1,11 @@
-"""The contact of a scene as foundations and pairs, and which side of a pair carries the contact points.
+"""The contact of a scene as foundations and pairs, and which side of a pair carries the contact
+points.
 
-It is the softer one; of equally soft ones the one that lies on the other wholly, else the finer one.  On the finer or
-softer one multipliers resolve what the other side can follow; on a much stiffer one the error is larger and Krylov
-methods converge slowly.  Where a narrow side slides on a wide one, points on the wide side lose their partners one by
-one at its ends, and the iteration needs many more solves.
+It is the softer one; of equally soft ones the one that lies on the other wholly, else the finer
+one.  On the finer or softer one multipliers resolve what the other side can follow; on a much
+stiffer one the error is larger and Krylov methods converge slowly.  Where a narrow side slides on a
+wide one, points on the wide side lose their partners one by one at its ends, and the iteration
+needs many more solves.
 """
 
 from __future__ import annotations
@@ -32,25 +34,44 @@ Facets = Mapping[str, npt.NDArray[np.int32]]
 
 
 def foundations_of(
-    statement: Statement, facets: Sequence[npt.NDArray[np.int32]], masters: Mapping[int, npt.NDArray[np.int32]]
+    statement: Statement,
+    facets: Sequence[npt.NDArray[np.int32]],
+    masters: Mapping[int, npt.NDArray[np.int32]],
 ) -> list[Foundation | Pair]:
-    """The contact of a scene as foundations, on the facets of each, and as pairs, by their places the masters."""
+    """The contact of a scene as foundations, on the facets of each, and as pairs, by their places
+    the masters.
+    """
     foundations: list[Foundation | Pair] = []
     kinematics = statement.kinematics
     around = None if kinematics.uniform else kinematics.measure_at
     for number, (effect, on) in enumerate(zip(statement.contact, facets, strict=True)):
         friction = effect.friction if effect.friction.acts else None
         bonded, bilateral = effect.bonded, not effect.opens and not effect.bonded
-        gap: Any = effect.gap if isinstance(effect.gap, int | float) else partial(sample, effect.gap)
+        gap: Any = (
+            effect.gap if isinstance(effect.gap, int | float) else partial(sample, effect.gap)
+        )
         if number in masters:
-            choice = {"gap": gap} if effect.distance == "nominal" else {"allowance": gap, "adjust": effect.adjust}
-            choice |= {"friction": friction, "bilateral": bilateral, "bonded": bonded, "measure": around}
-            foundations.append(Pair(on, masters[number], sliding=effect.sliding == "finite", **choice))
+            choice = (
+                {"gap": gap}
+                if effect.distance == "nominal"
+                else {"allowance": gap, "adjust": effect.adjust}
+            )
+            choice |= {
+                "friction": friction,
+                "bilateral": bilateral,
+                "bonded": bonded,
+                "measure": around,
+            }
+            foundations.append(
+                Pair(on, masters[number], sliding=effect.sliding == "finite", **choice)
+            )
             continue
         shape, direction = shape_at_points(effect.surface, kinematics), effect.direction
         if direction is not None:
             direction = (*direction, *[0.0] * kinematics.out_of_section)
-        foundations.append(Foundation(on, gap, direction, friction, bilateral, around, shape, bonded))
+        foundations.append(
+            Foundation(on, gap, direction, friction, bilateral, around, shape, bonded)
+        )
     return foundations
 
 
@@ -61,11 +82,15 @@ def shape_at_points(shape: Any, kinematics: Kinematics) -> Any:
 
 @dataclass(frozen=True)
 class _ShapeOfSection:
-    """A shape of the plane for points of a section in 3D, whose displacements have three components."""
+    """A shape of the plane for points of a section in 3D, whose displacements have three
+    components.
+    """
 
     shape: Any
 
-    def distance(self, x: npt.NDArray[np.float64]) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    def distance(
+        self, x: npt.NDArray[np.float64]
+    ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
         """Signed distance and unit normal; the normal has no component out of the section."""
         away, normal = self.shape.distance(np.ascontiguousarray(x[:, :2]))
         return away, np.pad(normal, ((0, 0), (0, 1)))
@@ -78,8 +103,8 @@ class _ShapeOfSection:
 
 @dataclass(frozen=True)
 class SideFigures:
-    """What the choice depends on, of all ranks: the mean shear modulus behind the facets of a side, stress, their mean
-    extent, length, and their vertices, length, shape (n, 3).
+    """What the choice depends on, of all ranks: the mean shear modulus behind the facets of a side,
+    stress, their mean extent, length, and their vertices, length, shape (n, 3).
     """
 
     stiffness: float
@@ -88,7 +113,9 @@ class SideFigures:
 
     @classmethod
     def of(cls, name: str, tagged: TaggedMesh, shear_modulus: Any) -> SideFigures:
-        """Those of a boundary; ``shear_modulus``: a constant or a cell-wise function, stress; collective."""
+        """Those of a boundary; ``shear_modulus``: a constant or a cell-wise function, stress;
+        collective.
+        """
         mesh, facets = tagged.mesh, tagged.facets(name)
         cells = facet_entities(mesh, facets)[:, 0]
         if isinstance(shear_modulus, fem.Function):
@@ -97,7 +124,9 @@ class SideFigures:
             stiffness = np.full(len(facets), float(shear_modulus.value))
         corners = facet_vertices(mesh, facets)
         extent = np.linalg.norm(np.ptp(corners, axis=1), axis=1)
-        sums = parallel.global_sum(mesh.comm, np.array([len(facets), stiffness.sum(), extent.sum()]))
+        sums = parallel.global_sum(
+            mesh.comm, np.array([len(facets), stiffness.sum(), extent.sum()])
+        )
         vertices = parallel.gather_rows(mesh.comm, corners.reshape(-1, corners.shape[2]))
         return cls(float(sums[1] / sums[0]), float(sums[2] / sums[0]), vertices)
 
@@ -116,12 +145,16 @@ class SideFigures:
         return bool(np.all(distance <= max(self.size, opposite.size)))
 
 
-def with_chosen_sides(statement: Statement, tagged: TaggedMesh, facets: Facets, shear_modulus: Any) -> Statement:
-    """The scene with ``boundary`` and ``against`` exchanged where the points are on the latter; itself if on none;
-    ``facets``: of every boundary that the scene names; ``shear_modulus``: see ``SideFigures.of``; collective.
+def with_chosen_sides(
+    statement: Statement, tagged: TaggedMesh, facets: Facets, shear_modulus: Any
+) -> Statement:
+    """The scene with ``boundary`` and ``against`` exchanged where the points are on the latter;
+    itself if on none;
+    ``facets``: of every boundary that the scene names; ``shear_modulus``: see ``SideFigures.of``;
+    collective.
 
-    With ``points = "auto"`` sides stay where values of the gap or the friction are functions, which were written for
-    ``boundary``, and where other contacts or supports need the facets.
+    With ``points = "auto"`` sides stay where values of the gap or the friction are functions, which
+    were written for ``boundary``, and where other contacts or supports need the facets.
 
     Raises:
         SceneError: the points are asked for on facets that another contact needs.
@@ -134,23 +167,35 @@ def with_chosen_sides(statement: Statement, tagged: TaggedMesh, facets: Facets, 
         taken = [name for contact in others for name in (contact.boundary, contact.against)]
         points = "auto" if effect.points == "auto" else "boundary"
         if points == "auto":
-            ours, theirs = (SideFigures.of(name, tagged, shear_modulus) for name in (effect.boundary, effect.against))
+            ours, theirs = (
+                SideFigures.of(name, tagged, shear_modulus)
+                for name in (effect.boundary, effect.against)
+            )
             values = (effect.gap, *effect.friction.parameters.values())
-            if not theirs.is_better(ours) or not all(isinstance(value, int | float) for value in values):
+            if not theirs.is_better(ours) or not all(
+                isinstance(value, int | float) for value in values
+            ):
                 continue
             taken += [support.where for support in statement.displacement]
         exchanged = {"boundary": effect.against, "against": effect.boundary, "points": points}
         if (existing := _sharing(effect.against, taken, tagged, facets)) is None:
             contacts[number] = effect.model_copy(update=exchanged)
         elif points == "boundary":
-            message = f"{effect.against!r} shares facets with {existing!r} of another contact: leave the points on"
+            message = (
+                f"{effect.against!r} shares facets with {existing!r} of another contact: "
+                "leave the points on"
+            )
             raise SceneError([(f"contact[{number}].points", f"{message} {effect.boundary!r}")])
-    if all(contact is existing for contact, existing in zip(contacts, statement.contact, strict=True)):
+    if all(
+        contact is existing for contact, existing in zip(contacts, statement.contact, strict=True)
+    ):
         return statement
     return statement.changed(contact=tuple(contacts))
 
 
-def _sharing(name: str, boundaries: list[str | None], tagged: TaggedMesh, facets: Facets) -> str | None:
+def _sharing(
+    name: str, boundaries: list[str | None], tagged: TaggedMesh, facets: Facets
+) -> str | None:
     """The first of some boundaries that shares facets with one; None: none does; collective."""
     for boundary in boundaries:
         if boundary is None or boundary not in facets:

@@ -1,18 +1,22 @@
-"""Whether a rigid shape lies inside the body, or has passed through it: what contact conditions at nodes cannot see.
+"""Whether a rigid shape lies inside the body, or has passed through it: what contact conditions at
+nodes cannot see.
 
-A shape is the solid {phi < 0} of a signed distance phi, and the body is the union of its cells, between the planes
-through the vertices of their facets.  A shape that is narrower than a facet fits between nodes.  So in a cell that a
-shape reaches into, a point that is too deep is sought by projections in turn: onto the planes of the cell, and along
-the normal of the shape.  Of convex cells and shapes they lead to such a point if there is one.
+A shape is the solid {phi < 0} of a signed distance phi, and the body is the union of its cells,
+between the planes through the vertices of their facets.  A shape that is narrower than a facet fits
+between nodes.  So in a cell that a shape reaches into, a point that is too deep is sought by
+projections in turn: onto the planes of the cell, and along the normal of the shape.  Of convex
+cells and shapes they lead to such a point if there is one.
 
-Contact at nodes allows for some depth: between two nodes that are outside, a chord of length h cuts a circle of radius
-R to R - sqrt(R^2 - h^2 / 4).  So up to ``SHAPE_INSIDE`` of the radius of a cell, and of the inradius of the shape,
-nothing is said.  The tip of a cone, an edge or an open line, which have no largest ball, is cut by a chord up to half
-its length: the whole radius of a cell is allowed there, as with a shape of a user's own that does not say its inradius.
+Contact at nodes allows for some depth: between two nodes that are outside, a chord of length h cuts
+a circle of radius R to R - sqrt(R^2 - h^2 / 4).  So up to ``SHAPE_INSIDE`` of the radius of a cell,
+and of the inradius of the shape, nothing is said.  The tip of a cone, an edge or an open line,
+which have no largest ball, is cut by a chord up to half its length: the whole radius of a cell is
+allowed there, as with a shape of a user's own that does not say its inradius.
 
-A shape has passed through the body if on the straight way from one place and displacement to the next it is too deep
-somewhere.  Where it has no largest ball, the body may have given way in between by as much as it is deformed otherwise
-at the end: a tip that slides along it dents places that are even at both ends.
+A shape has passed through the body if on the straight way from one place and displacement to the
+next it is too deep somewhere.  Where it has no largest ball, the body may have given way in between
+by as much as it is deformed otherwise at the end: a tip that slides along it dents places that are
+even at both ends.
 """
 
 from __future__ import annotations
@@ -28,15 +32,22 @@ from dolfinx import fem
 
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import node_positions
-from signorini_fx.tuned import MANY_STEPS, MOST_PLACES, SAME_LENGTH, SHAPE_INSIDE, SHAPE_MIDDLE, WRONG_SLOPE
+from signorini_fx.tuned import (
+    MANY_STEPS,
+    MOST_PLACES,
+    SAME_LENGTH,
+    SHAPE_INSIDE,
+    SHAPE_MIDDLE,
+    WRONG_SLOPE,
+)
 
 Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class InsideBody:
-    """Where a shape lies deep inside the body, or has on its way: the ``depth`` of the point ``at`` of the displaced
-    body below the surface of the shape, lengths.
+    """Where a shape lies deep inside the body, or has on its way: the ``depth`` of the point ``at``
+    of the displaced body below the surface of the shape, lengths.
     """
 
     depth: float
@@ -48,8 +59,9 @@ class InsideBody:
 
 @dataclass(frozen=True)
 class BodyCells:
-    """The cells of this rank in a ``space`` of displacements: their kind, their ``nodes``, vertices first, local
-    numbers, shape (c, n), and initial positions ``x`` of all nodes, length, shape (nodes, d).
+    """The cells of this rank in a ``space`` of displacements: their kind, their ``nodes``, vertices
+    first, local numbers, shape (c, n), and initial positions ``x`` of all nodes, length, shape
+    (nodes, d).
     """
 
     kind: basix.CellType
@@ -66,7 +78,9 @@ class BodyCells:
         return cls(space.element.basix_element.cell_type, space.dofmap.list[:owned], x, space)
 
     def placed(self, displacement: Array) -> Array:
-        """Positions of the nodes at a displacement with ghosts, shape (nodes, d); sections stay in their plane."""
+        """Positions of the nodes at a displacement with ghosts, shape (nodes, d); sections stay in
+        their plane.
+        """
         places, within = self.x.copy(), slice(self.space.mesh.topology.dim)
         places[:, within] += displacement.reshape(-1, self.space.dofmap.index_map_bs)[:, within]
         return places
@@ -76,7 +90,9 @@ class BodyCells:
         return np.asarray(places[self.nodes[:, : len(basix.topology(self.kind)[0])]])
 
     def planes(self, corners: Array) -> tuple[Array, Array]:
-        """Points of the planes of the facets of cells with such corners, and outward normals, shapes (c, f, d)."""
+        """Points of the planes of the facets of cells with such corners, and outward normals,
+        shapes (c, f, d).
+        """
         facets = [facet[: self.space.mesh.topology.dim] for facet in basix.topology(self.kind)[-2]]
         at = corners[:, np.array(facets)]
         along = at[:, :, 1:, :] - at[:, :, :1, :]
@@ -85,40 +101,54 @@ class BodyCells:
             normal[..., 0], normal[..., 1] = along[:, :, 0, 1], -along[:, :, 0, 0]
         else:
             normal = np.asarray(np.cross(along[:, :, 0], along[:, :, 1]))
-        normal *= np.sign(np.einsum("cfd,cfd->cf", normal, at[:, :, 0] - corners.mean(axis=1)[:, None]))[..., None]
+        normal *= np.sign(
+            np.einsum("cfd,cfd->cf", normal, at[:, :, 0] - corners.mean(axis=1)[:, None])
+        )[..., None]
         size = np.linalg.norm(normal, axis=2, keepdims=True)
         return at[:, :, 0], np.divide(normal, size, out=np.zeros_like(normal), where=size > 0)
 
     def inside(self, places: Array, shape: Any, added: float = 0.0) -> InsideBody | None:
-        """Where a shape, an object with ``distance``, lies inside the body, None: nowhere; ``places``: see ``placed``;
-        ``added``: to the distance, length; what is hollow and what is flat is not looked at; collective.
+        """Where a shape, an object with ``distance``, lies inside the body, None: nowhere;
+        ``places``: see ``placed``;
+        ``added``: to the distance, length; what is hollow and what is flat is not looked at;
+        collective.
         """
         of_cell = 1.0 if _inradius(shape) == math.inf else SHAPE_INSIDE
         return self._too_deep(places, shape, added, SHAPE_INSIDE, of_cell)
 
     def swallowed(self, shape: Any) -> InsideBody | None:
-        """Where the middle of the shape lies inside the undeformed body, whose surface does not see it, or from behind;
+        """Where the middle of the shape lies inside the undeformed body, whose surface does not see
+        it, or from behind;
         None: nowhere; collective.
         """
         return self._too_deep(self.x, shape, 0.0, SHAPE_MIDDLE, math.inf)
 
-    def passed(self, before: tuple[Array, Any], now: tuple[Array, Any], added: float = 0.0) -> InsideBody | None:
-        """Where the shape has been inside the body on the straight way between two states, places of the nodes and the
-        shape; None: nowhere; ``added``: see ``inside``; collective.
+    def passed(
+        self, before: tuple[Array, Any], now: tuple[Array, Any], added: float = 0.0
+    ) -> InsideBody | None:
+        """Where the shape has been inside the body on the straight way between two states, places
+        of the nodes and the shape; None: nowhere; ``added``: see ``inside``; collective.
         """
         (begun, earlier), (ended, shape), comm = before, now, self.space.mesh.comm
         radius = _inradius(shape)
         if radius == math.inf and not getattr(shape, "narrows", True):
             return None
         moved = ended - begun
-        ways = np.linalg.norm(moved, axis=1), np.linalg.norm(shape.moved_from(earlier, ended), axis=1)
+        ways = (
+            np.linalg.norm(moved, axis=1),
+            np.linalg.norm(shape.moved_from(earlier, ended), axis=1),
+        )
         far = sum(parallel.largest(comm, way, 0.0) for way in ways)
         if radius < math.inf:
             size, of_cell, yielding = radius, math.inf, 0.0
         else:
             reach = _reach(self.corners(ended))
-            sums = parallel.global_sum(comm, np.array([len(reach), reach.sum(), len(moved), *moved.sum(axis=0)]))
-            yielding = parallel.largest(comm, np.linalg.norm(moved - sums[3:] / sums[2], axis=1), 0.0)
+            sums = parallel.global_sum(
+                comm, np.array([len(reach), reach.sum(), len(moved), *moved.sum(axis=0)])
+            )
+            yielding = parallel.largest(
+                comm, np.linalg.norm(moved - sums[3:] / sums[2], axis=1), 0.0
+            )
             size, of_cell = float(sums[1] / sums[0]), 1.0
         if far <= SHAPE_INSIDE * size:
             return None
@@ -126,22 +156,38 @@ class BodyCells:
         for share in np.arange(1, steps) / steps:
             places = (1.0 - share) * begun + share * ended
             between = shape.on_way_from(earlier, float(share), places.shape[1])
-            if (deep := self._too_deep(places, between, added, SHAPE_INSIDE, of_cell, yielding)) is not None:
+            if (
+                deep := self._too_deep(places, between, added, SHAPE_INSIDE, of_cell, yielding)
+            ) is not None:
                 return deep
         return None
 
     def _too_deep(
-        self, places: Array, shape: Any, added: float, of_shape: float, of_cell: float, yielding: float = 0.0
+        self,
+        places: Array,
+        shape: Any,
+        added: float,
+        of_shape: float,
+        of_cell: float,
+        yielding: float = 0.0,
     ) -> InsideBody | None:
-        """The deepest point deeper in the shape than these shares of its inradius and of the radius of the cell."""
+        """The deepest point deeper in the shape than these shares of its inradius and of the radius
+        of the cell.
+        """
         radius = _inradius(shape) - max(added, 0.0)
-        endless = radius == math.inf and (of_cell == math.inf or not getattr(shape, "narrows", True))
+        endless = radius == math.inf and (
+            of_cell == math.inf or not getattr(shape, "narrows", True)
+        )
         if radius <= 0.0 or endless:
             return None
         corners = self.corners(places)
         x, reach = corners.mean(axis=1), _reach(corners)
         allowed = np.minimum(of_shape * radius, of_cell * reach) + yielding
-        near = np.flatnonzero(reach - shape.distance(x)[0] - added > allowed) if len(x) else np.zeros(0, dtype=np.int64)
+        near = (
+            np.flatnonzero(reach - shape.distance(x)[0] - added > allowed)
+            if len(x)
+            else np.zeros(0, dtype=np.int64)
+        )
         deep = np.zeros((0, 1 + places.shape[1]))
         if near.size:
             x, allowed, (at, outward) = x[near], allowed[near], self.planes(corners[near])
@@ -151,10 +197,15 @@ class BodyCells:
                     x = x - np.maximum(beyond, 0.0)[:, None] * outward[:, facet]
                 signed, normal = shape.distance(x)
                 beyond = np.einsum("nfd,nfd->nf", x[:, None] - at, outward).max(axis=1)
-                found = (-signed - added > (1.0 - WRONG_SLOPE) * allowed) & (beyond <= SAME_LENGTH * reach[near])
+                found = (-signed - added > (1.0 - WRONG_SLOPE) * allowed) & (
+                    beyond <= SAME_LENGTH * reach[near]
+                )
                 if found.all():
                     break
-                x = x - np.maximum(signed + added + allowed, 0.0)[:, None] * normal * ~found[:, None]
+                x = (
+                    x
+                    - np.maximum(signed + added + allowed, 0.0)[:, None] * normal * ~found[:, None]
+                )
             deep = np.column_stack((-signed - added, x))[found]
         rows = parallel.gather_rows(self.space.mesh.comm, deep)
         if not len(rows):
@@ -164,10 +215,16 @@ class BodyCells:
 
 
 def _inradius(shape: Any) -> float:
-    """Radius of the largest ball in a shape; infinite where there is none, or it does not say it."""
+    """Radius of the largest ball in a shape; infinite where there is none, or it does not say
+    it.
+    """
     return float(getattr(shape, "inradius", math.inf))
 
 
 def _reach(corners: Array) -> Array:
-    """From the middles of cells to their vertices at most, shape (c,); ``corners``: shape (c, v, d)."""
-    return np.asarray(np.linalg.norm(corners - corners.mean(axis=1, keepdims=True), axis=2).max(axis=1))
+    """From the middles of cells to their vertices at most, shape (c,); ``corners``: shape (c, v,
+    d).
+    """
+    return np.asarray(
+        np.linalg.norm(corners - corners.mean(axis=1, keepdims=True), axis=2).max(axis=1)
+    )

@@ -1,9 +1,10 @@
 """Test functions of the contact points on the covered part of the slave side.
 
-Dual functions psi = A_e N with A_e = diag(int N) (int N N^T)^-1 on the covered part of each facet: (psi_i, N_k) =
-delta_ik (1, N_k), and they sum to one (Wohlmuth 2000; of partly covered facets Popp et al. 2013).  Integrals of
-quadratic functions over a part of a facet may be negative: functions that keep too little of their weight, or that
-belong to nodes that cannot carry a point, are added to their neighbours.
+Dual functions psi = A_e N with A_e = diag(int N) (int N N^T)^-1 on the covered part of each facet:
+(psi_i, N_k) = delta_ik (1, N_k), and they sum to one (Wohlmuth 2000; of partly covered facets Popp
+et al. 2013).  Integrals of quadratic functions over a part of a facet may be negative: functions
+that keep too little of their weight, or that belong to nodes that cannot carry a point, are added
+to their neighbours.
 """
 
 from __future__ import annotations
@@ -22,12 +23,16 @@ Pairs = tuple[Indices, Indices]
 
 
 def constrained(movable: Array) -> Flags:
-    """Nodes of the slave that are held over what is held of the master, by more than half; see ``Tested.movable``."""
+    """Nodes of the slave that are held over what is held of the master, by more than half; see
+    ``Tested.movable``.
+    """
     return np.asarray(movable < 0.5 - SAME_NUMBER)
 
 
 def dual_coefficients(tests: Array, overlap: Overlap, count: int) -> Array:
-    """A_e of so many facets, shape (f, t, t), from N at the points of the overlap; zero where one is not covered."""
+    """A_e of so many facets, shape (f, t, t), from N at the points of the overlap; zero where one
+    is not covered.
+    """
     products = (tests * overlap.weight[..., None]).swapaxes(1, 2) @ tests
     mass = np.zeros((count, *products.shape[1:]))
     np.add.at(mass, overlap.slave, products)
@@ -42,13 +47,17 @@ def dual_coefficients(tests: Array, overlap: Overlap, count: int) -> Array:
 def carried(
     side: PairSurface, covered: Indices, weight: Array, unable: npt.NDArray[np.bool_]
 ) -> tuple[Indices, sp.csr_array]:
-    """Which nodes of the slave, of which some are ``unable``, shape (N,), carry a point, shape (n,), and the share of
-    the function of each node in each point, columns with the sum one, sparse, shape (n, N), from the facets that are
-    ``covered`` and the integral of the function of each node, shape (N,).
+    """Which nodes of the slave, of which some are ``unable``, shape (N,), carry a point, shape
+    (n,), and the share of the function of each node in each point, columns with the sum one,
+    sparse, shape (n, N), from the facets that are ``covered`` and the integral of the function of
+    each node, shape (N,).
     """
     pairs, tested_nodes = _together(side, covered)
     unable = unable | side.without_area
-    for threshold in (KEPT_WEIGHT + SAME_NUMBER, 0.0):  # shares of simple meshes are this one but for round-off
+    for threshold in (
+        KEPT_WEIGHT + SAME_NUMBER,
+        0.0,
+    ):  # shares of simple meshes are this one but for round-off
         able = tested_nodes & ~unable & (weight > threshold * side.area)
         while able.any():
             nodes, shares = _taken_over(pairs, able)
@@ -60,12 +69,14 @@ def carried(
     return np.zeros(0, dtype=np.int64), sp.csr_array((0, len(weight)))
 
 
-def carried_evenly(side: PairSurface, covered: Indices, weight: Array, movable: Array) -> tuple[Indices, sp.csr_array]:
+def carried_evenly(
+    side: PairSurface, covered: Indices, weight: Array, movable: Array
+) -> tuple[Indices, sp.csr_array]:
     """The same of a side that slides, evenly as weights change; ``movable``: see ``Tested``.
 
-    Between two shares of its area the function of a node at the rim turns into a mean of those beside it, so that what
-    it adds to their conditions vanishes before it is no point any more.  So does that of a node that supports hold, by
-    how much of the other side is held there, too.
+    Between two shares of its area the function of a node at the rim turns into a mean of those
+    beside it, so that what it adds to their conditions vanishes before it is no point any more.  So
+    does that of a node that supports hold, by how much of the other side is held there, too.
     """
     pairs, tested_nodes = _together(side, covered)
     able = tested_nodes & ~side.unable & ~side.without_area & (side.area > 0)
@@ -87,7 +98,9 @@ def carried_evenly(side: PairSurface, covered: Indices, weight: Array, movable: 
 
 
 def _absorbed(pairs: Pairs, portion: Array, nodes: Indices) -> sp.csr_array:
-    """How nodes take over functions: each keeps a share, nodes beside it get the rest; columns of sum one, (n, N)."""
+    """How nodes take over functions: each keeps a share, nodes beside it get the rest; columns of
+    sum one, (n, N).
+    """
     (to, of), takes, reached = pairs, portion + NEGLIGIBLE, portion > 0
     sums = np.bincount(of, takes[to], portion.size)
     while (further := ~reached & (np.bincount(of, reached[to], portion.size) > 0)).any():
@@ -106,19 +119,33 @@ def _absorbed(pairs: Pairs, portion: Array, nodes: Indices) -> sp.csr_array:
     values[values <= SAME_NUMBER**2] = 0.0
     values /= values.sum(axis=0)
     (of_keeping, of_chain), alone = np.nonzero(values), nodes[number[nodes] < 0]
-    rows, columns = np.concatenate((point[alone], of_keeping)), np.concatenate((alone, chain[of_chain]))
+    rows, columns = (
+        np.concatenate((point[alone], of_keeping)),
+        np.concatenate((alone, chain[of_chain])),
+    )
     entries = np.concatenate((np.ones(alone.size), values[of_keeping, of_chain]))
     return _by_rows(entries, rows, columns, (nodes.size, portion.size))
 
 
-def _by_rows(values: Array, rows: Indices, columns: Indices, shape: tuple[int, int]) -> sp.csr_array:
-    """A sparse matrix of entries at different places: in a third of the time of one that looks for the same."""
-    order, ends = np.argsort(rows, kind="stable"), np.append(0, np.bincount(rows, minlength=shape[0]).cumsum())
+def _by_rows(
+    values: Array, rows: Indices, columns: Indices, shape: tuple[int, int]
+) -> sp.csr_array:
+    """A sparse matrix of entries at different places: in a third of the time of one that looks for
+    the same.
+    """
+    order, ends = (
+        np.argsort(rows, kind="stable"),
+        np.append(0, np.bincount(rows, minlength=shape[0]).cumsum()),
+    )
     return sp.csr_array((values[order], columns[order], ends), shape=shape)
 
 
-def _mixed(shares: sp.csr_array, nodes: Indices, weights: tuple[Array, Array], portion: Array) -> sp.csr_array:
-    """The shares of points that are not all their own with those of the points that took over the rest of them."""
+def _mixed(
+    shares: sp.csr_array, nodes: Indices, weights: tuple[Array, Array], portion: Array
+) -> sp.csr_array:
+    """The shares of points that are not all their own with those of the points that took over the
+    rest of them.
+    """
     weak = np.flatnonzero(portion < 1.0)
     if not weak.size:
         return shares
@@ -127,7 +154,12 @@ def _mixed(shares: sp.csr_array, nodes: Indices, weights: tuple[Array, Array], p
     to = (shares @ own).T  # which points the function of each of them is in
     remainder = np.maximum(1.0 - to[at], 0.0)
     to[at] = 0.0
-    mean = to * np.divide(1.0, remainder, out=np.zeros_like(remainder), where=remainder > SAME_NUMBER)[:, None]
+    mean = (
+        to
+        * np.divide(1.0, remainder, out=np.zeros_like(remainder), where=remainder > SAME_NUMBER)[
+            :, None
+        ]
+    )
     sizes = shares @ weights[0]
     added = ((1.0 - portion[weak]) * weights[1][weak])[:, None] * mean
     added *= np.divide(1.0, sizes, out=np.zeros_like(sizes), where=sizes > 0)
@@ -139,8 +171,8 @@ def _mixed(shares: sp.csr_array, nodes: Indices, weights: tuple[Array, Array], p
 
 
 def extended(side: PairSurface, nodes: Indices, values: Array) -> Array:
-    """Values at some nodes, ascending, shape (n, k), and at all others with test functions the means of those beside
-    them, ring by ring, shape (N, k); zero where no ring arrives.
+    """Values at some nodes, ascending, shape (n, k), and at all others with test functions the
+    means of those beside them, ring by ring, shape (N, k); zero where no ring arrives.
     """
     (to, of), _ = _together(side, np.arange(len(side.nodes)))
     extension: Array = np.zeros((len(side.x), values.shape[1]))
@@ -154,8 +186,8 @@ def extended(side: PairSurface, nodes: Indices, values: Array) -> Array:
 
 
 def _together(side: PairSurface, facets: Indices) -> tuple[Pairs, Flags]:
-    """The nodes of a side, two each, that have test functions on one of some facets, in both orders, ascending, and
-    which nodes have any there, shape (N,).
+    """The nodes of a side, two each, that have test functions on one of some facets, in both
+    orders, ascending, and which nodes have any there, shape (N,).
     """
     tests, count = side.points[facets], len(side.x)
     tested_nodes: Flags = np.zeros(count, dtype=bool)
@@ -168,9 +200,13 @@ def _together(side: PairSurface, facets: Indices) -> tuple[Pairs, Flags]:
 def _taken_over(pairs: Pairs, able: Flags) -> tuple[Indices, sp.csr_array]:
     """Nodes that carry a point, and how they take over the functions of others, ring by ring."""
     (to, of), nodes, done = pairs, np.flatnonzero(able), able
-    shares = sp.csr_array((np.ones(nodes.size), nodes, np.arange(nodes.size + 1)), shape=(nodes.size, able.size))
+    shares = sp.csr_array(
+        (np.ones(nodes.size), nodes, np.arange(nodes.size + 1)), shape=(nodes.size, able.size)
+    )
     while (into := done[to] & ~done[of]).any():
         number = np.bincount(of[into], minlength=able.size)
-        shares = shares + shares @ _by_rows(1.0 / number[of[into]], to[into], of[into], (able.size, able.size))
+        shares = shares + shares @ _by_rows(
+            1.0 / number[of[into]], to[into], of[into], (able.size, able.size)
+        )
         done = done | (number > 0)
     return nodes, shares

@@ -1,23 +1,29 @@
-"""The map of a pair: relative displacement at the contact points from the displacements of both sides.
+"""The map of a pair: relative displacement at the contact points from the displacements of both
+sides.
 
 For the function psi_i of a point and its weight w_i = int psi_i over the covered part of the slave,
 
-    D_ij = int psi_i N_j / w_i,   M_il = int psi_i (N_l o P) / w_i,   d_i = int psi_i (x_m - x_s) / w_i,
-    n_i = sum_j D_ij n_j - sum_l M_il n_l, of length one,   with the normals n_j, n_l of both sides at their nodes,
-    u_rel,i = sum_j D_ij u_j - sum_l M_il u_l + (omega_i(u_s) + omega_i(u_m)) x d_i / 2,
-    omega_i(u) = J_i^-1 sum_l a_il r_l x u_l,   r_l = x_l - xbar_i,   J_i = sum_l a_il (|r_l|^2 I - r_l r_l^T),
+    D_ij = int psi_i N_j / w_i,   M_il = int psi_i (N_l o P) / w_i,   d_i = int psi_i (x_m - x_s) /
+    w_i,
+    n_i = sum_j D_ij n_j - sum_l M_il n_l, of length one,   with the normals n_j, n_l of both sides
+    at their nodes, u_rel,i = sum_j D_ij u_j - sum_l M_il u_l + (omega_i(u_s) + omega_i(u_m)) x d_i
+    / 2,
+    omega_i(u) = J_i^-1 sum_l a_il r_l x u_l,   r_l = x_l - xbar_i,   J_i = sum_l a_il (|r_l|^2 I -
+    r_l r_l^T),
 
-where a_il of the master is the area over which the slave facets around the point see the master facets around the node,
-and of the slave the area of those of these facets that are around the node.  All areas are multiplied by the measure of
-the slave, 2 pi r of a body of revolution: rings of both sides that meet have one area, and opposite forces.  With the
-rotation omega the map is zero on every joint rigid motion, so that forces and moments of both sides balance; they act
-half-way between both.
+where a_il of the master is the area over which the slave facets around the point see the master
+facets around the node, and of the slave the area of those of these facets that are around the node.
+All areas are multiplied by the measure of the slave, 2 pi r of a body of revolution: rings of both
+sides that meet have one area, and opposite forces.  With the rotation omega the map is zero on
+every joint rigid motion, so that forces and moments of both sides balance; they act half-way
+between both.
 
-The frame is half-way between both sides, too: with the normal or the rotation of one side alone, bodies that are mirror
-images of each other would show shear, of the order a / (2 F R) of friction over a contact of width 2 a.  P projects
-along the mean normals as well, which a first projection along those of the slave finds.  Where sides are nominally in
-contact, or tied, what is between them is due to their meshes alone.  There the frame is that of the slave, and the
-rotation that of the master, omega_i(u_m) x d_i: with D = 1 a ring of facets turns freely in another one.
+The frame is half-way between both sides, too: with the normal or the rotation of one side alone,
+bodies that are mirror images of each other would show shear, of the order a / (2 F R) of friction
+over a contact of width 2 a.  P projects along the mean normals as well, which a first projection
+along those of the slave finds.  Where sides are nominally in contact, or tied, what is between them
+is due to their meshes alone.  There the frame is that of the slave, and the rotation that of the
+master, omega_i(u_m) x d_i: with D = 1 a ring of facets turns freely in another one.
 """
 
 from __future__ import annotations
@@ -32,11 +38,28 @@ from mpi4py import MPI
 from scipy.spatial import cKDTree
 
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.pairs.dual_functions import carried, constrained, dual_coefficients, extended
+from signorini_fx.mechanics.pairs.dual_functions import (
+    carried,
+    constrained,
+    dual_coefficients,
+    extended,
+)
 from signorini_fx.mechanics.pairs.overlap import plane_overlap, space_overlap, turned
-from signorini_fx.mechanics.pairs.pair_side import Overlap, PairSurface, in_rows, turning_of, without_round_off
+from signorini_fx.mechanics.pairs.pair_side import (
+    Overlap,
+    PairSurface,
+    in_rows,
+    turning_of,
+    without_round_off,
+)
 from signorini_fx.mechanics.pairs.search import Parts, default_reach
-from signorini_fx.tuned import CERTIFICATE_TOLERANCE, DEEPEST_OVERLAP, NEGLIGIBLE, SAME_LENGTH, SAME_NUMBER
+from signorini_fx.tuned import (
+    CERTIFICATE_TOLERANCE,
+    DEEPEST_OVERLAP,
+    NEGLIGIBLE,
+    SAME_LENGTH,
+    SAME_NUMBER,
+)
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
@@ -58,11 +81,12 @@ class Coupling:
         both: D and - M, nodes of the slave first, sparse, shape (n, m).
         mean: from integrals of functions on the pieces of the overlap, see ``Tested``.
         first: how many of the nodes are those of the slave.
-        turning: (omega_i(u_s) + omega_i(u_m)) x d_i / 2, of sides that are nominally in contact omega_i(u_m) x d_i,
-            from the nodes of both sides, those of the slave first, by blocks, sparse, shape (n d, d m).
+        turning: (omega_i(u_s) + omega_i(u_m)) x d_i / 2, of sides that are nominally in contact
+            omega_i(u_m) x d_i, from the nodes of both sides, those of the slave first, by blocks,
+            sparse, shape (n d, d m).
         centre: where forces act: at the same place on both sides, length, shape (n, d).
-        covered: area (in 2D: length) of the slave where both sides meet and one can move, times the measure, of all
-            ranks.
+        covered: area (in 2D: length) of the slave where both sides meet and one can move, times the
+            measure, of all ranks.
         met: the same with where nothing can move, see ``Tested.moving``.
     """
 
@@ -89,12 +113,19 @@ class Coupling:
         return -self.both[:, self.first :]
 
     def lift(self, slave: PairSurface) -> sp.csr_array:
-        """Displacements of slave nodes, all along one direction, that move the points by one each: D times them is
-        one, but for hats.  Sparse, shape (nodes of the slave, n).
+        """Displacements of slave nodes, all along one direction, that move the points by one each:
+        D times them is one, but for hats.  Sparse, shape (nodes of the slave, n).
         """
-        # A test function meets the function of its own node, on quadratic triangles the hat, and no other one.
-        values, met = slave.functions.tests.values(slave.functions.places), sp.lil_array((len(slave.x), len(slave.x)))
-        rows, columns = np.repeat(slave.nodes, values.shape[1], axis=1), np.tile(slave.points, len(values))
+        # A test function meets the function of its own node, on quadratic triangles the hat, and no
+        # other one.
+        values, met = (
+            slave.functions.tests.values(slave.functions.places),
+            sp.lil_array((len(slave.x), len(slave.x))),
+        )
+        rows, columns = (
+            np.repeat(slave.nodes, values.shape[1], axis=1),
+            np.tile(slave.points, len(values)),
+        )
         met[rows, columns] = np.broadcast_to(values.ravel(), rows.shape)
         points = sp.csr_array(met.tocsc()[:, self.nodes])
         diagonal = np.asarray((self.slave @ points).diagonal())
@@ -108,7 +139,9 @@ class Coupling:
 
 @dataclass(frozen=True)
 class Tested:
-    """The overlap of two sides, with the functions of the points on what is covered; ``bonded``: see ``couple``."""
+    """The overlap of two sides, with the functions of the points on what is covered; ``bonded``:
+    see ``couple``.
+    """
 
     slave: PairSurface
     master: PairSurface
@@ -119,22 +152,37 @@ class Tested:
         """The same with some of the pieces, shape (p,)."""
         if pieces.all():
             return self
-        return replace(self, overlap=Overlap(*(getattr(self.overlap, entry.name)[pieces] for entry in fields(Overlap))))
+        return replace(
+            self,
+            overlap=Overlap(
+                *(getattr(self.overlap, entry.name)[pieces] for entry in fields(Overlap))
+            ),
+        )
 
     def within(self, reach: float) -> Tested:
-        """With the pieces of the pairs of facets whose mean distance, of all pieces, is at most ``reach``, length."""
+        """With the pieces of the pairs of facets whose mean distance, of all pieces, is at most
+        ``reach``, length.
+        """
         overlap, weight = self.overlap, self.overlap.weight
-        _, pair = np.unique(overlap.slave * len(self.master.nodes) + overlap.master, return_inverse=True)
+        _, pair = np.unique(
+            overlap.slave * len(self.master.nodes) + overlap.master, return_inverse=True
+        )
         moment = (weight[:, None] @ self.distance)[:, 0]
         mean = np.stack([np.bincount(pair, column) for column in moment.T], axis=1)
-        near = np.linalg.norm(mean, axis=1) <= (1.0 + SAME_LENGTH) * reach * np.bincount(pair, weight.sum(axis=1))
+        near = np.linalg.norm(mean, axis=1) <= (1.0 + SAME_LENGTH) * reach * np.bincount(
+            pair, weight.sum(axis=1)
+        )
         return self.chosen(near[pair])
 
     @property
     def moving(self) -> Tested:
-        """Where one side can move: without facets over each other of which supports hold all nodes."""
+        """Where one side can move: without facets over each other of which supports hold all
+        nodes.
+        """
         sides = (self.slave, self.overlap.slave), (self.master, self.overlap.master)
-        on_slave, on_master = (np.asarray(side.held[side.nodes[facets]].all(axis=1)) for side, facets in sides)
+        on_slave, on_master = (
+            np.asarray(side.held[side.nodes[facets]].all(axis=1)) for side, facets in sides
+        )
         return self.chosen(~(on_slave & on_master))
 
     @cached_property
@@ -153,7 +201,9 @@ class Tested:
     def area(self) -> Array:
         """Of each facet of the slave that is covered, shape (f,)."""
         areas = self.overlap.weight.sum(axis=1)
-        return np.bincount(self.overlap.slave, areas, minlength=len(self.slave.nodes)).astype(np.float64)
+        return np.bincount(self.overlap.slave, areas, minlength=len(self.slave.nodes)).astype(
+            np.float64
+        )
 
     @cached_property
     def weighted(self) -> Array:
@@ -165,11 +215,15 @@ class Tested:
     def areas(self) -> Array:
         """Integrals of the functions of the nodes of the slave, shape (N,)."""
         points, integrals = self.slave.points[self.overlap.slave], self.weighted.sum(axis=1)
-        return np.bincount(points.ravel(), integrals.ravel(), minlength=len(self.slave.x)).astype(np.float64)
+        return np.bincount(points.ravel(), integrals.ravel(), minlength=len(self.slave.x)).astype(
+            np.float64
+        )
 
     @cached_property
     def shapes(self) -> tuple[Array, Array]:
-        """The functions of both sides at the points of the overlap, shapes (p, q, k) and (p, q, l)."""
+        """The functions of both sides at the points of the overlap, shapes (p, q, k) and (p, q,
+        l).
+        """
         slave, master = self.slave.functions, self.master.functions
         on_slave = self.tests if slave.tests is slave else slave.values(self.overlap.at)
         return on_slave, master.values(self.overlap.over)
@@ -177,33 +231,45 @@ class Tested:
     @cached_property
     def distance(self) -> Array:
         """From each slave point to the master point over it, length, shape (p, q, d)."""
-        on_slave, on_master = self.slave.corners[self.overlap.slave], self.master.corners[self.overlap.master]
+        on_slave, on_master = (
+            self.slave.corners[self.overlap.slave],
+            self.master.corners[self.overlap.master],
+        )
         return np.asarray(self.shapes[1] @ on_master - self.shapes[0] @ on_slave)
 
     def mean(self, shares: sp.csr_array) -> sp.csr_array:
-        """From integrals of the functions on all pieces to means of points with such shares of them, shape (n, N):
-        sparse, shape (n, p t).
+        """From integrals of the functions on all pieces to means of points with such shares of
+        them, shape (n, N): sparse, shape (n, p t).
         """
         mean = shares[:, self.slave.points[self.overlap.slave].ravel()]
         mean.data /= np.repeat(shares @ self.areas, np.diff(mean.indptr))
         return mean
 
     def products(self) -> sp.csr_array:
-        """Integrals of the functions on all pieces times those of both sides, and beside them the areas over which they
-        see the nodes, sparse, shape (p t, 2 m).
+        """Integrals of the functions on all pieces times those of both sides, and beside them the
+        areas over which they see the nodes, sparse, shape (p t, 2 m).
         """
-        products, first = self.weighted.swapaxes(1, 2) @ np.concatenate(self.shapes, axis=2), len(self.slave.x)
+        products, first = (
+            self.weighted.swapaxes(1, 2) @ np.concatenate(self.shapes, axis=2),
+            len(self.slave.x),
+        )
         areas = np.broadcast_to(self.overlap.weight.sum(axis=1)[:, None, None], products.shape)
-        on_slave, on_master = self.slave.nodes[self.overlap.slave], self.master.nodes[self.overlap.master]
+        on_slave, on_master = (
+            self.slave.nodes[self.overlap.slave],
+            self.master.nodes[self.overlap.master],
+        )
         nodes, count = np.hstack((on_slave, first + on_master)), first + len(self.master.x)
-        return in_rows(np.concatenate((products, areas), axis=2), np.hstack((nodes, count + nodes)), 2 * count)
+        return in_rows(
+            np.concatenate((products, areas), axis=2), np.hstack((nodes, count + nodes)), 2 * count
+        )
 
     @property
     def movable(self) -> Array:
         """By which share nodes of the slave are what can move, or see that, shape (N,).
 
-        A held node of the slave carries a point as any other, as its function moves the master.  Where most of the
-        master that it sees is held, too, nothing can move it, and its neighbours take over its function.
+        A held node of the slave carries a point as any other, as its function moves the master.
+        Where most of the master that it sees is held, too, nothing can move it, and its neighbours
+        take over its function.
         """
         held = self.master.held[self.master.nodes[self.overlap.master]].astype(np.float64)
         of_held = self.moments(self.shapes[1] @ held[..., None])[:, 0]
@@ -217,9 +283,13 @@ class Tested:
         return np.flatnonzero(self.area)
 
     def moments(self, values: Array) -> Array:
-        """Integrals of functions times values at the points, shape (p, q, k), by nodes, shape (N, k)."""
+        """Integrals of functions times values at the points, shape (p, q, k), by nodes, shape (N,
+        k).
+        """
         integrals = np.zeros((len(self.slave.x), values.shape[2]))
-        np.add.at(integrals, self.slave.points[self.overlap.slave], self.weighted.swapaxes(1, 2) @ values)
+        np.add.at(
+            integrals, self.slave.points[self.overlap.slave], self.weighted.swapaxes(1, 2) @ values
+        )
         return integrals
 
 
@@ -238,15 +308,17 @@ def couple(
     Args:
         slave: the side with the points.
         master: the other one.
-        bonded: whether the sides are tied, which on quadratic triangles takes the hats of the vertices.
-        nominal: whether the sides are nominally in contact, so that their normals are the same but for their meshes.
+        bonded: whether the sides are tied, which on quadratic triangles takes the hats of the
+            vertices.
+        nominal: whether the sides are nominally in contact, so that their normals are the same but
+            for their meshes.
         reach: distance beyond which facets are no partners, length; None: a default.
         comm: the ranks that share the work; the other arguments are the same on all of them.
         mine: nodes of the slave whose points this rank takes; None: all.
 
     Raises:
-        PairingError: no facet finds a partner, one finds two sheets of them, the bodies lie inside each other, or no
-            point takes over the functions of some facets.
+        PairingError: no facet finds a partner, one finds two sheets of them, the bodies lie inside
+            each other, or no point takes over the functions of some facets.
     """
     if reach is None:
         reach = default_reach(slave.x, master.x)
@@ -255,8 +327,11 @@ def couple(
     fixed = constrained(tested.movable)
     nodes, shares = carried(slave, tested.covered, tested.areas, slave.unable | fixed)
     if not nodes.size:
-        raise PairingError("supports of both sides, or other contacts, own all nodes of its covered part")
-    # Facets apart from all points, of which all nodes are constrained: nobody takes over their functions.
+        raise PairingError(
+            "supports of both sides, or other contacts, own all nodes of its covered part"
+        )
+    # Facets apart from all points, of which all nodes are constrained: nobody takes over their
+    # functions.
     carried_nodes = np.asarray(shares.sum(axis=0)).ravel() > 0.0
     nobody = np.asarray((fixed & ~carried_nodes)[slave.points].all(axis=1))
     tested = tested.chosen(~nobody[tested.overlap.slave])
@@ -267,21 +342,28 @@ def couple(
     size = min(float(np.linalg.norm(np.ptp(x, axis=0))) for x in (slave.x, master.x))
     if (deepest := parallel.largest(comm, -coupling.gap, -np.inf)) > DEEPEST_OVERLAP * size:
         raise PairingError(
-            f"its facets lie up to {deepest:.3g} behind those of the other side, of a size of {size:.3g}: check the "
+            f"its facets lie up to {deepest:.3g} behind those of the other side, of a size of "
+            f"{size:.3g}: check the "
             "facets, and that the bodies do not lie inside each other"
         )
     return replace(coupling, met=float(whole.area.sum()))
 
 
-def coupled(tested: Tested, nodes: Indices, shares: sp.csr_array, *, nominal: bool = False) -> Coupling:
-    """The map of both sides at nodes that take over such shares of functions; those that take none are alone."""
+def coupled(
+    tested: Tested, nodes: Indices, shares: sp.csr_array, *, nominal: bool = False
+) -> Coupling:
+    """The map of both sides at nodes that take over such shares of functions; those that take none
+    are alone.
+    """
     slave, master = tested.slave, tested.master
     alone, count = np.diff(shares.indptr) == 0, len(slave.x) + len(master.x)
     ends = np.append(0, np.cumsum(alone))
     itself = sp.csr_array((np.ones(ends[-1]), nodes[alone], ends), shape=(nodes.size, count))
     mean, half = tested.mean(shares), 0.0 if nominal else 0.5
     products = mean @ tested.products()
-    distance = mean @ (tested.weighted.swapaxes(1, 2) @ tested.distance).reshape(mean.shape[1], slave.dimension)
+    distance = mean @ (tested.weighted.swapaxes(1, 2) @ tested.distance).reshape(
+        mean.shape[1], slave.dimension
+    )
     both, arms = without_round_off(products[:, :count]) + itself, products[:, count:]
     centre = both @ np.concatenate((slave.x, np.zeros_like(master.x))) + half * distance
     turning = turning_of(arms, (slave.x, master.x), (half * distance, (1.0 - half) * distance))
@@ -289,7 +371,9 @@ def coupled(tested: Tested, nodes: Indices, shares: sp.csr_array, *, nominal: bo
     both.data[both.indices >= first] *= -1.0
     directions = np.concatenate((slave.directions, master.directions))
     normal = slave.nodal_normals[nodes] if nominal else slave.in_planes(both @ directions, nodes)
-    return Coupling(nodes, weight, normal, distance, both, mean, first, turning, centre, covered, covered)
+    return Coupling(
+        nodes, weight, normal, distance, both, mean, first, turning, centre, covered, covered
+    )
 
 
 def _refuse_bare(tested: Tested, shares: sp.csr_array) -> None:
@@ -302,8 +386,10 @@ def _refuse_bare(tested: Tested, shares: sp.csr_array) -> None:
     size, middle = float(np.abs(slave.x).max()), slave.corners[area.argmax()].mean(axis=0)
     place = ", ".join(f"{component:.4g}" for component in size * np.round(middle / size, 9) + 0.0)
     raise PairingError(
-        f"other contacts own all nodes of {bare.size} of its facets that see the other side, such as that at "
-        f"({place}), and no point beside them carries what is between both bodies there: give these facets to another "
+        f"other contacts own all nodes of {bare.size} of its facets that see the other side, such "
+        "as that at "
+        f"({place}), and no point beside them carries what is between both bodies there: give "
+        "these facets to another "
         "contact, or leave out its facets around them"
     )
 
@@ -318,11 +404,14 @@ def projected(
     nominal: bool = False,
     apart: bool = False,
 ) -> tuple[Tested, Array | None]:
-    """The overlap of both sides with the functions of the points, and the directions of projection at the nodes of the
-    slave, shape (N, d); None: its normals; see ``couple``; ``apart``: whether it may be that no facet has a partner;
-    collective.
+    """The overlap of both sides with the functions of the points, and the directions of projection
+    at the nodes of the slave, shape (N, d); None: its normals; see ``couple``; ``apart``: whether
+    it may be that no facet has a partner; collective.
     """
-    ends = len(slave.nodes) * comm.rank // comm.size, len(slave.nodes) * (comm.rank + 1) // comm.size
+    ends = (
+        len(slave.nodes) * comm.rank // comm.size,
+        len(slave.nodes) * (comm.rank + 1) // comm.size,
+    )
     parts = Parts.of(slave, np.arange(*ends)), Parts.of(master, np.arange(len(master.nodes)))
     project = plane_overlap if slave.dimension == 2 else space_overlap
 
@@ -342,7 +431,9 @@ def projected(
 
 
 def _mean_normals(tested: Tested) -> Array:
-    """N_i of the nodes of the slave, shape (N, d); where one has no point, by the mean normal of the master."""
+    """N_i of the nodes of the slave, shape (N, d); where one has no point, by the mean normal of
+    the master.
+    """
     slave, master, overlap = tested.slave, tested.master, tested.overlap
     slave_normals = tested.shapes[0] @ slave.directions[slave.nodes[overlap.slave]]
     master_normals = tested.shapes[1] @ master.directions[master.nodes[overlap.master]]
@@ -360,19 +451,23 @@ def _check(slave: PairSurface, master: PairSurface, covered: Array, reach: float
     if not covered.any():
         raise PairingError(
             f"none of its facets finds one of the other side that faces it within {reach:.3g}; "
-            f"{_nearest(slave, master)}: check the facets, and that the bodies do not lie inside each other"
+            f"{_nearest(slave, master)}: check the facets, and that the bodies do not lie inside "
+            "each other"
         )
     twice = np.flatnonzero(covered > (1.0 + NEGLIGIBLE) * slave.facet_areas)
     if twice.size:
         point = ", ".join(f"{c:g}" for c in slave.corners[twice[0]].mean(axis=0))
         raise PairingError(
-            f"{twice.size} of its facets see more than one sheet of the other side within {reach:.3g}, such as that at "
+            f"{twice.size} of its facets see more than one sheet of the other side within "
+            f"{reach:.3g}, such as that at "
             f"({point}): give a smaller reach"
         )
 
 
 def _nearest(slave: PairSurface, master: PairSurface) -> str:
-    """Where both sides are nearest to each other, how far apart, and which way they face there, in words."""
+    """Where both sides are nearest to each other, how far apart, and which way they face there, in
+    words.
+    """
     first, second = (Parts.of(side, np.arange(len(side.nodes))) for side in (slave, master))
     away, partners = cKDTree(second.centre).query(first.centre)
     nearest = int(away.argmin())
@@ -381,6 +476,7 @@ def _nearest(slave: PairSurface, master: PairSurface) -> str:
     point = ", ".join(f"{c:.4g}" for c in size * np.round(first.centre[nearest] / size, 9))
     angle = float(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))
     return (
-        f"both are nearest at ({point}), {away[nearest]:.3g} apart, where their normals enclose {angle:.0f} degrees, "
+        f"both are nearest at ({point}), {away[nearest]:.3g} apart, where their normals enclose "
+        f"{angle:.0f} degrees, "
         "of sides that face each other about 180"
     )

@@ -1,13 +1,14 @@
 """The overlap of two sides.
 
-In 2D points are projected along a continuous direction n(s) on the slave side, which interpolates those at the nodes:
-the slave point under a master point x has (x - x_s(s)) x n(s) = 0.  Between the images of the ends of a master facet
-all integrands are smooth.
+In 2D points are projected along a continuous direction n(s) on the slave side, which interpolates
+those at the nodes: the slave point under a master point x has (x - x_s(s)) x n(s) = 0.  Between the
+images of the ends of a master facet all integrands are smooth.
 
-In 3D (Puso and Laursen, Comput. Methods Appl. Mech. Engrg. 193 (2004) 601-629) each linear part of a slave facet has a
-plane through its centroid, across the direction of projection there.  Both parts are projected onto it, the polygon
-that they share is found by clipping, and a fan of triangles around its centre carries the quadrature.  Points are
-mapped back into both facets; weights are areas of the undeformed slave surface.
+In 3D (Puso and Laursen, Comput. Methods Appl. Mech. Engrg. 193 (2004) 601-629) each linear part of
+a slave facet has a plane through its centroid, across the direction of projection there.  Both
+parts are projected onto it, the polygon that they share is found by clipping, and a fan of
+triangles around its centre carries the quadrature.  Points are mapped back into both facets;
+weights are areas of the undeformed slave surface.
 """
 
 from __future__ import annotations
@@ -25,25 +26,28 @@ from signorini_fx.tuned import MANY_STEPS, NOTHING_LEFT, SAME_LENGTH, SAME_NUMBE
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
 
-# Degrees of the quadrature on each triangle, by the degree of the functions; on quadrilaterals and on curved triangles
-# integrands are no polynomials, but bilinear functions on parallelograms are.
+# Degrees of the quadrature on each triangle, by the degree of the functions; on quadrilaterals and
+# on curved triangles integrands are no polynomials, but bilinear functions on parallelograms are.
 _DEGREES = {1: 2, 2: 4}
 _RATIONAL = 12
 _PARALLELOGRAMS = 4
-# Of Gauss' rule in [-1, 1] for a segment of the overlap in 2D, which belongs to the definition of the map: integrands
-# are rational where normals turn, and not polynomials on curved facets.
+# Of Gauss' rule in [-1, 1] for a segment of the overlap in 2D, which belongs to the definition of
+# the map: integrands are rational where normals turn, and not polynomials on curved facets.
 _PLACES_OF_RULE, _WEIGHTS_OF_RULE = np.polynomial.legendre.leggauss(8)
 
 
 def space_overlap(
     slave_parts: Parts, master_parts: Parts, reach: float, directions: Array | None, comm: MPI.Comm
 ) -> Overlap:
-    """The overlap in 3D, some triangles for each pair of parts that meet; ``reach``: distance beyond which parts are no
-    partners, length; ``directions``: of projection at the nodes of the slave with test functions, shape (N, 3), None:
-    the normals of its parts; collective.
+    """The overlap in 3D, some triangles for each pair of parts that meet; ``reach``: distance
+    beyond which parts are no partners, length; ``directions``: of projection at the nodes of the
+    slave with test functions, shape (N, 3), None: the normals of its parts; collective.
     """
     slave, master = slave_parts.side, master_parts.side
-    along, turning = slave_parts.normal, np.asarray(np.zeros(len(slave_parts.facet)), dtype=np.float64)
+    along, turning = (
+        slave_parts.normal,
+        np.asarray(np.zeros(len(slave_parts.facet)), dtype=np.float64),
+    )
     if directions is not None:
         along, turning = _along(slave, slave_parts, directions)
     slave_numbers, master_numbers = candidates(slave_parts, master_parts, reach, turning)
@@ -53,14 +57,24 @@ def space_overlap(
         for corners in (slave_parts.corners[slave_numbers], master_parts.corners[master_numbers])
     )
     polygon, count = clip(counterclockwise(flat_master), counterclockwise(flat))
-    nonempty = _areas(polygon, count) > NOTHING_LEFT * np.abs(_areas(flat, np.full(len(flat), flat.shape[1])))
-    slave_numbers, master_numbers, count = slave_numbers[nonempty], master_numbers[nonempty], count[nonempty]
-    flat, flat_master, polygon, centre, axes = (entry[nonempty] for entry in (flat, flat_master, polygon, centre, axes))
+    nonempty = _areas(polygon, count) > NOTHING_LEFT * np.abs(
+        _areas(flat, np.full(len(flat), flat.shape[1]))
+    )
+    slave_numbers, master_numbers, count = (
+        slave_numbers[nonempty],
+        master_numbers[nonempty],
+        count[nonempty],
+    )
+    flat, flat_master, polygon, centre, axes = (
+        entry[nonempty] for entry in (flat, flat_master, polygon, centre, axes)
+    )
     triangles, pair = _fan(polygon, count)
     functions = slave.functions, master.functions
     met = (slave, slave_parts.facet[slave_numbers]), (master, master_parts.facet[master_numbers])
     degree = _degree(functions, affine=all(_affine(side, numbers) for side, numbers in met))
-    points, weights = basix.make_quadrature(basix.CellType.triangle, int(parallel.global_max(comm, degree)))
+    points, weights = basix.make_quadrature(
+        basix.CellType.triangle, int(parallel.global_max(comm, degree))
+    )
     first, second = (triangles[:, k] - triangles[:, 0] for k in (1, 2))
     p = triangles[:, :1] + points[:, :1] * first[:, None] + points[:, 1:] * second[:, None]
     area = np.abs(_cross(first, second))[:, None] * weights
@@ -71,17 +85,25 @@ def space_overlap(
     true = slave.sizes(slave_parts.facet[slave_numbers], at)
     if max(entry.degree for entry in functions) > 1:
         p = np.einsum(
-            "mqd,mkd->mqk", slave.positions(slave_parts.facet[slave_numbers], at) - centre[pair][:, None], axes[pair]
+            "mqd,mkd->mqk",
+            slave.positions(slave_parts.facet[slave_numbers], at) - centre[pair][:, None],
+            axes[pair],
         )
-        over = projected_places(master, master_parts.facet[master_numbers], over, p, centre[pair], axes[pair])
+        over = projected_places(
+            master, master_parts.facet[master_numbers], over, p, centre[pair], axes[pair]
+        )
     return Overlap(
-        slave_parts.facet[slave_numbers], master_parts.facet[master_numbers], at, over, area * true / projected
+        slave_parts.facet[slave_numbers],
+        master_parts.facet[master_numbers],
+        at,
+        over,
+        area * true / projected,
     )
 
 
 def turned(slave: PairSurface, directions: Array) -> float:
-    """How far directions of projection at the nodes are at most from those that a first projection takes: in 2D a
-    distance of unit vectors, in 3D the tangent of an angle.
+    """How far directions of projection at the nodes are at most from those that a first projection
+    takes: in 2D a distance of unit vectors, in 3D the tangent of an angle.
     """
     if slave.dimension == 2:
         return float(np.abs(directions - slave.nodal_normals)[slave.points].max())
@@ -89,7 +111,9 @@ def turned(slave: PairSurface, directions: Array) -> float:
 
 
 def _along(side: PairSurface, parts: Parts, directions: Array) -> tuple[Array, Array]:
-    """The direction of projection at the middle of each part, and the tangent of its angle to the normal."""
+    """The direction of projection at the middle of each part, and the tangent of its angle to the
+    normal.
+    """
     shape = side.functions.tests.values(parts.reference.mean(axis=1))
     along = np.einsum("pt,ptd->pd", shape, directions[side.points[parts.facet]])
     along /= np.linalg.norm(along, axis=1, keepdims=True)
@@ -102,30 +126,48 @@ def _affine(side: PairSurface, facets: Indices) -> bool:
     """Whether maps from the reference facet to these facets are affine."""
     corners, places = side.corners[np.unique(facets)], side.functions.places
     away = np.linalg.norm(corners - Lagrange(places[:3]).values(places) @ corners[:, :3], axis=2)
-    return bool((away <= SAME_LENGTH * np.linalg.norm(corners[:, 1:2] - corners[:, :1], axis=2)).all())
+    return bool(
+        (away <= SAME_LENGTH * np.linalg.norm(corners[:, 1:2] - corners[:, :1], axis=2)).all()
+    )
 
 
 def _degree(functions: tuple[Lagrange, Lagrange], *, affine: bool) -> int:
-    """Of the quadrature on each triangle; ``affine``: whether the maps of the facets of both sides are."""
-    highest, simplices = max(lagrange.degree for lagrange in functions), all(lagrange.simplex for lagrange in functions)
+    """Of the quadrature on each triangle; ``affine``: whether the maps of the facets of both sides
+    are.
+    """
+    highest, simplices = (
+        max(lagrange.degree for lagrange in functions),
+        all(lagrange.simplex for lagrange in functions),
+    )
     if not affine or (highest > 1 and not simplices):
         return _RATIONAL
     return _DEGREES[highest] if simplices else _PARALLELOGRAMS
 
 
-def projected_places(side: PairSurface, facets: Indices, at: Array, p: Array, centre: Array, axes: Array) -> Array:
-    """The places on curved facets whose projections are the points p of the planes, by Newton's method from ``at``."""
-    return _places_of(side.functions, (side.corners[facets] - centre[:, None]) @ axes.transpose(0, 2, 1), p, at)
+def projected_places(
+    side: PairSurface, facets: Indices, at: Array, p: Array, centre: Array, axes: Array
+) -> Array:
+    """The places on curved facets whose projections are the points p of the planes, by Newton's
+    method from ``at``.
+    """
+    return _places_of(
+        side.functions, (side.corners[facets] - centre[:, None]) @ axes.transpose(0, 2, 1), p, at
+    )
 
 
 def _places_of(functions: Lagrange, nodes: Array, p: Array, at: Array) -> Array:
-    """Where what functions interpolate between nodes of the plane, shape (m, k, 2), is at points, shape (m, q, 2)."""
+    """Where what functions interpolate between nodes of the plane, shape (m, k, 2), is at points,
+    shape (m, q, 2).
+    """
     at, moving = at.copy(), np.arange(len(at))
     for _ in range(1 if functions.degree == 1 and functions.simplex else MANY_STEPS):
         place, flat = at[moving], nodes[moving]
         residual = p[moving] - functions.values(place) @ flat
         first, second = functions.slopes(place) @ flat
-        step = np.stack((_cross(residual, second), _cross(first, residual)), axis=-1) / _cross(first, second)[..., None]
+        step = (
+            np.stack((_cross(residual, second), _cross(first, residual)), axis=-1)
+            / _cross(first, second)[..., None]
+        )
         at[moving] = place + step
         moving = moving[np.abs(step).max(axis=(1, 2)) >= SAME_LENGTH]
         if not moving.size:
@@ -146,7 +188,9 @@ def _cross(a: Array, b: Array) -> Array:
 
 
 def _areas(polygon: Array, count: Indices) -> Array:
-    """Signed areas of polygons of shape (m, v, 2), of which the first ``count`` corners are there, shape (m,)."""
+    """Signed areas of polygons of shape (m, v, 2), of which the first ``count`` corners are there,
+    shape (m,).
+    """
     valid = np.arange(polygon.shape[1]) < count[:, None]
     arms = np.where(valid[..., None], polygon - polygon[:, :1], 0.0)
     return np.asarray(_cross(arms[:, :-1], arms[:, 1:]).sum(axis=1) / 2)
@@ -159,9 +203,9 @@ def counterclockwise(polygon: Array) -> Array:
 
 
 def clip(subject: Array, window: Array) -> tuple[Array, Indices]:
-    """Convex polygons, or lines of two corners, cut by convex windows (Sutherland and Hodgman), both counterclockwise,
-    shapes (m, a, 2) and (m, b, 2): corners of what is left, shape (m, v, 2), and how many of them are there, shape
-    (m,).
+    """Convex polygons, or lines of two corners, cut by convex windows (Sutherland and Hodgman),
+    both counterclockwise, shapes (m, a, 2) and (m, b, 2): corners of what is left, shape (m, v, 2),
+    and how many of them are there, shape (m,).
     """
     polygon, count = subject, np.full(len(subject), subject.shape[1])
     for edge in range(window.shape[1]):
@@ -178,7 +222,8 @@ def clip(subject: Array, window: Array) -> tuple[Array, Indices]:
         # Of each side first the corner that stays, then where it crosses the edge.
         corners = np.stack((polygon, cut), axis=2).reshape(len(polygon), 2 * size, 2)
         stays = np.stack((inside, crosses), axis=2).reshape(len(polygon), 2 * size)
-        # One more than before; where corners are on the edge but for round-off the cut may go to and fro along it.
+        # One more than before; where corners are on the edge but for round-off the cut may go to
+        # and fro along it.
         count = stays.sum(axis=1)
         order = np.argsort(~stays, axis=1, kind="stable")[:, : count.max(initial=1)]
         polygon = np.take_along_axis(corners, order[..., None], axis=1)
@@ -186,7 +231,9 @@ def clip(subject: Array, window: Array) -> tuple[Array, Indices]:
 
 
 def _fan(polygon: Array, count: Indices) -> tuple[Array, Indices]:
-    """Triangles around the centre of each polygon, shape (t, 3, 2), and which polygon each is of, shape (t,)."""
+    """Triangles around the centre of each polygon, shape (t, 3, 2), and which polygon each is of,
+    shape (t,).
+    """
     size = polygon.shape[1]
     valid = np.arange(size) < count[:, None]
     centre = np.where(valid[..., None], polygon, 0.0).sum(axis=1) / np.maximum(count, 1)[:, None]
@@ -198,28 +245,38 @@ def _fan(polygon: Array, count: Indices) -> tuple[Array, Indices]:
 
 
 def _back(functions: Lagrange, flat: Array, reference: Array, p: Array) -> tuple[Array, Array]:
-    """Where points of the plane are in the reference facet, and the area that a unit of it has in the plane."""
+    """Where points of the plane are in the reference facet, and the area that a unit of it has in
+    the plane.
+    """
     at = _places_of(functions, flat, p, np.full(p.shape, 0.5))
     slopes = functions.slopes(at)
-    return functions.values(at) @ reference, np.abs(_cross(*(slopes @ flat)) / _cross(*(slopes @ reference)))
+    return functions.values(at) @ reference, np.abs(
+        _cross(*(slopes @ flat)) / _cross(*(slopes @ reference))
+    )
 
 
 def plane_overlap(
     slave_parts: Parts, master_parts: Parts, reach: float, directions: Array | None, comm: MPI.Comm
 ) -> Overlap:
-    """The overlap, one piece for each pair of facets that meet; for the arguments see ``space_overlap``, d = 2.
+    """The overlap, one piece for each pair of facets that meet; for the arguments see
+    ``space_overlap``, d = 2.
 
     Directions at nodes are the normals of the slave where none are given.
     """
     slave, master, facets = slave_parts.side, master_parts.side, slave_parts.facet
     normals = (slave.nodal_normals if directions is None else directions)[slave.nodes[facets]]
-    cosine, sine = np.einsum("fkd,fd->fk", normals, slave_parts.normal), _cross(normals, slave_parts.normal[:, None])
+    cosine, sine = (
+        np.einsum("fkd,fd->fk", normals, slave_parts.normal),
+        _cross(normals, slave_parts.normal[:, None]),
+    )
     turning = (np.abs(sine) / np.maximum(cosine, SAME_NUMBER)).max(axis=1)
     numbers, master_facets = candidates(slave_parts, master_parts, reach, turning)
     slave_facets, normals = facets[numbers], normals[numbers]
     corners, ways = slave.corners[slave_facets], slave.functions.polynomials(normals)[:, :, None]
     # Of each pair: the images of both ends.
-    ends = place_under(slave.functions, corners, ways, master.positions(master_facets, np.array([[[0.0], [1.0]]])))
+    ends = place_under(
+        slave.functions, corners, ways, master.positions(master_facets, np.array([[[0.0], [1.0]]]))
+    )
     ends.sort(axis=1)
     meets = ends[:, 1] - ends[:, 0] > NOTHING_LEFT
     slave_facets, master_facets = slave_facets[meets], master_facets[meets]
@@ -227,18 +284,22 @@ def plane_overlap(
     width = ends[:, 1] - ends[:, 0]
     at = ends[:, :1] + width[:, None] * (_PLACES_OF_RULE + 1) / 2
     shape = slave.functions.values(at[..., None])
-    over = place_under(master.functions, master.corners[master_facets], (shape @ normals)[:, None], shape @ corners)
+    over = place_under(
+        master.functions, master.corners[master_facets], (shape @ normals)[:, None], shape @ corners
+    )
     weight = slave.sizes(slave_facets, at[..., None]) * _WEIGHTS_OF_RULE / 2 * width[:, None]
     return Overlap(slave_facets, master_facets, at[..., None], over[..., None], weight)
 
 
 def place_under(functions: Lagrange, corners: Array, ways: Array, x: Array) -> Array:
-    """The places s in [0, 1] of the points of facets with such corners, shape (m, k, d), under points, shape (m, q, d),
-    or the ends beyond which they are; ``ways``: factors of the powers of s in the directions, shape (m, w, q or 1, d).
+    """The places s in [0, 1] of the points of facets with such corners, shape (m, k, d), under
+    points, shape (m, q, d), or the ends beyond which they are; ``ways``: factors of the powers of s
+    in the directions, shape (m, w, q or 1, d).
     """
     places = functions.polynomials(corners - corners[:, :1])[:, :, None]
     along = places[:, 1:].sum(axis=1)
-    # The misses are polynomials of the place: along the facet they fall or rise, as its normal is on its right or left.
+    # The misses are polynomials of the place: along the facet they fall or rise, as its normal is
+    # on its right or left.
     misses: Array = np.zeros((2 * places.shape[1] - 1, *x.shape[:2]))
     misses[: ways.shape[1]] = _cross((x - corners[:, :1])[:, None], ways).swapaxes(0, 1)
     for power in range(1, places.shape[1]):
@@ -251,7 +312,9 @@ def place_under(functions: Lagrange, corners: Array, ways: Array, x: Array) -> A
 
 
 def _crossing(factors: Array) -> Array:
-    """Where polynomials that are positive at 0 and negative at 1 are zero (quadratic formula, Newton, bisections)."""
+    """Where polynomials that are positive at 0 and negative at 1 are zero (quadratic formula,
+    Newton, bisections).
+    """
     if len(factors) == 3:
         constant, slope, curve = factors
         root = np.sqrt(np.maximum(slope**2 - 4.0 * curve * constant, 0.0))
@@ -271,7 +334,9 @@ def _crossing(factors: Array) -> Array:
 
 
 def _powers(factors: Array, s: Array) -> Array:
-    """The values of polynomials at s, with factors of powers in ascending order along the first axis."""
+    """The values of polynomials at s, with factors of powers in ascending order along the first
+    axis.
+    """
     value = factors[-1]
     for factor in factors[-2::-1]:
         value = value * s + factor

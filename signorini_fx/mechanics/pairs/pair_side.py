@@ -1,9 +1,10 @@
-"""One side of a pair: facets with Lagrange functions, their positions, directions and nodal integrals; the overlap of
-both: triples of a slave point, the master point over it, and an area; and sparse maps of vectors at nodes, such as the
-rotation of normals.
+"""One side of a pair: facets with Lagrange functions, their positions, directions and nodal
+integrals; the overlap of
+both: triples of a slave point, the master point over it, and an area; and sparse maps of vectors at
+nodes, such as the rotation of normals.
 
-A facet has k nodes at reference places in [0, 1] (d = 2), in the triangle with the vertices (0, 0), (1, 0), (0, 1), or
-in [0, 1]^2, in any order: what the functions are follows from the places.
+A facet has k nodes at reference places in [0, 1] (d = 2), in the triangle with the vertices (0, 0),
+(1, 0), (0, 1), or in [0, 1]^2, in any order: what the functions are follows from the places.
 """
 
 from __future__ import annotations
@@ -50,7 +51,9 @@ class Lagrange:
 
     @cached_property
     def _exponents(self) -> list[tuple[int, ...]]:
-        powers = [power[::-1] for power in product(range(self.degree + 1), repeat=self.places.shape[1])]
+        powers = [
+            power[::-1] for power in product(range(self.degree + 1), repeat=self.places.shape[1])
+        ]
         kept = [power for power in powers if not self.simplex or sum(power) <= self.degree]
         return list(zip(*kept, strict=True))  # of each direction
 
@@ -59,7 +62,9 @@ class Lagrange:
         return np.asarray(np.linalg.inv(self._monomials(self.places)), dtype=np.float64)
 
     def _monomials(self, at: Array, along: int | None = None) -> Array:
-        """The monomials at points of shape (..., d - 1), or their derivatives along one direction, shape (..., k)."""
+        """The monomials at points of shape (..., d - 1), or their derivatives along one direction,
+        shape (..., k).
+        """
         factors = list[Array]()
         for axis, power in enumerate(self._exponents):
             s = at[..., axis, None]
@@ -74,17 +79,21 @@ class Lagrange:
 
     def slopes(self, at: Array) -> Array:
         """Their derivatives along the d - 1 directions, shape (d - 1, ..., k)."""
-        return np.array([self._monomials(at, axis) @ self._coefficients for axis in range(self.places.shape[1])])
+        return np.array(
+            [self._monomials(at, axis) @ self._coefficients for axis in range(self.places.shape[1])]
+        )
 
     def polynomials(self, values: Array) -> Array:
-        """What interpolates nodal values in an interval, shape (..., k, d): factors of the powers of the place, in
-        ascending order, likewise.
+        """What interpolates nodal values in an interval, shape (..., k, d): factors of the powers
+        of the place, in ascending order, likewise.
         """
         return np.asarray(self._coefficients @ values)
 
     @property
     def curvatures(self) -> Array:
-        """Their second derivatives in an interval, where they are the same everywhere, shape (k,)."""
+        """Their second derivatives in an interval, where they are the same everywhere, shape
+        (k,).
+        """
         coefficients = self._coefficients
         return 2.0 * coefficients[2] if self.degree == 2 else np.zeros(len(coefficients))
 
@@ -97,15 +106,15 @@ class Lagrange:
 
     @cached_property
     def tests(self) -> Lagrange:
-        """The functions that the test functions are dual to: on quadratic triangles the hats of the vertices, which
-        come first; else the functions themselves.
+        """The functions that the test functions are dual to: on quadratic triangles the hats of the
+        vertices, which come first; else the functions themselves.
         """
         return Lagrange(self.places[:3]) if self.places.shape == (6, 2) else self
 
     @cached_property
     def tested_slopes(self) -> tuple[Array, Array]:
-        """For the integrals of test functions times normals: values with weights, and slopes, at the points of a rule,
-        shapes (q, t) and (d - 1, q, k).
+        """For the integrals of test functions times normals: values with weights, and slopes, at
+        the points of a rule, shapes (q, t) and (d - 1, q, k).
         """
         points, weights = self.rule(2 * self.degree + 2)
         return self.tests.values(points) * weights[:, None], self.slopes(points)
@@ -122,7 +131,9 @@ class Lagrange:
 
     @cached_property
     def parts(self) -> Array:
-        """Corners of the linear parts of the reference facet, in order around each, shape (parts, corners, d - 1)."""
+        """Corners of the linear parts of the reference facet, in order around each, shape (parts,
+        corners, d - 1).
+        """
         if self.degree == 1 or self.places.shape[1] == 1:
             return self.corners[None]
         corners = [self.corners / 2 + shift for shift in self.corners / 2]
@@ -145,12 +156,16 @@ class PairSurface:
         nodes: numbers of the k nodes of each facet, shape (f, k).
         x: positions of all nodes, length, shape (N, d).
         functions: of each facet.
-        sign: +1 where the outward normal is (dx/ds x dx/dt), in 2D dx/ds turned clockwise; else -1, shape (f,).
-        across: projectors onto the directions across planes of symmetry at all nodes, shape (N, d, d).
+        sign: +1 where the outward normal is (dx/ds x dx/dt), in 2D dx/ds turned clockwise; else -1,
+            shape (f,).
+        across: projectors onto the directions across planes of symmetry at all nodes, shape (N, d,
+            d).
         held: nodes that supports hold along their normals, shape (N,).
         unable: nodes that cannot carry a point, because another contact owns them, shape (N,).
-        measure: by what areas are multiplied, at all nodes, between which it is interpolated, shape (N,); None: 1.
-        undeformed: of which areas are, where ``x`` are positions of a deformed body; None: the same.
+        measure: by what areas are multiplied, at all nodes, between which it is interpolated, shape
+            (N,); None: 1.
+        undeformed: of which areas are, where ``x`` are positions of a deformed body; None: the
+            same.
     """
 
     nodes: Indices
@@ -165,14 +180,21 @@ class PairSurface:
 
     @classmethod
     def of(
-        cls, nodes: Indices, x: Array, functions: Lagrange, sign: Array, measure: Array | None = None
+        cls,
+        nodes: Indices,
+        x: Array,
+        functions: Lagrange,
+        sign: Array,
+        measure: Array | None = None,
     ) -> PairSurface:
         """A side that nothing holds."""
         none: Flags = np.zeros(len(x), dtype=bool)
         return cls(nodes, x, functions, sign, np.zeros((*x.shape, x.shape[1])), none, none, measure)
 
     def displaced(self, displacement: Array) -> PairSurface:
-        """The same nodes elsewhere, with the areas of the undeformed surface; ``displacement``: shape (N, d)."""
+        """The same nodes elsewhere, with the areas of the undeformed surface; ``displacement``:
+        shape (N, d).
+        """
         start = self if self.undeformed is None else self.undeformed
         return replace(start, x=start.x + displacement, undeformed=start)
 
@@ -192,20 +214,22 @@ class PairSurface:
         return self.nodes[:, : len(self.functions.tests.places)]
 
     def normals(self, facets: Indices, at: Array) -> Array:
-        """Outward normals times the area (in 2D: length) of a unit of the reference facet at points of some facets,
-        shape (m, q, d - 1), or the same of all, (1, q, d - 1): shape (m, q, d).
+        """Outward normals times the area (in 2D: length) of a unit of the reference facet at points
+        of some facets, shape (m, q, d - 1), or the same of all, (1, q, d - 1): shape (m, q, d).
         """
         return self._crossed(facets, at) * self.sign[facets][:, None, None]
 
     def sizes(self, facets: Indices, at: Array) -> Array:
-        """Undeformed area (in 2D: length) of a unit of the reference facet times the measure, shape (m, q), see
-        ``normals``.
+        """Undeformed area (in 2D: length) of a unit of the reference facet times the measure, shape
+        (m, q), see ``normals``.
         """
         if self.undeformed is not None:
             return self.undeformed.sizes(facets, at)
         sizes = np.linalg.norm(self._crossed(facets, at), axis=2)
         if self.measure is not None:
-            sizes *= (self.functions.values(at) @ self.measure[self.nodes[facets]][..., None])[..., 0]
+            sizes *= (self.functions.values(at) @ self.measure[self.nodes[facets]][..., None])[
+                ..., 0
+            ]
         return np.asarray(sizes)
 
     def _crossed(self, facets: Indices, at: Array) -> Array:
@@ -222,13 +246,17 @@ class PairSurface:
         if self.undeformed is not None:
             return self.undeformed._areas
         points, weights = self.functions.rule(_DEGREE)
-        sizes, area = self.sizes(np.arange(len(self.nodes)), points[None]) * weights, np.zeros(len(self.x))
+        sizes, area = (
+            self.sizes(np.arange(len(self.nodes)), points[None]) * weights,
+            np.zeros(len(self.x)),
+        )
         np.add.at(area, self.points, sizes @ self.functions.tests.values(points))
         return area, sizes.sum(axis=1)
 
     @property
     def area(self) -> Array:
-        """The area (in 2D: length) of each node, the integral of its test function times the measure, shape
+        """The area (in 2D: length) of each node, the integral of its test function times the
+        measure, shape
         (N,).
         """
         return self._areas[0]
@@ -237,7 +265,8 @@ class PairSurface:
     def without_area(self) -> npt.NDArray[np.bool_]:
         """Nodes whose test functions have none because of the measure, shape (N,).
 
-        Of a quadratic node on an axis of revolution the function is zero, but for the curvature of its facet.
+        Of a quadratic node on an axis of revolution the function is zero, but for the curvature of
+        its facet.
         """
         if self.measure is None:
             return np.zeros(len(self.x), dtype=bool)
@@ -246,22 +275,25 @@ class PairSurface:
 
     @cached_property
     def nodal_normals(self) -> Array:
-        """Outward unit normals at the nodes with test functions, means of those around them, with their mirror images
-        where a plane of symmetry cuts the surface, shape (N, d); zero elsewhere.
+        """Outward unit normals at the nodes with test functions, means of those around them, with
+        their mirror images where a plane of symmetry cuts the surface, shape (N, d); zero
+        elsewhere.
         """
         return self.in_planes(self.moments, np.arange(len(self.x)))
 
     @cached_property
     def moments(self) -> Array:
-        """The integrals of the outward normal times the test function of each node, shape (N, d)."""
+        """The integrals of the outward normal times the test function of each node, shape (N,
+        d).
+        """
         (tests, slopes), moments = self.functions.tested_slopes, np.zeros(self.x.shape)
         normals = across(slopes[:, None] @ self.corners) * self.sign[:, None, None]
         np.add.at(moments, self.points, tests.T @ normals)
         return moments
 
     def in_planes(self, vectors: Array, nodes: Indices) -> Array:
-        """Vectors at some nodes, shape (m, d), without what they have across planes of symmetry, and of length one;
-        zero where they are.
+        """Vectors at some nodes, shape (m, d), without what they have across planes of symmetry,
+        and of length one; zero where they are.
         """
         vectors = vectors - (self.across[nodes] @ vectors[..., None])[..., 0]
         size = np.linalg.norm(vectors, axis=1, keepdims=True)
@@ -269,42 +301,55 @@ class PairSurface:
 
     @cached_property
     def turning(self) -> Array:
-        """How displacements of the nodes of each facet turn ``nodal_normals`` there, shape (f, t, k, d, d)."""
+        """How displacements of the nodes of each facet turn ``nodal_normals`` there, shape (f, t,
+        k, d, d).
+        """
         (tests, slopes), dim = self.functions.tested_slopes, self.dimension
         if dim == 2:
-            turning = (tests.T @ slopes[0])[None, :, :, None, None] * np.array([[0.0, 1.0], [-1.0, 0.0]])
+            turning = (tests.T @ slopes[0])[None, :, :, None, None] * np.array(
+                [[0.0, 1.0], [-1.0, 0.0]]
+            )
         else:
             along = slopes[:, None] @ self.corners
-            first, second = (slopes[k][None, :, :, None] * along[1 - k][:, :, None] for k in range(2))
+            first, second = (
+                slopes[k][None, :, :, None] * along[1 - k][:, :, None] for k in range(2)
+            )
             vectors = np.einsum("qt,fqld->ftld", tests, second - first, optimize=True)
             turning = _crossing(vectors.reshape(-1, 3)).reshape(*vectors.shape, 3)
         within, normals = np.eye(dim) - self.across, self.nodal_normals
         size = np.linalg.norm((within @ self.moments[..., None])[..., 0], axis=1)
         inverse = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0)
         across = inverse[:, None, None] * (within - normals[:, :, None] * normals[:, None])
-        return np.asarray(across[self.points][:, :, None] @ (turning * self.sign[:, None, None, None, None]))
+        return np.asarray(
+            across[self.points][:, :, None] @ (turning * self.sign[:, None, None, None, None])
+        )
 
     @cached_property
     def turning_places(self) -> tuple[Indices, Indices, Indices]:
-        """Of the sparse matrix that sums ``turning``, shape (d N, d N): which entry each value adds to, the columns of
-        the entries, and how many there are in each row.
+        """Of the sparse matrix that sums ``turning``, shape (d N, d N): which entry each value adds
+        to, the columns of the entries, and how many there are in each row.
         """
         if self.undeformed is not None:
             return self.undeformed.turning_places
-        width, (rows, columns) = self.x.size, (components(nodes, self.dimension) for nodes in (self.points, self.nodes))
+        width, (rows, columns) = (
+            self.x.size,
+            (components(nodes, self.dimension) for nodes in (self.points, self.nodes)),
+        )
         entries, place = np.unique(rows[:, :, None] * width + columns[:, None], return_inverse=True)
         row, columns = np.divmod(entries, width)
         return place.ravel(), columns, np.bincount(row, minlength=width)
 
     @cached_property
     def directions(self) -> Array:
-        """``nodal_normals``, and between the vertices of quadratic triangles the means of those at both, of length one;
-        zero at nodes of no facet, shape (N, d).
+        """``nodal_normals``, and between the vertices of quadratic triangles the means of those at
+        both, of length one; zero at nodes of no facet, shape (N, d).
         """
         if len(self.functions.tests.places) == len(self.functions.places):
             return self.nodal_normals
         directions = np.zeros(self.x.shape)
-        directions[self.nodes] = self.functions.tests.values(self.functions.places) @ self.nodal_normals[self.points]
+        directions[self.nodes] = (
+            self.functions.tests.values(self.functions.places) @ self.nodal_normals[self.points]
+        )
         size = np.linalg.norm(directions, axis=1, keepdims=True)
         return np.divide(directions, size, out=np.zeros_like(directions), where=size > 0)
 
@@ -315,7 +360,9 @@ class PairSurface:
 
     @cached_property
     def around(self) -> sp.csr_array:
-        """The area of the facets around a node that are around another one, too, sparse, shape (N, N)."""
+        """The area of the facets around a node that are around another one, too, sparse, shape (N,
+        N).
+        """
         if self.undeformed is not None:
             return self.undeformed.around
         areas, shape = self.facet_areas[:, None, None], (len(self.x), len(self.x))
@@ -330,7 +377,8 @@ class Overlap:
         slave, master: numbers of the facets, shape (p,).
         at: the points in the reference facet of the slave, shape (p, q, d - 1).
         over: those in the reference facet of the master, shape (p, q, d - 1).
-        weight: area (in 2D: length) of the slave side that a point stands for, times its measure, shape (p, q).
+        weight: area (in 2D: length) of the slave side that a point stands for, times its measure,
+            shape (p, q).
     """
 
     slave: Indices
@@ -341,19 +389,23 @@ class Overlap:
 
     def over_ranks(self, comm: MPI.Comm) -> Overlap:
         """Those of all ranks; collective."""
-        return Overlap(*(parallel.gather_rows(comm, getattr(self, entry.name)) for entry in fields(self)))
+        return Overlap(
+            *(parallel.gather_rows(comm, getattr(self, entry.name)) for entry in fields(self))
+        )
 
 
 def summed(shape: tuple[int, int], *parts: tuple[Array, Indices, Indices]) -> sp.csr_array:
-    """A sparse matrix, the sum of entries: values, rows and columns, of each part of shapes that are broadcast."""
+    """A sparse matrix, the sum of entries: values, rows and columns, of each part of shapes that
+    are broadcast.
+    """
     flat = ([entry.ravel() for entry in np.broadcast_arrays(*part)] for part in parts)
     values, *places = (np.concatenate(entries) for entries in zip(*flat, strict=True))
     return sp.csr_array((values, places), shape=shape)
 
 
 def in_rows(values: Array, columns: Indices, width: int) -> sp.csr_array:
-    """A sparse matrix with i rows for each of p pieces: values of shape (p, i, c), in columns that all rows of a piece
-    have, shape (p, c).
+    """A sparse matrix with i rows for each of p pieces: values of shape (p, i, c), in columns that
+    all rows of a piece have, shape (p, c).
     """
     (count, rows, entries), indices = values.shape, np.repeat(columns, values.shape[1], axis=0)
     ends = np.arange(0, values.size + 1, entries)
@@ -362,27 +414,38 @@ def in_rows(values: Array, columns: Indices, width: int) -> sp.csr_array:
 
 def components(nodes: Indices, dimension: int) -> Indices:
     """The numbers of the components of vectors at nodes, shape (..., k): shape (..., d k)."""
-    return (dimension * nodes[..., None] + np.arange(dimension)).reshape(*nodes.shape[:-1], dimension * nodes.shape[-1])
+    return (dimension * nodes[..., None] + np.arange(dimension)).reshape(
+        *nodes.shape[:-1], dimension * nodes.shape[-1]
+    )
 
 
 def in_blocks(matrix: sp.csr_array, count: int) -> sp.bsr_array:
-    """A matrix of nodes as one of vectors at them, which does the same to each of so many components."""
+    """A matrix of nodes as one of vectors at them, which does the same to each of so many
+    components.
+    """
     shape = (count * matrix.shape[0], count * matrix.shape[1])
-    return sp.bsr_array((matrix.data[:, None, None] * np.eye(count), matrix.indices, matrix.indptr), shape=shape)
+    return sp.bsr_array(
+        (matrix.data[:, None, None] * np.eye(count), matrix.indices, matrix.indptr), shape=shape
+    )
 
 
 def means_along(vectors: Array, matrix: sp.csr_array) -> sp.csr_array:
-    """What vectors at points, shape (n, d), have of the means that a matrix of nodes makes of vectors there: sparse,
-    shape (n, d m).
+    """What vectors at points, shape (n, d), have of the means that a matrix of nodes makes of
+    vectors there: sparse, shape (n, d m).
     """
-    dim, values = vectors.shape[1], matrix.data[:, None] * np.repeat(vectors, np.diff(matrix.indptr), axis=0)
+    dim, values = (
+        vectors.shape[1],
+        matrix.data[:, None] * np.repeat(vectors, np.diff(matrix.indptr), axis=0),
+    )
     shape = (matrix.shape[0], dim * matrix.shape[1])
-    return sp.csr_array((values.ravel(), components(matrix.indices, dim), dim * matrix.indptr), shape=shape)
+    return sp.csr_array(
+        (values.ravel(), components(matrix.indices, dim), dim * matrix.indptr), shape=shape
+    )
 
 
 def along_vectors(vectors: Array, blocks: sp.bsr_array) -> sp.csr_array:
-    """What vectors at points with k others, one per column, shape (n, d, k), have of those that blocks make, which have
-    the shape (n d, d m): sparse, shape (n k, d m).
+    """What vectors at points with k others, one per column, shape (n, d, k), have of those that
+    blocks make, which have the shape (n d, d m): sparse, shape (n k, d m).
     """
     row = np.repeat(np.arange(len(vectors)), np.diff(blocks.indptr))
     values = vectors.swapaxes(1, 2)[row] @ blocks.data
@@ -399,9 +462,11 @@ def without_round_off(matrix: sp.csr_array) -> sp.csr_array:
     return matrix
 
 
-def turning_of(arms: sp.csr_array, places: Sequence[Array], distances: Sequence[Array]) -> sp.bsr_array:
-    """The sum of omega_i(u) x d_i over sides as a matrix, see ``Coupling``; ``arms``: a_il, shape (n, m), ``places``:
-    of the nodes of each side, ``distances``: its d_i, shape (n, d).
+def turning_of(
+    arms: sp.csr_array, places: Sequence[Array], distances: Sequence[Array]
+) -> sp.bsr_array:
+    """The sum of omega_i(u) x d_i over sides as a matrix, see ``Coupling``; ``arms``: a_il, shape
+    (n, m), ``places``: of the nodes of each side, ``distances``: its d_i, shape (n, d).
     """
     arms.sort_indices()
     count, dim = distances[0].shape
@@ -410,7 +475,8 @@ def turning_of(arms: sp.csr_array, places: Sequence[Array], distances: Sequence[
     distance, count = np.stack(distances, axis=1).reshape(-1, dim), count * len(places)
     a, r, d = arms.data, np.concatenate(places)[arms.indices], distance[row]
     total = np.bincount(row, a, minlength=count)[:, None]
-    # The second time without the round-off of coordinates far from the origin, which is a motion of the middle.
+    # The second time without the round-off of coordinates far from the origin, which is a motion of
+    # the middle.
     for _ in range(2):
         sums = np.stack([np.bincount(row, a * component, count) for component in r.T], axis=1)
         r = r - sums[row] / total[row]
@@ -419,7 +485,9 @@ def turning_of(arms: sp.csr_array, places: Sequence[Array], distances: Sequence[
     np.add.at(inertia, row, moments @ turns.swapaxes(1, 2))
     inverse = np.divide(1.0, inertia, out=np.zeros_like(inertia), where=inertia > 0)
     if dim == 3:
-        inverse = np.asarray(np.linalg.pinv(inertia, rcond=SAME_NUMBER, hermitian=True), dtype=np.float64)
+        inverse = np.asarray(
+            np.linalg.pinv(inertia, rcond=SAME_NUMBER, hermitian=True), dtype=np.float64
+        )
     blocks = _crossing(d).swapaxes(1, 2) @ inverse[row] @ moments
     blocks[np.abs(blocks) < ZERO_COMPONENT] = 0.0
     shape = (dim * arms.shape[0], dim * arms.shape[1])
@@ -427,8 +495,8 @@ def turning_of(arms: sp.csr_array, places: Sequence[Array], distances: Sequence[
 
 
 def turned_normals(*sides: PairSurface, turned_too: Array | None = None) -> sp.csr_array:
-    """How displacements of the nodes of sides turn ``nodal_normals``, sparse, shape (d m, d m); ``turned_too``: what
-    makes these turns into those of other vectors, shape (m, d, d).
+    """How displacements of the nodes of sides turn ``nodal_normals``, sparse, shape (d m, d m);
+    ``turned_too``: what makes these turns into those of other vectors, shape (m, d, d).
     """
     parts, first = list[tuple[Array, Indices, Indices]](), 0
     for side in sides:
@@ -443,8 +511,14 @@ def turned_normals(*sides: PairSurface, turned_too: Array | None = None) -> sp.c
 
 
 def across(along: Array) -> Array:
-    """The normals of d - 1 tangents, shape (d - 1, ..., d), shape (..., d): in 2D a tangent turned clockwise."""
-    return np.cross(*along) if len(along) == 2 else np.stack((along[0, ..., 1], -along[0, ..., 0]), axis=-1)
+    """The normals of d - 1 tangents, shape (d - 1, ..., d), shape (..., d): in 2D a tangent turned
+    clockwise.
+    """
+    return (
+        np.cross(*along)
+        if len(along) == 2
+        else np.stack((along[0, ..., 1], -along[0, ..., 0]), axis=-1)
+    )
 
 
 def _crossing(vectors: Array) -> Array:

@@ -16,7 +16,8 @@ from signorini_fx.tuned import DEEPEST_OVERLAP, FACING_SIDES, SAME_LENGTH
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
 
-# At most so many balls reach from a patch to its farthest partners: few, for time, and enough, for memory.
+# At most so many balls reach from a patch to its farthest partners: few, for time, and enough, for
+# memory.
 _BALLS = 16
 
 
@@ -50,8 +51,8 @@ class Patches:
 
 @dataclass(frozen=True)
 class Parts(Patches):
-    """The linear parts of facets of a side: of which facet each is, shape (p,), and its corners in its reference facet,
-    shape (p, c, d - 1).
+    """The linear parts of facets of a side: of which facet each is, shape (p,), and its corners in
+    its reference facet, shape (p, c, d - 1).
     """
 
     side: PairSurface
@@ -73,23 +74,28 @@ class Parts(Patches):
 
 
 def default_reach(slave: Array, master: Array) -> float:
-    """A distance beyond which facets cannot come into contact, length: the smallest distance of both sides, and a share
-    of the size of the smaller one, twice the largest distance from its middle, which does not depend on the axes;
-    ``slave``, ``master``: positions of the nodes of both sides, shape (n, d).
+    """A distance beyond which facets cannot come into contact, length: the smallest distance of
+    both sides, and a share of the size of the smaller one, twice the largest distance from its
+    middle, which does not depend on the axes; ``slave``, ``master``: positions of the nodes of both
+    sides, shape (n, d).
     """
     nearest = float(cKDTree(master).query(slave)[0].min())
     sizes = [2.0 * float(np.linalg.norm(x - x.mean(axis=0), axis=1).max()) for x in (slave, master)]
     return nearest + DEEPEST_OVERLAP * min(sizes)
 
 
-def candidates(slave: Patches, master: Patches, reach: float, turning: Array) -> tuple[Indices, Indices]:
-    """Pairs of patches that face each other, one over the other as seen along its normal, and within reach, length:
-    numbers of both patches of each pair, ascending, shape (m,) each; ``turning``: tangent of the angle between the
-    directions of projection and the normal of each patch of the slave, shape (p,).
+def candidates(
+    slave: Patches, master: Patches, reach: float, turning: Array
+) -> tuple[Indices, Indices]:
+    """Pairs of patches that face each other, one over the other as seen along its normal, and
+    within reach, length: numbers of both patches of each pair, ascending, shape (m,) each;
+    ``turning``: tangent of the angle between the directions of projection and the normal of each
+    patch of the slave, shape (p,).
     """
     if not len(slave.corners) or not len(master.corners):
         return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
-    # How much further away across the normal a partner may be whose ball is met along a direction aslant.
+    # How much further away across the normal a partner may be whose ball is met along a direction
+    # aslant.
     aslant = 1.0 + turning**2 / np.sqrt(1.0 + turning**2)
     tree, count, largest = master.tree, len(master.centre), float(master.radius.max())
     farthest = slave.radius + largest + reach
@@ -99,14 +105,21 @@ def candidates(slave: Patches, master: Patches, reach: float, turning: Array) ->
     across = aslant * (slave.radius + largest) + turning * (np.abs(middle) + height)
     middles = slave.centre + middle[..., None] * slave.normal
     radii = (1.0 + SAME_LENGTH) * np.hypot(across, height)
-    number, patch = np.nonzero(np.maximum(tree.mins - middles, middles - tree.maxes).max(axis=2) <= radii)
+    number, patch = np.nonzero(
+        np.maximum(tree.mins - middles, middles - tree.maxes).max(axis=2) <= radii
+    )
     found = tree.query_ball_point(middles[number, patch], radii[number, patch])
     first = np.repeat(patch, [len(numbers) for numbers in found])
     second = np.fromiter(chain.from_iterable(found), dtype=np.int64)
     first, second = np.divmod(np.unique(first * count + second), count)
     normal, apart = slave.normal[first], master.centre[second] - slave.centre[first]
-    beyond, along = slave.radius[first] + master.radius[second], np.einsum("md,md->m", apart, normal)
-    across = np.linalg.norm(apart - along[:, None] * normal, axis=1) - turning[first] * np.abs(along)
+    beyond, along = (
+        slave.radius[first] + master.radius[second],
+        np.einsum("md,md->m", apart, normal),
+    )
+    across = np.linalg.norm(apart - along[:, None] * normal, axis=1) - turning[first] * np.abs(
+        along
+    )
     near = np.einsum("md,md->m", normal, master.normal[second]) < FACING_SIDES
     near &= (across <= aslant[first] * beyond) & (np.abs(along) <= reach + beyond)
     near &= np.linalg.norm(apart, axis=1) <= farthest[first]

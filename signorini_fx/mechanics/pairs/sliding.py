@@ -1,21 +1,23 @@
 """The map of a pair whose bodies slide and turn: at the deformed sides, with what changes it.
 
-A point i of the slave sees the master at distances g along directions N half-way between the normals of both sides,
+A point i of the slave sees the master at distances g along directions N half-way between the
+normals of both sides,
 
     x_s + g N = x_m(xi),   gap_i = sum_q P_iq g_q,
 
-where P_iq are the functions of the points times areas of the undeformed slave, over their sum w_i.  The rows dgap_i of
-the map, see ``sliding_pieces``, are zero on every joint rigid motion, so that pressures on both sides, their transpose,
-balance in forces and moments.  Points of quadrature, functions, and the angles between N and the normals of the slave
-are held: what these change of the gap is of second order where sides touch.  The map of friction is that of
-``mortar_coupling``, with half of the rotations of both sides.
+where P_iq are the functions of the points times areas of the undeformed slave, over their sum w_i.
+The rows dgap_i of the map, see ``sliding_pieces``, are zero on every joint rigid motion, so that
+pressures on both sides, their transpose, balance in forces and moments.  Points of quadrature,
+functions, and the angles between N and the normals of the slave are held: what these change of the
+gap is of second order where sides touch.  The map of friction is that of ``mortar_coupling``, with
+half of the rotations of both sides.
 
 Slips are chords.  With the functions D, M of the beginning of a step, marked by 0,
 
     slip_i = T_i^T (D0 x_s - M0 x_m) - T0_i^T (D0 x0_s - M0 x0_m),
 
-which no joint motion changes, and which goes over any number of facets.  In 3D the tangents T_i turn with the facets
-of the slave around the node of the point, about the normal, too.
+which no joint motion changes, and which goes over any number of facets.  In 3D the tangents T_i
+turn with the facets of the slave around the node of the point, about the normal, too.
 """
 
 from __future__ import annotations
@@ -29,7 +31,13 @@ import scipy.sparse as sp
 from signorini_fx.mechanics.pairs.dual_functions import carried_evenly
 from signorini_fx.mechanics.pairs.mortar_coupling import coupled, projected
 from signorini_fx.mechanics.pairs.overlap import axes_across
-from signorini_fx.mechanics.pairs.pair_side import PairSurface, along_vectors, in_blocks, means_along, turned_normals
+from signorini_fx.mechanics.pairs.pair_side import (
+    PairSurface,
+    along_vectors,
+    in_blocks,
+    means_along,
+    turned_normals,
+)
 from signorini_fx.mechanics.pairs.sliding_pieces import SlidingPieces, rotations_at_nodes
 
 Array = npt.NDArray[np.float64]
@@ -53,7 +61,8 @@ class Frames:
 
 @dataclass(frozen=True)
 class SlidingCoupling:
-    """The contact points of a pair of deformed sides, one for each of some nodes of the slave, n of them.
+    """The contact points of a pair of deformed sides, one for each of some nodes of the slave, n of
+    them.
 
     A point that sees no partner has the displacement of its node, and the reach for a gap.
 
@@ -64,9 +73,10 @@ class SlidingCoupling:
         normal: n_i, from the slave to the master, of length one, shape (n, d).
         gap: length, shape (n,).
         frames: of the points.
-        normal_rows: - dgap_i, from displacements of the nodes of both sides, those of the slave first, sparse, shape
-            (n, d m).
-        tangent_rows: the relative displacement along T_i, a row for each tangent of a point, shape (n (d - 1), d m).
+        normal_rows: - dgap_i, from displacements of the nodes of both sides, those of the slave
+            first, sparse, shape (n, d m).
+        tangent_rows: the relative displacement along T_i, a row for each tangent of a point, shape
+            (n (d - 1), d m).
         centre: where forces act, length, shape (n, d).
         covered: undeformed area of the slave where both sides see each other and one can move.
         pieces: what the second derivatives of the gap are made of.
@@ -86,25 +96,28 @@ class SlidingCoupling:
     pieces: SlidingPieces = field(repr=False)
 
     def slip(self, begun: SlidingCoupling) -> Array:
-        """How far the points have slid since a step has begun with another map, along T_i, length, shape (n, d - 1): of
-        points that had no partner then with the nodes that they meet now.
+        """How far the points have slid since a step has begun with another map, along T_i, length,
+        shape (n, d - 1): of points that had no partner then with the nodes that they meet now.
         """
         tangents, ways = self.frames.tangents, []
         for frames, old in ((begun.frames, begun.frames.tangents), (self.frames, tangents)):
-            then, now = (frames.both @ np.concatenate((at.slave.x, at.master.x)) for at in (begun, self))
+            then, now = (
+                frames.both @ np.concatenate((at.slave.x, at.master.x)) for at in (begun, self)
+            )
             ways.append(np.einsum("ndk,nd->nk", tangents, now) - np.einsum("ndk,nd->nk", old, then))
         return np.where(begun.frames.partnered[:, None], ways[0], ways[1])
 
     def stiffness(self, pressure: Array, shear: Array, *, symmetric: bool) -> sp.csr_array:
-        """What tractions add to the tangent as the frames of the points turn and their partners shift, force / length,
-        sparse, shape (d m, d m).
+        """What tractions add to the tangent as the frames of the points turn and their partners
+        shift, force / length, sparse, shape (d m, d m).
 
-        The stiffness of pressures is the second derivative of the gaps.  Shears turn with the normals, which is made
-        symmetric by its transpose: that acts along the normals alone, where sides in contact do not move.
+        The stiffness of pressures is the second derivative of the gaps.  Shears turn with the
+        normals, which is made symmetric by its transpose: that acts along the normals alone, where
+        sides in contact do not move.
 
-        The shift of partners takes shears on from node to node of the master: its derivative is not symmetric, and is
-        left out of what is ``symmetric``.  ``pressure``: lambda, stress, shape (n,); ``shear``: mu along T_i, stress,
-        shape (n, d - 1).
+        The shift of partners takes shears on from node to node of the master: its derivative is not
+        symmetric, and is left out of what is ``symmetric``.  ``pressure``: lambda, stress, shape
+        (n,); ``shear``: mu along T_i, stress, shape (n, d - 1).
         """
         shears = np.einsum("n,ndk,nk->nd", self.weight, self.frames.tangents, shear)
         turning = list[tuple[Array, Indices, Indices]]()
@@ -112,10 +125,14 @@ class SlidingCoupling:
             turns = self._turning(shears).T.tocsr() @ self.normal_rows
             row = np.repeat(np.arange(turns.shape[0]), np.diff(turns.indptr))
             turning = [(-turns.data, row, turns.indices), (-turns.data, turns.indices, row)]
-        return self.pieces.stiffness(self.weight * pressure, 0.0 * shears if symmetric else shears, turning)
+        return self.pieces.stiffness(
+            self.weight * pressure, 0.0 * shears if symmetric else shears, turning
+        )
 
     def _turning(self, along: Array) -> sp.csr_array:
-        """What displacements of both sides turn n_i along vectors, shape (n, d): sparse, shape (n, d m)."""
+        """What displacements of both sides turn n_i along vectors, shape (n, d): sparse, shape (n,
+        d m).
+        """
         sums = self.frames.both @ np.concatenate((self.slave.directions, self.master.directions))
         along = along / np.linalg.norm(sums, axis=1)[:, None]
         turns = means_along(along, self.frames.both) @ turned_normals(self.slave, self.master)
@@ -128,8 +145,9 @@ def slide(
     points: Indices,
     reach: float,
 ) -> SlidingCoupling:
-    """The map of two deformed sides, see ``PairSurface.displaced``, in 3D of degree 1; ``points``: nodes of the slave
-    that have a point, ascending, shape (n,); ``reach``: distance beyond which facets are no partners, length; a
+    """The map of two deformed sides, see ``PairSurface.displaced``, in 3D of degree 1; ``points``:
+    nodes of the slave that have a point, ascending, shape (n,); ``reach``: distance beyond which
+    facets are no partners, length; a
     PairingError: a facet sees two sheets of the master.
     """
     whole, directions = projected(slave, master, reach, apart=True)
@@ -148,15 +166,19 @@ def slide(
     pieces = SlidingPieces.of(tested, directions, found.mean)
     # A point alone moves with its node.
     own = means_along(np.where(partnered[:, None], 0.0, normals), both)
-    gap, weights = np.where(partnered, pieces.gap, reach), np.where(partnered, found.weight, slave.area[points])
+    gap, weights = (
+        np.where(partnered, pieces.gap, reach),
+        np.where(partnered, found.weight, slave.area[points]),
+    )
     frames, rows = Frames(both, tangents, partnered), (own - pieces.rows, tangent_rows)
     at_points = (points, weights, normals, gap, frames, *rows, found.centre)
     return SlidingCoupling(slave, master, *at_points, found.covered, pieces)
 
 
 def tangents_of_points(slave: PairSurface, points: Indices, normals: Array) -> Array:
-    """T_i of points at some nodes, shape (n, d, d - 1): in 3D they turn with the slave around the node; the first one
-    of a point in a plane of symmetry, where neither half turns about the normal alone, stays across it.
+    """T_i of points at some nodes, shape (n, d, d - 1): in 3D they turn with the slave around the
+    node; the first one of a point in a plane of symmetry, where neither half turns about the normal
+    alone, stays across it.
     """
     if slave.dimension == 2:
         return np.stack((-normals[:, 1], normals[:, 0]), axis=1)[:, :, None]

@@ -9,12 +9,14 @@ with nu the normal of the master at xi.  A displacement d changes
     dg = m . (d_m - d_s - g dN),   dxi_a = a^a . (d_s + g dN - d_m),
     d2g = 2 m . (d_m,a dxi_a - dg dN) + m . x_m,ab dxi_a dxi_b
 
-Where a vertex of the master, in 3D an edge, passes by, the slopes h' of its height over the slave jump:
+Where a vertex of the master, in 3D an edge, passes by, the slopes h' of its height over the slave
+jump:
 
-    d2 int g = ... + int (jump of h' along n) (n . (d_m - d_s - g dN))^2     along the edge, n across it.
+    d2 int g = ... + int (jump of h' along n) (n . (d_m - d_s - g dN))^2     along the edge, n
+    across it.
 
-All rows of a piece of the overlap are of the vectors at the nodes of both of its facets and dN, which ``spread`` makes
-of displacements.  In 3D facets are of degree 1.
+All rows of a piece of the overlap are of the vectors at the nodes of both of its facets and dN,
+which ``spread`` makes of displacements.  In 3D facets are of degree 1.
 """
 
 from __future__ import annotations
@@ -28,7 +30,13 @@ import numpy.typing as npt
 import scipy.sparse as sp
 
 from signorini_fx.mechanics.pairs.mortar_coupling import Tested
-from signorini_fx.mechanics.pairs.overlap import axes_across, clip, counterclockwise, place_under, projected_places
+from signorini_fx.mechanics.pairs.overlap import (
+    axes_across,
+    clip,
+    counterclockwise,
+    place_under,
+    projected_places,
+)
 from signorini_fx.mechanics.pairs.pair_side import (
     PairSurface,
     along_vectors,
@@ -56,20 +64,25 @@ class SlidingPieces:
     """The pieces of an overlap, p of them with q points each, c vectors each.
 
     Attributes:
-        mean: from integrals of functions on the pieces to means at the n points, sparse, shape (n, p t).
+        mean: from integrals of functions on the pieces to means at the n points, sparse, shape (n,
+            p t).
         tested: the overlap with these functions.
         projection: along which the points see the master.
-        blocks: which vectors of ``spread`` a piece depends on: those at the nodes of both facets, and what turns N,
-            shape (p, c).
-        spread: all vectors from the displacements of the nodes of both sides, sparse, shape (d v, d m).
-        share: with which each of them is in d_m - d_s - g dN, but for what turns N along itself, shape (p, q, c).
+        blocks: which vectors of ``spread`` a piece depends on: those at the nodes of both facets,
+            and what turns N, shape (p, c).
+        spread: all vectors from the displacements of the nodes of both sides, sparse, shape (d v, d
+            m).
+        share: with which each of them is in d_m - d_s - g dN, but for what turns N along itself,
+            shape (p, q, c).
         turns: the share of what turns N in dN, likewise, shape (p, q, r).
-        slope: with which the vectors at the l nodes of the master are in d_m,a, shape (d - 1, p, q, l).
+        slope: with which the vectors at the l nodes of the master are in d_m,a, shape (d - 1, p, q,
+            l).
         facing: m, shape (p, q, d).
         across: m - N, likewise.
         dual: a^a, shape (d - 1, p, q, d).
         distance: g, length, shape (p, q).
-        curved: m . x_m,aa in 2D, shape (p, q); zero in 3D, where facets are flat but for their twist.
+        curved: m . x_m,aa in 2D, shape (p, q); zero in 3D, where facets are flat but for their
+            twist.
     """
 
     mean: sp.csr_array
@@ -88,19 +101,26 @@ class SlidingPieces:
 
     @classmethod
     def of(cls, tested: Tested, directions: Array, mean: sp.csr_array) -> SlidingPieces:
-        """Those of two sides; ``directions``: of projection at the nodes of the slave, of length one, shape (N, d)."""
+        """Those of two sides; ``directions``: of projection at the nodes of the slave, of length
+        one, shape (N, d).
+        """
         slave, master, overlap = tested.slave, tested.master, tested.overlap
         dim, first = slave.dimension, len(slave.x)
         projection, total = Projection.of(slave, directions), first + len(master.x)
         turning, themselves = projection.turning, np.arange(dim * total)
-        entries = np.append(np.ones(themselves.size), turning.data), np.append(themselves, turning.indices)
+        entries = (
+            np.append(np.ones(themselves.size), turning.data),
+            np.append(themselves, turning.indices),
+        )
         ends = np.append(themselves, themselves.size + turning.indptr)
         spread = sp.csr_array((*entries, ends), shape=(ends.size - 1, themselves.size))
         seen, over = slave.nodes[overlap.slave], master.nodes[overlap.master]
         blocks = np.column_stack((seen, first + over, total + projection.numbers[overlap.slave]))
         way, turns = projection.at(overlap.slave, tested.shapes[0])
         distance = np.einsum("pqd,pqd->pq", tested.distance, way)
-        share = np.concatenate((-tested.shapes[0], tested.shapes[1], -distance[..., None] * turns), axis=2)
+        share = np.concatenate(
+            (-tested.shapes[0], tested.shapes[1], -distance[..., None] * turns), axis=2
+        )
         slope, corners = master.functions.slopes(overlap.over), master.corners[overlap.master]
         along = np.einsum("apqk,pkd->pqad", slope, corners)
         inverse = np.linalg.inv(np.concatenate((along, way[:, :, None]), axis=2))
@@ -118,17 +138,21 @@ class SlidingPieces:
     @property
     def gap(self) -> Array:
         """At the points, length, shape (n,)."""
-        return np.asarray(self.mean @ np.einsum("pqt,pq->pt", self.tested.weighted, self.distance).ravel())
+        return np.asarray(
+            self.mean @ np.einsum("pqt,pq->pt", self.tested.weighted, self.distance).ravel()
+        )
 
     @property
     def rows(self) -> sp.csr_array:
         """Of the derivative of the gap, sparse, shape (n, d m)."""
-        entries = np.matmul(self.tested.weighted.swapaxes(1, 2), self._rows(self.share, self.facing, self.across))
+        entries = np.matmul(
+            self.tested.weighted.swapaxes(1, 2), self._rows(self.share, self.facing, self.across)
+        )
         return self._at_points(self.mean, entries)
 
     def passing(self, along: Array) -> sp.csr_array:
-        """What the places that shift change of the normal of the master along vectors at the points, shape (n, d),
-        sparse, shape (n, d m).
+        """What the places that shift change of the normal of the master along vectors at the
+        points, shape (n, d), sparse, shape (n, d m).
         """
         total, master = np.zeros(1), self.tested.master
         normals = master.directions[master.nodes[self.tested.overlap.master]]
@@ -140,9 +164,9 @@ class SlidingPieces:
     def stiffness(
         self, pressing: Array, shears: Array, more: Sequence[tuple[Array, Indices, Indices]] = ()
     ) -> sp.csr_array:
-        """Minus the second derivative of the gaps with forces at the points, shape (n,), and what shears there, shape
-        (n, d), change of the forces on the master as places shift, and ``more``, see ``summed``; sparse, shape (d m,
-        d m).
+        """Minus the second derivative of the gaps with forces at the points, shape (n,), and what
+        shears there, shape (n, d), change of the forces on the master as places shift, and
+        ``more``, see ``summed``; sparse, shape (d m, d m).
         """
         (count, _, tests), dim = self.tested.weighted.shape, self.facing.shape[2]
         nodal = (self.mean.T @ np.column_stack((pressing, shears))).reshape(count, tests, 1 + dim)
@@ -153,13 +177,20 @@ class SlidingPieces:
         values = np.zeros((touched.size, size, size))
         for first in range(0, touched.size, _AT_ONCE):
             chosen = touched[first : first + _AT_ONCE]
-            values[first : first + chosen.size] = self._second(chosen, forces[chosen], shearing[chosen])
+            values[first : first + chosen.size] = self._second(
+                chosen, forces[chosen], shearing[chosen]
+            )
         kinks = self.kinks
-        passing = (kinks.share[..., None] * kinks.across[:, None]).reshape(len(kinks.share), dim * kinks.share.shape[1])
+        passing = (kinks.share[..., None] * kinks.across[:, None]).reshape(
+            len(kinks.share), dim * kinks.share.shape[1]
+        )
         jumps = -np.einsum("vt,vt->v", kinks.functions, nodal[kinks.pieces, :, 0])
         jumping = np.einsum("v,vi,vj->vij", jumps, passing, passing)
         places = components(self.blocks[touched], dim), components(kinks.blocks, dim)
-        parts = ((part, at[:, :, None], at[:, None]) for part, at in zip((values, jumping), places, strict=True))
+        parts = (
+            (part, at[:, :, None], at[:, None])
+            for part, at in zip((values, jumping), places, strict=True)
+        )
         joint = summed((self.spread.shape[0],) * 2, *parts, *more)
         return self.spread.T.tocsr() @ joint @ self.spread
 
@@ -168,7 +199,10 @@ class SlidingPieces:
         share, facing, across = self.share[pieces], self.facing[pieces], self.across[pieces]
         dim, size = facing.shape[2], facing.shape[2] * self.blocks.shape[1]
         last = size - dim * self.turns.shape[2]
-        first, half = last - dim * self.slope.shape[3], np.zeros((pieces.size, size, size))  # of vectors of the master
+        first, half = (
+            last - dim * self.slope.shape[3],
+            np.zeros((pieces.size, size, size)),
+        )  # of vectors of the master
         shifts = [-self._rows(share, dual[pieces], dual[pieces]) for dual in self.dual]
         turning = _along(self.turns[pieces] * forces[..., None], across)
         half[:, :, last:] = np.matmul(self._rows(share, facing, across).swapaxes(1, 2), turning)
@@ -181,16 +215,24 @@ class SlidingPieces:
             total -= np.matmul(shifts[0].swapaxes(1, 2), scaled)
         if shears.any():
             for k, shift in enumerate(shifts):
-                total[:, first:last] -= np.matmul(_along(self.slope[k, pieces], shears).swapaxes(1, 2), shift)
+                total[:, first:last] -= np.matmul(
+                    _along(self.slope[k, pieces], shears).swapaxes(1, 2), shift
+                )
         return np.asarray(total)
 
     def _rows(self, factor: Array, vectors: Array, across: Array) -> Array:
-        """Vectors (p, q, d) times factors (p, q, c) as rows, (p, q, d c); ``across``: those without a part along N."""
+        """Vectors (p, q, d) times factors (p, q, c) as rows, (p, q, d c); ``across``: those without
+        a part along N.
+        """
         count = factor.shape[2] - self.turns.shape[2]
-        return np.concatenate((_along(factor[..., :count], vectors), _along(factor[..., count:], across)), axis=2)
+        return np.concatenate(
+            (_along(factor[..., :count], vectors), _along(factor[..., count:], across)), axis=2
+        )
 
     def _at_points(self, mean: sp.csr_array, entries: Array) -> sp.csr_array:
-        """The matrix of displacements at the points with these means of integrals, shape (p, i, d c)."""
+        """The matrix of displacements at the points with these means of integrals, shape (p, i, d
+        c).
+        """
         columns = components(self.blocks, self.facing.shape[2])
         return mean @ in_rows(entries, columns, self.spread.shape[0]) @ self.spread
 
@@ -199,8 +241,8 @@ class SlidingPieces:
 class Projection:
     """The directions N along which points of the slave see the other side, and what turns them.
 
-    In 2D N is between the directions at the nodes of a facet, which turn as its normals do.  In 3D a facet has one,
-    that of ``overlap``, which turns as the slave does around its nodes.
+    In 2D N is between the directions at the nodes of a facet, which turn as its normals do.  In 3D
+    a facet has one, that of ``overlap``, which turns as the slave does around its nodes.
 
     Attributes:
         vectors: of length one, shape (v, d).
@@ -218,18 +260,23 @@ class Projection:
         if slave.dimension == 2:
             turns = np.einsum("ni,nj->nij", _turned(directions), _turned(slave.nodal_normals))
             return cls(directions, slave.nodes, turned_normals(slave, turned_too=turns))
-        facets, shape = len(slave.nodes), slave.functions.values(slave.functions.parts[0].mean(axis=0))
+        facets, shape = (
+            len(slave.nodes),
+            slave.functions.values(slave.functions.parts[0].mean(axis=0)),
+        )
         sums = np.einsum("k,fkd->fd", shape, directions[slave.nodes])
         length = np.linalg.norm(sums, axis=1)
         ways = sums / length[:, None]
         mean = in_rows(np.tile(shape, (facets, 1, 1)), slave.nodes, len(slave.x))
         across = (np.eye(3) - ways[:, :, None] * ways[:, None]) / length[:, None, None]
         turning = sp.csr_array(turning_of(slave.around, (slave.x,), (directions,)))
-        return cls(ways, np.arange(facets)[:, None], along_vectors(across, in_blocks(mean, 3)) @ turning)
+        return cls(
+            ways, np.arange(facets)[:, None], along_vectors(across, in_blocks(mean, 3)) @ turning
+        )
 
     def at(self, facets: Indices, shape: Array) -> tuple[Array, Array]:
-        """N at points of facets from the functions of the slave there, shape (m, q, k), and the shares of the vectors
-        in dN, which has no part along N: shapes (m, q, d) and (m, q, r).
+        """N at points of facets from the functions of the slave there, shape (m, q, k), and the
+        shares of the vectors in dN, which has no part along N: shapes (m, q, d) and (m, q, r).
         """
         if self.numbers.shape[1] == 1:
             shape = np.ones((*shape.shape[:2], 1))
@@ -240,14 +287,16 @@ class Projection:
 
 @dataclass(frozen=True)
 class Kinks:
-    """Where points of the slave see vertices of the master, in 3D its edges, at which its normal turns, v of them.
+    """Where points of the slave see vertices of the master, in 3D its edges, at which its normal
+    turns, v of them.
 
     There the derivative of the distance jumps as they pass by.
 
     Attributes:
         pieces: numbers of pieces with the same functions, shape (v,).
         functions: these there, times lengths and the jump, shape (v, t).
-        blocks: the vectors that they pass by with, numbered as those of ``SlidingPieces``, shape (v, c).
+        blocks: the vectors that they pass by with, numbered as those of ``SlidingPieces``, shape
+            (v, c).
         share: of these, shape (v, c).
         across: the direction in which they pass by, of length one, shape (v, d).
     """
@@ -272,30 +321,53 @@ class Kinks:
         order = np.lexsort((*ends.T, facet))
         keys = np.column_stack((facet, ends))[order]
         shared = np.flatnonzero((keys[1:] == keys[:-1]).all(axis=1))
-        pieces, ends, pairs = pieces[order[shared]], ends[order[shared]], partner[order[[shared, shared + 1]]]
+        pieces, ends, pairs = (
+            pieces[order[shared]],
+            ends[order[shared]],
+            partner[order[[shared, shared + 1]]],
+        )
         facet = overlap.slave[pieces]
-        rows, at, of_end, lengths = (_at_vertices if dim == 2 else _on_edges)(slave, projection, facet, master.x[ends])
-        facet, ends, pairs, shape = facet[rows], ends[rows], pairs[:, rows], slave.functions.values(at)
-        (way,), (turns,) = (values.swapaxes(0, 1) for values in projection.at(facet, shape[:, None]))
-        across = _turned(way) if dim == 2 else np.cross(master.x[ends[:, 1]] - master.x[ends[:, 0]], way)
+        rows, at, of_end, lengths = (_at_vertices if dim == 2 else _on_edges)(
+            slave, projection, facet, master.x[ends]
+        )
+        facet, ends, pairs, shape = (
+            facet[rows],
+            ends[rows],
+            pairs[:, rows],
+            slave.functions.values(at),
+        )
+        (way,), (turns,) = (
+            values.swapaxes(0, 1) for values in projection.at(facet, shape[:, None])
+        )
+        across = (
+            _turned(way) if dim == 2 else np.cross(master.x[ends[:, 1]] - master.x[ends[:, 0]], way)
+        )
         across /= np.linalg.norm(across, axis=1)[:, None]
         # Which of both facets is behind as seen along n: from the middles of both.
         middles = master.corners[pairs].mean(axis=2)
         swapped = np.einsum("md,md->m", middles[1] - middles[0], across) < 0
         corner = (master.nodes[pairs][..., None] == ends[:, None]).argmax(axis=2)
-        on_facets = np.einsum("ve,sved->svd", of_end, master.functions.places[corner]).reshape(-1, 1, dim - 1)
+        on_facets = np.einsum("ve,sved->svd", of_end, master.functions.places[corner]).reshape(
+            -1, 1, dim - 1
+        )
         normals = master.normals(pairs.ravel(), on_facets).reshape(*pairs.shape, dim)
         steep = -np.einsum("svd,vd->sv", normals, across) / np.einsum("svd,vd->sv", normals, way)
         jump = np.where(swapped, steep[0] - steep[1], steep[1] - steep[0])
-        apart = np.einsum("ve,ved->vd", of_end, master.x[ends]) - np.einsum("vk,vkd->vd", shape, slave.corners[facet])
+        apart = np.einsum("ve,ved->vd", of_end, master.x[ends]) - np.einsum(
+            "vk,vkd->vd", shape, slave.corners[facet]
+        )
         distance = np.einsum("vd,vd->v", apart, way)
         projected = np.einsum("vd,vd->v", slave.normals(facet, at[:, None])[:, 0], way)
         if dim == 2:  # N turns along a facet
-            bent = np.einsum("vk,vkd->vd", slave.functions.slopes(at)[0], projection.vectors[slave.nodes[facet]])
+            bent = np.einsum(
+                "vk,vkd->vd", slave.functions.slopes(at)[0], projection.vectors[slave.nodes[facet]]
+            )
             turn = np.einsum("vd,vd->v", bent, across) * turns.sum(axis=1)
             projected = projected + slave.sign[facet] * distance * turn
         true = slave.sizes(facet, at[:, None])[:, 0]
-        functions = np.einsum("vij,vj->vi", tested.coefficients[facet], slave.functions.tests.values(at))
+        functions = np.einsum(
+            "vij,vj->vi", tested.coefficients[facet], slave.functions.tests.values(at)
+        )
         functions *= (jump * lengths * true / np.abs(projected))[:, None]
         turned = count + len(master.x) + projection.numbers[facet]
         blocks = np.column_stack((slave.nodes[facet], count + ends, turned))
@@ -305,7 +377,9 @@ class Kinks:
 
 def _along(factor: Array, vectors: Array) -> Array:
     """Vectors (p, q, d) times factors (p, q, c), (p, q, d c)."""
-    return np.einsum("pqc,pqd->pqcd", factor, vectors).reshape(*factor.shape[:2], factor.shape[2] * vectors.shape[2])
+    return np.einsum("pqc,pqd->pqcd", factor, vectors).reshape(
+        *factor.shape[:2], factor.shape[2] * vectors.shape[2]
+    )
 
 
 def _turned(vectors: Array) -> Array:
@@ -316,7 +390,9 @@ def _turned(vectors: Array) -> Array:
 def _at_vertices(
     slave: PairSurface, projection: Projection, facet: Indices, x: Array
 ) -> tuple[Indices, Array, Array, Array]:
-    """Which vertices facets of the slave see, their places there, shares of the vertex, and lengths (one)."""
+    """Which vertices facets of the slave see, their places there, shares of the vertex, and lengths
+    (one).
+    """
     ways = slave.functions.polynomials(projection.vectors[slave.nodes[facet]])[:, :, None]
     place = place_under(slave.functions, slave.corners[facet], ways, x)[:, 0]
     rows = np.flatnonzero((place > NOTHING_LEFT) & (place < 1.0 - NOTHING_LEFT))
@@ -326,15 +402,24 @@ def _at_vertices(
 def _on_edges(
     slave: PairSurface, projection: Projection, facet: Indices, x: Array
 ) -> tuple[Indices, Array, Array, Array]:
-    """Of points where facets of the slave see edges: edge, place on the facet, shares of its ends, and length."""
+    """Of points where facets of the slave see edges: edge, place on the facet, shares of its ends,
+    and length.
+    """
     corners, ways = slave.corners[facet][:, slave.functions.vertices], projection.vectors[facet]
     middle, axes = corners.mean(axis=1), axes_across(ways)
-    flat, line = (np.einsum("mcd,mkd->mck", places - middle[:, None], axes) for places in (corners, x))
+    flat, line = (
+        np.einsum("mcd,mkd->mck", places - middle[:, None], axes) for places in (corners, x)
+    )
     start, along = line[:, 0], line[:, 1] - line[:, 0]
     within, count = clip(line, counterclockwise(flat))
-    shares = np.einsum("mck,mk->mc", within - start[:, None], along / np.sum(along**2, axis=1)[:, None])
+    shares = np.einsum(
+        "mck,mk->mc", within - start[:, None], along / np.sum(along**2, axis=1)[:, None]
+    )
     valid = np.arange(within.shape[1]) < count[:, None]
-    enters, leaves = np.where(valid, shares, np.inf).min(axis=1), np.where(valid, shares, -np.inf).max(axis=1)
+    enters, leaves = (
+        np.where(valid, shares, np.inf).min(axis=1),
+        np.where(valid, shares, -np.inf).max(axis=1),
+    )
     places, weights = np.polynomial.legendre.leggauss(_ON_EDGE)
     rows = np.repeat(np.flatnonzero(leaves - enters > NOTHING_LEFT), places.size)
     cut = rows.size // places.size
@@ -347,15 +432,17 @@ def _on_edges(
 
 
 def rotations_at_nodes(side: PairSurface, nodes: Indices) -> Array:
-    """How far the facets around some nodes have turned since the side was undeformed, by least squares with areas,
-    shape (n, 3, 3).
+    """How far the facets around some nodes have turned since the side was undeformed, by least
+    squares with areas, shape (n, 3, 3).
     """
     assert side.undeformed is not None
     around = sp.csr_array(side.around[nodes])
     row = np.repeat(np.arange(len(nodes)), np.diff(around.indptr))
     undeformed_arms, arms = (x[around.indices] - x[nodes[row]] for x in (side.undeformed.x, side.x))
     products = np.zeros((len(nodes), 3, 3))
-    np.add.at(products, row, around.data[:, None, None] * arms[:, :, None] * undeformed_arms[:, None])
+    np.add.at(
+        products, row, around.data[:, None, None] * arms[:, :, None] * undeformed_arms[:, None]
+    )
     left_vectors, _, right_vectors = np.linalg.svd(products)
     left_vectors[:, :, 2] *= np.linalg.det(left_vectors @ right_vectors)[:, None]  # no reflection
     return np.asarray(left_vectors @ right_vectors)

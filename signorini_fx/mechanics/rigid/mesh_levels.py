@@ -1,7 +1,9 @@
-"""Coarser meshes of the same body as levels of geometric multigrid: interpolation from one mesh to the next finer one.
+"""Coarser meshes of the same body as levels of geometric multigrid: interpolation from one mesh to
+the next finer one.
 
-The meshes of a nested iteration are there anyway.  They need not be nested themselves: each node of the finer mesh lies
-in a cell of the coarser one, or close to it where the boundary is curved, and takes its shape functions there.
+The meshes of a nested iteration are there anyway.  They need not be nested themselves: each node of
+the finer mesh lies in a cell of the coarser one, or close to it where the boundary is curved, and
+takes its shape functions there.
 """
 
 from __future__ import annotations
@@ -67,7 +69,8 @@ class MeshLevel:
         return int(self.space.dofmap.index_map.size_local)
 
     def modes(self) -> PETSc.NullSpace:
-        """Translations and rotations, orthonormal: what multigrid must not forget on its coarse levels.
+        """Translations and rotations, orthonormal: what multigrid must not forget on its coarse
+        levels.
 
         Multigrid coarsens locally, where the motions of a piece are those of the whole body.
         """
@@ -96,7 +99,8 @@ class MeshLevel:
 
     @cached_property
     def interpolation(self) -> PETSc.Mat | None:
-        """From the unknowns on the coarser mesh to those on this one, prescribed ones left out; collective.
+        """From the unknowns on the coarser mesh to those on this one, prescribed ones left out;
+        collective.
 
         None: there is no coarser mesh, or it does not cover this one.
         """
@@ -106,7 +110,11 @@ class MeshLevel:
         spread = scipy.sparse.kron(shares, scipy.sparse.eye(self.block), format="csr")
         spread.sort_indices()
         sizes = (self.owned * self.block, None), (self.coarser.owned * self.block, None)
-        csr = (spread.indptr.astype(PETSc.IntType), spread.indices.astype(PETSc.IntType), spread.data)
+        csr = (
+            spread.indptr.astype(PETSc.IntType),
+            spread.indices.astype(PETSc.IntType),
+            spread.data,
+        )
         matrix = PETSc.Mat().createAIJ(sizes, csr=csr, comm=self.space.mesh.comm)
         if self.coarser.rotation is not None:
             matrix = matrix.matMult(self.coarser.rotation)
@@ -116,7 +124,9 @@ class MeshLevel:
         return row_by_row(matrix)
 
     def start(self) -> PETSc.Vec | None:
-        """The displacement of the coarser mesh in the unknowns of this one, prescribed ones zero; collective."""
+        """The displacement of the coarser mesh in the unknowns of this one, prescribed ones zero;
+        collective.
+        """
         coarse, interpolation = self.coarser, self.interpolation
         if coarse is None or coarse.solved is None or interpolation is None:
             return None
@@ -128,18 +138,23 @@ class MeshLevel:
         return start
 
     def _shares(self, coarse: MeshLevel) -> Any | None:
-        """Shares of the coarse nodes (global numbers) in each owned node, scipy sparse; None: some node is nowhere."""
+        """Shares of the coarse nodes (global numbers) in each owned node, scipy sparse; None: some
+        node is nowhere.
+        """
         from signorini_fx.mechanics.mesh.points import at_points
 
         shape = coarse.space.ufl_element().sub_elements[0]
         dofmap, pieces = coarse.space.dofmap, None
-        # Bodies in contact touch or overlap: a node belongs to its own one.  Pieces are in the order of their places.
+        # Bodies in contact touch or overlap: a node belongs to its own one.  Pieces are in the
+        # order of their places.
         if coarse.motions.pieces.count == self.motions.pieces.count > 1:
             pieces = self.motions.piece[: self.owned], coarse.motions.pieces.of_cell
 
         def at(cells: npt.NDArray[Any], points: Array) -> Array:
             """The nodes of cells, and their shares in points there."""
-            nodes = dofmap.index_map.local_to_global(dofmap.list[cells].ravel()).reshape(len(cells), -1)
+            nodes = dofmap.index_map.local_to_global(dofmap.list[cells].ravel()).reshape(
+                len(cells), -1
+            )
             shares = shape.tabulate(0, points)[0].reshape(len(points), -1)
             return np.hstack((nodes, np.where(np.abs(shares) < NOTHING_LEFT, 0.0, shares)))
 

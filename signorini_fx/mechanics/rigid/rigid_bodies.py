@@ -1,16 +1,20 @@
-"""Rigid bodies: foundations whose motion is an unknown, driven by forces, moments or prescribed components.
+"""Rigid bodies: foundations whose motion is an unknown, driven by forces, moments or prescribed
+components.
 
-A rigid body with its pivot c moves by translations v and a small rotation w, lengths q = (v, L w) with a length L,
+A rigid body with its pivot c moves by translations v and a small rotation w, lengths q = (v, L w)
+with a length L,
 
     R_i q = v + w x (x_i - c)
 
-at a contact point x_i.  What contact sees is the displacement of the body relative to it.  The unknowns (u, q) have
+at a contact point x_i.  What contact sees is the displacement of the body relative to it.  The
+unknowns (u, q) have
 
     K = [A 0; 0 S],   B_i = F_i^T [I, -R_i],   b = [f; (force, moment / L)],
 
-with the stiffness S of springs at c, so that equilibrium of a rigid body, S q - R^T B^T (w t) = (force, moment / L), is
-k rows more, and laws, sets and algorithms see tau_N y and tau_T y as before.  Gap and normals are those of the place
-where it is given: its motion is small against its geometry, like the displacement of the body.
+with the stiffness S of springs at c, so that equilibrium of a rigid body, S q - R^T B^T (w t) =
+(force, moment / L), is k rows more, and laws, sets and algorithms see tau_N y and tau_T y as
+before.  Gap and normals are those of the place where it is given: its motion is small against its
+geometry, like the displacement of the body.
 
 The k unknowns are the last ones, on the last rank: the numbers of all others stay as they are.
 """
@@ -39,8 +43,8 @@ Drive = tuple[_Floats, _Floats]
 
 @dataclass(frozen=True)
 class Driven:
-    """What drives all rigid bodies, by their unknowns: (force, moment / L), and those that are prescribed, lengths,
-    else zero, shapes (k,).
+    """What drives all rigid bodies, by their unknowns: (force, moment / L), and those that are
+    prescribed, lengths, else zero, shapes (k,).
     """
 
     forces: _Floats
@@ -79,7 +83,11 @@ class RigidBodies:
         """The contact points on rigid bodies that move."""
         if not self.bodies:
             return boundary
-        motion_count, count, dim = self.kinematics.motions, len(self.bodies), self.kinematics.dimension
+        motion_count, count, dim = (
+            self.kinematics.motions,
+            len(self.bodies),
+            self.kinematics.dimension,
+        )
         modes = np.zeros((boundary.size, dim, count, motion_count))
         for k, body in enumerate(self.bodies):
             touching = np.isin(boundary.part, body.parts)
@@ -87,9 +95,13 @@ class RigidBodies:
             modes[touching, :, k] = rigid_modes(x, body.pivot(dim), np.array(self.length))
         flat = modes.reshape(boundary.size, dim, count * motion_count)
         number = np.repeat(np.arange(count), motion_count)
-        moving = replace(boundary, moving=MovingFoundation(flat, self.fixed, self.stiffness, number, self.bodies))
+        moving = replace(
+            boundary, moving=MovingFoundation(flat, self.fixed, self.stiffness, number, self.bodies)
+        )
         if moving.friction_axes is not None:
-            moving.friction_axes.check_supports(moving.points.movable, "contact.friction", moving.comm)
+            moving.friction_axes.check_supports(
+                moving.points.movable, "contact.friction", moving.comm
+            )
         return moving
 
     def places(self, boundary: ContactBoundary) -> _Floats:
@@ -103,25 +115,35 @@ class RigidBodies:
     @property
     def fixed(self) -> npt.NDArray[np.bool_]:
         """Which unknowns are prescribed, shape (k,)."""
-        prescribed = [~np.isnan(motion) | ~self.kinematics.unbalanced for _, motion in self.drives()]
+        prescribed = [
+            ~np.isnan(motion) | ~self.kinematics.unbalanced for _, motion in self.drives()
+        ]
         return np.array(prescribed, dtype=bool).ravel()
 
     @property
     def stiffness(self) -> _Floats:
         """Of the springs at their pivots, force / length, shape (k,)."""
         dim = self.kinematics.dimension
-        of_bodies = [body.motion.stiffness(dim)[: self.units.size] / self.units**2 for body in self.bodies]
+        of_bodies = [
+            body.motion.stiffness(dim)[: self.units.size] / self.units**2 for body in self.bodies
+        ]
         return np.array(of_bodies, dtype=np.float64).ravel()
 
     def driven(self, time: float = 0.0, number: int | None = None) -> Driven:
         """What drives them, or one of them alone, at a time."""
-        drives = np.array(self.drives(time), dtype=np.float64).reshape(len(self.bodies), 2, self.units.size)
+        drives = np.array(self.drives(time), dtype=np.float64).reshape(
+            len(self.bodies), 2, self.units.size
+        )
         if number is not None:
             drives[np.arange(len(drives)) != number] = 0.0
-        return Driven((drives[:, 0] / self.units).ravel(), np.nan_to_num(drives[:, 1] * self.units).ravel())
+        return Driven(
+            (drives[:, 0] / self.units).ravel(), np.nan_to_num(drives[:, 1] * self.units).ravel()
+        )
 
     def moved(self, unknowns: _Floats) -> tuple[RigidBodyMotion, ...]:
-        """How they have moved, from their unknowns in a displacement, see ``ElasticBody.driven``."""
+        """How they have moved, from their unknowns in a displacement, see
+        ``ElasticBody.driven``.
+        """
         dim, units = self.kinematics.dimension, self.units
         motions = unknowns.reshape(len(self.bodies), units.size) / units
         return tuple(
@@ -131,7 +153,9 @@ class RigidBodies:
 
     def unknowns(self, motions: Sequence[RigidBodyMotion]) -> _Floats:
         """The inverse of ``moved``, shape (k,)."""
-        rows = [np.concatenate((motion.translation, motion.rotation)) * self.units for motion in motions]
+        rows = [
+            np.concatenate((motion.translation, motion.rotation)) * self.units for motion in motions
+        ]
         return np.array(rows).ravel()
 
 
@@ -157,8 +181,9 @@ class RigidBodyMotion:
         return np.asarray(rigid_modes(x, self.reference, np.array(1.0)) @ motion)
 
     def gap_error(self, contact: ContactState, shapes: Mapping[int, Any]) -> float:
-        """By how much the gap of the rigid body where it ends up differs at most from the linearised one, where it
-        presses, length; ``shapes``: where it is given, by the places of its contacts; collective.
+        """By how much the gap of the rigid body where it ends up differs at most from the
+        linearised one, where it presses, length; ``shapes``: where it is given, by the places of
+        its contacts; collective.
         """
         if not np.isfinite(self.translation).all():
             return np.nan
@@ -167,7 +192,9 @@ class RigidBodyMotion:
             x = boundary.centre[(boundary.part == part) & (contact.pressure > 0)]
             if x.size:
                 gap, normal = shape.distance(x)
-                moved, _ = shape.distance((x - self.reference - self.translation) @ turn + self.reference)
+                moved, _ = shape.distance(
+                    (x - self.reference - self.translation) @ turn + self.reference
+                )
                 off.append(np.abs(moved - gap + np.sum(normal * self.at(x), axis=1)))
         return parallel.largest(boundary.comm, np.concatenate(off))
 
@@ -176,12 +203,17 @@ class RigidBodyMotion:
         return np.asarray(contact.boundary.centre[touching] - self.reference)
 
     def lever(self, x: _Floats, displacements: _Floats) -> _Floats:
-        """From its pivot to points at x that have been displaced, length, shapes (n, d): where they were."""
+        """From its pivot to points at x that have been displaced, length, shapes (n, d): where they
+        were.
+        """
         return np.asarray(x - self.reference)
 
-    def as_dict(self, contact: ContactState, contacts: Sequence[Any], kinematics: Kinematics) -> dict[str, Any]:
-        """A row of the summary: its motion, the force and moment of the body on it, and ``gap_error``; ``contacts``: of
-        the scene; ``kinematics``: of the body, by which some forces and moments cancel; collective.
+    def as_dict(
+        self, contact: ContactState, contacts: Sequence[Any], kinematics: Kinematics
+    ) -> dict[str, Any]:
+        """A row of the summary: its motion, the force and moment of the body on it, and
+        ``gap_error``; ``contacts``: of the scene; ``kinematics``: of the body, by which some forces
+        and moments cancel; collective.
         """
         from signorini_fx.machine.display import clean
 
@@ -189,7 +221,9 @@ class RigidBodyMotion:
         touching = np.isin(boundary.part, self.body.parts)
         forces = boundary.nodal_forces(contact.pressure, contact.shear)[touching]
         both = np.column_stack((forces, kinematics.turned(self.arms(contact, touching), forces)))
-        total, size = parallel.global_sum(boundary.comm, np.array([both.sum(axis=0), np.abs(both).sum(axis=0)]))
+        total, size = parallel.global_sum(
+            boundary.comm, np.array([both.sum(axis=0), np.abs(both).sum(axis=0)])
+        )
         total[~kinematics.unbalanced] = 0.0
         force, moment, moved, turned = (
             clean(values.tolist(), float(np.max(sizes)))
@@ -200,7 +234,11 @@ class RigidBodyMotion:
                 (self.rotation, np.abs(self.rotation)),
             )
         )
-        shapes = {part: contacts[part].surface for part in self.body.parts if contacts[part].surface is not None}
+        shapes = {
+            part: contacts[part].surface
+            for part in self.body.parts
+            if contacts[part].surface is not None
+        }
         return {
             "boundary": self.body.name,
             "reference": self.reference.tolist(),
@@ -211,17 +249,29 @@ class RigidBodyMotion:
             "gap_error": self.gap_error(contact, shapes) if shapes else None,
         }
 
-    def unbalanced(self, drive: Drive, resultant: tuple[_Floats, float, float], least: float = 0.0) -> float:
-        """The largest force or moment on a free component that contact tractions with such a ``resultant``, see
-        ``ContactNodes.resultant``, do not balance, and the largest miss of a prescribed one, as a share of the forces
-        at the rigid body, or of its motion; ``least``: a force that is round-off.
+    def unbalanced(
+        self, drive: Drive, resultant: tuple[_Floats, float, float], least: float = 0.0
+    ) -> float:
+        """The largest force or moment on a free component that contact tractions with such a
+        ``resultant``, see ``ContactNodes.resultant``, do not balance, and the largest miss of a
+        prescribed one, as a share of the forces at the rigid body, or of its motion; ``least``: a
+        force that is round-off.
         """
         (load, prescribed), (taken, size, reach) = drive, resultant
-        dim, free, motion = self.reference.size, np.isnan(prescribed), np.append(self.translation, self.rotation)
-        # Moments as forces and rotations as lengths at this lever, so that neither depends on units.
+        dim, free, motion = (
+            self.reference.size,
+            np.isnan(prescribed),
+            np.append(self.translation, self.rotation),
+        )
+        # Moments as forces and rotations as lengths at this lever, so that neither depends on
+        # units.
         lever = np.append(np.ones(dim), np.full(motion.size - dim, reach or 1.0))
         springs = self.body.motion.stiffness(dim)[: motion.size] * motion
-        acting, motion, prescribed = np.array([load, -springs, taken]) / lever, motion * lever, prescribed * lever
+        acting, motion, prescribed = (
+            np.array([load, -springs, taken]) / lever,
+            motion * lever,
+            prescribed * lever,
+        )
         residual = acting.sum(axis=0)
         size = max(size, float(np.abs(acting[:2]).max()), least)  # springs may balance loads alone
         missed = float(np.abs(motion - prescribed)[~free].max(initial=0.0))

@@ -1,7 +1,7 @@
 """Motions of the body without strain that the supports leave free, and their names for messages.
 
-A body of one piece has m of them: in 2D two translations and a rotation, in 3D three translations and three
-rotations.  A body of several pieces has as many for each of them.
+A body of one piece has m of them: in 2D two translations and a rotation, in 3D three translations
+and three rotations.  A body of several pieces has as many for each of them.
 """
 
 from __future__ import annotations
@@ -45,13 +45,15 @@ class RigidMotions:
         piece: number of the piece that each of these nodes is in, shape (nodes,).
         owned: how many of these nodes this rank owns.
         centre: the point of each piece about which its rotations are taken, shape (p, d).
-        length: size of each piece, which makes its rotations comparable with translations, shape (p,).
-        supported: products of the motions of each piece with each other at supports, inverted, shape (p, m, m).
-        free: combinations of the motions of each piece (see ``rigid_modes``), one per column, shape (m p, k); a column
-            moves the pieces of one assembly only.
+        length: size of each piece, which makes its rotations comparable with translations, shape
+            (p,).
+        supported: products of the motions of each piece with each other at supports, inverted,
+            shape (p, m, m).
+        free: combinations of the motions of each piece (see ``rigid_modes``), one per column, shape
+            (m p, k); a column moves the pieces of one assembly only.
         assembly: number of the assembly that each column moves, shape (k,).
-        foundations: what each motion is of the unknowns of moving foundations, lengths, shape (unknowns, k); None:
-            there are none.
+        foundations: what each motion is of the unknowns of moving foundations, lengths, shape
+            (unknowns, k); None: there are none.
         moving: these foundations; None: there are none.
     """
 
@@ -79,7 +81,11 @@ class RigidMotions:
 
     def at(self, boundary: ContactBoundary) -> FreeMotions:
         """The free motions at the contact points of this rank: B times them; collective."""
-        piece, averages, of = self.piece[boundary.nodes], boundary.averages, self._pieces_at(boundary)
+        piece, averages, of = (
+            self.piece[boundary.nodes],
+            boundary.averages,
+            self._pieces_at(boundary),
+        )
         free_modes = self.free.reshape(self.pieces.count, self.each, -1)
         at_nodes = rigid_modes(averages.x, self.centre[of], self.length[of]) @ free_modes[of]
         flat = at_nodes.reshape(averages.x.size, self.free.shape[1])
@@ -90,31 +96,41 @@ class RigidMotions:
         reached = piece[:, None] == np.arange(self.pieces.count)
         reached[averages.point, of[averages.shares.indices]] = True
         groups = PointGroups.of(boundary.points, reached)
-        return FreeMotions(boundary.points, relative, self.assembly, self.pieces.assembly[piece], groups)
+        return FreeMotions(
+            boundary.points, relative, self.assembly, self.pieces.assembly[piece], groups
+        )
 
     def joined(self, boundary: ContactBoundary) -> RigidMotions:
-        """The same with the free motions of foundations, and with all that can come into contact as one assembly;
-        collective.
+        """The same with the free motions of foundations, and with all that can come into contact as
+        one assembly; collective.
         """
         moving, of, averages = boundary.moving, self.pieces.assembly, boundary.averages
         if moving is None and not boundary.paired:
             return self
         count, bodies = int(of.max()) + 1, 0
         at_points = of[self.piece[boundary.nodes]]
-        links = [np.column_stack((at_points[averages.point], of[self._pieces_at(boundary)[averages.shares.indices]]))]
+        links = [
+            np.column_stack(
+                (at_points[averages.point], of[self._pieces_at(boundary)[averages.shares.indices]])
+            )
+        ]
         if moving is not None:
             point, unknown = np.nonzero(moving.modes.any(axis=1))
             links.append(np.column_stack((at_points[point], count + moving.number[unknown])))
             bodies = int(moving.number.max()) + 1
         number = _joined(np.concatenate(links), count + bodies, boundary.comm)
-        assembled = replace(self, pieces=replace(self.pieces, assembly=number[of]), assembly=number[self.assembly])
+        assembled = replace(
+            self, pieces=replace(self.pieces, assembly=number[of]), assembly=number[self.assembly]
+        )
         if moving is None:
             return assembled
         tool_modes = np.eye(moving.loose.size)[:, moving.loose]
         return replace(
             assembled,
             free=np.hstack((self.free, np.zeros((len(self.free), tool_modes.shape[1])))),
-            assembly=np.concatenate((assembled.assembly, number[count + moving.number[moving.loose]])),
+            assembly=np.concatenate(
+                (assembled.assembly, number[count + moving.number[moving.loose]])
+            ),
             foundations=np.hstack((np.zeros((len(tool_modes), self.free.shape[1])), tool_modes)),
             moving=moving,
         )
@@ -122,21 +138,29 @@ class RigidMotions:
     def _pieces_at(self, boundary: ContactBoundary) -> npt.NDArray[np.int64]:
         """The pieces that the nodes of averages are in, shape (m,); collective."""
         owned_pieces = self.piece[: self.owned, None].astype(np.float64)
-        return from_owners(owned_pieces, boundary.averages.nodes, boundary.comm)[:, 0].astype(np.int64)
+        return from_owners(owned_pieces, boundary.averages.nodes, boundary.comm)[:, 0].astype(
+            np.int64
+        )
 
     def displacement(self, motion: _Floats) -> _Floats:
-        """The free motions times coefficients of shape (k,) at all nodes of this rank, shape (nodes, d)."""
+        """The free motions times coefficients of shape (k,) at all nodes of this rank, shape
+        (nodes, d).
+        """
         return self.of_pieces(self.free @ motion)
 
-    def of_pieces(self, motion: _Floats, nodes: npt.NDArray[np.signedinteger[Any]] | slice = slice(None)) -> _Floats:
-        """The motions of all pieces times coefficients of shape (m p,) at nodes of this rank, shape (n, d)."""
+    def of_pieces(
+        self, motion: _Floats, nodes: npt.NDArray[np.signedinteger[Any]] | slice = slice(None)
+    ) -> _Floats:
+        """The motions of all pieces times coefficients of shape (m p,) at nodes of this rank, shape
+        (n, d).
+        """
         coefficients = motion.reshape(-1, self.each)[self.piece[nodes]]
         moved: _Floats = np.einsum("ijk,ik->ij", self.modes(nodes), coefficients)
         return moved
 
     def load_of(self, forces: _Floats, comm: MPI.Comm, driving: _Floats | None = None) -> RigidLoad:
-        """The work of forces at the owned dofs, shape (owned dofs,), on the free motions, and of forces that drive
-        foundations, by their unknowns; collective.
+        """The work of forces at the owned dofs, shape (owned dofs,), on the free motions, and of
+        forces that drive foundations, by their unknowns; collective.
         """
         if self.free.shape[1] == 0:
             return RigidLoad(np.zeros(0), np.zeros(0), self.assembly)
@@ -144,7 +168,9 @@ class RigidMotions:
         acting = np.flatnonzero(forces.any(axis=1))  # few where loads are on the boundary
         work = np.einsum("ij,ijk->ik", forces[acting], self.modes(acting))
         sizes = np.linalg.norm(forces[acting], axis=1, keepdims=True)
-        total = parallel.sums_by(comm, self.piece[acting], np.hstack((work, sizes)), self.pieces.count)
+        total = parallel.sums_by(
+            comm, self.piece[acting], np.hstack((work, sizes)), self.pieces.count
+        )
         of_assembly = np.bincount(self.pieces.assembly, total[:, -1]).astype(np.float64)
         work, size = self.free.T @ total[:, :-1].ravel(), of_assembly[self.assembly]
         if driving is not None and self.foundations is not None:
@@ -160,8 +186,13 @@ class RigidMotions:
 
 
 def _joined(links: npt.NDArray[np.int64], count: int, comm: MPI.Comm) -> npt.NDArray[np.int64]:
-    """The number of the component that each of so many things is in, linked in pairs of all ranks; collective."""
-    keys, number = parallel.gather_rows(comm, np.unique(links[:, 0] * count + links[:, 1])), np.arange(count)
+    """The number of the component that each of so many things is in, linked in pairs of all ranks;
+    collective.
+    """
+    keys, number = (
+        parallel.gather_rows(comm, np.unique(links[:, 0] * count + links[:, 1])),
+        np.arange(count),
+    )
     for pair in np.column_stack(np.divmod(np.unique(keys), count)):
         low, high = np.sort(number[pair])
         number[number == high] = low
@@ -169,8 +200,9 @@ def _joined(links: npt.NDArray[np.int64], count: int, comm: MPI.Comm) -> npt.NDA
 
 
 def rigid_modes(x: _Floats, centre: _Floats, length: _Floats) -> _Floats:
-    """Translations along and rotations about the axes at points of shape (n, d), shape (n, d, m); ``centre``: about
-    which each of them rotates, shape (n, d) or (d,); ``length``: at which a rotation moves by one, shape (n,) or ().
+    """Translations along and rotations about the axes at points of shape (n, d), shape (n, d, m);
+    ``centre``: about which each of them rotates, shape (n, d) or (d,); ``length``: at which a
+    rotation moves by one, shape (n,) or ().
     """
     dim = x.shape[1]
     turns = CARTESIAN[dim].rotations
@@ -189,8 +221,9 @@ def rigid_motions(
     turned: TurnedNodes | None,
     kinematics: Kinematics,
 ) -> RigidMotions:
-    """The motions without strain that supports leave free; ``fixed``: which components of the displacement are
-    prescribed at the owned nodes, shape (owned nodes, d), at ``turned`` ones in their frames; collective.
+    """The motions without strain that supports leave free; ``fixed``: which components of the
+    displacement are prescribed at the owned nodes, shape (owned nodes, d), at ``turned`` ones in
+    their frames; collective.
     """
     comm = space.mesh.comm
     owned = slice(fixed.shape[0])
@@ -209,7 +242,8 @@ def rigid_motions(
     free, assembly = _null_space(products, motions, kinematics)
     supported = np.linalg.pinv(products, rcond=ROOT_OF_EPS, hermitian=True).astype(np.float64)
     motions = replace(motions, supported=supported, free=free, assembly=assembly)
-    # Products have half of the digits of where the supports lie: what the motions still do there is taken out.
+    # Products have half of the digits of where the supports lie: what the motions still do there is
+    # taken out.
     held, moved = np.flatnonzero(fixed.any(axis=1)), np.zeros(fixed.shape)
     for column in free.T:
         moved[held] = motions.of_pieces(column, held)
@@ -217,10 +251,13 @@ def rigid_motions(
     return motions
 
 
-def without_energy(motions: RigidMotions, matrix: PETSc.Mat, vector: Callable[[_Floats], PETSc.Vec]) -> RigidMotions:
-    """The motions of these for which a(r, r) = 0: springs, and what else resists rigid motions, count as supports;
-    ``matrix``: of a(., .), or of the part of it that may resist; ``vector``: from displacements of the nodes of this
-    rank to new unknowns of the matrix; collective.
+def without_energy(
+    motions: RigidMotions, matrix: PETSc.Mat, vector: Callable[[_Floats], PETSc.Vec]
+) -> RigidMotions:
+    """The motions of these for which a(r, r) = 0: springs, and what else resists rigid motions,
+    count as supports;
+    ``matrix``: of a(., .), or of the part of it that may resist; ``vector``: from displacements of
+    the nodes of this rank to new unknowns of the matrix; collective.
     """
     if motions.free.shape[1] == 0:
         return motions
@@ -236,9 +273,12 @@ def without_energy(motions: RigidMotions, matrix: PETSc.Mat, vector: Callable[[_
     for number in np.unique(motions.assembly):
         of = motions.assembly == number
         values, vectors = np.linalg.eigh(energy[np.ix_(of, of)])
-        # Springs may have nothing to say of a motion: its energy is round-off of that of the others.
+        # Springs may have nothing to say of a motion: its energy is round-off of that of the
+        # others.
         # One that is negative is that of a tangent under stress: such a motion is not free.
-        combinations = vectors[:, np.abs(values) <= LEFT_BY_SOLVES * np.trace(scale[np.ix_(of, of)])]
+        combinations = vectors[
+            :, np.abs(values) <= LEFT_BY_SOLVES * np.trace(scale[np.ix_(of, of)])
+        ]
         columns.append(motions.free[:, of] @ combinations)
         numbers.append(np.full(combinations.shape[1], number))
     return replace(motions, free=np.concatenate(columns, axis=1), assembly=np.concatenate(numbers))
@@ -251,8 +291,9 @@ def nearest_motion(
     turned: TurnedNodes | None,
     comm: MPI.Comm,
 ) -> _Floats:
-    """The motions of the pieces that are nearest to prescribed displacements of the owned nodes, of which components
-    are ``fixed``, at ``turned`` nodes in their frames, shapes (owned nodes, d); shape (m p,); collective.
+    """The motions of the pieces that are nearest to prescribed displacements of the owned nodes, of
+    which components are ``fixed``, at ``turned`` nodes in their frames, shapes (owned nodes, d);
+    shape (m p,); collective.
     """
     _, moved = _at_supports(motions, fixed, prescribed, turned, comm)
     return np.asarray(np.einsum("pij,pj->pi", motions.supported, moved).ravel())
@@ -265,9 +306,14 @@ def _at_supports(
     turned: TurnedNodes | None,
     comm: MPI.Comm,
 ) -> tuple[_Floats, _Floats]:
-    """Products of motions with each other at prescribed components, (p, m, m), and with what is prescribed, (p, m)."""
+    """Products of motions with each other at prescribed components, (p, m, m), and with what is
+    prescribed, (p, m).
+    """
     node, component = np.nonzero(fixed)
-    columns, piece = np.concatenate((motions.modes(node), prescribed[node][:, :, None]), axis=2), motions.piece[node]
+    columns, piece = (
+        np.concatenate((motions.modes(node), prescribed[node][:, :, None]), axis=2),
+        motions.piece[node],
+    )
     if turned is not None:
         columns = np.einsum("nij,nik->njk", turned.frames_at(node), columns)
     rows = columns[np.arange(node.size), component]
@@ -282,10 +328,14 @@ def _at_supports(
 def _null_space(
     supported: _Floats, motions: RigidMotions, kinematics: Kinematics
 ) -> tuple[_Floats, npt.NDArray[np.int64]]:
-    """The motions of each piece that kinematics and supports allow, and the number of their piece."""
+    """The motions of each piece that kinematics and supports allow, and the number of their
+    piece.
+    """
     count, each, dim = motions.pieces.count, motions.each, motions.x.shape[1]
     ways: Any = np.tile(np.eye(each), (count, 1, 1))
-    if not kinematics.unbalanced.all():  # these are about the origin, those of pieces about their middles
+    if (
+        not kinematics.unbalanced.all()
+    ):  # these are about the origin, those of pieces about their middles
         ways[:, :dim] = rigid_modes(motions.centre, np.zeros(dim), motions.length)
         ways = ways[:, :, kinematics.unbalanced]
         ways = ways / np.linalg.norm(ways, axis=1, keepdims=True)
@@ -301,16 +351,25 @@ def _null_space(
     return np.concatenate(columns, axis=1), np.array(numbers, dtype=np.int64)
 
 
-def names_of(moved: _Floats, motions: RigidMotions, members: npt.NDArray[np.int64], *, one_way: bool = False) -> str:
-    """Names of motions of an assembly with these pieces, combinations as in ``RigidMotions.of_all``, one per column;
+def names_of(
+    moved: _Floats, motions: RigidMotions, members: npt.NDArray[np.int64], *, one_way: bool = False
+) -> str:
+    """Names of motions of an assembly with these pieces, combinations as in
+    ``RigidMotions.of_all``, one per column;
     ``one_way``: whether a single motion is meant in its direction, not in the opposite one as well.
     """
     descriptions = []
     moved = moved / np.abs(moved).max()  # the size of a motion means nothing
-    rows, rigid, pieces = moved.reshape(-1, motions.each, moved.shape[1]), motions.moving, motions.pieces
+    rows, rigid, pieces = (
+        moved.reshape(-1, motions.each, moved.shape[1]),
+        motions.moving,
+        motions.pieces,
+    )
     things = [(pieces.called(int(member)), rows[member]) for member in members]
     if rigid is not None:
-        things += [(body.called, row) for body, row in zip(rigid.bodies, rows[pieces.count :], strict=True)]
+        things += [
+            (body.called, row) for body, row in zip(rigid.bodies, rows[pieces.count :], strict=True)
+        ]
     for name, modes in things:
         vectors, values, _ = np.linalg.svd(modes, full_matrices=False)
         independent = modes if len(things) == 1 else vectors[:, values > CERTIFICATE_TOLERANCE]
@@ -319,12 +378,18 @@ def names_of(moved: _Floats, motions: RigidMotions, members: npt.NDArray[np.int6
         if independent.shape[1]:
             names = _names_of_piece(independent, motions.x.shape[1], one_way=one_way)
             descriptions.append(names if len(things) == 1 else f"{name} in {names}")
-    suffix = f", and {len(descriptions) - MOST_LISTED} more pieces" if len(descriptions) > MOST_LISTED else ""
+    suffix = (
+        f", and {len(descriptions) - MOST_LISTED} more pieces"
+        if len(descriptions) > MOST_LISTED
+        else ""
+    )
     return ", ".join(descriptions[:MOST_LISTED]) + suffix
 
 
 def _names_of_piece(motions: _Floats, dim: int, *, one_way: bool) -> str:
-    """Names of motions of one piece (translations, then rotations, see ``rigid_modes``), one per column."""
+    """Names of motions of one piece (translations, then rotations, see ``rigid_modes``), one per
+    column.
+    """
     _, values, rows = np.linalg.svd(motions[dim:], full_matrices=True)
     turning = int(np.count_nonzero(values > CERTIFICATE_TOLERANCE))
     shifts = (motions @ (rows[turning:].T if turning else np.eye(motions.shape[1])))[:dim]
@@ -344,11 +409,15 @@ def _names_of_piece(motions: _Floats, dim: int, *, one_way: bool) -> str:
 
 
 def _direction(vector: _Floats, *, upwards: bool = True) -> str:
-    """The direction of a vector in a message, or its opposite, so that its largest component is positive."""
+    """The direction of a vector in a message, or its opposite, so that its largest component is
+    positive.
+    """
     sign = np.sign(vector[np.argmax(np.abs(vector))]) if upwards else 1.0
     return ", ".join(rounded(value) for value in sign * vector / np.linalg.norm(vector))
 
 
 def rounded(value: float, size: float = 1.0) -> str:
-    """A number of a message, to four digits; 0 where it is round-off beside a number of this size."""
+    """A number of a message, to four digits; 0 where it is round-off beside a number of this
+    size.
+    """
     return f"{round(float(value) / size, 6) * size + 0.0:.4g}"

@@ -1,4 +1,6 @@
-"""Shapes with a formula: plane, circle, sphere, cylinder and cone; lines of straight pieces through points in 2D."""
+"""Shapes with a formula: plane, circle, sphere, cylinder and cone; lines of straight pieces through
+points in 2D.
+"""
 
 from __future__ import annotations
 
@@ -115,7 +117,11 @@ class Cone(Shape):
 
     def initial(self, x: Array) -> tuple[Array, Array]:
         """A rounded tip is at the distance of its radius around a sharp one inside."""
-        axis, sine, cosine = unit(self.axis), math.sin(math.radians(self.angle)), math.cos(math.radians(self.angle))
+        axis, sine, cosine = (
+            unit(self.axis),
+            math.sin(math.radians(self.angle)),
+            math.cos(math.radians(self.angle)),
+        )
         away = x - np.array(self.tip) - self.radius / sine * axis
         height = away @ axis
         radius, outwards = normalised(away - np.outer(height, axis), across(axis))
@@ -128,7 +134,8 @@ class Cone(Shape):
 
 
 class Polyline(Shape):
-    """A line of straight pieces: the body is on its left, or outside where the last point is the first one.
+    """A line of straight pieces: the body is on its left, or outside where the last point is the
+    first one.
 
     Attributes:
         points: in order, lengths; beyond the first and the last one the line goes straight on.
@@ -151,7 +158,10 @@ class Polyline(Shape):
             raise ValueError("points: a closed line must enclose an area")
         if (crossed := crossing_pieces(x)) is not None:
             first, second = (f"points {number + 1} and {number + 2}" for number in crossed)
-            reason = f"that between {first} meets that between {second}: the body has no side of such a line"
+            reason = (
+                f"that between {first} meets that between {second}: the body has no side of "
+                "such a line"
+            )
             raise ValueError(f"points: of its pieces {reason}; leave the loop out")
         return self
 
@@ -165,7 +175,9 @@ class Polyline(Shape):
         """Of a closed line its area over its perimeter, which no inradius is below."""
         if self.hollow or not self.closed:
             return np.inf
-        return abs(self._area) / float(np.linalg.norm(np.diff(np.array(self.points), axis=0), axis=1).sum())
+        return abs(self._area) / float(
+            np.linalg.norm(np.diff(np.array(self.points), axis=0), axis=1).sum()
+        )
 
     @property
     def _area(self) -> float:
@@ -183,8 +195,9 @@ class Polyline(Shape):
 
 
 class StraightPieces:
-    """Signed distances from straight pieces, positive on their left, and the normals at the closest points; of corners,
-    shape (c, 2), pieces have that at which each begins and ends, shape (m, 2), and go on at a free end.
+    """Signed distances from straight pieces, positive on their left, and the normals at the closest
+    points; of corners, shape (c, 2), pieces have that at which each begins and ends, shape (m, 2),
+    and go on at a free end.
     """
 
     def __init__(self, corners: Array, pieces: Rows) -> None:
@@ -205,8 +218,8 @@ class StraightPieces:
         away = x - self._begin[chosen] - parameter[:, None] * self._along[chosen]
         normal = self._normals[chosen].copy()
         signed = np.einsum("nd,nd->n", away, normal)
-        # At a corner the sign is that of the mean of both normals (Baerentzen and Aanaes, IEEE Trans. Vis. Comput.
-        # Graph. 11 (2005) 243-253), and the normal that of the distance.
+        # At a corner the sign is that of the mean of both normals (Baerentzen and Aanaes, IEEE
+        # Trans. Vis. Comput. Graph. 11 (2005) 243-253), and the normal that of the distance.
         for end, column in ((self._first[chosen], 0), (self._last[chosen], 1)):
             size = np.linalg.norm(away, axis=1)
             at_end = (parameter == end) & (size > 0)
@@ -216,7 +229,9 @@ class StraightPieces:
         return signed, normal
 
     def _nearest(self, x: Array) -> tuple[Rows, Array]:
-        """The closest piece of each point, the first one of several, and the place of the closest point on it."""
+        """The closest piece of each point, the first one of several, and the place of the closest
+        point on it.
+        """
         chosen, place = np.zeros(len(x), dtype=np.int64), np.zeros(len(x))
         for batch in np.array_split(np.arange(len(x)), 1 + x.size * len(self._begin) // _AT_A_TIME):
             away = x[batch, None] - self._begin
@@ -228,13 +243,15 @@ class StraightPieces:
 
 
 def crossing_pieces(points: Array) -> tuple[int, int] | None:
-    """The first two pieces that cross or touch each other, by their numbers from 0; None: there are none.
+    """The first two pieces that cross or touch each other, by their numbers from 0; None: there are
+    none.
 
     Pieces that follow each other have a point in common; pieces of one straight line do not cross.
     """
     from scipy.spatial import cKDTree
 
-    # Two pieces that cross have parts that do, no longer than the mean piece, whose middles are no farther apart.
+    # Two pieces that cross have parts that do, no longer than the mean piece, whose middles are no
+    # farther apart.
     way = np.diff(points, axis=0)
     length = np.linalg.norm(way, axis=1)
     parts = np.maximum(np.ceil(length / (longest := float(length.mean()))), 1).astype(np.int64)
@@ -252,5 +269,7 @@ def crossing_pieces(points: Array) -> tuple[int, int] | None:
         return np.asarray(np.sign(way[piece, 0] * away[..., 1] - way[piece, 1] * away[..., 0]))
 
     ahead, behind = sides(first, second), sides(second, first)
-    crossed = np.flatnonzero((ahead.prod(axis=0) <= 0) & (behind.prod(axis=0) <= 0) & ahead.any(axis=0))
+    crossed = np.flatnonzero(
+        (ahead.prod(axis=0) <= 0) & (behind.prod(axis=0) <= 0) & ahead.any(axis=0)
+    )
     return (int(first[crossed[0]]), int(second[crossed[0]])) if crossed.size else None

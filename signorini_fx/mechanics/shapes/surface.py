@@ -1,4 +1,6 @@
-"""The surface of a solid from a file: STL, a drawing of a CAD program, or a mesh; in 2D the rim of a mesh."""
+"""The surface of a solid from a file: STL, a drawing of a CAD program, or a mesh; in 2D the rim of
+a mesh.
+"""
 
 from __future__ import annotations
 
@@ -21,8 +23,10 @@ class ClosedSurface(Shape):
     """A closed surface of flat triangles; in 2D a closed line of straight pieces.
 
     Attributes:
-        file: .stl, or the drawing or mesh of a solid, in 2D of an area, in any format that a mesh may have.
-        size: length of the cells of a .step, .stp or .brep; None: a fraction of the size of the solid.
+        file: .stl, or the drawing or mesh of a solid, in 2D of an area, in any format that a mesh
+            may have.
+        size: length of the cells of a .step, .stp or .brep; None: a fraction of the size of the
+            solid.
         scale: by which the lengths of the file are multiplied.
     """
 
@@ -40,7 +44,11 @@ class ClosedSurface(Shape):
             return
         if file_dimension != dimension:
             words = {2: "plane", 3: "in 3D"}
-            yield "file", f"{self.file}: it is {words[file_dimension]}, and the mesh of the body {words[dimension]}"
+            yield (
+                "file",
+                f"{self.file}: it is {words[file_dimension]}, and the mesh of the body "
+                f"{words[dimension]}",
+            )
 
     def initial(self, x: Array) -> tuple[Array, Array]:
         signed, normal = self._surface(x / self.scale)
@@ -64,7 +72,9 @@ def surface_of(file: Path, size: float | None, _changed: int) -> Any:
 
 
 class CachedSurface:
-    """A surface that keeps the last distances: of the same points gap, direction and certificate ask for them."""
+    """A surface that keeps the last distances: of the same points gap, direction and certificate
+    ask for them.
+    """
 
     def __init__(self, surface: Any) -> None:
         self._surface, self.dimension = surface, surface.dimension
@@ -80,7 +90,8 @@ class CachedSurface:
 
     @cached_property
     def inradius(self) -> float:
-        """Of the largest ball inside whose middle is on a grid; or volume over area, in 2D area over perimeter,
+        """Of the largest ball inside whose middle is on a grid; or volume over area, in 2D area
+        over perimeter,
         which is that of a thin solid, and below that of one without many small cavities, length.
         """
         bounds, thickness = self._surface.extent
@@ -103,7 +114,9 @@ def _read(file: Path, size: float | None) -> Any:
         around = (0, 1, 2) if mesh.cell.word == "triangles" else (0, 1, 3, 2)
         return InThePlane(mesh.points, _rim(mesh.points, mesh.corners[:, around]))
     faces = mesh.facet_corners
-    return InSpace(file, mesh.points, faces if faces.shape[1] == 3 else np.vstack((faces[:, :3], faces[:, 1:])))
+    return InSpace(
+        file, mesh.points, faces if faces.shape[1] == 3 else np.vstack((faces[:, :3], faces[:, 1:]))
+    )
 
 
 def _stl(file: Path) -> tuple[Array, Rows]:
@@ -121,7 +134,9 @@ def _stl(file: Path) -> tuple[Array, Rows]:
 
 
 def _rim(points: Array, cells: Rows) -> Rows:
-    """The sides of cells counterclockwise; ``cells``: their corners along their perimeters, shape (m, 3 or 4)."""
+    """The sides of cells counterclockwise; ``cells``: their corners along their perimeters, shape
+    (m, 3 or 4).
+    """
     x, y = points[cells].transpose(2, 0, 1)
     turning = (x * np.roll(y, -1, axis=1) - y * np.roll(x, -1, axis=1)).sum(axis=1)
     cells = np.where((turning < 0)[:, None], cells[:, ::-1], cells)
@@ -129,48 +144,61 @@ def _rim(points: Array, cells: Rows) -> Rows:
 
 
 class InThePlane(StraightPieces):
-    """The rim of an area, from points, shape (n, 2), and ends of the sides of areas, counterclockwise around each of
-    them, shape (m, 2).
+    """The rim of an area, from points, shape (n, 2), and ends of the sides of areas,
+    counterclockwise around each of them, shape (m, 2).
     """
 
     dimension = 2
 
     def __init__(self, points: Array, sides: Rows) -> None:
-        outer = ~np.isin(sides[:, 0] * len(points) + sides[:, 1], sides[:, 1] * len(points) + sides[:, 0])
+        outer = ~np.isin(
+            sides[:, 0] * len(points) + sides[:, 1], sides[:, 1] * len(points) + sides[:, 0]
+        )
         super().__init__(points, sides[outer][:, ::-1])  # clockwise: outside is on the left
         ends = points[sides[outer]]
         area = float(np.linalg.det(ends - ends.mean(axis=(0, 1))).sum()) / 2
         perimeter = float(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).sum())
-        # The least and the greatest coordinates, and the area over the perimeter; in 3D the volume over the area.
+        # The least and the greatest coordinates, and the area over the perimeter; in 3D the volume
+        # over the area.
         self.extent = np.stack((ends.min(axis=(0, 1)), ends.max(axis=(0, 1)))), area / perimeter
 
 
 class InSpace:
-    """A closed surface of triangles, with VTK's signed distance, from a file, points, shape (n, 3), and corners in any
-    order, shape (m, 3), or a ``MeshError``.
+    """A closed surface of triangles, with VTK's signed distance, from a file, points, shape (n, 3),
+    and corners in any order, shape (m, 3), or a ``MeshError``.
     """
 
     dimension = 3
 
     def __init__(self, file: Path, points: Array, triangles: Rows) -> None:
-        sides = np.sort(np.stack((triangles, np.roll(triangles, -1, axis=1)), axis=2).reshape(-1, 2), axis=1)
+        sides = np.sort(
+            np.stack((triangles, np.roll(triangles, -1, axis=1)), axis=2).reshape(-1, 2), axis=1
+        )
         _, counts = np.unique(sides[:, 0] * len(points) + sides[:, 1], return_counts=True)
         if (counts != 2).any():
             raise MeshError(
-                f"{file}: the surface is not closed: {np.count_nonzero(counts == 1)} sides of its {len(triangles)} "
+                f"{file}: the surface is not closed: {np.count_nonzero(counts == 1)} sides of its "
+                f"{len(triangles)} "
                 f"triangles belong to one alone, {np.count_nonzero(counts > 2)} to more than two"
             )
         try:
             import pyvista
             from vtkmodules.vtkFiltersCore import vtkImplicitPolyDataDistance
         except ModuleNotFoundError as error:
-            raise MeshError(f"{file}: a surface in 3D needs the Python package {error.name}: see pyvista") from None
+            raise MeshError(
+                f"{file}: a surface in 3D needs the Python package {error.name}: see pyvista"
+            ) from None
         surface = pyvista.PolyData.from_regular_faces(points, triangles)
-        faced = surface.compute_normals(split_vertices=False, consistent_normals=True, auto_orient_normals=True)
+        faced = surface.compute_normals(
+            split_vertices=False, consistent_normals=True, auto_orient_normals=True
+        )
         order = faced.regular_faces
         directed = order * len(points) + np.roll(order, -1, axis=1)
         if np.unique(directed).size < directed.size:
-            raise MeshError(f"{file}: the surface has no inside and outside: its triangles cannot be oriented alike")
+            raise MeshError(
+                f"{file}: the surface has no inside and outside: its triangles cannot be oriented "
+                "alike"
+            )
         self._distance = vtkImplicitPolyDataDistance()
         self._distance.SetInput(faced)
         self._size = float(np.linalg.norm(np.ptp(points, axis=0)))

@@ -1,5 +1,5 @@
-"""The base class of all tables of a scene, and errors in a scene as messages of this package: the path of the key, what
-is wrong, and what is allowed.
+"""The base class of all tables of a scene, and errors in a scene as messages of this package: the
+path of the key, what is wrong, and what is allowed.
 """
 
 from __future__ import annotations
@@ -30,7 +30,10 @@ class _OwnErrors(_ModelMetaclass):
         table = cast("type[Table]", cls)
         named = dict(zip(table.positional, positional, strict=False))
         if len(positional) > len(table.positional) or named.keys() & data:
-            raise TypeError(f"{cls.__name__} takes keyword arguments: {', '.join(table.__signature__.parameters)}")
+            raise TypeError(
+                f"{cls.__name__} takes keyword arguments: "
+                f"{', '.join(table.__signature__.parameters)}"
+            )
         try:
             return super().__call__(**named, **data)
         except ValidationError as error:
@@ -42,19 +45,28 @@ class Table(BaseModel, metaclass=_OwnErrors):
 
     model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True)
 
-    # Keys that Python may give without their names, in this order; and the error of a table that Python makes.
+    # Keys that Python may give without their names, in this order; and the error of a table that
+    # Python makes.
     positional: ClassVar[tuple[str, ...]] = ()
     error: ClassVar[type[SceneError]] = SceneError
 
     @classmethod
     def __pydantic_init_subclass__(cls, **_: Any) -> None:
-        """Show keys and defaults in help and notebooks, and not the types by which they are checked."""
+        """Show keys and defaults in help and notebooks, and not the types by which they are
+        checked.
+        """
         parameters = (
-            Parameter(name, Parameter.KEYWORD_ONLY, default=Parameter.empty if field.is_required() else field.default)
+            Parameter(
+                name,
+                Parameter.KEYWORD_ONLY,
+                default=Parameter.empty if field.is_required() else field.default,
+            )
             for name, field in cls.model_fields.items()
         )
         # What must be given comes first, also where a base class has the other keys.
-        cls.__signature__ = Signature(sorted(parameters, key=lambda key: key.default is not Parameter.empty))
+        cls.__signature__ = Signature(
+            sorted(parameters, key=lambda key: key.default is not Parameter.empty)
+        )
 
     def __iter__(self) -> Generator[tuple[str, Any], None, None]:
         """The keys with their values, without what is kept of what follows from them."""
@@ -66,33 +78,46 @@ class Table(BaseModel, metaclass=_OwnErrors):
 
     @property
     def timed(self) -> bool:
-        """Whether one of its values depends on the time t: an expression, a vector, a shape or a friction law."""
+        """Whether one of its values depends on the time t: an expression, a vector, a shape or a
+        friction law.
+        """
         return any(_timed(value) for key, value in self if key not in self.asked_later)
 
     def at_time(self, time: float) -> Self:
         """The same with its values at a time; itself if none depends on it."""
         timed = [key for key, value in self if key not in self.asked_later and _timed(value)]
-        return self.model_copy(update={key: at_time(getattr(self, key), time) for key in timed}) if timed else self
+        return (
+            self.model_copy(update={key: at_time(getattr(self, key), time) for key in timed})
+            if timed
+            else self
+        )
 
     def remade(self, **changes: Any) -> Self:
         """The same with other entries of some keys, all validated anew."""
         return type(self)(**{key: getattr(self, key) for key in self.model_fields_set} | changes)
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
-        """A changed copy, whose new values are not validated; a single table stands for a list of one.
+        """A changed copy, whose new values are not validated; a single table stands for a list of
+        one.
 
         Raises:
             SceneError: a key is not known.
         """
         fields, changes = type(self).model_fields, dict(update or {})
-        unknown = [(key, f"unknown key; there are: {', '.join(fields)}") for key in changes if key not in fields]
+        unknown = [
+            (key, f"unknown key; there are: {', '.join(fields)}")
+            for key in changes
+            if key not in fields
+        ]
         if unknown:
             raise SceneError(unknown, type(self).__name__)
         for key, value in changes.items():
             if get_origin(fields[key].annotation) is tuple and isinstance(value, list | BaseModel):
                 changes[key] = tuple(value) if isinstance(value, list) else (value,)
         copy = super().model_copy(update=changes, deep=deep)
-        for name in copy.__dict__.keys() - fields.keys():  # what a cached property has made of the old values
+        for name in (
+            copy.__dict__.keys() - fields.keys()
+        ):  # what a cached property has made of the old values
             del copy.__dict__[name]
         return copy
 
@@ -111,13 +136,15 @@ def at_time(value: Any, time: float) -> Any:
 def refused(table: str, problems: Iterable[tuple[tuple[str | int, ...], str]]) -> ValidationError:
     """The error of a validator that has found several, each with its place in the table."""
     details = [
-        InitErrorDetails(type=PydanticCustomError("value_error", "{why}", {"why": why}), loc=location, input={})
+        InitErrorDetails(
+            type=PydanticCustomError("value_error", "{why}", {"why": why}), loc=location, input={}
+        )
         for location, why in problems
     ]
     return ValidationError.from_exception_data(table, details)
 
 
-# --- messages ---------------------------------------------------------------------------------------------------------
+# --- messages -------------------------------------------------------------------------------------
 
 _MESSAGES = {
     "extra_forbidden": "unknown key",
@@ -141,13 +168,19 @@ def plain_message(detail: Any) -> str:
             return f"must have at least {_entries(least)}, got {count}"
         case {"type": "too_long", "ctx": {"max_length": most, **further}}:
             count = further.get("actual_length")
-            return f"must have at most {_entries(most)}" + (f", got {count}" if count is not None else "")
+            return f"must have at most {_entries(most)}" + (
+                f", got {count}" if count is not None else ""
+            )
         case {"type": "dict_type" | "mapping_type"}:
             return "must be a table"
         case {"type": "union_tag_invalid", "ctx": {"tag": tag, "expected_tags": known}}:
             return f"must be one of {known}, got {tag!r}"
     message = str(detail["msg"]).removeprefix("Value error, ")
-    message = re.sub(r"^Input should be( a valid)?", lambda prefix: "must be a" if prefix[1] else "must be", message)
+    message = re.sub(
+        r"^Input should be( a valid)?",
+        lambda prefix: "must be a" if prefix[1] else "must be",
+        message,
+    )
     return message.replace("must be a integer", "must be an integer")
 
 
@@ -155,9 +188,11 @@ def _entries(count: int) -> str:
     return "1 entry" if count == 1 else f"{count} entries"
 
 
-def problems_of(error: ValidationError, data: Mapping[str, Any], model: type[BaseModel]) -> list[tuple[str, str]]:
-    """The errors that pydantic found in data that should fit a model, in the form that ``SceneError`` needs: one for
-    each path, which says what each of several types expects.
+def problems_of(
+    error: ValidationError, data: Mapping[str, Any], model: type[BaseModel]
+) -> list[tuple[str, str]]:
+    """The errors that pydantic found in data that should fit a model, in the form that
+    ``SceneError`` needs: one for each path, which says what each of several types expects.
     """
     by_path: dict[str, list[str]] = {}
     for detail in error.errors():
@@ -167,7 +202,9 @@ def problems_of(error: ValidationError, data: Mapping[str, Any], model: type[Bas
 
 
 def _problem(detail: Any, data: Mapping[str, Any], model: type[BaseModel]) -> tuple[str, str]:
-    """Path and sentence for one pydantic error: list positions as [i], without pydantic's own union labels."""
+    """Path and sentence for one pydantic error: list positions as [i], without pydantic's own union
+    labels.
+    """
     path = ""
     node: Any = data
     for part in detail["loc"]:
@@ -198,11 +235,16 @@ def _problem(detail: Any, data: Mapping[str, Any], model: type[BaseModel]) -> tu
 
 
 def _removal(detail: Any, path: str) -> str:
-    """What to do instead, if the key at this path or its value has left this package; "": it has not."""
+    """What to do instead, if the key at this path or its value has left this package; "": it has
+    not.
+    """
     match detail:
         case {"type": "extra_forbidden"}:
             return removal(path)
-        case {"type": "union_tag_invalid", "ctx": {"tag": value}} | {"type": "literal_error", "input": str(value)}:
+        case {"type": "union_tag_invalid", "ctx": {"tag": value}} | {
+            "type": "literal_error",
+            "input": str(value),
+        }:
             advice = removal(f"{path} = {value}")
             return f"{value!r} {advice}" if advice else ""
     return ""
@@ -210,7 +252,8 @@ def _removal(detail: Any, path: str) -> str:
 
 _ELSEWHERE = {
     "rho": "weight is written [gravity], with the density of each [[material]]",
-    "alpha": "the coefficient of thermal expansion is written expansion, and the heat [[temperature]]",
+    "alpha": "the coefficient of thermal expansion is written expansion, and the heat "
+    "[[temperature]]",
     "thickness": "a plane body has thickness 1, and forces are per thickness",
 }
 
@@ -221,7 +264,10 @@ def _meant(key: str, model: type[BaseModel]) -> str:
         return f": {_ELSEWHERE[key]}"
     if key in model.model_fields and model.__name__ == "Scene":
         return f" here: {key!r} belongs to the top level of the scene, above the first [table]"
-    tables = {name: getattr(field.annotation, "model_fields", {}) for name, field in model.model_fields.items()}
+    tables = {
+        name: getattr(field.annotation, "model_fields", {})
+        for name, field in model.model_fields.items()
+    }
     home = next((name for name, fields in tables.items() if key in fields), None)
     if home is not None:
         return f" here: it belongs to [{home}]"
@@ -234,7 +280,9 @@ def _meant(key: str, model: type[BaseModel]) -> str:
 def tables(annotation: Any) -> set[type[BaseModel]]:
     """The tables that an annotation allows, and those in them."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return {annotation}.union(*(tables(field.annotation) for field in annotation.model_fields.values()))
+        return {annotation}.union(
+            *(tables(field.annotation) for field in annotation.model_fields.values())
+        )
     return set().union(*map(tables, get_args(annotation)))
 
 

@@ -35,7 +35,8 @@ _Model = TypeVar("_Model", bound=type[BaseModel])
 class Coefficients(Protocol):
     """Values of a scene in the body or on a boundary: as UFL, or as arrays of n points.
 
-    As UFL vectors have the shape (d,) and values (), as arrays (d, n) and (n,): what arithmetic says is said of both.
+    As UFL vectors have the shape (d,) and values (), as arrays (d, n) and (n,): what arithmetic
+    says is said of both.
     """
 
     @property
@@ -68,8 +69,8 @@ class BodyCoefficients(Coefficients, Protocol):
         """Of the material, coefficient of thermal expansion, 1 / temperature."""
 
     def value_in(self, region: str | None, value: Any) -> Any:
-        """A value in a region of the mesh, 0 elsewhere; None: everywhere.  A callable is asked at nodes of the region
-        alone.
+        """A value in a region of the mesh, 0 elsewhere; None: everywhere.  A callable is asked at
+        nodes of the region alone.
         """
 
 
@@ -127,7 +128,9 @@ class Effect(Table):
 
     @property
     def place(self) -> str:
-        """Where it acts, in words: the name of a boundary or region, or a point; "": in all of the body."""
+        """Where it acts, in words: the name of a boundary or region, or a point; "": in all of the
+        body.
+        """
         at, region = getattr(self, "at", None), getattr(self, "region", None)
         if at is None:
             return self.where or region or ""
@@ -157,23 +160,26 @@ class Effect(Table):
 
     @property
     def features(self) -> Features:
-        """The names by which other objects refuse it, see ``statement.features``, with the keys that ask for them."""
+        """The names by which other objects refuse it, see ``statement.features``, with the keys
+        that ask for them.
+        """
         return ((self.label, ()),)
 
     def contradictions(self, statement: Any, number: int) -> Contradictions:
-        """Why it, with its number among those of its kind, does not go together with other entries of a statement: the
-        place of the error in the scene, and the reason.
+        """Why it, with its number among those of its kind, does not go together with other entries
+        of a statement: the place of the error in the scene, and the reason.
         """
         yield from ()
 
     def degree(self, element: int) -> int:
-        """Quadrature degree of its integrals for elements of a degree; what varies on a boundary may jump within a
-        facet, and is integrated with many points.
+        """Quadrature degree of its integrals for elements of a degree; what varies on a boundary
+        may jump within a facet, and is integrated with many points.
         """
         return _VARYING_DEGREE if self.varies and self.where is not None else 2 * element + 2
 
 
-# Ten points on a facet: the error for a jump within it is part of the error estimate (``missed_loads``).
+# Ten points on a facet: the error for a jump within it is part of the error estimate
+# (``missed_loads``).
 _VARYING_DEGREE = 20
 
 
@@ -193,7 +199,9 @@ class Force(Load):
     carried: ClassVar[bool] = False
 
     def density(self, on: Coefficients) -> Any:
-        """Force per volume or area, a vector; pictures ask for it at points, where functions of UFL have no value."""
+        """Force per volume or area, a vector; pictures ask for it at points, where functions of UFL
+        have no value.
+        """
         raise NotImplementedError
 
 
@@ -216,7 +224,9 @@ class VectorForce(Force):
 
 
 class InitialStrain(Load):
-    """A strain of the body, the same in all directions, which causes stress only where it is prevented."""
+    """A strain of the body, the same in all directions, which causes stress only where it is
+    prevented.
+    """
 
     strains: ClassVar[bool] = True
 
@@ -233,7 +243,7 @@ class Resistance(Effect):
         raise NotImplementedError
 
 
-# --- those of other packages -----------------------------------------------------------------------------------------
+# --- those of other packages ----------------------------------------------------------------------
 
 
 def listed(entry: Any) -> Any:
@@ -250,7 +260,9 @@ def _of_package(entry: Any, info: ValidationInfo) -> Any:
 
 
 def with_every_effect(model: _Model) -> _Model:
-    """A model that gets a list of entries for each effect of another package or of a program, when it is known."""
+    """A model that gets a list of entries for each effect of another package or of a program, when
+    it is known.
+    """
 
     def add(key: str) -> None:
         if key in model.model_fields:

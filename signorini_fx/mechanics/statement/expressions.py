@@ -1,8 +1,8 @@
 """Expressions of the position in scenes: parsed by Python, evaluated with NumPy or turned into UFL.
 
-An example is ``gap = "0.003*(x[0] - 1.5)**2 + 0.001"``.  Python executes nothing of it: the value of its syntax tree
-follows from those of its parts, numbers and conditions, and anything but ``_ALLOWED`` is refused when it is made, by
-trying it at one point.
+An example is ``gap = "0.003*(x[0] - 1.5)**2 + 0.001"``.  Python executes nothing of it: the value
+of its syntax tree follows from those of its parts, numbers and conditions, and anything but
+``_ALLOWED`` is refused when it is made, by trying it at one point.
 """
 
 from __future__ import annotations
@@ -34,7 +34,8 @@ _ARITHMETIC: dict[type, Callable[..., Any]] = {
 _SIGNS: dict[type, Callable[..., Any]] = {ast.USub: operator.neg, ast.UAdd: operator.pos}
 _ALLOWED = (
     "Allowed are numbers, pi, x[0], x[1], in 3D x[2], + - * / **, < <= > >=, and, or, not, "
-    f"A if C else B, where(C, A, B), min(A, ...), max(A, ...), and {', '.join(_ONE_ARGUMENT)} of one number; in loads "
+    f"A if C else B, where(C, A, B), min(A, ...), max(A, ...), and {', '.join(_ONE_ARGUMENT)} of "
+    "one number; in loads "
     "and prescribed displacements also the time t"
 )
 
@@ -49,7 +50,8 @@ _NUMPY: _Algebra = {
     "and": np.logical_and,
     "or": np.logical_or,
     "not": np.logical_not,
-    # A NumPy float: arithmetic then gives inf or nan, which is reported where it happens, and never an exception.
+    # A NumPy float: arithmetic then gives inf or nan, which is reported where it happens, and never
+    # an exception.
     "number": np.float64,
     "reach": lambda position: np.abs(position).max(initial=0.0),
     "is condition": lambda value: value.dtype == np.bool_,
@@ -57,7 +59,9 @@ _NUMPY: _Algebra = {
 
 
 def _ufl_algebra(mesh: Any) -> _Algebra:
-    """Numbers become ``fem.Constant``, so that forms that differ only in a number are compiled once."""
+    """Numbers become ``fem.Constant``, so that forms that differ only in a number are compiled
+    once.
+    """
     import ufl
     from dolfinx import default_scalar_type, fem
 
@@ -66,7 +70,8 @@ def _ufl_algebra(mesh: Any) -> _Algebra:
 
     return {
         **{name: getattr(ufl, name) for name in _ONE_ARGUMENT if name not in ("abs", "log")},
-        # UFL turns |(|a|)| into an Abs that is its own operand, which leads to an endless recursion.
+        # UFL turns |(|a|)| into an Abs that is its own operand, which leads to an endless
+        # recursion.
         "abs": lambda value: value if isinstance(value, ufl.algebra.Abs) else abs(value),
         "log": ufl.ln,
         "min": ufl.min_value,
@@ -88,7 +93,9 @@ class _Evaluator:
         self._algebra, self._position, self._time = algebra, position, time
 
     def value(self, node: ast.expr) -> Any:
-        """The value of a part of the tree, or a ``ValueError`` that says what is not allowed in it."""
+        """The value of a part of the tree, or a ``ValueError`` that says what is not allowed in
+        it.
+        """
         algebra = self._algebra
         match node:
             case ast.Constant(value=number) if type(number) in (int, float):
@@ -99,22 +106,30 @@ class _Evaluator:
                 return algebra["number"](math.pi)
             case ast.Name(id="t"):
                 return self._time
-            case ast.Subscript(value=ast.Name(id="x"), slice=ast.Constant(value=index)) if type(index) is int:
+            case ast.Subscript(value=ast.Name(id="x"), slice=ast.Constant(value=index)) if (
+                type(index) is int
+            ):
                 if index not in (0, 1, 2):
-                    raise ValueError(f"x[{index}] is not a coordinate: use x[0] or x[1], in 3D also x[2]")
+                    raise ValueError(
+                        f"x[{index}] is not a coordinate: use x[0] or x[1], in 3D also x[2]"
+                    )
                 return self._position[index]
             case ast.UnaryOp(op=ast.Not(), operand=operand):
                 return algebra["not"](*self._conditions(operand))
             case ast.UnaryOp(op=op, operand=operand) if type(op) in _SIGNS:
                 return _SIGNS[type(op)](*self._numbers(operand))
             case ast.BinOp(left=left, op=ast.BitAnd() | ast.BitOr() as op, right=right):
-                return algebra["and" if isinstance(op, ast.BitAnd) else "or"](*self._conditions(left, right))
+                return algebra["and" if isinstance(op, ast.BitAnd) else "or"](
+                    *self._conditions(left, right)
+                )
             case ast.BinOp(op=ast.BitXor()):
                 raise ValueError("a power is written **, not ^")
             case ast.BinOp(left=left, op=op, right=right) if type(op) in _ARITHMETIC:
                 return _ARITHMETIC[type(op)](*self._numbers(left, right))
             case ast.BoolOp(op=op, values=values):
-                return reduce(algebra["and" if isinstance(op, ast.And) else "or"], self._conditions(*values))
+                return reduce(
+                    algebra["and" if isinstance(op, ast.And) else "or"], self._conditions(*values)
+                )
             case ast.Compare(left=left, ops=ops, comparators=comparators):
                 pairs = zip(ops, pairwise((left, *comparators)), strict=True)
                 return reduce(algebra["and"], [self._compare(op, *pair) for op, pair in pairs])
@@ -134,7 +149,9 @@ class _Evaluator:
         value = self.value(node)
         if self._algebra["is condition"](value) != condition:
             expected, found = ("condition", "number") if condition else ("number", "condition")
-            raise ValueError(f"a {expected} is expected where '{ast.unparse(node)}' stands, which is a {found}")
+            raise ValueError(
+                f"a {expected} is expected where '{ast.unparse(node)}' stands, which is a {found}"
+            )
         return value
 
     def _call(self, name: str, arguments: list[ast.expr]) -> Any:
@@ -148,7 +165,9 @@ class _Evaluator:
         raise ValueError(f"{name!r} of {count} arguments is not available")
 
     def _compare(self, op: ast.cmpop, left_operand: ast.expr, right_operand: ast.expr) -> Any:
-        """A comparison but for round-off: else a jump at a point of quadrature depends on who computes its position."""
+        """A comparison but for round-off: else a jump at a point of quadrature depends on who
+        computes its position.
+        """
         if not isinstance(op, ast.Lt | ast.LtE | ast.Gt | ast.GtE):
             raise ValueError(f"comparison {type(op).__name__} is not available: use <, <=, >, >=")
         if isinstance(op, ast.Gt | ast.GtE):
@@ -157,7 +176,9 @@ class _Evaluator:
         absolute = self._algebra["abs"]
         size = absolute(a) + absolute(b)
         if isinstance(left_operand, ast.Subscript) or isinstance(right_operand, ast.Subscript):
-            size = size + self._algebra["reach"](self._position)  # the round-off of a coordinate is that of the largest
+            size = size + self._algebra["reach"](
+                self._position
+            )  # the round-off of a coordinate is that of the largest
         room = self._algebra["number"](SAME_NUMBER) * size
         return a <= b + room if isinstance(op, ast.LtE | ast.GtE) else a + room < b
 
@@ -167,12 +188,14 @@ class Expression:
     """A scalar function of the position, written as text.
 
     Args:
-        text: for example ``"where(x[0] < 1, 0, -20)"``; a condition counts as 1 where it holds and 0 elsewhere.
+        text: for example ``"where(x[0] < 1, 0, -20)"``; a condition counts as 1 where it holds and
+            0 elsewhere.
         time: the value of t in it; None: none is known, and what depends on it is nan.
         allows_time: whether it may depend on t, as loads and prescribed displacements may.
 
     Raises:
-        ValueError: the text is not a valid expression; the message says what is wrong and what is allowed.
+        ValueError: the text is not a valid expression; the message says what is wrong and what is
+            allowed.
     """
 
     text: str
@@ -184,11 +207,17 @@ class Expression:
             with np.errstate(all="ignore"):
                 _Evaluator(_NUMPY, np.zeros((3, 1)), self._present_time).value(self.tree)
             if self.timed and not self.allows_time:
-                raise ValueError("t, the time, is for loads, prescribed displacements, gaps and friction")
+                raise ValueError(
+                    "t, the time, is for loads, prescribed displacements, gaps and friction"
+                )
         except SyntaxError as error:
-            raise ValueError(f"{self.text!r}: syntax error at column {error.offset}: {error.msg}. {_ALLOWED}") from None
+            raise ValueError(
+                f"{self.text!r}: syntax error at column {error.offset}: {error.msg}. {_ALLOWED}"
+            ) from None
         except (ValueError, MemoryError, RecursionError) as error:
-            raise ValueError(f"{self.text!r}: {str(error) or 'nested too deeply'}. {_ALLOWED}") from None
+            raise ValueError(
+                f"{self.text!r}: {str(error) or 'nested too deeply'}. {_ALLOWED}"
+            ) from None
 
     @cached_property
     def tree(self) -> ast.expr:
@@ -208,12 +237,18 @@ class Expression:
 
     @property
     def coordinates(self) -> int:
-        """How many coordinates a point must have: the largest i of the x[i] in it, plus one; 0 if there is none."""
+        """How many coordinates a point must have: the largest i of the x[i] in it, plus one; 0 if
+        there is none.
+        """
         nodes = [node.slice for node in ast.walk(self.tree) if isinstance(node, ast.Subscript)]
-        return max((int(node.value) + 1 for node in nodes if isinstance(node, ast.Constant)), default=0)
+        return max(
+            (int(node.value) + 1 for node in nodes if isinstance(node, ast.Constant)), default=0
+        )
 
     def __call__(self, x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-        """Values at points ``x`` of shape (dim or 3, n), shape (n,); inf or nan where it is not defined."""
+        """Values at points ``x`` of shape (dim or 3, n), shape (n,); inf or nan where it is not
+        defined.
+        """
         return self.of_part(self.tree, x)
 
     def of_part(self, node: ast.expr, x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
@@ -227,19 +262,24 @@ class Expression:
         return np.float64(math.nan if self.time is None else self.time)
 
     def ufl(self, mesh: Any, time: Any = None) -> Any:
-        """The same function as a UFL expression of ``SpatialCoordinate(mesh)``, with a ``Constant`` for t if it is
-        given.
+        """The same function as a UFL expression of ``SpatialCoordinate(mesh)``, with a ``Constant``
+        for t if it is given.
         """
         import ufl
 
         algebra = _ufl_algebra(mesh)
         instant = algebra["number"](float(self._present_time)) if time is None else time
         value = _Evaluator(algebra, ufl.SpatialCoordinate(mesh), instant).value(self.tree)
-        return ufl.conditional(value, 1.0, 0.0) if algebra["is condition"](value) else ufl.as_ufl(value)
+        return (
+            ufl.conditional(value, 1.0, 0.0)
+            if algebra["is condition"](value)
+            else ufl.as_ufl(value)
+        )
 
 
 def sample(value: Any, x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """Values of a number, an ``Expression`` or a callable at points ``x`` of shape (3, n), shape (n,).
+    """Values of a number, an ``Expression`` or a callable at points ``x`` of shape (3, n), shape
+    (n,).
 
     Raises:
         ValueError: they are no real numbers, one or n of them.
@@ -248,17 +288,23 @@ def sample(value: Any, x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
         return np.full(x.shape[1], float(value))
     result = real_numbers(value(x))
     if result.shape not in ((), (1,), (x.shape[1],)):
-        raise ValueError(f"the values have the shape {result.shape}, and {(x.shape[1],)} is expected")
+        raise ValueError(
+            f"the values have the shape {result.shape}, and {(x.shape[1],)} is expected"
+        )
     return np.broadcast_to(result, (x.shape[1],)).copy()
 
 
 def number(value: Any) -> float:
-    """The value of a number, or of an ``Expression`` that does not depend on the position, at its time."""
+    """The value of a number, or of an ``Expression`` that does not depend on the position, at its
+    time.
+    """
     return float(sample(value, np.zeros((3, 1)))[0])
 
 
 def real_numbers(values: Any) -> npt.NDArray[np.float64]:
-    """Values that a function of a user gives, as an array, if they are real: NumPy would leave out imaginary parts."""
+    """Values that a function of a user gives, as an array, if they are real: NumPy would leave out
+    imaginary parts.
+    """
     if np.iscomplexobj(values):
         raise ValueError("the values are complex numbers, and real ones are expected")
     return np.asarray(values, dtype=float)
@@ -267,8 +313,8 @@ def real_numbers(values: Any) -> npt.NDArray[np.float64]:
 def in_space(x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
     """Points of shape (n, 2) or (n, 3) as expressions and callables take them, shape (3, n).
 
-    dolfinx puts nodes of x = 0 at -7e-18, where sqrt(x) is no number and x, as a bound, negative: below one unit of
-    round-off of the largest one, a coordinate is 0.
+    dolfinx puts nodes of x = 0 at -7e-18, where sqrt(x) is no number and x, as a bound, negative:
+    below one unit of round-off of the largest one, a coordinate is 0.
     """
     points = np.zeros((3, len(x)))
     points[: x.shape[1]] = x.T

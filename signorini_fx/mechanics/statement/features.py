@@ -1,8 +1,9 @@
 """What a scene uses, by name, and which of it does not go together.
 
-Each feature says what it refuses, and why: effects in ``Effect.refuses``, the kinematics in ``Kinematics.refuses``,
-elements and settings here, and what is computed of a solution (a bound, a proof, a derivative) where it is computed.  A
-reason is one of mathematics, or it says that something is not possible *yet*.
+Each feature says what it refuses, and why: effects in ``Effect.refuses``, the kinematics in
+``Kinematics.refuses``, elements and settings here, and what is computed of a solution (a bound, a
+proof, a derivative) where it is computed.  A reason is one of mathematics, or it says that
+something is not possible *yet*.
 """
 
 from __future__ import annotations
@@ -19,10 +20,12 @@ from signorini_fx.mechanics.statement.rigid_body import MESH_IS
 
 REFUSED_BY_SETTINGS: Mapping[str, Mapping[str, str]] = {
     "mixed element": {
-        "krylov": "must not be 'krylov' where element.volumetric = 'mixed': multigrid needs a positive definite matrix"
+        "krylov": "must not be 'krylov' where element.volumetric = 'mixed': multigrid needs a "
+        "positive definite matrix"
     },
     "several bodies": {
-        "local refinement": "is not possible for several [[body]], each of which is made anew with smaller cells: use "
+        "local refinement": "is not possible for several [[body]], each of which is made anew "
+        "with smaller cells: use "
         "'uniform'"
     },
     "mesh that no generator makes": {
@@ -78,26 +81,40 @@ def refusals(statement: Any) -> list[Mapping[str, str]]:
 
 
 def divisible(statement: Any, of: str) -> bool:
-    """Whether nothing refuses to divide cells where the error of a quantity is, once several bodies are one mesh."""
-    names = {"local refinement"} if of == "energy" else {"local refinement", "local refinement for contact"}
+    """Whether nothing refuses to divide cells where the error of a quantity is, once several bodies
+    are one mesh.
+    """
+    names = (
+        {"local refinement"}
+        if of == "energy"
+        else {"local refinement", "local refinement for contact"}
+    )
     return not any(names & {*refused} for refused in refusals(replace(statement, bodies=())))
 
 
 def refused_features(statement: Any) -> Contradictions:
     """The features of a scene that others of its features refuse."""
-    return iter(dict.fromkeys(problem for refused in refusals(statement) for problem in refused_by(statement, refused)))
+    return iter(
+        dict.fromkeys(
+            problem for refused in refusals(statement) for problem in refused_by(statement, refused)
+        )
+    )
 
 
 # --- keys that are not allowed in 2D or in 3D: the mesh decides which of the two the scene is ---
 
 _PLANE, _SPACE = MESH_IS[2], MESH_IS[3]
-# The tables whose component z is out of the section of a body that moves there, see ``Kinematics.out_of_section``.
+# The tables whose component z is out of the section of a body that moves there, see
+# ``Kinematics.out_of_section``.
 _AROUND = ("displacement", "traction", "force", "body_force", "springs")
 
 
 def dimension_problems(statement: Any, dimension: int) -> list[tuple[str, str]]:
     """Every key of a statement that has no meaning on a mesh of this dimension, and why."""
-    return [*_everywhere(statement, dimension), *(_in_the_plane(statement) if dimension == 2 else _in_space(statement))]
+    return [
+        *_everywhere(statement, dimension),
+        *(_in_the_plane(statement) if dimension == 2 else _in_space(statement)),
+    ]
 
 
 def _everywhere(statement: Any, dimension: int) -> Iterator[tuple[str, str]]:
@@ -137,7 +154,9 @@ def _in_the_plane(statement: Any) -> Iterator[tuple[str, str]]:
 def _in_space(statement: Any) -> Iterator[tuple[str, str]]:
     for index, material in enumerate(statement.material):
         if "hypothesis" in material.model_fields_set:
-            reason = f"{_SPACE}: plane stress and plane strain have no meaning, leave the hypothesis out"
+            reason = (
+                f"{_SPACE}: plane stress and plane strain have no meaning, leave the hypothesis out"
+            )
             yield f"material[{index}].hypothesis", reason
     for index, effect in enumerate(statement.displacement):
         if effect.axis is not None and len(effect.axis) != 3:

@@ -21,16 +21,23 @@ GENERATORS_PACKAGE = "signorini_fx.meshes"  # the package of this one's
 
 
 def known_generators(name: str | None = None) -> dict[str, Callable[[], Any]]:
-    """What gives the generators that a scene can name, in the order of their names; of two of one name that of this
-    package.
+    """What gives the generators that a scene can name, in the order of their names; of two of one
+    name that of this package.
 
-    To look through all packages takes milliseconds: if ``name`` is in this one, only its own are returned.
+    To look through all packages takes milliseconds: if ``name`` is in this one, only its own are
+    returned.
     """
     package = find_spec(GENERATORS_PACKAGE)
-    folders = [] if package is None else package.submodule_search_locations  # the generators are an add-on
-    own_names = [module.name for module in pkgutil.iter_modules(folders) if not module.name.startswith("_")]
+    folders = (
+        [] if package is None else package.submodule_search_locations
+    )  # the generators are an add-on
+    own_names = [
+        module.name for module in pkgutil.iter_modules(folders) if not module.name.startswith("_")
+    ]
     others = () if name in own_names else names_of(GENERATORS)
-    generators: dict[str, Callable[[], Any]] = {key: partial(load, GENERATORS, key) for key in others}
+    generators: dict[str, Callable[[], Any]] = {
+        key: partial(load, GENERATORS, key) for key in others
+    }
     generators |= {key: partial(_of_this_package, key) for key in own_names}
     return dict(sorted(generators.items()))
 
@@ -39,7 +46,9 @@ def _of_this_package(name: str) -> Any:
     return import_module(f"{GENERATORS_PACKAGE}.{name}").generate
 
 
-def found_generator(name: str, parameters: Mapping[str, Any]) -> tuple[Callable[..., Any], dict[str, Any]]:
+def found_generator(
+    name: str, parameters: Mapping[str, Any]
+) -> tuple[Callable[..., Any], dict[str, Any]]:
     """The generator of this name, and the parameters as its annotations have them.
 
     Raises:
@@ -57,7 +66,9 @@ def found_generator(name: str, parameters: Mapping[str, Any]) -> tuple[Callable[
     except Exception as error:  # of the code of the user
         message = f"{name!r} cannot be imported: {type(error).__name__}: {error}"
         raise SceneError([("mesh.generator", message)]) from error
-    names = [key for key, p in inspect.signature(generate).parameters.items() if p.kind is p.KEYWORD_ONLY]
+    names = [
+        key for key, p in inspect.signature(generate).parameters.items() if p.kind is p.KEYWORD_ONLY
+    ]
     values: dict[str, Any] = {}
     problems: list[tuple[str, str]] = []
     for key, value in parameters.items():
@@ -82,5 +93,7 @@ def types_of(generate: Callable[..., Any]) -> dict[str, Any]:
 
 @cache
 def _adapter(generate: Callable[..., Any], key: str) -> TypeAdapter[Any]:
-    """What checks a parameter of a generator; pydantic takes longer to make it than gmsh to make a small mesh."""
+    """What checks a parameter of a generator; pydantic takes longer to make it than gmsh to make a
+    small mesh.
+    """
     return TypeAdapter(types_of(generate).get(key, Any))

@@ -1,7 +1,7 @@
 """Load steps: their names and times, the path through them, and the factors of loads on it.
 
-A place in the list of factors is a number: 0 for the first entry, 0.5 for halfway to the second, -1 for the body
-without any load.
+A place in the list of factors is a number: 0 for the first entry, 0.5 for halfway to the second, -1
+for the body without any load.
 """
 
 from __future__ import annotations
@@ -23,9 +23,10 @@ class LoadSteps(Table):
     """The names and times of load steps, and an automatic ramp between them.
 
     Attributes:
-        steps: into how many equal load steps each interval between two factors is divided to begin with; where one of
-            them has no solution a smaller one is tried, and after easy ones the next is twice as large. Without any
-            factors all loads grow together from nothing. None: one load step per factor.
+        steps: into how many equal load steps each interval between two factors is divided to begin
+            with; where one of them has no solution a smaller one is tried, and after easy ones the
+            next is twice as large. Without any factors all loads grow together from nothing. None:
+            one load step per factor.
         names: one name per factor, such as press and push; None: no names.
         times: one number per factor, increasing, for tables and ParaView; None: 1, 2, 3 and so on.
     """
@@ -36,7 +37,9 @@ class LoadSteps(Table):
 
 
 def factor_at(factors: Sequence[float], step: float) -> float:
-    """The factor of a load at a place: that of the load step, or linear in between; 0 for the body without loads."""
+    """The factor of a load at a place: that of the load step, or linear in between; 0 for the body
+    without loads.
+    """
     if step == int(step) and step >= 0:
         return factors[int(step)]
     return float(np.interp(step, np.arange(-1, len(factors)), (0.0, *factors)))
@@ -56,13 +59,14 @@ def time_at(times: Sequence[float], step: float) -> float:
 class LoadPath:
     """The times that a problem is solved at one after the other, each time from the last solution.
 
-    Without a ramp there is one load step for each time.  A ramp divides the intervals between them, and takes smaller
-    increments where there is no solution and larger ones after easy load steps.
+    Without a ramp there is one load step for each time.  A ramp divides the intervals between them,
+    and takes smaller increments where there is no solution and larger ones after easy load steps.
 
     Attributes:
         times: increasing.
         names: one for each of them; empty: they have none.
-        steps: into how many equal load steps a ramp divides each interval to begin with; None: there is no ramp.
+        steps: into how many equal load steps a ramp divides each interval to begin with; None:
+            there is no ramp.
         from_nothing: whether the ramp begins at time 0 without any load, else at the first time.
 
     Raises:
@@ -79,15 +83,27 @@ class LoadPath:
         object.__setattr__(self, "names", tuple(self.names))
         problems = []
         if not self.times or not all(map(isfinite, self.times)) or (np.diff(self.times) <= 0).any():
-            problems.append(("times", f"must be finite and increase, and there must be one, got {list(self.times)}"))
+            problems.append(
+                (
+                    "times",
+                    f"must be finite and increase, and there must be one, got {list(self.times)}",
+                )
+            )
         if self.names and len(self.names) != len(self.times):
-            problems.append(("names", f"has {len(self.names)} entries, one for each of {len(self.times)} is expected"))
+            problems.append(
+                (
+                    "names",
+                    f"has {len(self.names)} entries, one for each of {len(self.times)} is expected",
+                )
+            )
         if self.steps is not None and (not isinstance(self.steps, int) or self.steps < 1):
             problems.append(("steps", f"must be a whole number from 1, got {self.steps!r}"))
         if self.from_nothing and self.steps is None:
             problems.append(("from_nothing", "is for a ramp: give steps"))
         if self.from_nothing and self.times and self.times[0] <= 0:
-            problems.append(("times", "must be positive: from nothing the loads begin to grow at time 0"))
+            problems.append(
+                ("times", "must be positive: from nothing the loads begin to grow at time 0")
+            )
         if problems:
             raise FormError(problems, "LoadPath")
 
@@ -101,10 +117,14 @@ class LoadPath:
         return time_at(self.times, step)
 
     def name_at(self, step: float) -> str:
-        """The name of the load step that a place belongs to or that a ramp leads to; "" without names."""
+        """The name of the load step that a place belongs to or that a ramp leads to; "" without
+        names.
+        """
         return self.names[ceil(step)] if self.names else ""
 
 
 def counted_path(number: int) -> LoadPath:
-    """The load steps of a loop of a user's own, at times 1, 2, 3 and so on; ``number``: of those before the last."""
+    """The load steps of a loop of a user's own, at times 1, 2, 3 and so on; ``number``: of those
+    before the last.
+    """
     return LoadPath(tuple(map(float, range(1, number + 2))))

@@ -1,5 +1,5 @@
-"""Where a mesh comes from: a generator, a file, or the caller; and several bodies, each with a mesh of its own; and how
-long the facets of boundaries in contact are to be.  No dolfinx here.
+"""Where a mesh comes from: a generator, a file, or the caller; and several bodies, each with a mesh
+of its own; and how long the facets of boundaries in contact are to be.  No dolfinx here.
 """
 
 from __future__ import annotations
@@ -25,15 +25,19 @@ WITHOUT_ARCS = ("rectangle", "block", "box", "wedge")
 
 
 class MeshFile(Table):
-    """A mesh from a file, with the names that the file gives to its boundaries and regions, or that are given here.
+    """A mesh from a file, with the names that the file gives to its boundaries and regions, or that
+    are given here.
 
     Attributes:
-        file: .msh or .geo of gmsh, .step, .stp or .brep of a CAD program, .inp, .med, .vtu or .xdmf.
-        boundaries: names for boundaries: a number in the cell data, a list of numbers, or a condition at all vertices
-            of exterior facets.
-        regions: names for parts of the body: a number, a list of numbers, or a condition at all vertices of cells.
+        file: .msh or .geo of gmsh, .step, .stp or .brep of a CAD program, .inp, .med, .vtu or
+            .xdmf.
+        boundaries: names for boundaries: a number in the cell data, a list of numbers, or a
+            condition at all vertices of exterior facets.
+        regions: names for parts of the body: a number, a list of numbers, or a condition at all
+            vertices of cells.
         data: the cell data that the numbers refer to; None: there is only one.
-        size: length of the cells of a .step, .stp or .brep; None: a fraction of the size of the body.
+        size: length of the cells of a .step, .stp or .brep; None: a fraction of the size of the
+            body.
     """
 
     file: Path
@@ -69,10 +73,16 @@ class MeshGenerator(Table):
 
     @property
     def cells(self) -> tuple[str, ...]:
-        """The kinds of cells that it can make, its own choice first; none if no parameter says so."""
+        """The kinds of cells that it can make, its own choice first; none if no parameter says
+        so.
+        """
         accepted = inspect.signature(generate := self._generate()).parameters
         own = self.parameters.get("cell", accepted["cell"].default) if "cell" in accepted else None
-        return () if own is None else (own, *(cell for cell in get_args(types_of(generate)["cell"]) if cell != own))
+        return (
+            ()
+            if own is None
+            else (own, *(cell for cell in get_args(types_of(generate)["cell"]) if cell != own))
+        )
 
     @property
     def of_simplices(self) -> MeshGenerator | None:
@@ -83,7 +93,11 @@ class MeshGenerator(Table):
     @property
     def curved(self) -> MeshGenerator | None:
         """That which makes cells of degree 2 on its arcs; None: it has no arcs."""
-        return self.having(order=2) if "order" in inspect.signature(self._generate()).parameters else None
+        return (
+            self.having(order=2)
+            if "order" in inspect.signature(self._generate()).parameters
+            else None
+        )
 
     def having(self, **parameters: Any) -> MeshGenerator:
         """That with other parameters."""
@@ -102,7 +116,9 @@ class MeshGenerator(Table):
         return self.model_copy(update={"parameters": coarser(self.parameters, factor)})
 
     def coarsest(self, factor: float) -> float:
-        """How many times as large elements can be to be halved to these: a power of 2 up to ``factor``."""
+        """How many times as large elements can be to be halved to these: a power of 2 up to
+        ``factor``.
+        """
         if getattr(self._generate(), "coarser", None) is None:
             return 1.0
         while factor > 1 and self.coarser(factor).coarser(1 / factor) != self.coarser(1.0):
@@ -111,7 +127,9 @@ class MeshGenerator(Table):
 
 
 class TaggedMeshBase:
-    """The base class of ``mesh.TaggedMesh``, so that a scene can hold one without importing dolfinx."""
+    """The base class of ``mesh.TaggedMesh``, so that a scene can hold one without importing
+    dolfinx.
+    """
 
 
 def one_mesh(entry: Any) -> Any:
@@ -121,30 +139,37 @@ def one_mesh(entry: Any) -> Any:
             raise ValueError("give either file or generator")
         return (MeshFile if "file" in entry else MeshGenerator).model_validate(entry)
     if not isinstance(entry, MeshFile | MeshGenerator | TaggedMeshBase):
-        wanted = "a table with file or generator, or a mesh with named boundaries, see tag_boundaries,"
+        wanted = (
+            "a table with file or generator, or a mesh with named boundaries, see tag_boundaries,"
+        )
         raise ValueError(f"{wanted} is expected, not {kind_of(entry)}")
     return entry
 
 
-OneMesh = Annotated[MeshGenerator | MeshFile | InstanceOf[TaggedMeshBase], BeforeValidator(one_mesh)]
+OneMesh = Annotated[
+    MeshGenerator | MeshFile | InstanceOf[TaggedMeshBase], BeforeValidator(one_mesh)
+]
 
 
 class Body(Placed):
     """One of several bodies, with a mesh of its own, which is turned and then moved to its place.
 
     Attributes:
-        name: of the region of all of its cells; with a dot it stands before the names of its boundaries and regions.
+        name: of the region of all of its cells; with a dot it stands before the names of its
+            boundaries and regions.
         mesh: a generator with its parameters, a file, or a ``TaggedMesh``.
         shift: by which it is moved, lengths; None: not at all.
-        rotation: by which it is turned, degrees, counterclockwise; in 3D about the axis [a, b, c] by the length of
-            this vector; None: not at all.
+        rotation: by which it is turned, degrees, counterclockwise; in 3D about the axis [a, b, c]
+            by the length of this vector; None: not at all.
         pivot: the point that it is turned about, length; None: the origin.
     """
 
     name: str
     mesh: OneMesh
     shift: Vector | None = None
-    rotation: Annotated[tuple[Finite, ...], Field(min_length=3, max_length=3)] | Finite | None = None
+    rotation: Annotated[tuple[Finite, ...], Field(min_length=3, max_length=3)] | Finite | None = (
+        None
+    )
     pivot: Vector | None = None
 
     @field_validator("name")
@@ -165,12 +190,18 @@ class ContactSize:
 
 
 def contact_sizes(scene: Any, number: int | None = None) -> tuple[ContactSize, ...]:
-    """What a scene asks of the facets of one of its meshes, by the number of its body; None: there is one mesh."""
+    """What a scene asks of the facets of one of its meshes, by the number of its body; None: there
+    is one mesh.
+    """
     body = None if number is None else scene.body[number]
     wanted = []
     for index, contact in enumerate(scene.contact):
         if contact.contact_size is not None:
-            names = [_in_body(name, body) for name in (contact.boundary, contact.against) if name is not None]
+            names = [
+                _in_body(name, body)
+                for name in (contact.boundary, contact.against)
+                if name is not None
+            ]
             path = f"contact[{index}].contact_size"
             wanted += [ContactSize(name, contact.contact_size, path) for name in names if name]
     return tuple(wanted)
@@ -187,4 +218,6 @@ def _in_body(name: str, body: Any) -> str:
 def with_larger_contact_sizes(contacts: tuple[Any, ...], factor: float) -> tuple[Any, ...]:
     """Contacts whose facets are ``factor`` times as long."""
     sizes = (contact.contact_size and factor * contact.contact_size for contact in contacts)
-    return tuple(c.model_copy(update={"contact_size": size}) for c, size in zip(contacts, sizes, strict=True))
+    return tuple(
+        c.model_copy(update={"contact_size": size}) for c, size in zip(contacts, sizes, strict=True)
+    )

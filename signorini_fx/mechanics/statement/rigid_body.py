@@ -1,7 +1,9 @@
-"""What is given of a rigid motion that is an unknown: forces and moments that drive it, components that are prescribed.
+"""What is given of a rigid motion that is an unknown: forces and moments that drive it, components
+that are prescribed.
 
-It has m components: in 2D translations along x[0] and x[1] and a small rotation about the reference point,
-counterclockwise; in 3D three of each kind, rotations about axes along x[0], x[1] and x[2] through that point.
+It has m components: in 2D translations along x[0] and x[1] and a small rotation about the reference
+point, counterclockwise; in 3D three of each kind, rotations about axes along x[0], x[1] and x[2]
+through that point.
 """
 
 from __future__ import annotations
@@ -30,9 +32,12 @@ MESH_IS = {2: "the mesh is plane", 3: "the mesh is in 3D"}
 
 
 def _of_time(entry: Any) -> Any:
-    if not isinstance(entry, float) and not (isinstance(entry, Expression) and entry.coordinates == 0):
+    if not isinstance(entry, float) and not (
+        isinstance(entry, Expression) and entry.coordinates == 0
+    ):
         raise ValueError(
-            f"a number or an expression of the time t is expected, got {shown(getattr(entry, 'text', entry))}"
+            "a number or an expression of the time t is expected, got "
+            f"{shown(getattr(entry, 'text', entry))}"
         )
     return entry
 
@@ -57,14 +62,14 @@ class RigidMotion(Table):
     """What drives a rigid motion; without any of these there is no such unknown.
 
     Attributes:
-        force: on the rigid body at its reference point, force, in 2D per thickness; numbers or expressions of
-            the time t; None: none.
+        force: on the rigid body at its reference point, force, in 2D per thickness; numbers or
+            expressions of the time t; None: none.
         moment: about that point, in 2D a number, counterclockwise, in 3D three; of the same kinds.
-        prescribed: the components of the motion that are not free, by their names: translations x, y, in 3D z, lengths,
-            and rotation, in 3D rotation_x, rotation_y, rotation_z, radians, small except with a nonlinear body; of the
-            same kinds.
-        spring: between its reference point and the ground, by the same names: force / length, and moment per radian;
-            None: there is none.
+        prescribed: the components of the motion that are not free, by their names: translations x,
+            y, in 3D z, lengths, and rotation, in 3D rotation_x, rotation_y, rotation_z, radians,
+            small except with a nonlinear body; of the same kinds.
+        spring: between its reference point and the ground, by the same names: force / length, and
+            moment per radian; None: there is none.
     """
 
     force: TimedVector | None = None
@@ -88,13 +93,17 @@ class RigidMotion(Table):
         return any(isinstance(value, Expression) for value in driving)
 
     def drive(self, dimension: int, time: float) -> tuple[Array, Array]:
-        """Forces and moments at a time, and the prescribed components, nan where they are free, shapes (m,)."""
+        """Forces and moments at a time, and the prescribed components, nan where they are free,
+        shapes (m,).
+        """
         force = self.force or (0.0,) * dimension
         moment = entries_of(self.moment) or (0.0,) * (2 * dimension - 3)
         motion = map(self.prescribes, COMPONENTS[dimension])
         return (
             np.array([number(at_time(value, time)) for value in (*force, *moment)]),
-            np.array([np.nan if value is None else number(at_time(value, time)) for value in motion]),
+            np.array(
+                [np.nan if value is None else number(at_time(value, time)) for value in motion]
+            ),
         )
 
     def stiffness(self, dimension: int) -> Array:
@@ -110,15 +119,18 @@ class RigidMotion(Table):
         for table, keys in (("prescribed", self.prescribed or {}), ("spring", springs)):
             for key in keys:
                 if key not in COMPONENTS[dimension]:
-                    yield f"{table}.{key}", f"{where}: the components are {', '.join(COMPONENTS[dimension])}"
+                    yield (
+                        f"{table}.{key}",
+                        f"{where}: the components are {', '.join(COMPONENTS[dimension])}",
+                    )
                 elif keys is springs and self.prescribes(key) is not None:
                     yield f"{table}.{key}", "has no effect on a component that is prescribed"
 
 
 @dataclass(frozen=True)
 class RigidBody:
-    """A rigid body whose motion is an unknown: its name in results, what drives it, and where its pivot is, and the
-    places of its contacts among all of the problem.
+    """A rigid body whose motion is an unknown: its name in results, what drives it, and where its
+    pivot is, and the places of its contacts among all of the problem.
     """
 
     name: str
@@ -136,7 +148,9 @@ class RigidBody:
 
 
 def rigid_bodies(shapes: Sequence[Any], names: Sequence[str]) -> tuple[RigidBody, ...]:
-    """Those that the shapes of contacts, None where none moves, belong to, by their names, else those of contacts."""
+    """Those that the shapes of contacts, None where none moves, belong to, by their names, else
+    those of contacts.
+    """
     groups: dict[Any, list[int]] = {}
     for part, shape in enumerate(shapes):
         if shape is not None:
@@ -145,7 +159,10 @@ def rigid_bodies(shapes: Sequence[Any], names: Sequence[str]) -> tuple[RigidBody
     return tuple(
         RigidBody(
             key if isinstance(key, str) else names[key],
-            next((shapes[part] for part in parts if getattr(shapes[part], "drives", True)), shapes[parts[0]]),
+            next(
+                (shapes[part] for part in parts if getattr(shapes[part], "drives", True)),
+                shapes[parts[0]],
+            ),
             tuple(parts),
         )
         for key, parts in groups.items()
@@ -153,14 +170,19 @@ def rigid_bodies(shapes: Sequence[Any], names: Sequence[str]) -> tuple[RigidBody
 
 
 def driven_twice(shapes: Sequence[Any], number: int) -> str:
-    """Why a contact does not fit the others of its rigid body, see ``rigid_bodies``; "": it does."""
+    """Why a contact does not fit the others of its rigid body, see ``rigid_bodies``; "": it
+    does.
+    """
     if (name := getattr(shapes[number], "rigid", None)) is None:
         return ""
     drivers = [shape for shape in shapes if getattr(shape, "rigid", None) == name and shape.drives]
     if len(drivers) == 1:
         return ""
     free = "" if drivers else "; prescribed = {} leaves it free"
-    return f"give force, moment, prescribed or spring in one contact of {name!r}, not in {len(drivers)}{free}"
+    return (
+        f"give force, moment, prescribed or spring in one contact of {name!r}, not in "
+        f"{len(drivers)}{free}"
+    )
 
 
 def entries_of(value: Any) -> tuple[Any, ...]:

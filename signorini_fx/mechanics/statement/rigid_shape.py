@@ -5,12 +5,13 @@ Other packages have more by entry points:
     [project.entry-points."signorini_fx.shapes"]
     "rounded box" = "its.module:RoundedBox"
 
-A class from outside has ``Shape`` as its base, its own keys, and ``initial``, whose distance is tried at the contact
-points before anything is solved, see ``fault_of``.
+A class from outside has ``Shape`` as its base, its own keys, and ``initial``, whose distance is
+tried at the contact points before anything is solved, see ``fault_of``.
 
-A shape is a solid with a signed distance phi: positive outside, where the body is, and negative inside, with the
-gradient n_f at the closest point, the outward normal of the foundation.  A point x that is displaced by u stays outside
-to first order if  -n_f . u <= phi(x):  the gap is the signed distance, and the direction of contact is -n_f.
+A shape is a solid with a signed distance phi: positive outside, where the body is, and negative
+inside, with the gradient n_f at the closest point, the outward normal of the foundation.  A point x
+that is displaced by u stays outside to first order if  -n_f . u <= phi(x):  the gap is the signed
+distance, and the direction of contact is -n_f.
 """
 
 from __future__ import annotations
@@ -57,14 +58,16 @@ def across(axis: Array) -> Array:
 
 
 def normalised(vectors: Array, otherwise: Array) -> tuple[Array, Array]:
-    """Lengths of vectors, and the unit vectors; what has no direction gets another one. Shapes (n,) and (n, d)."""
+    """Lengths of vectors, and the unit vectors; what has no direction gets another one. Shapes (n,)
+    and (n, d).
+    """
     size = np.linalg.norm(vectors, axis=1)
     return size, np.where(size[:, None] > 0, vectors / np.maximum(size, 1e-300)[:, None], otherwise)
 
 
 def turning(rotation: float | tuple[float, ...], dimension: int) -> Array:
-    """The matrix of a rotation in degrees, counterclockwise, shape (d, d); in 3D about the axis [a, b, c] by the length
-    of this vector.
+    """The matrix of a rotation in degrees, counterclockwise, shape (d, d); in 3D about the axis [a,
+    b, c] by the length of this vector.
     """
     if isinstance(rotation, tuple):
         from scipy.spatial.transform import Rotation
@@ -77,7 +80,9 @@ def turning(rotation: float | tuple[float, ...], dimension: int) -> Array:
 
 
 class Placed(Table):
-    """What is turned about a pivot and then moved by a shift: a table with these keys, a shape or a body."""
+    """What is turned about a pivot and then moved by a shift: a table with these keys, a shape or a
+    body.
+    """
 
     if TYPE_CHECKING:
         shift: Any
@@ -88,11 +93,18 @@ class Placed(Table):
         """Vectors that do not fit the dimension of the mesh, and why."""
         where = MESH_IS[dimension]
         for key, value in self:
-            vector = isinstance(value, tuple) and key not in ("rotation", "moment") and not isinstance(value[0], tuple)
+            vector = (
+                isinstance(value, tuple)
+                and key not in ("rotation", "moment")
+                and not isinstance(value[0], tuple)
+            )
             if vector and len(value) != dimension:
                 yield key, f"{where}: give {dimension} numbers, not {len(value)}"
         if self.rotation is not None and isinstance(self.rotation, tuple) != (dimension == 3):
-            yield "rotation", f"{where}: give " + ("an angle" if dimension == 2 else "three numbers, the axis")
+            yield (
+                "rotation",
+                f"{where}: give " + ("an angle" if dimension == 2 else "three numbers, the axis"),
+            )
 
     def moved_back(self, x: Array) -> Array:
         """Where points of it were before it was turned and moved, shape (n, d)."""
@@ -107,7 +119,11 @@ class Placed(Table):
     def _translations(self, dimension: int) -> tuple[Array, Array]:
         """Its shift and its pivot, shapes (d,)."""
         zero = np.zeros(dimension)
-        shift = zero if self.shift is None else np.array([number(component) for component in self.shift])
+        shift = (
+            zero
+            if self.shift is None
+            else np.array([number(component) for component in self.shift])
+        )
         return shift, zero if self.pivot is None else np.array(self.pivot)
 
     def turn_matrix(self, dimension: int) -> Array:
@@ -117,7 +133,9 @@ class Placed(Table):
     def angles(self) -> float | tuple[float, ...]:
         """Its rotation as numbers, degrees."""
         rotation = self.rotation
-        return tuple(map(number, rotation)) if isinstance(rotation, tuple) else number(rotation or 0.0)
+        return (
+            tuple(map(number, rotation)) if isinstance(rotation, tuple) else number(rotation or 0.0)
+        )
 
 
 class Shape(Placed, RigidMotion):
@@ -126,11 +144,14 @@ class Shape(Placed, RigidMotion):
     Attributes:
         shape: its name.
         hollow: whether the foundation is all that the shape is not.
-        shift: by which it is moved, lengths, numbers or expressions of the time t; None: not at all.
-        rotation: by which it is turned before it is moved, degrees, counterclockwise; in 3D along the axis [a, b, c]
-            by the length of this vector; of the same kinds; None: not at all.
-        pivot: the point that it is turned about, the reference point where forces move it, length; None: the origin.
-        rigid: the name of a rigid body that several contacts have, of which one says what drives it; None: none.
+        shift: by which it is moved, lengths, numbers or expressions of the time t; None: not at
+            all.
+        rotation: by which it is turned before it is moved, degrees, counterclockwise; in 3D along
+            the axis [a, b, c] by the length of this vector; of the same kinds; None: not at all.
+        pivot: the point that it is turned about, the reference point where forces move it, length;
+        None: the origin.
+        rigid: the name of a rigid body that several contacts have, of which one says what drives
+            it; None: none.
     """
 
     # The dimensions of space in which there is such a shape.
@@ -146,12 +167,16 @@ class Shape(Placed, RigidMotion):
 
     @property
     def inradius(self) -> float:
-        """Radius of the largest ball in it, or a bound below it; infinite: there is none, or it is not known."""
+        """Radius of the largest ball in it, or a bound below it; infinite: there is none, or it is
+        not known.
+        """
         return math.inf
 
     @property
     def narrows(self) -> bool:
-        """Whether some part of it may be narrower than a cell of the body, and so between nodes that are outside."""
+        """Whether some part of it may be narrower than a cell of the body, and so between nodes
+        that are outside.
+        """
         return not self.hollow
 
     @property
@@ -164,13 +189,17 @@ class Shape(Placed, RigidMotion):
         raise NotImplementedError
 
     def contradictions(self, dimension: int, *, turns: bool = True) -> Iterator[tuple[str, str]]:
-        """Keys that do not fit the dimension of the mesh, or are missing where a driven shape may turn, and why."""
+        """Keys that do not fit the dimension of the mesh, or are missing where a driven shape may
+        turn, and why.
+        """
         if dimension not in self.exists_in:
             yield "shape", f"{MESH_IS[dimension]}: there is no {self.shape}"
             return
         yield from self.placing_contradictions(dimension)
         yield from self.motion_contradictions(dimension)
-        turns = turns and any(self.prescribes(key) != 0.0 for key in COMPONENTS[dimension][dimension:])
+        turns = turns and any(
+            self.prescribes(key) != 0.0 for key in COMPONENTS[dimension][dimension:]
+        )
         if self.drives and self.pivot is None and turns:
             yield "pivot", "give the point where the force acts, about which the foundation turns"
 
@@ -179,21 +208,25 @@ class Shape(Placed, RigidMotion):
         return np.asarray(sum(self._translations(dimension)))
 
     def distance(self, x: Array) -> tuple[Array, Array]:
-        """The signed distance of points of shape (n, d), length, shape (n,), and the outward normal of the foundation
-        at the closest point, shape (n, d).
+        """The signed distance of points of shape (n, d), length, shape (n,), and the outward normal
+        of the foundation at the closest point, shape (n, d).
         """
         signed, normal = self.initial(self.moved_back(x))
         normal = normal @ self.turn_matrix(x.shape[1]).T
         return (-signed, -normal) if self.hollow else (signed, normal)
 
     def moved_from(self, earlier: Shape, x: Array) -> Array:
-        """How far its closest points have moved since it was placed like ``earlier``, length, shape (n, d)."""
+        """How far its closest points have moved since it was placed like ``earlier``, length, shape
+        (n, d).
+        """
         signed, normal = self.distance(x)
         closest = x - signed[:, None] * normal
         return closest - earlier.moved_points(self.moved_back(closest))
 
     def carried_from(self, earlier: Shape, x: Array) -> Array:
-        """How far points that are fixed to it have moved since they were at x, length, shape (n, d)."""
+        """How far points that are fixed to it have moved since they were at x, length, shape (n,
+        d).
+        """
         return self.moved_points(earlier.moved_back(x)) - x
 
     def turned_from(self, earlier: Shape, dimension: int) -> Array:
@@ -201,21 +234,32 @@ class Shape(Placed, RigidMotion):
         return np.asarray(self.turn_matrix(dimension) @ earlier.turn_matrix(dimension).T)
 
     def on_way_from(self, earlier: Shape, share: float, dimension: int) -> Shape:
-        """The shape after a share of the way from where ``earlier`` is: of the shift of its pivot, and of its turn."""
+        """The shape after a share of the way from where ``earlier`` is: of the shift of its pivot,
+        and of its turn.
+        """
         moved, pivot = self._translations(dimension)
         begun = (earlier.moved_points(pivot[None]) - pivot)[0]
-        before, now = (np.zeros(3 if dimension == 3 else 1) + np.array(shape.angles()) for shape in (earlier, self))
-        shift, turn = ((1 - share) * begun + share * moved).tolist(), ((1 - share) * before + share * now).tolist()
-        return self.model_copy(update={"shift": tuple(shift), "rotation": tuple(turn) if dimension == 3 else turn[0]})
+        before, now = (
+            np.zeros(3 if dimension == 3 else 1) + np.array(shape.angles())
+            for shape in (earlier, self)
+        )
+        shift, turn = (
+            ((1 - share) * begun + share * moved).tolist(),
+            ((1 - share) * before + share * now).tolist(),
+        )
+        return self.model_copy(
+            update={"shift": tuple(shift), "rotation": tuple(turn) if dimension == 3 else turn[0]}
+        )
 
 
-# --- as the data of a foundation --------------------------------------------------------------------------------------
+# --- as the data of a foundation ------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
 class Distance:
-    """The gap to a shape, an object with a method ``distance``, plus what is ``added`` to it, a number, an expression
-    or a callable of the position, length: values of points of shape (3, n), as foundations take them.
+    """The gap to a shape, an object with a method ``distance``, plus what is ``added`` to it, a
+    number, an expression or a callable of the position, length: values of points of shape (3, n),
+    as foundations take them.
     """
 
     shape: Any
@@ -235,8 +279,9 @@ class Distance:
 
 
 def distance_from(source: Any, dimension: int, *, turns: bool = True) -> Distance:
-    """The distance from a shape, from the table of one, or from any object with a method ``distance``; ``turns``:
-    whether one that forces move may turn: not on the axis of a body of revolution.
+    """The distance from a shape, from the table of one, or from any object with a method
+    ``distance``; ``turns``: whether one that forces move may turn: not on the axis of a body of
+    revolution.
 
     Raises:
         SceneError: it is none of these, or does not fit the dimension of space.
@@ -247,17 +292,20 @@ def distance_from(source: Any, dimension: int, *, turns: bool = True) -> Distanc
         raise SceneError(problems_of(error, source, shape_class(source["shape"]))) from None
     except ValueError as error:
         raise SceneError([("", str(error))]) from None
-    if isinstance(shape, Shape) and (problems := list(shape.contradictions(dimension, turns=turns))):
+    if isinstance(shape, Shape) and (
+        problems := list(shape.contradictions(dimension, turns=turns))
+    ):
         raise SceneError(problems)
     return Distance(shape, 0.0, dimension)
 
 
 def fault_of(shape: Any, x: Array, size: float) -> str:
-    """What the distance of a shape of a user's own is not, at points of the boundary of a body of this size, lengths,
-    shape (n, d); "": nothing was found.
+    """What the distance of a shape of a user's own is not, at points of the boundary of a body of
+    this size, lengths, shape (n, d); "": nothing was found.
 
-    From a point back along its normal the way to the closest point is shorter by as much, wherever it is.  Behind the
-    closest point the distance is negative: otherwise points would pass through the shape.
+    From a point back along its normal the way to the closest point is shorter by as much, wherever
+    it is.  Behind the closest point the distance is negative: otherwise points would pass through
+    the shape.
     """
     if is_of_package(type(shape)):
         return ""
@@ -267,7 +315,9 @@ def fault_of(shape: Any, x: Array, size: float) -> str:
         signed, normal = (np.asarray(values, dtype=np.float64) for values in shape.distance(x))
         if signed.shape != x.shape[:1] or normal.shape != x.shape:
             wanted = f"{x.shape[:1]} and {x.shape} for points of the shape {x.shape}"
-            return f"distance of {name} has the shapes {signed.shape} and {normal.shape}, not {wanted}"
+            return (
+                f"distance of {name} has the shapes {signed.shape} and {normal.shape}, not {wanted}"
+            )
         surface = x - signed[:, None] * normal
         behind, at_surface, within = (
             np.asarray(shape.distance(points)[0], dtype=np.float64)
@@ -277,20 +327,29 @@ def fault_of(shape: Any, x: Array, size: float) -> str:
         return f"distance of {name} fails: {type(error).__name__}: {error}"
     length = np.linalg.norm(normal, axis=1)
     for reason, wrong in (
-        (f"distance of {name} is not finite", ~np.isfinite(np.column_stack((signed, normal))).all(axis=1)),
+        (
+            f"distance of {name} is not finite",
+            ~np.isfinite(np.column_stack((signed, normal))).all(axis=1),
+        ),
         (f"the normals of {name} are not of unit length", ~(np.abs(length - 1) <= SAME_LENGTH)),
         (
             f"distance of {name} does not grow along its normals as a distance does",
-            ~(np.abs(signed - behind - step) <= WRONG_SLOPE * step + ZERO_IN_SOLUTION * np.abs(signed)),
+            ~(
+                np.abs(signed - behind - step)
+                <= WRONG_SLOPE * step + ZERO_IN_SOLUTION * np.abs(signed)
+            ),
         ),
-        (f"distance of {name} is not negative inside", (np.abs(at_surface) <= WRONG_SLOPE * step) & (within >= 0)),
+        (
+            f"distance of {name} is not negative inside",
+            (np.abs(at_surface) <= WRONG_SLOPE * step) & (within >= 0),
+        ),
     ):
         if wrong.any():
             return f"{reason} at {tuple(map(float, x[wrong.argmax()]))}"
     return ""
 
 
-# --- how they are found ----------------------------------------------------------------------------------------------
+# --- how they are found ---------------------------------------------------------------------------
 
 # The file of each shape, and its class there.
 _SHAPES = {
@@ -323,7 +382,10 @@ def read_shape(entry: Any) -> Any:
     if entry is None or isinstance(entry, Shape):
         return entry
     if not isinstance(entry, Mapping):
-        raise ValueError(f'a table is expected, such as {{ shape = "plane", point = [...] }}, not {kind_of(entry)}')
+        raise ValueError(
+            f'a table is expected, such as {{ shape = "plane", point = [...] }}, not '
+            f"{kind_of(entry)}"
+        )
     name = entry.get("shape")
     if name not in [*_SHAPES] and name not in names():
         if advice := removal(f"shape = {name}"):
@@ -332,4 +394,6 @@ def read_shape(entry: Any) -> Any:
     return TypeAdapter(shape_class(name)).validate_python(entry)
 
 
-OneShape = Annotated[Any, BeforeValidator(read_shape), WithJsonSchema({"type": "object", "required": ["shape"]})]
+OneShape = Annotated[
+    Any, BeforeValidator(read_shape), WithJsonSchema({"type": "object", "required": ["shape"]})
+]

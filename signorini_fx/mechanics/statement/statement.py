@@ -1,7 +1,9 @@
-"""What is stated of a problem before it has a mesh: effects by name, kinematics, load steps and settings.
+"""What is stated of a problem before it has a mesh: effects by name, kinematics, load steps and
+settings.
 
-Scenes make this record, and so do forms of a user's own.  All that assembles, solves, judges and tells of a problem
-reads it, alone or as a part of ``model.Model``, and knows neither where it came from nor how it was read.
+Scenes make this record, and so do forms of a user's own.  All that assembles, solves, judges and
+tells of a problem reads it, alone or as a part of ``model.Model``, and knows neither where it came
+from nor how it was read.
 """
 
 from __future__ import annotations
@@ -28,12 +30,13 @@ class Statement:
     Attributes:
         title: any text.
         incomplete: what is missing of what was meant; results say so.
-        effects: all entries by their keys, in the order of the keys of a scene; a key without entries is there as well,
-            but forms have the key ``contact`` alone.
+        effects: all entries by their keys, in the order of the keys of a scene; a key without
+            entries is there as well, but forms have the key ``contact`` alone.
         kinematics: that of the body if its mesh is plane.
         element: degree and volumetric integration.
         load_steps: names and times of load steps, and an automatic ramp.
-        steps: number of factors of each load; that of the load steps, unless there is a ramp between them.
+        steps: number of factors of each load; that of the load steps, unless there is a ramp
+            between them.
         solver: algorithms, their parameters and limits.
         accuracy: the accuracy to be reached by refinement; None: no refinement.
         units: names of units for labels; None: they are not known.
@@ -78,7 +81,9 @@ class Statement:
 
     @property
     def nonlinear(self) -> bool:
-        """Whether some material is not linear, so that the body is solved by ``scenes.nonlinear``."""
+        """Whether some material is not linear, so that the body is solved by
+        ``scenes.nonlinear``.
+        """
         return not all(material.linear for material in self.material)
 
     @property
@@ -95,7 +100,8 @@ class Statement:
     def tables(self) -> dict[str, Any]:
         """What was given, by the keys of a scene, for the summary."""
         entries = {
-            key: next(iter(several), None) if key in self.single else several for key, several in self.effects.items()
+            key: next(iter(several), None) if key in self.single else several
+            for key, several in self.effects.items()
         }
         settings: dict[str, Any] = {"load_steps": self.load_steps, "solver": self.solver}
         if self.units is not None:
@@ -106,7 +112,9 @@ class Statement:
 
     def unit_names(self, dimension: int) -> dict[str, str]:
         """The unit of each quantity on a mesh of this dimension, see ``units.unit_names``."""
-        return unit_names({} if self.units is None else dict(self.units), self.kinematics_in(dimension))
+        return unit_names(
+            {} if self.units is None else dict(self.units), self.kinematics_in(dimension)
+        )
 
     def listed(self) -> list[tuple[str, Any]]:
         """All entries with their paths in the scene."""
@@ -118,7 +126,12 @@ class Statement:
 
     def of(self, kind: type[_Effect]) -> tuple[_Effect, ...]:
         """All entries of a kind, such as ``statement.effect.Force``."""
-        return tuple(effect for entries in self.effects.values() for effect in entries if isinstance(effect, kind))
+        return tuple(
+            effect
+            for entries in self.effects.values()
+            for effect in entries
+            if isinstance(effect, kind)
+        )
 
     @cached_property
     def loads(self) -> tuple[Load, ...]:
@@ -127,11 +140,19 @@ class Statement:
 
     @property
     def forces_at(self) -> str:
-        """The keys of its forces, for messages; ``traction, body_force`` where it lists no others; of forms ``L``."""
+        """The keys of its forces, for messages; ``traction, body_force`` where it lists no others;
+        of forms ``L``.
+        """
         if "traction" not in self.effects:
             return "L"
-        listed = [key for key, entries in self.effects.items() if any(isinstance(entry, Force) for entry in entries)]
-        return ", ".join(listed) if {*listed} - {"traction", "body_force"} else "traction, body_force"
+        listed = [
+            key
+            for key, entries in self.effects.items()
+            if any(isinstance(entry, Force) for entry in entries)
+        ]
+        return (
+            ", ".join(listed) if {*listed} - {"traction", "body_force"} else "traction, body_force"
+        )
 
     @property
     def rigid_bodies(self) -> tuple[RigidBody, ...]:
@@ -150,12 +171,14 @@ class Statement:
         return tuple(entry for entry in self.effects.get("preload", ()) if entry.acts)
 
     def tightens(self, step: float) -> bool:
-        """Whether forces tighten sections at a place in the lists of factors, whose shortenings are unknowns there."""
+        """Whether forces tighten sections at a place in the lists of factors, whose shortenings are
+        unknowns there.
+        """
         return any(entry.force_at(self, step) is not None for entry in self.preloads)
 
     def drives(self, dimension: int, step: float) -> list[tuple[Any, Any]]:
-        """What drives each rigid body at a place in the lists of factors, see ``now``: forces and moments, and the
-        components that are prescribed, nan where they are free, shapes (m,).
+        """What drives each rigid body at a place in the lists of factors, see ``now``: forces and
+        moments, and the components that are prescribed, nan where they are free, shapes (m,).
         """
         drives, given = [], ~self.kinematics_in(dimension).unbalanced
         for body in self.rigid_bodies:
@@ -168,7 +191,9 @@ class Statement:
     @property
     def grows_from_nothing(self) -> bool:
         """Whether all loads grow together in a ramp, because none of them has factors."""
-        return self.load_steps.steps is not None and all(load.factors is None for load in self.loads)
+        return self.load_steps.steps is not None and all(
+            load.factors is None for load in self.loads
+        )
 
     @property
     def expected_steps(self) -> int:
@@ -188,7 +213,8 @@ class Statement:
         return getattr(effect, "factors", None) or (1.0,) * self.steps
 
     def now(self, effect: _Effect, step: float) -> tuple[float, _Effect]:
-        """The factor of an effect at a place in the lists of factors, and the effect at the time of that place.
+        """The factor of an effect at a place in the lists of factors, and the effect at the time of
+        that place.
 
         What depends on the time and has no factors does not grow with the other loads of a ramp.
         """
@@ -197,19 +223,24 @@ class Statement:
         return factor, effect.at_time(self.time_at(step))
 
     def placed(self, step: float) -> Self:
-        """The same with foundations, friction and supports of a place in the lists of factors; itself if these are
-        there as they are.  Friction before the first load step is that of the first one.
+        """The same with foundations, friction and supports of a place in the lists of factors;
+        itself if these are there as they are.  Friction before the first load step is that of the
+        first one.
         """
         changed: dict[str, tuple[Any, ...]] = {}
         if any(effect.timed for effect in self.contact):
             # Where no load step ends nothing asks for friction, such as 0.1/t.
             time, of_friction = self.time_at(step), self.time_at(0 if step == -1 else step)
             changed["contact"] = tuple(
-                contact.at_time(time).model_copy(update={"friction": contact.friction.at_time(of_friction)})
+                contact.at_time(time).model_copy(
+                    update={"friction": contact.friction.at_time(of_friction)}
+                )
                 for contact in self.contact
             )
         supports = tuple(entry.in_step(step) for entry in self.displacement)
-        if any(entry is not earlier for entry, earlier in zip(supports, self.displacement, strict=True)):
+        if any(
+            entry is not earlier for entry, earlier in zip(supports, self.displacement, strict=True)
+        ):
             changed["displacement"] = supports
         return self.changed(**changed) if changed else self
 
@@ -225,11 +256,15 @@ class Statement:
     def path(self) -> LoadPath:
         """The load steps, without the loads."""
         names = self.load_steps.names or ()
-        return LoadPath(self._times, names, self.load_steps.steps, from_nothing=self.grows_from_nothing)
+        return LoadPath(
+            self._times, names, self.load_steps.steps, from_nothing=self.grows_from_nothing
+        )
 
     @property
     def sides(self) -> tuple[list[str], list[str | None] | None]:
-        """The boundary of each contact, and that of the other body of each; None: there is no other body."""
+        """The boundary of each contact, and that of the other body of each; None: there is no other
+        body.
+        """
         against = [effect.against for effect in self.contact]
         return [effect.boundary for effect in self.contact], against if any(against) else None
 
@@ -244,7 +279,9 @@ class Statement:
 
     @cached_property
     def has_friction(self) -> bool:
-        """Whether any contact boundary has a friction law that can act; a law with bound or coefficient 0 cannot."""
+        """Whether any contact boundary has a friction law that can act; a law with bound or
+        coefficient 0 cannot.
+        """
         return any(effect.friction.acts for effect in self.contact)
 
     @cached_property

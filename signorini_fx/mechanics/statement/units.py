@@ -1,4 +1,6 @@
-"""Names of units for labels.  Nothing is converted: the numbers of a scene are in any consistent units."""
+"""Names of units for labels.  Nothing is converted: the numbers of a scene are in any consistent
+units.
+"""
 
 from __future__ import annotations
 
@@ -34,8 +36,8 @@ def names_of(scene: Mapping[str, Any], dimension: int) -> dict[str, str]:
 
 
 def unit_names(units: Mapping[str, str | None], kinematics: Kinematics) -> dict[str, str]:
-    """The unit of each quantity: ``length``, ``stress``, ``area``, ``force``, ``moment`` and ``energy``, the last four
-    per unit thickness in 2D; those that are not known are left out.
+    """The unit of each quantity: ``length``, ``stress``, ``area``, ``force``, ``moment`` and
+    ``energy``, the last four per unit thickness in 2D; those that are not known are left out.
     """
     names = {name: unit for name, unit in units.items() if unit}
     length, stress = names.get("length"), names.get("stress")
@@ -45,7 +47,9 @@ def unit_names(units: Mapping[str, str | None], kinematics: Kinematics) -> dict[
         names["area"] = f"{length}\N{SUPERSCRIPT TWO}" if whole else length
     if force:
         names["force"] = force if whole else f"{force}/{length}" if length else ""
-        names["moment"] = names["energy"] = (f"{force} {length}" if length else "") if whole else force
+        names["moment"] = names["energy"] = (
+            (f"{force} {length}" if length else "") if whole else force
+        )
     return {name: unit for name, unit in names.items() if unit}
 
 

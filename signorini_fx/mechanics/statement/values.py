@@ -1,4 +1,6 @@
-"""Kinds of values in a scene: numbers, expressions, counts, words; each has one error message for everything else."""
+"""Kinds of values in a scene: numbers, expressions, counts, words; each has one error message for
+everything else.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +30,9 @@ def kind_of(entry: object) -> str:
     """A description of the wrong argument for a message."""
     kind = type(entry)
     module = kind.__module__.partition(".")[0]
-    return kind.__name__ if module in ("builtins", "signorini_fx") else f"{module}'s {kind.__name__}"
+    return (
+        kind.__name__ if module in ("builtins", "signorini_fx") else f"{module}'s {kind.__name__}"
+    )
 
 
 def plain_number(entry: Any) -> Any:
@@ -56,19 +60,24 @@ def sampled(entry: Any) -> Any:
 def not_at_points(entry: Any) -> str:
     """Why a form is refused where values at points are needed."""
     return (
-        f"{kind_of(entry)} cannot be evaluated at points: give a number, an expression of the position, or a "
+        f"{kind_of(entry)} cannot be evaluated at points: give a number, an expression of the "
+        "position, or a "
         "callable f(x) of points of shape (3, n)"
     )
 
 
 def bounded(number: float) -> float:
-    """The number, if its magnitude is in the allowed range, whatever the units: energies, squares of forces and
-    products of stiffness, length and penalty must still be numbers in double precision; else a ``ValueError``.
+    """The number, if its magnitude is in the allowed range, whatever the units: energies, squares
+    of forces and products of stiffness, length and penalty must still be numbers in double
+    precision; else a ``ValueError``.
     """
     if abs(number) > LARGEST_NUMBER:
         limit = f"larger than {LARGEST_NUMBER:g}, or forces and energies overflow: take other units"
     elif 0 < abs(number) < 1 / LARGEST_NUMBER:
-        limit = f"smaller than {1 / LARGEST_NUMBER:g}, or forces and energies vanish: take other units, or 0"
+        limit = (
+            f"smaller than {1 / LARGEST_NUMBER:g}, or forces and energies vanish: take other "
+            "units, or 0"
+        )
     else:
         return number
     raise ValueError(f"must not be {limit}, got {shown(number)}")
@@ -102,7 +111,9 @@ def not_negative(entry: Any) -> Any:
 
 
 class _NumberOrText:
-    """The JSON schema of values; each key has its own, because pydantic writes the default of a key into it."""
+    """The JSON schema of values; each key has its own, because pydantic writes the default of a key
+    into it.
+    """
 
     def __get_pydantic_json_schema__(self, _: Any, __: Any) -> dict[str, Any]:
         return {"type": ["number", "string"]}
@@ -114,20 +125,30 @@ Value = Annotated[Any, BeforeValidator(value), _NumberOrText()]
 TimedValue = Annotated[Any, BeforeValidator(timed), _NumberOrText()]
 TimedSampledValue = Annotated[Any, BeforeValidator(lambda v: sampled(timed(v))), _NumberOrText()]
 SampledValue = Annotated[Any, BeforeValidator(sampled), _NumberOrText()]
-NonNegativeValue = Annotated[Any, BeforeValidator(lambda v: not_negative(sampled(v))), _NumberOrText()]
+NonNegativeValue = Annotated[
+    Any, BeforeValidator(lambda v: not_negative(sampled(v))), _NumberOrText()
+]
 
 
 def share(entry: Any) -> Any:
     """A number, or a text such as ``5%``."""
-    match = re.fullmatch(r"\s*(\d+(?:\.\d*)?|\.\d+)\s*%\s*", entry) if isinstance(entry, str) else None
+    match = (
+        re.fullmatch(r"\s*(\d+(?:\.\d*)?|\.\d+)\s*%\s*", entry) if isinstance(entry, str) else None
+    )
     return entry if match is None else float(match[1]) / 100
 
 
 Finite = Annotated[
-    float, Field(allow_inf_nan=False, strict=True), BeforeValidator(plain_number), AfterValidator(bounded)
+    float,
+    Field(allow_inf_nan=False, strict=True),
+    BeforeValidator(plain_number),
+    AfterValidator(bounded),
 ]
 Positive = Annotated[
-    float, Field(gt=0, allow_inf_nan=False, strict=True), BeforeValidator(plain_number), AfterValidator(bounded)
+    float,
+    Field(gt=0, allow_inf_nan=False, strict=True),
+    BeforeValidator(plain_number),
+    AfterValidator(bounded),
 ]
 NonNegative = Annotated[Finite, AfterValidator(not_negative)]
 Count = Annotated[int, Field(gt=0, le=100_000, strict=True), BeforeValidator(plain_number)]
@@ -145,13 +166,19 @@ Automatic = Positive | Literal["auto"]
 
 
 def selection(entry: Any) -> Any:
-    """A number in the cell data of a mesh file, a list of them, or a rule; everything else is refused."""
+    """A number in the cell data of a mesh file, a list of them, or a rule; everything else is
+    refused.
+    """
     if type(entry) is int or isinstance(entry, Expression) or callable(entry):
         return entry
     if isinstance(entry, str):
         if entry.isidentifier() and entry not in ("x", "pi"):
             number = entry.rpartition("_")[2]
-            write = f": write {number}" if number.isdigit() else ", which needs no other one: use it where it acts"
+            write = (
+                f": write {number}"
+                if number.isdigit()
+                else ", which needs no other one: use it where it acts"
+            )
             raise ValueError(f"{entry!r} is a name{write}")
         return Expression(entry)
     if isinstance(entry, list | tuple) and entry and all(type(number) is int for number in entry):
@@ -160,5 +187,9 @@ def selection(entry: Any) -> Any:
     raise ValueError(f"{expected} is expected, not {kind_of(entry)}")
 
 
-_SELECTION_SCHEMA = {"type": ["integer", "string", "array"], "items": {"type": "integer"}, "minItems": 1}
+_SELECTION_SCHEMA = {
+    "type": ["integer", "string", "array"],
+    "items": {"type": "integer"},
+    "minItems": 1,
+}
 Selection = Annotated[Any, BeforeValidator(selection), WithJsonSchema(_SELECTION_SCHEMA)]

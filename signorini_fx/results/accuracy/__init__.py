@@ -1,3 +1,6 @@
-"""The error of a solution and the cost of reducing it; which mesh comes next is decided by ``solving``."""
+"""The error of a solution and the cost of reducing it; which mesh comes next is decided by
+``solving``.
+"""
 
-import mpi4py.MPI  # noqa: F401  # first: PETSc and dolfinx from PyPI find the library of MPI where it is loaded
+# First: PETSc and dolfinx from PyPI find the library of MPI where it is loaded.
+import mpi4py.MPI  # noqa: F401

@@ -1,7 +1,9 @@
-"""The contact surface of a body in 3D in flat pieces, between whose corners nodal values are linear.
+"""The contact surface of a body in 3D in flat pieces, between whose corners nodal values are
+linear.
 
-A facet of triangles or quadrilaterals of degree 1 is a piece, one of degree 2 is four.  What follows an arc length in
-the plane has a counterpart here that needs no order of the nodes: slopes from piece to piece.
+A facet of triangles or quadrilaterals of degree 1 is a piece, one of degree 2 is four.  What
+follows an arc length in the plane has a counterpart here that needs no order of the nodes: slopes
+from piece to piece.
 """
 
 from __future__ import annotations
@@ -20,8 +22,8 @@ from signorini_fx.tuned import CORNER_SHARE, KINK_SHARE
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
 
-# Corners of the pieces of a facet with so many nodes, one after the other around the piece.  Nodes as basix has them:
-# vertices, middles of edges, the middle.
+# Corners of the pieces of a facet with so many nodes, one after the other around the piece.  Nodes
+# as basix has them: vertices, middles of edges, the middle.
 _TRIANGLE, _QUADRILATERAL = [[0, 1, 2]], [[0, 1, 3, 2]]
 _PIECES = {
     3: _TRIANGLE,
@@ -36,9 +38,11 @@ class ContactSurface:
     """The pieces, k corners each, 3 or 4."""
 
     x: Floats  # position of the nodes, length, shape (rows, 3)
-    corners: Ints  # the rows of the contact table at the corners of each piece, around it, shape (pieces, k)
+    # the rows of the contact table at the corners of each piece, around it, shape (pieces, k)
+    corners: Ints
     per_facet: int  # how many pieces a facet has; those of one facet follow each other
-    facets: Ints  # which facets of the table have pieces: between two bodies those whose nodes all carry a point
+    # which facets of the table have pieces: between two bodies those whose nodes all carry a point
+    facets: Ints
     count: int  # of all facets of the table
 
     @classmethod
@@ -77,20 +81,31 @@ class ContactSurface:
 
     @cached_property
     def sides(self) -> Floats:
-        """Length of the sides of each piece, the first from its first corner to its second, shape (pieces, k)."""
+        """Length of the sides of each piece, the first from its first corner to its second, shape
+        (pieces, k).
+        """
         return np.asarray(np.linalg.norm(self._edges, axis=2))
 
     @cached_property
     def outward(self) -> Floats:
-        """Unit vectors in the plane of each piece, across each side and out of the piece, shape (pieces, k, 3)."""
+        """Unit vectors in the plane of each piece, across each side and out of the piece, shape
+        (pieces, k, 3).
+        """
         across = np.cross(self._edges, self.normal[:, None, :])
         return np.asarray(across / np.linalg.norm(across, axis=2, keepdims=True))
 
     @cached_property
     def across(self) -> Ints:
-        """The same side of the neighbour, as piece times k plus side; -1 at the rim; shape (pieces, k)."""
-        ends = np.sort(np.stack((self.corners, np.roll(self.corners, -1, axis=1)), axis=2).reshape(-1, 2), axis=1)
-        _, first, inverse, count = np.unique(ends, axis=0, return_index=True, return_inverse=True, return_counts=True)
+        """The same side of the neighbour, as piece times k plus side; -1 at the rim; shape (pieces,
+        k).
+        """
+        ends = np.sort(
+            np.stack((self.corners, np.roll(self.corners, -1, axis=1)), axis=2).reshape(-1, 2),
+            axis=1,
+        )
+        _, first, inverse, count = np.unique(
+            ends, axis=0, return_index=True, return_inverse=True, return_counts=True
+        )
         inverse = inverse.ravel()
         total = np.zeros(len(first), dtype=np.int64)
         np.add.at(total, inverse, np.arange(len(inverse)))
@@ -109,7 +124,8 @@ class ContactSurface:
         return np.isin(np.arange(len(self.x)), ends)
 
     def jumps(self, values: Floats) -> Floats:
-        """How much the slope across each side changes from one piece to the next, shape (pieces, k); 0 at the rim;
+        """How much the slope across each side changes from one piece to the next, shape (pieces,
+        k); 0 at the rim;
         ``values``: at the nodes, shape (rows,).
         """
         corner_values = values[self.corners]
@@ -128,26 +144,32 @@ class ContactSurface:
         return np.where(self.rim, 0.0, np.arctan2(sine, cosine))
 
     def squares(self, pressure: Floats) -> Floats:
-        """Estimated squared error of the pressure on each piece, stress^2 times area, shape (pieces,).
+        """Estimated squared error of the pressure on each piece, stress^2 times area, shape
+        (pieces,).
 
-        It is that along a curve, see ``pressure_error``, side by side: a pressure that changes along one direction only
-        has the same error here as there.
+        It is that along a curve, see ``pressure_error``, side by side: a pressure that changes
+        along one direction only has the same error here as there.
         """
         jumps = self.jumps(pressure)
         heights = (2 if self.corners.shape[1] == 3 else 1) * self.area[:, None] / self.sides
         kinks = self.sides * heights**3 * jumps**2
         squares = KINK_SHARE / 2 * kinks.sum(axis=1)
         on_rim = (self.rim_nodes & (pressure != 0))[self.corners]
-        # A pressure that is convex towards the rim may be singular there; at a plane of symmetry it is concave.
-        pressed = (pressure != 0)[self.corners].all(axis=1)  # the end of a contact zone is another matter
-        both_pressed = pressed[:, None] & pressed[np.maximum(self.across, 0) // self.corners.shape[1]]
+        # A pressure that is convex towards the rim may be singular there; at a plane of symmetry it
+        # is concave.
+        pressed = (pressure != 0)[self.corners].all(
+            axis=1
+        )  # the end of a contact zone is another matter
+        both_pressed = (
+            pressed[:, None] & pressed[np.maximum(self.across, 0) // self.corners.shape[1]]
+        )
         inside = both_pressed & ~(on_rim | np.roll(on_rim, -1, axis=1)) & (jumps < 0)
         convex = np.where(inside, kinks, 0.0).sum(axis=1) * on_rim.any(axis=1)
         return np.maximum(squares, CORNER_SHARE * convex)
 
     def of_rank(self, boundary: ContactBoundary, values: Floats) -> Floats:
-        """Sums of what the pieces have for each facet of this rank, as in ``boundary.segments``; ``values``: of each
-        piece, shape (pieces,); collective.
+        """Sums of what the pieces have for each facet of this rank, as in ``boundary.segments``;
+        ``values``: of each piece, shape (pieces,); collective.
         """
         first = parallel.rows_before(boundary.comm, len(boundary.segments))
         facets = np.zeros(self.count)

@@ -1,7 +1,8 @@
-"""The convergence table: a row for each mesh of a nested iteration, with its errors and its cost, and one for the next.
+"""The convergence table: a row for each mesh of a nested iteration, with its errors and its cost,
+and one for the next.
 
-It needs no further solves: errors are estimated on each mesh, those of forces and largest pressures by changes from the
-previous meshes, extrapolated.
+It needs no further solves: errors are estimated on each mesh, those of forces and largest pressures
+by changes from the previous meshes, extrapolated.
 """
 
 from __future__ import annotations
@@ -39,18 +40,25 @@ def polygon_error_of(name: str, polygon: float) -> float:
 
 def with_polygon(level: LevelResult, polygon: float) -> LevelResult:
     """A mesh with the errors that its straight facets add."""
-    pressure = None if level.pressure is None else level.pressure + polygon_error_of("pressure", polygon)
+    pressure = (
+        None if level.pressure is None else level.pressure + polygon_error_of("pressure", polygon)
+    )
     energy, loads = (polygon_error_of(name, polygon) for name in ("energy", "force"))
     sums = {"energy": level.energy + energy, "loads": level.loads + loads}
     return level.model_copy(update={**sums, "pressure": pressure, "polygon": polygon})
 
 
 def convergence_table(
-    levels: list[LevelResult], base_memory: float, *, rates: Mapping[str, float] = EXPECTED_RATES, uniform: bool = True
+    levels: list[LevelResult],
+    base_memory: float,
+    *,
+    rates: Mapping[str, float] = EXPECTED_RATES,
+    uniform: bool = True,
 ) -> list[Price]:
-    """The rows for the meshes that were solved, at least two, coarsest first, and one for the next; ``base_memory``:
-    before the first mesh, MB; ``rates``: how the errors are expected to decrease with h; ``uniform``: whether each mesh
-    is finer than the previous one everywhere, and by about the same factor, else changes between meshes are no errors.
+    """The rows for the meshes that were solved, at least two, coarsest first, and one for the next;
+    ``base_memory``: before the first mesh, MB; ``rates``: how the errors are expected to decrease
+    with h; ``uniform``: whether each mesh is finer than the previous one everywhere, and by about
+    the same factor, else changes between meshes are no errors.
     """
     rows = []
     for index, level in enumerate(levels):
@@ -64,21 +72,31 @@ def convergence_table(
             if error is not None:
                 # Changes of meshes that are divided here and there do not show the error elsewhere.
                 elsewhere = 0.0 if uniform else min(error, POLLUTION_OF_PEAK * level.energy**2)
-                errors["peak"] = error + elsewhere + level.loads + polygon_error_of("peak", level.polygon)
-        errors["zone"] = border_of(level.table) if level.dimension == 3 else ends_of_zones(level.table)
+                errors["peak"] = (
+                    error + elsewhere + level.loads + polygon_error_of("peak", level.polygon)
+                )
+        errors["zone"] = (
+            border_of(level.table) if level.dimension == 3 else ends_of_zones(level.table)
+        )
         rows.append(Price(**(level.model_dump(include=set(Price.model_fields)) | errors)))
     last = levels[-1]
-    following = predict(rows, base_memory, rates=rates, dimension=last.dimension, krylov_from=last.krylov_from)
+    following = predict(
+        rows, base_memory, rates=rates, dimension=last.dimension, krylov_from=last.krylov_from
+    )
     return [*rows, following]
 
 
 def fineness_of(dofs: float, dimension: int) -> float:
-    """1 / h of a mesh with so many unknowns, but for a factor; of a quotient of unknowns, how many times finer."""
+    """1 / h of a mesh with so many unknowns, but for a factor; of a quotient of unknowns, how many
+    times finer.
+    """
     return float(np.sqrt(dofs) if dimension == 2 else np.cbrt(dofs))
 
 
 def seen_rate(rows: Sequence[Price], dimension: int) -> float:
-    """The rate at which the error in the energy norm decreases with h; with a single mesh, that of first order."""
+    """The rate at which the error in the energy norm decreases with h; with a single mesh, that of
+    first order.
+    """
     last, energies = rows[-1], [row.energy for row in rows[-2:]]
     if len(energies) < 2 or not energies[0] or not energies[1] or energies[1] >= energies[0]:
         return 1.0
@@ -87,13 +105,14 @@ def seen_rate(rows: Sequence[Price], dimension: int) -> float:
 
 
 def force_error(levels: Sequence[LevelResult], *, uniform: bool = True) -> float | None:
-    """Error of contact and friction force on the last mesh, relative; None where there is no force; ``levels``: at
-    least two, coarsest first; ``uniform``: whether each mesh is finer than the one before everywhere.
+    """Error of contact and friction force on the last mesh, relative; None where there is no force;
+    ``levels``: at least two, coarsest first; ``uniform``: whether each mesh is finer than the one
+    before everywhere.
 
-    By J. A. Nitsche's argument it decreases like the square of that of the displacement, by which changes are
-    extrapolated.  On meshes that are divided here and there it is at least a share of that square, unless statics
-    determines the force, which then does not change at all.  Of several contact boundaries it is that of all forces
-    together, as their resultant may vanish.
+    By J. A. Nitsche's argument it decreases like the square of that of the displacement, by which
+    changes are extrapolated.  On meshes that are divided here and there it is at least a share of
+    that square, unless statics determines the force, which then does not change at all.  Of several
+    contact boundaries it is that of all forces together, as their resultant may vanish.
     """
     fine = levels[-1]
     size = float(np.linalg.norm(fine.forces))
@@ -101,18 +120,25 @@ def force_error(levels: Sequence[LevelResult], *, uniform: bool = True) -> float
         return None
     seen = 0.0
     for coarse in levels[-1 - CHANGES_USED : -1]:
-        # A coarse mesh without any error, such as one on which nothing touches, says nothing: all of it may be left.
-        left = min((fine.energy / coarse.energy) ** 2 if coarse.energy > 0 else 1.0, SLOWEST_DECREASE)
-        seen = max(seen, float(np.linalg.norm(fine.forces - coarse.forces)) / size * left / (1 - left))
+        # A coarse mesh without any error, such as one on which nothing touches, says nothing: all
+        # of it may be left.
+        left = min(
+            (fine.energy / coarse.energy) ** 2 if coarse.energy > 0 else 1.0, SLOWEST_DECREASE
+        )
+        seen = max(
+            seen, float(np.linalg.norm(fine.forces - coarse.forces)) / size * left / (1 - left)
+        )
     if not uniform and seen > ZERO_IN_SOLUTION:
         seen = max(seen, FORCE_OF_ENERGY * fine.energy**2)
     return seen + fine.loads
 
 
 def border_of(table: ContactTable) -> float | None:
-    """In 3D: half of the pieces that are pressed at some corners only, relative to the contact area.
+    """In 3D: half of the pieces that are pressed at some corners only, relative to the contact
+    area.
 
-    The contact ends within them, and nodes count about half of them.  The change of the area from mesh to mesh says
+    The contact ends within them, and nodes count about half of them.  The change of the area from
+    mesh to mesh says
     less: it is zero where no node changes.
     """
     surface, pressed = ContactSurface.of(table), table.columns["pressure"] > 0
@@ -122,7 +148,9 @@ def border_of(table: ContactTable) -> float | None:
 
 
 def ends_of_zones(table: ContactTable) -> float | None:
-    """In 2D: the longest interval in which the contact ends, relative to its length; None if it has no ends."""
+    """In 2D: the longest interval in which the contact ends, relative to its length; None if it has
+    no ends.
+    """
     length = longest = 0.0
     pressed = table.columns["pressure"] > 0
     for path in table.paths:
@@ -141,8 +169,9 @@ def predict(
     dimension: int = 2,
     krylov_from: float = np.inf,
 ) -> Price:
-    """The next mesh: errors by their rates, time and memory by their growth with the unknowns; ``finer``: how many
-    times finer the next mesh is, on average over the body; None: as many times as the last one was.
+    """The next mesh: errors by their rates, time and memory by their growth with the unknowns;
+    ``finer``: how many times finer the next mesh is, on average over the body; None: as many times
+    as the last one was.
     """
     last, previous = rows[-1], rows[-2]
     seen_growth = last.dofs / previous.dofs
@@ -150,7 +179,11 @@ def predict(
     finer = seen_finer if finer is None else finer
     growth = finer**dimension
     expected = {**rates, "energy": seen_rate(rows, dimension)}
-    errors = {name: getattr(last, name) / finer**rate for name, rate in expected.items() if getattr(last, name)}
+    errors = {
+        name: getattr(last, name) / finer**rate
+        for name, rate in expected.items()
+        if getattr(last, name)
+    }
     # The time and the memory of a Krylov method are those of its products.
     krylov = last.dofs * growth >= krylov_from
     seconds, memory = (1.0, 1.0) if krylov else (TIME_POWER[dimension], MEMORY_POWER[dimension])
@@ -158,18 +191,29 @@ def predict(
         "level": last.level + 1,
         "h": last.h / finer,
         "dofs": round(last.dofs * growth),
-        "seconds": grown(last.seconds, previous.seconds, seen_growth, growth, seconds, least=LEAST_GROWING_TIME),
-        "memory": grown(last.memory, previous.memory, seen_growth, growth, memory, offset=base_memory),
+        "seconds": grown(
+            last.seconds, previous.seconds, seen_growth, growth, seconds, least=LEAST_GROWING_TIME
+        ),
+        "memory": grown(
+            last.memory, previous.memory, seen_growth, growth, memory, offset=base_memory
+        ),
     }
     return last.model_copy(update={**cost, **errors, "predicted": True})
 
 
 def grown(
-    value: float, earlier: float, seen: float, growth: float, power: float, *, offset: float = 0.0, least: float = 0.0
+    value: float,
+    earlier: float,
+    seen: float,
+    growth: float,
+    power: float,
+    *,
+    offset: float = 0.0,
+    least: float = 0.0,
 ) -> float:
-    """A constant part, at least ``offset``, and one that grows like this power of the unknowns; ``seen``: quotient of
-    the unknowns of the last two meshes; ``growth``: of the next mesh and the last; ``least``: the least share of the
-    rest that grows.
+    """A constant part, at least ``offset``, and one that grows like this power of the unknowns;
+    ``seen``: quotient of the unknowns of the last two meshes; ``growth``: of the next mesh and the
+    last; ``least``: the least share of the rest that grows.
     """
     growing = (value - earlier) / (1 - seen**-power)
     excess = max(value - offset, 0.0)
@@ -183,18 +227,27 @@ def render(rows: list[Price]) -> str:
         return "        -" if value is None else f"{value:9.1e}"
 
     header = (
-        "level         h     dofs  solves   seconds  memory MB    energy  pressure     force      zone      peak"
+        "level         h     dofs  solves   seconds  memory MB    energy  pressure     force      "
+        "zone      peak"
         "  |  of it gamma  iteration"
     )
     lines = [header]
     for row in rows:
-        errors = " ".join(number(getattr(row, name)) for name in ("energy", "pressure", "force", "zone", "peak"))
+        errors = " ".join(
+            number(getattr(row, name)) for name in ("energy", "pressure", "force", "zone", "peak")
+        )
         name = "next" if row.predicted else f"{row.level:4d}"
-        effort = f"{row.h:9.2e} {row.dofs:8d} {row.linear_solves:7d} {row.seconds:9.2f} {row.memory:10.0f}"
-        lines.append(f"{name:>5s} {effort} {errors}  |    {row.regularisation:9.1e}  {row.iteration:9.1e}")
+        effort = (
+            f"{row.h:9.2e} {row.dofs:8d} {row.linear_solves:7d} {row.seconds:9.2f} "
+            f"{row.memory:10.0f}"
+        )
+        lines.append(
+            f"{name:>5s} {effort} {errors}  |    {row.regularisation:9.1e}  {row.iteration:9.1e}"
+        )
     if any(row.peak is None for row in rows[1:] if not row.predicted):
         lines.append(
-            f"   -: the largest pressure has no limit, or no estimate on meshes with fewer than {FEW_NODES} nodes in "
+            "   -: the largest pressure has no limit, or no estimate on meshes with fewer than "
+            f"{FEW_NODES} nodes in "
             "contact, or that are no finer where it is"
         )
     return "\n".join(lines)

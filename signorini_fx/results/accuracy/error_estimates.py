@@ -35,16 +35,18 @@ class Errors:
     """The error estimates on one mesh; all errors are relative.
 
     Attributes:
-        energy: of the displacement, energy norm, loads included; of a nonlinear body that of the stress.
-        pressure: of the contact pressure, L2(Gamma_c), loads included, as the contact boundary shows it; None without
-            contact, and where it is not known.
-        force: of contact and friction force, by J. A. Nitsche's argument, of a nonlinear body the product of those of
-            stress and displacement gradient: where displacements press the body 0.3 to 3 times the error, where loads
-            do, far above it.
+        energy: of the displacement, energy norm, loads included; of a nonlinear body that of the
+            stress.
+        pressure: of the contact pressure, L2(Gamma_c), loads included, as the contact boundary
+            shows it; None without contact, and where it is not known.
+        force: of contact and friction force, by J. A. Nitsche's argument, of a nonlinear body the
+            product of those of stress and displacement gradient: where displacements press the body
+            0.3 to 3 times the error, where loads do, far above it.
         loads: error of the loads on the mesh.
         size: energy norm of the solution.
         pressed: norm of its contact pressure in L2(Gamma_c).
-        squares: contribution of each owned cell to the square of the error, by quantity, shape (cells,).
+        squares: contribution of each owned cell to the square of the error, by quantity, shape
+            (cells,).
     """
 
     energy: float
@@ -56,8 +58,12 @@ class Errors:
     squares: dict[str, Floats]
 
 
-def estimate_errors(model: Any, displacement: fem.Function, energy: float, table: ContactTable, step: float) -> Errors:
-    """Estimate the errors on a mesh of a ``SolidBody``; ``energy``: strain energy of the solution; collective."""
+def estimate_errors(
+    model: Any, displacement: fem.Function, energy: float, table: ContactTable, step: float
+) -> Errors:
+    """Estimate the errors on a mesh of a ``SolidBody``; ``energy``: strain energy of the solution;
+    collective.
+    """
     missed = missed_loads(model, step)
     squares = np.zeros(missed.shape)
     if energy > 0:
@@ -72,14 +78,16 @@ def estimate_errors(model: Any, displacement: fem.Function, energy: float, table
 def combined(
     model: Model, table: ContactTable, recovery: Floats, energy: float, missed: Floats | float = 0.0
 ) -> Errors:
-    """All error estimates from those of each owned cell, shape (cells,): ``recovery``: the squared error in the energy
-    norm, of a nonlinear body that of the stress over its square, or both this and that of the displacement
-    gradient, shape (2, cells); ``energy``: strain energy, 1/2 of a nonlinear body; ``missed``: share of all forces;
-    collective.
+    """All error estimates from those of each owned cell, shape (cells,): ``recovery``: the squared
+    error in the energy norm, of a nonlinear body that of the stress over its square, or both this
+    and that of the displacement gradient, shape (2, cells); ``energy``: strain energy, 1/2 of a
+    nonlinear body; ``missed``: share of all forces; collective.
     """
     boundary = model.boundary
     assert boundary is not None
-    facets = np.concatenate([model.tagged.facets(effect.boundary) for effect in model.statement.contact])
+    facets = np.concatenate(
+        [model.tagged.facets(effect.boundary) for effect in model.statement.contact]
+    )
     cells = facet_entities(model.tagged.mesh, facets)[:, 0]
     size = 2 * energy
     shares = np.atleast_2d(recovery) / (size if energy > 0 else np.inf)
@@ -88,19 +96,35 @@ def combined(
     def total(squares: Floats) -> float:
         return float(parallel.global_sum(boundary.comm, squares.sum()))
 
-    loads, error, gradient = total(missed), float(np.sqrt(total(body))), float(np.sqrt(total(shares[-1])))
+    loads, error, gradient = (
+        total(missed),
+        float(np.sqrt(total(body))),
+        float(np.sqrt(total(shares[-1]))),
+    )
     contact, top, pressed = np.zeros_like(body), np.zeros_like(body), pressure_square(table)
     if pressed > 0 and table.facets is None:
-        kinematics = model.statement.kinematics_in(model.tagged.dimension)  # of nonlinear bodies the model is of forms
-        np.add.at(contact, cells, on_facets(boundary, table, interval_squares(table, kinematics)) / pressed)
+        kinematics = model.statement.kinematics_in(
+            model.tagged.dimension
+        )  # of nonlinear bodies the model is of forms
+        np.add.at(
+            contact,
+            cells,
+            on_facets(boundary, table, interval_squares(table, kinematics)) / pressed,
+        )
         rows = np.append(corner_rows(table), np.argmax(table.columns["pressure"]))
         np.add.at(top, cells, total(contact) * on_facets(boundary, table, beside(table, rows)))
     elif pressed > 0:
         surface = ContactSurface.of(table)
-        np.add.at(contact, cells, surface.of_rank(boundary, surface.squares(table.columns["pressure"])) / pressed)
+        np.add.at(
+            contact,
+            cells,
+            surface.of_rank(boundary, surface.squares(table.columns["pressure"])) / pressed,
+        )
     return Errors(
         energy=error + loads,
-        pressure=float(np.hypot(np.sqrt(total(contact)), error**2)) + loads if pressed > 0 else None,
+        pressure=float(np.hypot(np.sqrt(total(contact)), error**2)) + loads
+        if pressed > 0
+        else None,
         force=(error + loads) * (gradient + loads),
         loads=loads,
         size=float(np.sqrt(size)),
@@ -108,15 +132,17 @@ def combined(
         squares={
             "energy": body + loads * missed,
             "pressure": contact + (POLLUTION * error) ** 2 * body + loads * missed,
-            # Half of it at the top, where the kinks of the pressure are small and the error of the largest one is, and
-            # at corners, where it may become the largest.
+            # Half of it at the top, where the kinks of the pressure are small and the error of the
+            # largest one is, and at corners, where it may become the largest.
             "peak": contact + top + (POLLUTION * error) ** 2 * body + loads * missed,
         },
     )
 
 
 def worst_of(steps: Sequence[Errors]) -> Errors:
-    """The largest errors of several load steps, relative to the largest solution and pressure among them."""
+    """The largest errors of several load steps, relative to the largest solution and pressure among
+    them.
+    """
     if len(steps) == 1:
         return steps[0]
     size, pressed = (max(getattr(step, name) for step in steps) for name in ("size", "pressed"))
@@ -124,7 +150,9 @@ def worst_of(steps: Sequence[Errors]) -> Errors:
     of_pressed = [step.pressed / pressed if pressed > 0 else 0.0 for step in steps]
     shares = {"energy": of_size, "pressure": of_pressed, "peak": of_pressed}
     pressures = [
-        step.pressure * share for step, share in zip(steps, of_pressed, strict=True) if step.pressure is not None
+        step.pressure * share
+        for step, share in zip(steps, of_pressed, strict=True)
+        if step.pressure is not None
     ]
 
     def added(name: str, weights: list[float]) -> Floats:
@@ -142,13 +170,14 @@ def worst_of(steps: Sequence[Errors]) -> Errors:
     )
 
 
-# Quadrature to compare with, by dimension: 31 points along a facet and 100 in a cell; in 3D 441 and 343.
+# Quadrature to compare with, by dimension: 31 points along a facet and 100 in a cell; in 3D 441 and
+# 343.
 _FACET_DEGREE, _CELL_DEGREE = {2: 60, 3: 40}, {2: 18, 3: 12}
 
 
 def missed_loads(model: Model, step: float) -> Floats:
-    """The part of the loads that the quadrature of each owned cell misses, a force (in 2D per thickness), shape
-    (cells,); collective.
+    """The part of the loads that the quadrature of each owned cell misses, a force (in 2D per
+    thickness), shape (cells,); collective.
     """
     mesh, dim = model.tagged.mesh, model.tagged.dimension
     owned = mesh.topology.index_map(dim).size_local
@@ -165,7 +194,8 @@ def missed_loads(model: Model, step: float) -> Floats:
         fine = _CELL_DEGREE[dim] if load.where is None else _FACET_DEGREE[dim]
         terms += [
             density * where(metadata={"quadrature_degree": fine}),
-            -density * where(metadata={"quadrature_degree": load.degree(model.statement.element.degree)}),
+            -density
+            * where(metadata={"quadrature_degree": load.degree(model.statement.element.degree)}),
         ]
     missed = compile_form(sum(terms[1:], terms[0]))
     return np.asarray(np.linalg.norm(assemble(missed).reshape(-1, model.dimension), axis=1))

@@ -52,23 +52,28 @@ def linear_solves(statement: Statement, nodes: int) -> tuple[int, int]:
     size = math.log2(max(nodes / 2**finer, 4))
     size *= 2 if any(contact.coulomb for contact in statement.contact) else 1
     low, high = (round(factor * size) for factor in SOLVES_PER_DOUBLING)
-    # A later load step starts from the sets of the previous one, a finer mesh from those of the coarser one.
+    # A later load step starts from the sets of the previous one, a finer mesh from those of the
+    # coarser one.
     least, greatest = SOLVES_OF_START
     return low + least * (steps - 1 + finer * steps), high * steps + greatest * finer * steps
 
 
 def factorisation_seconds(unknowns: float, dimension: int) -> float:
     """Of one sparse factorisation."""
-    return SOLVE_SECONDS * unknowns + FACTOR_SECONDS[dimension] * unknowns ** (1.5 if dimension == 2 else 2.0)
+    return SOLVE_SECONDS * unknowns + FACTOR_SECONDS[dimension] * unknowns ** (
+        1.5 if dimension == 2 else 2.0
+    )
 
 
 def estimated_cost(model: Model) -> Cost:
-    """Nested dissection: n log n entries and n^1.5 operations in two dimensions, n^(4/3) and n^2 in three; multigrid: n
-    of both.
+    """Nested dissection: n log n entries and n^1.5 operations in two dimensions, n^(4/3) and n^2 in
+    three; multigrid: n of both.
     """
     comm, n, dim = model.comm, model.dofs, model.tagged.dimension
     touching = 0 if model.boundary is None else np.unique(model.boundary.nodes).size
-    nodes, free = map(int, parallel.global_sum(comm, np.array([touching, np.count_nonzero(~model.fixed)])))
+    nodes, free = map(
+        int, parallel.global_sum(comm, np.array([touching, np.count_nonzero(~model.fixed)]))
+    )
     factorisation = factorisation_seconds(n, dim)
     solves = linear_solves(model.statement, nodes)
     matrix = 12.0 * dim * 3**dim * n  # a row of Q1 has so many entries
@@ -80,7 +85,11 @@ def estimated_cost(model: Model) -> Cost:
         dense = dim * nodes
         once, per_solve = factorisation, dense**3 / 3 / DENSE_SPEED
     elif model.boundary is None:
-        reason, once, per_solve = "one factorisation for all load steps", factorisation, SOLVE_SECONDS * n
+        reason, once, per_solve = (
+            "one factorisation for all load steps",
+            factorisation,
+            SOLVE_SECONDS * n,
+        )
     else:
         once, per_solve = 0.0, factorisation
     if model.statement.nonlinear:  # each linear solve has a factorisation
@@ -90,13 +99,22 @@ def estimated_cost(model: Model) -> Cost:
     seconds = once + solves[0] * per_solve, once + solves[1] * per_solve
     of = "energy" if model.statement.accuracy is None else model.statement.accuracy.of
     refinement = next_refinement(model.statement, model.tagged, of, free)
-    paired = PAIRED_BYTES[dim] * nodes if any(contact.against for contact in model.statement.contact) else 0.0
+    paired = (
+        PAIRED_BYTES[dim] * nodes
+        if any(contact.against for contact in model.statement.contact)
+        else 0.0
+    )
     return Cost(
         unknowns=free,
         linear_algebra=f"{kind}: {reason}",
         linear_solves=solves,
         seconds=seconds,
-        memory_bytes=BASE_BYTES * comm.size + BYTES_PER_DOF * n + 2 * matrix + held + 24.0 * dense**2 + paired,
+        memory_bytes=BASE_BYTES * comm.size
+        + BYTES_PER_DOF * n
+        + 2 * matrix
+        + held
+        + 24.0 * dense**2
+        + paired,
         next_error=NEXT_ERROR[dim],
         next_seconds=(seconds[0] * refinement.times[0], seconds[1] * refinement.times[1]),
         next_local=refinement.local,

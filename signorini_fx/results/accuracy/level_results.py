@@ -16,17 +16,19 @@ from signorini_fx.quantities.summary import Number, Price
 
 
 class LevelResult(Price):
-    """A mesh that was solved: the cost and the errors that it shows by itself, loads included, which are those of a
-    ``Price``, and what is compared with other meshes.  ``force``, ``zone`` and ``peak`` are None: several meshes, or a
-    ``convergence_table``, tell them.
+    """A mesh that was solved: the cost and the errors that it shows by itself, loads included,
+    which are those of a ``Price``, and what is compared with other meshes.  ``force``, ``zone`` and
+    ``peak`` are None: several meshes, or a ``convergence_table``, tell them.
 
     Attributes:
         loads: the error of the loads on the mesh.
-        polygon: effect of straight facets of a curved contact boundary, which no refinement reduces;
-            ``pressure_error.polygon_error``.
-        pressure_regularisation: as ``regularisation``, of the contact pressure, relative in L2(Gamma_c).
+        polygon: effect of straight facets of a curved contact boundary, which no refinement
+            reduces; ``pressure_error.polygon_error``.
+        pressure_regularisation: as ``regularisation``, of the contact pressure, relative in
+            L2(Gamma_c).
         table: the contact boundary.
-        forces: contact and friction force of each contact boundary in all load steps, shape (2 d boundaries steps,).
+        forces: contact and friction force of each contact boundary in all load steps, shape (2 d
+            boundaries steps,).
         krylov_from: unknowns from which on a mesh is solved by a Krylov method; infinite: none is.
     """
 
@@ -51,8 +53,8 @@ class LevelResult(Price):
 
 
 def mean_spacing(table: ContactTable, *, revolved: bool) -> float:
-    """The mean length, or the side of the mean area, that belongs to a contact node; ``revolved``: weights are areas of
-    rings.
+    """The mean length, or the side of the mean area, that belongs to a contact node; ``revolved``:
+    weights are areas of rings.
     """
     weight = table.columns["weight"]
     if revolved:
@@ -60,9 +62,11 @@ def mean_spacing(table: ContactTable, *, revolved: bool) -> float:
     return float(weight.mean() ** (1 if table.facets is None else 1 / 2))
 
 
-def regularisation_errors(task: Task, outcome: Outcome, size: float, contact: ContactState) -> tuple[float, float]:
-    """The regularisation error of a solution with this energy norm, and that of its contact pressure, both relative;
-    one or two back substitutions, collective.
+def regularisation_errors(
+    task: Task, outcome: Outcome, size: float, contact: ContactState
+) -> tuple[float, float]:
+    """The regularisation error of a solution with this energy norm, and that of its contact
+    pressure, both relative; one or two back substitutions, collective.
     """
     data = outcome.problem.data
     # Multipliers of an augmentation shift the pressure.
@@ -71,7 +75,9 @@ def regularisation_errors(task: Task, outcome: Outcome, size: float, contact: Co
         return 0.0, 0.0
     newton = task.unsymmetric_newton if data.follows is not None else task.newton
     problem, jacobian = newton.problem, newton.snes.getJacobian()[0]
-    if jacobian.handle not in problem.tangent.factorised:  # of a checkpoint, with which nothing has been solved
+    if (
+        jacobian.handle not in problem.tangent.factorised
+    ):  # of a checkpoint, with which nothing has been solved
         newton.pose(problem.data, problem.sets)
         problem.assemble_jacobian(newton.snes, newton.x, jacobian)
         problem.factorised(jacobian)

@@ -1,7 +1,9 @@
-"""What the next accuracy would cost: error and seconds of what was solved, and a forecast for an error so much smaller.
+"""What the next accuracy would cost: error and seconds of what was solved, and a forecast for an
+error so much smaller.
 
-Where a requested accuracy divides cells where the error is, errors decrease like one over the unknowns whatever
-singularities there are; where all cells become smaller with a rate between those at a corner of the body and elsewhere.
+Where a requested accuracy divides cells where the error is, errors decrease like one over the
+unknowns whatever singularities there are; where all cells become smaller with a rate between those
+at a corner of the body and elsewhere.
 """
 
 from __future__ import annotations
@@ -54,23 +56,32 @@ def between(seconds: tuple[float, float]) -> str:
 
 
 def divides_cells(statement: Statement, tagged: TaggedMesh, of: str) -> bool:
-    """Whether a requested accuracy divides cells where the error is; of forms, whether it can; collective.
+    """Whether a requested accuracy divides cells where the error is; of forms, whether it can;
+    collective.
 
-    Drawings may have arcs that the mesh does not show.  In 3D the way is known for the error of the stress alone.
+    Drawings may have arcs that the mesh does not show.  In 3D the way is known for the error of the
+    stress alone.
     """
     cell, degree = tagged.mesh.topology.cell_name(), statement.element.degree
     own_forms = statement.units is None
-    if (tagged.dimension == 3 and (of != "energy" or degree != 1 or own_forms)) or (own_forms and degree != 2):
+    if (tagged.dimension == 3 and (of != "energy" or degree != 1 or own_forms)) or (
+        own_forms and degree != 2
+    ):
         return False
     drawn = statement.remade and not statement.generated
-    straight = not statement.arcs if statement.generated else curvature(tagged) <= SAME_LENGTH * tagged.size
+    straight = (
+        not statement.arcs
+        if statement.generated
+        else curvature(tagged) <= SAME_LENGTH * tagged.size
+    )
     return not drawn and divides(statement, of, cell, straight=straight)
 
 
 @dataclass(frozen=True)
 class NextRefinement:
-    """The meshes that lead to the next error; ``unknowns``: of the last one; ``times``: how many times as long as the
-    mesh that was solved all of them take, from and to; ``local``: whether cells are divided where the error is.
+    """The meshes that lead to the next error; ``unknowns``: of the last one; ``times``: how many
+    times as long as the mesh that was solved all of them take, from and to; ``local``: whether
+    cells are divided where the error is.
     """
 
     unknowns: float
@@ -82,20 +93,31 @@ class NextRefinement:
 def next_refinement(
     statement: Statement, tagged: TaggedMesh, of: str, dofs: float, *, able: bool = True
 ) -> NextRefinement:
-    """What a requested accuracy does; residuals, which are not ``able`` to have one, get smaller cells; collective."""
+    """What a requested accuracy does; residuals, which are not ``able`` to have one, get smaller
+    cells; collective.
+    """
     dimension, degree = tagged.dimension, statement.element.degree
     local = able and divides_cells(statement, tagged, of)
-    # Uniform meshes of bodies with arcs, with curved cells of degree 2, take about as long: they are fewer.
+    # Uniform meshes of bodies with arcs, with curved cells of degree 2, take about as long: they
+    # are fewer.
     if local or (able and dimension == 2 and statement.remade and statement.arcs and of in LOCAL):
         meshes, fixed, degree = _divided(statement, dimension, dofs), FIXED_UNKNOWNS[2], 2
         spread = LOCAL_SPREAD if dimension == 2 else UNIFORM_SPREAD
     else:
-        times, first, fixed, spread = NEXT_ERROR[dimension], dofs, FIXED_UNKNOWNS[dimension], UNIFORM_SPREAD
+        times, first, fixed, spread = (
+            NEXT_ERROR[dimension],
+            dofs,
+            FIXED_UNKNOWNS[dimension],
+            UNIFORM_SPREAD,
+        )
         if able and dimension == 2 and degree == 1 and of in LOCAL and statement.units is not None:
             times, degree, first = 2 * times, 2, 4 * dofs  # as in ``_divided``
         meshes = [first * times ** (-dimension / UNIFORM_RATE)]
-    # Newton's iterations for metal increase like one over the size of cells: 0.51 for 1/2, mean of 12 problems in 2D.
-    metal = any(not material.linear and hasattr(material, "yield_stress") for material in statement.material)
+    # Newton's iterations for metal increase like one over the size of cells: 0.51 for 1/2, mean of
+    # 12 problems in 2D.
+    metal = any(
+        not material.linear and hasattr(material, "yield_stress") for material in statement.material
+    )
     more = 1 / dimension if metal else 0.0
     middle = MESHES_TIMES * sum((fixed + n) * (n / dofs) ** more for n in meshes) / (fixed + dofs)
     return NextRefinement(meshes[0], (middle / spread, middle * spread), degree, local=local)
@@ -111,9 +133,10 @@ def next_cost(
     *,
     able: bool = True,
 ) -> CostOfAccuracy:
-    """The forecast, such as: 3 % error of the stress took 0.4 s; 0.3 %: 0.5 to 2 s with --accuracy 0.0043; ``solved``:
-    unknowns and seconds of each mesh; ``starting``: the part of the last seconds that a finer mesh takes no more of,
-    such as that of compilation; ``able``: whether an accuracy can be requested; collective.
+    """The forecast, such as: 3 % error of the stress took 0.4 s; 0.3 %: 0.5 to 2 s with --accuracy
+    0.0043; ``solved``: unknowns and seconds of each mesh; ``starting``: the part of the last
+    seconds that a finer mesh takes no more of, such as that of compilation; ``able``: whether an
+    accuracy can be requested; collective.
     """
     (dofs, last), following = solved[-1], NEXT_ERROR[tagged.dimension] * error
     refinement = next_refinement(statement, tagged, of, dofs, able=able)
@@ -123,12 +146,18 @@ def next_cost(
     if statement.units is None:  # of forms
         more = {"of": of} if of != "energy" else {}
         more |= {"refinement": "adaptive"} if refinement.local else {}
-        command = f"Accuracy(target={target}{''.join(f', {key}={value!r}' for key, value in more.items())})"
+        arguments = "".join(f", {key}={value!r}" for key, value in more.items())
+        command = f"Accuracy(target={target}{arguments})"
     command = command if able else ""
     low, high = (starting + times * (last - starting) for times in refinement.times)
-    seconds, digits = sum(seconds for _, seconds in solved), 1 if following * 5 < error else 2  # a digit less
+    seconds, digits = (
+        sum(seconds for _, seconds in solved),
+        1 if following * 5 < error else 2,
+    )  # a digit less
     took = f"{100 * error:.2g} % error of {NAMES[of]} took {duration(seconds)}"
-    smaller = f"{100 * following:.{digits}g} %: {between((low, high))}{' with ' * bool(command)}{command}"
+    smaller = (
+        f"{100 * following:.{digits}g} %: {between((low, high))}{' with ' * bool(command)}{command}"
+    )
     return CostOfAccuracy(
         of=of,
         error=error,
@@ -147,20 +176,31 @@ def _divided(statement: Statement, dimension: int, dofs: float) -> list[float]:
     """Unknowns of each mesh, the last one first."""
     times, mesh = NEXT_ERROR[dimension], statement.origin.get("mesh")
     last = (LAST_UNKNOWNS[dimension] * dofs**0.5 if statement.accuracy is None else dofs) / times
-    if statement.generated and not statement.bodies and dimension == 2:  # the first mesh is a coarse one
+    if (
+        statement.generated and not statement.bodies and dimension == 2
+    ):  # the first mesh is a coarse one
         first, fall = FIRST_UNKNOWNS, last / FIRST_UNKNOWNS
-    elif dimension == 3:  # the first mesh is one of degree 2, with larger cells where these are their halves
-        coarser = mesh.coarsest(COARSER_START[2]) if statement.generated and isinstance(mesh, MeshGenerator) else 1.0
+    elif (
+        dimension == 3
+    ):  # the first mesh is one of degree 2, with larger cells where these are their halves
+        coarser = (
+            mesh.coarsest(COARSER_START[2])
+            if statement.generated and isinstance(mesh, MeshGenerator)
+            else 1.0
+        )
         first = max(dofs * (2 / coarser) ** 3, FIRST_UNKNOWNS)
         fall = max(last / first, LOCAL_GROWTH)  # an accuracy takes two meshes
     else:  # with degree 2 a mesh has four times the unknowns, and half of the error
-        first, fall = (dofs, 1 / times) if statement.element.degree == 2 else (4 * dofs, 1 / times / 2)
+        first, fall = (
+            (dofs, 1 / times) if statement.element.degree == 2 else (4 * dofs, 1 / times / 2)
+        )
     count = max(ceil(log(fall) / log(LOCAL_GROWTH)), 0) + 1
     return [max(first, last / LOCAL_GROWTH**number) for number in range(count)]
 
 
-# Quantities that a mesh shows the error of, cell by cell.  Others are told by comparing meshes; of them the largest
-# pressure is known on meshes that are fine in some places only, if these become finer where it is.
+# Quantities that a mesh shows the error of, cell by cell.  Others are told by comparing meshes; of
+# them the largest pressure is known on meshes that are fine in some places only, if these become
+# finer where it is.
 LOCAL = ("energy", "pressure", "force")
 
 # For which of these the cells are divided if another quantity is asked for.
@@ -168,9 +208,9 @@ DIVIDED_FOR = {"zone": "pressure", "force": "energy"}
 
 
 def divides(statement: Statement, of: str, cell: str, *, straight: bool) -> bool:
-    """Whether a requested accuracy divides cells where the error is, unless a scene says otherwise; ``cell``: of its
-    mesh, where a generator makes triangles in place of quadrilaterals; ``straight``: whether the body has no arcs and
-    no curved cells.
+    """Whether a requested accuracy divides cells where the error is, unless a scene says otherwise;
+    ``cell``: of its mesh, where a generator makes triangles in place of quadrilaterals;
+    ``straight``: whether the body has no arcs and no curved cells.
     """
     if of not in LOCAL or not straight or not divisible(statement, of):
         return False

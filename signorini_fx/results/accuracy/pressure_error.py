@@ -1,10 +1,11 @@
-"""The errors of the contact pressure: along a curve in L2(Gamma_c) from its kinks at the nodes, and of the largest one
-from its changes from mesh to mesh.
+"""The errors of the contact pressure: along a curve in L2(Gamma_c) from its kinks at the nodes, and
+of the largest one from its changes from mesh to mesh.
 
-At a corner of the body the stress may be singular, the pressure like r^(a - 1) with 1/2 < a < 1: then nearly all of the
-error is in the one interval at the corner.  There the pressure is convex; at a plane of symmetry or an axis, which is
-no corner, it is concave.  It grows with every refinement, and on some mesh exceeds every other one: so the corners in
-contact are followed beside the largest pressure, in 3D the largest one on the rim of the contact boundary.
+At a corner of the body the stress may be singular, the pressure like r^(a - 1) with 1/2 < a < 1:
+then nearly all of the error is in the one interval at the corner.  There the pressure is convex; at
+a plane of symmetry or an axis, which is no corner, it is concave.  It grows with every refinement,
+and on some mesh exceeds every other one: so the corners in contact are followed beside the largest
+pressure, in 3D the largest one on the rim of the contact boundary.
 """
 
 from __future__ import annotations
@@ -38,8 +39,8 @@ Ints = npt.NDArray[np.int64]
 
 
 def interval_squares(table: ContactTable, kinematics: Kinematics = PLANE_STRAIN) -> list[Floats]:
-    """Estimated squared error of the pressure between neighbouring nodes, stress^2 times length, or area of a ring, one
-    array for each path of the table, shape (rows - 1,).
+    """Estimated squared error of the pressure between neighbouring nodes, stress^2 times length, or
+    area of a ring, one array for each path of the table, shape (rows - 1,).
     """
     squares = []
     for path in table.paths:
@@ -49,7 +50,9 @@ def interval_squares(table: ContactTable, kinematics: Kinematics = PLANE_STRAIN)
         found[:-1] += KINK_SHARE / 2 * h[:-1] ** 3 * kinks
         found[1:] += KINK_SHARE / 2 * h[1:] ** 3 * kinks
         for interval, inside in _corners(table, rows, s) if h.size > 1 else ():
-            found[interval] = max(found[interval], CORNER_SHARE * h[interval] ** 3 * kinks[inside - 1])
+            found[interval] = max(
+                found[interval], CORNER_SHARE * h[interval] ** 3 * kinks[inside - 1]
+            )
         squares.append(found[own])
         if not kinematics.uniform:  # the circumference at the middle of each interval
             x = places(table)
@@ -58,7 +61,9 @@ def interval_squares(table: ContactTable, kinematics: Kinematics = PLANE_STRAIN)
 
 
 def _corners(table: ContactTable, rows: Ints, s: Floats) -> list[tuple[int, int]]:
-    """Intervals beside corners and ends in contact towards which the pressure is convex, and their other nodes."""
+    """Intervals beside corners and ends in contact towards which the pressure is convex, and their
+    other nodes.
+    """
     pressure, last = np.abs(table.columns["pressure"][rows]), len(rows) - 1
     pairs = [(0, 0), (last, last - 1)]
     if "x" in table.columns:
@@ -69,7 +74,9 @@ def _corners(table: ContactTable, rows: Ints, s: Floats) -> list[tuple[int, int]
     corners = []
     for node, interval in pairs:
         inside = interval if interval == node - 1 else interval + 1
-        pressed = (pressure[[node, inside, 2 * inside - node]] > 0).all()  # the end of a contact zone is another matter
+        pressed = (
+            pressure[[node, inside, 2 * inside - node]] > 0
+        ).all()  # the end of a contact zone is another matter
         if pressed and bends[inside - 1] > 0:
             corners.append((interval, inside))
     return corners
@@ -82,20 +89,25 @@ def turning(x: Floats, y: Floats) -> Floats:
 
 
 def polygon_error(table: ContactTable, modulus: float) -> float:
-    """The effect of straight facets in place of a curved contact boundary, relative to the contact pressure;
+    """The effect of straight facets in place of a curved contact boundary, relative to the contact
+    pressure;
     ``modulus``: stress per strain of the plane.
 
-    The slope of a polygon differs from that of the curve by up to half the angle between its facets, and slope times
-    modulus is a pressure.
+    The slope of a polygon differs from that of the curve by up to half the angle between its
+    facets, and slope times modulus is a pressure.
     """
     c, (turns, _) = table.columns, chords(table)
     square, length = pressure_square(table), float(np.sum(c["weight"][c["pressure"] != 0]))
-    return float(modulus * np.sqrt(np.mean(np.square(turns)) * length / square)) if turns.size and square > 0 else 0.0
+    return (
+        float(modulus * np.sqrt(np.mean(np.square(turns)) * length / square))
+        if turns.size and square > 0
+        else 0.0
+    )
 
 
 def chords(table: ContactTable) -> tuple[Floats, Floats]:
-    """Angles between the facets that are pressed and their neighbours, radians, corners left out, and lengths of these
-    facets.
+    """Angles between the facets that are pressed and their neighbours, radians, corners left out,
+    and lengths of these facets.
     """
     c, angles, lengths = table.columns, [np.zeros(0)], [np.zeros(0)]
     pressed = c["pressure"] != 0
@@ -118,7 +130,9 @@ def chords(table: ContactTable) -> tuple[Floats, Floats]:
 
 
 def beside(table: ContactTable, rows: Ints) -> list[Floats]:
-    """Equal shares of 1 for the intervals beside these rows, one array for each path, shape (intervals,)."""
+    """Equal shares of 1 for the intervals beside these rows, one array for each path, shape
+    (intervals,).
+    """
     touching = [np.isin(path[:-1], rows) | np.isin(path[1:], rows) for path in table.paths]
     count = sum(int(np.count_nonzero(part)) for part in touching)
     return [part / max(count, 1) for part in touching]
@@ -130,11 +144,13 @@ def pressure_square(table: ContactTable) -> float:
 
 
 def on_facets(boundary: ContactBoundary, table: ContactTable, intervals: list[Floats]) -> Floats:
-    """Sums over the intervals between nodes, for each facet of this rank, as in ``boundary.segments``; ``intervals``:
-    one array for each path of the table, shape (rows - 1,).
+    """Sums over the intervals between nodes, for each facet of this rank, as in
+    ``boundary.segments``; ``intervals``: one array for each path of the table, shape (rows - 1,).
     """
     assert table.nodes is not None
-    rows, following = (np.concatenate([path[end] for path in table.paths]) for end in (slice(-1), slice(1, None)))
+    rows, following = (
+        np.concatenate([path[end] for path in table.paths]) for end in (slice(-1), slice(1, None))
+    )
     base = int(table.nodes.max(initial=0)) + 1
 
     def keys(part: Ints, first: Ints, second: Ints) -> Ints:
@@ -159,7 +175,9 @@ def on_facets(boundary: ContactBoundary, table: ContactTable, intervals: list[Fl
 
 @dataclass(frozen=True)
 class _Place:
-    """A place of the boundary on the last mesh and coarser ones before it; pressure and spacing: coarsest first."""
+    """A place of the boundary on the last mesh and coarser ones before it; pressure and spacing:
+    coarsest first.
+    """
 
     row: int
     corner: bool
@@ -169,7 +187,9 @@ class _Place:
     @classmethod
     def on(cls, tables: Sequence[ContactTable], rows: Sequence[int], *, corner: bool) -> _Place:
         """The place that is a row of each table."""
-        pressure = np.array([table.columns["pressure"][row] for table, row in zip(tables, rows, strict=True)])
+        pressure = np.array(
+            [table.columns["pressure"][row] for table, row in zip(tables, rows, strict=True)]
+        )
         spacing = np.array([_spacing(table)[row] for table, row in zip(tables, rows, strict=True)])
         meshes = [len(tables) - 1]
         for mesh in reversed(range(meshes[0])):
@@ -179,18 +199,26 @@ class _Place:
 
     @property
     def growth(self) -> Floats:
-        """The powers of 1 / h with which the pressure grows from mesh to mesh; infinite where it begins."""
+        """The powers of 1 / h with which the pressure grows from mesh to mesh; infinite where it
+        begins.
+        """
         with np.errstate(divide="ignore", invalid="ignore"):
             steps = np.diff(np.log(self.pressure))
         return np.asarray(steps / -np.diff(np.log(self.spacing)))
 
     @property
     def grows(self) -> bool:
-        """Whether the pressure grows with every refinement, on the last meshes by about the same power."""
+        """Whether the pressure grows with every refinement, on the last meshes by about the same
+        power.
+        """
         # Elsewhere than at a corner a pressure may grow until the mesh resolves it.
         meshes = GROWING_MESHES if self.corner else 2 * GROWING_MESHES
         powers = self.growth[-meshes:]
-        lasting = np.isfinite(powers).all() and len(powers) == meshes and powers[-1] > LASTING_SHARE * powers[0]
+        lasting = (
+            np.isfinite(powers).all()
+            and len(powers) == meshes
+            and powers[-1] > LASTING_SHARE * powers[0]
+        )
         least = self.pressure[0] * (self.spacing[0] / self.spacing[-1]) ** GROWTH_POWER
         return bool(lasting and powers.min() > GROWTH_POWER and self.pressure[-1] > least)
 
@@ -208,7 +236,11 @@ class _Place:
         """The error of the pressure by the expected rate; infinite where no mesh was coarser."""
         changes = self.pressure[-1] - self.pressure[-1 - CHANGES_USED : -1]
         finer = self.spacing[-1 - CHANGES_USED : -1] / self.spacing[-1]
-        return float((np.abs(changes) / (finer ** EXPECTED_RATES["peak"] - 1)).max()) if changes.size else np.inf
+        return (
+            float((np.abs(changes) / (finer ** EXPECTED_RATES["peak"] - 1)).max())
+            if changes.size
+            else np.inf
+        )
 
     @property
     def error_by_last_changes(self) -> float:
@@ -216,14 +248,19 @@ class _Place:
         changes, steps = np.diff(self.pressure)[-2:], -np.diff(np.log(self.spacing))[-2:]
         if len(changes) < 2 or not changes.prod() > 0:
             return 0.0
-        rate, expected = np.log(changes[0] / changes[1] * steps[1] / steps[0]) / steps.mean(), EXPECTED_RATES["peak"]
-        return float(abs(changes[1]) / (np.exp(steps[1] * np.clip(rate, expected / 2, expected)) - 1))
+        rate, expected = (
+            np.log(changes[0] / changes[1] * steps[1] / steps[0]) / steps.mean(),
+            EXPECTED_RATES["peak"],
+        )
+        return float(
+            abs(changes[1]) / (np.exp(steps[1] * np.clip(rate, expected / 2, expected)) - 1)
+        )
 
 
 def peak_error(tables: Sequence[ContactTable]) -> float | None:
-    """The relative error of the largest pressure on the last mesh; ``tables``: coarsest first; None without contact,
-    with few nodes in contact, where no mesh was coarser at the peak, and where the pressure grows at some place, or may
-    do so at a corner.
+    """The relative error of the largest pressure on the last mesh; ``tables``: coarsest first; None
+    without contact, with few nodes in contact, where no mesh was coarser at the peak, and where the
+    pressure grows at some place, or may do so at a corner.
     """
     if tables[-1].touching < FEW_NODES or (len(tables) > 1 and 2 * tables[-2].touching < FEW_NODES):
         return None
@@ -237,7 +274,8 @@ def peak_error(tables: Sequence[ContactTable]) -> float | None:
 
 
 def diverging_row(tables: Sequence[ContactTable]) -> int | None:
-    """The row of the last table where the pressure grows with every refinement; None: there is none.
+    """The row of the last table where the pressure grows with every refinement; None: there is
+    none.
 
     Where the nodes in contact were few and became more, it may only not have been resolved so far.
     """
@@ -253,14 +291,20 @@ def _followed(tables: Sequence[ContactTable]) -> list[_Place]:
     tops = [int(np.argmax(table.columns["pressure"])) for table in tables]
     if last.facets is not None:
         rims = [np.flatnonzero(ContactSurface.of(table).rim_nodes) for table in tables]
-        on_rims = [int(rim[np.argmax(table.columns["pressure"][rim])]) for rim, table in zip(rims, tables, strict=True)]
+        on_rims = [
+            int(rim[np.argmax(table.columns["pressure"][rim])])
+            for rim, table in zip(rims, tables, strict=True)
+        ]
         pressed = last.columns["pressure"][on_rims[-1]] > 0
         corners = [on_rims] if pressed else []
     else:
         turns = [_turns(table) for table in tables]
         corners = []
         for row in corner_rows(last):
-            rows = [int(np.linalg.norm(places(table) - places(last)[row], axis=1).argmin()) for table in tables]
+            rows = [
+                int(np.linalg.norm(places(table) - places(last)[row], axis=1).argmin())
+                for table in tables
+            ]
             # The facets of a rounding turn ever less.
             if turns[-1][row] > LASTING_SHARE * min(turns[0][rows[0]], np.pi):
                 corners.append(rows)
@@ -284,7 +328,9 @@ def _turns(table: ContactTable) -> Floats:
 
 
 def _spacing(table: ContactTable) -> Floats:
-    """The length of the smaller interval beside each node; in 3D the side of the area that belongs to it."""
+    """The length of the smaller interval beside each node; in 3D the side of the area that belongs
+    to it.
+    """
     if table.facets is not None:
         return np.asarray(np.sqrt(table.columns["weight"]))
     spacing = np.full(len(table.columns["x"]), np.inf)

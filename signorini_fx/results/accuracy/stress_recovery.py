@@ -38,20 +38,24 @@ _FINE_DEGREE = 20
 class StressRecovery:
     """An estimate of the discretisation error; compiled once, evaluated often.
 
-    Inside the body it is that of Zienkiewicz and Zhu: the stress is projected onto the functions of degree 1 that are
-    continuous in each material, and its difference to the discontinuous stress is measured with the compliance.
-    Functions of degree 2 would be so close to the stress of quadratic elements that half of the error were not
-    detected. On the boundary the projection can follow the stress, so that it detects nothing in a cell that is alone
-    at a corner: there the residual of the known traction is added.
+    Inside the body it is that of Zienkiewicz and Zhu: the stress is projected onto the functions of
+    degree 1 that are continuous in each material, and its difference to the discontinuous stress is
+    measured with the compliance. Functions of degree 2 would be so close to the stress of quadratic
+    elements that half of the error were not detected. On the boundary the projection can follow the
+    stress, so that it detects nothing in a cell that is alone at a corner: there the residual of
+    the known traction is added.
     """
 
     def __init__(
-        self, stress: Any, residual: Callable[[Any], tuple[Callable[[float], None], Any]], degree: int | None = None
+        self,
+        stress: Any,
+        residual: Callable[[Any], tuple[Callable[[float], None], Any]],
+        degree: int | None = None,
     ) -> None:
-        """Compile; ``stress``: an ``ElementStress`` of a displacement of its own, or what has its displacement,
-        components, parts, ``squared`` and ``refresh``; ``residual``: from a test function that is constant in each cell
-        to what ``boundary_residual`` returns; ``degree``: of an exact quadrature in the cells; None: UFL estimates it;
-        collective.
+        """Compile; ``stress``: an ``ElementStress`` of a displacement of its own, or what has its
+        displacement, components, parts, ``squared`` and ``refresh``; ``residual``: from a test
+        function that is constant in each cell to what ``boundary_residual`` returns; ``degree``: of
+        an exact quadrature in the cells; None: UFL estimates it; collective.
         """
         self._stress, self._displacement = stress, stress.displacement
         mesh, raw = self._displacement.function_space.mesh, stress.components
@@ -78,7 +82,8 @@ class StressRecovery:
     def of(cls, model: Model) -> StressRecovery:
         """That of a scene."""
         stress = element_stress(model, model.elastic.displacement())
-        # Without the radius, and expressions in the stress, all is a product of two polynomials like the strain.
+        # Without the radius, and expressions in the stress, all is a product of two polynomials
+        # like the strain.
         strained = any(effect.strains for _, effect in model.statement.listed())
         plain = model.kinematics.uniform and not strained and not model.elastic.pressed
         degree = model.elastic.degree if plain and parallelepipeds(model.tagged.mesh) else None
@@ -90,7 +95,9 @@ class StressRecovery:
         self._weight.x.array[self._weight.function_space.dofmap.list[cells, 0]] = 1.0
 
     def _projection(self) -> PETSc.KSP:
-        """The solver of the projection on the chosen cells, made anew to save memory; collective."""
+        """The solver of the projection on the chosen cells, made anew to save memory;
+        collective.
+        """
         mass = fem_petsc.assemble_matrix(self._mass)
         mass.assemble()
         diagonal = mass.getDiagonal()
@@ -100,7 +107,8 @@ class StressRecovery:
         ksp.setOperators(mass)
         ksp.setType(PETSc.KSP.Type.CG)
         ksp.setTolerances(rtol=ROOT_OF_EPS)
-        # On a grid this is the factor itself where nodes are numbered along its lines; elsewhere it saves most steps.
+        # On a grid this is the factor itself where nodes are numbered along its lines; elsewhere it
+        # saves most steps.
         ksp.setOptionsPrefix(f"{petsc_options.PREFIX}mass_")
         ksp.getPC().setType(PETSc.PC.Type.BJACOBI)
         with petsc_options.defaults({"mass_sub_pc_type": "icc"}):
@@ -119,7 +127,9 @@ class StressRecovery:
         return float(parallel.global_sum(self._comm, local_energy))
 
     def error(self, y: fem.Function, step: float = 0) -> float:
-        """Energy norm sqrt(a(e, e)) of the discretisation error of a displacement, see ``squares``; collective."""
+        """Energy norm sqrt(a(e, e)) of the discretisation error of a displacement, see ``squares``;
+        collective.
+        """
         return float(np.sqrt(parallel.global_sum(self._comm, self.squares(y, step).sum())))
 
     def squares(self, y: fem.Function, step: float = 0) -> npt.NDArray[np.float64]:
@@ -134,15 +144,23 @@ class StressRecovery:
             total = total + assemble(self._residual)
         return np.maximum(total, 0.0)
 
-    def smoothed(self, y: fem.Function, step: float = 0) -> list[tuple[npt.NDArray[np.int32], npt.NDArray[np.float64]]]:
-        """The projected stress of a displacement in each material: the cells, local numbers, ghosts included, shape
-        (m,), and at their vertices ``ElementStress.components``, shape (m, vertices, components); collective.
+    def smoothed(
+        self, y: fem.Function, step: float = 0
+    ) -> list[tuple[npt.NDArray[np.int32], npt.NDArray[np.float64]]]:
+        """The projected stress of a displacement in each material: the cells, local numbers, ghosts
+        included, shape (m,), and at their vertices ``ElementStress.components``, shape (m,
+        vertices, components); collective.
         """
         self._fill(y, step)
         space, stresses = self._recovered.function_space, []
         for cells in self._parts:
             self._project(cells)
-            stresses.append((cells, self._recovered.x.array.reshape(-1, self._components)[space.dofmap.list[cells]]))
+            stresses.append(
+                (
+                    cells,
+                    self._recovered.x.array.reshape(-1, self._components)[space.dofmap.list[cells]],
+                )
+            )
         return stresses
 
     def _fill(self, y: fem.Function, step: float) -> None:
@@ -160,24 +178,34 @@ class StressRecovery:
         for k in range(self._components):
             moment.getArray()[:] = values[k :: self._components]
             ksp.solve(moment, component)
-            self._recovered.x.array[k : values.size : self._components] = component.getArray(readonly=True)
+            self._recovered.x.array[k : values.size : self._components] = component.getArray(
+                readonly=True
+            )
         self._recovered.x.scatter_forward()
 
 
-def boundary_residual(model: Model, stress: ElementStress, z: Any) -> tuple[Callable[[float], None], Any]:
-    """What moves the loads of a scene to a place, and ``squared_residual`` where the traction is known: not in contact,
-    and for prescribed displacements only in free components.  In the other ones the displacement may differ between
-    the nodes: its square, times the stiffness over h.
+def boundary_residual(
+    model: Model, stress: ElementStress, z: Any
+) -> tuple[Callable[[float], None], Any]:
+    """What moves the loads of a scene to a place, and ``squared_residual`` where the traction is
+    known: not in contact, and for prescribed displacements only in free components.  In the other
+    ones the displacement may differ between the nodes: its square, times the stiffness over h.
     """
     statement, mesh, y = model.statement, model.tagged.mesh, stress.displacement
     exterior_facets = dmesh.exterior_facet_indices(mesh.topology)
-    touching = [name for e in statement.contact for name in (e.boundary, e.against) if name is not None]
+    touching = [
+        name for e in statement.contact for name in (e.boundary, e.against) if name is not None
+    ]
     traction_facets = np.setdiff1d(
-        exterior_facets, np.concatenate([exterior_facets[:0], *(model.tagged.facets(name) for name in touching)])
+        exterior_facets,
+        np.concatenate([exterior_facets[:0], *(model.tagged.facets(name) for name in touching)]),
     )
     listed = (effect for _, effect in statement.listed() if effect.where is not None)
     effects = [effect for effect in listed if getattr(effect, "holding", True)]
-    on = np.array([np.isin(traction_facets, model.tagged.facets(effect.where)) for effect in effects], dtype=bool)
+    on = np.array(
+        [np.isin(traction_facets, model.tagged.facets(effect.where)) for effect in effects],
+        dtype=bool,
+    )
     factors = [fem.Constant(mesh, default_scalar_type(1.0)) for _ in effects]
     on_boundary = model.coefficients
     assert on_boundary is not None
@@ -201,7 +229,9 @@ def boundary_residual(model: Model, stress: ElementStress, z: Any) -> tuple[Call
                 away += _away(effect, y, factor, on_boundary)
         return residual, away, any(effect.varies for effect, _ in acting)
 
-    return move_to, squared_residual(stress, traction_facets, on.reshape(len(effects), traction_facets.size).T, of, z)
+    return move_to, squared_residual(
+        stress, traction_facets, on.reshape(len(effects), traction_facets.size).T, of, z
+    )
 
 
 def _free(effect: PrescribedDisplacement, vector: Any, on: FormCoefficients) -> Any:
@@ -213,9 +243,15 @@ def _free(effect: PrescribedDisplacement, vector: Any, on: FormCoefficients) -> 
 
 
 def _away(effect: PrescribedDisplacement, y: Any, factor: Any, on: FormCoefficients) -> list[Any]:
-    """By how much the displacement misses prescribed expressions between the nodes, lengths, UFL."""
+    """By how much the displacement misses prescribed expressions between the nodes, lengths,
+    UFL.
+    """
     pairs = [*zip(effect.components, y, strict=False), (effect.normal, ufl.inner(y, on.normal))]
-    given = [(value, component) for value, component in pairs if value is not None and not isinstance(value, float)]
+    given = [
+        (value, component)
+        for value, component in pairs
+        if value is not None and not isinstance(value, float)
+    ]
     return [factor * on.value(value) - component for value, component in given]
 
 
@@ -226,10 +262,11 @@ def squared_residual(
     of: Callable[[npt.NDArray[np.int64], Any], tuple[Any, list[Any], bool]],
     z: Any,
 ) -> Any:
-    """The form of the squared residual of the traction, times h over the stiffness, of each cell, on ``facets``, where
-    it is known; None: there are none; ``on``: what acts on each of them, shape (facets, k); ``of``: (which of the k
-    act, minus the traction of the stress) -> what is left of it, distances from what is prescribed, and whether any of
-    these varies within a facet; ``z``: test function, constant in each cell; collective.
+    """The form of the squared residual of the traction, times h over the stiffness, of each cell,
+    on ``facets``, where it is known; None: there are none; ``on``: what acts on each of them, shape
+    (facets, k); ``of``: (which of the k act, minus the traction of the stress) -> what is left of
+    it, distances from what is prescribed, and whether any of these varies within a facet; ``z``:
+    test function, constant in each cell; collective.
     """
     space = stress.displacement.function_space
     mesh, degree = space.mesh, space.element.basix_element.degree
@@ -242,7 +279,9 @@ def squared_residual(
     ds = measure(mesh, [facets[(on == kind).all(axis=1)] for kind in kinds], {})
     terms = []
     for number, kind in enumerate(kinds, start=1):
-        residual, away, varies = of(np.flatnonzero(kind[:-1]), -stress.sigma * ufl.FacetNormal(mesh))
+        residual, away, varies = of(
+            np.flatnonzero(kind[:-1]), -stress.sigma * ufl.FacetNormal(mesh)
+        )
         density = BOUNDARY_RESIDUAL_SHARE * size / stress.modulus * ufl.inner(residual, residual)
         density += sum((stress.modulus / size * distance**2 for distance in away), 0 * size)
         if isinstance(density, ufl.constantvalue.Zero):  # all components are prescribed, by numbers
@@ -259,7 +298,9 @@ def squared_residual(
 def element_stress(body: Model, displacement: fem.Function, step: float = 0.0) -> ElementStress:
     """That of a scene with the initial strains of a place in the lists of factors; collective."""
     initial, jump, move = given_strains(body.statement, body.tagged, body.space)
-    of_law = body.elastic.stress(displacement, displacement if jump is None else displacement + jump, initial)
+    of_law = body.elastic.stress(
+        displacement, displacement if jump is None else displacement + jump, initial
+    )
     parts = [body.tagged.cells(material.region) for material in body.statement.material]
     stress = replace(of_law, parts=parts, move=move)
     stress.refresh(step)

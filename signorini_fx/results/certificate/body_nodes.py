@@ -23,7 +23,8 @@ Array = npt.NDArray[np.float64]
 
 
 class RigidPart:
-    """The pieces of a mesh and their nearest rigid motions; pieces that can touch move independently of each other.
+    """The pieces of a mesh and their nearest rigid motions; pieces that can touch move
+    independently of each other.
 
     Args:
         space: of the displacement; collective.
@@ -44,31 +45,44 @@ class RigidPart:
         of_node[space.dofmap.list] = pieces.of_cell[:, None]
         self.piece = of_node[: len(self.x)]
         self.size = np.linalg.norm(np.ptp(pieces.bounds, axis=1), axis=1)
-        self._turned = rigid_modes(self._without_mean(self.x), np.zeros(dim), np.array(1.0))[:, :, dim:]
+        self._turned = rigid_modes(self._without_mean(self.x), np.zeros(dim), np.array(1.0))[
+            :, :, dim:
+        ]
         turns = self._turned.shape[2]
-        gram = self.sums(np.einsum("nik,nil->nkl", self._turned, self._turned).reshape(-1, turns**2))
+        gram = self.sums(
+            np.einsum("nik,nil->nkl", self._turned, self._turned).reshape(-1, turns**2)
+        )
         self._inverse = np.linalg.pinv(gram.reshape(-1, turns, turns), hermitian=True)
 
     def largest_beside(self, y: Array) -> Array:
-        """The largest displacement of a node of each piece beside its nearest rigid motion, shape (pieces,); ``y``: of
-        the owned nodes, length, shape (owned nodes, d); collective.
+        """The largest displacement of a node of each piece beside its nearest rigid motion, shape
+        (pieces,); ``y``: of the owned nodes, length, shape (owned nodes, d); collective.
         """
         motion = self._without_mean(y)
         moment = self.sums(np.einsum("nik,ni->nk", self._turned, motion))
         angles = np.einsum("pkl,pl->pk", self._inverse, moment)
-        return self.largest(np.linalg.norm(motion - np.einsum("nik,nk->ni", self._turned, angles[self.piece]), axis=1))
+        return self.largest(
+            np.linalg.norm(
+                motion - np.einsum("nik,nk->ni", self._turned, angles[self.piece]), axis=1
+            )
+        )
 
     def largest(self, values: Array, piece: npt.NDArray[Any] | None = None) -> Array:
-        """The largest of values of each piece, not below zero, inf where one is nan, shape (pieces,); ``piece``: which
-        piece each belongs to, -1: to none; None: values are those of the owned nodes; collective.
+        """The largest of values of each piece, not below zero, inf where one is nan, shape
+        (pieces,); ``piece``: which piece each belongs to, -1: to none; None: values are those of
+        the owned nodes; collective.
         """
         piece = self.piece if piece is None else piece
         local_largest, inside = np.zeros(self.count), piece >= 0
         np.maximum.at(local_largest, piece[inside], values[inside])
-        return parallel.largest_of_each(self._comm, np.where(np.isnan(local_largest), np.inf, local_largest))
+        return parallel.largest_of_each(
+            self._comm, np.where(np.isnan(local_largest), np.inf, local_largest)
+        )
 
     def norms(self, vectors: Array, piece: npt.NDArray[Any] | None = None) -> Array:
-        """The norms of vectors at the owned nodes of each piece, or at others, shape (pieces,); collective."""
+        """The norms of vectors at the owned nodes of each piece, or at others, shape (pieces,);
+        collective.
+        """
         rows = vectors[:, None] if vectors.ndim == 1 else vectors
         squares = np.einsum("ni,ni->n", rows, rows)[:, None]
         pieces = self.piece if piece is None else piece
@@ -79,7 +93,9 @@ class RigidPart:
         return np.asarray(values - (sums[:, 1:] / np.maximum(sums[:, :1], 1.0))[self.piece])
 
     def sums(self, values: Array) -> Array:
-        """Sums over the owned nodes of each piece, shape (owned nodes, ...) to (pieces, ...); collective."""
+        """Sums over the owned nodes of each piece, shape (owned nodes, ...) to (pieces, ...);
+        collective.
+        """
         return parallel.sums_by(self._comm, self.piece, values, self.count)
 
 
@@ -89,11 +105,15 @@ class PrescribedNodes:
 
     fixed: npt.NDArray[np.bool_]  # at turned nodes in their frames
     value: Array  # along the axes
-    by: npt.NDArray[np.int64]  # place in ``scene.displacement`` of what prescribes a component along the axes, else -1
+    by: npt.NDArray[
+        np.int64
+    ]  # place in ``scene.displacement`` of what prescribes a component along the axes, else -1
     turned: TurnedNodes | None = None
 
     def missed(self, y: Array) -> Array:
-        """How far displacements of the owned nodes are from what is prescribed, length, as a list."""
+        """How far displacements of the owned nodes are from what is prescribed, length, as a
+        list.
+        """
         return np.abs(self._in_frames(y - self.value)[self.fixed])
 
     def among(self, of_node: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
@@ -101,13 +121,15 @@ class PrescribedNodes:
         return np.asarray(np.broadcast_to(of_node[:, None], self.fixed.shape)[self.fixed])
 
     def left(self, vectors: Array) -> Array:
-        """Vectors at the owned nodes without the directions that are prescribed, shape (owned nodes, d)."""
+        """Vectors at the owned nodes without the directions that are prescribed, shape (owned
+        nodes, d).
+        """
         free = np.where(self.fixed, 0.0, self._in_frames(vectors))
         return free if self._frames is None else np.einsum("nij,nj->ni", self._frames, free)
 
     def taken(self, forces: Array, position: int) -> Array:
-        """The part of nodal forces that one entry of ``scene.displacement`` takes, shape (owned nodes, d): forces that
-        do the work of all on a displacement that it alone prescribes.
+        """The part of nodal forces that one entry of ``scene.displacement`` takes, shape (owned
+        nodes, d): forces that do the work of all on a displacement that it alone prescribes.
         """
         taken = np.where(self.by == position, forces, 0.0)
         if self.turned is None:
@@ -123,7 +145,9 @@ class PrescribedNodes:
 
     @cached_property
     def _frames(self) -> Array | None:
-        """The frames of the owned nodes that ``fixed`` is told in, shape (owned nodes, d, d); None: the axes."""
+        """The frames of the owned nodes that ``fixed`` is told in, shape (owned nodes, d, d); None:
+        the axes.
+        """
         return None if self.turned is None else self.turned.frames_at(np.arange(len(self.fixed)))
 
     def _in_frames(self, vectors: Array) -> Array:

@@ -1,7 +1,7 @@
 """The certificate: whether a displacement and the contact tractions are a solution of the scene.
 
-It takes the scene, the mesh, the displacement that the user gets, and the contact tractions; in a later load step also
-those of the previous step, from which friction acts.
+It takes the scene, the mesh, the displacement that the user gets, and the contact tractions; in a
+later load step also those of the previous step, from which friction acts.
 """
 
 from __future__ import annotations
@@ -20,8 +20,19 @@ from signorini_fx.mechanics.scales import Scales
 from signorini_fx.mechanics.statement.settings import SolverSettings
 from signorini_fx.records import JUDGED, REPORTED, Finding
 from signorini_fx.results.certificate.contact_nodes import ContactConditions, ContactNodes
-from signorini_fx.results.certificate.equilibrium import Balance, PieceScales, change_of_volume, equilibrium, share
-from signorini_fx.results.certificate.law_of_method import UNREGULARISED, Law, PreviousStep, Tractions
+from signorini_fx.results.certificate.equilibrium import (
+    Balance,
+    PieceScales,
+    change_of_volume,
+    equilibrium,
+    share,
+)
+from signorini_fx.results.certificate.law_of_method import (
+    UNREGULARISED,
+    Law,
+    PreviousStep,
+    Tractions,
+)
 from signorini_fx.tuned import CERTIFICATE_TOLERANCE, LOST_UNITS, NEGLIGIBLE, NO_FORCE
 
 if TYPE_CHECKING:
@@ -34,35 +45,45 @@ Nodal = npt.NDArray[np.float64]
 class Certificate:
     """How far a result is from the conditions of its problem; every figure is relative.
 
-    Each connected piece of the mesh has scales of its own: forces are relative to those of loads, contact and springs
-    on it where it is free, stresses to the largest pressure or shear without what supports take of them, lengths to the
-    deformation: the largest displacement without the rigid part (of penetration, complementarity and slip at stick
-    nodes: to the largest displacement).  Between two pieces the smaller stress counts, and the larger length.
+    Each connected piece of the mesh has scales of its own: forces are relative to those of loads,
+    contact and springs on it where it is free, stresses to the largest pressure or shear without
+    what supports take of them, lengths to the
+    deformation: the largest displacement without the rigid part (of penetration, complementarity
+    and slip at stick
+    nodes: to the largest displacement).  Between two pieces the smaller stress counts, and the
+    larger length.
 
     Attributes:
-        equilibrium: residual of (3.3a) in the free unknowns, of all together and of the worst contact node as a stress;
-            with a pressure also that of the change of volume, relative to the mean strain.
+        equilibrium: residual of (3.3a) in the free unknowns, of all together and of the worst
+            contact node as a stress; with a pressure also that of the change of volume, relative to
+            the mean strain.
         supports: largest difference from a prescribed displacement.
         negative_pressure: largest -lambda.
-        friction_cone: largest |mu| - F g, or shear that is not tangential, or across a plane of symmetry of two bodies.
-        wrong_way_slip: slip against mu, in 3D also perpendicular to it, excluded by (2.3e'): the smaller of the slip
-            and the part of the shear that does not point along it.
-        entered: largest tau_N y - d beyond what the law allows for; of points that can move along their normal.
-        pressure_at_distance: the complementarity (3.3b): the smaller of pressure and distance; the pressure of a point
-            that cannot move along its normal, where supports take it.
-        slip_below_bound: the complementarity (3.3c): the smaller of the slip and the distance of the shear from its
-            bound.
+        friction_cone: largest |mu| - F g, or shear that is not tangential, or across a plane of
+            symmetry of two bodies.
+        wrong_way_slip: slip against mu, in 3D also perpendicular to it, excluded by (2.3e'): the
+            smaller of the slip and the part of the shear that does not point along it.
+        entered: largest tau_N y - d beyond what the law allows for; of points that can move along
+            their normal.
+        pressure_at_distance: the complementarity (3.3b): the smaller of pressure and distance; the
+            pressure of a point that cannot move along its normal, where supports take it.
+        slip_below_bound: the complementarity (3.3c): the smaller of the slip and the distance of
+            the shear from its bound.
         coupling: largest error of the map that joins pairs of bodies, in its identities.
         displacement: largest displacement, relative to the size of the body.
         penetration: largest tau_N y - d; lambda / gamma by the regularisation.
         complementarity: largest |lambda (tau_N y - d)|.
-        stick_slip: largest slip where the shear is below its bound; |mu| / gamma by the regularisation.
+        stick_slip: largest slip where the shear is below its bound; |mu| / gamma by the
+            regularisation.
         law: the contact law that was used for the check.
-        strain_energy: of the stress, an energy per thickness: a(y, y) / 2 of the strains without initial ones; None
-            where forces are not linear in y.
-        unjudged: pieces of the mesh with loads that are round-off of the largest forces, of which nothing is known.
-        lost: the residual of equilibrium that round-off of the forces may hide, see ``equilibrium``.
-        placed: round-off of places X + u, at which contact is met, relative to the largest displacement.
+        strain_energy: of the stress, an energy per thickness: a(y, y) / 2 of the strains without
+            initial ones; None where forces are not linear in y.
+        unjudged: pieces of the mesh with loads that are round-off of the largest forces, of which
+            nothing is known.
+        lost: the residual of equilibrium that round-off of the forces may hide, see
+            ``equilibrium``.
+        placed: round-off of places X + u, at which contact is met, relative to the largest
+            displacement.
     """
 
     equilibrium: float = 0.0
@@ -112,7 +133,9 @@ class Certificate:
 def balance_of(forces: NodalForces, displacement: fem.Function, step: float) -> Balance:
     """The forces on a body without contact at a place in the lists of factors; collective."""
     statement, tagged = forces.statement, forces.tagged
-    scales = Scales(tagged.dimension, statement.young, tagged.size, forces.kinematics.depth(tagged.size))
+    scales = Scales(
+        tagged.dimension, statement.young, tagged.size, forces.kinematics.depth(tagged.size)
+    )
     return Balance(
         forces.pieces,
         forces.internal(displacement),
@@ -120,7 +143,12 @@ def balance_of(forces: NodalForces, displacement: fem.Function, step: float) -> 
         forces.prescribed(step),
         scales,
         # With a pressure forces are not those of a change of volume.
-        replace(scales, modulus=max(material.stiffest(pressed=forces.pressed) for material in statement.material)),
+        replace(
+            scales,
+            modulus=max(
+                material.stiffest(pressed=forces.pressed) for material in statement.material
+            ),
+        ),
         forces.resisted(displacement),
         *forces.initial(step, displacement),
         dilation=forces.dilation(displacement, step),
@@ -137,7 +165,8 @@ def judged(
     before: PreviousStep | None = None,
     rigid: Sequence[tuple[RigidBodyMotion, Drive]] = (),
 ) -> Certificate:
-    """Check the conditions of a load step from the displacement and the contact tractions alone; collective.
+    """Check the conditions of a load step from the displacement and the contact tractions alone;
+    collective.
 
     Args:
         displacement: y.
@@ -145,8 +174,8 @@ def judged(
         contact: the contact points and what holds there; None: there is no contact.
         tractions: pressure and shear at them.
         law: the contact law that the method promises.
-        before: the end of the previous load step; None for the first one.  If that kept to the regularised law and this
-            one does not, its elastic slip is removed.
+        before: the end of the previous load step; None for the first one.  If that kept to the
+            regularised law and this one does not, its elastic slip is removed.
         rigid: how rigid bodies have moved, and what drives them.
     """
     supports, pieces = balance.supports, balance.pieces
@@ -154,12 +183,20 @@ def judged(
     y = displacement.x.array.reshape(-1, dim)[:owned]
     works = balance.works(y)
     half, strain_energy = float(works[:, 0].sum()) / 2, balance.strain_energy(works)
-    strained = max(half, strain_energy if balance.dilation is not None else 0.0)  # or its pressure takes of it
+    strained = max(
+        half, strain_energy if balance.dilation is not None else 0.0
+    )  # or its pressure takes of it
     scales, stiffest = balance.of_pieces()
     # Of the initial strains it is not known which piece they strain.
-    halves = works[:, 0] / 2 if balance.dilation is None or strain_energy == half else np.full(pieces.count, strained)
+    halves = (
+        works[:, 0] / 2
+        if balance.dilation is None or strain_energy == half
+        else np.full(pieces.count, strained)
+    )
     mean = scales.stress(np.maximum(halves, 0.0))
-    if balance.with_loads:  # then their work tells of no stress without contact: what supports feel does
+    if (
+        balance.with_loads
+    ):  # then their work tells of no stress without contact: what supports feel does
         held = np.linalg.norm(balance.internal - supports.left(balance.internal), axis=1)
         mean = np.maximum(mean, pieces.sums(held[:, None])[:, 0] / scales.surface)
     far = pieces.largest(np.linalg.norm(y, axis=1))
@@ -175,7 +212,9 @@ def judged(
     if tractions is None or contact is None:
         units = PieceScales(length, far, np.zeros(pieces.count), np.zeros(pieces.count))
         unbalanced, unjudged, lost = equilibrium(balance, y, None, units, float(far.max()))
-        return Certificate(equilibrium=max(unbalanced, volume), unjudged=unjudged, lost=lost, **figures)
+        return Certificate(
+            equilibrium=max(unbalanced, volume), unjudged=unjudged, lost=lost, **figures
+        )
     nodes = ContactNodes.of(contact, tractions)
     at = nodes.pieces(pieces.piece)
     figures["coupling"] = max((pair.error() for pair in contact.pairs.values()), default=0.0)
@@ -191,10 +230,12 @@ def judged(
     length = np.maximum(length, NO_FORCE * largest(drawn))
     reach = max(float(far.max()), float(largest(drawn).max()))
     alone = balance.unloaded
-    # Where the contact transmits nothing its reactions are round-off of the stress in the body, and of displacements.
+    # Where the contact transmits nothing its reactions are round-off of the stress in the body, and
+    # of displacements.
     fineness = largest(np.asarray(1.0 / balance.scales.side(contact.boundary.weight)))
     unknown = stiffest.modulus * np.where(alone, reach, far) * fineness
-    # What supports take of a traction leaves its round-off in the directions that are free, and in the penetration.
+    # What supports take of a traction leaves its round-off in the directions that are free, and in
+    # the penetration.
     unknown = np.maximum(unknown, largest(np.linalg.norm(nodes.traction, axis=1)))
     stress = np.max([largest(nodes.felt), NEGLIGIBLE * mean, NO_FORCE * unknown], axis=0)
     length = np.maximum(length, NO_FORCE * largest(np.abs(nodes.pressure)) / law.gamma_n)
@@ -203,7 +244,10 @@ def judged(
         last = ContactNodes.of(contact, before.tractions)
         so_far = before.displacement.x.array.reshape(-1, dim)[:owned]
         stress = np.maximum(stress, NO_FORCE * largest(last.felt))
-        length = np.maximum(length, NO_FORCE * np.maximum(largest(last.terms(so_far)), pieces.largest_beside(so_far)))
+        length = np.maximum(
+            length,
+            NO_FORCE * np.maximum(largest(last.terms(so_far)), pieces.largest_beside(so_far)),
+        )
         slip, origin = slip - last.traces(so_far, before.rigid)[1], last.shear
         if before.elastic_slip is not None and not np.isfinite(law.gamma_t):
             slip = slip + nodes.rounded(before.elastic_slip, power=-2)
@@ -211,28 +255,47 @@ def judged(
             slip = slip - before.moved
         # Foundations may have turned since: what was along them then need not be along them now.
         slip, origin = nodes.along(slip), nodes.along(origin)
-    # Most of the displacement that a relative one is the difference of may be common to two bodies, or to a body and a
-    # rigid one that moves, and the solver loses digits of the largest one of both.
+    # Most of the displacement that a relative one is the difference of may be common to two bodies,
+    # or to a body and a rigid one that moves, and the solver loses digits of the largest one of
+    # both.
     farther = np.where(at[1] < 0, drawn, np.maximum(far[at[0]], far[at[1]]))
-    terms = NO_FORCE * np.maximum(largest(np.maximum(nodes.terms(y), farther)), np.where(alone, reach, 0.0))
-    penalty = terms * max((gamma for gamma in (law.gamma_n, law.gamma_t) if np.isfinite(gamma)), default=0.0)
-    # With a larger gamma nothing is known of the tractions.  Those of a body without stress are the method's round-off.
+    terms = NO_FORCE * np.maximum(
+        largest(np.maximum(nodes.terms(y), farther)), np.where(alone, reach, 0.0)
+    )
+    penalty = terms * max(
+        (gamma for gamma in (law.gamma_n, law.gamma_t) if np.isfinite(gamma)), default=0.0
+    )
+    # With a larger gamma nothing is known of the tractions.  Those of a body without stress are the
+    # method's round-off.
     strains = mean > LOST_UNITS * NO_FORCE * stiffest.modulus * reach / stiffest.size
-    penalty = np.where(strains, np.minimum(penalty, mean / NEGLIGIBLE), np.maximum(penalty, terms * law.penalty))
-    # Where shapes are met at X + u, distances have the round-off of X, however small u is; gaps of a body at rest, too.
-    farthest = max(parallel.largest(comm, np.linalg.norm(pieces.x, axis=1), 0.0), float(np.max(scales.size)))
-    placed = np.full_like(terms, NO_FORCE * farthest) if balance.displaced or reach == 0 else np.zeros_like(terms)
+    penalty = np.where(
+        strains, np.minimum(penalty, mean / NEGLIGIBLE), np.maximum(penalty, terms * law.penalty)
+    )
+    # Where shapes are met at X + u, distances have the round-off of X, however small u is; gaps of
+    # a body at rest, too.
+    farthest = max(
+        parallel.largest(comm, np.linalg.norm(pieces.x, axis=1), 0.0), float(np.max(scales.size))
+    )
+    placed = (
+        np.full_like(terms, NO_FORCE * farthest)
+        if balance.displaced or reach == 0
+        else np.zeros_like(terms)
+    )
     length, stress = np.maximum(length, np.maximum(terms, placed)), np.maximum(stress, penalty)
     stress = np.maximum(stress, NO_FORCE * float(stress.max()))  # round-off of the joint system
-    # If everything sticks, all motion is round-off of the displacements that the stresses could cause.
+    # If everything sticks, all motion is round-off of the displacements that the stresses could
+    # cause.
     still = NEGLIGIBLE * scales.deflection(stress)
     units = PieceScales(np.maximum(length, still), np.maximum(far, still), stress, penalty)
     points = units.between(*at)
-    figures |= contact_conditions(nodes, u_n, nodes.rounded(slip, 1), nodes.rounded(origin, -1), law, points)
+    figures |= contact_conditions(
+        nodes, u_n, nodes.rounded(slip, 1), nodes.rounded(origin, -1), law, points
+    )
     unbalanced, unjudged, lost = equilibrium(balance, y, nodes, units, reach)
     for motion, drive in rigid:
         touching = contact.part(*motion.body.parts)
-        # Round-off of the stress in the pieces that it touches, of the penalty, and of the joint system.
+        # Round-off of the stress in the pieces that it touches, of the penalty, and of the joint
+        # system.
         faint = np.maximum(NEGLIGIBLE * mean, penalty)[at[0][touching]]
         faint_stress = max(parallel.largest(comm, faint), NO_FORCE * float(mean.max()))
         area = float(parallel.global_sum(comm, np.array(contact.boundary.weight[touching].sum())))
@@ -251,8 +314,9 @@ def contact_conditions(
     law: Law,
     units: PieceScales,
 ) -> dict[str, float]:
-    """How far contact points are from the law, the figures of ``Certificate`` by name; ``slip``: what tau_T y adds to
-    the previous step, and ``origin``: shear at its end, both ``ContactNodes.rounded``, shape (n, d); collective.
+    """How far contact points are from the law, the figures of ``Certificate`` by name; ``slip``:
+    what tau_T y adds to the previous step, and ``origin``: shear at its end, both
+    ``ContactNodes.rounded``, shape (n, d); collective.
     """
     pressure, shear = nodes.pressure, nodes.rounded(nodes.shear, -1)
     bilateral, immovable = nodes.bilateral, nodes.boundary.points.immovable
@@ -264,8 +328,12 @@ def contact_conditions(
         on = nodes.part(number)
         entered[on] = np.maximum(overlap[on], 0.0) - pressure[on] / soft.stiffness
     xi = slip - (shear - origin) / law.gamma_t
-    # At points that cannot move along their normal supports take what contact would, and it has no pressure.
-    overlap, entered = np.where(immovable, np.minimum(overlap, 0.0), overlap), np.where(immovable, 0.0, entered)
+    # At points that cannot move along their normal supports take what contact would, and it has no
+    # pressure.
+    overlap, entered = (
+        np.where(immovable, np.minimum(overlap, 0.0), overlap),
+        np.where(immovable, 0.0, entered),
+    )
     distance = np.where(immovable, np.inf, np.where(bilateral, 0.0, np.maximum(-entered, 0.0)))
     pushing = np.where(immovable, np.abs(pressure), pressure)
     slipped = np.linalg.norm(xi, axis=1)
@@ -287,7 +355,11 @@ def contact_conditions(
         "penetration": (np.where(bilateral & ~immovable, np.abs(overlap), overlap), far),
         "complementarity": (np.abs(pressure * overlap), stress * far),
         "stick_slip": (
-            np.where(sheared < nodes.bound - CERTIFICATE_TOLERANCE * stress, np.linalg.norm(slip, axis=1), 0.0),
+            np.where(
+                sheared < nodes.bound - CERTIFICATE_TOLERANCE * stress,
+                np.linalg.norm(slip, axis=1),
+                0.0,
+            ),
             far,
         ),
     }
@@ -301,10 +373,15 @@ def _smaller(a: Nodal, unit_a: Nodal, b: Nodal, unit_b: Nodal) -> Nodal:
 
 
 def another_law(
-    settings: SolverSettings, laws: Mapping[int, Law], left: float | None, *, raises_gamma: bool = False
+    settings: SolverSettings,
+    laws: Mapping[int, Law],
+    left: float | None,
+    *,
+    raises_gamma: bool = False,
 ) -> Finding | None:
-    """A warning where the law of the load steps, by their numbers, is not the one that settings ask for; ``left``: the
-    regularisation error of the last one relative to its energy norm, where a path in gamma has found it;
+    """A warning where the law of the load steps, by their numbers, is not the one that settings ask
+    for; ``left``: the regularisation error of the last one relative to its energy norm, where a
+    path in gamma has found it;
     ``raises_gamma``: whether an accuracy is asked for, which raises gamma as it needs to.
     """
     exact = settings.algorithm == "alm"
@@ -316,22 +393,43 @@ def another_law(
             return None
         gamma = list(laws.values())[-1].gamma_n
         message = (
-            f"a regularisation error of {allowed:.2g} was asked for and {left:.2g} is left; with a gamma above "
+            f"a regularisation error of {allowed:.2g} was asked for and {left:.2g} is left; with "
+            "a gamma above "
             f"{gamma:.3g} round-off would take over; take algorithm = 'alm', which leaves none"
         )
         return Finding("warning", "solver.regularisation_error", message)
-    given = {name: value for name in ("gamma_n", "gamma_t") if (value := getattr(settings, name)) != "auto"}
+    given = {
+        name: value
+        for name in ("gamma_n", "gamma_t")
+        if (value := getattr(settings, name)) != "auto"
+    }
     if exact:
-        key, asked, others = "algorithm", "'alm'", [step for step, law in laws.items() if law.regularised]
+        key, asked, others = (
+            "algorithm",
+            "'alm'",
+            [step for step, law in laws.items() if law.regularised],
+        )
         remedy = (
-            "raise solver.gamma_n and solver.gamma_t to lessen what it leaves, or change the loads in smaller steps"
+            "raise solver.gamma_n and solver.gamma_t to lessen what it leaves, or change the "
+            "loads in smaller steps"
         )
     else:
         key, asked = "gamma_n", ", ".join(f"{name} = {value:.3g}" for name, value in given.items())
-        others = [step for step, law in laws.items() if any(getattr(law, name) != given[name] for name in given)]
+        others = [
+            step
+            for step, law in laws.items()
+            if any(getattr(law, name) != given[name] for name in given)
+        ]
         remedy = "lower gamma, or set solver.fallbacks = false to have this gamma or nothing"
     if not others:
         return None
-    where = f" in load step{'s' * (len(others) > 1)} {', '.join(map(str, others))}" if len(laws) > 1 else ""
-    message = f"{asked} was asked for, and a fall-back has solved {laws[others[-1]]} in its place{where}; {remedy}"
+    where = (
+        f" in load step{'s' * (len(others) > 1)} {', '.join(map(str, others))}"
+        if len(laws) > 1
+        else ""
+    )
+    message = (
+        f"{asked} was asked for, and a fall-back has solved {laws[others[-1]]} in its "
+        f"place{where}; {remedy}"
+    )
     return Finding("warning", f"solver.{key}", message)

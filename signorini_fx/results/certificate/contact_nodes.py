@@ -1,4 +1,6 @@
-"""The contact points as the certificate sees them: where a result meets its foundations, with claimed tractions."""
+"""The contact points as the certificate sees them: where a result meets its foundations, with
+claimed tractions.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +30,9 @@ Nodal = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class ContactConditions:
-    """The n contact points of this rank where a displacement has taken them, and what holds there."""
+    """The n contact points of this rank where a displacement has taken them, and what holds
+    there.
+    """
 
     boundary: ContactBoundary
     gap: Nodal  # d, length, shape (n,)
@@ -53,8 +57,8 @@ class ContactConditions:
 
 @dataclass(frozen=True)
 class ContactNodes(ContactConditions):
-    """The contact points of this rank with the tractions at them; displacements are those of owned nodes, shape (owned
-    nodes, d); methods are collective.
+    """The contact points of this rank with the tractions at them; displacements are those of owned
+    nodes, shape (owned nodes, d); methods are collective.
     """
 
     pressure: Nodal  # stress, shape (n,)
@@ -72,8 +76,9 @@ class ContactNodes(ContactConditions):
         return np.zeros_like(self.pressure) if self.law is None else self.law.bound(self.pressure)
 
     def rounded(self, vectors: Nodal, power: int) -> Nodal:
-        """Tangential vectors with their part across the direction of friction times r^power: with -1 admissible shears
-        fill a disc, and with 1 slips that are normal to the ellipse are normal to that.
+        """Tangential vectors with their part across the direction of friction times r^power: with
+        -1 admissible shears fill a disc, and with 1 slips that are normal to the ellipse are normal
+        to that.
         """
         axes = self.boundary.friction_axes
         if axes is None:
@@ -84,7 +89,9 @@ class ContactNodes(ContactConditions):
 
     def along(self, vectors: Nodal) -> Nodal:
         """The part of vectors at the points that is tangential, shape (n, d)."""
-        return np.asarray(vectors - np.sum(vectors * self.boundary.normal, axis=1)[:, None] * self.boundary.normal)
+        return np.asarray(
+            vectors - np.sum(vectors * self.boundary.normal, axis=1)[:, None] * self.boundary.normal
+        )
 
     @property
     def traction(self) -> Nodal:
@@ -110,9 +117,11 @@ class ContactNodes(ContactConditions):
         averages = self.boundary.averages
         return np.where(self.paired[:, None], self.boundary.x, averages.shares @ averages.x)
 
-    def pieces(self, of_node: npt.NDArray[np.int64]) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-        """The piece of the body at each point, and that on the other side, -1 where the foundation is rigid, shape
-        (n,); ``of_node``: the piece that each owned node is in.
+    def pieces(
+        self, of_node: npt.NDArray[np.int64]
+    ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+        """The piece of the body at each point, and that on the other side, -1 where the foundation
+        is rigid, shape (n,); ``of_node``: the piece that each owned node is in.
         """
         opposite = np.full(self.boundary.size, -1, dtype=np.int64)
         for pair, part in self.of_pairs:
@@ -120,32 +129,46 @@ class ContactNodes(ContactConditions):
         return of_node[self.boundary.nodes], opposite
 
     def resultant(self, motion: RigidBodyMotion, y: Nodal) -> tuple[Nodal, float, float]:
-        """What its contact tractions do to a rigid body: force and moment about its pivot, shape (m,), the sum of the
-        magnitudes of forces, and how far from the pivot they act.
+        """What its contact tractions do to a rigid body: force and moment about its pivot, shape
+        (m,), the sum of the magnitudes of forces, and how far from the pivot they act.
         """
-        part, averages, comm = self.part(*motion.body.parts), self.boundary.averages, self.boundary.comm
+        part, averages, comm = (
+            self.part(*motion.body.parts),
+            self.boundary.averages,
+            self.boundary.comm,
+        )
         force = self.boundary.weight[part, None] * self.traction[part]
         averaged = averages.shares @ from_owners(y, averages.nodes, comm)
         moved = np.where(self.paired[:, None], y[self.boundary.nodes], averaged)
         arm = motion.lever(self._x[part], moved[part])
-        moment, size = CARTESIAN[arm.shape[1]].turned(arm, force), np.linalg.norm(force, axis=1).sum()
-        total = parallel.global_sum(comm, np.concatenate((force.sum(axis=0), moment.sum(axis=0), [size])))
+        moment, size = (
+            CARTESIAN[arm.shape[1]].turned(arm, force),
+            np.linalg.norm(force, axis=1).sum(),
+        )
+        total = parallel.global_sum(
+            comm, np.concatenate((force.sum(axis=0), moment.sum(axis=0), [size]))
+        )
         reach = parallel.largest(comm, np.linalg.norm(arm, axis=1))
         return total[:-1], float(total[-1]), reach
 
     def terms(self, y: Nodal) -> Nodal:
-        """The sums of the magnitudes of what relative displacements of two bodies are added up of, 0 on a rigid
-        foundation, shape (n,).
+        """The sums of the magnitudes of what relative displacements of two bodies are added up of,
+        0 on a rigid foundation, shape (n,).
         """
         averages = self.boundary.averages
         if not self.pairs:
             return np.zeros(self.boundary.size)
-        sums = abs(averages.operator) @ from_owners(np.abs(y), averages.nodes, self.boundary.comm).ravel()
-        return np.where(self.paired, np.linalg.norm(sums.reshape(self.boundary.normal.shape), axis=1), 0.0)
+        sums = (
+            abs(averages.operator)
+            @ from_owners(np.abs(y), averages.nodes, self.boundary.comm).ravel()
+        )
+        return np.where(
+            self.paired, np.linalg.norm(sums.reshape(self.boundary.normal.shape), axis=1), 0.0
+        )
 
     def forces(self, owned: int, *parts: int) -> tuple[npt.NDArray[Any], Nodal, Nodal]:
-        """What the tractions do to so many owned nodes, or those of some contacts: the local nodes that they act on,
-        shape (m,), the forces on them, shape (m, d), and their areas, shape (m,).
+        """What the tractions do to so many owned nodes, or those of some contacts: the local nodes
+        that they act on, shape (m,), the forces on them, shape (m, d), and their areas, shape (m,).
         """
         boundary, averages = self.boundary, self.boundary.averages
         force = boundary.weight[:, None] * self.traction
@@ -153,7 +176,9 @@ class ContactNodes(ContactConditions):
             force[~np.isin(boundary.part, parts)] = 0.0
         dim, entries = force.shape[1], averages.operator.tocoo()
         places = entries.row // dim, entries.col // dim
-        moving = sp.csr_array(sp.coo_array((entries.data != 0, places), shape=averages.shares.shape))
+        moving = sp.csr_array(
+            sp.coo_array((entries.data != 0, places), shape=averages.shares.shape)
+        )
         # A node that moves a point by turning facets alone has a small area.
         moves = NEGLIGIBLE * moving.astype(bool).astype(np.float64)
         areas = abs(averages.shares).maximum(moves).T @ boundary.weight
@@ -167,10 +192,13 @@ class ContactNodes(ContactConditions):
 
     @property
     def felt(self) -> Nodal:
-        """The larger of pressure and shear without what supports take of them, or what one undoes of the other."""
+        """The larger of pressure and shear without what supports take of them, or what one undoes
+        of the other.
+        """
         free, axes = self.boundary.free, self.boundary.axes
         tractions = self.pressure[:, None] * self.boundary.normal, self.shear, self.traction
         pressure, shear, both = (
-            np.linalg.norm(np.where(free, np.einsum("nij,ni->nj", axes, part), 0.0), axis=1) for part in tractions
+            np.linalg.norm(np.where(free, np.einsum("nij,ni->nj", axes, part), 0.0), axis=1)
+            for part in tractions
         )
         return np.minimum(np.maximum(pressure, shear), both)

@@ -1,4 +1,6 @@
-"""Equilibrium as a certificate sees it: forces that it has evaluated anew, and the residual of each piece of a body."""
+"""Equilibrium as a certificate sees it: forces that it has evaluated anew, and the residual of each
+piece of a body.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,14 @@ from signorini_fx.machine import parallel
 from signorini_fx.mechanics.scales import Scales
 from signorini_fx.results.certificate.body_nodes import PrescribedNodes, RigidPart
 from signorini_fx.results.certificate.contact_nodes import ContactNodes
-from signorini_fx.tuned import CERTIFICATE_TOLERANCE, LOST_UNITS, NEGLIGIBLE, NO_FORCE, SAME_NUMBER, UNITS_OF_PLACES
+from signorini_fx.tuned import (
+    CERTIFICATE_TOLERANCE,
+    LOST_UNITS,
+    NEGLIGIBLE,
+    NO_FORCE,
+    SAME_NUMBER,
+    UNITS_OF_PLACES,
+)
 
 Nodal = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
@@ -22,7 +31,9 @@ Numbers = npt.NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Balance:
-    """The forces on a body without contact, evaluated anew, of shape (owned nodes, d), and their scales."""
+    """The forces on a body without contact, evaluated anew, of shape (owned nodes, d), and their
+    scales.
+    """
 
     pieces: RigidPart  # those of the body
     internal: Nodal  # a(y, .) of the strains
@@ -33,22 +44,33 @@ class Balance:
     resisted: Nodal  # what resists the displacement on the boundary, the rest of a(y, .)
     initial: Nodal | float = 0.0  # those of initial strains where they are prevented
     prevented: float = 0.0  # energy of their stress then
-    dilation: tuple[Nodal, Nodal] | None = None  # see ``NodalForces.dilation``; None: the pressure is no unknown
-    # round-off of ``internal`` that does not decrease with y, as that of a finite deformation I + grad u
+    dilation: tuple[Nodal, Nodal] | None = (
+        None  # see ``NodalForces.dilation``; None: the pressure is no unknown
+    )
+    # round-off of ``internal`` that does not decrease with y, as that of a finite deformation I +
+    # grad u
     lost: Nodal | None = None
-    with_loads: bool = False  # whether ``internal`` is a whole residual, from which loads cannot be told
+    with_loads: bool = (
+        False  # whether ``internal`` is a whole residual, from which loads cannot be told
+    )
     displaced: bool = False  # whether contact is met at displaced points
 
     def works(self, y: Nodal) -> Nodal:
-        """What internal and initial forces do on displacements of the owned nodes, energies, shape (pieces, 2)."""
+        """What internal and initial forces do on displacements of the owned nodes, energies, shape
+        (pieces, 2).
+        """
         return self.pieces.sums(np.stack((self.internal * y, self.initial * y), axis=1).sum(axis=2))
 
     def strain_energy(self, works: Nodal) -> float:
-        """The energy of the stress from ``works``: of the strains, and what initial ones take of it, but round-off."""
+        """The energy of the stress from ``works``: of the strains, and what initial ones take of
+        it, but round-off.
+        """
         internal, expanding = map(float, works.sum(axis=0))
         prevented = self.prevented - expanding
         energy = internal / 2 + prevented
-        return max(0.0, energy if energy > SAME_NUMBER * abs(internal / 2) or prevented == 0.0 else 0.0)
+        return max(
+            0.0, energy if energy > SAME_NUMBER * abs(internal / 2) or prevented == 0.0 else 0.0
+        )
 
     def of_pieces(self) -> tuple[Scales, Scales]:
         """``scales`` and ``stiffest`` of all pieces."""
@@ -57,18 +79,21 @@ class Balance:
 
     @cached_property
     def unloaded(self) -> npt.NDArray[np.bool_]:
-        """Pieces that no load strains and no support moves, shape (pieces,): if others pass on no force to them, all
-        that is there is round-off of the joint system, as large as the motions of others make it.
+        """Pieces that no load strains and no support moves, shape (pieces,): if others pass on no
+        force to them, all that is there is round-off of the joint system, as large as the motions
+        of others make it.
         """
         pieces, nothing = self.pieces, np.zeros_like(self.external)
         imposed = pieces.largest(self.supports.missed(nothing), self.supports.among(pieces.piece))
-        return np.asarray(imposed + pieces.norms(self.external) + pieces.norms(nothing + self.initial) == 0)
+        return np.asarray(
+            imposed + pieces.norms(self.external) + pieces.norms(nothing + self.initial) == 0
+        )
 
 
 class PieceScales(NamedTuple):
-    """What figures are divided by, for each piece or each point; ``length``: of the deformation; ``far``: of the
-    displacement; ``stress``: of the tractions, at least ``penalty``, of which round-off is a share where two bodies
-    meet by the regularised law.
+    """What figures are divided by, for each piece or each point; ``length``: of the deformation;
+    ``far``: of the displacement; ``stress``: of the tractions, at least ``penalty``, of which
+    round-off is a share where two bodies meet by the regularised law.
     """
 
     length: Nodal
@@ -77,11 +102,14 @@ class PieceScales(NamedTuple):
     penalty: Nodal
 
     def between(self, piece: Numbers, other: Numbers) -> PieceScales:
-        """Those of points on a piece and another one, -1: on a rigid foundation, from those of pieces; the smaller
-        stress of both: forces that press the other one elsewhere say nothing of this contact.
+        """Those of points on a piece and another one, -1: on a rigid foundation, from those of
+        pieces; the smaller stress of both: forces that press the other one elsewhere say nothing of
+        this contact.
         """
         rigid = other < 0
-        length, far, _, penalty = (np.maximum(values[piece], np.where(rigid, 0.0, values[other])) for values in self)
+        length, far, _, penalty = (
+            np.maximum(values[piece], np.where(rigid, 0.0, values[other])) for values in self
+        )
         smaller = np.minimum(self.stress[piece], np.where(rigid, np.inf, self.stress[other]))
         return PieceScales(length, far, np.maximum(smaller, penalty), penalty)
 
@@ -89,19 +117,20 @@ class PieceScales(NamedTuple):
 def equilibrium(
     balance: Balance, y: Nodal, nodes: ContactNodes | None, units: PieceScales, reach: float
 ) -> tuple[float, tuple[int, ...], float]:
-    """The residual of (3.3a) in the free unknowns, of each piece and of the worst contact node as a stress; pieces of
-    which it says nothing, as all forces on them are round-off of the joint system; and the residual that round-off of
-    the evaluation may hide, relative to the forces on a piece, or, where displacements alone act, to those within;
-    collective.
+    """The residual of (3.3a) in the free unknowns, of each piece and of the worst contact node as a
+    stress; pieces of which it says nothing, as all forces on them are round-off of the joint
+    system; and the residual that round-off of the evaluation may hide, relative to the forces on a
+    piece, or, where displacements alone act, to those within; collective.
 
-    Forces are relative to those of loads, contact and springs on the piece where it is free.  On slender bodies the
-    reactions of supports, and so a(y, .), may be far larger: a share of them is a lower bound, for what round-off
-    leaves.
+    Forces are relative to those of loads, contact and springs on the piece where it is free.  On
+    slender bodies the reactions of supports, and so a(y, .), may be far larger: a share of them is
+    a lower bound, for what round-off leaves.
 
-    Four floors keep round-off from counting as a residual where hardly any force acts: ``least``, from the
-    displacement and the stiffness of an element; ``slight``, from all forces, what supports take included;
-    ``joint``, from the largest force on any piece, as all are solved in one system; and ``missing``, from the digits
-    that the sums themselves lose, and coordinates of the nodes over their distances.
+    Four floors keep round-off from counting as a residual where hardly any force acts: ``least``,
+    from the displacement and the stiffness of an element; ``slight``, from all forces, what
+    supports take included; ``joint``, from the largest force on any piece, as all are solved in one
+    system; and ``missing``, from the digits that the sums themselves lose, and coordinates of the
+    nodes over their distances.
 
     Args:
         balance: forces on the body without contact.
@@ -114,10 +143,13 @@ def equilibrium(
     comm, (_, stiffest) = pieces.space.mesh.comm, balance.of_pieces()
     nodes_of_pieces = pieces.sums(np.ones((len(y), 1)))[:, 0]
     spacing, count = stiffest.spacing(nodes_of_pieces), np.sqrt(nodes_of_pieces)
-    # A motion without stress, or without change of volume, has forces too: round-off of the largest modulus.
+    # A motion without stress, or without change of volume, has forces too: round-off of the largest
+    # modulus.
     firmness = stiffest.stiffness(spacing)
     least = firmness * pieces.norms(y)
-    least = NO_FORCE * np.where(balance.unloaded, np.maximum(least, firmness.max() * reach * count), least)
+    least = NO_FORCE * np.where(
+        balance.unloaded, np.maximum(least, firmness.max() * reach * count), least
+    )
     loads = balance.external + balance.initial
     acting = [supports.left(loads), supports.left(balance.resisted)]
     residual = balance.internal + balance.resisted - loads
@@ -130,7 +162,9 @@ def equilibrium(
         residual += pressed
         acting.append(supports.left(pressed))
         slight = np.maximum(slight, units.penalty * pieces.norms(area, pieces.piece[reached]))
-        slight = np.maximum(slight, NO_FORCE * pieces.norms(pressed))  # also what supports take of it
+        slight = np.maximum(
+            slight, NO_FORCE * pieces.norms(pressed)
+        )  # also what supports take of it
     on_pieces = np.max([pieces.norms(part) for part in acting], axis=0)
     force = np.max([least, slight, on_pieces], axis=0)
     joint = NO_FORCE * float(force.max())  # round-off of the joint system
@@ -146,8 +180,9 @@ def equilibrium(
     if balance.lost is not None:
         lost = LOST_UNITS * pieces.norms(balance.lost)
         within = pieces.norms(balance.internal)
-        # Of a body that nothing acts on, and that supports move as a whole, there is nothing to be lost.  It differs
-        # from its nearest small rotation by nothing, or by as much as forces within would show.
+        # Of a body that nothing acts on, and that supports move as a whole, there is nothing to be
+        # lost.  It differs from its nearest small rotation by nothing, or by as much as forces
+        # within would show.
         beside = pieces.largest_beside(y)
         whole = (beside <= digits * reach) | ((beside > digits * pieces.size) & (within <= lost))
         known = (on_pieces == 0) & whole
@@ -156,36 +191,60 @@ def equilibrium(
     residual_share = share(comm, missing, force)
     if nodes is None:
         return residual_share, unjudged, hidden
-    # The stress at a node is known to the digits of loads, and of the displacement over the length of its side.  Of
-    # that, and so of all forces, the digits of coordinates are known.
+    # The stress at a node is known to the digits of loads, and of the displacement over the length
+    # of its side.  Of that, and so of all forces, the digits of coordinates are known.
     reached_piece, load = pieces.piece[reached], pieces.largest(np.linalg.norm(loads, axis=1))
     side = stiffest.side(area)
-    least_stress = digits * (stiffest.modulus * units.far[reached_piece] / side + load[reached_piece] / area)
+    least_stress = digits * (
+        stiffest.modulus * units.far[reached_piece] / side + load[reached_piece] / area
+    )
     acts = np.maximum(load, pieces.largest(np.linalg.norm(balance.internal, axis=1)))[reached_piece]
     least_stress += last_digit / side * acts / area
     if balance.lost is not None:
-        least_stress = least_stress + LOST_UNITS * np.linalg.norm(balance.lost[reached], axis=1) / area
+        least_stress = (
+            least_stress + LOST_UNITS * np.linalg.norm(balance.lost[reached], axis=1) / area
+        )
     unbalanced = np.linalg.norm(residual[reached], axis=1) / area - least_stress
-    return max(residual_share, share(comm, unbalanced, units.stress[reached_piece])), unjudged, hidden
+    return (
+        max(residual_share, share(comm, unbalanced, units.stress[reached_piece])),
+        unjudged,
+        hidden,
+    )
 
 
 def change_of_volume(balance: Balance, far: float, strain_energy: float) -> float:
-    """How far the volume changes otherwise than a pressure that is an unknown says, relative to the mean strain, or
-    to what loads may cause (in an enclosed body a pressure, and no strain); ``far``: largest displacement; collective.
+    """How far the volume changes otherwise than a pressure that is an unknown says, relative to the
+    mean strain, or to what loads may cause (in an enclosed body a pressure, and no strain);
+    ``far``: largest displacement; collective.
     """
     if balance.dilation is None:
         return 0.0
-    (residual, volume), comm, scales = balance.dilation, balance.pieces.space.mesh.comm, balance.scales
-    loads = float(parallel.global_sum(comm, np.linalg.norm(balance.external, axis=1).sum())) / scales.surface
+    (residual, volume), comm, scales = (
+        balance.dilation,
+        balance.pieces.space.mesh.comm,
+        balance.scales,
+    )
+    loads = (
+        float(parallel.global_sum(comm, np.linalg.norm(balance.external, axis=1).sum()))
+        / scales.surface
+    )
     strain = max(scales.stress(strain_energy), NEGLIGIBLE * loads) / scales.modulus
-    lost = LOST_UNITS * np.finfo(float).eps * far / scales.spacing(balance.pieces.space.dofmap.index_map.size_global)
-    left, size = (float(np.sqrt(parallel.global_sum(comm, np.sum(values**2)))) for values in (residual, volume))
+    lost = (
+        LOST_UNITS
+        * np.finfo(float).eps
+        * far
+        / scales.spacing(balance.pieces.space.dofmap.index_map.size_global)
+    )
+    left, size = (
+        float(np.sqrt(parallel.global_sum(comm, np.sum(values**2))))
+        for values in (residual, volume)
+    )
     return share(comm, np.array(left - lost * size), np.array(strain * size))
 
 
 def share(comm: MPI.Comm, parts: Nodal, wholes: Nodal) -> float:
-    """The largest part over its whole on all ranks: 0 for parts <= 0, also of nothing, and else inf for a whole <= 0: a
-    residual where no force acts is never small; collective.
+    """The largest part over its whole on all ranks: 0 for parts <= 0, also of nothing, and else inf
+    for a whole <= 0: a residual where no force acts is never small; collective.
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         shares = np.where(parts <= 0, 0.0, parts / wholes)

@@ -1,4 +1,6 @@
-"""What a result claims: its contact law, its contact tractions, and the previous load step that it starts from."""
+"""What a result claims: its contact law, its contact tractions, and the previous load step that it
+starts from.
+"""
 
 from __future__ import annotations
 
@@ -25,12 +27,12 @@ Array = npt.NDArray[np.float64]
 class Law:
     """The contact law that a result is checked against.
 
-    With finite gamma it is the regularised law: lambda = max(0, gamma_n (tau_N y - d)), and mu is the projection of
-    mu_0 + gamma_t times the slip onto |mu| <= F g, with mu_0 the previous shear.  With infinite gamma it is the law of
-    contact and friction itself.
+    With finite gamma it is the regularised law: lambda = max(0, gamma_n (tau_N y - d)), and mu is
+    the projection of mu_0 + gamma_t times the slip onto |mu| <= F g, with mu_0 the previous shear.
+    With infinite gamma it is the law of contact and friction itself.
 
-    The tractions have the round-off of displacements times ``penalty``, by which they were computed from these whatever
-    the law is, also by augmentation; 0: they were not.
+    The tractions have the round-off of displacements times ``penalty``, by which they were computed
+    from these whatever the law is, also by augmentation; 0: they were not.
     """
 
     gamma_n: float = np.inf  # stress per length, as those below
@@ -55,14 +57,17 @@ UNREGULARISED = Law()
 
 def overclosures_of(statement: Statement) -> dict[int, Overclosure]:
     """The laws of soft contact by their places in ``statement.contact``."""
-    laws = ((number, getattr(contact, "overclosure", None)) for number, contact in enumerate(statement.contact))
+    laws = (
+        (number, getattr(contact, "overclosure", None))
+        for number, contact in enumerate(statement.contact)
+    )
     return {number: law for number, law in laws if law is not None}
 
 
 @dataclass(frozen=True)
 class Tractions:
-    """The contact tractions at the n contact points of this rank, stresses, shapes (n,) and (n, d); ``shear``: mu as a
-    vector of space: no frame is shared with the solver.
+    """The contact tractions at the n contact points of this rank, stresses, shapes (n,) and (n, d);
+    ``shear``: mu as a vector of space: no frame is shared with the solver.
     """
 
     pressure: Array
@@ -85,8 +90,12 @@ class PreviousStep:
 
     displacement: fem.Function
     tractions: Tractions
-    elastic_slip: Array | None = None  # the part of its slip that is due to the regularised law, length, shape (n, d)
-    moved: Array | None = None  # by how much the foundations have moved at the contact points since, the same
+    elastic_slip: Array | None = (
+        None  # the part of its slip that is due to the regularised law, length, shape (n, d)
+    )
+    moved: Array | None = (
+        None  # by how much the foundations have moved at the contact points since, the same
+    )
     rigid: tuple[RigidBodyMotion, ...] = ()  # how rigid bodies had moved at its end
 
     @classmethod
@@ -101,6 +110,10 @@ class PreviousStep:
         """The end of a load step that kept to ``law`` and started from ``previous``."""
         if not np.isfinite(law.gamma_t):
             return cls(displacement, tractions, rigid=rigid)
-        elastic: Any = 0.0 if previous is None or previous.elastic_slip is None else previous.elastic_slip
+        elastic: Any = (
+            0.0 if previous is None or previous.elastic_slip is None else previous.elastic_slip
+        )
         before: Any = 0.0 if previous is None else previous.tractions.shear
-        return cls(displacement, tractions, elastic + (tractions.shear - before) / law.gamma_t, rigid=rigid)
+        return cls(
+            displacement, tractions, elastic + (tractions.shear - before) / law.gamma_t, rigid=rigid
+        )

@@ -1,7 +1,9 @@
-"""Nodal forces of a scene by compiled linear forms, evaluated at a displacement, on which its certificate is based.
+"""Nodal forces of a scene by compiled linear forms, evaluated at a displacement, on which its
+certificate is based.
 
-No matrix, right-hand side, condensed system or load vector of the solver is read: the form of the body is assembled at
-the displacement, and loads at their place in the lists of factors, with coefficients of their own.
+No matrix, right-hand side, condensed system or load vector of the solver is read: the form of the
+body is assembled at the displacement, and loads at their place in the lists of factors, with
+coefficients of their own.
 """
 
 from __future__ import annotations
@@ -22,7 +24,12 @@ from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.assembly.mesh_entities import assemble, node_positions, shared_in
 from signorini_fx.mechanics.elasticity.elastic_law import fields_of
 from signorini_fx.mechanics.loads.initial_strains import Jump, given_strains
-from signorini_fx.mechanics.loads.load_vectors import FormCoefficients, compile_loads, compile_resistance, load_groups
+from signorini_fx.mechanics.loads.load_vectors import (
+    FormCoefficients,
+    compile_loads,
+    compile_resistance,
+    load_groups,
+)
 from signorini_fx.mechanics.loads.supports import Supports, forces_at_nodes
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.model import Model
@@ -34,7 +41,9 @@ Array = npt.NDArray[np.float64]
 
 
 class NodalForces:
-    """Forces on the nodes of a Lagrange space, from a scene and its mesh alone; all methods are collective."""
+    """Forces on the nodes of a Lagrange space, from a scene and its mesh alone; all methods are
+    collective.
+    """
 
     def __init__(self, statement: Statement, tagged: TaggedMesh, space: fem.FunctionSpace) -> None:
         self.space, self.dimension = space, int(space.mesh.geometry.dim)
@@ -71,7 +80,9 @@ class NodalForces:
 
     @shared_in("_of_forms")
     def _given(self) -> tuple[Any, Any, Callable[[float], None]]:
-        """Initial strains and jumps of the displacement, UFL, None without any, and what moves them to a place."""
+        """Initial strains and jumps of the displacement, UFL, None without any, and what moves them
+        to a place.
+        """
         return given_strains(self._on.statement, self.tagged, self.space)
 
     def _take(self, displacement: fem.Function) -> None:
@@ -80,18 +91,24 @@ class NodalForces:
             own.x.array[:] = given.x.array
 
     def _at_step(self, step: float) -> tuple[Any, Any, int]:
-        """Initial strains and jumps of a load step, UFL, or None, and the degree of quadrature of the former."""
+        """Initial strains and jumps of a load step, UFL, or None, and the degree of quadrature of
+        the former.
+        """
         strain, jump, move_to = self._given
         move_to(step)
         acting = [entry for entry in self.statement.of(InitialStrain) if entry.acts]
         return strain, jump, acting[0].degree(self.statement.element.degree) if acting else 0
 
     def _compiled(self, name: Hashable, terms: Callable[[], Sequence[Any]]) -> Sequence[fem.Form]:
-        """Terms compiled once, each by itself: FFCx 0.9 compiles a form of one point beside another one wrongly."""
+        """Terms compiled once, each by itself: FFCx 0.9 compiles a form of one point beside another
+        one wrongly.
+        """
         if name not in self._of_forms:
             stated = [term for term in terms() if term is not None]
             with compiling():
-                self._of_forms[name] = [term if isinstance(term, fem.Form) else fem.form(term) for term in stated]
+                self._of_forms[name] = [
+                    term if isinstance(term, fem.Form) else fem.form(term) for term in stated
+                ]
         forms: Sequence[fem.Form] = self._of_forms[name]
         return forms
 
@@ -101,27 +118,36 @@ class NodalForces:
         return self.statement.element.pressed
 
     def internal(self, displacement: fem.Function) -> Array:
-        """a(y, .) of the strains of a displacement without ``resisted``, forces, shape (owned nodes, d)."""
+        """a(y, .) of the strains of a displacement without ``resisted``, forces, shape (owned
+        nodes, d).
+        """
         self._take(displacement)
-        return self._sum(self._compiled("stress", lambda: self._on.elastic.force_terms(self._y, self._z)))
+        return self._sum(
+            self._compiled("stress", lambda: self._on.elastic.force_terms(self._y, self._z))
+        )
 
     def initial(self, step: float, displacement: fem.Function) -> tuple[Array, float]:
-        """Forces of the stress that initial strains and jumps of a load step cause where they are prevented, shape
-        (owned nodes, d), and its energy; with a pressure those of jumps, and what both add to the energy of a
-        ``displacement``.
+        """Forces of the stress that initial strains and jumps of a load step cause where they are
+        prevented, shape (owned nodes, d), and its energy; with a pressure those of jumps, and what
+        both add to the energy of a ``displacement``.
         """
         strain, jump, degree = self._at_step(step)
         if strain is None and jump is None:
             return np.zeros((self.owned, self.dimension)), 0.0
         self._take(displacement)
         elastic = self._on.elastic
-        prevented = self._compiled("initial", lambda: elastic.initial_terms(self._z, jump, strain, degree))
-        energy = self._compiled("prevented", lambda: elastic.prevented_terms(self._y, jump, strain, degree))
+        prevented = self._compiled(
+            "initial", lambda: elastic.initial_terms(self._z, jump, strain, degree)
+        )
+        energy = self._compiled(
+            "prevented", lambda: elastic.prevented_terms(self._y, jump, strain, degree)
+        )
         return self._sum(prevented), self._number(energy)
 
     def dilation(self, displacement: fem.Function, step: float) -> tuple[Array, Array] | None:
-        """How far the volume changes otherwise than a pressure says, tested with the functions of the pressure, and
-        their integrals, volumes, both of shape (owned unknowns of the pressure,); None: no pressure is an unknown.
+        """How far the volume changes otherwise than a pressure says, tested with the functions of
+        the pressure, and their integrals, volumes, both of shape (owned unknowns of the pressure,);
+        None: no pressure is an unknown.
         """
         if not self.pressed:
             return None
@@ -133,8 +159,8 @@ class NodalForces:
         return np.sum([assemble(form) for form in residual], axis=0), assemble(volume)
 
     def through(self, jump: Jump, displacement: fem.Function, step: float) -> float:
-        """The work on a jump of one of the stress in the cells beyond it, without that of the loads in these cells:
-        the tension through its section, a force.
+        """The work on a jump of one of the stress in the cells beyond it, without that of the loads
+        in these cells: the tension through its section, a force.
         """
         strain, jumps, degree = self._at_step(step)
         self._take(displacement)
@@ -152,28 +178,41 @@ class NodalForces:
             force -= self.statement.now(load, step)[0] * work
         return force
 
-    def resisted(self, displacement: fem.Function, resistances: Sequence[Resistance] | None = None) -> Array:
-        """What resists a displacement on the boundary: all of it, or some; forces, shape (owned nodes, d)."""
+    def resisted(
+        self, displacement: fem.Function, resistances: Sequence[Resistance] | None = None
+    ) -> Array:
+        """What resists a displacement on the boundary: all of it, or some; forces, shape (owned
+        nodes, d).
+        """
         some = self.statement.of(Resistance) if resistances is None else resistances
         acting = [effect for effect in some if effect.acts]
         self._y.x.array[:] = displacement.x.array
 
         forms = self._compiled(
-            ("resisted", *map(id, acting)), lambda: [compile_resistance(acting, self._on, self._y, self._z)]
+            ("resisted", *map(id, acting)),
+            lambda: [compile_resistance(acting, self._on, self._y, self._z)],
         )
         return self._sum(forms)
 
     def external(self, step: float, some: Sequence[Force] | None = None) -> Array:
-        """The forces in L of a load step, all or some, shape (owned nodes, d); initial strains have none."""
+        """The forces in L of a load step, all or some, shape (owned nodes, d); initial strains have
+        none.
+        """
         total = np.zeros((self.owned, self.dimension))
         self._on.move_to(step)
-        for loads in load_groups(self.statement, self.statement.of(Force) if some is None else some).values():
+        for loads in load_groups(
+            self.statement, self.statement.of(Force) if some is None else some
+        ).values():
             factor, _ = self.statement.now(loads[0], step)
-            compiled = self._compiled(("loads", *map(id, loads)), partial(compile_loads, loads, self._on, self._z))
+            compiled = self._compiled(
+                ("loads", *map(id, loads)), partial(compile_loads, loads, self._on, self._z)
+            )
             total += factor * self._sum(compiled)
             for load in loads:
                 if load.nodal:
-                    at_nodes = forces_at_nodes(self.statement.now(load, step)[1], load.label, self.space, self.tagged)
+                    at_nodes = forces_at_nodes(
+                        self.statement.now(load, step)[1], load.label, self.space, self.tagged
+                    )
                     total += factor * at_nodes.reshape(total.shape)
         return total
 
@@ -183,17 +222,27 @@ class NodalForces:
         now = [statement.now(entry.in_step(step), step) for entry in statement.displacement]
         factors = {id(effect): factor for factor, effect in now}
         position = {id(effect): number for number, (_, effect) in enumerate(now)}
-        facets = {str(effect.boundary): tagged.facets(effect.boundary) for _, effect in now if effect.at is None}
+        facets = {
+            str(effect.boundary): tagged.facets(effect.boundary)
+            for _, effect in now
+            if effect.at is None
+        }
         entries = tuple(effect for _, effect in now)
         supports = Supports.of(statement.changed(displacement=entries), self.space, facets, tagged)
         value = np.zeros((len(node_positions(self.space)), self.dimension))
         by = np.full(value.shape, -1)
-        for effect, condition in supports.conditions:  # the last one is what holds nodes on an axis of revolution
+        for (
+            effect,
+            condition,
+        ) in supports.conditions:  # the last one is what holds nodes on an axis of revolution
             condition.set(value.reshape(-1), alpha=factors.get(id(effect), 1.0))
             by.reshape(-1)[condition.dof_indices()[0]] = position.get(id(effect), len(now))
         turned = supports.turned
         if turned is not None:
-            scaled = [replace(skew, values=factors[id(skew.effect)] * skew.values) for skew in turned.supports]
+            scaled = [
+                replace(skew, values=factors[id(skew.effect)] * skew.values)
+                for skew in turned.supports
+            ]
             turned = replace(turned, supports=scaled)
             turned.place(value, entries)
         fixed = supports.fixed.reshape(self.owned, self.dimension)

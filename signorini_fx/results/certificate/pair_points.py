@@ -1,11 +1,13 @@
-"""The points of pairs of bodies for the certificate: identities of the map of the pair at the displacement of a result.
+"""The points of pairs of bodies for the certificate: identities of the map of the pair at the
+displacement of a result.
 
 Ranks, restarts or a changed entry would break them.  At all points
 
     D 1 = M 1 = 1,   D x - M x + d = 0,   B R = 0 for every joint rigid motion R,
 
-so that forces and moments of both sides balance, and the weights add up to the area where both sides meet.  Where
-normals follow deformed sides, a rotation R leaves B R = - R d, which the first two say.
+so that forces and moments of both sides balance, and the weights add up to the area where both
+sides meet.  Where normals follow deformed sides, a rotation R leaves B R = - R d, which the first
+two say.
 """
 
 from __future__ import annotations
@@ -35,16 +37,26 @@ class PairPoints:
     master: Any  # M, sparse, shape (n, nodes of the master)
     across: Array  # projectors onto the directions across planes of symmetry, shape (n, d, d)
     kept: PairedSides | None = None  # the pair, if points keep their partners
-    moving: MovingPair | None = None  # the pair, if sides slide, where the displacement has moved them
+    moving: MovingPair | None = (
+        None  # the pair, if sides slide, where the displacement has moved them
+    )
 
     @classmethod
     def of(cls, pair: PairedSides | MovingPair) -> PairPoints:
         """Those of a pair where it is now."""
         if isinstance(pair, PairedSides):
-            return cls(pair.sides, pair.coupling.slave, pair.coupling.master, pair.across, kept=pair)
+            return cls(
+                pair.sides, pair.coupling.slave, pair.coupling.master, pair.across, kept=pair
+            )
         mine, on_slave = pair.mine, pair.sides.slave.nodes.size
         both = pair.coupling.frames.both[mine]
-        return cls(pair.sides, both[:, :on_slave], -both[:, on_slave:], pair.across[mine], moving=copy(pair))
+        return cls(
+            pair.sides,
+            both[:, :on_slave],
+            -both[:, on_slave:],
+            pair.across[mine],
+            moving=copy(pair),
+        )
 
     @property
     def displaced(self) -> bool:
@@ -53,8 +65,8 @@ class PairPoints:
 
     @staticmethod
     def relative(moving: MovingPair, owned: Array, normal: Array) -> Array:
-        """The relative displacement from that of the owned nodes, shape (n, d): along the normal the distance,
-        negative, and across it the slip since the step began.
+        """The relative displacement from that of the owned nodes, shape (n, d): along the normal
+        the distance, negative, and across it the slip since the step began.
         """
         pair = copy(moving)
         pair.move(owned)
@@ -62,8 +74,8 @@ class PairPoints:
         return slip - pair.coupling.gap[pair.mine][:, None] * normal
 
     def on_other_side(self, of_node: Numbers) -> Numbers:
-        """Numbers that the owned nodes have, at the node of the other side that each point meets most, else -1, shape
-        (n,).
+        """Numbers that the owned nodes have, at the node of the other side that each point meets
+        most, else -1, shape (n,).
         """
         of_master = from_owners(
             of_node[:, None].astype(np.float64), self.sides.master.nodes, self.sides.space.mesh.comm
@@ -71,12 +83,14 @@ class PairPoints:
         opposite = np.full(self.master.shape[0], -1, dtype=np.int64)
         for row in np.flatnonzero(np.diff(self.master.indptr)):
             span = slice(*self.master.indptr[row : row + 2])
-            opposite[row] = of_master[self.master.indices[span][np.abs(self.master.data[span]).argmax()], 0]
+            opposite[row] = of_master[
+                self.master.indices[span][np.abs(self.master.data[span]).argmax()], 0
+            ]
         return opposite
 
     def least_area(self) -> Array:
-        """Areas of the owned nodes of the space on which the pair may act beside its points: what turns directions of
-        sides that slide acts on the neighbours of points on the slave, too.
+        """Areas of the owned nodes of the space on which the pair may act beside its points: what
+        turns directions of sides that slide acts on the neighbours of points on the slave, too.
         """
         sides, area = self.sides, np.zeros(self.sides.space.dofmap.index_map.size_local)
         if self.displaced:
@@ -85,7 +99,9 @@ class PairPoints:
         return area
 
     def error(self) -> float:
-        """The largest error of the identities of the map, relative to one, to weights, or to the size of the sides."""
+        """The largest error of the identities of the map, relative to one, to weights, or to the
+        size of the sides.
+        """
         sides, comm, dim = self.sides, self.sides.space.mesh.comm, self.across.shape[2]
         errors, turning = list[float](), True
         if self.kept is not None:
@@ -106,14 +122,19 @@ class PairPoints:
             # A plane of symmetry that holds the direction of rays takes a moment, too.
             in_plane = np.zeros(len(x))
             in_plane[: len(found.slave.x)] = sides.slave.surface.across.any(axis=(1, 2))
-            balanced = facing & ~(abs(operator) @ np.repeat(in_plane, dim)).reshape(-1, dim).any(axis=1)
+            balanced = facing & ~(abs(operator) @ np.repeat(in_plane, dim)).reshape(-1, dim).any(
+                axis=1
+            )
         errors += [_largest(part.sum(axis=1)[facing] - 1.0) for part in (self.slave, self.master)]
         total = float(parallel.global_sum(comm, weight.sum()))
         errors += [abs(total / covered - 1.0), np.max(-weight, initial=-np.inf) / covered]
         # Translations, and rotations that move the ends of the sides by about one.
         modes = rigid_modes(x, (x.min(axis=0) + x.max(axis=0)) / 2, np.array(_size_of(x)))
         moved = (operator @ modes.reshape(x.size, -1)).reshape(-1, dim, modes.shape[2])
-        errors += [_largest(moved[facing, :, :dim]), _largest(moved[balanced, :, dim:]) if turning else 0.0]
+        errors += [
+            _largest(moved[facing, :, :dim]),
+            _largest(moved[balanced, :, dim:]) if turning else 0.0,
+        ]
         return parallel.global_max(comm, float(max(errors)))
 
 

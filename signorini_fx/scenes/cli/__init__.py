@@ -1,6 +1,8 @@
-"""The command line: from arguments to an exit code; every error and interruption, the same on every rank.
+"""The command line: from arguments to an exit code; every error and interruption, the same on every
+rank.
 
-Help and errors in a scene need no import of dolfinx; text is printed by one rank.  Nothing imports this package.
+Help and errors in a scene need no import of dolfinx; text is printed by one rank.  Nothing imports
+this package.
 """
 
 from __future__ import annotations
@@ -17,7 +19,13 @@ from typing import TYPE_CHECKING
 from signorini_fx.errors import SceneError, SignoriniError, check_fenicsx
 from signorini_fx.machine import terminal
 from signorini_fx.scenes.cli import commands
-from signorini_fx.scenes.cli.grammar import EXIT_BAD_INPUT, EXIT_CRASH, EXIT_INTERRUPTED, EXIT_OK, parser
+from signorini_fx.scenes.cli.grammar import (
+    EXIT_BAD_INPUT,
+    EXIT_CRASH,
+    EXIT_INTERRUPTED,
+    EXIT_OK,
+    parser,
+)
 from signorini_fx.tuned import PROGRESS_PAUSE
 
 if TYPE_CHECKING:
@@ -46,7 +54,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     return on_ranks(command, source=getattr(options, "scene", None))
 
 
-_OUT_OF_MEMORY = "memory ran out: signorini-fx check says how much a scene needs; ulimit -a shows the limits"
+_OUT_OF_MEMORY = (
+    "memory ran out: signorini-fx check says how much a scene needs; ulimit -a shows the limits"
+)
 
 
 def _complain(text: object) -> int:
@@ -55,7 +65,9 @@ def _complain(text: object) -> int:
 
 
 def on_one_process(run: Callable[[], str | tuple[str, int]]) -> int:
-    """Run a command on one of several processes, and print its result, which may come with an exit code."""
+    """Run a command on one of several processes, and print its result, which may come with an exit
+    code.
+    """
     if not terminal.started_as_root():
         return EXIT_OK
     try:
@@ -73,7 +85,8 @@ def on_one_process(run: Callable[[], str | tuple[str, int]]) -> int:
 
 
 def on_ranks(run: Callable[[MPI.Comm], int], source: object = None) -> int:
-    """Run a command that all ranks share, which returns the exit code; every way in which it can end, in one place;
+    """Run a command that all ranks share, which returns the exit code; every way in which it can
+    end, in one place;
     ``source``: name of the scene in messages; None: the command has none.
     """
     try:
@@ -105,7 +118,9 @@ def on_ranks(run: Callable[[MPI.Comm], int], source: object = None) -> int:
         return _complain(error) if comm.rank == 0 else EXIT_BAD_INPUT
     except KeyboardInterrupt as interruption:
         if comm.rank == 0:
-            os.write(2, f"signorini-fx: interrupted{interruption}\n".encode(errors="backslashreplace"))
+            os.write(
+                2, f"signorini-fx: interrupted{interruption}\n".encode(errors="backslashreplace")
+            )
         return end(EXIT_INTERRUPTED)
     except Exception as error:
         if (message := _explained(error)) is not None:
@@ -119,7 +134,9 @@ def on_ranks(run: Callable[[MPI.Comm], int], source: object = None) -> int:
 
 
 def _explained(error: Exception) -> object:
-    """The message for an error of a lack of memory, or of options of the user for PETSc; None: another one."""
+    """The message for an error of a lack of memory, or of options of the user for PETSc; None:
+    another one.
+    """
     if "petsc4py.PETSc" not in sys.modules:
         return _OUT_OF_MEMORY if isinstance(error, MemoryError) else None
     from petsc4py import PETSc

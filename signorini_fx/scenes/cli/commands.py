@@ -1,4 +1,6 @@
-"""The commands; those that run on one process return the text to print, the others the exit code."""
+"""The commands; those that run on one process return the text to print, the others the exit
+code.
+"""
 
 from __future__ import annotations
 
@@ -12,10 +14,22 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from signorini_fx.errors import OptionsError, OutputError, SceneError, SignoriniError, cannot_be_written
+from signorini_fx.errors import (
+    OptionsError,
+    OutputError,
+    SceneError,
+    SignoriniError,
+    cannot_be_written,
+)
 from signorini_fx.extensions import add_on
 from signorini_fx.machine import terminal
-from signorini_fx.scenes.cli.grammar import EXIT_INCOMPLETE, EXIT_NO_SOLUTION, EXIT_OK, changes, several_values
+from signorini_fx.scenes.cli.grammar import (
+    EXIT_INCOMPLETE,
+    EXIT_NO_SOLUTION,
+    EXIT_OK,
+    changes,
+    several_values,
+)
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -27,17 +41,25 @@ def _start_petsc(options: Sequence[str]) -> None:
     """Start PETSc, once, with options as on a command line, without the name of the program."""
     words = [*os.environ.get("PETSC_OPTIONS", "").split(), *options]
     if any(word.startswith("-options_file") for word in words):
-        raise OptionsError("PETSc option -options_file: files of options are not read: give the options after --")
+        raise OptionsError(
+            "PETSc option -options_file: files of options are not read: give the options after --"
+        )
     import petsc4py
 
     try:
         petsc4py.init(["signorini-fx", "-no_signal_handler", "-skip_petscrc", *options])
-    except Exception as error:  # petsc4py.PETSc.Error; the module cannot be imported before it has started
-        raise OptionsError(f"PETSc does not start with the options {' '.join(options)!r}: {error}") from None
+    except (
+        Exception
+    ) as error:  # petsc4py.PETSc.Error; the module cannot be imported before it has started
+        raise OptionsError(
+            f"PETSc does not start with the options {' '.join(options)!r}: {error}"
+        ) from None
 
 
 def _read_scene(options: argparse.Namespace, comm: MPI.Comm, leave_out: str = "") -> Scene:
-    """The scene on every rank, with what the command line changes but one entry; PETSc is started."""
+    """The scene on every rank, with what the command line changes but one entry; PETSc is
+    started.
+    """
     from signorini_fx.machine import parallel
     from signorini_fx.scenes.reading import parse_scene_text, read_scene_text
 
@@ -61,7 +83,9 @@ def solve(options: argparse.Namespace, comm: MPI.Comm) -> int:
     from signorini_fx.results.summary import lines_of, short_answer, table_row
     from signorini_fx.scenes import solver
 
-    if not gc.get_freeze_count():  # what was imported stays: it need not be looked through for garbage
+    if (
+        not gc.get_freeze_count()
+    ):  # what was imported stays: it need not be looked through for garbage
         gc.freeze()
     fields = not options.no_fields
     if options.picture:
@@ -73,39 +97,61 @@ def solve(options: argparse.Namespace, comm: MPI.Comm) -> int:
         line.erase()
         terminal.say_once(comm, table_row(record))
 
-    observers: list[Callable[[Any], None]] = [*[show] * options.verbose, *[line] * (not options.quiet)]
+    observers: list[Callable[[Any], None]] = [
+        *[show] * options.verbose,
+        *[line] * (not options.quiet),
+    ]
     folder: ResultFolder | None = None
     try:
         with ResultFolder(comm, path, (*files.FILES, CHECKPOINT)) as folder:
             older = parallel.on_root(comm, lambda: files.title_of_result(path))
             if older not in (None, scene.title) and not options.quiet:
-                terminal.say_once(comm, f"{path}: the result of another scene, {older!r}, will be replaced")
+                terminal.say_once(
+                    comm, f"{path}: the result of another scene, {older!r}, will be replaced"
+                )
             try:
-                given: dict[str, Any] = {"observers": observers, "checkpoint": path, "restart": options.restart}
+                given: dict[str, Any] = {
+                    "observers": observers,
+                    "checkpoint": path,
+                    "restart": options.restart,
+                }
                 solution = solver.solve(scene, comm, check=False, **given)
             finally:
                 line.erase()
             pictures = False if options.no_pictures else options.picture or True
             if pictures:
-                with suppress(ImportError):  # without help texts for Python, a tenth of the time of a short run
+                # Without help texts for Python, a tenth of the time of a short run.
+                with suppress(ImportError):
                     from matplotlib.artist import Artist
 
-                    Artist._update_set_signature_and_docstring = classmethod(lambda _: None)  # type: ignore[attr-defined]
-            summary = files.write_results(solution, folder, fields=fields, pictures=pictures, pdf=options.pdf)
+                    Artist._update_set_signature_and_docstring = classmethod(  # type: ignore[attr-defined]
+                        lambda _: None
+                    )
+            summary = files.write_results(
+                solution, folder, fields=fields, pictures=pictures, pdf=options.pdf
+            )
     except KeyboardInterrupt:
         kept = folder is not None and folder.committed
-        where = f": the results are in {path}/" if kept else "; --restart goes on from what is complete"
+        where = (
+            f": the results are in {path}/" if kept else "; --restart goes on from what is complete"
+        )
         raise KeyboardInterrupt(where) from None
     if not options.quiet:
-        terminal.say_once(comm, lines_of(summary, path) if options.verbose else short_answer(summary, path))
+        terminal.say_once(
+            comm, lines_of(summary, path) if options.verbose else short_answer(summary, path)
+        )
     if not solution.converged:
         # The summary above has said what to do.
-        ended = terminal.TerminalLine("signorini-fx: ", outcome(solution, advice=options.quiet), "error")
+        ended = terminal.TerminalLine(
+            "signorini-fx: ", outcome(solution, advice=options.quiet), "error"
+        )
         terminal.say_once(comm, [ended], error=True)
         return EXIT_NO_SOLUTION
     if lacking := len(solution.statement.incomplete):
         why = f"the scene lacks {lacking} of what was meant, see incomplete"
-        told = terminal.TerminalLine("signorini-fx: ", f"these are results of another problem: {why}", "error")
+        told = terminal.TerminalLine(
+            "signorini-fx: ", f"these are results of another problem: {why}", "error"
+        )
         terminal.say_once(comm, [told], error=True)
     return EXIT_INCOMPLETE if lacking else EXIT_OK
 
@@ -130,7 +176,11 @@ def sweep(options: argparse.Namespace, comm: MPI.Comm) -> int:
         parallel.on_root(comm, lambda: write_csv(folder.part / "sweep.csv", rows))
         folder.commit()
     terminal.say_once(comm, f"results: {path}/")
-    return EXIT_OK if all(row["status"] == Status.CONVERGED.value for row in rows) else EXIT_NO_SOLUTION
+    return (
+        EXIT_OK
+        if all(row["status"] == Status.CONVERGED.value for row in rows)
+        else EXIT_NO_SOLUTION
+    )
 
 
 def check(options: argparse.Namespace, comm: MPI.Comm) -> int:
@@ -142,11 +192,15 @@ def check(options: argparse.Namespace, comm: MPI.Comm) -> int:
 
         checked = check_scene(scene, comm, uniqueness=options.verbose)
         if options.picture is not None:
-            add_on("draw_setup")(partial(load_mesh, scene, comm), scene.statement, comm, options.picture)
+            add_on("draw_setup")(
+                partial(load_mesh, scene, comm), scene.statement, comm, options.picture
+            )
     except SignoriniError as error:
         if options.json:
             problems = error.problems if isinstance(error, SceneError) else [("mesh", str(error))]
-            report = {"problems": [{"path": path, "message": message} for path, message in problems]}
+            report = {
+                "problems": [{"path": path, "message": message} for path, message in problems]
+            }
             terminal.say_once(comm, json.dumps(report, indent=2))
         raise
     text = text_of(checked, verbose=options.verbose)
@@ -174,7 +228,9 @@ def new(options: argparse.Namespace) -> str | tuple[str, int]:
 
         text = starting_scene()
     elif options.deck.suffix.lower() != ".inp":
-        raise OutputError(f"{options.deck}: a scene is drafted from an input file of Abaqus or CalculiX, .inp")
+        raise OutputError(
+            f"{options.deck}: a scene is drafted from an input file of Abaqus or CalculiX, .inp"
+        )
     else:
         draft = add_on("draft").draft(options.deck, file)
         text = draft.text
@@ -186,12 +242,18 @@ def new(options: argparse.Namespace) -> str | tuple[str, int]:
     except (OSError, ValueError) as error:
         raise cannot_be_written(file, error) from None
     if options.deck is None:
-        return f"{file} is a scene that can be solved as it is; change it, then run: signorini-fx check {file}"
+        return (
+            f"{file} is a scene that can be solved as it is; change it, then run: signorini-fx "
+            f"check {file}"
+        )
     lines = [f"{file} is the draft of a scene; check it: signorini-fx check {file}"]
     lines += [f"does not change the answer: {remark}" for remark in draft.noted]
     lines += [f"changes the answer: {remark}" for remark in draft.lost]
     if draft.lost:
-        lines.append(f"{file} is incomplete: complete it, and remove from 'incomplete' what you have completed")
+        lines.append(
+            f"{file} is incomplete: complete it, and remove from 'incomplete' what you have "
+            "completed"
+        )
     return "\n".join(lines), EXIT_INCOMPLETE if draft.lost else EXIT_OK
 
 
@@ -223,7 +285,11 @@ def mesh_info(options: argparse.Namespace) -> str:
         from mpi4py import MPI
 
         add_on("draw_mesh")(mesh, MPI.COMM_SELF, options.picture)
-    return json.dumps(described, indent=2) if options.json else info.render(described, str(options.file))
+    return (
+        json.dumps(described, indent=2)
+        if options.json
+        else info.render(described, str(options.file))
+    )
 
 
 def schema(options: argparse.Namespace) -> str:

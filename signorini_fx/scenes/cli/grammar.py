@@ -1,4 +1,6 @@
-"""The grammar of the command line: commands, their options, and the keys of the scene that they override."""
+"""The grammar of the command line: commands, their options, and the keys of the scene that they
+override.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,14 @@ from signorini_fx.errors import SceneError
 from signorini_fx.machine import terminal
 from signorini_fx.removed import removal
 
-EXIT_OK, EXIT_NO_SOLUTION, EXIT_BAD_INPUT, EXIT_CRASH, EXIT_INCOMPLETE, EXIT_INTERRUPTED = 0, 1, 2, 3, 4, 130
+EXIT_OK, EXIT_NO_SOLUTION, EXIT_BAD_INPUT, EXIT_CRASH, EXIT_INCOMPLETE, EXIT_INTERRUPTED = (
+    0,
+    1,
+    2,
+    3,
+    4,
+    130,
+)
 
 
 class _Parser(argparse.ArgumentParser):
@@ -40,7 +49,9 @@ class _Parser(argparse.ArgumentParser):
         return options
 
     def _refuse_removed(self, *words: str) -> None:
-        """End with what to do instead, if a command, an option or its value has left this package."""
+        """End with what to do instead, if a command, an option or its value has left this
+        package.
+        """
         name = " ".join((self.prog, *words))
         if advice := removal(name):
             self.error(f"{name} {advice}")
@@ -48,32 +59,49 @@ class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         if terminal.started_as_root():
             usage = terminal.TerminalLine(self.format_usage().removesuffix("\n"))
-            terminal.say([terminal.TerminalLine(f"{self.prog}: ", message, "error"), usage], error=True)
+            terminal.say(
+                [terminal.TerminalLine(f"{self.prog}: ", message, "error"), usage], error=True
+            )
         self.exit(EXIT_BAD_INPUT)
 
 
 def parser() -> argparse.ArgumentParser:
     """The commands and their options."""
     epilog = (
-        "What follows -- is passed to PETSc, for example: -- -sfx_snes_monitor -sfx_pc_factor_mat_solver_type mumps. "
-        "Exit codes: 0 solved, 1 no solution (the summary says why), 2 bad input, 3 internal error, 4 something of a "
+        "What follows -- is passed to PETSc, for example: -- -sfx_snes_monitor "
+        "-sfx_pc_factor_mat_solver_type mumps. "
+        "Exit codes: 0 solved, 1 no solution (the summary says why), 2 bad input, 3 internal "
+        "error, 4 something of a "
         "deck was left out that changes the answer, 130 interrupted."
     )
     judged = (
-        "Exit codes: 0 it agrees, 2 bad input, 3 internal error, 4 it agrees with what was read of the deck, 5 it "
+        "Exit codes: 0 it agrees, 2 bad input, 3 internal error, 4 it agrees with what was read "
+        "of the deck, 5 it "
         "solves another problem, 6 it violates the problem, 7 it cannot be told."
     )
     about = "Signorini contact with Tresca and Coulomb friction on FEniCSx."
     main = _Parser(prog="signorini-fx", description=about, epilog=epilog)
     main.add_argument("--version", action="version", version=f"signorini-fx {__version__}")
-    commands = main.add_subparsers(dest="command", required=True, metavar="COMMAND", parser_class=_Parser)
+    commands = main.add_subparsers(
+        dest="command", required=True, metavar="COMMAND", parser_class=_Parser
+    )
     solve = commands.add_parser("solve", help="solve a scene and write its results", epilog=epilog)
-    check = commands.add_parser("check", help="what acts in a scene, its cost and problems, without solving it")
-    report = commands.add_parser("report", help="write one HTML page from a result folder, to read, print and send")
+    check = commands.add_parser(
+        "check", help="what acts in a scene, its cost and problems, without solving it"
+    )
+    report = commands.add_parser(
+        "report", help="write one HTML page from a result folder, to read, print and send"
+    )
     judge = commands.add_parser("judge", help="check another program's result", epilog=judged)
-    sweep = commands.add_parser("sweep", help="solve a scene for several values of one of its entries", epilog=epilog)
-    new = commands.add_parser("new", help="write a scene file to start from, with every key explained")
-    info = commands.add_parser("mesh-info", help="describe a mesh file: names, counts, what is unnamed")
+    sweep = commands.add_parser(
+        "sweep", help="solve a scene for several values of one of its entries", epilog=epilog
+    )
+    new = commands.add_parser(
+        "new", help="write a scene file to start from, with every key explained"
+    )
+    info = commands.add_parser(
+        "mesh-info", help="describe a mesh file: names, counts, what is unnamed"
+    )
     schema = commands.add_parser("schema", help="print the JSON schema of scene files, for editors")
     commands.add_parser("info", help="print versions, the BLAS and the linear solvers in use")
 
@@ -83,47 +111,89 @@ def parser() -> argparse.ArgumentParser:
     solve.add_argument("--out", **folder, help="result folder (default: results/NAME of the file)")
     wanted = "relative error to reach by refining, such as 0.05 or 5%% (overrides accuracy.target)"
     solve.add_argument("--accuracy", type=parsed_accuracy, metavar="E", help=wanted)
-    of = "quantity that must be accurate (overrides accuracy.of; default: energy, that of the stress)"
+    of = (
+        "quantity that must be accurate (overrides accuracy.of; default: energy, that of the "
+        "stress)"
+    )
     solve.add_argument("--of", choices=("energy", "pressure", "force", "zone", "peak"), help=of)
-    solve.add_argument("--restart", **flag, help="continue a killed run after its last complete load step or mesh")
+    solve.add_argument(
+        "--restart", **flag, help="continue a killed run after its last complete load step or mesh"
+    )
     solve.add_argument("--no-fields", **flag, help="write no fields for ParaView")
     pictures = solve.add_mutually_exclusive_group()
     pictures.add_argument("--no-pictures", **flag, help="draw no pictures")
-    pictures.add_argument("--pdf", **flag, help="draw each picture as a PDF, for print, beside the PNG")
+    pictures.add_argument(
+        "--pdf", **flag, help="draw each picture as a PDF, for print, beside the PNG"
+    )
     drawn = "field to draw on the deformed body beside the von Mises stress; may be repeated"
-    solve.add_argument("--picture", action="append", choices=("pressure", "displacement", "density"), help=drawn)
+    solve.add_argument(
+        "--picture", action="append", choices=("pressure", "displacement", "density"), help=drawn
+    )
     said = solve.add_mutually_exclusive_group()
     said.add_argument("--quiet", **flag, help="print nothing but errors")
-    said.add_argument("--verbose", **flag, help="print each iteration, and all that is in summary.json")
+    said.add_argument(
+        "--verbose", **flag, help="print each iteration, and all that is in summary.json"
+    )
 
     output = check.add_mutually_exclusive_group()
     output.add_argument("--json", **flag, help="print JSON instead of text")
     output.add_argument("--verbose", **flag, help="print all findings")
-    check.add_argument("--picture", **file, help="draw mesh, loads, supports and contact: .png, .pdf or .svg")
-    report.add_argument("folder", type=named_path, metavar="FOLDER", help="result folder that solve wrote")
+    check.add_argument(
+        "--picture", **file, help="draw mesh, loads, supports and contact: .png, .pdf or .svg"
+    )
+    report.add_argument(
+        "folder", type=named_path, metavar="FOLDER", help="result folder that solve wrote"
+    )
     report.add_argument("--out", **file, help="the page (default: report.html in the folder)")
-    judge.add_argument("problem", type=named_path, metavar="PROBLEM", help="input file, .inp, or scene file (TOML)")
-    judge.add_argument("result", type=named_path, metavar="RESULT", help="displacements: .dat, .frd, .csv or .vtu")
+    judge.add_argument(
+        "problem", type=named_path, metavar="PROBLEM", help="input file, .inp, or scene file (TOML)"
+    )
+    judge.add_argument(
+        "result", type=named_path, metavar="RESULT", help="displacements: .dat, .frd, .csv or .vtu"
+    )
     judge.add_argument("--json", **flag, help="print JSON instead of text")
-    sweep.add_argument("--out", **folder, help="folder (default: results/sweep_NAME of the scene file)")
+    sweep.add_argument(
+        "--out", **folder, help="folder (default: results/sweep_NAME of the scene file)"
+    )
     for command in (solve, check, sweep):
         command.add_argument("scene", type=named_path, metavar="SCENE", help="scene file (TOML)")
-        several = "; one of them with several values, FROM:TO:COUNT or A,B,C" if command is sweep else ""
-        entry = f"entry of the scene, such as contact[0].friction.coefficient=0.3; may be repeated{several}"
-        command.add_argument("--set", action="append", type=parsed_setting, metavar="PATH=VALUE", help=entry)
-    new.add_argument("file", **file, nargs="?", default=Path("scene.toml"), help="the file (default: %(default)s)")
+        several = (
+            "; one of them with several values, FROM:TO:COUNT or A,B,C" if command is sweep else ""
+        )
+        entry = (
+            "entry of the scene, such as contact[0].friction.coefficient=0.3; may be "
+            f"repeated{several}"
+        )
+        command.add_argument(
+            "--set", action="append", type=parsed_setting, metavar="PATH=VALUE", help=entry
+        )
+    new.add_argument(
+        "file",
+        **file,
+        nargs="?",
+        default=Path("scene.toml"),
+        help="the file (default: %(default)s)",
+    )
     draft = "draft it from an .inp of Abaqus or CalculiX"
     new.add_argument("--from", dest="deck", type=named_path, metavar="DECK", help=draft)
-    info.add_argument("file", **file, help="mesh: .msh, .geo, .step, .stp, .brep, .inp, .med, .vtu or .xdmf")
+    info.add_argument(
+        "file", **file, help="mesh: .msh, .geo, .step, .stp, .brep, .inp, .med, .vtu or .xdmf"
+    )
     info.add_argument("--size", type=float, help="cell size for a .step, .stp or .brep")
     info.add_argument("--json", **flag, help="print JSON instead of a table")
-    info.add_argument("--picture", **file, help="draw the mesh and the names of its boundaries: .png, .pdf or .svg")
+    info.add_argument(
+        "--picture",
+        **file,
+        help="draw the mesh and the names of its boundaries: .png, .pdf or .svg",
+    )
     schema.add_argument("--summary", **flag, help="the schema of summary.json in result folders")
     return main
 
 
 def named_path(text: str) -> Path:
-    """A path; an empty one, as of a variable of a shell that is not set, would be the current folder."""
+    """A path; an empty one, as of a variable of a shell that is not set, would be the current
+    folder.
+    """
     if not text:
         raise argparse.ArgumentTypeError("a name is expected, got ''; the current folder is .")
     return Path(text)
@@ -136,7 +206,9 @@ def parsed_accuracy(text: str) -> float:
     try:
         return float(share(text))
     except ValueError:
-        raise argparse.ArgumentTypeError(f"a number like 0.05 or 5% is expected, got {text!r}") from None
+        raise argparse.ArgumentTypeError(
+            f"a number like 0.05 or 5% is expected, got {text!r}"
+        ) from None
 
 
 def parsed_setting(text: str) -> tuple[str, Any]:
@@ -164,10 +236,12 @@ _RANGE = re.compile(r"\s*([-+.\deE]+)\s*:\s*([-+.\deE]+)\s*:\s*(\d{1,5})\s*")
 
 
 def several_values(entries: dict[str, Any]) -> tuple[str, list[Any]]:
-    """The one entry that has several values, its path and the values: ``0.1:0.8:8``, from, to, and how many of them at
-    equal distances, or ``0.1,0.2,0.4``.
+    """The one entry that has several values, its path and the values: ``0.1:0.8:8``, from, to, and
+    how many of them at equal distances, or ``0.1,0.2,0.4``.
     """
-    ranges = {path: values for path, value in entries.items() if len(values := _values(path, value)) > 1}
+    ranges = {
+        path: values for path, value in entries.items() if len(values := _values(path, value)) > 1
+    }
     if len(ranges) != 1:
         reason = f"these have: {', '.join(ranges)}" if ranges else "none has"
         example = "such as --set contact[0].friction.coefficient=0.1:0.8:8 or 0.1,0.2,0.4"
@@ -184,6 +258,10 @@ def _values(path: str, value: Any) -> list[Any]:
         try:
             first, last, count = float(match[1]), float(match[2]), int(match[3])
         except ValueError:
-            raise SceneError([(path, f"{value!r} is no range: FROM:TO:COUNT is expected, such as 0.1:0.8:8")]) from None
-        return [float(f"{first + k / max(count - 1, 1) * (last - first):.12g}") for k in range(count)]
+            raise SceneError(
+                [(path, f"{value!r} is no range: FROM:TO:COUNT is expected, such as 0.1:0.8:8")]
+            ) from None
+        return [
+            float(f"{first + k / max(count - 1, 1) * (last - first):.12g}") for k in range(count)
+        ]
     return [parsed_change(f"value={entry}")[1] for entry in _COMMA.split(value)]

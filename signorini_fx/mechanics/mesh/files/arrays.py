@@ -24,7 +24,8 @@ from signorini_fx.mechanics.mesh.files.cells import (
 from signorini_fx.mechanics.statement.expressions import Expression, in_space, sample
 from signorini_fx.tuned import LARGEST_NUMBER
 
-# A boundary or region is selected by numbers in the cell data of the file, or by a rule, a function of the position.
+# A boundary or region is selected by numbers in the cell data of the file, or by a rule, a function
+# of the position.
 Selection = int | tuple[int, ...] | Callable[[Floats], Floats]
 
 
@@ -41,25 +42,33 @@ def bounds(points: Floats) -> list[list[float]]:
 
 def extent(ends: list[list[float]]) -> str:
     """The same in words."""
-    return ", ".join(f"x[{k}] {low:g} to {high:g}" for k, (low, high) in enumerate(zip(*ends, strict=True)))
+    return ", ".join(
+        f"x[{k}] {low:g} to {high:g}" for k, (low, high) in enumerate(zip(*ends, strict=True))
+    )
 
 
 @dataclass
 class RawMesh:
-    """The content of a file in meshio's layout: blocks of elements of one kind, sets and data block by block."""
+    """The content of a file in meshio's layout: blocks of elements of one kind, sets and data block
+    by block.
+    """
 
     points: Floats  # positions, shape (n, 2) or (n, 3)
-    blocks: list[tuple[str, Ints]]  # (kind in meshio's words, nodes of shape (elements, nodes of each))
+    blocks: list[
+        tuple[str, Ints]
+    ]  # (kind in meshio's words, nodes of shape (elements, nodes of each))
     # name -> for each block the numbers of its elements that belong
     sets: dict[str, list[Ints]] = field(default_factory=dict)
     node_sets: dict[str, Ints] = field(default_factory=dict)  # name -> numbers of points
-    # name -> for each block the whole number of each element, shape (elements,), or where an element may have several
-    # its numbers, shape (elements, k); below 0 is none
+    # name -> for each block the whole number of each element, shape (elements,), or where an
+    # element may have several its numbers, shape (elements, k); below 0 is none
     data: dict[str, list[Ints]] = field(default_factory=dict)
 
 
 class Numbering:
-    """Numbers of nodes or elements in the order of their rows; ``again``: the rows of numbers that came before."""
+    """Numbers of nodes or elements in the order of their rows; ``again``: the rows of numbers that
+    came before.
+    """
 
     def __init__(self, numbers: Ints) -> None:
         self.numbers = numbers
@@ -76,17 +85,23 @@ class Numbering:
 
 
 def row_keys(rows: Ints) -> Ints:
-    """One number for each row: two rows have the same if they hold the same numbers, -1 or more, in any order."""
+    """One number for each row: two rows have the same if they hold the same numbers, -1 or more, in
+    any order.
+    """
     ordered = 1 + np.sort(rows, axis=1)
     largest = int(ordered.max(initial=0)) + 1
     keys: Ints = ordered[:, 0]
-    for column in ordered.T[1:]:  # renumbered each time, so that the product of two counts does not overflow
+    for column in ordered.T[
+        1:
+    ]:  # renumbered each time, so that the product of two counts does not overflow
         keys = np.unique(keys * largest + column, return_inverse=True)[1].reshape(-1)
     return keys
 
 
 def rows_of(wanted: Ints, table: Ints) -> Ints:
-    """Where each row of nodes is in a table of distinct rows, in any order of nodes; -1: nowhere."""
+    """Where each row of nodes is in a table of distinct rows, in any order of nodes; -1:
+    nowhere.
+    """
     keys = row_keys(np.concatenate((table, wanted)))
     row_numbers = np.full(int(keys.max(initial=0)) + 1, -1)
     row_numbers[keys[: len(table)]] = np.arange(len(table))
@@ -151,9 +166,11 @@ def from_raw(
     regions: Mapping[str, Selection] | None = None,
     data: str | None = None,
 ) -> MeshArrays:
-    """The cells of a raw mesh with their exterior facets, those inside that have a name, and all names.
+    """The cells of a raw mesh with their exterior facets, those inside that have a name, and all
+    names.
 
-    The mesh is in 3D if it has cells of three dimensions; otherwise it must be in a plane x[2] = constant.
+    The mesh is in 3D if it has cells of three dimensions; otherwise it must be in a plane x[2] =
+    constant.
 
     Args:
         raw: the mesh as read from its file.
@@ -163,12 +180,15 @@ def from_raw(
         data: the cell data that numbers refer to; None: the only one that has any.
 
     Raises:
-        MeshError: there are no cells, or cells of several kinds; they are a surface in 3D, folded or flat; or a node
-            is missing.
+        MeshError: there are no cells, or cells of several kinds; they are a surface in 3D, folded
+            or flat; or a node is missing.
         SceneError: a selection is empty.
     """
     kind, body = _body(raw, name)
-    if any(nodes.size and not 0 <= nodes.min() <= nodes.max() < len(raw.points) for _, nodes in raw.blocks):
+    if any(
+        nodes.size and not 0 <= nodes.min() <= nodes.max() < len(raw.points)
+        for _, nodes in raw.blocks
+    ):
         raise MeshError(f"{name}: an element has a node that does not exist")
     table, positions = np.concatenate([raw.blocks[n][1] for n in body]).astype(np.int64), raw.points
     full_cell = completed(kind)
@@ -199,7 +219,9 @@ def from_raw(
     for entities, chosen, result in ((sides, boundaries, names), (parts, regions, names_of_parts)):
         numbers = _numbers(entities, data, name)
         word = "boundary" if entities is sides else "region"
-        elements = dict(entities.sets) or {f"{word}_{value}": members for value, members in (numbers or {}).items()}
+        elements = dict(entities.sets) or {
+            f"{word}_{value}": members for value, members in (numbers or {}).items()
+        }
         result |= {label: entities.take(members) for label, members in elements.items()}
         for label, selection in (chosen or {}).items():
             elements.pop(label, None)
@@ -213,21 +235,32 @@ def from_raw(
             elif isinstance(selection, Expression) and selection.coordinates > cell.dim:
                 selected, message = corners[:0, 0], f"{name}: the mesh is plane: there is no x[2]"
             else:
-                selected = np.flatnonzero((sample(selection, in_space(points)) > 0)[entities.nodes].all(axis=1))
-                message = f"{name}: selects no {entities.word}; the body is {extent(bounds(points))}"
+                selected = np.flatnonzero(
+                    (sample(selection, in_space(points)) > 0)[entities.nodes].all(axis=1)
+                )
+                message = (
+                    f"{name}: selects no {entities.word}; the body is {extent(bounds(points))}"
+                )
             result[label] = selected
             if not selected.size:
                 problems.append((f"mesh.{entities.key}.{label}", message))
-        missed = {label: np.count_nonzero(entities.number[members] < 0) for label, members in elements.items()}
+        missed = {
+            label: np.count_nonzero(entities.number[members] < 0)
+            for label, members in elements.items()
+        }
         astray |= {label: count for label, count in missed.items() if count}
     if problems:
         raise SceneError(problems)
-    return MeshArrays(points, cell.kind, cells, facets, names, names_of_parts, astray, len(facets) - len(exterior))
+    return MeshArrays(
+        points, cell.kind, cells, facets, names, names_of_parts, astray, len(facets) - len(exterior)
+    )
 
 
 @dataclass(frozen=True)
 class _Entities:
-    """Entities that can have names, the exterior facets or the cells, and the elements of the file that may be some."""
+    """Entities that can have names, the exterior facets or the cells, and the elements of the file
+    that may be some.
+    """
 
     key: str  # the key of the scene for their names
     word: str  # the word for them in messages
@@ -242,17 +275,24 @@ class _Entities:
         return np.unique(numbers[numbers >= 0])
 
 
-def _entities(raw: RawMesh, key: str, word: str, nodes: Ints, blocks: list[int], number: Ints) -> _Entities:
+def _entities(
+    raw: RawMesh, key: str, word: str, nodes: Ints, blocks: list[int], number: Ints
+) -> _Entities:
     """What the elements of some blocks are, one block after the other."""
     firsts = np.cumsum([0, *(len(raw.blocks[n][1]) for n in blocks)])[:-1]
     placed = list(zip(blocks, firsts, strict=True))
     none: Ints = np.empty(0, dtype=np.int64)
-    sets = {label: np.concatenate([none, *(at + rows[n] for n, at in placed)]) for label, rows in raw.sets.items()}
+    sets = {
+        label: np.concatenate([none, *(at + rows[n] for n, at in placed)])
+        for label, rows in raw.sets.items()
+    }
     data: dict[str, Mapping[int, Ints]] = {}
     for label, columns in raw.data.items():
         elements = [(at + np.indices(columns[n].shape)[0]).ravel() for n, at in placed]
         data[label] = _by_number(elements, [columns[n].ravel() for n in blocks]) if blocks else {}
-    return _Entities(key, word, nodes, number, {label: rows for label, rows in sets.items() if rows.size}, data)
+    return _Entities(
+        key, word, nodes, number, {label: rows for label, rows in sets.items() if rows.size}, data
+    )
 
 
 def _by_number(elements: list[Ints], numbers: list[Ints]) -> dict[int, Ints]:
@@ -263,14 +303,20 @@ def _by_number(elements: list[Ints], numbers: list[Ints]) -> dict[int, Ints]:
     return {value: part for value, part in zip(plain(found), parts, strict=False) if value >= 0}
 
 
-def _no_number(entities: _Entities, numbers: Mapping[int, Ints] | None, value: int, name: str) -> str:
+def _no_number(
+    entities: _Entities, numbers: Mapping[int, Ints] | None, value: int, name: str
+) -> str:
     """What to say of a number that no entity has."""
     if numbers is not None:
         known_numbers = ", ".join(map(str, numbers)) or "none"
-        return f"{name}: number {value} selects no {entities.word}; the numbers there are: {known_numbers}"
+        return (
+            f"{name}: number {value} selects no {entities.word}; the numbers there are: "
+            f"{known_numbers}"
+        )
     possible = ", ".join(repr(label) for label, known in entities.data.items() if known) or "none"
     return (
-        f"{name}: it is not known which numbers are meant: set mesh.data to one of the cell data ({possible}), give a "
+        f"{name}: it is not known which numbers are meant: set mesh.data to one of the cell data "
+        f"({possible}), give a "
         "condition, such as 'x[1] < 1e-9', or name them in the file (in gmsh: physical groups)"
     )
 
@@ -285,30 +331,39 @@ def _body(raw: RawMesh, name: str) -> tuple[str, list[int]]:
     sizes = solid or sizes  # the surfaces of a body in 3D are facets
     if not sizes:
         raise MeshError(
-            f"{name}: the mesh has no cells: in gmsh, put the body into a physical group of dimension 2, or 3 in 3D"
+            f"{name}: the mesh has no cells: in gmsh, put the body into a physical group of "
+            "dimension 2, or 3 in 3D"
         )
     kind = next(iter(sizes))
     if len(sizes) > 1 or (kind not in CELLS and completed(kind) is None):
         counts = ", ".join(f"{count} {kind}" for kind, count in sorted(sizes.items()))
         simplices = "tetrahedra" if solid else "triangles"
         raise MeshError(
-            f"{name}: a mesh has one kind of cell of degree 1 or 2, no wedges and no pyramids, and this one has "
-            f"{counts}: {simplices} are made of all by gmsh without Recombine, or from a file by ParaView's filter "
+            f"{name}: a mesh has one kind of cell of degree 1 or 2, no wedges and no pyramids, "
+            "and this one has "
+            f"{counts}: {simplices} are made of all by gmsh without Recombine, or from a file by "
+            "ParaView's filter "
             "Tetrahedralize"
         )
     return kind, [n for n, (k, _) in enumerate(raw.blocks) if k == kind]
 
 
 def _points_of(positions: Floats, cells: Ints, dim: int, name: str) -> tuple[Floats, Ints, Ints]:
-    """Points that cells use, the cells in their numbers, and the new number of every point (-1: dropped)."""
+    """Points that cells use, the cells in their numbers, and the new number of every point (-1:
+    dropped).
+    """
     used = np.zeros(len(positions), dtype=bool)
     used[cells] = True
     renumber = np.where(used, np.cumsum(used) - 1, -1)
     points = np.asarray(positions, dtype=np.float64)[used]
     if not (np.abs(points) <= LARGEST_NUMBER).all():
-        raise MeshError(f"{name}: a node has coordinates that are not finite, or larger than {LARGEST_NUMBER:g}")
+        raise MeshError(
+            f"{name}: a node has coordinates that are not finite, or larger than {LARGEST_NUMBER:g}"
+        )
     if points.shape[1] < dim:
-        raise MeshError(f"{name}: the cells are those of a body in 3D, but the nodes have no third coordinate")
+        raise MeshError(
+            f"{name}: the cells are those of a body in 3D, but the nodes have no third coordinate"
+        )
     if dim == 2 and points.shape[1] > 2:
         _check_plane(points, name)
     return np.ascontiguousarray(points[:, :dim]), renumber[cells], renumber
@@ -322,26 +377,38 @@ def _check_plane(points: Floats, name: str) -> None:
     off = points[np.argmax(np.abs(points[:, 2] - np.median(points[:, 2])))]
     place = ", ".join(f"{value:g}" for value in off)
     raise MeshError(
-        f"{name}: the mesh is not in a plane x[2] = constant, off by {spread[2]:g}, the most at ({place}): turn it "
-        "there; a body in 3D has tetrahedra or hexahedra: in gmsh, put the volume into a physical group of dimension 3"
+        f"{name}: the mesh is not in a plane x[2] = constant, off by {spread[2]:g}, the most at "
+        f"({place}): turn it "
+        "there; a body in 3D has tetrahedra or hexahedra: in gmsh, put the volume into a physical "
+        "group of dimension 3"
     )
 
 
 def _complete(points: Floats, cells: Ints, cell: Cell, weights: Floats) -> tuple[Floats, Ints]:
-    """Points and cells with the nodes in the middle of faces that the cells lack, joined where cells meet."""
+    """Points and cells with the nodes in the middle of faces that the cells lack, joined where
+    cells meet.
+    """
     new = cell.nodes[cells.shape[1] :]
     # A face is identified by its corners, a cell by its number.
-    faces = np.concatenate([np.empty((0, 4), np.int64), *(cells[:, list(corners)] for corners in new[:-1])])
+    faces = np.concatenate(
+        [np.empty((0, 4), np.int64), *(cells[:, list(corners)] for corners in new[:-1])]
+    )
     first, number = np.unique(row_keys(faces), return_index=True, return_inverse=True)[1:]
     inside = len(first) + np.arange(len(cells))
     added = np.column_stack((number.reshape(len(new) - 1, len(cells)).T, inside)) + len(points)
-    x = np.einsum("nt,ctd->cnd", weights[cells.shape[1] :], np.asarray(points, dtype=np.float64)[cells])
-    points = np.concatenate((points, x[:, :-1].transpose(1, 0, 2).reshape(-1, x.shape[2])[first], x[:, -1]))
+    x = np.einsum(
+        "nt,ctd->cnd", weights[cells.shape[1] :], np.asarray(points, dtype=np.float64)[cells]
+    )
+    points = np.concatenate(
+        (points, x[:, :-1].transpose(1, 0, 2).reshape(-1, x.shape[2])[first], x[:, -1])
+    )
     return points, np.column_stack((cells, added))
 
 
 def sides_of(cells: Ints, cell: Cell) -> Ints:
-    """Nodes of all facets of all cells, cell by cell, shape (facets of each * m, nodes of a facet)."""
+    """Nodes of all facets of all cells, cell by cell, shape (facets of each * m, nodes of a
+    facet).
+    """
     return cells[:, cell.facet_nodes].reshape(-1, cell.facet_nodes.shape[1])
 
 
@@ -354,7 +421,9 @@ def _exterior(sides: Ints, width: int, name: str) -> Ints:
     if counts.max() > 2:
         raise MeshError(f"{name}: a facet belongs to {counts.max()} cells ({hint})")
     if not alone.size:
-        raise MeshError(f"{name}: the body has no boundary: every facet belongs to two cells ({hint})")
+        raise MeshError(
+            f"{name}: the body has no boundary: every facet belongs to two cells ({hint})"
+        )
     return alone
 
 
@@ -375,5 +444,7 @@ def _numbers(entities: _Entities, data: str | None, name: str) -> Mapping[int, I
         return possible[0] if len(possible) == 1 else None
     if data not in entities.data:
         labels = ", ".join(map(repr, entities.data)) or "none"
-        raise SceneError([("mesh.data", f"{name}: no cell data {data!r} of whole numbers; there are: {labels}")])
+        raise SceneError(
+            [("mesh.data", f"{name}: no cell data {data!r} of whole numbers; there are: {labels}")]
+        )
     return entities.data[data]

@@ -1,4 +1,6 @@
-"""The kinds of elements in meshes, whose corners, nodes and facets have the order of dolfinx; measure and validity."""
+"""The kinds of elements in meshes, whose corners, nodes and facets have the order of dolfinx;
+measure and validity.
+"""
 
 from __future__ import annotations
 
@@ -53,14 +55,23 @@ class Cell:
 
     @cached_property
     def nodes(self) -> list[Corners]:
-        """For each node the corners that it is in the middle of; a corner is in the middle of itself."""
+        """For each node the corners that it is in the middle of; a corner is in the middle of
+        itself.
+        """
         entities = enumerate(basix.topology(self.basix_type))
-        middles = [tuple(corners) for dim, of_dim in entities for corners in of_dim if len(corners) == 2**dim]
+        middles = [
+            tuple(corners)
+            for dim, of_dim in entities
+            for corners in of_dim
+            if len(corners) == 2**dim
+        ]
         return middles[: len(self.places)]
 
     @property
     def facet_nodes(self) -> Ints:
-        """Nodes of each facet in the order of the kind of the facets, shape (facets, nodes of each)."""
+        """Nodes of each facet in the order of the kind of the facets, shape (facets, nodes of
+        each).
+        """
         return np.array(self._element.entity_closure_dofs[self.dim - 1])
 
     @property
@@ -74,8 +85,11 @@ class Cell:
         return basix.create_element(basix.ElementFamily.P, self.basix_type, self.degree, even)
 
     def shape(self, x: Floats) -> Floats:
-        """Shape functions at places of the reference cell, shape (places, dim) -> (places, nodes)."""
-        # At nodes they are 0 and 1 but for round-off, with which a node would leave an axis of symmetry.
+        """Shape functions at places of the reference cell, shape (places, dim) -> (places,
+        nodes).
+        """
+        # At nodes they are 0 and 1 but for round-off, with which a node would leave an axis of
+        # symmetry.
         return np.asarray(self._element.tabulate(0, x)[0, :, :, 0].round(_DIGITS))
 
     def gradient(self, x: Floats) -> Floats:
@@ -103,11 +117,16 @@ def kind_of_mesh(mesh: Any) -> Cell | None:
     from signorini_fx.machine import compat
 
     word, degree = mesh.topology.cell_name(), compat.geometry_degree(mesh)
-    return next((cell for cell in CELLS.values() if (cell.basix_type.name, cell.degree) == (word, degree)), None)
+    return next(
+        (cell for cell in CELLS.values() if (cell.basix_type.name, cell.degree) == (word, degree)),
+        None,
+    )
 
 
 def order_in(program: str, kind: Cell) -> Ints:
-    """Node k of an element is that with this number in ``gmsh``, or in ``vtk``, as meshio has it."""
+    """Node k of an element is that with this number in ``gmsh``, or in ``vtk``, as meshio has
+    it.
+    """
     import mpi4py.MPI  # noqa: F401  # first, see signorini_fx.mechanics.body
     from dolfinx.io import utils
     from dolfinx.mesh import to_type
@@ -121,14 +140,16 @@ def straight(cell: Cell) -> Cell:
     return CELLS[family(cell.kind)]
 
 
-# Elements of the serendipity family, which have no nodes in the middle of faces, and their complete kind.
+# Elements of the serendipity family, which have no nodes in the middle of faces, and their complete
+# kind.
 _COMPLETE = {"quad8": "quad9", "hexahedron20": "hexahedron27"}
 _DIMENSIONS = {"vertex": 0, "line": 1, "triangle": 2, "quad": 2, "polygon": 2}
 
 
 def completed(kind: str) -> tuple[Cell, Floats] | None:
-    """How to complete an element without nodes in the middle of its faces: the kind with exactly the same shape, and
-    the weights of the existing nodes in each of its nodes, shape (nodes, existing nodes); None for any other kind.
+    """How to complete an element without nodes in the middle of its faces: the kind with exactly
+    the same shape, and the weights of the existing nodes in each of its nodes, shape (nodes,
+    existing nodes); None for any other kind.
     """
     if kind not in _COMPLETE:
         return None
@@ -136,7 +157,10 @@ def completed(kind: str) -> tuple[Cell, Floats] | None:
     existing = [set(corners) for corners in full_cell.nodes if len(corners) <= 2]
     weights = np.eye(len(full_cell.nodes), len(existing))
     for node, corners in enumerate(full_cell.nodes[len(existing) :], start=len(existing)):
-        around = {1: -1 / 4, 2: 2 / len(corners)}  # a corner; the middle of an edge, of a face or of the cell
+        around = {
+            1: -1 / 4,
+            2: 2 / len(corners),
+        }  # a corner; the middle of an edge, of a face or of the cell
         weights[node] = [around[len(ends)] if ends <= set(corners) else 0.0 for ends in existing]
     return full_cell, weights
 
@@ -147,22 +171,27 @@ def family(kind: str) -> str:
 
 
 def dimension(kind: str) -> int:
-    """Of an element of a file, also one that is no kind of cell here; what is not known is a solid."""
+    """Of an element of a file, also one that is no kind of cell here; what is not known is a
+    solid.
+    """
     return _DIMENSIONS.get(family(kind), 3)
 
 
-# --- elements of a mesh -----------------------------------------------------------------------------------------------
+# --- elements of a mesh ---------------------------------------------------------------------------
 
 
 def measures(points: Floats, nodes: Ints, cell: Cell) -> Floats:
-    """Length, area or volume of each element, on its curved shape if it is one, shape (m,), from points, shape (n, d),
-    and the nodes of each, shape (m, k), of a kind of d dimensions or of one less.
+    """Length, area or volume of each element, on its curved shape if it is one, shape (m,), from
+    points, shape (n, d), and the nodes of each, shape (m, k), of a kind of d dimensions or of one
+    less.
     """
     return np.asarray(nodal_measures(points, nodes, cell).sum(axis=1))
 
 
 def nodal_measures(points: Floats, nodes: Ints, cell: Cell) -> Floats:
-    """The integral of each shape function over each element, which is the share of its node, shape (m, k)."""
+    """The integral of each shape function over each element, which is the share of its node, shape
+    (m, k).
+    """
     x, weights = basix.make_quadrature(cell.basix_type, _DEGREE)
     shares = [np.empty((0, len(cell.nodes)))]
     for start in range(0, len(nodes), _CHUNK):
@@ -182,13 +211,20 @@ def _jacobian(points: Floats, nodes: Ints, cell: Cell, x: Floats) -> Floats:
 
 
 def curvature(points: Floats, cells: Ints, cell: Cell) -> float:
-    """The largest distance of a node between corners from where that of a straight cell would be, a length."""
-    away = [points[cells[:, k]] - points[cells[:, list(ends)]].mean(axis=1) for k, ends in enumerate(cell.nodes)]
+    """The largest distance of a node between corners from where that of a straight cell would be, a
+    length.
+    """
+    away = [
+        points[cells[:, k]] - points[cells[:, list(ends)]].mean(axis=1)
+        for k, ends in enumerate(cell.nodes)
+    ]
     return float(np.linalg.norm(away, axis=2).max(initial=0.0))
 
 
 def check_shape(points: Floats, cells: Ints, cell: Cell, name: str) -> None:
-    """Refuse cells that are flat or folded by a ``MeshError``: how many there are and where the first one is."""
+    """Refuse cells that are flat or folded by a ``MeshError``: how many there are and where the
+    first one is.
+    """
     parts = [_spoilt(points, cells[k : k + _CHUNK], cell) for k in range(0, len(cells), _CHUNK)]
     flat, folded = (np.concatenate(flags) for flags in zip(*parts, strict=True))
     for bad, defect in (
@@ -198,7 +234,9 @@ def check_shape(points: Floats, cells: Ints, cell: Cell, name: str) -> None:
         if bad.any():
             middle = points[cells[int(np.argmax(bad)), : len(cell.corners)]].mean(axis=0)
             point = ", ".join(f"{value:g}" for value in middle)
-            raise MeshError(f"{name}: {np.count_nonzero(bad)} cells {defect}, the first at ({point})")
+            raise MeshError(
+                f"{name}: {np.count_nonzero(bad)} cells {defect}, the first at ({point})"
+            )
 
 
 def _spoilt(points: Floats, cells: Ints, cell: Cell) -> tuple[_Truths, _Truths]:

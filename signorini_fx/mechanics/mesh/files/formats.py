@@ -1,4 +1,6 @@
-"""Mesh files, read into arrays by gmsh, meshio (.med, .vtu, .xdmf), dolfinx (its .xdmf) and the add-on for decks."""
+"""Mesh files, read into arrays by gmsh, meshio (.med, .vtu, .xdmf), dolfinx (its .xdmf) and the
+add-on for decks.
+"""
 
 from __future__ import annotations
 
@@ -35,27 +37,37 @@ def read_file(
 ) -> MeshArrays:
     """A mesh in 2D or in 3D from a file, the format by its suffix.
 
-    A drawing (.geo, .step, .stp, .brep) is meshed again, on the true shape; the cells of other meshes are divided, on
-    their own curved sides.  With ``joined`` solids of a CAD drawing that touch or overlap share faces; the other
-    arguments are those of ``load_file``.
+    A drawing (.geo, .step, .stp, .brep) is meshed again, on the true shape; the cells of other
+    meshes are divided, on their own curved sides.  With ``joined`` solids of a CAD drawing that
+    touch or overlap share faces; the other arguments are those of ``load_file``.
 
     Raises:
-        MeshError: there is no such file, it cannot be read, or it is not a mesh of one kind of cell.
+        MeshError: there is no such file, it cannot be read, or it is not a mesh of one kind of
+            cell.
         SceneError: a selection is empty, or a length cannot be had.
     """
     file, suffix = mesh.file, mesh.file.suffix.lower()
     if suffix not in _FORMATS:
-        raise MeshError(f"{file}: unknown mesh format {file.suffix!r}; known are {', '.join(sorted(_FORMATS))}")
+        raise MeshError(
+            f"{file}: unknown mesh format {file.suffix!r}; known are {', '.join(sorted(_FORMATS))}"
+        )
     if not os.path.isfile(file):  # a name may be of any length
         raise MeshError(f"{file}: no such file")
     if mesh.size is not None and suffix not in CAD:
         suffixes = ", ".join(CAD)
         raise SceneError(
-            [("mesh.size", f"a {file.suffix} file determines the size of its cells; a size is for {suffixes}")]
+            [
+                (
+                    "mesh.size",
+                    f"a {file.suffix} file determines the size of its cells; a size is for "
+                    f"{suffixes}",
+                )
+            ]
         )
     if not mesh.drawn and not isinstance(sizes, SizeField) and sizes:
         message = (
-            f"a {file.suffix} file has its cells already: give its drawing ({', '.join(DRAWN)}), or let "
+            f"a {file.suffix} file has its cells already: give its drawing ({', '.join(DRAWN)}), "
+            "or let "
             "[accuracy] with refinement = 'adaptive' divide straight triangles or tetrahedra"
         )
         raise SceneError([(sizes[0].path, message)])
@@ -72,7 +84,11 @@ def read_file(
     if suffix == ".msh":
         arrays = read_gmsh(mesh, named)
     else:
-        arrays = named(add_on("deck_files").read_model(file).raw if suffix == ".inp" else read_meshio(file, suffix[1:]))
+        arrays = named(
+            add_on("deck_files").read_model(file).raw
+            if suffix == ".inp"
+            else read_meshio(file, suffix[1:])
+        )
     if degree == 1:
         arrays = straightened(arrays)
     for _ in range(halvings):
@@ -81,11 +97,17 @@ def read_file(
 
 
 def files_of(file: Path) -> list[Path]:
-    """A file of a mesh or of anything else, and what it includes as an Abaqus input file; or a ``MeshError``."""
-    return list(add_on("deck_files").read_keywords(file)[1]) if file.suffix.lower() == ".inp" else [file]
+    """A file of a mesh or of anything else, and what it includes as an Abaqus input file; or a
+    ``MeshError``.
+    """
+    return (
+        list(add_on("deck_files").read_keywords(file)[1])
+        if file.suffix.lower() == ".inp"
+        else [file]
+    )
 
 
-# --- meshio -----------------------------------------------------------------------------------------------------------
+# --- meshio ---------------------------------------------------------------------------------------
 
 
 def read_meshio(file: Path, kind: str) -> RawMesh:
@@ -98,9 +120,14 @@ def read_meshio(file: Path, kind: str) -> RawMesh:
     """
     try:
         form = importlib.import_module(f"meshio.{kind}")
-        silent = contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO())
+        silent = (
+            contextlib.redirect_stdout(io.StringIO()),
+            contextlib.redirect_stderr(io.StringIO()),
+        )
         with silent[0], silent[1], np.errstate(over="ignore"):
-            grids = ElementTree.parse(file).getroot().findall("./Domain/Grid") if kind == "xdmf" else []
+            grids = (
+                ElementTree.parse(file).getroot().findall("./Domain/Grid") if kind == "xdmf" else []
+            )
             if len(grids) > 1:
                 return _of_dolfinx(file, [grid.get("Name", "") for grid in grids])
             return _of_meshio(form.read(str(file)))
@@ -110,16 +137,24 @@ def read_meshio(file: Path, kind: str) -> RawMesh:
 
 
 def _of_meshio(mesh: Any) -> RawMesh:
-    raw = RawMesh(np.asarray(mesh.points), [(block.type, np.asarray(block.data, np.int64)) for block in mesh.cells])
+    raw = RawMesh(
+        np.asarray(mesh.points),
+        [(block.type, np.asarray(block.data, np.int64)) for block in mesh.cells],
+    )
     for name, arrays in mesh.cell_data.items():
-        if all(np.ndim(values) == 1 and np.issubdtype(np.asarray(values).dtype, np.integer) for values in arrays):
+        if all(
+            np.ndim(values) == 1 and np.issubdtype(np.asarray(values).dtype, np.integer)
+            for values in arrays
+        ):
             raw.data[name] = [np.asarray(values, dtype=np.int64) for values in arrays]
     # In MED an element, or a node, has the number of a family, and a family belongs to groups.
     families = raw.data.pop("cell_tags", None) if hasattr(mesh, "cell_tags") else None
     for number, groups in mesh.cell_tags.items() if families is not None else ():
         for name in groups:
             rows = [np.flatnonzero(values == number) for values in families or ()]
-            raw.sets[name] = [np.union1d(*pair) for pair in zip(raw.sets.get(name, rows), rows, strict=True)]
+            raw.sets[name] = [
+                np.union1d(*pair) for pair in zip(raw.sets.get(name, rows), rows, strict=True)
+            ]
     nodes = mesh.point_data.get("point_tags")
     for number, groups in mesh.point_tags.items() if nodes is not None else ():
         for name in groups:
@@ -129,7 +164,9 @@ def _of_meshio(mesh: Any) -> RawMesh:
 
 
 def _of_dolfinx(file: Path, names: list[str]) -> RawMesh:
-    """A mesh and tags that dolfinx has written into one XDMF file, of which meshio would read the mesh alone."""
+    """A mesh and tags that dolfinx has written into one XDMF file, of which meshio would read the
+    mesh alone.
+    """
     import mpi4py.MPI  # first, see signorini_fx.mechanics.body
     from dolfinx import mesh as dmesh
     from dolfinx.io import XDMFFile
@@ -147,7 +184,9 @@ def _of_dolfinx(file: Path, names: list[str]) -> RawMesh:
     raw = RawMesh(mesh.geometry.x, [(kind.kind, cells.astype(np.int64))])
     of_facets = {name: tags for name, tags in all_tags.items() if tags.dim == dim - 1}
     for tags in of_facets.values():
-        raw.blocks.append((kind.facet, dmesh.entities_to_geometry(mesh, dim - 1, tags.indices).astype(np.int64)))
+        raw.blocks.append(
+            (kind.facet, dmesh.entities_to_geometry(mesh, dim - 1, tags.indices).astype(np.int64))
+        )
     for name, tags in all_tags.items():
         raw.data[name] = [np.full(len(nodes), -1) for _, nodes in raw.blocks]
         if tags.dim == dim:

@@ -1,4 +1,6 @@
-"""Files that gmsh reads, in this process: its meshes, its scripts, and CAD drawings, which it meshes."""
+"""Files that gmsh reads, in this process: its meshes, its scripts, and CAD drawings, which it
+meshes.
+"""
 
 from __future__ import annotations
 
@@ -27,13 +29,20 @@ _BEGINNINGS = {
     "brep": (b"DBRep_DrawableShape", b"CASCADE Topology"),
 }
 # The last lines of drawings.
-_LAST = {"step": re.compile(rb"END-ISO-10303-21\s*;\s*$"), "brep": re.compile(rb"\n[+-]\d+ \d+\s*$")}
+_LAST = {
+    "step": re.compile(rb"END-ISO-10303-21\s*;\s*$"),
+    "brep": re.compile(rb"\n[+-]\d+ \d+\s*$"),
+}
 # A body's diagonal is so many cells long where no size is given.
 _CELLS_ALONG = 25
 # Where the surface is curved, so many cells are a full turn.
 _TO_A_TURN = 16
 # Elements by gmsh's number, in meshio's words.
-_TYPES = {cell.gmsh: kind for kind, cell in CELLS.items()} | {15: "vertex", 16: "quad8", 17: "hexahedron20"}
+_TYPES = {cell.gmsh: kind for kind, cell in CELLS.items()} | {
+    15: "vertex",
+    16: "quad8",
+    17: "hexahedron20",
+}
 _TYPES |= {6: "wedge", 7: "pyramid", 13: "wedge18", 14: "pyramid14", 18: "wedge15", 19: "pyramid13"}
 
 # Where gmsh's messages name the file.
@@ -41,8 +50,8 @@ _PLACE = re.compile(r"'/[^']*', (?=line)")
 # Comments and texts, whose words are no commands.
 _SKIPPED = re.compile(r'//[^\n]*|/\*.*?\*/|"[^"\n]*"|\'[^\'\n]*\'', re.DOTALL)
 _FORBIDDEN = re.compile(
-    r"\b(?:(?:System|SystemCall|NonBlockingSystemCall|OnelabRun|ExternalProcess|CommandLine|Parse|Exit|Abort|Save|Print"
-    r"|CreateDir)\b|(?:Error|Printf)\s*\([^;]*>)"
+    r"\b(?:(?:System|SystemCall|NonBlockingSystemCall|OnelabRun|ExternalProcess|CommandLine"
+    r"|Parse|Exit|Abort|Save|Print|CreateDir)\b|(?:Error|Printf)\s*\([^;]*>)"
 )
 # These read another file, whose name follows.
 _READS = re.compile(r"\b(?:Include|Merge|MergeFile|Open|ListFromFile|ShapeFromFile|FileName)\b")
@@ -51,21 +60,27 @@ _NAMED = re.compile(r"\s*[\[(=]?\s*[\"']([^\"'\n]*)[\"']")
 
 @contextlib.contextmanager
 def gmsh_session(failure: str) -> Iterator[Any]:
-    """The module gmsh with an empty model and the same options for everybody: silent, and no file of options is read.
+    """The module gmsh with an empty model and the same options for everybody: silent, and no file
+    of options is read.
 
     Raises:
         InstallationError: it is not installed, or its wheel lacks a library of the system.
-        MeshError: the caller has gmsh open, whose options would change the mesh; or ``failure`` and what gmsh raised.
+        MeshError: the caller has gmsh open, whose options would change the mesh; or ``failure`` and
+            what gmsh raised.
     """
     try:
         import gmsh
     except (ImportError, OSError) as error:
         raise InstallationError(
-            f"this mesh is made by gmsh, which cannot be loaded: {error}: pip install gmsh, or apt install "
+            f"this mesh is made by gmsh, which cannot be loaded: {error}: pip install gmsh, or "
+            "apt install "
             "python3-gmsh; its wheel needs libgl1 libglu1-mesa libxcursor1 libxft2 libxinerama1"
         ) from None
     if gmsh.isInitialized():
-        raise MeshError("gmsh is open in this process: call gmsh.finalize() before a mesh is made or read by it here")
+        raise MeshError(
+            "gmsh is open in this process: call gmsh.finalize() before a mesh is made or read by "
+            "it here"
+        )
     gmsh.initialize(readConfigFiles=False, interruptible=False)
     try:
         gmsh.option.setNumber("General.Terminal", 0)
@@ -90,8 +105,8 @@ def read_gmsh(
     *,
     joined: bool = False,
 ) -> MeshArrays:
-    """A mesh, or a drawing after gmsh has meshed it; ``named`` makes the mesh of the content of the file, the other
-    arguments are those of ``formats.read_file``.
+    """A mesh, or a drawing after gmsh has meshed it; ``named`` makes the mesh of the content of the
+    file, the other arguments are those of ``formats.read_file``.
     """
     file, suffix = mesh.file, mesh.file.suffix.lower()
     with gmsh_session(f"{file}: gmsh cannot read it") as gmsh:
@@ -132,14 +147,19 @@ def content(gmsh: Any) -> RawMesh:
         for number, flat in zip(types, nodes, strict=True):
             name, _, _, count, _, _ = gmsh.model.mesh.getElementProperties(number)
             for tag in numbers:
-                label = gmsh.model.getPhysicalName(dim, tag) or f"{'boundary' if dim < top else 'region'}_{tag}"
+                label = (
+                    gmsh.model.getPhysicalName(dim, tag)
+                    or f"{'boundary' if dim < top else 'region'}_{tag}"
+                )
                 members.setdefault(label, []).append(len(raw.blocks))
             kind = _TYPES.get(int(number), name)
             rows = numbering.rows(np.asarray(flat, dtype=np.int64)).reshape(-1, count)
             raw.blocks.append((kind, rows[:, _order(kind, count)]))
             physical.append(np.tile(np.array(numbers or [-1], dtype=np.int64), (len(rows), 1)))
     for name, blocks in members.items():
-        rows_of_blocks = (np.arange(len(nodes) if k in blocks else 0) for k, (_, nodes) in enumerate(raw.blocks))
+        rows_of_blocks = (
+            np.arange(len(nodes) if k in blocks else 0) for k, (_, nodes) in enumerate(raw.blocks)
+        )
         raw.sets[name] = list(rows_of_blocks)
     raw.data["gmsh:physical"] = physical
     return raw
@@ -149,11 +169,17 @@ def _order(kind: str, count: int) -> Any:
     """Node k of an element of meshio is the node with this number in gmsh."""
     full_cell = completed(kind)
     cell = CELLS.get(kind) if full_cell is None else full_cell[0]
-    return np.arange(count) if cell is None else order_in("gmsh", cell)[np.argsort(order_in("vtk", cell))][:count]
+    return (
+        np.arange(count)
+        if cell is None
+        else order_in("gmsh", cell)[np.argsort(order_in("vtk", cell))][:count]
+    )
 
 
 def _check_ends(file: Path, form: str) -> None:
-    """Refuse a file without the header of its format, and a drawing cut off, which OpenCASCADE may wait for forever."""
+    """Refuse a file without the header of its format, and a drawing cut off, which OpenCASCADE may
+    wait for forever.
+    """
     if not _begins_as(file, form):
         first = _BEGINNINGS[form][0].decode()
         raise MeshError(f"{file}: is no file of the format {form}: it does not begin with {first}")
@@ -166,10 +192,16 @@ def _check_script(file: Path, name: str = "", checked: frozenset[Path] = frozens
     where = f"{name}: {file.name}" if name else str(file)
     text = file.read_text(encoding="utf-8-sig", errors="replace")
     if name and not text.endswith("\n"):
-        raise MeshError(f"{where}: its last line does not end, so that gmsh would leave it out: add a line break")
+        raise MeshError(
+            f"{where}: its last line does not end, so that gmsh would leave it out: add a line "
+            "break"
+        )
     # Blanks in place of comments and texts leave all other places where they are.
     bare = _SKIPPED.sub(lambda skipped: re.sub(r"[^\n]", " ", skipped[0]), text)
-    refused = [(word, "runs programs, writes files or ends the process") for word in _FORBIDDEN.finditer(bare)]
+    refused = [
+        (word, "runs programs, writes files or ends the process")
+        for word in _FORBIDDEN.finditer(bare)
+    ]
     for word in _READS.finditer(bare):
         argument = _NAMED.match(text, word.end())
         if argument is None or Path(argument[1]).name != argument[1]:
@@ -182,7 +214,8 @@ def _check_script(file: Path, name: str = "", checked: frozenset[Path] = frozens
         word, reason = refused[0]
         line, command = text.count("\n", 0, word.start()) + 1, word[0].partition("(")[0].rstrip()
         raise MeshError(
-            f"{where}: line {line}: {command} is not allowed in a script, as it {reason}; give the .msh that gmsh "
+            f"{where}: line {line}: {command} is not allowed in a script, as it {reason}; give "
+            "the .msh that gmsh "
             "makes of it"
         )
 
@@ -195,7 +228,9 @@ def _begins_as(file: Path, *forms: str) -> bool:
 
 
 def _run(gmsh: Any, file: Path) -> None:
-    """Run a script, to its end in any case: gmsh's parser would begin the next one where it left this one."""
+    """Run a script, to its end in any case: gmsh's parser would begin the next one where it left
+    this one.
+    """
     text = file.read_bytes()
     if text.startswith(b"$"):
         raise MeshError(f"{file}: is not a gmsh script: it begins with $; a mesh must end in .msh")
@@ -219,7 +254,9 @@ def _run(gmsh: Any, file: Path) -> None:
 
 
 def _import(gmsh: Any, file: Path, form: str, size: float | None, *, joined: bool) -> None:
-    """Import a CAD drawing; each surface is a physical group with its number, and so is each solid."""
+    """Import a CAD drawing; each surface is a physical group with its number, and so is each
+    solid.
+    """
     shapes = gmsh.model.occ.importShapes(str(file.absolute()), highestDimOnly=True, format=form)
     if joined and len(shapes) > 1:
         gmsh.model.occ.removeAllDuplicates()
@@ -236,14 +273,18 @@ def _import(gmsh: Any, file: Path, form: str, size: float | None, *, joined: boo
     for dim in (top, top - 1):
         for _, tag in gmsh.model.getEntities(dim):
             name = gmsh.model.getEntityName(dim, tag).rpartition("/")[2]
-            if name.startswith("Open CASCADE STEP translator"):  # what the library writes for a part without a name
+            if name.startswith(
+                "Open CASCADE STEP translator"
+            ):  # what the library writes for a part without a name
                 name = ""
             gmsh.model.addPhysicalGroup(dim, [tag], tag, name if dim == top else "")
 
 
 def _mesh(gmsh: Any, halvings: int, degree: int | None) -> None:
     """Mesh the drawing."""
-    if degree:  # a script's own order would interfere with the division, and with the kinds of cells
+    if (
+        degree
+    ):  # a script's own order would interfere with the division, and with the kinds of cells
         gmsh.option.setNumber("Mesh.ElementOrder", 1)
         gmsh.option.setNumber("Mesh.SecondOrderIncomplete", 0)
     top = 3 if gmsh.model.getEntities(3) else 2
@@ -265,7 +306,8 @@ def _inverted(gmsh: Any) -> bool:
 
 
 def set_order(gmsh: Any, order: int) -> None:
-    """Add nodes between the corners of cells, on curves and surfaces, and check that no solid is inverted.
+    """Add nodes between the corners of cells, on curves and surfaces, and check that no solid is
+    inverted.
 
     Raises:
         MeshError: the cells are too large for the arcs.
@@ -273,4 +315,6 @@ def set_order(gmsh: Any, order: int) -> None:
     gmsh.model.mesh.setOrder(order)
     # gmsh could move the nodes, but ends the whole process if it finds no place for them.
     if _inverted(gmsh):
-        raise MeshError("cells that follow the arcs would be turned inside out: use more of them, or order = 1")
+        raise MeshError(
+            "cells that follow the arcs would be turned inside out: use more of them, or order = 1"
+        )

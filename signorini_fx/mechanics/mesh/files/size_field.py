@@ -1,7 +1,9 @@
-"""The lengths of cells as one background field of gmsh, on a mesh that exists already, by which it makes the next one.
+"""The lengths of cells as one background field of gmsh, on a mesh that exists already, by which it
+makes the next one.
 
-gmsh interpolates the lengths at the corners of that mesh: its size field ``PostView``.  That mesh also tells where a
-boundary in contact is, so that it may be a part of a surface, or several.  No dolfinx here.
+gmsh interpolates the lengths at the corners of that mesh: its size field ``PostView``.  That mesh
+also tells where a boundary in contact is, so that it may be a part of a surface, or several.  No
+dolfinx here.
 """
 
 from __future__ import annotations
@@ -31,25 +33,35 @@ class SizeField:
     sizes: Floats  # length of the cells at each point, shape (n,)
 
     def apply(self, gmsh: Any, unit: float = 1.0) -> None:
-        """Let the current model of gmsh, which has a unit of this length, have cells of these lengths alone, whatever
-        its own settings are.
+        """Let the current model of gmsh, which has a unit of this length, have cells of these
+        lengths alone, whatever its own settings are.
         """
         dim = self.points.shape[1]
-        kind = next(cell for cell in CELLS.values() if cell.corners.shape == (self.cells.shape[1], dim))
+        kind = next(
+            cell for cell in CELLS.values() if cell.corners.shape == (self.cells.shape[1], dim)
+        )
         cells = self.cells[:, np.argsort(order_in("gmsh", kind))]
         x = np.zeros((len(self.points), 3))
         x[:, :dim] = self.points / unit
         # Cells that are divided in the end are twice as long before.
         halved = gmsh.option.getNumber("Mesh.SubdivisionAlgorithm") > 0
         values = self.sizes / unit * (2.0 if halved else 1.0)
-        rows = np.concatenate([x[cells].transpose(0, 2, 1).reshape(len(cells), -1), values[cells]], 1)
+        rows = np.concatenate(
+            [x[cells].transpose(0, 2, 1).reshape(len(cells), -1), values[cells]], 1
+        )
         view = gmsh.view.add("sizes")
         gmsh.view.addListData(view, _VIEWS[kind.kind], len(cells), rows.ravel())
         fields = gmsh.model.mesh.field
         number = fields.add("PostView")
         fields.setNumber(number, "ViewTag", view)
         fields.setAsBackgroundMesh(number)
-        for option in ("ExtendFromBoundary", "FromPoints", "FromCurvature", "FromParametricPoints", "Min"):
+        for option in (
+            "ExtendFromBoundary",
+            "FromPoints",
+            "FromCurvature",
+            "FromParametricPoints",
+            "Min",
+        ):
             gmsh.option.setNumber(f"Mesh.MeshSize{option}", 0)
         gmsh.option.setNumber("Mesh.MeshSizeFactor", 1)
         gmsh.option.setNumber("Mesh.MeshSizeMax", float(values.max()))
@@ -67,7 +79,8 @@ def with_sizes(
     cure: str,
     unit: float = 1.0,
 ) -> MeshArrays | None:
-    """The mesh of the current model with cells of some lengths; None: its boundaries are to have no others.
+    """The mesh of the current model with cells of some lengths; None: its boundaries are to have no
+    others.
 
     Args:
         gmsh: the module.
@@ -78,7 +91,8 @@ def with_sizes(
         unit: length of the model's unit.
 
     Raises:
-        SceneError: no facet of a boundary is longer than it is to be, or gmsh cannot make such facets.
+        SceneError: no facet of a boundary is longer than it is to be, or gmsh cannot make such
+            facets.
     """
     field, wanted = sizes, list[ContactSize]()
     if not isinstance(field, SizeField):
@@ -89,7 +103,10 @@ def with_sizes(
         for size in wanted:
             longest = float(_longest_edges(own, size.boundary).max())
             if longest < size.size:
-                message = f"the facets of {size.boundary!r} are no longer than {longest:.3g} without it: give less"
+                message = (
+                    f"the facets of {size.boundary!r} are no longer than {longest:.3g} "
+                    "without it: give less"
+                )
                 raise SceneError([(size.path, message)])
         if not wanted:
             return None
@@ -100,12 +117,16 @@ def with_sizes(
     for size in wanted:
         length = float(np.median(_longest_edges(mesh, size.boundary)))
         if length > LONGEST_FACET * size.size:
-            raise SceneError([(size.path, f"gmsh has made facets of {length:.3g} of {size.boundary!r}: {cure}")])
+            raise SceneError(
+                [(size.path, f"gmsh has made facets of {length:.3g} of {size.boundary!r}: {cure}")]
+            )
     return mesh
 
 
 def _graded_at(mesh: MeshArrays, wanted: Sequence[ContactSize]) -> SizeField:
-    """The lengths of cells around each corner; shorter at some boundaries, growing by ``SIZE_GROWTH`` per length."""
+    """The lengths of cells around each corner; shorter at some boundaries, growing by
+    ``SIZE_GROWTH`` per length.
+    """
     from scipy.spatial import cKDTree
 
     points, ends = mesh.points, np.concatenate([mesh.cells[:, pair] for pair in mesh.cell.edges])
@@ -121,4 +142,6 @@ def _graded_at(mesh: MeshArrays, wanted: Sequence[ContactSize]) -> SizeField:
 def _longest_edges(mesh: MeshArrays, boundary: str) -> Floats:
     """The longest edge of each facet of a boundary, shape (f,)."""
     x = mesh.points[mesh.facet_corners[mesh.boundaries[boundary]]]
-    return np.asarray(np.max([np.linalg.norm(x[:, a] - x[:, b], axis=1) for a, b in mesh.facet.edges], axis=0))
+    return np.asarray(
+        np.max([np.linalg.norm(x[:, a] - x[:, b], axis=1) for a, b in mesh.facet.edges], axis=0)
+    )
