@@ -86,7 +86,8 @@ def refuse_too_large(comm: MPI.Comm, blocks: int, cell: str) -> None:
     from signorini_fx.machine import parallel
 
     cells = blocks * {"triangle": 2, "tetrahedron": 6}.get(cell, 1)
-    wanted, available = BYTES_PER_DOF * cells, parallel.machine_memory(comm)
+    wanted = BYTES_PER_DOF * cells
+    available = parallel.machine_memory(comm)
     if wanted > available:
         message = (
             f"about {cells:.2g} cells would need {wanted / 1e9:.0f} GB or more, there are "

@@ -93,15 +93,18 @@ def mesh_surface(
         SceneError: the facets are so short that no machine could mesh the body.
     """
     _refuse_short(sizes, max(sizes.reach, sizes.zone) if curves else sizes.zone)
-    gmsh, unit = drawing.gmsh, drawing.unit
-    geo, fields = gmsh.model.geo, gmsh.model.mesh.field
+    gmsh = drawing.gmsh
+    unit = drawing.unit
+    geo = gmsh.model.geo
+    fields = gmsh.model.mesh.field
     if cell == "quadrilateral":
         for body in bodies:
             geo.mesh.setRecombine(2, body)
     geo.synchronize()
     # A subdivision of all cells makes a pure quadrilateral mesh of facets half as long.
     stretch = 2.0 if cell == "quadrilateral" else 1.0
-    distance, threshold = fields.add("Distance"), fields.add("Threshold")
+    distance = fields.add("Distance")
+    threshold = fields.add("Threshold")
     fields.setNumbers(distance, "PointsList", list(points))
     fields.setNumbers(distance, "CurvesList", list(curves))
     fields.setNumber(distance, "Sampling", 200)
@@ -171,7 +174,8 @@ def mesh_solid(
         SceneError: the edges are so short that no machine could mesh the body.
     """
     _refuse_short(sizes, sizes.zone)
-    gmsh, stretch = drawing.gmsh, 2.0 if cell == "hexahedron" else 1.0
+    gmsh = drawing.gmsh
+    stretch = 2.0 if cell == "hexahedron" else 1.0
     gmsh.model.occ.synchronize()
     drawn = Sizes(
         *(drawing.length(value) for value in (sizes.near, sizes.far, sizes.zone, sizes.reach))
@@ -216,7 +220,9 @@ def mesh_extruded(
         cell: ``hexahedron`` or ``tetrahedron``.
         order: degree of the geometry.
     """
-    gmsh, geo, up = drawing.gmsh, drawing.gmsh.model.geo, height / drawing.unit
+    gmsh = drawing.gmsh
+    geo = drawing.gmsh.model.geo
+    up = height / drawing.unit
     for curves, count in counts:
         for curve in curves:
             geo.mesh.setTransfiniteCurve(curve, count + 1)

@@ -103,7 +103,8 @@ def _draw_graded(
     bottom.
     """
     geo = gmsh.model.geo
-    across, up = max(nx // 2, 1), ny
+    across = max(nx // 2, 1)
+    up = ny
     low, high = (
         [geo.addPoint(x, y, 0.0) for x in (0.0, length / 2, length)] for y in (0.0, height)
     )

@@ -57,7 +57,8 @@ def generate(
     refuse_too_large(comm, nx * ny * nz, cell)
     ends = np.array([length, width, height])
     unit = 2.0 ** np.floor(np.log2(ends))  # dolfinx refuses lengths below a number that has no unit
-    opposite, whole = [np.zeros(3), ends / unit], dmesh.GhostMode.none
+    opposite = [np.zeros(3), ends / unit]
+    whole = dmesh.GhostMode.none
     mesh = dmesh.create_box(comm, opposite, [nx, ny, nz], dmesh.CellType[cell], ghost_mode=whole)
     mesh.geometry.x[:] *= unit
     near = 1e-9 * ends.max()

@@ -91,7 +91,8 @@ def generate(
     unit = length / 6.0  # the gmsh model measures a few units
 
     def draw(gmsh: Any) -> None:
-        drawing, occ = Drawing(gmsh, unit), gmsh.model.occ
+        drawing = Drawing(gmsh, unit)
+        occ = gmsh.model.occ
         long, wide, high, thick, bend, hole, seat = (
             drawing.length(value)
             for value in (length, width, height, thickness, fillet, radius, seat_radius)

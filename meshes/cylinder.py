@@ -77,7 +77,8 @@ def generate(
         spokes = [geo.addLine(inner[k], outer[k]) for k in range(4)]
         loops = [core] + [[spokes[k], arcs[k], -spokes[after[k]], -core[k]] for k in range(4)]
         sections = [geo.addPlaneSurface([geo.addCurveLoop(loop)]) for loop in loops]
-        counts, names = ((core + arcs, nt), (spokes, nr)), {"side": around(1.0)}
+        counts = ((core + arcs, nt), (spokes, nr))
+        names = {"side": around(1.0)}
         mesh_extruded(drawing, sections, counts, names, height, nz, cell=cell, order=order)
 
     refuse_too_large(comm, nt * (nt + 4 * nr) * nz, cell)

@@ -63,7 +63,8 @@ def generate(
     unit = radius / 8.0  # the gmsh model has the size of the default body
 
     def draw(gmsh: Any) -> None:
-        drawing, occ = Drawing(gmsh, unit), gmsh.model.occ
+        drawing = Drawing(gmsh, unit)
+        occ = gmsh.model.occ
         # The poles of the sphere, where its surface is hard to mesh, are on the rim of the top.
         body = occ.addSphere(0.0, 0.0, _R, _R)
         occ.rotate([(3, body)], 0.0, 0.0, _R, 1.0, 0.0, 0.0, math.pi / 2)

@@ -71,7 +71,8 @@ def generate(
     def draw(gmsh: Any) -> None:
         drawing = Drawing(gmsh, unit)
         geo = gmsh.model.geo
-        x, y = length / 2, height / 2
+        x = length / 2
+        y = height / 2
         low = 0.0 if symmetric else -y
         corners = [drawing.point(*position) for position in ((-x, low), (x, low), (x, y), (-x, y))]
         centre = drawing.point(0.0, 0.0)

@@ -69,7 +69,8 @@ def generate(
     unit = width / 4.0  # the gmsh model has the size of the default body
 
     def draw(gmsh: Any) -> None:
-        drawing, geo = Drawing(gmsh, unit), gmsh.model.geo
+        drawing = Drawing(gmsh, unit)
+        geo = gmsh.model.geo
         end = width / 2 - rounding  # of the flat part of the foot
         # A tangent of the rounding is so long; a mesh depends on every last bit.
         up = rounding / math.tan(math.pi / 4)

@@ -59,7 +59,8 @@ def generate(
         SceneError: left and right would begin elsewhere than at ``lower``, so that the body would
             be held elsewhere.
     """
-    row, near = round(lower / height * ny), 1e-9 * max(length, height)
+    row = round(lower / height * ny)
+    near = 1e-9 * max(length, height)
     if not row < ny or abs(lower - row * height / ny) > near:
         refuse(
             "lower",

@@ -56,8 +56,10 @@ def generate(
     unit = height / 2.0  # the gmsh model has the size of the default body
 
     def draw(gmsh: Any) -> None:
-        drawing, geo = Drawing(gmsh, unit), gmsh.model.geo
-        low, high = tip / 2, tip / 2 + height * math.tan(math.radians(angle))
+        drawing = Drawing(gmsh, unit)
+        geo = gmsh.model.geo
+        low = tip / 2
+        high = tip / 2 + height * math.tan(math.radians(angle))
         corners = [
             drawing.point(x, y) for x, y in ((-low, 0), (low, 0), (high, height), (-high, height))
         ]

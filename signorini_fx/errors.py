@@ -47,7 +47,8 @@ class FormError(SceneError, ValueError):
 
 def together(*checks: Callable[[], Any]) -> list[Any]:
     """What independent checks return; the problems of all of them are raised as one SceneError."""
-    results, problems = [], []
+    results = []
+    problems = []
     for check in checks:
         try:
             results.append(check())

@@ -135,7 +135,8 @@ def _installed(_path: tuple[str, ...]) -> dict[str, dict[str, Any]]:
     """
     stated = tomllib.loads(_CHECKOUT.read_text(encoding="utf-8")) if _CHECKOUT.is_file() else {}
     own: dict[str, dict[str, str]] = stated.get("project", {}).get("entry-points", {})
-    found, installed = dict[str, dict[str, Any]](), entry_points()
+    found = dict[str, dict[str, Any]]()
+    installed = entry_points()
     for group in GROUPS:
         entries = [EntryPoint(name, value, group) for name, value in own.get(group, {}).items()]
         found[group] = {entry.name: entry for entry in (*entries, *installed.select(group=group))}

@@ -122,7 +122,9 @@ POLYGON_SHARES = {"energy": 0.04, "pressure": 0.15, "peak": 0.5}
 FORCE_OF_ENERGY = 0.12
 # The largest pressure has no limit if it grows like h^-GROWTH_POWER or faster on this many
 # successive meshes, and hardly less (this share) on the last.  Fixed on random scenes.
-GROWING_MESHES, GROWTH_POWER, LASTING_SHARE = 2, 0.05, 0.6
+GROWING_MESHES = 2
+GROWTH_POWER = 0.05
+LASTING_SHARE = 0.6
 # An error that decreases by less than this from mesh to mesh is taken not to decrease at all.
 # Choice.
 SLOWEST_DECREASE = 0.95
@@ -330,7 +332,9 @@ SEEN_AS_IT_IS = 2.5
 # What a law of a user's own says of itself is tried at about so many of its points, from this power
 # of ten of the modulus up to the modulus, at so many pressures in each decade.  It may be wrong by
 # the last share, and by so much less a distance of a shape may grow along its normals.  Choice.
-TRIED_POINTS, SMALLEST_PRESSURE, PRESSURES_PER_DECADE = 50, -9, 32
+TRIED_POINTS = 50
+SMALLEST_PRESSURE = -9
+PRESSURES_PER_DECADE = 32
 WRONG_SLOPE = 1e-2
 
 # --- limits of time and memory --------------------------------------------------------------------
@@ -404,7 +408,10 @@ PIXELS_PER_INCH = 240.0
 # How far a foundation is drawn beside the body, over its longest side, and on a grid of how many
 # lines along that, in 2D and in 3D; a round one whose diameter is at most about this share of that
 # side is drawn whole.
-FOUNDATION_BESIDE, FOUNDATION_GRID, FOUNDATION_GRID_IN_SPACE, WHOLE_FOUNDATION = 0.25, 300, 40, 0.7
+FOUNDATION_BESIDE = 0.25
+FOUNDATION_GRID = 300
+FOUNDATION_GRID_IN_SPACE = 40
+WHOLE_FOUNDATION = 0.7
 # Margin around a contact boundary, over its longer side.
 SURFACE_MARGIN = 0.08
 # If the surroundings of the contact are less than this share of a boundary, only they are drawn;
@@ -417,7 +424,9 @@ VISIBLE_CELL, VISIBLE_FACET = 5.0, 9.0
 # Length of the longest arrow, over the longer side: of a contact surface, of a set-up.  A load of
 # less than the last share of the largest one has no arrow; arrows along the boundary are so far
 # beside the body, over its size.
-LONGEST_ARROW, LONGEST_ARROW_OF_SETUP, SMALLEST_ARROW = 0.06, 0.13, 0.02
+LONGEST_ARROW = 0.06
+LONGEST_ARROW_OF_SETUP = 0.13
+SMALLEST_ARROW = 0.02
 # How far arrows are around the picture of a body, over its longer side.
 ARROWS_AROUND = 0.05
 # At most so many arrows or supports, and strokes, along the larger side of a picture.
@@ -466,7 +475,8 @@ HOLDING_STIFFNESS = 1e4
 # both differ by less than the last number, as a share of the norm, over one of them.  Choice: the
 # first is far below the strain at which metals yield; the second is for a cell that is so near to
 # its yield stress that the first one leads across.
-DIFFERENCE_STRAINS, SAME_TANGENT = (1e-7, 1e-9), 1e-6
+DIFFERENCE_STRAINS = (1e-7, 1e-9)
+SAME_TANGENT = 1e-6
 # Forces up to so many units of the round-off of a residual are no load: of bodies at rest they have
 # one.  Choice.
 UNITS_OF_NO_LOAD = 4.0

@@ -197,7 +197,8 @@ class RegularisedProblem:
         if self.springs is not None:
             stiffness, position = self.springs
             pulled = stiffness * (np.column_stack(self.system.contact.traces(x)) - position)
-            pressure, shear = pressure + pulled[:, 0], shear + pulled[:, 1:]
+            pressure = pressure + pulled[:, 0]
+            shear = shear + pulled[:, 1:]
         self.system.matrix.mult(x, f)
         # The forces are the scale of the residual.  A prescribed row has the value times any
         # factor, no force; beside it only what is no rigid motion acts.
@@ -240,7 +241,8 @@ class RegularisedProblem:
         """
         bound, _ = self.friction_bounds(x)
         pressure, shear = self.multipliers(x, self.sets)
-        alone, felt = self.points.felt(shear), self.points.felt(shear, pressure)
+        alone = self.points.felt(shear)
+        felt = self.points.felt(shear, pressure)
         felt_ratio = np.divide(felt, alone, out=np.ones_like(felt), where=alone > 0)
         # What follows the pressure of nodes that supports press into the foundation is no scale for
         # others, nor is what a pressure and a shear undo in each other.
@@ -352,7 +354,9 @@ class RegularisedProblem:
         """Choose next sets that hold the body, or note that it moves away; ``multipliers``: see
         ``hold``.
         """
-        points, motions, resultant = self.points, self._motions, self.system.resultant
+        points = self.points
+        motions = self._motions
+        resultant = self.system.resultant
 
         def escaping() -> Status | None:
             if self._escaping is None:  # until the data change
@@ -386,8 +390,6 @@ class RegularisedProblem:
         # scale of its friction.
         free = x.copy()
         free.getArray()[self.system.contact.fixed] = 0.0
-        gamma, far = (
-            max(self.data.gamma_n, self.data.gamma_t),
-            free.norm(PETSc.NormType.NORM_INFINITY),
-        )
+        gamma = max(self.data.gamma_n, self.data.gamma_t)
+        far = free.norm(PETSc.NormType.NORM_INFINITY)
         return float(2 * ATTAINABLE_SHARE * gamma * far)

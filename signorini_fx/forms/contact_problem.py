@@ -336,12 +336,10 @@ class ContactProblem(ProblemOfForms):
         options_of_petsc = petsc_options_prefix, dict(petsc_options or {})
         self.assembled = self._ended = FormSolver(forms, self.u, bcs, settings, options_of_petsc)
         fields = self.assembled.fields
-        self.pressure, self.shear, self.gap, self.slip = (
-            fields.pressure,
-            fields.shear,
-            fields.gap,
-            fields.slip,
-        )
+        self.pressure = fields.pressure
+        self.shear = fields.shear
+        self.gap = fields.gap
+        self.slip = fields.slip
         self._stresses: tuple[Outcome | None, RawStresses] | None = (
             None  # of the last solution that was asked for them
         )

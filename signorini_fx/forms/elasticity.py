@@ -117,7 +117,8 @@ def check_energy(
     generator = np.random.default_rng(matrix.comm.rank)
     for vector in (x, y):
         vector.getArray()[:] = generator.standard_normal(vector.getLocalSize())
-    forces, forces_of_y = matrix * x, matrix * y
+    forces = matrix * x
+    forces_of_y = matrix * y
     size = forces.norm()
     if not np.isfinite(size):
         raise MatrixError([("a", NOT_FINITE)])
@@ -139,12 +140,14 @@ def modulus_of(
     that of the stiffness near the contact points.  A point that moves alone strains cells, of the
     size l along the boundary and h across it: per area it meets about E (1 / h + h / l^2).
     """
-    space, diagonal = body.space, body.stiffness.getDiagonal()
+    space = body.space
+    diagonal = body.stiffness.getDiagonal()
     if (
         body.relative is not None
     ):  # what turning normals do to rigid bodies is no stiffness of the body
         diagonal.getArray()[body.fixed.size :] = 0.0
-    mesh, dim = space.mesh, space.mesh.topology.dim
+    mesh = space.mesh
+    dim = space.mesh.topology.dim
     if body.boundary is None:
         # Of logarithms: a few entries of a penalty would make an arithmetic mean that of the
         # penalty.
@@ -161,7 +164,8 @@ def modulus_of(
         body.of_mesh["met"] = _met_at_nodes(space, boundary, np.concatenate(list(facets)))
     stiffness = body.contact.stiffness(diagonal)
     moves = stiffness > 0
-    weight, unit = boundary.weight[moves], body.of_mesh["met"][boundary.nodes[moves]]
+    weight = boundary.weight[moves]
+    unit = body.of_mesh["met"][boundary.nodes[moves]]
     weights, compliance = parallel.global_sum(
         boundary.comm, np.array([weight.sum(), weight @ (unit / stiffness[moves])])
     )
@@ -174,12 +178,15 @@ def _met_at_nodes(
     """Degree times mean of 1 / h + h / l^2 of the facets around each node of this rank, nan without
     any; collective.
     """
-    mesh, dim, sums = space.mesh, space.mesh.topology.dim, fem.Function(space)
+    mesh = space.mesh
+    dim = space.mesh.topology.dim
+    sums = fem.Function(space)
     cells = facet_entities(mesh, facets)[:, 0]
     across = 2 * (
         dmesh.compute_midpoints(mesh, dim, cells) - dmesh.compute_midpoints(mesh, dim - 1, facets)
     )
-    along, across = mesh.h(dim - 1, facets), np.linalg.norm(across, axis=1)
+    along = mesh.h(dim - 1, facets)
+    across = np.linalg.norm(across, axis=1)
     inverse = 1 / across + across / along**2
     array = sums.x.array.reshape(-1, mesh.geometry.dim)
     for node in boundary.segments[:, 1:].T:
@@ -232,7 +239,8 @@ class FormBody(SolidBody):
         nodes = np.arange(values.size // dim, dtype=np.int32)
         internal = action((a,), y, nodes).reshape(-1, dim)
         supports = prescribed_nodes(fixed, values, y.function_space)
-        external, nothing = assemble(L).reshape(-1, dim), np.zeros_like(internal)
+        external = assemble(L).reshape(-1, dim)
+        nothing = np.zeros_like(internal)
         return Balance(
             RigidPart(y.function_space), internal, external, supports, scales, scales, nothing
         )
@@ -272,7 +280,8 @@ def loads_of(forms: GivenForms, tagged: TaggedMesh, y: fem.Function) -> Iterator
     ``ActingForces``: each belongs to the parts of the boundary that hold all facets of its
     integral; collective.
     """
-    comm, dim = forms.mesh.comm, forms.mesh.geometry.dim
+    comm = forms.mesh.comm
+    dim = forms.mesh.geometry.dim
     nodes = np.arange(y.x.array.size // dim, dtype=np.int32)
     (a, L) = forms.original
     for form, resists in ((L, False), (a, True)):
@@ -308,7 +317,8 @@ def acting_on(
     """
     from signorini_fx.results.resultants import ActingForces
 
-    space, supports = balance.pieces.space, list[str | None]()
+    space = balance.pieces.space
+    supports = list[str | None]()
     by = np.full(
         (fixed.size // space.dofmap.index_map_bs, space.dofmap.index_map_bs), -1, dtype=np.int64
     )
@@ -320,10 +330,8 @@ def acting_on(
         by[marked_nodes(space, nodes.ravel())[:, None] & held] = (
             number  # the owner of a node need not have the facet
         )
-    balance, loads = (
-        replace(balance, supports=replace(balance.supports, by=by[: len(balance.external)])),
-        list(loads),
-    )
+    balance = replace(balance, supports=replace(balance.supports, by=by[: len(balance.external)]))
+    loads = list(loads)
     acted_on = {*supports, *(where for where, *_ in loads)}
     return ActingForces(
         balance, supports, loads, [name for name in boundaries if name in acted_on], displaced
@@ -336,7 +344,8 @@ def prescribed_nodes(
     """As certificates take it: which dofs of this rank, with ghosts, are prescribed, and to what,
     shapes (dofs,).
     """
-    dim, owned = space.mesh.geometry.dim, space.dofmap.index_map.size_local
+    dim = space.mesh.geometry.dim
+    owned = space.dofmap.index_map.size_local
     here = fixed.reshape(-1, dim)[:owned]
     return PrescribedNodes(here, values.reshape(-1, dim)[:owned], np.where(here, 0, -1))
 
@@ -347,7 +356,8 @@ def stress_of(law: Law, y: fem.Function, parts: Sequence[npt.NDArray[np.int32]])
     cell; a FormError says why not; collective.
     """
     mesh = y.function_space.mesh
-    dim, full_stress = mesh.geometry.dim, law(y)
+    dim = mesh.geometry.dim
+    full_stress = law(y)
     if not hasattr(full_stress, "ufl_shape") or full_stress.ufl_shape not in ((dim, dim), (3, 3)):
         shape = getattr(full_stress, "ufl_shape", "none")
         raise FormError([("stress", f"has the shape {shape}; ({dim}, {dim}) or (3, 3) is needed")])
@@ -383,8 +393,10 @@ def cellwise_moduli(
     (cells, m, m), from the energy of two fields with one strain each, which are zero there, so that
     no hoop strain adds to theirs; collective.
     """
-    mesh, kinematics = space.mesh, CARTESIAN[space.mesh.geometry.dim]
-    dim, x = kinematics.dimension, ufl.SpatialCoordinate(mesh)
+    mesh = space.mesh
+    kinematics = CARTESIAN[space.mesh.geometry.dim]
+    dim = kinematics.dimension
+    x = ufl.SpatialCoordinate(mesh)
     of_cells = fem.functionspace(mesh, ("DG", 0))
     cellwise, *middle = (fem.Function(of_cells) for _ in range(1 + dim))
     for k, function in enumerate(middle):
@@ -412,7 +424,8 @@ def _energy_by(law: Law, at_rest: Any) -> Callable[[Any, Any], Any]:
     """The energy of two fields z and y by a law, sigma(y) : grad z."""
 
     def energy(z: Any, y: Any) -> Any:
-        stress, slopes = law(y) - at_rest, ufl.grad(z)
+        stress = law(y) - at_rest
+        slopes = ufl.grad(z)
         return sum(stress[k] * slopes[k] for k in np.ndindex(slopes.ufl_shape))
 
     return energy
@@ -424,7 +437,8 @@ def isotropic_moduli(
     """Both parameters of Lame in each cell from ``cellwise_moduli``; None: some cell is not
     isotropic; collective.
     """
-    mu, lame = moduli[:, -1, -1], moduli[:, 0, 1]
+    mu = moduli[:, -1, -1]
+    lame = moduli[:, 0, 1]
     isotropic = np.zeros_like(moduli)
     isotropic[:, :dim, :dim] = lame[:, None, None]
     diagonal = np.arange(moduli.shape[2])
@@ -444,7 +458,8 @@ def natural_modulus(
     the form, divided by the UFL that contact is multiplied by; None: it is not isotropic, or cannot
     be evaluated; collective.
     """
-    mesh, dim = space.mesh, space.mesh.geometry.dim
+    mesh = space.mesh
+    dim = space.mesh.geometry.dim
     if law is not None and not measures:
         at_rest = law(fem.Function(space))
         if getattr(at_rest, "ufl_shape", None) not in ((dim, dim), (3, 3)) or _by_quadrature(
@@ -495,7 +510,8 @@ def residual_of(
     from signorini_fx.results.accuracy.stress_recovery import squared_residual
 
     space = stress.displacement.function_space
-    mesh, dim = space.mesh, stress.kinematics.dimension
+    mesh = space.mesh
+    dim = stress.kinematics.dimension
     touching = np.concatenate([np.zeros(0, np.int32), *forms.facets, *forms.masters.values()])
     exterior = dmesh.exterior_facet_indices(mesh.topology)
     traction_facets = np.setdiff1d(exterior, touching).astype(np.int32)
@@ -534,7 +550,8 @@ def _traction(integrand: Any, y: fem.Function) -> Any:
 
 def exterior_facets(integral: Any, mesh: dmesh.Mesh) -> Facets:
     """The exterior facets of this rank that an integral is over."""
-    data, wanted = integral.subdomain_data(), integral.subdomain_id()
+    data = integral.subdomain_data()
+    wanted = integral.subdomain_id()
     wanted = wanted if isinstance(wanted, tuple) else (wanted,)
     if data is None or "everywhere" in wanted:
         return np.asarray(dmesh.exterior_facet_indices(mesh.topology))

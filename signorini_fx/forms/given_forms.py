@@ -79,7 +79,8 @@ def given_forms(
     **compiler_options: Any,
 ) -> tuple[GivenForms, fem.Function]:
     """What a ``ContactProblem`` is given, and the Function that takes its solution; collective."""
-    space, entries = space_of(a, L, u), foundations_of(contact)
+    space = space_of(a, L, u)
+    entries = foundations_of(contact)
     facets, masters = facets_of(entries, space.mesh)
     with compiling():
         compiled = [
@@ -183,7 +184,8 @@ def model_of(
         if path.several
         else LoadSteps()
     )
-    count, settings = len(steps.times or (1.0,)), elastic.settings
+    count = len(steps.times or (1.0,))
+    settings = elastic.settings
     statement = replace(statement, title=title, load_steps=steps, steps=count, solver=settings)
     body = {field.name: getattr(elastic, field.name) for field in fields(elastic)}
     return Model(**body, statement=statement, tagged=tagged, law=law, pairs=pairs, rigid=rigid)
@@ -268,10 +270,8 @@ def space_of(a: Any, L: Any, u: fem.Function | None) -> fem.FunctionSpace:
 
 def supported(space: fem.FunctionSpace, name: str) -> fem.FunctionSpace:
     """The space, if contact is possible in it; ``name``: of the argument that has it."""
-    mesh, wanted = (
-        space.mesh,
-        "a vector Lagrange space of degree 1 or 2 is needed, with one component per coordinate",
-    )
+    mesh = space.mesh
+    wanted = "a vector Lagrange space of degree 1 or 2 is needed, with one component per coordinate"
     dim = mesh.topology.dim
     try:
         element = space.element.basix_element
@@ -376,11 +376,13 @@ def facets_of(
     dim = mesh.topology.dim - 1
     mesh.topology.create_connectivity(dim, dim + 1)
     facet_map = mesh.topology.index_map(dim)
-    owned, exterior = slice(facet_map.size_local), np.zeros(facet_map.size_local, dtype=bool)
+    owned = slice(facet_map.size_local)
+    exterior = np.zeros(facet_map.size_local, dtype=bool)
     exterior[dmesh.exterior_facet_indices(mesh.topology)] = True
     listed = [(f"contact[{k}].facets", entry.facets) for k, entry in enumerate(contact)]
     listed += [(f"contact[{k}].against", contact[k].against) for k in pairs]
-    problems, marks = [], [la.vector(facet_map, 1, dtype=np.int32) for _ in listed]
+    problems = []
+    marks = [la.vector(facet_map, 1, dtype=np.int32) for _ in listed]
     for (name, selection), mark in zip(listed, marks, strict=True):
         try:
             mark.array[
@@ -418,7 +420,8 @@ def parts_of(materials: Any, mesh: dmesh.Mesh) -> list[npt.NDArray[np.int32]]:
     """The cells of each material, with ghosts, from tags on all of them; None: there is one
     material; collective.
     """
-    dim, error = mesh.topology.dim, None
+    dim = mesh.topology.dim
+    error = None
     cells = mesh.topology.index_map(dim)
     all_cells = np.arange(cells.size_local + cells.num_ghosts, dtype=np.int32)
     if materials is None:
@@ -457,7 +460,8 @@ def _listed(selection: Any, mesh: dmesh.Mesh, dim: int, count: int) -> Facets:
 
 def boundaries_of(given: Mapping[str, Any] | None, mesh: dmesh.Mesh) -> dict[str, Facets]:
     """The facets of each part of the boundary that has a name; collective."""
-    facets, problems = dict[str, Facets](), list[tuple[str, str]]()
+    facets = dict[str, Facets]()
+    problems = list[tuple[str, str]]()
     for name, selection in (given or {}).items():
         try:
             (facets[str(name)],), _ = facets_of((Foundation(selection),), mesh)

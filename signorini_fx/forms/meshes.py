@@ -178,7 +178,8 @@ def solve_to_accuracy(
         MeshError: the cells cannot be divided.
     """
     first = _first(make, mesh, observers)
-    adaptive, made = accuracy.refinement == "adaptive", callable(mesh)
+    adaptive = accuracy.refinement == "adaptive"
+    made = callable(mesh)
     wrong = []
     if not first.estimable:
         wrong.append(

@@ -94,15 +94,19 @@ class FormSolver:
         petsc_options: tuple[str, Mapping[str, Any]],  # a prefix, and options without it
     ) -> None:
         space = self.space = forms.space
-        self.forms, self.u, self.options = forms, u, petsc_options
-        self.bcs, self.settings = conditions_of(bcs, space), settings_of(settings)
+        self.forms = forms
+        self.u = u
+        self.options = petsc_options
+        self.bcs = conditions_of(bcs, space)
+        self.settings = settings_of(settings)
         names = [f"contact {number}" for number in range(len(forms.contact))]
         self.foundations = self._foundations_class(
             space, forms.contact, forms.facets, names, forms.masters
         )
         self.foundations.check_driven()
         self.fields = ContactFields.on(space)
-        self.history, self.timings = History(), Timings()
+        self.history = History()
+        self.timings = Timings()
         self.status: Status | None = None
         self.certificate: Certificate | None = None
         self.result: StepResult | None = (
@@ -139,7 +143,8 @@ class FormSolver:
         """Solve with the values of now; why there is no solution, and what to do, "": there is one;
         collective.
         """
-        solves_before, self.timings = len(self.history.iterations), Timings()
+        solves_before = len(self.history.iterations)
+        self.timings = Timings()
         with options_applied(*self.options), self.timings.phase("solve"):
             self.begun = self.begin_step()
             outcome = solve_task(self.task, self.begun)
@@ -177,10 +182,8 @@ class FormSolver:
             )
         else:
             data = data if (resting := self.task.rest) is None else resting.data_from(data)
-            spin, renewed = (
-                self.foundations.spin_at(self.boundary),
-                self.boundary is not self._last.boundary,
-            )
+            spin = self.foundations.spin_at(self.boundary)
+            renewed = self.boundary is not self._last.boundary
             begun, self.previous_step = self._last.begins_on(
                 self.boundary, data, law, moved, resting, spin
             )
@@ -216,14 +219,18 @@ class FormSolver:
             else shown
         )
         if result is None:
-            unknowns, rest = outcome.displacement(), self.task.rest
+            unknowns = outcome.displacement()
+            rest = self.task.rest
             displacement = self.elastic.from_rest(rest, unknowns)
             self.tools = self.rigid.moved(self.elastic.driven(unknowns, rest))
-            self.status, self.certificate = outcome.status, None
+            self.status = outcome.status
+            self.certificate = None
         else:
             result.displacement.name = self.u.name
-            displacement, self.tools = result.displacement, result.tools
-            self.status, self.certificate = result.status, result.certificate
+            displacement = result.displacement
+            self.tools = result.tools
+            self.status = result.status
+            self.certificate = result.certificate
             self.fields.take(self.space, self.state)
         self.u.x.array[:] = displacement.x.array
         if self.status is not Status.CONVERGED:  # the next solve begins where this one has begun
@@ -235,7 +242,8 @@ class FormSolver:
         """Assemble what has changed since the last solve, and evaluate gap and friction;
         collective.
         """
-        space, comm = self.space, self.space.mesh.comm
+        space = self.space
+        comm = self.space.mesh.comm
         self.prescribed = fixed, values = prescribed(space, conditions_of(self.bcs, space))
         shapes = self.foundations.shapes()
         geometry = [
@@ -251,7 +259,9 @@ class FormSolver:
             digest(self.forms.compiled[0], fixed, at_rest, *geometry, rigid.fixed, *self._beside()),
             digest(self.forms.compiled[1], values, driven.forces, driven.motion, rigid.stiffness),
         )
-        last, self._last_pattern = self._last_pattern, None  # until all that follows has gone well
+        # until all that follows has gone well
+        last = self._last_pattern
+        self._last_pattern = None
         if last is None or parallel.any_rank(comm, fingerprints[0] != last[0]):
             data = self._set_up(shapes)
             self.outcome = None  # its iterate is that of another system
@@ -291,7 +301,8 @@ class FormSolver:
         if (modulus := self._last_modulus[1]) is None:
             modulus = modulus_of(elastic, boundary, self.foundations.facets)
         self.scales = Scales(space.mesh.topology.dim, modulus, elastic.diameter)
-        case, data = self._case(values), self._point_data(shapes)
+        case = self._case(values)
+        data = self._point_data(shapes)
         self.task = elastic.task(
             [case],
             np.ones(1),
@@ -382,10 +393,8 @@ class FormSolver:
         """
         if self._named is None:
             self._named = named_parts(self.forms, self.settings)
-        path, contact = (
-            path or counted_path(self.begun.step),
-            (self.begun.law, self.foundations.pairs, self.rigid),
-        )
+        path = path or counted_path(self.begun.step)
+        contact = (self.begun.law, self.foundations.pairs, self.rigid)
         model = replace(
             model_of(self.elastic, self._named, path, title, *contact), data=self.unshifted
         )
@@ -402,7 +411,9 @@ class FormSolver:
     def contact_now(self, solved: FormSolver | None) -> tuple[Any, ...]:
         """Prescribed values, contact points, gap and law of now, see ``data_now``; collective."""
         solved = self if solved is None else solved
-        shapes, fixed, boundary = self.foundations.shapes(), solved.elastic.fixed, solved.boundary
+        shapes = self.foundations.shapes()
+        fixed = solved.elastic.fixed
+        boundary = solved.boundary
         if any(shape.factor is not None or shape.direction is not None for shape in shapes):
             boundary = self.foundations.boundary(
                 shapes, fixed, self.foundations.at_rest(*solved.prescribed)

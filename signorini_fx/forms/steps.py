@@ -81,10 +81,14 @@ def solution_of(solver: FormSolver, progress: StepProgress | None, title: str) -
     """
     if solver.outcome is None or solver.result is None:
         raise RuntimeError("there is no solution so far: call solve()")
-    path, steps, ended = None, [solver.result], (solver.outcome, solver.outcome.problem.data)
+    path = None
+    steps = [solver.result]
+    ended = (solver.outcome, solver.outcome.problem.data)
     if progress is not None:
         assert progress.ended is not None
-        path, steps, ended = progress.path.path, progress.results, progress.ended
+        path = progress.path.path
+        steps = progress.results
+        ended = progress.ended
     # Of a load step that has failed the forms are not those of the results, which are of one before
     # it.
     settled = steps[-1].status is Status.CONVERGED or len(steps) == 1
@@ -134,7 +138,8 @@ def begun_path(
             "folder of its own"
         )
         raise FormError([("folder", reason)], "run")
-    forms, dofmap = solver.forms, solver.space.dofmap
+    forms = solver.forms
+    dofmap = solver.space.dofmap
     topology = forms.mesh.topology
     described = {
         "path": asdict(path),
@@ -143,7 +148,8 @@ def begun_path(
         "cells": topology.index_map(topology.dim).size_global,
         "unknowns": dofmap.index_map.size_global * dofmap.index_map_bs,
     }
-    comm, history = forms.mesh.comm, solver.history
+    comm = forms.mesh.comm
+    history = solver.history
     try:
         stored = MeshCheckpoint(comm, folder, described, history, restart=restart)
     except SceneError as error:

@@ -74,7 +74,8 @@ def geometry_in_space(domain: mesh.Mesh) -> Any:
     topology.
     """
     geometry: Any = wrapped(domain.geometry)
-    x, indices = np.array(geometry.x), geometry.input_global_indices
+    x = np.array(geometry.x)
+    indices = geometry.input_global_indices
     return type(geometry)(geometry.index_map(), geometry_cells(domain), _cmap(geometry), x, indices)
 
 

@@ -81,7 +81,8 @@ def load_step(row: dict[str, Any]) -> str:
 
 def results_of(summary: dict[str, Any]) -> str:
     """The load step that the results are of."""
-    of, last = summary["results_of"], summary["steps"][-1]
+    of = summary["results_of"]
+    last = summary["steps"][-1]
     if of["status"] != Status.CONVERGED.value:
         return f"the last iterate of {load_step(of)}"
     if of["step"] == last["step"]:

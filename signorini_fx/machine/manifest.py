@@ -47,7 +47,8 @@ def ours(folder: Path) -> set[str]:
 
 def foreign(folder: Path, names: Iterable[str]) -> list[str]:
     """What is at the place of these files and folders, or in these folders, and is not listed."""
-    listed, unlisted = ours(folder), list[str]()
+    listed = ours(folder)
+    unlisted = list[str]()
     for name in names:
         path = folder / name
         if path.is_dir() and not path.is_symlink():

@@ -154,7 +154,8 @@ def machine_memory(comm: MPI.Comm) -> float:
     first, ranks = True, 1
     if comm.size > 1:
         machine = comm.Split_type(MPI.COMM_TYPE_SHARED)
-        first, ranks = machine.rank == 0, machine.size
+        first = machine.rank == 0
+        ranks = machine.size
         machine.Free()
     allowed, _ = resource.getrlimit(resource.RLIMIT_AS)
     if allowed != resource.RLIM_INFINITY:

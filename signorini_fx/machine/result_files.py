@@ -61,7 +61,8 @@ def read_csv(path: str | Path) -> dict[str, npt.NDArray[Any]]:
     is not a CSV file.
     """
     with Path(path).open(newline="", encoding="utf-8") as file:
-        reader, rows = csv.DictReader(file), []
+        reader = csv.DictReader(file)
+        rows = []
         try:
             names = reader.fieldnames or ()
             for row in reader:

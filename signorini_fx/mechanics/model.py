@@ -190,7 +190,9 @@ class ElasticBody:
         contact points.
         """
         at_contact = self.at_contact if at_contact is None else at_contact
-        retained, held, across = 0, False, int(self.space.mesh.topology.dim)
+        retained = 0
+        held = False
+        across = int(self.space.mesh.topology.dim)
         if self.boundary is not None:
             reached = parallel.gather_rows(self.comm, np.unique(self.boundary.averages.nodes))
             retained = self.dimension * int(np.unique(reached).size)
@@ -217,11 +219,14 @@ class ElasticBody:
             stiffness = block_stiffness(self.forms, self.fixed, self.beside)
             stiffness.setOption(PETSc.Mat.Option.SPD, True)
             return stiffness, None, None
-        owned, turned, boundary = self.space.dofmap.index_map.size_local, self.turned, self.boundary
+        owned = self.space.dofmap.index_map.size_local
+        turned = self.turned
+        boundary = self.boundary
         stiffness = sum_of(self.forms, self.bcs if turned is None else [])
         if self.beside is not None:
             self.beside.add_to(stiffness, self.fixed if turned is None else None)
-        rotation, fixed = None, self._held
+        rotation = None
+        fixed = self._held
         if turned is not None:
             rotation = block_diagonal(stiffness, turned.frames_at(np.arange(owned)))
             stiffness = stiffness.ptap(rotation)
@@ -232,7 +237,8 @@ class ElasticBody:
             )
         turning = rotation
         if boundary is not None and boundary.moving is not None:
-            of_body, springs = stiffness, boundary.moving.stiffness[: self._rigid]
+            of_body = stiffness
+            springs = boundary.moving.stiffness[: self._rigid]
             stiffness = bordered(of_body, np.ones(springs.size, dtype=bool), springs)
             rotation = embedding(rotation, of_body, stiffness)
             if self.relative is not None:
@@ -251,7 +257,8 @@ class ElasticBody:
         """Add ``relative`` to a stiffness without the rows and columns of what is prescribed;
         collective.
         """
-        boundary, dim = self.boundary, self.dimension
+        boundary = self.boundary
+        dim = self.dimension
         assert boundary is not None
         assert boundary.moving is not None
         assert self.relative is not None
@@ -398,7 +405,8 @@ class ElasticBody:
         far = (
             None if self.far is None or free else FarPoints(self.far[0], self.unknowns(self.far[1]))
         )
-        symmetric, eliminated = self.symmetric, self.eliminated
+        symmetric = self.symmetric
+        eliminated = self.eliminated
         return Elasticity(
             *of,
             definite=definite,
@@ -420,12 +428,10 @@ class ElasticBody:
         """The right-hand side of an ``AppliedLoad``; ``lifted``: what its forces lack of
         ``prescribed``, None: all.
         """
-        comm, dim, fixed, start = (
-            self.comm,
-            self.dimension,
-            self.prescribed,
-            self.vector(prescribed),
-        )
+        comm = self.comm
+        dim = self.dimension
+        fixed = self.prescribed
+        start = self.vector(prescribed)
         if parallel.any_rank(comm, bool(prescribed.any())):
             owned = prescribed[: forces.size].reshape(-1, dim)
             nearest = nearest_motion(

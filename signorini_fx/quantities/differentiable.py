@@ -189,7 +189,8 @@ def _moment(model: Model, boundary: str, axis: str = "z") -> Functional:
 
 
 def _pressure(model: Model, boundary: str, power: str = "8") -> Functional:
-    part, number = _contact_of(model.statement, boundary), float(power)
+    part = _contact_of(model.statement, boundary)
+    number = float(power)
     if not 1 < number <= 1000:
         raise SceneError(
             [(f"of pressure {boundary} {power}", "the power must be above 1, and 1000 at most")]
@@ -199,7 +200,8 @@ def _pressure(model: Model, boundary: str, power: str = "8") -> Functional:
 
 def _mean(model: Model, boundary: str, axis: str) -> Functional:
     """The mean displacement of a boundary along an axis."""
-    z, component = ufl.TestFunction(model.space), _axis_of(model.dimension, axis)
+    z = ufl.TestFunction(model.space)
+    component = _axis_of(model.dimension, axis)
     try:
         facets = model.tagged.facets(boundary)
     except MeshError as error:
@@ -215,12 +217,11 @@ def _mean(model: Model, boundary: str, axis: str) -> Functional:
 
 def _displacement(model: Model, point: str, axis: str) -> Functional:
     """The displacement of a point along an axis."""
-    at, dim, space = (
-        [float(coordinate) for coordinate in point.split(",")],
-        model.dimension,
-        model.space,
-    )
-    component, x = _axis_of(dim, axis), np.zeros((1, 3))
+    at = [float(coordinate) for coordinate in point.split(",")]
+    dim = model.dimension
+    space = model.space
+    component = _axis_of(dim, axis)
+    x = np.zeros((1, 3))
     if len(at) != dim:
         raise ValueError(point)
     x[0, :dim] = at

@@ -226,7 +226,8 @@ def share_in_words(summary: dict[str, Any], of: str = "") -> str:
     share such as 41 %, far above it how many times, and above it where the stress has no limit no
     figure, which each mesh would change.
     """
-    largest, apart = summary["utilisation"], between(summary["stress"])
+    largest = summary["utilisation"]
+    apart = between(summary["stress"])
     share = largest["value"]
     if share is not None and share > 1 and largest.get("no_limit"):
         return f"{'far ' * (share > FAR_GAP)}above {of or '100 %'}"
@@ -415,7 +416,8 @@ def _moment(key: str, summary: Summary) -> list[str | TerminalLine]:
 
 
 def _boundaries(summary: Summary) -> list[str | TerminalLine]:
-    areas, friction = [], []
+    areas = []
+    friction = []
     for entry in summary["contact_boundaries"][:MOST_ROWS]:
         mean = (
             ""
@@ -445,7 +447,8 @@ def _boundaries(summary: Summary) -> list[str | TerminalLine]:
 
 def _tools(summary: Summary) -> list[str | TerminalLine]:
     """How the foundations that forces move have moved, then what the body does to them."""
-    moves, takes = list[str | TerminalLine](), list[str | TerminalLine]()
+    moves = list[str | TerminalLine]()
+    takes = list[str | TerminalLine]()
     for tool in summary["tools"]:
         names = ("displacement", "rotation", "force", "moment", "reference")
         moved, turned, force, moment, point = (figure(tool[name]) for name in names)
@@ -469,7 +472,8 @@ def _resultants(summary: Summary) -> list[str | TerminalLine]:
     """What acts through the other boundaries, and where, and the torque of a section; contact too
     if it has several.
     """
-    several, kinematics = len(summary.get("contact_boundaries", ())) > 1, kinematics_of(summary)
+    several = len(summary.get("contact_boundaries", ())) > 1
+    kinematics = kinematics_of(summary)
     rows = [entry for entry in summary["resultants"] if entry["acts"] != ["contact"] or several]
     lines = list[str | TerminalLine]()
     for entry in rows[:MOST_ROWS]:
@@ -565,7 +569,8 @@ def _error(summary: Summary) -> list[str | TerminalLine]:
     ]
     if errors:
         return [f"{', '.join(errors)}, estimated"]
-    of_stress, cost = (summary.get("stress") or {}).get("error"), summary.get("cost") or {}
+    of_stress = (summary.get("stress") or {}).get("error")
+    cost = summary.get("cost") or {}
     if (
         of_stress is None and cost.get("of") == "energy"
     ):  # without fields the stress itself is not told
@@ -605,7 +610,8 @@ def _certificate(summary: Summary) -> list[str | TerminalLine]:
 def _left(summary: Summary) -> list[str | TerminalLine]:
     """What regularisation leaves."""
     figures = summary["certificate"]
-    penetration, slip = f"{figures['penetration']:.1e}", f"{figures['stick_slip']:.1e}"
+    penetration = f"{figures['penetration']:.1e}"
+    slip = f"{figures['stick_slip']:.1e}"
     left = f"penetration {penetration}, elastic slip {slip} times the largest displacement"
     return [left] if "contact_force" in summary else []
 

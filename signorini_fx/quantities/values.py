@@ -31,8 +31,10 @@ def of_results(solution: Any) -> dict[str, Any]:
 
 def _of_contact(solution: Any) -> dict[str, Any]:
     """Those of a scene with contact; collective."""
-    contact, table = solution.contact, solution.table
-    columns, kinematics = table.columns, solution.model.kinematics
+    contact = solution.contact
+    table = solution.table
+    columns = table.columns
+    kinematics = solution.model.kinematics
     solid = contact.boundary.x.shape[1] == 3
     tools = solution.last_step.tools
     return {
@@ -122,7 +124,8 @@ def of_step(solution: Any) -> dict[str, Any]:
 
 def _of_contact_in_step(solution: Any) -> dict[str, Any]:
     """Those of contact: by axis, and by boundary where a sum over boundaries means nothing."""
-    contact, parts = solution.contact, solution.statement.contact
+    contact = solution.contact
+    parts = solution.statement.contact
     names = _boundaries(solution.statement)
     count = range(len(names))
     columns: dict[str, Any] = {}

@@ -41,10 +41,8 @@ class ContactFields:
     @classmethod
     def on(cls, space: fem.FunctionSpace) -> ContactFields:
         """Zero, for displacements in a space."""
-        mesh, degree = (
-            space.mesh,
-            1 if averaging(space) else int(space.element.basix_element.degree),
-        )
+        mesh = space.mesh
+        degree = 1 if averaging(space) else int(space.element.basix_element.degree)
         scalar = fem.functionspace(mesh, ("Lagrange", degree))
         same_degree = degree == space.element.basix_element.degree
         vector = (
@@ -69,7 +67,8 @@ class ContactFields:
                 field.x.array[:] = 0.0
             return
         where = slice(None) if selected is None else selected
-        tangents, cotangents = state.boundary.tangents, state.boundary.cotangents
+        tangents = state.boundary.tangents
+        cotangents = state.boundary.cotangents
         values = {
             "pressure": state.pressure[:, None],
             "shear": np.einsum("ijk,ik->ij", tangents, state.shear),
@@ -131,11 +130,13 @@ def boundary_fields(
     made: dict[str, fem.Function] = {}
     for name in ("pressure", "shear", "gap", "slip"):
         function: fem.Function = getattr(fields, name)
-        parent, size = function.function_space, function.function_space.dofmap.index_map_bs
+        parent = function.function_space
+        size = function.function_space.dofmap.index_map_bs
         shape = (size,) if function.ufl_shape else ()
         part = fem.functionspace(mesh, ("Lagrange", parent.element.basix_element.degree, shape))
         made[name] = fem.Function(part, name=name)
-        nodes, values = _nodes_of_parent(part, parent, cells), made[name].x.array
+        nodes = _nodes_of_parent(part, parent, cells)
+        values = made[name].x.array
         values.reshape(-1, size)[part.dofmap.list] = function.x.array.reshape(-1, size)[nodes]
         made[name].x.scatter_forward()  # of cells beside that are other ranks'
     return BoundaryFields(mesh=mesh, facets=cells, **made)
@@ -147,7 +148,8 @@ def _nodes_of_parent(
     """The parent's node at each node of each cell of the part, by position: orders in facets differ
     between cells.
     """
-    parent_nodes, part_nodes = facet_nodes(parent, facets), part.dofmap.list
+    parent_nodes = facet_nodes(parent, facets)
+    part_nodes = part.dofmap.list
     if facets.size == 0:
         return np.zeros_like(part_nodes)
     sought = np.asarray(part.tabulate_dof_coordinates())[part_nodes]

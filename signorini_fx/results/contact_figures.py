@@ -30,13 +30,15 @@ Array = npt.NDArray[np.float64]
 
 def contact_figures(statement: Statement, contact: ContactState) -> list[ContactFigures]:
     """The figures of each contact boundary, in the order of the scene; collective."""
-    boundary, comm = contact.boundary, contact.boundary.comm
+    boundary = contact.boundary
+    comm = contact.boundary.comm
     figures = []
     uniform = statement.kinematics.uniform and boundary.kinematics.uniform
     for part, effect in enumerate(statement.contact):
         moment, moment_limit = _moment_about_middle(contact, part) if uniform else (None, None)
         on_part = boundary.part == part
-        weight, pressure = boundary.weight[on_part], contact.pressure[on_part]
+        weight = boundary.weight[on_part]
+        pressure = contact.pressure[on_part]
         closed = contact.in_contact[on_part]
         sums = np.array(
             [
@@ -83,9 +85,12 @@ def _moment_about_middle(
     """``moment`` and ``moment_limit`` of a part; None and None: the boundary is not closed;
     collective.
     """
-    boundary, comm = contact.boundary, contact.boundary.comm
+    boundary = contact.boundary
+    comm = contact.boundary.comm
     on_part = boundary.part == part
-    weight, x, normal = boundary.weight[on_part], boundary.centre[on_part], boundary.normal[on_part]
+    weight = boundary.weight[on_part]
+    x = boundary.centre[on_part]
+    normal = boundary.normal[on_part]
     dim = x.shape[1]
     total = parallel.global_sum(comm, weight @ np.column_stack((x, normal, np.ones(len(x)))))
     area = float(total[-1])
@@ -125,7 +130,8 @@ def friction_used(model: Model, contact: ContactState, step: float) -> float | N
     if not model.motions.free.shape[1] or not model.applied or not contact.has_friction:
         return None
     load = load_on(model, step)
-    motions, touching = model.motions.at(contact.boundary), contact.bilateral | contact.in_contact
+    motions = model.motions.at(contact.boundary)
+    touching = contact.bilateral | contact.in_contact
     present = reactions(motions, as_given(contact.bound), contact.bilateral, touching)
     shares = []
     for number, columns in motions.assemblies:

@@ -26,7 +26,9 @@ from signorini_fx.results.solution import Solution
 
 Array = npt.NDArray[Any]
 # The file of a result without load steps, and with them their list and the folder of one for each.
-VTU, VTU_STEPS, VTU_FOLDER = "fields.vtu", "fields.pvd", "fields"
+VTU = "fields.vtu"
+VTU_STEPS = "fields.pvd"
+VTU_FOLDER = "fields"
 FIELD_FILES = (VTU, VTU_STEPS, VTU_FOLDER)
 
 
@@ -89,8 +91,11 @@ def fields_in_cells(solution: Solution) -> dict[str, fem.Function]:
     """Every field under its name, in discontinuous functions of the degree of the element;
     collective.
     """
-    mesh, degree = solution.model.tagged.mesh, solution.model.space.element.basix_element.degree
-    y, stress, fields = solution.displacement, solution.known_stress, dict[str, fem.Function]()
+    mesh = solution.model.tagged.mesh
+    degree = solution.model.space.element.basix_element.degree
+    y = solution.displacement
+    stress = solution.known_stress
+    fields = dict[str, fem.Function]()
     known = {"displacement": y}
     if stress is not None:
         known |= {
@@ -135,7 +140,8 @@ def facets_of(table: ContactTable) -> npt.NDArray[np.int64]:
 
 def write_surface(path: Path, table: ContactTable) -> None:
     """A .vtu file of the contact surface; on one rank."""
-    c, facets = table.columns, facets_of(table)
+    c = table.columns
+    facets = facets_of(table)
 
     def vector(begin: str) -> Array:
         return np.column_stack([c[f"{begin}{axis}"] for axis in "xyz"])
@@ -162,7 +168,8 @@ def write_vtu(
     their local numbers in VTK's order, shape (cells, corners); ``kind``: VTK's number; ``fields``:
     values at the points, shape (n,) or (n, components); collective.
     """
-    corners, first_cell = cells.shape[1], parallel.rows_before(comm, len(cells))
+    corners = cells.shape[1]
+    first_cell = parallel.rows_before(comm, len(cells))
     ends = corners * np.arange(first_cell + 1, first_cell + len(cells) + 1)
     grid: dict[str, dict[str, Array]] = {
         "Points": {"points": points.astype(np.float64)},

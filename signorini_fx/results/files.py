@@ -168,7 +168,8 @@ class _Written:
         """What stands first; then what is said about it, and the pictures, of which each may
         fail.
         """
-        solution, folder = self.solution, self.folder
+        solution = self.solution
+        folder = self.folder
         table = solution.table if solution.contact is not None else None
         summary = self._stands(table, fields)
         findings = summary["findings"]
@@ -198,7 +199,9 @@ class _Written:
 
     def _stands(self, table: ContactTable | None, fields: bool) -> dict[str, Any]:
         """Fields and the tables that everything else is about; returns the summary."""
-        solution, comm, part = self.solution, self.solution.comm, self.folder.part
+        solution = self.solution
+        comm = self.solution.comm
+        part = self.folder.part
         summary = summary_of(solution)
         plane = solution.model.tagged.dimension == 2
         # Keys that a scene in 2D, or one in 3D, does not have.
@@ -235,7 +238,8 @@ class _Written:
 
     def _tables(self, table: ContactTable | None) -> None:
         """The tables that show more of it."""
-        solution, part = self.solution, self.folder.part
+        solution = self.solution
+        part = self.folder.part
         along_steps = (
             _contact_by_step(solution)
             if solution.statement.several_steps and table is not None
@@ -257,7 +261,8 @@ class _Written:
 
     def _pictures(self, table: ContactTable | None, gathered: Any, summary: dict[str, Any]) -> None:
         """All pictures, beside the tables that some of them are drawn from."""
-        solution, folder = self.solution, self.folder
+        solution = self.solution
+        folder = self.folder
 
         def draw() -> None:
             several = read_csv(folder.path / "steps.csv") if len(solution.steps) > 1 else None

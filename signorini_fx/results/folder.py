@@ -60,7 +60,8 @@ class ResultFolder:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: object
     ) -> None:
-        claimed, self._claimed = self._claimed, False
+        claimed = self._claimed
+        self._claimed = False
         if claimed and (
             error is None or isinstance(error, SignoriniError)
         ):  # these are raised on all ranks

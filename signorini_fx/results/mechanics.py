@@ -101,10 +101,8 @@ class SolidBody(Model, ABC):
         """The certificate of a result at a place; ``last``: the end of the last load step; for the
         other arguments see ``results.certificate.certificate.judged``; collective.
         """
-        balance, drives = (
-            self.balance(displacement, step),
-            [*zip(rigid, self.drives(step), strict=bool(rigid))],
-        )
+        balance = self.balance(displacement, step)
+        drives = [*zip(rigid, self.drives(step), strict=bool(rigid))]
         law = replace(law, overclosures=overclosures_of(self.statement))
         contact = self.conditions(displacement)
         return judged(displacement, balance, contact, tractions, law=law, before=last, rigid=drives)
@@ -160,7 +158,8 @@ def acting_on(
     """
     from signorini_fx.results.resultants import ActingForces
 
-    statement, loads = forces.statement, [*followers]
+    statement = forces.statement
+    loads = [*followers]
     entries = [effect for _, effect in statement.listed()]
     for effect in entries:
         if isinstance(effect, Force):

@@ -51,7 +51,8 @@ class NonlinearForces(NodalForces):
 
     def __init__(self, statement: Statement, tagged: TaggedMesh, space: fem.FunctionSpace) -> None:
         super().__init__(at_rest(statement), tagged, space)
-        self._stated, self._u = (statement, tagged), fem.Function(space)
+        self._stated = (statement, tagged)
+        self._u = fem.Function(space)
         self._path: tuple[tuple[fem.Function, float], ...] = ()
 
     @cached_property
@@ -75,7 +76,8 @@ class NonlinearForces(NodalForces):
     def of_followers(self, displacement: fem.Function, step: float) -> list[NamedForces]:
         """Those of loads that follow the body, with their names; collective."""
         self._move_to(displacement, step)
-        followers, loads = self._body.followers, list[NamedForces]()
+        followers = self._body.followers
+        loads = list[NamedForces]()
         for effect, work in zip(followers.effects, followers.works, strict=True):
             forms = self._compiled(("follower", id(effect)), partial(list, (work,)))
             loads.append(
@@ -85,7 +87,8 @@ class NonlinearForces(NodalForces):
 
     def _go_through(self, path: Path) -> None:
         """Take the materials to the end of load steps; none: before the first one."""
-        count, points = len(self._path), self._body.points
+        count = len(self._path)
+        points = self._body.points
         if count > len(path) or any(
             a is not b for (a, _), (b, _) in zip(self._path, path, strict=False)
         ):
@@ -106,11 +109,9 @@ class NonlinearForces(NodalForces):
         self._move_to(*path[-1])
         self._body.update()
         degree = max(1, strain_degree(self.space, self.kinematics))
-        mesh, cell, reduced = (
-            self.space.mesh,
-            self.space.mesh.topology.cell_name(),
-            volume_degree(*self._stated),
-        )
+        mesh = self.space.mesh
+        cell = self.space.mesh.topology.cell_name()
+        reduced = volume_degree(*self._stated)
         points, weights = basix.make_quadrature(getattr(basix.CellType, cell), degree)
         through = None if reduced is None else element_at_points(cell, reduced).basix_element
         fewer = points if through is None else through.points
@@ -152,7 +153,8 @@ def nonlinear_stresses(model: SolidBody, forces: NonlinearForces, path: Path) ->
     """The Cauchy stress at the end of load steps, at small strains the stress; nothing is
     recovered, and no error estimated; collective.
     """
-    at_points, space = forces.stress_after(path), model.space
+    at_points = forces.stress_after(path)
+    space = model.space
     tensor = at_points.on_cells(
         at_points.stress, space.mesh, space.element.basix_element.degree - 1, "stress"
     )

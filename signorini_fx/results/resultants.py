@@ -197,7 +197,8 @@ class Resultants:
 
     def _at_partners(self, boundary: str, parts: Sequence[int]) -> tuple[Array, Array]:
         """What contacts do to the other body, at its nodes; collective."""
-        space, facets = self.displacement.function_space, self.tagged.facets(boundary)
+        space = self.displacement.function_space
+        facets = self.tagged.facets(boundary)
         on_boundary = fem.locate_dofs_topological(space, self.tagged.mesh.topology.dim - 1, facets)
         total = self._of_contact(*parts)
         total[~np.isin(np.arange(len(total)), on_boundary)] = 0.0
@@ -241,7 +242,9 @@ class Resultants:
                 if getattr(effect, key) == boundary
             ]
             if parts and self.contact is not None and self.conditions is not None:
-                state, points, pairs = self.contact, self.contact.boundary, self.conditions.pairs
+                state = self.contact
+                points = self.contact.boundary
+                pairs = self.conditions.pairs
                 on_boundary = np.isin(points.part, parts)
                 forces = sign * points.nodal_forces(state.pressure, state.shear)
                 placed = [
@@ -277,7 +280,8 @@ class Resultants:
 
     def _sum(self, boundary: str | None, forces: ByCause, about: npt.ArrayLike | None) -> Resultant:
         """The resultant of what acts through a boundary."""
-        dim, comm = self.tagged.mesh.geometry.dim, self.tagged.mesh.comm
+        dim = self.tagged.mesh.geometry.dim
+        comm = self.tagged.mesh.comm
         point = np.zeros(dim) if about is None else np.asarray(about, dtype=np.float64)
         if point.shape != (dim,):
             raise ValueError(f"about: a point with {dim} coordinates is expected, got {about!r}")
@@ -290,7 +294,9 @@ class Resultants:
             arms = np.linalg.norm(points - point, axis=1)
             total += np.concatenate((values.sum(axis=0), turning, [sizes.sum(), arms @ sizes]))
         total = parallel.global_sum(comm, total)
-        force, moment, size = total[:dim], total[dim:-2], (float(total[-2]), float(total[-1]))
+        force = total[:dim]
+        moment = total[dim:-2]
+        size = (float(total[-2]), float(total[-1]))
         acts_at: Array | None = None
         if np.linalg.norm(force) > ZERO_IN_SOLUTION * size[0] and self._kinematics.unbalanced.all():
             middle, normal = (point, None) if boundary is None else self._middle(boundary)
@@ -315,7 +321,8 @@ class Resultants:
         weights = np.linalg.norm(areas, axis=1)
         sums = np.concatenate((weights @ self._x, areas.sum(axis=0), [weights.sum()]))
         sums = parallel.global_sum(self.tagged.mesh.comm, sums)
-        dim, total = self.tagged.mesh.geometry.dim, sums[-1]
+        dim = self.tagged.mesh.geometry.dim
+        total = sums[-1]
         normal = sums[dim:-1] / total
         flat = not self.acting.displaced and np.linalg.norm(normal) > 1 - ZERO_IN_SOLUTION
         return sums[:dim] / total, normal if flat else None

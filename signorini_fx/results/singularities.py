@@ -120,10 +120,12 @@ def _reason(facet_a: BoundaryFacet, facet_b: BoundaryFacet) -> str | None:
 
 def facets_near(body: Model, point: Array) -> list[BoundaryFacet]:
     """Exterior facets of this rank with a vertex within their size from a place."""
-    mesh, dim = body.tagged.mesh, body.tagged.dimension
+    mesh = body.tagged.mesh
+    dim = body.tagged.dimension
     mesh.topology.create_connectivity(dim - 1, dim)
     numbers = dmesh.exterior_facet_indices(mesh.topology)
-    entities, vertices = facet_entities(mesh, numbers), facet_vertices(mesh, numbers)[:, :, :dim]
+    entities = facet_entities(mesh, numbers)
+    vertices = facet_vertices(mesh, numbers)[:, :, :dim]
     corners = len(basix.geometry(getattr(basix.CellType, mesh.topology.cell_name())))
     size = np.linalg.norm(np.ptp(vertices, axis=1), axis=1)
     close = (
@@ -149,7 +151,8 @@ def _material(body: Model, cell: int) -> tuple[Any, ...]:
     """What counts of the material of a cell: its kind, and its expansion where something
     expands.
     """
-    strained, materials = bool(body.statement.of(InitialStrain)), body.statement.material
+    strained = bool(body.statement.of(InitialStrain))
+    materials = body.statement.material
     inside = (
         one
         for one in reversed(materials)
@@ -169,7 +172,9 @@ def _condition(
     body: Model, facet: int, normal: Array, corners: Array
 ) -> tuple[str, tuple[str, ...], str]:
     """What is prescribed on a facet, by which boundaries, and how it may touch another body."""
-    statement, tagged, dim = body.statement, body.tagged, body.tagged.dimension
+    statement = body.statement
+    tagged = body.tagged
+    dim = body.tagged.dimension
     holding = [effect for effect in statement.displacement if effect.where and effect.holding]
     supports = [effect for effect in holding if facet in tagged.facets(effect.where)]
     contacts = [

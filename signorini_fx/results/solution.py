@@ -138,7 +138,9 @@ class Solution:
         Of a body that moves away, the warning that names its motion; of a ramp, between which loads
         it ended.
         """
-        settings, last, failed = self.statement.solver, self.last_step, self.steps[-1]
+        settings = self.statement.solver
+        last = self.last_step
+        failed = self.steps[-1]
         path = {Status.NOT_HELD: "displacement"} | dict.fromkeys(_LEAVES, self.statement.forces_at)
         ended_between = self.statement.load_steps.steps is not None and last is not failed
         reached = f"there is a solution at time {last.time:.6g}{self._factors_held}, and none"
@@ -216,7 +218,8 @@ class Solution:
         """What the last solution bears of the loads that grow behind it, such as: (0.5 times
         traction[1]).
         """
-        statement, ends = self.statement, (self.last_step.place, self.steps[-1].place)
+        statement = self.statement
+        ends = (self.last_step.place, self.steps[-1].place)
         factors = {
             path: [factor_at(statement.factors_of(load), place) for place in ends]
             for path, load in statement.listed()
@@ -235,10 +238,8 @@ class Solution:
         law = None
         if self.contact is not None and self.last_step.status is Status.CONVERGED:
             laws = {step.step: step.certificate.law for step in self.shown_steps}
-            error, raises_gamma = (
-                self.parameters.get("regularisation_error"),
-                self.statement.accuracy is not None,
-            )
+            error = self.parameters.get("regularisation_error")
+            raises_gamma = self.statement.accuracy is not None
             law = another_law(self.statement.solver, laws, error, raises_gamma=raises_gamma)
         return *(() if law is None else (law,)), *self.found()
 
@@ -336,8 +337,10 @@ class Solution:
         """Forces and moments on the body through each boundary; with load steps, of the last one;
         collective.
         """
-        model, y = self.model, self.displacement
-        acting, conditions = model.acting(y, self._position), model.conditions(y)
+        model = self.model
+        y = self.displacement
+        acting = model.acting(y, self._position)
+        conditions = model.conditions(y)
         return Resultants(self.statement, model.tagged, y, self.contact, conditions, acting)
 
     @cached_property
@@ -479,7 +482,9 @@ class ConvergenceError(SignoriniError):
 
 def outcome(solution: Solution, *, advice: bool = True) -> str:
     """How a solve without a solution ended; with load steps, which one, and what there is."""
-    status, last, failed = solution.status, solution.last_step, solution.steps[-1]
+    status = solution.status
+    last = solution.last_step
+    failed = solution.steps[-1]
     text = f"{status.value}: {solution.advice}" if advice else status.value
     if not solution.statement.several_steps or failed.status is Status.CONVERGED:
         return text

@@ -110,8 +110,10 @@ class StepEnd:
             immovable=first.immovable,
             bilateral=first.bilateral,
         )
-        rotation, before = rotations(self.boundary.normal, boundary.normal, spin), self.before
-        shear, elastic = before.tractions.shear, before.elastic_slip
+        rotation = rotations(self.boundary.normal, boundary.normal, spin)
+        before = self.before
+        shear = before.tractions.shear
+        elastic = before.elastic_slip
         before = replace(
             before,
             tractions=replace(before.tractions, shear=np.einsum("nij,nj->ni", rotation, shear)),
@@ -126,14 +128,13 @@ class StepEnd:
         """The start of the step in the frames that the same points have now, with which shears
         turn; collective.
         """
-        start, earlier, normal, slips = (
-            self.start,
-            self.boundary,
-            self.normal,
-            self.start.data.slip_origin,
-        )
+        start = self.start
+        earlier = self.boundary
+        normal = self.normal
+        slips = self.start.data.slip_origin
         if self.rest is not None:
-            normal, slips = normal + self.rest.u_n, slips + self.rest.u_t
+            normal = normal + self.rest.u_n
+            slips = slips + self.rest.u_t
         if parallel.any_rank(boundary.comm, not np.array_equal(earlier.nodes, boundary.nodes)):
             raise FormError([("contact", "its points cannot change between the steps of a loop")])
         rotation = turned(earlier, boundary, spin)
@@ -141,7 +142,8 @@ class StepEnd:
         def along(shear: Array) -> Any:
             return np.einsum("njk,nk->nj", rotation, shear)
 
-        data, multipliers = start.data, start.multipliers
+        data = start.data
+        multipliers = start.multipliers
         relative = np.column_stack((normal, slips))
         origin = np.einsum("nki,nkj,nj->ni", boundary.frames, earlier.coframes, relative)[:, 1:]
         if resting is not None:
@@ -227,11 +229,9 @@ def rotations(earlier: Array, later: Array, spin: Array | None = None) -> Array:
     """
     if spin is not None:
         earlier = np.einsum("nij,nj->ni", spin, earlier)
-    identity, cosine, both = (
-        np.eye(later.shape[1]),
-        np.einsum("ni,ni->n", earlier, later),
-        earlier + later,
-    )
+    identity = np.eye(later.shape[1])
+    cosine = np.einsum("ni,ni->n", earlier, later)
+    both = earlier + later
     # A plane that has turned over has no least rotation: then directions stay as they are.
     turns = (earlier != later).any(axis=1) & (1 + cosine > ROOT_OF_EPS)
     across = np.einsum("ni,nj->nij", both, both) / np.where(turns, 1 + cosine, 1.0)[:, None, None]

@@ -101,7 +101,8 @@ class StressFields:
         Raises:
             ValueError: the body is not isotropic.
         """
-        space, mu = self.tensor.function_space, self.stress.shear_modulus
+        space = self.tensor.function_space
+        mu = self.stress.shear_modulus
         if mu is None:
             raise ValueError("the body has no shear modulus: it is not known to be isotropic")
         shear_modulus = np.full(node_positions(space).shape[0], np.nan)
@@ -183,7 +184,8 @@ class StressFields:
         of a cell there.
         """
         space = self.tensor.function_space
-        x, cells = node_positions(space)[:, : space.mesh.topology.dim], space.dofmap.list
+        x = node_positions(space)[:, : space.mesh.topology.dim]
+        cells = space.dofmap.list
         owned = space.dofmap.index_map.size_local
         return self._nodal()[:owned], x, lambda at: np.flatnonzero((cells == at).any(axis=1))[0]
 
@@ -208,7 +210,8 @@ class StressFields:
         """Where the von Mises stress is the largest share of a limit; ``limit``: a stress of each
         cell, a function of degree 0, infinite where there is none; collective.
         """
-        cells, share = self.von_mises.function_space.dofmap, self.von_mises.x.array.copy()
+        cells = self.von_mises.function_space.dofmap
+        share = self.von_mises.x.array.copy()
         share[cells.list] /= limit.x.array[limit.function_space.dofmap.list]
         return self._extreme_of(share[: cells.index_map.size_local])
 
@@ -219,7 +222,8 @@ class StressFields:
     def _function(self, name: str, values: Nodal) -> fem.Function:
         """A field on the points of the tensor, which all spaces of one degree number alike."""
         space = self.tensor.function_space
-        degree, shape = space.element.basix_element.degree, values.shape[1:]
+        degree = space.element.basix_element.degree
+        shape = values.shape[1:]
         element = ("DG", degree, shape) if shape else ("DG", degree)
         function = fem.Function(fem.functionspace(space.mesh, element), name=name)
         assert np.array_equal(function.function_space.dofmap.list, space.dofmap.list)
@@ -248,10 +252,8 @@ class PointStress:
         function = fem.Function(
             fem.functionspace(mesh, ("DG", degree, values.shape[2:])), name=name
         )
-        space, rows = (
-            function.function_space,
-            values.reshape(*self.x.shape[:2], math.prod(values.shape[2:])),
-        )
+        space = function.function_space
+        rows = values.reshape(*self.x.shape[:2], math.prod(values.shape[2:]))
         root = np.sqrt(self.weights)[:, None]
         basis = root * space.element.basix_element.tabulate(0, self.points)[0, :, :, 0]
         fitted = np.einsum("nq,cqm->cnm", np.linalg.pinv(basis) * root.T, rows)
@@ -332,7 +334,8 @@ class RawStresses(StressFields):
         """
         mesh = self.stress.displacement.function_space.mesh
         tensor = fem.Function(fem.functionspace(mesh, ("DG", 1, (3, 3))), name="recovered_stress")
-        values, nodes = tensor.x.array.reshape(-1, 3, 3), tensor.function_space.dofmap.list
+        values = tensor.x.array.reshape(-1, 3, 3)
+        nodes = tensor.function_space.dofmap.list
         for cells, components in self.body.recovery.smoothed(self.stress.displacement, self.place):
             values[nodes[cells]] = tensors(components, self.stress.kinematics.stressed)
         return StressFields(replace(self.stress, in_space=tensor))
@@ -340,7 +343,8 @@ class RawStresses(StressFields):
     def _samples(self) -> tuple[Nodal, Nodal, Callable[[int], Any]]:
         if self.at_points is None:
             return super()._samples()
-        x, tensors_there = self.at_points.x, self.at_points.stress.reshape(-1, 3, 3)
+        x = self.at_points.x
+        tensors_there = self.at_points.stress.reshape(-1, 3, 3)
         return tensors_there, x.reshape(-1, x.shape[2]), lambda at: at // x.shape[1]
 
     @cached_property
@@ -374,10 +378,8 @@ class RawStresses(StressFields):
         finite = not parallel.any_rank(
             self.comm, not np.isfinite(self.stress.displacement.x.array).all()
         )
-        raw, recovered = (
-            self._extremes(),
-            self.recovered._extremes() if finite and self.recovers else {},
-        )
+        raw = self._extremes()
+        recovered = self.recovered._extremes() if finite and self.recovers else {}
         rows, recovered_rows = (
             {name: self._told(entry, finite=finite) for name, entry in extremes.items()}
             for extremes in (raw, recovered)

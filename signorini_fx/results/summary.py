@@ -60,7 +60,8 @@ def summary_of(solution: Solution) -> dict[str, Any]:
     if solution.convergence_table:
         summary["convergence_table"] = [row.model_dump() for row in solution.convergence_table]
     if solution.statement.several_steps:
-        last, shown = solution.last_step, solution.shown_steps
+        last = solution.last_step
+        shown = solution.shown_steps
         summary["results_of"] = {
             "step": last.step,
             "name": last.name,
@@ -90,7 +91,8 @@ def _step_summary(
         "status": result.status.value,
         "linear_solves": result.linear_solves,
     }
-    columns, rows = of_step(solution), list[dict[str, Any]]()
+    columns = of_step(solution)
+    rows = list[dict[str, Any]]()
     for quantity in own_quantities():
         value = post_processing(
             solution.comm, quantity.key, rows, partial(_own_value, quantity, solution)
@@ -304,7 +306,8 @@ def post_processing(
         result = state()
     except Exception as raised:
         error = raised
-    everybody, end = apart.Ibarrier(), time.monotonic() + ERROR_PATIENCE
+    everybody = apart.Ibarrier()
+    end = time.monotonic() + ERROR_PATIENCE
     while error is not None and not everybody.Test():
         if time.monotonic() > end:
             error.add_note(f"The results are written, without this: {subject}.")

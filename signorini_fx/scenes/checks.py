@@ -67,7 +67,8 @@ def check_scene(
     if scene.statement.nonlinear:
         from signorini_fx.scenes.nonlinear import ProblemOfScene, linear_body
 
-        model, compared = linear_body(scene, comm, Timings()), False
+        model = linear_body(scene, comm, Timings())
+        compared = False
         ProblemOfScene.of(scene.statement, model, History())
         model = replace(model, statement=scene.statement)
         findings = [*nonlinear_findings(model.statement, model)]
@@ -75,9 +76,11 @@ def check_scene(
         coarser = coarser_scenes(scene, scene.solver.levels)
         for coarse in coarser:
             _validated(coarse, comm)
-        model, compared = _validated(scene, comm), scene.accuracy is not None or bool(coarser)
+        model = _validated(scene, comm)
+        compared = scene.accuracy is not None or bool(coarser)
         findings = [*scene_findings(model), *(uniqueness_findings(model) if uniqueness else [])]
-    cost, available = estimated_cost(model), parallel.machine_memory(comm)
+    cost = estimated_cost(model)
+    available = parallel.machine_memory(comm)
     if cost.memory_bytes >= MEMORY_SHARE * available:
         needed = (
             f"about {cost.memory_bytes / 1e9:.0f} GB are needed, this machine has "
@@ -162,10 +165,8 @@ def _contacts(model: Model) -> list[str]:
                 model.boundary.comm, np.array(np.count_nonzero(model.boundary.part == index))
             )
         )
-        law, against = (
-            effect.friction,
-            "" if effect.against is None else f"against {effect.against}, ",
-        )
+        law = effect.friction
+        against = "" if effect.against is None else f"against {effect.against}, "
         description = f"{effect.kind}, {against}{count} nodes"
         if effect.foundation is not None:
             shape = f"{effect.foundation.shape}, {given_in_words(effect.foundation)}"

@@ -44,7 +44,8 @@ def with_cells_alike(scene: Scene) -> Scene:
     """The scene with one kind of cell for all generators of several bodies: that which it gives one
     of them, otherwise the first of their own ones that all can make.
     """
-    able, meshes = dict[int, tuple[str, ...]](), scene.meshes
+    able = dict[int, tuple[str, ...]]()
+    meshes = scene.meshes
     for number, mesh in enumerate(meshes):
         if isinstance(mesh, MeshGenerator):
             with naming(number, scene.body[number]) if scene.body else nullcontext():

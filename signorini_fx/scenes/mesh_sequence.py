@@ -203,7 +203,8 @@ def _of_degree_2(scene: Scene) -> Scene:
 
 def _planned_generator(scene: Scene, goal: Accuracy) -> Plan:
     assert isinstance(scene.mesh, MeshGenerator)
-    triangles, cell = scene.mesh.of_simplices, next(iter(scene.mesh.cells), None)
+    triangles = scene.mesh.of_simplices
+    cell = next(iter(scene.mesh.cells), None)
     if cell in _SIMPLEX and goal.refinement == "adaptive":
         several, simplex = _SIMPLEX[cell]
         message = (
@@ -232,7 +233,8 @@ def _planned_file(scene: Scene, file: MeshFile, goal: Accuracy, comm: MPI.Comm) 
     """Curved sides stay curved: all cells are divided then, because dolfinx bisects straight ones
     only.
     """
-    drawn, sizes = file.drawn, contact_sizes(scene)
+    drawn = file.drawn
+    sizes = contact_sizes(scene)
     tagged = load_file(file, comm, 0, 2 if drawn else None, sizes)
     curved = curvature(tagged) > SAME_LENGTH * tagged.size
     degree = compat.geometry_degree(tagged.mesh)
@@ -283,7 +285,8 @@ class MeshedScene(MeshedProblem):
         coarser: MeshLevel | None,
         checkpoint: MeshCheckpoint | None,
     ) -> SolvedMesh:
-        scene, step_errors = self.scene, list[Errors]()
+        scene = self.scene
+        step_errors = list[Errors]()
         if scene.statement.nonlinear:
             from signorini_fx.scenes.nonlinear import problem_of
 
@@ -293,7 +296,9 @@ class MeshedScene(MeshedProblem):
             )
 
         def estimate(step: LoadStep) -> None:
-            model, outcome, result = step.body.model, step.outcome, step.result
+            model = step.body.model
+            outcome = step.outcome
+            result = step.result
             if result.contact is None or result.strain_energy is None:
                 return
             table = contact_table(result.contact, *model.statement.sides)
@@ -325,7 +330,9 @@ class MeshedScene(MeshedProblem):
 
     def divided(self, times: int) -> Self:
         assert self.plan is not None
-        last, scene, halvings = self.scene, self.plan.scene, round(log2(times))
+        last = self.scene
+        scene = self.plan.scene
+        halvings = round(log2(times))
         if isinstance(scene.mesh, MeshFile):
             return self.on(
                 load_file(scene.mesh, self.comm, halvings, self.plan.geometry, contact_sizes(scene))
@@ -345,14 +352,17 @@ class MeshedScene(MeshedProblem):
         self, last: TaggedMesh, lengths: npt.NDArray[np.float64], finer: float
     ) -> tuple[Self, int]:
         assert self.plan is not None
-        dim, first, made = last.dimension, with_cells_alike(self.plan.scene), list[TaggedMesh]()
+        dim = last.dimension
+        first = with_cells_alike(self.plan.scene)
+        made = list[TaggedMesh]()
         parts = [last.cells(body.name) for body in first.body] or [
             np.arange(len(lengths), dtype=np.int32)
         ]
         for number, field in enumerate(size_fields(last, lengths, parts, finer)):
             table: Any = first.mesh
             if first.body:
-                body, table = first.body[number], first.body[number].mesh
+                body = first.body[number]
+                table = first.body[number].mesh
                 field = replace(field, points=body.moved_back(field.points))
             if isinstance(table, MeshGenerator):
                 made.append(generate_mesh(table.generator, table.parameters, self.comm, field))
@@ -380,7 +390,8 @@ def _errors_of_nonlinear(solution: Solution) -> list[Errors]:
 
     if not solution.converged or isinstance(shares := solution.error_shares, str):
         return []
-    errors, statement = combined(solution.model, solution.table, shares, 0.5), solution.statement
+    errors = combined(solution.model, solution.table, shares, 0.5)
+    statement = solution.statement
     nearly = any(material.locks for material in statement.material)
     locking = nearly and volume_degree(statement, solution.model.tagged) is None
     return [replace(errors, pressure=None) if locking else errors]
@@ -389,10 +400,8 @@ def _errors_of_nonlinear(solution: Solution) -> list[Errors]:
 def meshes_of(scene: Scene, goal: Accuracy, comm: MPI.Comm, history: History) -> Meshes:
     """The meshes of a scene on the way to an accuracy."""
     plan = planned(scene, goal, comm)
-    generated, any_jump = (
-        plan.scene.statement.generated,
-        plan.scene.statement.generated and not plan.adaptive,
-    )
+    generated = plan.scene.statement.generated
+    any_jump = plan.scene.statement.generated and not plan.adaptive
     made = (
         any_jump or isinstance(plan.scene.mesh, MeshFile) or bool(plan.scene.body and not generated)
     )

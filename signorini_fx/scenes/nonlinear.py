@@ -96,7 +96,8 @@ class ProblemOfScene(NonlinearContactProblem):
     @classmethod
     def of(cls, statement: Statement, model: Model, history: History) -> ProblemOfScene:
         """That of a statement; collective."""
-        space, tagged = model.space, model.tagged
+        space = model.space
+        tagged = model.tagged
         # The contact points of pairs are on the sides that have been chosen for the body.
         sides = [
             {"boundary": entry.boundary, "against": entry.against}
@@ -146,7 +147,10 @@ class ProblemOfScene(NonlinearContactProblem):
             )
         except FormError as error:
             raise _of_scene(error, statement) from None
-        problem.statement, problem.model, problem.body, problem._held = statement, model, body, held
+        problem.statement = statement
+        problem.model = model
+        problem.body = body
+        problem._held = held
         problem._solver.too_large = problem._too_large
         problem._solver.tangents.trusted = body.tangent is not None
         problem.linear.bodies, problem.linear.history = model.pieces.bodies, history
@@ -202,7 +206,8 @@ class ProblemOfScene(NonlinearContactProblem):
         if held is not self.model:
             self.model = held
             self._held, self.linear.bcs = _conditions(held)
-        forces, values = np.zeros(self.model.fixed.size), np.zeros_like(self.u.x.array)
+        forces = np.zeros(self.model.fixed.size)
+        values = np.zeros_like(self.u.x.array)
         for factor, load in self.model.applied_at(path_step):
             if not load.balanced:  # initial strains are in the residual
                 forces += factor * load.forces
@@ -214,7 +219,8 @@ class ProblemOfScene(NonlinearContactProblem):
         for number, shape in _drives_at(
             self.statement, self.model.tagged.dimension, path_step
         ).items():
-            moving, dimension = self.shapes[number], self.model.tagged.dimension
+            moving = self.shapes[number]
+            dimension = self.model.tagged.dimension
             carried = {"shift": moving.shape.shift, "rotation": moving.shape.rotation}
             moving.shape = fitting(
                 number, shape.model_copy(update=carried), dimension, turns=moving.turns
@@ -295,7 +301,8 @@ class BodyOfScene(ResidualBody):
 
     def acting(self, y: fem.Function, step: float) -> ActingForces:
         """At small strains moments balance at the undeformed points."""
-        anew, displaced = self.forces, self.statement.finite_strains
+        anew = self.forces
+        displaced = self.statement.finite_strains
         balance = replace(self.balance(y, step), supports=anew.prescribed(step))
         return acting_on(anew, balance, y, step, anew.of_followers(y, step), displaced=displaced)
 
@@ -320,7 +327,8 @@ def _drives_at(statement: Statement, dimension: int, path_step: float) -> dict[i
         held = {name: value for name, value in named if not np.isnan(value)}
         for part in body.parts:
             shape = statement.contact[part].tool
-            force, moment = load[:dimension].tolist(), load[dimension:].tolist()
+            force = load[:dimension].tolist()
+            moment = load[dimension:].tolist()
             moments = tuple(moment) if dimension == 3 else moment[0]
             driven = {"force": tuple(force), "moment": moments, "prescribed": held}
             shapes[part] = shape.model_copy(update=driven) if shape.drives else shape
@@ -331,7 +339,9 @@ def _conditions(model: Model) -> tuple[fem.Function, list[fem.DirichletBC]]:
     """The supports of a body as conditions with the values of a Function, which change;
     collective.
     """
-    space, size, conditions = model.space, model.space.dofmap.index_map_bs, list[fem.DirichletBC]()
+    space = model.space
+    size = model.space.dofmap.index_map_bs
+    conditions = list[fem.DirichletBC]()
     (fixed, _), values = prescribed(space, model.bcs), fem.Function(space)
     for component in range(size):
         at = np.arange(component, fixed.size, size, dtype=np.int32)[fixed[component::size]]

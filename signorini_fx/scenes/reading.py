@@ -204,7 +204,8 @@ def _opened(entry: Any) -> Any:
     as a list.
     """
     if isinstance(entry, BaseModel):
-        fields, given = type(entry).model_fields, entry.model_fields_set
+        fields = type(entry).model_fields
+        given = entry.model_fields_set
         kept = [
             key
             for key, field in fields.items()

@@ -164,7 +164,8 @@ class Scene(Table):
     @cached_property
     def statement(self) -> Statement:
         """The same without its mesh, as all that solves and judges reads it."""
-        fields, origin = type(self).model_fields, ("mesh", "body")
+        fields = type(self).model_fields
+        origin = ("mesh", "body")
         given = {key: getattr(self, key) for key in fields if key not in (*origin, *_SETTINGS)}
         effects = {
             key: entries if isinstance(entries, tuple) else () if entries is None else (entries,)
@@ -200,7 +201,8 @@ def _count(effects: Mapping[str, tuple[Any, ...]], load_steps: LoadSteps) -> int
     depends on the time.
     """
     entries = [entry for several in effects.values() for entry in several]
-    loads, times = [entry for entry in entries if isinstance(entry, Load)], load_steps.times
+    loads = [entry for entry in entries if isinstance(entry, Load)]
+    times = load_steps.times
     timed = times is not None and any(entry.timed for entry in (*loads, *effects["contact"]))
     tools = [contact.tool for contact in effects["contact"]] if times is not None else []
     timed |= any(body.motion.driven_in_time for body in rigid_bodies(tools, [""] * len(tools)))

@@ -87,7 +87,8 @@ def _solved(
     scene: Scene, comm: MPI.Comm, last: tuple[Scene, Solution, Task] | None
 ) -> tuple[Solution, Task]:
     """A scene on one mesh, with what the last one leaves to it; collective."""
-    history, statement = History(), scene.statement
+    history = History()
+    statement = scene.statement
     if last is None or not _same_system(scene, last[0]):
         state = None if last is None else last[1].contact
         solution, task, _ = solve_mesh(statement, lambda: load_mesh(scene, comm), history, state)

@@ -37,7 +37,8 @@ def solve_tightened(
         The model with the shortenings, where the problem starts, how it ended, and why there is no
         solution, if known.
     """
-    place, newton = start.place, task.newton
+    place = start.place
+    newton = task.newton
     loads = _tightened(model, place)
     of_all = [k for k, load in enumerate(model.applied) if isinstance(load.entry, Preload)]
     numbers = [of_all.index(k) for k in loads]
@@ -49,11 +50,15 @@ def solve_tightened(
     # dN/ds, empty until every section holds some of its force; ``last`` are s and N of the iterate
     # before.
     s = np.where(previous > 0, previous, wanted / model.scales.stiffness(model.scales.size))
-    slope, last, best = np.empty((0, 0)), (s, s), np.inf
+    slope = np.empty((0, 0))
+    last = (s, s)
+    best = np.inf
     for _ in range(_MOST_PROBLEMS):
         model = with_shortenings(model, place, s)
-        start, begun = replace(start, factors=model.factors(place)), newton.checkpoint()
-        outcome, force = solve_task(task, start, max_iterations), np.zeros_like(s)
+        start = replace(start, factors=model.factors(place))
+        begun = newton.checkpoint()
+        outcome = solve_task(task, start, max_iterations)
+        force = np.zeros_like(s)
         if outcome.status is Status.CONVERGED:
             y = model.from_rest(task.rest, outcome.displacement())
             force = np.array([row.force for row in section_forces(model, y, place)])[numbers]
@@ -88,9 +93,11 @@ def solve_tightened(
         if not slope.size:  # as if the forces were proportional to the shortenings
             slope = np.diag(s / force)
         else:
-            ds, dn = s - last[0], force - last[1]
+            ds = s - last[0]
+            dn = force - last[1]
             slope = slope + np.outer(ds - slope @ dn, ds @ slope) / (ds @ slope @ dn)
-        best, last = min(best, missing), (s, force)
+        best = min(best, missing)
+        last = (s, force)
         s = s + slope @ (wanted - force)
     return model, start, replace(outcome, status=Status.OUTER_MAX_ITERATIONS), None
 
@@ -123,7 +130,8 @@ def with_shortenings(
         for key, entries in model.statement.effects.items()
         if any(id(entry) in tight for entry in entries)
     }
-    statement, applied = model.statement.changed(**changed), list(model.applied)
+    statement = model.statement.changed(**changed)
+    applied = list(model.applied)
     for k, load in enumerate(applied):
         if isinstance(load.entry, Preload):
             entry = tight.get(id(load.entry), load.entry)

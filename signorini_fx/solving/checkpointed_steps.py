@@ -43,7 +43,9 @@ from signorini_fx.tuned import SAME_LENGTH
 Figures = dict[str, Any]
 
 _FORMAT = 11
-_SCENE, _FIGURES, _NODES = "scene.json", "figures.json", "nodes.npz"
+_SCENE = "scene.json"
+_FIGURES = "figures.json"
+_NODES = "nodes.npz"
 _ABSENT = "(absent)"
 
 
@@ -68,7 +70,8 @@ class MeshCheckpoint:
         *,
         restart: bool,
     ) -> None:
-        self.path, self.level = Path(folder) / CHECKPOINT, 0
+        self.path = Path(folder) / CHECKPOINT
+        self.level = 0
         self._comm = comm
         self._scene = scene
         self._complete: dict[tuple[int, int], Figures] = {}
@@ -76,7 +79,8 @@ class MeshCheckpoint:
         parallel.on_root(comm, lambda: refuse_foreign(self.path.parent, [CHECKPOINT]))
         if restart:
             self._complete = parallel.on_root(comm, self._open)
-            count, self._begun = len(self._complete), bool(self._complete)
+            count = len(self._complete)
+            self._begun = bool(self._complete)
             history.add(f"restart: {count} complete load step{'s' * (count != 1)} in {self.path}")
         elif parallel.on_root(comm, self.path.is_dir):
             history.add(
@@ -96,7 +100,8 @@ class MeshCheckpoint:
         self, step: int, space: fem.FunctionSpace, names: Sequence[str]
     ) -> list[fem.Function] | None:
         """Displacements of a load step by their names; None: they cannot be read."""
-        functions, failed = [fem.Function(space, name=name) for name in names], False
+        functions = [fem.Function(space, name=name) for name in names]
+        failed = False
         try:
             for name, function in zip(names, functions, strict=True):
                 _read_field(self._folder(self.level, step) / f"{name}.npy", function)
@@ -130,15 +135,19 @@ class MeshCheckpoint:
         data, and its path;
         ``beside``: further displacements by their names.
         """
-        problem, history = outcome.problem, task.history
+        problem = outcome.problem
+        history = task.history
         boundary = body.boundary or no_points(body.space)
-        tangents, cotangents, sets = boundary.tangents, boundary.cotangents, problem.sets
+        tangents = boundary.tangents
+        cotangents = boundary.cotangents
+        sets = problem.sets
         nodal: dict[str, Nodal] = {
             "contact": sets.contact.astype(np.float64),
             "direction": _in_space(sets.direction, tangents),
             "turning": sets.turning,
         }
-        data, rest_t = problem.data, 0.0 if task.rest is None else task.rest.u_t
+        data = problem.data
+        rest_t = 0.0 if task.rest is None else task.rest.u_t
         nodal["lambda_hat"], nodal["mu_hat"] = data.lambda_hat, _in_space(data.mu_hat, tangents)
         nodal["slip_origin"] = _in_space(data.slip_origin + rest_t, cotangents)
         if data.bound is not None:
@@ -209,7 +218,8 @@ class MeshCheckpoint:
         """How a load step with ``figures`` ended, with its iterate in place; None if it cannot be
         read, or belongs to other nodes.  The mesh may be distributed in another way.
         """
-        figures, nodal = self._complete[self.level, start.step], None
+        figures = self._complete[self.level, start.step]
+        nodal = None
         boundary = body.boundary or no_points(body.space)
         fields = self.beside(start.step, body.space, ["displacement"])
         try:
@@ -316,7 +326,8 @@ def _by_cell(function: fem.Function) -> Nodal:
     """Values in each cell on the first rank, in the order of the input: up to degree 2 that of
     nodes is the same.
     """
-    space, comm = function.function_space, function.function_space.mesh.comm
+    space = function.function_space
+    comm = function.function_space.mesh.comm
     cells = space.mesh.topology.index_map(space.mesh.topology.dim).size_local
     values = function.x.array.reshape(-1, space.dofmap.index_map_bs)[space.dofmap.list[:cells]]
     numbers = parallel.rows_on_root(
@@ -330,8 +341,10 @@ def _read_field(path: Path, function: fem.Function) -> None:
     """Read what ``_by_cell`` has given, in all cells of this rank, those of other ranks that it
     knows too.
     """
-    space, topology = function.function_space, function.function_space.mesh.topology
-    nodes, size = np.asarray(space.dofmap.list), space.dofmap.index_map_bs
+    space = function.function_space
+    topology = function.function_space.mesh.topology
+    nodes = np.asarray(space.dofmap.list)
+    size = space.dofmap.index_map_bs
     stored = np.load(path, mmap_mode="r")
     if stored.shape != (topology.index_map(topology.dim).size_global, nodes.shape[1] * size):
         raise ValueError(f"{path}: is of another mesh")

@@ -44,7 +44,8 @@ Array = npt.NDArray[np.float64]
 
 def scene_findings(body: Model) -> Iterator[Finding]:
     """Findings about the scene and its mesh; collective, the same on every rank."""
-    statement, data = body.statement, body.data
+    statement = body.statement
+    data = body.data
     prescribed, force = _largest_loads(body)
     yield from _incomplete(statement)
     yield from _pieces(body)
@@ -150,7 +151,8 @@ def _gaps(body: Model, data: RegularisedData, reach: float) -> Iterator[Finding]
     """
     boundary = body.boundary
     assert boundary is not None
-    comm, size = boundary.comm, body.tagged.size
+    comm = boundary.comm
+    size = body.tagged.size
     unilateral = ~data.bilateral
     smallest = -parallel.largest(comm, -data.gap, -np.inf)
     moves = any(effect.moves or effect.gap_timed for effect in body.statement.contact)
@@ -175,7 +177,8 @@ def _inwards(body: Model) -> Iterator[Finding]:
     """Directions that lead into the body, and planes that face away from it: signs that are the
     wrong way round.
     """
-    mesh, dim = body.tagged.mesh, body.tagged.dimension
+    mesh = body.tagged.mesh
+    dim = body.tagged.dimension
     for index, effect in enumerate(body.statement.contact):
         if effect.direction is None and effect.surface is None:
             continue
@@ -261,7 +264,9 @@ def equilibrium(body: Model) -> Iterator[Finding]:
     """Whether contact can resist motions that supports leave free, and balance the loads, assembly
     by assembly.
     """
-    motions, boundary, data = body.motions, body.boundary, body.data
+    motions = body.motions
+    boundary = body.boundary
+    data = body.data
     if motions.free.shape[1] == 0:
         return
     all_reactions = None
@@ -280,7 +285,8 @@ def _equilibrium_of(
     """Whether one assembly is in equilibrium; ``loads``: the work of each load step on its free
     motions.
     """
-    motions, statement = body.motions, body.statement
+    motions = body.motions
+    statement = body.statement
     free = motions.of_all[:, motions.assembly == number]
     several = motions.pieces.count > 1
     members = np.flatnonzero(motions.pieces.assembly == number)
@@ -301,10 +307,8 @@ def _equilibrium_of(
         names = names_of(free @ loose, motions, members)
         who, advice = "the supports do not resist", "prescribe a displacement"
         if contact is not None:
-            who, advice = (
-                "neither the supports nor the contact resists",
-                f"{advice}, or add friction",
-            )
+            who = "neither the supports nor the contact resists"
+            advice = f"{advice}, or add friction"
         return Finding(
             "warning", "displacement", f"nothing holds {subject}: {who} {names}; {advice}"
         )
@@ -338,7 +342,8 @@ def pushed_nodes(steps: Sequence[ContactState | None], size: float) -> list[Find
     for contact in steps:
         if contact is None:
             continue
-        boundary, depth = contact.boundary, contact.held_inside
+        boundary = contact.boundary
+        depth = contact.held_inside
         held = pushed(depth, size)
         columns = np.column_stack((boundary.part, depth, contact.bilateral, boundary.x))[held]
         rows = np.unique(parallel.gather_rows(boundary.comm, columns), axis=0)
@@ -391,7 +396,8 @@ def facets_in_result(body: Model, contact: ContactState) -> Iterator[Finding]:
         own = replace(table, columns={**table.columns, "pressure": pressure})
         if polygon_error(own, body.scales.modulus) < 1:
             continue
-        names, on_part = (effect.boundary, effect.against), contact.boundary.part == index
+        names = (effect.boundary, effect.against)
+        on_part = contact.boundary.part == index
         angles, lengths = chords(own)
         off = float(np.max(angles * lengths)) / 4  # an eighth of the product on either side
         gap = body.data.gap[on_part]

@@ -84,8 +84,11 @@ class BegunStep:
         """The step with its result, without its linear solves, and the certificate's verdict;
         collective.
         """
-        body, task, start = self.body, self.task, self.start
-        model, path = body.model, body.path
+        body = self.body
+        task = self.task
+        start = self.start
+        model = body.model
+        path = body.path
         with body.timings.phase("certify"):
             unknowns = outcome.displacement()
             displacement = model.from_rest(task.rest, unknowns)
@@ -102,10 +105,8 @@ class BegunStep:
                 last=self.last,
                 rigid=rigid,
             )
-            deformation, status = (
-                deformation_of(model, displacement, model.tagged.size),
-                outcome.status,
-            )
+            deformation = deformation_of(model, displacement, model.tagged.size)
+            status = outcome.status
             if status in (Status.CONVERGED, Status.ROUND_OFF):
                 # First this, as a body that has moved far away is the usual reason of a residual
                 # that stagnates.
@@ -220,7 +221,8 @@ class PathIncrements:
     stored_names: ClassVar[tuple[str, ...]] = ("reached", "increment")
 
     def __init__(self, path: LoadPath) -> None:
-        self.path, self.nominal = path, 1.0 / (path.steps or 1)
+        self.path = path
+        self.nominal = 1.0 / (path.steps or 1)
         # A list of several factors begins with one step to the first of them, in which slip is
         # counted from rest.
         self.reached, self.increment = -1.0, self.nominal if path.from_nothing else 1.0
@@ -233,10 +235,8 @@ class PathIncrements:
     @property
     def next(self) -> float:
         """The place of the next load step; none goes beyond the next factor."""
-        station, end = (
-            floor(self.reached + SAME_LENGTH) + 1.0,
-            round(self.reached + self.increment, _DIGITS),
-        )
+        station = floor(self.reached + SAME_LENGTH) + 1.0
+        end = round(self.reached + self.increment, _DIGITS)
         return station if end > station - SAME_LENGTH else end
 
     def halve(self) -> None:
@@ -271,7 +271,8 @@ class Increments(PathIncrements):
 
     def __init__(self, path: LoadPath, settings: SolverSettings) -> None:
         super().__init__(path)
-        self._iterations, self._divided = settings.max_iterations, path.steps is not None
+        self._iterations = settings.max_iterations
+        self._divided = path.steps is not None
         self.easy = self.last = 0
 
     @property
@@ -312,8 +313,10 @@ class Increments(PathIncrements):
 
     def advance(self, linear_solves: int) -> None:
         """The next load step has a solution, which took this many linear solves."""
-        divisible, enclosed = self._divisible, self._encloses
-        self.reached, self.last = self.next, linear_solves
+        divisible = self._divisible
+        enclosed = self._encloses
+        self.reached = self.next
+        self.last = linear_solves
         if not self._divided:
             return
         if not divisible:
@@ -321,7 +324,8 @@ class Increments(PathIncrements):
             return
         self.easy = self.easy + 1 if linear_solves <= EASY_STEP else 0
         if (self.easy > 1 or enclosed) and self.increment < LARGEST_INCREMENT * self.nominal:
-            self.increment, self.easy = 2 * self.increment, 0
+            self.increment = 2 * self.increment
+            self.easy = 0
 
     def shorten(self, status: Status) -> bool:
         """Halve the increment, as the next load step ended with ``status``; whether a smaller one
@@ -364,11 +368,9 @@ class StepProgress(Stepping[LoadStep]):
         return self.path.ended or self.failed
 
     def _take(self, step: LoadStep) -> None:
-        self.body, self.task, self.failed = (
-            step.body,
-            step.task,
-            step.result.status is not Status.CONVERGED,
-        )
+        self.body = step.body
+        self.task = step.task
+        self.failed = step.result.status is not Status.CONVERGED
         self.results.append(step.result)
         if not self.failed or self.ended is None:
             self.ended = step.outcome, step.outcome.problem.data
@@ -387,11 +389,9 @@ class StepProgress(Stepping[LoadStep]):
         for gamma_n.
         """
         begun = self.body.begun(place, self.task, self.first, self.end)
-        model, start, laws = (
-            begun.body.model,
-            begun.start,
-            overclosures_of(begun.body.model.statement),
-        )
+        model = begun.body.model
+        start = begun.start
+        laws = overclosures_of(begun.body.model.statement)
         if model.boundary is not None and laws:
             share = np.ones(model.boundary.size)
             for number, law in laws.items():
@@ -404,7 +404,9 @@ class StepProgress(Stepping[LoadStep]):
         )
 
     def solved(self) -> LoadStep | None:
-        history, path, newton = self.task.history, self.path, self.task.newton
+        history = self.task.history
+        path = self.path
+        newton = self.task.newton
         beginning = newton.checkpoint()
         step = self._attempt()
         status = step.result.status
@@ -422,10 +424,14 @@ class StepProgress(Stepping[LoadStep]):
 
     def _attempt(self) -> LoadStep:
         """Solve the next load step, which may have no solution."""
-        history, steps, place = self.task.history, self.body.path, self.path.next
+        history = self.task.history
+        steps = self.body.path
+        place = self.path.next
         solves_before = history.linear_solves
         begun = self._begun(place)
-        model, start, allowed = begun.body.model, begun.start, self.path.allowed
+        model = begun.body.model
+        start = begun.start
+        allowed = self.path.allowed
         if steps.several:
             history.add(StepRecord(start.step + 1, steps.name_at(place), steps.time_at(place)))
         reason: Finding | None = None
@@ -466,10 +472,13 @@ class StepProgress(Stepping[LoadStep]):
 
     def recalled(self, checkpoint: MeshCheckpoint) -> LoadStep | None:
         number = self.first.step if self.end is None else self.end.start.step
-        figures, history, newton = checkpoint.figures(number), self.task.history, self.task.newton
+        figures = checkpoint.figures(number)
+        history = self.task.history
+        newton = self.task.newton
         if figures is None:
             return None
-        beginning, place = newton.checkpoint(), float(figures["place"])
+        beginning = newton.checkpoint()
+        place = float(figures["place"])
         with self.body.timings.phase("restart"):
             begun = self._begun(place)
             model = begun.body.model

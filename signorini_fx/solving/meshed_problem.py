@@ -152,28 +152,30 @@ class MeshedProblem(ABC):
         stored: MeshCheckpoint | None = None,
     ) -> SolvedMesh:
         """Solve it as one of several meshes, with its errors and its cost; collective."""
-        history, comm = self.history, self.comm
+        history = self.history
+        comm = self.comm
         history.add(f"level {number}")
         solves_before = history.linear_solves
         if stored is not None:
             stored.level = number
         solved = self.solve(state, coarser, stored)
-        solution, step_errors = solved.solution, solved.step_errors
+        solution = solved.solution
+        step_errors = solved.step_errors
         if not solution.converged:
             return replace(solved, outcome=None)
         if not step_errors:
             return solved
-        errors, body, table, task = (
-            worst_of(step_errors),
-            solution.model,
-            solution.table,
-            solved.task,
-        )
+        errors = worst_of(step_errors)
+        body = solution.model
+        table = solution.table
+        task = solved.task
         # Of the load steps that all meshes have in common.
         contacts = [
             step.contact for step in solution.steps if step.contact and step.place.is_integer()
         ]
-        own, regularisation, krylov = history.iterations[solves_before:], (0.0, 0.0), np.inf
+        own = history.iterations[solves_before:]
+        regularisation = (0.0, 0.0)
+        krylov = np.inf
         left = [record.residual for record in own[-1:]]
         if task is not None and solved.outcome is not None:
             regularisation = regularisation_errors(
@@ -281,7 +283,8 @@ def solve_nested(
                 raise
             unsolved = Unsolved.by_error(error, name, comm)
             break
-        solution, state = solved.solution, None
+        solution = solved.solution
+        state = None
         if levels and solution.statement.sides != sides:
             history.add(
                 "the convergence table begins here: on the coarser meshes the contact points are "
@@ -291,7 +294,8 @@ def solve_nested(
         sides = solution.statement.sides
         coarser = solved.as_level()
         if solution.converged:
-            state, certified = solved.state, solution
+            state = solved.state
+            certified = solution
         elif certified is not None and number + 1 == count:
             unsolved = Unsolved.by_outcome(solution, name)
         if solved.level is not None:
@@ -337,9 +341,11 @@ def carry_over(
     rows = rows[np.lexsort(rows[:, dim::-1].T)]
     contact = np.zeros(fine.size, dtype=bool)
     direction, shear = (np.zeros((fine.size, dim)) for _ in range(2))
-    pressure, turning = np.zeros(fine.size), np.zeros(fine.size)
+    pressure = np.zeros(fine.size)
+    turning = np.zeros(fine.size)
     for part in np.unique(fine.part):
-        on_part, coarse_rows = fine.part == part, rows[rows[:, 0] == part]
+        on_part = fine.part == part
+        coarse_rows = rows[rows[:, 0] == part]
         # Two neighbours: a node in the middle between two sets joins the one that constrains it
         # more, contact and stick; the iteration releases superfluous nodes faster than it finds
         # missing ones.
@@ -361,7 +367,8 @@ def carry_over(
         side = np.where(np.einsum("ijk,ik->ij", normal, fine.normal[on_part]) < 0, -1.0, 1.0)[
             :, :, None
         ]
-        sliding, sheared = side * sliding, side * sheared
+        sliding = side * sliding
+        sheared = side * sheared
         contact[on_part] = (near & (touching[:, :, 0] > 0)).any(axis=1)
         sliding = np.where(near[:, :, None], sliding, sliding[:, :1])
         together = (np.einsum("ijk,ik->ij", sliding, sliding[:, 0]) > 0).all(axis=1)

@@ -127,7 +127,8 @@ def solve_contact(
     start = first_start(task.start, model.boundary, state)
     progress = StepProgress(body, task, start, Increments(statement.path, statement.solver))
     progress.all(on_step, level_checkpoint)
-    model, task = progress.body.model, progress.task
+    model = progress.body.model
+    task = progress.task
     assert progress.ended is not None
     found = partial(_findings, model, progress.results)
     solution = contact_solution(model, progress.results, task, progress.ended, timings, found)
@@ -150,7 +151,8 @@ def contact_solution(
     (outcome, data), shown, found = ended, _shown(steps), cache(lambda: tuple(find()))
     if model.comm.size > 1:  # they may be asked for by one rank alone
         found()
-    parameters, energy = dict[str, float](), shown.strain_energy
+    parameters = dict[str, float]()
+    energy = shown.strain_energy
     if shown.contact is not None:
         parameters = {"gamma_n": data.gamma_n, "gamma_t": data.gamma_t, "sigma": data.sigma}
         if outcome.regularisation_error is not None and energy is not None:
@@ -179,7 +181,8 @@ def _shown(steps: Sequence[StepResult]) -> StepResult:
 
 def _findings(model: Model, steps: Sequence[StepResult]) -> list[Finding]:
     """The findings of ``check`` about the scene, and those about its result; collective."""
-    last, findings = steps[-1], [*scene_findings(model)]
+    last = steps[-1]
+    findings = [*scene_findings(model)]
     if _solved(steps) and last.contact is not None and last.contact.boundary.paired:
         findings += facets_in_result(model, last.contact)
     contact = enumerate(model.statement.placed(_shown(steps).place).contact)
@@ -288,9 +291,12 @@ class StatedSteps(SteppedBody):
     state: ContactState | None
 
     def begun(self, path_step: float, task: Task, first: Start, end: StepEnd | None) -> BegunStep:
-        earlier, start, last = self.model, first, None
+        earlier = self.model
+        start = first
+        last = None
         if end is not None:
-            start, last = end.start, end.before
+            start = end.start
+            last = end.before
         moved = placed(earlier, path_step)
         if moved is earlier:
             return BegunStep(self, task, start, last)
@@ -327,7 +333,9 @@ def on_moved_foundations(
     assert earlier.boundary is not None
     assert moved.boundary is not None
     end.taken_up(task, moved, moved.rigid)
-    now, before, spin = moved.boundary, earlier.boundary, None
+    now = moved.boundary
+    before = earlier.boundary
+    spin = None
     # across planes of symmetry, which supports make that hold from now on, there is no shear any
     # more
     if moved.pairs:

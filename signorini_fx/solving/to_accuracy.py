@@ -61,7 +61,9 @@ def solve_to_accuracy(meshes: Meshes, budget: Budget) -> Solution:
     is given up, after the linear solve in which the time ends.  If it ends on the first mesh there
     is no solution.
     """
-    goal, comm, history = budget.goal, budget.comm, meshes.problem.history
+    goal = budget.goal
+    comm = budget.comm
+    history = meshes.problem.history
     levels: list[LevelResult] = []
     state: ContactState | None = None
     last: Solution | None = None
@@ -74,7 +76,10 @@ def solve_to_accuracy(meshes: Meshes, budget: Budget) -> Solution:
             if last is None:
                 raise
             return Unsolved.by_error(failure, "the next mesh", comm).leaves(last, history)
-        solution, task, outcome, level = solved.solution, solved.task, solved.outcome, solved.level
+        solution = solved.solution
+        task = solved.task
+        outcome = solved.outcome
+        level = solved.level
         late = history.overdue()
         if level is None:
             ended = (
@@ -99,7 +104,8 @@ def solve_to_accuracy(meshes: Meshes, budget: Budget) -> Solution:
         polygon = meshes.problem.polygon_error(solved, polygon)
         state = solved.state
         now = parallel.clock(comm)
-        seconds, started = now - started, now
+        seconds = now - started
+        started = now
         same_mesh = bool(levels) and levels[-1].dofs == level.dofs
         known = with_polygon(level, polygon).model_copy(update={"seconds": seconds})
         levels = [*levels[: len(levels) - same_mesh], known]
@@ -277,7 +283,8 @@ class Meshes:
         made: bool,
         any_jump: bool,
     ) -> None:
-        self._comm, self._made = problem.comm, made
+        self._comm = problem.comm
+        self._made = made
         self._of: str = DIVIDED_FOR.get(goal.of, goal.of)  # the quantity for which cells are marked
         self.adaptive: bool = (
             adaptive  # whether triangles or tetrahedra are divided where the error is large
@@ -309,7 +316,8 @@ class Meshes:
             try:
                 solved = self.problem.solved(number, state, self._coarser)
                 self._coarser = solved.as_level()
-                solution, unsolved = solved.solution, solved.level is None
+                solution = solved.solution
+                unsolved = solved.level is None
                 retried = unsolved and (
                     solution.statement.sides[1] is not None or solved.task is None
                 )
@@ -363,8 +371,10 @@ class Meshes:
         """
         if self.problem.remakes:
             assert solved.errors is not None
-            last, dim = solved.tagged, solved.tagged.dimension
-            squares, lengths = solved.errors.squares[self._of], lengths_of_cells(last)
+            last = solved.tagged
+            dim = solved.tagged.dimension
+            squares = solved.errors.squares[self._of]
+            lengths = lengths_of_cells(last)
             factor = float(np.clip(excess, SMALLEST_JUMP, 1 / SHORTEST_CHILD))
             degree = solved.solution.statement.element.degree
             lengths = shorter_lengths(self._comm, squares, lengths, factor, degree, dim, jump)
@@ -395,7 +405,8 @@ class Meshes:
         factor = excess / REGULARISATION_SHARE
         if factor <= 1:
             return
-        settings, data = self.problem.settings, outcome.data
+        settings = self.problem.settings
+        data = outcome.data
         largest = LARGEST_GAMMA * task.natural_gamma
         update = {
             "gamma_n": min(data.gamma_n * factor, largest),

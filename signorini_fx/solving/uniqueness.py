@@ -71,7 +71,8 @@ def uniqueness_findings(model: Model) -> list[Finding]:
 
 def _contact_stiffness(model: Model) -> tuple[Array, Array] | str:
     """The stiffness and the contact map for ``proved_multiple``; or why there is no proof."""
-    law, load_step = model.law, model.statement.steps - 1
+    law = model.law
+    load_step = model.statement.steps - 1
     assert law is not None
     # What is an unknown as well the stiffness takes as fixed.
     for _, clause in refused_by(model.statement, _NOT_TRIED):
@@ -108,7 +109,8 @@ def proved_multiple(stiffness: Array, operator: Array, law: PointFriction) -> tu
     unknowns without the prescribed ones, the others eliminated, shape (u, u); ``operator``: B on
     these, rows (n, T) of each point.
     """
-    coefficient, moves = law.coefficient, np.linalg.norm(operator, axis=1) > NOTHING_LEFT
+    coefficient = law.coefficient
+    moves = np.linalg.norm(operator, axis=1) > NOTHING_LEFT
     by_point = moves.reshape(coefficient.size, -1)
     if ((coefficient > 0) & ~by_point[:, 0] & by_point[:, 1:].any(axis=1)).any():
         return 0.0, "a support takes the pressure at a point that friction acts on"
@@ -144,12 +146,14 @@ def _critical(
     held = values > NOTHING_LEFT * values[-1]
     if np.abs(vectors[normal:, ~held]).max(initial=0.0) > NOTHING_LEFT**0.5:
         return 0.0, "nothing but friction holds the body along its foundation"
-    basis, values = vectors[:, held], values[held]
+    basis = vectors[:, held]
+    values = values[held]
     compliance = (basis[normal:] ** 2 / values).sum(axis=1)
     ratios = np.sqrt(compliance / np.diag(stiffness)[beside])
     # The symmetric part of D S is nu times the first matrix and the second; that on the right d
     # times the third and the fourth over d.
-    along, pressing = stiffness @ basis, basis[:normal].T @ (stiffness[:normal] @ basis)
+    along = stiffness @ basis
+    pressing = basis[:normal].T @ (stiffness[:normal] @ basis)
     pressing = (pressing + pressing.T) / 2
     sliding = np.diag(values) - pressing
     pressed = along[beside].T @ ((sizes * ratios)[:, None] * along[beside]) / 2
@@ -172,7 +176,8 @@ def _critical(
     best = minimize(largest, start[0], method="Nelder-Mead", options=options)
     multiple, (nu, d) = (1 - CERTIFICATE_TOLERANCE) * float(np.exp(-best.fun)), np.exp(best.x)
     left = nu * pressing + sliding - multiple * (d * pressed + slid / d)
-    diagonal, count = np.diag(left), values.size
+    diagonal = np.diag(left)
+    count = values.size
     # The error of eigenvalues, and that of the entries, which are a few such sums.
     round_off = 4 * (count + 2) * count * np.finfo(float).eps
     if (

@@ -114,7 +114,8 @@ def balanced(
         resisted = slope + NOTHING_LEFT * sum(contact.resistance for contact in contacts) * np.eye(
             len(y)
         )
-        step, length = np.linalg.lstsq(resisted, unbalanced, rcond=None)[0], 1.0
+        step = np.linalg.lstsq(resisted, unbalanced, rcond=None)[0]
+        length = 1.0
         while True:
             tractions, unbalanced, reached = tried(y + length * step)
             # Near the maximum its change is round-off, which says nothing; what is not balanced
@@ -122,7 +123,8 @@ def balanced(
             if reached >= value or length < NOTHING_LEFT or imbalance(unbalanced) < last:
                 break
             length /= 2
-        y, value = y + length * step, reached
+        y = y + length * step
+        value = reached
     if imbalance(unbalanced) <= 0:
         return tractions
     raise Refused("no admissible tractions near the nodal ones balance the loads")

@@ -136,7 +136,8 @@ def _degree(node: ast.expr) -> float:
 
 def unbounded(model: Model) -> Iterator[str]:
     """The names of what of a scene has no bound, which the statement or the mesh tells."""
-    mesh, statement = model.tagged.mesh, model.statement
+    mesh = model.tagged.mesh
+    statement = model.statement
     if "guaranteed bound" in model.kinematics.refuses:
         yield model.kinematics.words
     if mesh.topology.cell_name() not in ("triangle", "tetrahedron"):

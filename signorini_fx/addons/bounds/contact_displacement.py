@@ -32,7 +32,8 @@ def admissible(problem: PlainProblem, tiny: float, *, closed: bool) -> Array:
     Raises:
         Refused: supports leave no way out.
     """
-    t, y = problem.t, problem.y.copy()
+    t = problem.t
+    y = problem.y.copy()
     # Projectors onto the directions in which supports let nodes move.
     held = np.zeros((*y.shape, t.dimension))
     for column in t.nodes_of_facets[t.outer].T:
@@ -63,7 +64,9 @@ def _separate(
     closed: bool,
 ) -> None:
     """Move a displacement out of one contact, in place."""
-    t, parts, d = problem.t, surface.parts, problem.t.dimension
+    t = problem.t
+    parts = surface.parts
+    d = problem.t.dimension
     nodes = [parts.nodes(t, side) for side in parts.sides]
     at_vertices = closed & (parts.on_parts(surface.pressure) > 0)
     at_edges = at_vertices[:, EDGES_OF_FACET[d]].all(axis=2)
@@ -91,13 +94,15 @@ def _moved(places: Ints, depth: Array, normal: Array, free: Array) -> Array:
     """Displacements of nodes along the normals of the parts around, by depths of shape (m, k) at
     least.
     """
-    sums, deepest = np.zeros(free.shape[:2]), np.full(len(free), -np.inf)
+    sums = np.zeros(free.shape[:2])
+    deepest = np.full(len(free), -np.inf)
     for column, depths in zip(places.T, depth.T, strict=True):
         np.add.at(sums, column, normal)
         np.maximum.at(deepest, column, depths)
     sizes = np.linalg.norm(sums, axis=1, keepdims=True)
     mean = np.divide(sums, sizes, out=np.zeros_like(sums), where=sizes > 0)
-    ways, least = np.einsum("nij,nj->ni", free, mean), np.full(len(free), np.inf)
+    ways = np.einsum("nij,nj->ni", free, mean)
+    least = np.full(len(free), np.inf)
     for column in places.T:
         np.minimum.at(least, column, np.einsum("md,md->m", ways[column], normal))
     movable = (least > _MOVABLE) & np.isfinite(least)

@@ -90,7 +90,9 @@ def _given(problem: Bounded, boundary: str, direction: Array) -> list[Given]:
     """Components where forces of supports and contacts act; without friction there is none along a
     contact.
     """
-    d, nothing, met = problem.t.dimension, np.zeros_like(direction), False
+    d = problem.t.dimension
+    nothing = np.zeros_like(direction)
+    met = False
     rows = [(problem.t.outer, problem.held[problem.t.outer], nothing)]
     for surface in problem.contacts:
         parts = surface.parts

@@ -85,9 +85,12 @@ class ContactParts:
         one, other = (Patches(t.x[t.facets[side]], t.normal[side]) for side in (slave, master))
         pairs = np.column_stack(candidates(one, other, apart, np.zeros(len(slave))))
         corners, number = _shared(places[0][pairs[:, 0]], places[1][pairs[:, 1]])
-        of, area = pairs[number], np.abs(_sizes(corners))
+        of = pairs[number]
+        area = np.abs(_sizes(corners))
         positive = area > NOTHING_LEFT * t.area[slave[of[:, 0]]]
-        corners, of, area = corners[positive], of[positive], area[positive]
+        corners = corners[positive]
+        of = of[positive]
+        area = area[positive]
         numbers = [np.unique(of[:, side], return_inverse=True) for side in (SLAVE, MASTER)]
         return cls(
             (slave[numbers[0][0]], master[numbers[1][0]]),
@@ -106,7 +109,8 @@ class ContactParts:
         cls, t: Simplices, slave: Ints, master: Ints, places: Array, tiny: float
     ) -> ContactParts:
         """Facets whose vertices are at the same places, shape (v, d), but for a tiny length."""
-        d, vertices = t.dimension, np.unique(t.facets[master])
+        d = t.dimension
+        vertices = np.unique(t.facets[master])
         away, nearest = cKDTree(places[vertices]).query(places)
         over = np.where(away <= tiny, vertices[nearest], -1)[t.facets[slave]]
         keys = t.keys(t.facets[master])
@@ -118,7 +122,8 @@ class ContactParts:
         ]
         met = np.flatnonzero((t.facets[master[candidate]] == np.sort(over, axis=1)).all(axis=1))
         order = np.argsort(np.argsort(over[met], axis=1), axis=1)
-        rows, identity = np.arange(len(met)), np.tile(np.eye(d), (len(met), 1, 1))
+        rows = np.arange(len(met))
+        identity = np.tile(np.eye(d), (len(met), 1, 1))
         facets = slave[met], master[candidate[met]]
         return cls(
             facets,
@@ -142,7 +147,8 @@ class ContactParts:
         """Vertices and edges of the facets of a side, of whole ones at those of the parts, see
         ``nodes_of_facets``.
         """
-        nodes, d = t.nodes_of_facets[self.facet(side)], t.dimension
+        nodes = t.nodes_of_facets[self.facet(side)]
+        d = t.dimension
         if self.by_facets:
             order = self.local[side].argmax(axis=2)
             edges = (
@@ -209,7 +215,9 @@ class ContactParts:
                 shape (p, d, d).
             areas: of these facets, shape (n,).
         """
-        count, d, flat = len(pieces), traction.shape[2], pieces[:, :, 1:]
+        count = len(pieces)
+        d = traction.shape[2]
+        flat = pieces[:, :, 1:]
         order = np.full(len(self.facets[side]), -1)
         order[rows] = np.arange(len(rows))
         part = np.flatnonzero(order[self.row[side]] >= 0)
@@ -220,12 +228,15 @@ class ContactParts:
         ).all(axis=2)
         first, piece = np.nonzero(meet)
         corners, number = _shared(at[first], flat[piece])
-        part, first, piece = part[first[number]], first[number], piece[number]
+        part = part[first[number]]
+        first = first[number]
+        piece = piece[number]
         owner = order[self.row[side][part]]
         area = factorial(d - 1) * np.abs(_sizes(corners)) * areas[owner]
         values = _barycentric(at[first], corners) @ traction[part]
         local = _barycentric(flat[piece], corners)
-        numbers, sizes = owner * count + piece, np.repeat(areas / count, count)
+        numbers = owner * count + piece
+        sizes = np.repeat(areas / count, count)
         closest, *of_pieces = _closest(values, area, local, numbers, sizes)
         missed, squares = (squares.reshape(-1, count).sum(axis=1) for squares in of_pieces)
         return closest.reshape(-1, count, d, d), missed.clip(min=0.0) + 64 * EPS * squares
@@ -239,8 +250,10 @@ def _closest(
     difference and of the functions; ``area``: of the parts; ``local``: barycentric coordinates of
     their vertices in the owners; ``areas``: of the owners.
     """
-    hats, shape = with_hats(values, area), (len(areas), *values.shape[1:])
-    integrals, squares = np.zeros(shape), np.zeros(len(areas))
+    hats = with_hats(values, area)
+    shape = (len(areas), *values.shape[1:])
+    integrals = np.zeros(shape)
+    squares = np.zeros(len(areas))
     np.add.at(integrals, owner, local.transpose(0, 2, 1) @ hats)
     np.add.at(squares, owner, np.einsum("mki,mki->m", hats, values))
     closest = closest_linear(integrals / areas[:, None, None])

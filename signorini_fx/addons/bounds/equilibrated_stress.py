@@ -50,7 +50,8 @@ def equilibrated(
         prescribed: the displacement at the vertices of held facets, as a linear function, length,
             shape (f, d, d).
     """
-    local, d = LocalStress(t), t.dimension
+    local = LocalStress(t)
+    d = t.dimension
     moments = _moments(t, local, held, local.alone(body), with_hats(traction, t.area), prescribed)
     # The means of both sides, where tractions are given of these.
     signed = (t.sign[:, :, None, None] * moments).reshape(-1, d)
@@ -74,13 +75,12 @@ def _moments(
     """Moments of each cell, out of it, equal and opposite but for loads on facets, force, shape (n,
     d + 1, d, d).
     """
-    d, size = t.dimension, t.facets.size * t.dimension
+    d = t.dimension
+    size = t.facets.size * t.dimension
     compliance = np.tile(local.compliance, (t.parts, 1, 1))
     places = (d * local.places[..., None] + np.arange(d)).reshape(len(t.corners), -1)
-    rows, columns = (
-        np.repeat(places, places.shape[1], axis=1).ravel(),
-        np.tile(places, (1, places.shape[1])).ravel(),
-    )
+    rows = np.repeat(places, places.shape[1], axis=1).ravel()
+    columns = np.tile(places, (1, places.shape[1])).ravel()
     matrix = sp.csr_matrix((compliance.ravel(), (rows, columns)), shape=(size, size))
     values, vectors = np.linalg.eigh(np.repeat(held, d, axis=0))
     basis = free_basis(vectors, values > 0.5)
@@ -97,7 +97,8 @@ def _tied(matrix: sp.csr_matrix, modes: Array) -> sp.csr_matrix:
     """The matrix with as many tied unknowns as free motions, where balanced loads cause no
     force.
     """
-    diagonal, pins = matrix.diagonal(), np.zeros(matrix.shape[0])
+    diagonal = matrix.diagonal()
+    pins = np.zeros(matrix.shape[0])
     for _ in range(modes.shape[1]):
         pin = int(np.argmax(np.linalg.norm(modes, axis=1)))
         unit = modes[pin] / np.linalg.norm(modes[pin])
@@ -140,14 +141,16 @@ def _carried(t: Simplices, held: Ints, missed: Array) -> tuple[Array, Array]:
     """Bounds of the force that each cell passes on to the supports, and of its couple about its
     centre, shapes (n,).
     """
-    count, centre = len(t.corners), t.x[t.corners].mean(axis=1)
+    count = len(t.corners)
+    centre = t.x[t.corners].mean(axis=1)
     loose = np.setdiff1d(np.arange(t.piece.max(initial=-1) + 1), t.piece[held])
     start = np.concatenate((held, np.unique(t.piece, return_index=True)[1][loose]))
     # One more node joins all cells that take what the others pass on.
     root = sp.csr_matrix((np.ones(start.size), (np.full(start.size, 0), start)), shape=(1, count))
     rooted_graph = sp.bmat([[t.neighbours, None], [root, sp.csr_matrix((1, 1))]], format="csr")
     order, parent = breadth_first_order(rooted_graph, count, directed=False)
-    total, couple = np.append(missed, 0.0), np.zeros(count + 1)
+    total = np.append(missed, 0.0)
+    couple = np.zeros(count + 1)
     arm = np.append(np.linalg.norm(centre - centre[parent[:count].clip(0, count - 1)], axis=1), 0.0)
     for cell in order[:0:-1]:
         total[parent[cell]] += total[cell]

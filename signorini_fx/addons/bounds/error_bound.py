@@ -132,7 +132,8 @@ class Bounded(PlainProblem):
         """In equilibrium with the loads and the tractions of the contacts, but for what is
         ``lifted``.
         """
-        t, d = self.t, self.t.dimension
+        t = self.t
+        d = self.t.dimension
         traction: Array = self.traction.copy()
         for surface in self.contacts:
             for side, sign in zip(surface.parts.sides, (1.0, -1.0), strict=False):
@@ -163,7 +164,8 @@ class Bounded(PlainProblem):
                 apexes = t.x[t.corners[cells, opposite]]
                 corners = np.concatenate((t.x[t.facets[facets[rows]]], apexes[:, None]), axis=1)
                 liftings = Liftings.of(corners, t.moduli.of(cells), PARTS_OF_EDGE)
-                pieces, areas = liftings.facet.parts, t.area[facets[rows]]
+                pieces = liftings.facet.parts
+                areas = t.area[facets[rows]]
                 values = surface.parts.projected_on_pieces(
                     surface.traction, side, rows, pieces, areas
                 )
@@ -185,7 +187,9 @@ class Bounded(PlainProblem):
 
     def _beside(self, y: Array) -> Admissible:
         """What a displacement that does not enter adds to the bound."""
-        t, contact, strain = self.t, np.zeros(len(self.t.corners)), self.t.strain_at_corners(y)
+        t = self.t
+        contact = np.zeros(len(self.t.corners))
+        strain = self.t.strain_at_corners(y)
         for surface in self.contacts:
             np.add.at(
                 contact, t.sides[surface.parts.facet(SLAVE), 0], 2 * self._on_contact(surface, y)
@@ -217,7 +221,8 @@ class Bounded(PlainProblem):
         which are known up to the condition of a cell; none is larger than twice the slope of the
         displacement.
         """
-        t, d = self.t, self.t.dimension
+        t = self.t
+        d = self.t.dimension
         condition = np.linalg.norm(t.jacobian, axis=(1, 2)) * np.linalg.norm(
             t.gradients[:, 1:], axis=(1, 2)
         )
@@ -252,10 +257,8 @@ class Bounded(PlainProblem):
 
     def bound(self) -> ErrorBound:
         """The bound of the error."""
-        of_duality, of_moved = (
-            self.admissible.contact + self.between(self.strain),
-            self.admissible.moved,
-        )
+        of_duality = self.admissible.contact + self.between(self.strain)
+        of_moved = self.admissible.moved
         duality, moved = (float(np.sqrt(squares.sum())) for squares in (of_duality, of_moved))
         squares = (of_duality + of_moved).reshape(-1, self.cells).sum(axis=0)
         total = float(np.hypot(duality, moved)) + self.round_off
@@ -263,11 +266,13 @@ class Bounded(PlainProblem):
 
     def _on_contact(self, surface: FacetsInContact, y: Array) -> Array:
         """Integrals of p (d - v_n) + g |v_t| - mu . v_t over the parts, energies, shape (m,)."""
-        d, parts = self.t.dimension, surface.parts
+        d = self.t.dimension
+        parts = surface.parts
         displacement = self.relative(surface, y)
         normal = np.einsum("fcd,fd->fc", displacement, parts.normal)
         tangential = displacement - normal[:, :, None] * parts.normal[:, None]
-        values, linear = bernstein(POINTS[d]), POINTS[d]
+        values = bernstein(POINTS[d])
+        linear = POINTS[d]
         pressure, bound, shear = (
             np.einsum("qc,fc...->fq...", linear, parts.on_parts(at_vertices))
             for at_vertices in (surface.pressure, surface.bound, surface.shear)
@@ -309,10 +314,8 @@ class Bounded(PlainProblem):
             + np.abs(np.einsum("fadk,fad->fak", contact.across, contact.shear)).sum(axis=(0, 1))
             for contact in contacts
         )
-        piece, size = (
-            t.piece_of_vertex[np.abs(motions).argmax(axis=0) // t.dimension],
-            np.abs(loads) + sizes,
-        )
+        piece = t.piece_of_vertex[np.abs(motions).argmax(axis=0) // t.dimension]
+        size = np.abs(loads) + sizes
         # A piece has its own scale, above the round-off of all pieces together.
         small = (
             ROUND_OFF * np.array([size[piece == number].max() for number in piece])

@@ -50,14 +50,18 @@ class LocalStress:
     """
 
     def __init__(self, t: Simplices) -> None:
-        self._t, d = t, t.dimension
+        self._t = t
+        d = t.dimension
         rank = np.argsort(np.argsort(t.corners[:, FACETS[d]], axis=2), axis=2)
         self.places: Ints = d * t.facets_of[:, :, None] + rank
-        self._determinant, self._inverse = factorial(d) * t.volume, np.linalg.inv(t.jacobian)
+        self._determinant = factorial(d) * t.volume
+        self._inverse = np.linalg.inv(t.jacobian)
         # sigma = F s F^T / J^2; tractions times areas are F (s n) / J, the divergence F (div s) /
         # J^2.
         self._turn = turn_of(t.jacobian / self._determinant[:, None, None])
-        n, k, forces = len(t.corners) // t.parts, d * d * (d + 1), d * (d + 1)
+        n = len(t.corners) // t.parts
+        k = d * d * (d + 1)
+        forces = d * (d + 1)
         self.compliance: Array = np.zeros((n, k, k))
         self.energy: Array = np.zeros(n)
         self._alone: Array = np.zeros((n, k, forces))
@@ -69,8 +73,12 @@ class LocalStress:
         """Compliance of some cells: least energy with balanced moments."""
         # Stresses of thin cells grow with the square of their aspect: a factor of the energy is
         # inverted, not itself.
-        t, d, operator = self._t, self._t.dimension, reference(self._t.dimension)[0]
-        count, parts, k = d + 1, (d + 1) ** 2, d * d * (d + 1)
+        t = self._t
+        d = self._t.dimension
+        operator = reference(self._t.dimension)[0]
+        count = d + 1
+        parts = (d + 1) ** 2
+        k = d * d * (d + 1)
         map_ = self._determinant[chunk, None, None] * self._inverse[chunk]
         n = len(map_)
         # Linear tractions at the vertices of a facet of area 1 from their moments.
@@ -85,7 +93,8 @@ class LocalStress:
         balance = _resultants(arm[:, FACETS[d]].reshape(n, -1, d)).transpose(0, 2, 1)
         directions, lengths = np.linalg.qr(balance, mode="complete")
         rank = balance.shape[2]
-        loaded, free = directions[:, :, :rank], directions[:, :, rank:]
+        loaded = directions[:, :, :rank]
+        free = directions[:, :, rank:]
         q, r = np.linalg.qr(stress @ free)
         root_of_compliance = free @ np.linalg.inv(r)
         self.compliance[chunk] = root_of_compliance @ root_of_compliance.transpose(0, 2, 1)
@@ -108,7 +117,8 @@ class LocalStress:
         """From stresses of reference cells to vectors whose squares are the energy, shape (n, 3 or
         6, 3 or 6).
         """
-        t, d = self._t, self._t.dimension
+        t = self._t
+        d = self._t.dimension
         root = np.linalg.cholesky(TWICE[d][:, None] * t.moduli.of(chunk).compliance).transpose(
             0, 2, 1
         )
@@ -143,7 +153,9 @@ class LocalStress:
         ``tractions``: at the vertices of the facets of each cell, out of it, stress, shape (n, d +
         1, d, d); ``body``: see ``alone``.
         """
-        t, d, n = self._t, self._t.dimension, len(tractions)
+        t = self._t
+        d = self._t.dimension
+        n = len(tractions)
         operator, conditions = reference(d)
         inverse = self._inverse.transpose(0, 2, 1)
         forces = (
@@ -166,7 +178,8 @@ def turn_of(f: Array) -> Array:
     """From the components of symmetric tensors s to those of F s F^T, shape (n, 3, 3) or (n, 6,
     6).
     """
-    rows, columns = ROWS[f.shape[1]], COLUMNS[f.shape[1]]
+    rows = ROWS[f.shape[1]]
+    columns = COLUMNS[f.shape[1]]
     once = f[:, rows][:, :, rows] * f[:, columns][:, :, columns]
     twice = f[:, rows][:, :, columns] * f[:, columns][:, :, rows]
     return np.asarray(once + np.where(rows == columns, 0.0, twice))
@@ -189,8 +202,10 @@ def slopes_of_parts(d: int) -> Array:
 
 def tensor_times(vector: Array) -> Array:
     """From the components of a symmetric tensor to its product with a vector, shape (d, 3 or 6)."""
-    rows, columns = ROWS[len(vector)], COLUMNS[len(vector)]
-    product, components = np.zeros((len(vector), len(rows))), np.arange(len(rows))
+    rows = ROWS[len(vector)]
+    columns = COLUMNS[len(vector)]
+    product = np.zeros((len(vector), len(rows)))
+    components = np.arange(len(rows))
     product[rows, components], product[columns, components] = vector[columns], vector[rows]
     return product
 
@@ -201,7 +216,8 @@ def equations(d: int, degree: int) -> tuple[Array, Array, Array]:
     the area; by how much tractions of both parts at a facet between them differ; divergences, of
     degree 2 at the corners of the parts.
     """
-    count, slopes = d + 1, slopes_of_parts(d)
+    count = d + 1
+    slopes = slopes_of_parts(d)
     nodes = [*combinations(range(count), 1), *(tuple(edge) for edge in EDGES[d] if degree == 2)]
     # Vertices of the parts: those of the cell, and its centroid with the number d + 1.
     numbers = [[*map(int, facet), count] for facet in FACETS[d]]
@@ -214,7 +230,9 @@ def equations(d: int, degree: int) -> tuple[Array, Array, Array]:
             tensors[:, part, node] = tensor_times(vector)
         return tensors.reshape(d, -1)
 
-    outer, inner, divergences = list[Array](), list[Array](), list[Array]()
+    outer = list[Array]()
+    inner = list[Array]()
+    divergences = list[Array]()
     for part in range(count):
         normal = -slopes[part, d] / (factorial(d - 1) * count)
         outer += [row((part, k, normal)) for k, node in enumerate(nodes) if d not in node]
@@ -275,7 +293,8 @@ def from_strain(t: Simplices, strain: Array) -> Array:
 
 def square(t: Simplices, stress: Array) -> Array:
     """Integrals of sigma : C^-1 sigma of stresses on the parts, by cell, energies, shape (n,)."""
-    d, strain = t.dimension, t.moduli.strain(stress) * TWICE[t.dimension]
+    d = t.dimension
+    strain = t.moduli.strain(stress) * TWICE[t.dimension]
     sums = (stress * strain).sum(axis=(1, 2, 3)) + (stress.sum(axis=2) * strain.sum(axis=2)).sum(
         axis=(1, 2)
     )

@@ -96,7 +96,8 @@ def divided_facet(d: int, m: int) -> DividedFacet:
     # Integrals of hat functions of the parts times those of the facet, over its area.
     mass = _mass(d)
     moments = np.einsum("pia,ij->apj", parts, mass).reshape(d, -1) / len(parts)
-    numbers, corners = dict[tuple[int, ...], int](), []
+    numbers = dict[tuple[int, ...], int]()
+    corners = []
     for cube in product(range(m), repeat=d):
         for order in permutations(range(d)):
             path = np.cumsum([np.array(cube), *np.eye(d, dtype=np.int64)[list(order)]], axis=0)
@@ -129,8 +130,10 @@ class Liftings:
         """Of cells with corners, that opposite the facet last, shape (n, d + 1, d), and m parts
         along each edge.
         """
-        n, d = len(corners), corners.shape[2]
-        facet, kinds = divided_facet(d, m), d - 1
+        n = len(corners)
+        d = corners.shape[2]
+        facet = divided_facet(d, m)
+        kinds = d - 1
         turned = corners.copy()
         turned[:, :d] = 2 * corners[:, :d].mean(axis=1, keepdims=True) - corners[:, :d]
         cells = np.stack((corners, turned)[:kinds], axis=1).reshape(-1, d + 1, d)
@@ -139,7 +142,8 @@ class Liftings:
             _forms(facet, cells[first : first + _CHUNK], moduli.of(owner[first : first + _CHUNK]))
             for first in range(0, len(cells), _CHUNK)
         ]
-        form, size = np.concatenate(forms), d * d * len(facet.parts)
+        form = np.concatenate(forms)
+        size = d * d * len(facet.parts)
         lost = rounded(cells, moduli.of(owner)) * np.linalg.norm(form, 2, axis=(1, 2))
         form += lost[:, None, None] * np.eye(size)
         # Orthonormal functions on the facet of area 1 that are orthogonal to linear ones.
@@ -155,7 +159,8 @@ class Liftings:
         tractions, at the vertices of the parts, shape (n, p, d, d); ``missed``: integrals of the
         squares of what they are not, shape (n,).
         """
-        n, d = len(values), values.shape[3]
+        n = len(values)
+        d = values.shape[3]
         on_parts = values.reshape(n, -1, d)
         closest = self.facet.parts.reshape(-1, d) @ (self.facet.mean @ on_parts)
         difference = (on_parts - closest).reshape(n, -1)
@@ -185,8 +190,13 @@ def rounded(corners: Array, moduli: Moduli) -> Array:
 
 def _forms(facet: DividedFacet, corners: Array, moduli: Moduli) -> Array:
     """``Liftings.forms`` of some cells, shape (n, d^2 p, d^2 p)."""
-    n, d, vertices, cells = len(corners), corners.shape[2], len(facet.x), len(facet.corners)
-    m, q, k = facet.times, d * d, d * d * (d + 1)
+    n = len(corners)
+    d = corners.shape[2]
+    vertices = len(facet.x)
+    cells = len(facet.corners)
+    m = facet.times
+    q = d * d
+    k = d * d * (d + 1)
     x = facet.x @ corners
     at_corners = x[:, facet.corners]
     negative = np.linalg.det(at_corners[:, :, 1:] - at_corners[:, :, :1]) < 0
@@ -208,13 +218,12 @@ def _forms(facet: DividedFacet, corners: Array, moduli: Moduli) -> Array:
     facets = t.facets[:count]
     keys = t.keys(facets)
     places_of_vertices = np.rint(m * facet.x)
-    moments, mass = np.zeros((q * count, q * len(facet.parts))), _mass(d) / len(facet.parts)
+    moments = np.zeros((q * count, q * len(facet.parts)))
+    mass = _mass(d) / len(facet.parts)
     for part, corners_of_part in enumerate(np.rint(m * facet.parts)):
         vertex = (places_of_vertices[:, :d] == corners_of_part[:, None]).all(axis=2).argmax(axis=1)
-        number, order = (
-            int(np.searchsorted(keys, t.keys(np.sort(vertex)))),
-            np.argsort(np.argsort(vertex)),
-        )
+        number = int(np.searchsorted(keys, t.keys(np.sort(vertex))))
+        order = np.argsort(np.argsort(vertex))
         rows = (q * number + d * order[:, None] + np.arange(d)).ravel()
         moments[rows, q * part : q * (part + 1)] = np.kron(mass, np.eye(d))
     away = x[:, facets].reshape(n, -1, d) - x.mean(axis=1)[:, None]
@@ -232,7 +241,8 @@ def _reference_liftings(d: int) -> Array:
     moments, number d i + j: at the vertices and the middles of the edges, in the order of
     ``EDGES``, of the parts, shape (d^2, d + 1, nodes, 3 or 6).
     """
-    count, equilibrium = d + 1, equations(d, 2)
+    count = d + 1
+    equilibrium = equations(d, 2)
     moments = _mass(count)
     beside_constants = CORNERS_OF_PARTS[d] - (forces_of_parts(d) @ moments)[:, None]
     forces = np.einsum("pcj,ai->pcaij", beside_constants[..., 1:], np.eye(d)).reshape(-1, d * d)

@@ -36,7 +36,8 @@ def smallest_energy(t: Simplices, given: list[Given]) -> tuple[Array, float]:
     motion free, length, shape (v, d), and how far it is from what is given at most, length.
     """
     count, d = t.x.shape
-    weight, value = np.zeros((count, d, d)), np.zeros((count, d))
+    weight = np.zeros((count, d, d))
+    value = np.zeros((count, d))
     for facets, projectors, displacement in given:
         for column in t.facets[facets].T:
             np.add.at(weight, column, projectors)
@@ -45,7 +46,8 @@ def smallest_energy(t: Simplices, given: list[Given]) -> tuple[Array, float]:
     fixed = sizes > ZERO_IN_SOLUTION
     along = np.einsum("nik,ni->nk", turn, value) / np.where(fixed, sizes, 1.0)
     start = np.einsum("nik,nk->ni", turn, np.where(fixed, along, 0.0))
-    matrix, basis = _stiffness(t), free_basis(turn, fixed)
+    matrix = _stiffness(t)
+    basis = free_basis(turn, fixed)
     if basis.shape[1]:
         force = -(matrix @ start.ravel())
         start += (basis @ solved(basis.T @ matrix @ basis, basis.T @ force)).reshape(-1, d)
@@ -74,7 +76,9 @@ def free_basis(turn: Array, fixed: npt.NDArray[np.bool_]) -> sp.csr_matrix:
 def _stiffness(t: Simplices) -> sp.csr_matrix:
     """Of displacements linear on the cells, force per length, shape (d v, d v)."""
     d = t.x.shape[1]
-    rows, columns, twice = ROWS[d], COLUMNS[d], TWICE[d]
+    rows = ROWS[d]
+    columns = COLUMNS[d]
+    twice = TWICE[d]
     gradient = np.einsum("nci,kj->nckji", t.gradients, np.eye(d)).reshape(len(t.corners), -1, d, d)
     strain = (gradient[:, :, rows, columns] + gradient[:, :, columns, rows]) / 2
     local = t.volume[:, None, None] * t.moduli.stress(strain) @ (strain * twice).transpose(0, 2, 1)
@@ -91,14 +95,14 @@ def free_motions(t: Simplices, held: Array) -> Array:
     shape (d v, k);
     ``held``: projectors onto the directions in which facets are held, shape (f, d, d).
     """
-    d, held_facets = t.x.shape[1], np.flatnonzero(held.any(axis=(1, 2)))
-    of_facet, bases = t.piece_of_vertex[t.facets[held_facets, 0]], []
+    d = t.x.shape[1]
+    held_facets = np.flatnonzero(held.any(axis=(1, 2)))
+    of_facet = t.piece_of_vertex[t.facets[held_facets, 0]]
+    bases = []
     for piece in range(int(t.piece.max(initial=-1)) + 1):
         inside = t.piece_of_vertex == piece
-        arm, modes = (
-            t.x[inside] - t.x[inside].mean(axis=0),
-            np.zeros((len(t.x), d, d * (d + 1) // 2)),
-        )
+        arm = t.x[inside] - t.x[inside].mean(axis=0)
+        modes = np.zeros((len(t.x), d, d * (d + 1) // 2))
         modes[inside] = motions_of(arm / np.abs(arm).max())
         facets = held_facets[of_facet == piece]
         rows = np.einsum("fij,fajk->faik", held[facets], modes[t.facets[facets]]).reshape(

@@ -60,7 +60,9 @@ def on_first_rank(
     Raises:
         Exception: what was raised on any rank, the same on all of them.
     """
-    comm, local, failure = model.comm, Rows(), None
+    comm = model.comm
+    local = Rows()
+    failure = None
     try:
         local = (
             _of_cells(model, y)
@@ -76,7 +78,8 @@ def on_first_rank(
 
 def _of_points(contact: ContactState) -> Rows:
     """The contact points, their pressure, and their shear as a vector, stresses."""
-    boundary, d = contact.boundary, contact.boundary.normal.shape[1]
+    boundary = contact.boundary
+    d = contact.boundary.normal.shape[1]
     return {
         "point": boundary.x[:, :d],
         "contact of point": boundary.part,
@@ -89,7 +92,8 @@ def _of_facets(model: Model, named: str | None) -> Rows:
     """Facets of the own cells of this rank by their vertices, shape (m, d), of boundaries and sides
     of contacts.
     """
-    statement, tagged = model.statement, model.tagged
+    statement = model.statement
+    tagged = model.tagged
     boundaries = [load.where for load in statement.of(Force) if load.where is not None]
     boundaries += [str(entry.boundary) for entry in statement.of(PrescribedDisplacement)]
     facets = {
@@ -105,7 +109,8 @@ def _of_facets(model: Model, named: str | None) -> Rows:
             }
         else:
             facets[f"slave {number}"] = tagged.facets(effect.boundary)
-    rows, own = Rows(), tagged.mesh.topology.index_map(tagged.dimension).size_local
+    rows = Rows()
+    own = tagged.mesh.topology.index_map(tagged.dimension).size_local
     cells = np.asarray(compat.geometry_cells(tagged.mesh), dtype=np.int64)
     for name, of_rank in facets.items():
         entities = facet_entities(tagged.mesh, of_rank)
@@ -128,13 +133,13 @@ def _of_cells(model: Model, y: fem.Function) -> Rows:
     ``EDGES``, the mass per volume, and Lame's parameters, or stiffness in the components ``ROWS``
     and ``COLUMNS``.
     """
-    tagged, d, elastic = model.tagged, model.tagged.dimension, model.elastic
+    tagged = model.tagged
+    d = model.tagged.dimension
+    elastic = model.elastic
     cells = np.arange(tagged.mesh.topology.index_map(d).size_local)
     corners = np.asarray(compat.geometry_cells(tagged.mesh), dtype=np.int64)[: len(cells)]
-    values, mass = (
-        y.x.array.reshape(-1, d)[y.function_space.dofmap.list[: len(cells)]],
-        np.zeros(len(cells)),
-    )
+    values = y.x.array.reshape(-1, d)[y.function_space.dofmap.list[: len(cells)]]
+    mass = np.zeros(len(cells))
     if values.shape[1] == d + 1:
         values = np.concatenate((values, values[:, EDGES[d]].mean(axis=2)), axis=1)
     for material in model.statement.material:
@@ -192,7 +197,8 @@ class FacetsInContact:
     @property
     def traction(self) -> Array:
         """On the first body at the vertices of the parts, stress, shape (m, d, d)."""
-        pressure, shear = self.parts.on_parts(self.pressure), self.parts.on_parts(self.shear)
+        pressure = self.parts.on_parts(self.pressure)
+        shear = self.parts.on_parts(self.shear)
         return np.asarray(-pressure[:, :, None] * self.parts.normal[:, None] - shear)
 
     def excess(self, displacement: Array) -> Array:
@@ -229,11 +235,15 @@ class PlainProblem:
     """
 
     def __init__(self, rows: Rows, model: Model, step: float) -> None:
-        self._rows, self.cells, self._model, self._step = rows, len(rows["corners"]), model, step
+        self._rows = rows
+        self.cells = len(rows["corners"])
+        self._model = model
+        self._step = step
         d = int(rows["x"].shape[2])
         numbers, corners = np.unique(rows["corners"], return_inverse=True)
         corners = corners.reshape(-1, d + 1)
-        self._numbers, x = numbers, np.zeros((len(numbers), d))
+        self._numbers = numbers
+        x = np.zeros((len(numbers), d))
         x[corners], ends = rows["x"], np.sort(corners[:, EDGES[d]], axis=2)
         turned = np.linalg.det(x[corners][:, 1:] - x[corners][:, :1]) < 0
         order = np.where(turned[:, None], [*range(d - 1), d, d - 1], np.arange(d + 1))
@@ -242,7 +252,10 @@ class PlainProblem:
         y[np.column_stack((corners, len(x) + np.searchsorted(t.keys(t.edges), t.keys(ends))))] = (
             rows["displacement"]
         )
-        self._given, self.t, self.y, self._halves = t, t, y, np.arange(len(t.facets))[:, None]
+        self._given = t
+        self.t = t
+        self.y = y
+        self._halves = np.arange(len(t.facets))[:, None]
         if d == 2 and model.space.element.basix_element.degree == 2:
             # The stress is linear: on four triangles it is as accurate as that of degree 2.
             self.t, self.y, self._halves = divide(t, y)
@@ -272,7 +285,8 @@ class PlainProblem:
         """Coefficients of Bernstein of a displacement of degree 2 relative to the other body, on
         parts.
         """
-        parts, nodes = surface.parts, self.t.nodes_of_facets
+        parts = surface.parts
+        nodes = self.t.nodes_of_facets
         of_sides = [
             parts.restricted(coefficients(y[nodes[parts.facet(side)]]), side)
             for side in parts.sides
@@ -292,11 +306,10 @@ class PlainProblem:
 
     def _loads(self) -> tuple[Array, Array]:
         """Force per volume at corners, and per area at the vertices of facets."""
-        t, mass = self.t, np.tile(self._rows["mass"], self.t.parts)
-        body, traction = (
-            np.zeros((*t.corners.shape, t.dimension)),
-            np.zeros((*t.facets.shape, t.dimension)),
-        )
+        t = self.t
+        mass = np.tile(self._rows["mass"], self.t.parts)
+        body = np.zeros((*t.corners.shape, t.dimension))
+        traction = np.zeros((*t.facets.shape, t.dimension))
         for listed in self._statement.of(Force):
             factor, load = self._statement.now(listed, self._step)
             if factor == 0:
@@ -307,7 +320,8 @@ class PlainProblem:
                 )
                 continue
             facets = self._facets(f"at {load.where}")
-            x, area = t.x[t.facets[facets]], float(t.area[facets].sum())
+            x = t.x[t.facets[facets]]
+            area = float(t.area[facets].sum())
             traction[facets] += factor * _density(
                 load, x, t.normal[facets], mass[t.sides[facets, 0]], area
             )
@@ -317,14 +331,18 @@ class PlainProblem:
         """Projectors onto the directions that supports hold, where the displacement is what they
         prescribe.
         """
-        t, missed, largest = self.t, 0.0, float(np.abs(self.y).max())
-        places, held = t.with_middles(t.x), np.zeros((*t.facets.shape, t.dimension))
+        t = self.t
+        missed = 0.0
+        largest = float(np.abs(self.y).max())
+        places = t.with_middles(t.x)
+        held = np.zeros((*t.facets.shape, t.dimension))
         for entry in self._statement.of(PrescribedDisplacement):
             if not entry.holding:
                 continue
             factor, effect = self._statement.now(entry, self._step)
             facets = self._facets(f"at {effect.boundary}")
-            nodes, normal = t.nodes_of_facets[facets], t.normal[facets]
+            nodes = t.nodes_of_facets[facets]
+            normal = t.normal[facets]
             axes = [np.broadcast_to(axis, normal.shape) for axis in np.eye(t.dimension)]
             for value, along in (
                 (effect.normal, normal),
@@ -345,8 +363,12 @@ class PlainProblem:
 
     def _contact(self, number: int, effect: Contact) -> FacetsInContact:
         """With admissible tractions near the nodal ones."""
-        t, rows, d, facets = self.t, self._rows, self.t.dimension, self._facets(f"slave {number}")
-        x, pair = t.x[t.facets[facets]], self._model.pairs.get(number)
+        t = self.t
+        rows = self._rows
+        d = self.t.dimension
+        facets = self._facets(f"slave {number}")
+        x = t.x[t.facets[facets]]
+        pair = self._model.pairs.get(number)
         given_bound = getattr(effect.friction, "bound", 0.0)  # that of Tresca friction
         refuse_jumps(given_bound, x, "friction bound")
         bound = _from_inside(_sampled(given_bound, _inside(x)))
@@ -364,20 +386,17 @@ class PlainProblem:
                 direction = np.array(effect.direction[:d])
                 towards = np.broadcast_to(direction / np.linalg.norm(direction), towards.shape)
             parts = ContactParts.on_foundation(t, facets, towards)
-        points, undivided = (
-            np.flatnonzero(rows["contact of point"] == number),
-            self._undivided(f"slave {number}"),
-        )
+        points = np.flatnonzero(rows["contact of point"] == number)
+        undivided = self._undivided(f"slave {number}")
         at, pressure, shear = (rows[name][points] for name in ("point", "pressure", "shear"))
-        pressure, shear = (
-            self._linear(undivided, at, pressure, positive=True),
-            self._linear(undivided, at, shear),
-        )
+        pressure = self._linear(undivided, at, pressure, positive=True)
+        shear = self._linear(undivided, at, shear)
         order = np.argsort(facets)
         of_facets = order[np.searchsorted(facets, parts.facets[SLAVE], sorter=order)]
         normal = np.zeros((len(of_facets), d))
         normal[parts.row[SLAVE]] = parts.normal
-        shear, bound = shear[of_facets], bound[of_facets].clip(min=0.0)
+        shear = shear[of_facets]
+        bound = bound[of_facets].clip(min=0.0)
         shear = onto_disc(shear - np.einsum("fad,fd,fe->fae", shear, normal, normal), bound)
         gap = parts.restricted(gap[of_facets][parts.row[SLAVE]], SLAVE)
         if pair is not None and effect.distance == "geometry" and not effect.bonded:
@@ -395,11 +414,13 @@ class PlainProblem:
         """Linear functions from values at points of a contact, at vertices of facets, shape (m, d,
         ...).
         """
-        t, given = self.t, self._given
+        t = self.t
+        given = self._given
         # Of this side alone: vertices of the other body may be at the same places.
         halved = len(t.x) > len(given.x)  # then the middles of edges are vertices, too
         nodes = (given.nodes_of_facets if halved else given.facets)[undivided]
-        own, nodal = np.unique(nodes), np.zeros((len(t.x), *values.shape[1:]))
+        own = np.unique(nodes)
+        nodal = np.zeros((len(t.x), *values.shape[1:]))
         nodal[own[cKDTree(t.x[own]).query(points)[1]]] = values
         tractions = nodal[nodes]
         if halved:
@@ -457,7 +478,8 @@ def _density(load: Force, x: Array, normal: Array, mass: Array, area: float) -> 
     for value in load.given.values():
         refuse_jumps(value, x, load.label)
     each, d = x.shape[1:]
-    places, across = _inside(x).reshape(-1, d).T, np.repeat(normal, each, axis=0).T
+    places = _inside(x).reshape(-1, d).T
+    across = np.repeat(normal, each, axis=0).T
     at = SampledPoints(
         places, across, lambda effect: area * float(effect.spread), np.repeat(mass, each)
     )

@@ -64,7 +64,9 @@ class Moduli:
         """Those of lambda and mu, stresses, shape (n,)."""
         unit = np.eye(len(ROWS[dimension]))
         normal = (ROWS[dimension] == COLUMNS[dimension]).astype(np.float64)
-        mean, first, second = np.outer(normal, normal), lame[:, None, None], 2 * mu[:, None, None]
+        mean = np.outer(normal, normal)
+        first = lame[:, None, None]
+        second = 2 * mu[:, None, None]
         return cls(
             second * unit + first * mean,
             (unit - first / (dimension * first + second) * mean) / second,
@@ -154,7 +156,8 @@ class Simplices:
     def sides(self) -> Ints:
         """The cells at each facet, the lower number first, -1 for none, shape (f, 2)."""
         order = np.argsort(self.facets_of.ravel(), kind="stable")
-        facet, cell = self.facets_of.ravel()[order], order // (self.dimension + 1)
+        facet = self.facets_of.ravel()[order]
+        cell = order // (self.dimension + 1)
         second = np.append(False, facet[1:] == facet[:-1])
         sides = np.full((len(self.facets), 2), -1)
         sides[facet[~second], 0], sides[facet[second], 1] = cell[~second], cell[second]
@@ -163,7 +166,8 @@ class Simplices:
     @cached_property
     def neighbours(self) -> sp.csr_matrix:
         """Which cells share a facet, by the lower number first, shape (n, n)."""
-        inner, count = self.sides[self.sides[:, 1] >= 0], len(self.corners)
+        inner = self.sides[self.sides[:, 1] >= 0]
+        count = len(self.corners)
         return sp.csr_matrix((np.ones(len(inner)), tuple(inner.T)), shape=(count, count))
 
     @cached_property
@@ -192,10 +196,8 @@ class Simplices:
     @cached_property
     def _scaled_normals(self) -> Array:
         """The area of each facet times its normal out of its first cell, shape (f, d)."""
-        cell, scaled = (
-            self.sides[:, 0],
-            -self.dimension * self.volume[:, None, None] * self.gradients,
-        )
+        cell = self.sides[:, 0]
+        scaled = -self.dimension * self.volume[:, None, None] * self.gradients
         opposite = (self.facets_of[cell] == np.arange(len(cell))[:, None]).argmax(axis=1)
         return np.asarray(scaled[cell, opposite])
 
@@ -232,7 +234,8 @@ class Simplices:
         """Strains of a displacement of degree 2 at nodes, length, shape (v + e, d), at the corners
         of the cells, shape (n, d + 1, 3 or 6).
         """
-        d, g = self.dimension, self.gradients
+        d = self.dimension
+        g = self.gradients
         # From the first corner on: how far a cell moves costs its strain no digits.
         at, middle = np.split(y[self.nodes_of] - y[self.corners[:, :1]], [d + 1], axis=1)
         bubble = middle - at[:, EDGES[d]].mean(axis=2)
@@ -242,13 +245,15 @@ class Simplices:
                 a, b = EDGES[d][k]
                 gradient[:, a] += 4 * bubble[:, k, :, None] * g[:, b, None]
                 gradient[:, b] += 4 * bubble[:, k, :, None] * g[:, a, None]
-        rows, columns = ROWS[d], COLUMNS[d]
+        rows = ROWS[d]
+        columns = COLUMNS[d]
         return np.asarray((gradient[..., rows, columns] + gradient[..., columns, rows]) / 2)
 
 
 def _times(matrix: Array, components: Array) -> Array:
     """Of each cell, shape (n, ..., m)."""
-    count, m = components.shape[0], components.shape[-1]
+    count = components.shape[0]
+    m = components.shape[-1]
     return np.asarray(
         (components.reshape(count, -1, m) @ matrix.swapaxes(1, 2)).reshape(components.shape)
     )
@@ -258,7 +263,8 @@ def with_hats(values: Array, measure: Array) -> Array:
     """Integrals over simplices of a measure of linear functions, given at their k corners, times
     the hat functions of these, shapes (m, k, ...) and (m,) to (m, k, ...).
     """
-    count, shape = values.shape[1], (-1, *[1] * (values.ndim - 1))
+    count = values.shape[1]
+    shape = (-1, *[1] * (values.ndim - 1))
     return np.asarray(
         measure.reshape(shape)
         / (count * (count + 1))
@@ -300,10 +306,8 @@ def divide(t: Simplices, y: Array) -> tuple[Simplices, Array, Ints]:
         vertices; the displacement at their nodes; and the halves of each given edge, that at its
         first end first, shape (e, 2).
     """
-    moduli, middles = (
-        t.moduli.of(np.tile(np.arange(len(t.corners)), 4)),
-        len(t.x) + np.arange(len(t.edges)),
-    )
+    moduli = t.moduli.of(np.tile(np.arange(len(t.corners)), 4))
+    middles = len(t.x) + np.arange(len(t.edges))
     corners = t.nodes_of[:, QUARTERS].transpose(1, 0, 2).reshape(-1, 3)
     divided = Simplices(t.with_middles(t.x), corners, moduli, 4)
     values, _ = lagrange(2, 2, OF_QUARTERS[:, EDGES[2]].mean(axis=2).reshape(-1, 3)[:, 1:])

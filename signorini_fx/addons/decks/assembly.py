@@ -146,7 +146,8 @@ def _motion(shift: Floats, turn: Floats | None = None) -> _Motion:
     """A shift, and then a rotation about an axis: two of its points and an angle in degrees."""
     if turn is None:
         return lambda x: x + shift
-    pivot, axis = turn[:3], turn[3:6] - turn[:3]
+    pivot = turn[:3]
+    axis = turn[3:6] - turn[:3]
     if not (size := float(np.linalg.norm(axis))) > 0:
         raise ValueError("the axis of the rotation has no length")
     matrix = turning(tuple(plain(turn[6] / size * axis)), 3)

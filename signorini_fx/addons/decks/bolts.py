@@ -21,7 +21,8 @@ _ALONG = 1 - DIGITS_OF_FILES
 
 def read_bolt(deck: Deck, block: DeckBlock) -> None:
     """The section of a reference node."""
-    node, name = deck.single(block.parameters["NODE"]), block.parameters.get("SURFACE", "")
+    node = deck.single(block.parameters["NODE"])
+    name = block.parameters.get("SURFACE", "")
     surface = deck.label("surface", name)
     if node is None or surface is None:
         deck.lose(
@@ -38,7 +39,8 @@ def read_bolt(deck: Deck, block: DeckBlock) -> None:
 
 def _normal(deck: Deck, name: str) -> Floats | None:
     """The normal of a surface that is in a plane, shape (3,); None: it is in none."""
-    raw, dim = deck.model.raw, deck.mesh.dim
+    raw = deck.model.raw
+    dim = deck.mesh.dim
     nodes = [
         np.unique(block[rows])
         for (kind, block), rows in zip(raw.blocks, raw.sets[name], strict=False)
@@ -89,7 +91,9 @@ def bolt_tables(deck: Deck, steps: int) -> list[tuple[str, dict[str, Any]]]:
             for key in ("force", "fixed", "prescribed")
         )
         block = next(iter(course.values())).block
-        key, values, until = "shortening", moved, 0
+        key = "shortening"
+        values = moved
+        until = 0
         if any(force):
             label = f"preload of {deck.bolts[node]!r}"
             until = next((k for k in range(steps) if fixed[k] or moved[k] is not None), steps)
@@ -108,13 +112,11 @@ def bolt_tables(deck: Deck, steps: int) -> list[tuple[str, dict[str, Any]]]:
                 )
             share = deck.thickness if deck.mesh.dim == 2 else 1.0
             # The force after the section is fixed does not matter.
-            key, values = (
-                "force",
-                [
-                    (value or 0.0) / share
-                    for value in force[:until] + force[until - 1 : until] * (steps - until)
-                ],
-            )
+            key = "force"
+            values = [
+                (value or 0.0) / share
+                for value in force[:until] + force[until - 1 : until] * (steps - until)
+            ]
         elif not any(moved):
             continue
         largest, factors = factors_of([value or 0.0 for value in values])

@@ -49,7 +49,8 @@ def read_friction(deck: Deck, block: DeckBlock) -> None:
     """*FRICTION: a coefficient and, of CalculiX, the stiffness of sticking after it."""
     if deck.model.blocks[block.number - 1].keyword in _WITH_FRICTION:
         return
-    interaction, rows = _interaction(deck), block.rows
+    interaction = _interaction(deck)
+    rows = block.rows
     if "ROUGH" in block.parameters:
         deck.lose(block, "ROUGH is not read: this contact has no friction")
         return
@@ -69,7 +70,8 @@ def read_friction(deck: Deck, block: DeckBlock) -> None:
 
 def read_behaviour(deck: Deck, block: DeckBlock) -> None:
     """*SURFACE BEHAVIOR: hard contact, soft contact with a constant stiffness, or a bond."""
-    interaction, rows = _interaction(deck), block.rows
+    interaction = _interaction(deck)
+    rows = block.rows
     kind = block.parameters.get("PRESSURE-OVERCLOSURE", "HARD").upper()
     if interaction.behaviour is not None:
         deck.lose(
@@ -78,7 +80,9 @@ def read_behaviour(deck: Deck, block: DeckBlock) -> None:
         )
     for word in itertools.chain(*rows):
         real(word)  # also those that only some programs read
-    interaction.behaviour, interaction.tied, interaction.stiffness = block, kind == "TIED", None
+    interaction.behaviour = block
+    interaction.tied = kind == "TIED"
+    interaction.stiffness = None
     if "NOSEPARATION" in block.parameters and not interaction.tied:
         deck.lose(block, "NO SEPARATION is not read: this contact may open")
     if kind in ("LINEAR", "TIED") and rows and rows[0]:
@@ -103,7 +107,8 @@ def read_pairs(deck: Deck, block: DeckBlock) -> None:
     kind = parameters.get("TYPE", "NODE TO SURFACE")
     if kind.upper().replace(" ", "") not in _KINDS_OF_PAIRS:
         raise ValueError(f"TYPE={kind}: NODE TO SURFACE, SURFACE TO SURFACE or MORTAR is expected")
-    interaction, adjust = parameters.get("INTERACTION", "").upper(), parameters.get("ADJUST")
+    interaction = parameters.get("INTERACTION", "").upper()
+    adjust = parameters.get("ADJUST")
     named = {
         b.parameters.get("NAME", "").upper()
         for b in deck.model.blocks
@@ -147,7 +152,8 @@ def contact_tables(deck: Deck) -> tuple[list[dict[str, Any]], dict[str, Any]]:
         label = (
             f"{'tie' if interaction is None else 'contact'} of {pair.slave!r} with {pair.master!r}"
         )
-        first, opposite = deck.boundary(pair.slave), deck.boundary(pair.master)
+        first = deck.boundary(pair.slave)
+        opposite = deck.boundary(pair.master)
         if first is None or opposite is None:
             absent = pair.slave if first is None else pair.master
             deck.lose(pair.block, f"{label}: {absent!r} is no boundary of the body")
@@ -218,7 +224,8 @@ def _stiffness(
     an overclosure.
     """
     contacts = [used for used in interactions if used is not None]
-    slopes, tied = {used.stiffness for used in contacts}, [used.tied for used in contacts]
+    slopes = {used.stiffness for used in contacts}
+    tied = [used.tied for used in contacts]
     slope = next(iter(slopes)) if len(slopes) == 1 else None
     bonded = None in interactions or any(tied)
     solver = {}
@@ -263,7 +270,8 @@ def say_partners(deck: Deck, contacts: list[dict[str, Any]]) -> None:
     partners, and so do sides of degree 2 in 3D.
     """
     for table in contacts:
-        bonded, adjusted = "kind" in table, table.get("adjust") is not None
+        bonded = "kind" in table
+        adjusted = table.get("adjust") is not None
         if bonded or adjusted or (deck.mesh.dim, deck.mesh.degree) == (3, 2):
             table["sliding"] = "small"
             if not bonded and deck.nonlinear is not None:

@@ -42,7 +42,8 @@ class DeckLoad:
         """Its value in each step, None where there is none; a value before the first step holds in
         all.
         """
-        current, values = self.values.get(-1), []
+        current = self.values.get(-1)
+        values = []
         for step in range(steps):
             current = self.values.get(step, current)
             values.append(current)
@@ -266,12 +267,14 @@ class Deck:
         """The components of which one keyword changes some forces of another one: by boundaries
         they would add up.
         """
-        single_components, seen = set[int](), dict[tuple[int, int], frozenset[int]]()
+        single_components = set[int]()
+        seen = dict[tuple[int, int], frozenset[int]]()
         for block in self.model.blocks:
             for group in (
                 self.model.groups.get(block.number, ()) if block.keyword == "CLOAD" else ()
             ):
-                component, nodes = int(group.words[0]), frozenset(group.nodes)
+                component = int(group.words[0])
+                nodes = frozenset(group.nodes)
                 for node in nodes:
                     if seen.setdefault((component, node), nodes) != nodes:
                         single_components.add(component)

@@ -128,7 +128,8 @@ def _load_tables(deck: Deck, steps: int, *, releases: bool) -> list[tuple[str, d
         )
         merged.setdefault((*where, entry), {}).update(components)
         origins.setdefault((*where, entry), []).append(load.block)
-    tables, weighing = [], False
+    tables = []
+    weighing = False
     for key, components in merged.items():
         table, target, place, factors, held, _ = key
         if table == "body_force" and weighing:

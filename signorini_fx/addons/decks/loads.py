@@ -144,7 +144,8 @@ def read_body_forces(deck: Deck, block: DeckBlock) -> None:
             loaded = parts.setdefault(tuple(row[at:]), {})
             loaded["" if whole else row[0]] = np.arange(len(deck.mesh.cells)) if whole else cells
     for (kind_name, *numbers), loaded in parts.items():
-        kind, words = kind_name.upper(), [real(word) for word in numbers]
+        kind = kind_name.upper()
+        words = [real(word) for word in numbers]
         if kind.startswith("P"):
             continue
         if len(np.unique(np.concatenate([*loaded.values()]))) < len(deck.mesh.cells):
@@ -163,7 +164,8 @@ def read_body_forces(deck: Deck, block: DeckBlock) -> None:
                 deck, DeckLoad("gravity", "", tuple(deck.axes), block, direction), factor * words[0]
             )
         else:
-            about, axis = words[1:4], words[4:7]
+            about = words[1:4]
+            axis = words[4:7]
             turns = deck.mesh.dim == 3 or any(axis[:2])
             place = (
                 ("about", tuple(about[: deck.mesh.dim])),
@@ -189,7 +191,8 @@ def read_forces(deck: Deck, block: DeckBlock) -> None:
         bolts.drive(deck, block, "force", node, component, value)
     for group in deck.model.groups.get(block.number, []):
         nodes = [node for node in group.nodes if node not in deck.bolts]
-        component, axis = int(group.words[0]), _AXES.get(int(group.words[0]), "")
+        component = int(group.words[0])
+        axis = _AXES.get(int(group.words[0]), "")
         if not nodes:
             continue
         if not axis:
@@ -245,7 +248,8 @@ def _areas(deck: Deck, where: str) -> Floats:
     shares = nodal_measures(deck.mesh.points, facets, deck.mesh.facet)
     kinds = {kind for kind, _ in deck.model.raw.blocks}
     if "hexahedron20" in kinds and (full_cell := completed("quad8")) is not None:
-        facets, shares = facets[:, :-1], shares @ full_cell[1]
+        facets = facets[:, :-1]
+        shares = shares @ full_cell[1]
     return np.bincount(facets.ravel(), shares.ravel(), minlength=len(deck.mesh.points)).astype(
         np.float64
     )
@@ -314,7 +318,8 @@ def _course_of(amplitude: DeckBlock) -> tuple[Floats, Floats]:
         raise DeckError(amplitude, str(error)) from None
     if words.size % 2:
         raise DeckError(amplitude, "pairs of a time and a value are expected")
-    times, values = words[0::2], words[1::2]
+    times = words[0::2]
+    values = words[1::2]
     back = np.flatnonzero(np.diff(times) < 0)
     if back.size:
         raise DeckError(

@@ -94,7 +94,8 @@ def read_elastic(deck: Deck, block: DeckBlock) -> None:
 
 def read_rubber(deck: Deck, block: DeckBlock) -> None:
     """*HYPERELASTIC: its energy, with kappa = 2 / D1 and, of Ogden, 2 mu / alpha for its mu."""
-    properties, parameters = _properties(deck), block.parameters
+    properties = _properties(deck)
+    parameters = block.parameters
     named = [key for key in _ENERGIES if key in parameters] or ["POLYNOMIAL"]
     terms = round(parameter(block, "N")) if "N" in parameters else 1
     law = _ENERGIES[named[0]]
@@ -111,7 +112,8 @@ def read_rubber(deck: Deck, block: DeckBlock) -> None:
         deck.lose(block, _FIRST_LINE)
     table: dict[str, Any] = {"law": "ogden" if law == "ogden" else "mooney-rivlin"}
     if law == "ogden":
-        mu, alpha = words[: 2 * terms : 2], words[1 : 2 * terms : 2]
+        mu = words[: 2 * terms : 2]
+        alpha = words[1 : 2 * terms : 2]
         if not all(alpha) or not min(mu) > 0:
             raise ValueError("mu must be above 0 here, and no exponent alpha zero")
         table |= {"mu": [2 * m / a for m, a in zip(mu, alpha, strict=True)], "alpha": alpha}

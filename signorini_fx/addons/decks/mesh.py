@@ -225,7 +225,8 @@ class _Reader:
 
     def _read_set(self, sets: dict[str, Ints], name: str, block: DeckBlock) -> None:
         name = self._name(name)
-        parts, taken = [sets.pop(name, _NO_NUMBERS)], set[str]()
+        parts = [sets.pop(name, _NO_NUMBERS)]
+        taken = set[str]()
         for row in block.rows:
             if "GENERATE" in block.parameters:
                 first, last, step = (*map(int, row), 1)[:3]
@@ -280,10 +281,8 @@ class _Reader:
         return list(groups.items())
 
     def _read_surface(self, block: DeckBlock) -> None:
-        name, kind = (
-            self._name(block.parameters["NAME"]),
-            block.parameters.get("TYPE", "ELEMENT").upper(),
-        )
+        name = self._name(block.parameters["NAME"])
+        kind = block.parameters.get("TYPE", "ELEMENT").upper()
         for row in block.rows:
             if kind == "NODE":
                 self._extend(self.node_sets, name, self._member(self.node_sets, row[0]))
@@ -390,7 +389,8 @@ class _Reader:
 
     def _table(self, number: int) -> Ints:
         """The rows of the nodes of each element of a part."""
-        elements, nodes = self.elements, self.elements.parts[number][1]
+        elements = self.elements
+        nodes = self.elements.parts[number][1]
         table = self.nodes[0].rows(nodes.ravel()).reshape(nodes.shape)
         missing = np.argwhere(table < 0)
         if missing.size:
@@ -409,11 +409,13 @@ class _Reader:
         """The corners of the faces of a surface that are sides of the body, by their number, shape
         (n, corners).
         """
-        elements, listed = self.elements, np.array(faces, dtype=np.int64).reshape(-1, 2)
+        elements = self.elements
+        listed = np.array(faces, dtype=np.int64).reshape(-1, 2)
         rows = elements.rows.rows(listed[:, 0])
         on_body = (rows >= 0) & elements.solid[rows]
         self.undefined[name] = int(np.count_nonzero(~on_body))
-        rows, listed = rows[on_body], listed[on_body]
+        rows = rows[on_body]
+        listed = listed[on_body]
         corners: Ints = np.full((len(rows), 4), -1)
         for k, face in plain(
             np.unique(np.column_stack((elements.part[rows], listed[:, 1])), axis=0)

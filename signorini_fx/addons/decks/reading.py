@@ -65,7 +65,9 @@ def read_deck(file: Path) -> Deck:
 def _used_keywords(file: Path, deck: Deck) -> Iterator[DeckBlock]:
     """The keywords without those of steps that are not static."""
     step: list[DeckBlock] | None = None
-    seen, static, kind = False, False, ""
+    seen = False
+    static = False
+    kind = ""
     for block in deck.model.blocks:
         if block.keyword == "STEP":
             if step is not None:
@@ -73,7 +75,8 @@ def _used_keywords(file: Path, deck: Deck) -> Iterator[DeckBlock]:
                     f"{file}: {block.origin}: the step of {step[0].place} has no *END STEP before "
                     "this one"
                 )
-            step, seen = [], True
+            step = []
+            seen = True
         if step is None:
             if block.keyword in _OF_STEPS and (seen or block.keyword != "BOUNDARY"):
                 raise MeshError(f"{file}: {block.origin}: is expected within a step")

@@ -57,7 +57,8 @@ _Rows = dict[int, tuple[int, list[str]]]
 
 def _numbers(file: Path, rows: Iterable[tuple[int, Sequence[str]]]) -> tuple[Floats, int]:
     """The numbers of lines with their words, and how many digits the longest has."""
-    values, digits = [], 0
+    values = []
+    digits = 0
     for line, words in rows:
         try:
             values.append([float(_WITHOUT_LETTER.sub(r"E\1\2", word)) for word in words])
@@ -89,9 +90,11 @@ def read_dat(file: Path) -> ForeignResult:
     for number, line in _lines(file):
         words = line.split()
         if match := _HEADING.match(line):
-            within, apart = match[1].lower().startswith("displacements"), True
+            within = match[1].lower().startswith("displacements")
+            apart = True
             if within and (time := _numbers(file, [(number, [match[2]])])[0].item()) != last:
-                last, rows = time, {}
+                last = time
+                rows = {}
         elif not words:
             apart = True
         elif apart and not words[0].isdecimal():
@@ -118,7 +121,8 @@ def read_frd(file: Path) -> ForeignResult:
             line.startswith("  100C")
             and (time := _numbers(file, [(number, [line[12:24]])])[0].item()) != last
         ):
-            last, displacements = time, {}
+            last = time
+            displacements = {}
         elif line.startswith((" -3", " -4")):
             rows = displacements if line[5:13].strip() == "DISP" else None
         elif line.startswith(" -1") and rows is not None:

@@ -167,7 +167,8 @@ def _read(
     starts = [match.start() for match in _STAR.finditer(text)]
     line = 1
     for begin, end in itertools.pairwise([0, *(start for start in starts if start), len(text)]):
-        chunk, heading_line = text[begin:end], line
+        chunk = text[begin:end]
+        heading_line = line
         line += chunk.count("\n")
         heading, _, data = chunk.partition("\n")
         if begin not in starts:  # it is no keyword

@@ -59,7 +59,8 @@ class LinearisedLaw:
     @property
     def tangent(self) -> Nodal:
         """D by displacements of the points, stress per length, shape (n, d, d)."""
-        tied, slopes = self.spread * (self.gamma * self.tied)[:, None, :], self.turning
+        tied = self.spread * (self.gamma * self.tied)[:, None, :]
+        slopes = self.turning
         if not self.exact:
             tied, slopes = np.zeros_like(tied), slopes + tied
         return (slopes if self.slips is None else slopes + slopes[:, :, 1:] @ self.slips) + tied
@@ -70,7 +71,8 @@ class LinearisedLaw:
         """
         if self.slips is None or not self.exact:
             return owed
-        normal, along = self.slips[:, :, 0], np.eye(self.slips.shape[1]) + self.slips[:, :, 1:]
+        normal = self.slips[:, :, 0]
+        along = np.eye(self.slips.shape[1]) + self.slips[:, :, 1:]
         slips = np.asarray(
             np.linalg.solve(along.transpose(0, 2, 1), owed[:, 1:, None])[:, :, 0], dtype=np.float64
         )
@@ -179,10 +181,14 @@ class TransposedTangent:
     def __init__(
         self, system: ElasticSystem, law: LinearisedLaw, *, symmetric: bool = True
     ) -> None:
-        self.system, self._law = copy(system), law  # a Krylov system keeps the size of its forces
-        blocks, transposed = law.tangent, np.ascontiguousarray(law.tangent.transpose(0, 2, 1))
+        # a Krylov system keeps the size of its forces
+        self.system = copy(system)
+        self._law = law
+        blocks = law.tangent
+        transposed = np.ascontiguousarray(law.tangent.transpose(0, 2, 1))
         askew = parallel.any_rank(system.comm, not np.array_equal(blocks, transposed))
-        self._as_it_is, symmetric = not symmetric, symmetric and not askew
+        self._as_it_is = not symmetric
+        symmetric = symmetric and not askew
         tangent = ContactTangent(self.system.matrix, self.system.contact)
         matrix = tangent.create()
         self.ksp = PETSc.KSP().create(system.comm)
@@ -224,17 +230,19 @@ class TransposedTangent:
         Raises:
             SignoriniError: the tangent is singular, or the iteration for chi is too slow.
         """
-        law, right = self._law, self.system.with_load(by_displacement)
-        contact, load = right.contact, right.load
+        law = self._law
+        right = self.system.with_load(by_displacement)
+        contact = right.contact
+        load = right.load
         given = np.einsum("nji,nj->ni", law.tangent, by_traction)
         contact.add_forces(given[:, 0], given[:, 1:], load)
-        psi, correction, residual, forces = (
-            load.duplicate(),
-            load.duplicate(),
-            load.copy(),
-            load.norm(),
-        )
-        chi, solves, last = np.zeros_like(by_traction), 0, np.inf
+        psi = load.duplicate()
+        correction = load.duplicate()
+        residual = load.copy()
+        forces = load.norm()
+        chi = np.zeros_like(by_traction)
+        solves = 0
+        last = np.inf
         psi.set(0.0)
         while True:
             self._solve(residual, correction, forces)

@@ -128,7 +128,8 @@ class SolvedStep:
         Raises:
             FormError: it is a moment at displaced points.
         """
-        row, boundary = of.by_displacement(self.displacement), self.state.boundary
+        row = of.by_displacement(self.displacement)
+        boundary = self.state.boundary
         row = np.zeros(self.body.fixed.size) if row is None else row
         if self.curvature is not None and isinstance(of, ContactForce):
             if of.moment:
@@ -160,10 +161,13 @@ class SolvedStep:
             return None
         if not parallel.any_rank(self.body.comm, bool(adjoint.tied[:, 1:].any())):
             return None
-        body, boundary, slips = earlier.body, self.state.boundary, adjoint.tied[:, 1:]
+        body = earlier.body
+        boundary = self.state.boundary
+        slips = adjoint.tied[:, 1:]
         contact = _map_to(boundary, body)
         vector = body.vector(np.zeros(body.fixed.size))
-        normal, along = np.zeros(len(slips)), slips
+        normal = np.zeros(len(slips))
+        along = slips
         if self.spin is not None:  # shapes take with them where points were
             back = np.einsum("nji,njk,nk->ni", self.spin, boundary.tangents, slips)
             normal = np.einsum("ni,ni->n", boundary.normal, back)
@@ -186,11 +190,9 @@ def columns(
     the number of its load step, of which ``step_at`` gives the ``SolvedStep`` as ``solved``, and as
     ``earlier`` that of the one before, or None.
     """
-    slopes, values, between = (
-        np.zeros((len(quantities), len(data))),
-        np.zeros(len(quantities)),
-        [0] * count,
-    )
+    slopes = np.zeros((len(quantities), len(data)))
+    values = np.zeros(len(quantities))
+    between = [0] * count
     owed: list[tuple[PETSc.Vec, Array] | None] = [None] * len(quantities)
     for number in range(count - 1, -1, -1):
         asked = [(k, of) for k, (at, of) in enumerate(quantities) if at == number]
@@ -255,7 +257,8 @@ def explicit(
     """A load step with some data at the displacement and the tractions of its solution;
     ``previous``: the one before it with its data; collective.
     """
-    state, y = solved.state, solved.body.function(_displaced(solved, data, solved.body))
+    state = solved.state
+    y = solved.body.function(_displaced(solved, data, solved.body))
     values = [
         quantity.value(y, data.boundary, state.pressure, state.shear) for quantity in quantities
     ]
@@ -266,7 +269,8 @@ def explicit(
 
 def _residual(solved: SolvedStep, data: ChangedStep) -> PETSc.Vec:
     """R at the unknowns of the stiffness; collective."""
-    body, state = solved.body, solved.state
+    body = solved.body
+    state = solved.state
     residual = body.vector(-data.forces)
     if data.forms:
         residual.axpy(
@@ -287,7 +291,8 @@ def _relative(
     solved: SolvedStep, data: ChangedStep, previous: tuple[SolvedStep, ChangedStep] | None
 ) -> Array:
     """B x - d, length, shape (n, d); collective."""
-    body, contact = solved.body, _map_to(data.boundary, solved.body)
+    body = solved.body
+    contact = _map_to(data.boundary, solved.body)
     u_n, u_t = contact.traces(_displaced(solved, data, body))
     if data.drift is not None:
         u_t = u_t - np.einsum("nij,ni->nj", data.boundary.tangents, data.drift)
@@ -308,7 +313,8 @@ def _displaced(solved: SolvedStep, data: ChangedStep, body: ElasticBody) -> PETS
     """The displacement of a load step with what its data prescribe, in the unknowns of a body;
     collective.
     """
-    x, prescribed = solved.body.unknowns(solved.displacement), solved.body.vector(data.prescribed)
+    x = solved.body.unknowns(solved.displacement)
+    prescribed = solved.body.vector(data.prescribed)
     fixed = solved.body.prescribed
     x.getArray()[fixed] = prescribed.getArray(readonly=True)[fixed]
     if solved.body is body or solved.body.rotation is body.rotation:

@@ -67,7 +67,8 @@ def _quantity_of(wanted: Any, u: fem.Function, body: Callable[[], Model]) -> Fun
         with compiling():
             test = ufl.TestFunction(u.function_space)
             return OfForm(fem.form(wanted), fem.form(ufl.derivative(wanted, u, test)), u)
-    named, words = body(), str(wanted).split()
+    named = body()
+    words = str(wanted).split()
     contacts = [effect.boundary for effect in named.statement.contact]
     if len(words) > 1 and words[1].isdigit() and int(words[1]) < len(contacts):
         words[1] = shlex.quote(contacts[int(words[1])])
@@ -106,7 +107,9 @@ def extrapolated(slope: Callable[[float], float], unit: float) -> float:
     elsewhere.
     """
     narrow = slope(DIFFERENCE_STEP * (unit or 1.0))
-    best, error, rows = narrow, DIFFERENCE_STEP * abs(narrow), list[list[float]]()
+    best = narrow
+    error = DIFFERENCE_STEP * abs(narrow)
+    rows = list[list[float]]()
     for k in range(WIDTHS_OF_DIFFERENCE if unit else 0):
         try:
             row = [slope(WIDEST_DIFFERENCE * 0.5**k * unit)]
@@ -116,7 +119,8 @@ def extrapolated(slope: Callable[[float], float], unit: float) -> float:
             row.append(row[-1] + (row[-1] - coarser) / (4.0**order - 1))
             change = max(abs(row[-1] - row[-2]), abs(row[-1] - coarser))
             if change < error:
-                best, error = row[-1], change
+                best = row[-1]
+                error = change
         rows.append(row)
         if error <= LEFT_BY_SOLVES * abs(best):
             break
@@ -140,15 +144,15 @@ def gradient(
         RuntimeError: the result depends on the step before, whose Constants, Functions and
             conditions are not known any more.
     """
-    begun, u = step[3], step[5]
-    quantity, constants = _quantity_of(of, u, body), _checked(by)
+    begun = step[3]
+    u = step[5]
+    quantity = _quantity_of(of, u, body)
+    constants = _checked(by)
     solved = SolvedStep.of(*step)
     tangent = TransposedTangent(solved.system, solved.law, symmetric=solved.body.symmetric)
-    adjoint, state, value = (
-        tangent.adjoint(*solved.quantity(quantity)),
-        solved.state,
-        solved.value(quantity),
-    )
+    adjoint = tangent.adjoint(*solved.quantity(quantity))
+    state = solved.state
+    value = solved.value(quantity)
     moved = state.points.weight * (length(state.u_t) + length(state.slip_length))
     owed = np.sum(moved * length(adjoint.tied[:, 1:]))
     if begun.step > 0 and parallel.global_sum(solved.body.comm, owed) > ZERO_IN_SOLUTION * abs(

@@ -225,7 +225,8 @@ class _Steps:
         solved: list[_Step] = []
 
         def keep(step: LoadStep) -> None:
-            model, state = step.body.model, step.result.contact
+            model = step.body.model
+            state = step.result.contact
             assert state is not None
             of = (
                 model,
@@ -297,7 +298,8 @@ def _by_difference(
 def _sensitivities(
     steps: _Steps | _NonlinearSteps, of: list[str], by: Sequence[str]
 ) -> list[Sensitivity]:
-    statement, model = steps.statement, steps.models[-1]
+    statement = steps.statement
+    model = steps.models[-1]
     entries = [_entry_of(statement, path, model.tagged.size, model.dimension) for path in by]
     quantities = [_at_step(steps.models, text) for text in of]
     data = [steps.by(path, change) for path, (_, change) in zip(by, entries, strict=True)]
@@ -366,7 +368,8 @@ def _data(statement: Statement, steps: list[_Step], path: str) -> Callable[[int]
 
     @cache
     def contact(k: int) -> dict[str, Any]:
-        model, statement_k = steps[k].model, stated[k]
+        model = steps[k].model
+        statement_k = stated[k]
         if k and statement_k is stated[k - 1]:
             return contact(k - 1)
         if ".friction." in path:
@@ -431,7 +434,8 @@ class _NonlinearSteps:
 
     def by(self, path: str, change: float) -> By:
         """The derivatives by the number at a path, from its change for a difference; collective."""
-        statement, dimension = self.statement, self.problem.model.dimension
+        statement = self.statement
+        dimension = self.problem.model.dimension
         changed = [
             _ChangedScene(
                 self, statement.changed(**varied(statement, path, sign * change, dimension)), path
@@ -454,7 +458,8 @@ class _NonlinearSteps:
 
     def at(self, number: int) -> _LinearisedStep:
         """A load step as it was solved; collective."""
-        step, preceding = self.reached[number], self.reached[number - 1] if number else None
+        step = self.reached[number]
+        preceding = self.reached[number - 1] if number else None
         solved = SolvedStep.of(*self.problem.linearised(step))
         solved = replace(solved, displacement=solved.displacement.copy())
         return _LinearisedStep(self.problem, step.path_step, solved, preceding)
@@ -483,10 +488,12 @@ class _LinearisedStep:
         """The load step before as far as slips of this one need it; None: there is none."""
         if self.preceding is None:
             return None
-        displacement, state = self.solved.displacement.copy(), self.preceding.end.contact
+        displacement = self.solved.displacement.copy()
+        state = self.preceding.end.contact
         displacement.x.array[:] = self.preceding.end.displacement
         assert state is not None
-        body, supported = self.solved.body, held_at(self.problem.model, self.preceding.path_step)
+        body = self.solved.body
+        supported = held_at(self.problem.model, self.preceding.path_step)
         if supported is not self.problem.model:  # other unknowns are prescribed
             body = replace(body, fixed=supported.fixed, of_contact={})
         return replace(self.solved, body=body, displacement=displacement, state=state)
@@ -496,7 +503,8 @@ class _ChangedScene:
     """A scene in which one number is another."""
 
     def __init__(self, steps: _NonlinearSteps, statement: Statement, path: str) -> None:
-        self._problem, self._statement = steps.problem, statement
+        self._problem = steps.problem
+        self._statement = statement
         self._model = None
         if path.startswith("displacement"):  # other supports
             self._model = prepare(
@@ -531,11 +539,14 @@ class _ChangedScene:
 
     def at(self, step: _LinearisedStep) -> ChangedStep:
         """A load step with that number; collective."""
-        usual, y, problem = step.usual, step.solved.displacement.copy(), self._problem
+        usual = step.usual
+        y = step.solved.displacement.copy()
+        problem = self._problem
         if self._touching is None:
             return replace(usual, forces=problem.forces_anew(self._statement, y))
         if self._model is not None:
-            values, fixed = self.values(step.path_step), step.solved.body.fixed
+            values = self.values(step.path_step)
+            fixed = step.solved.body.fixed
             y.x.array[: fixed.size][fixed] = values[fixed]
             y.x.scatter_forward()
             usual = replace(
@@ -638,7 +649,8 @@ def _way(statement: Statement, path: str, dimension: int) -> list[tuple[Any, str
         if (
             isinstance(key, str) and isinstance(value, tuple) and len(value) == 1
         ):  # a list of one is what is in it
-            way, value = [*way, (value, 0)], value[0]
+            way = [*way, (value, 0)]
+            value = value[0]
         way.append((value, key))
         if isinstance(key, int):
             value = value[key] if isinstance(value, tuple | list) and key < len(value) else None
@@ -651,7 +663,8 @@ def _way(statement: Statement, path: str, dimension: int) -> list[tuple[Any, str
         if value is None:
             raise SceneError([(path, f"there is no such entry, or it has no value; {_EXAMPLE}")])
     if isinstance(value, tuple) and len(value) == 1:
-        way, value = [*way, (value, 0)], value[0]
+        way = [*way, (value, 0)]
+        value = value[0]
     if isinstance(value, bool) or not isinstance(value, int | float | Expression | Load):
         raise SceneError([(path, f"is no number; {_EXAMPLE}")])
     return [*way, (value, "")]

@@ -47,7 +47,9 @@ def _values(
     """Values found by secants, each with its distance; they end where one has no effect, or no
     solution.
     """
-    value, before, u_before = tried.trial, tried.start, on_mesh.displacement
+    value = tried.trial
+    before = tried.start
+    u_before = on_mesh.displacement
     for _ in range(JUDGED_INCREMENTS):
         try:
             u = on_mesh.with_entries(tried.entries(value))

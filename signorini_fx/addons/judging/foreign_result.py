@@ -34,7 +34,8 @@ def _read(file: Path, problem: JudgedProblem) -> ForeignResult:
     kind = file.suffix.lower()
     if kind not in READERS:
         raise MeshError(f"{file}: results are read from {', '.join(READERS)}")
-    printed, dim = READERS[kind](file), problem.arrays.dim
+    printed = READERS[kind](file)
+    dim = problem.arrays.dim
     positions = printed.points if printed.numbers is None else None
     if any(
         table is not None and table.shape[1] < dim for table in (printed.displacement, positions)

@@ -134,7 +134,8 @@ def judge(problem: object, result: object) -> Judgement:
     try:
         word, reason = _of_another_time(stated, theirs) or judging.verdict()
     except NotJudgedError as missing:
-        word, reason = NOT_TOLD, str(missing)
+        word = NOT_TOLD
+        reason = str(missing)
     lines = {**judging.lines, "effort": f"{time.perf_counter() - begun:.1f} s"}
     return Judgement(
         theirs.name, word, reason, about, judging.figures, judging.beside, stated.lost, lines
@@ -219,10 +220,13 @@ class _Judging:
         """Energy norms: of our solution, of its error with the margin, and of their distance to
         ours on the mesh or on the finer one.
         """
-        ours, finer, v = self.ours, self.finer, self.v
+        ours = self.ours
+        finer = self.finer
+        v = self.v
         distance = ours.norm(v - ours.displacement)
         if finer is None:
-            size, stress = ours.norm(ours.displacement), ours.solution.known_stress
+            size = ours.norm(ours.displacement)
+            stress = ours.solution.known_stress
             if stress is None or not stress.error:
                 raise NotJudgedError("the error of our own solution is not known")
             return size, MARGIN * float(stress.error) * size, distance
@@ -232,7 +236,8 @@ class _Judging:
 
     def verdict(self) -> tuple[str, str]:
         """The word and its reason."""
-        ours, v = self.ours, self.v
+        ours = self.ours
+        v = self.v
         size, error, distance = self.error
         if not size > 0:
             raise NotJudgedError("in our own solution nothing is strained")
@@ -326,7 +331,8 @@ class _Judging:
 
     def _other_problem(self, on_mesh: float, enough: float, printed: float) -> str:
         """The other problem that the result solves, in words; "": there is none."""
-        ours, v = self.ours, self.v
+        ours = self.ours
+        v = self.v
         names = [step.name for step in ours.solution.shown_steps]
         steps = [ours.norm(v - step) for step in ours.steps]
         if steps and min(steps) <= enough:
@@ -343,7 +349,8 @@ class _Judging:
         """Take the figures of the certificate, and for each condition what to say if it is
         violated.
         """
-        ours, v = self.ours, self.v
+        ours = self.ours
+        v = self.v
         away = np.where(ours.held, np.abs(v - ours.displacement), 0.0)
         node, axis = divmod(int(away.argmax()), v.shape[1])
         largest = np.linalg.norm(v, axis=1).max()
@@ -388,8 +395,11 @@ class _Judging:
 
     def _compare(self, force: float) -> None:
         """Take what users look at, beside ours."""
-        ours, finer, u = self.ours, self.finer, self.ours.displacement
-        changes, own_force = {"": (self.v - u, force)}, ours.force()
+        ours = self.ours
+        finer = self.finer
+        u = self.ours.displacement
+        changes = {"": (self.v - u, force)}
+        own_force = ours.force()
         if finer is not None:
             changes["_of_mesh"] = ours.on_finer(u) - finer.displacement, finer.force()
         for suffix, (away, pressed) in changes.items():

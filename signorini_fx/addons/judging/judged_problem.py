@@ -51,7 +51,8 @@ class JudgedProblem:
     @property
     def unjudged(self) -> str:
         """What of it cannot be judged, in words; "": nothing."""
-        scene, element = self.scene, self.scene.element
+        scene = self.scene
+        element = self.scene.element
         reasons = {
             "materials that are not linear are not judged": scene.statement.nonlinear,
             "elements with a pressure of their own are not judged": element.volumetric == "mixed",
@@ -85,7 +86,8 @@ def judged_problem(problem: object) -> JudgedProblem:
     if isinstance(problem, str | Path) and Path(problem).suffix.lower() == ".inp":
         file = Path(problem)
         drafted = draft(file, file)
-        scene, deck = parse_scene_text(drafted.text, file), drafted.deck
+        scene = parse_scene_text(drafted.text, file)
+        deck = drafted.deck
         return JudgedProblem(
             scene, deck.mesh, deck.names, tuple(drafted.lost), deck.time + deck.period
         )
@@ -216,7 +218,8 @@ class SolutionOnMesh:
         """
         if self.solution.contact is None:
             return sp.csr_array((0, self.unknowns.size))
-        averages, dim = self.solution.contact.boundary.averages, self.arrays.dim
+        averages = self.solution.contact.boundary.averages
+        dim = self.arrays.dim
         columns = (dim * averages.nodes[:, None] + np.arange(dim)).ravel()
         of_unknowns = sp.csr_array(
             averages.operator @ sp.eye_array(self.unknowns.size, format="csr")[columns]
@@ -228,9 +231,12 @@ class SolutionOnMesh:
         at nodes that they leave unbalanced, shape (n, d).
         """
         left = -(self.stiffness @ (v - self.displacement).ravel())
-        state, free, tractions = self.solution.contact, ~self.held.ravel(), None
+        state = self.solution.contact
+        free = ~self.held.ravel()
+        tractions = None
         if state is not None:
-            boundary, ours = state.boundary, Tractions.of(state)
+            boundary = state.boundary
+            ours = Tractions.of(state)
             spread = sp.csr_array(
                 self.points_of_contact.T @ sp.diags_array(np.repeat(boundary.weight, v.shape[1]))
             )
@@ -262,7 +268,9 @@ class SolutionOnMesh:
         """One node or two without which another displacement is at most so far from ours; none:
         there are not.
         """
-        dim, nodes, numbers = v.shape[1], list[int](), np.arange(len(v))[:, None]
+        dim = v.shape[1]
+        nodes = list[int]()
+        numbers = np.arange(len(v))[:, None]
         own = np.array(
             [[self.stiffness[a::dim, b::dim].diagonal() for b in range(dim)] for a in range(dim)]
         ).T
@@ -283,9 +291,11 @@ class SolutionOnMesh:
         """The certificate of a displacement of the last load step with tractions at the contact
         points.
         """
-        solution, u = self.solution, fem.Function(self.solution.displacement.function_space)
+        solution = self.solution
+        u = fem.Function(self.solution.displacement.function_space)
         u.x.array[self.unknowns] = v
-        steps, law = solution.shown_steps, solution.certificate.law
+        steps = solution.shown_steps
+        law = solution.certificate.law
         last = None
         if len(steps) > 1 and steps[-2].contact is not None:
             last = PreviousStep.of(

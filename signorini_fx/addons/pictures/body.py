@@ -105,7 +105,8 @@ class DrawnBody:
         assert self.outline is not None
         size = float(np.ptp(self.points, axis=0).max())
         on_axis = (np.abs(self.points[self.outline, 0]) <= SAME_LENGTH * size).all(axis=1)
-        outline, count = self.outline[~on_axis], len(self.points)
+        outline = self.outline[~on_axis]
+        count = len(self.points)
         points, moved = (
             np.concatenate((part, part * (-1.0, 1.0))) for part in (self.points, self.displacement)
         )

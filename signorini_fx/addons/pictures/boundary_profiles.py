@@ -157,14 +157,17 @@ class PlaneBoundary(ContactColumns):
         them.
         """
         x = self.coordinate
-        inside, whole = x[self.touching], float(np.ptp(x))
+        inside = x[self.touching]
+        whole = float(np.ptp(x))
         if not inside.size:
             return self
-        first, last = float(inside.min()), float(inside.max())
+        first = float(inside.min())
+        last = float(inside.max())
         around = 0.75 * (last - first) + 2 * min(whole / max(len(x) - 1, 1), 0.02 * whole)
         away = np.sort(np.maximum(first - x, x - last))
         around = max(around, float(away[:_FEWEST][-1]))
-        first, last = max(first - around, float(x.min())), min(last + around, float(x.max()))
+        first = max(first - around, float(x.min()))
+        last = min(last + around, float(x.max()))
         if last - first >= SMALL_PART * whole:
             return self
         return replace(
@@ -199,14 +202,17 @@ class Panel:
         everything = (
             np.clip(everything[np.isfinite(everything)], -self.reach, self.reach) * 10.0**power
         )
-        low, high = float(everything.min(initial=0.0)), float(everything.max(initial=0.0))
+        low = float(everything.min(initial=0.0))
+        high = float(everything.max(initial=0.0))
         if max(-low, high) < self.least * 10.0**power:
-            low, high = -self.least * 10.0**power, self.least * 10.0**power
+            low = -self.least * 10.0**power
+            high = self.least * 10.0**power
         margin = 0.05 * (high - low) or 1.0
         axes.set(
             ylim=(low - margin, high + margin), ylabel=f"{self.unit}{unit_of(power, self.unit)}"
         )
-        low, high = float(boundary.coordinate.min()), float(boundary.coordinate.max())
+        low = float(boundary.coordinate.min())
+        high = float(boundary.coordinate.max())
         axes.set_xlim(low, high if high > low else low + 1.0)
         axes.axhline(0.0, color=RULE, linewidth=0.6, zorder=0)
         axes.xaxis.set_visible(False)
@@ -236,7 +242,8 @@ def panels_of(boundary: PlaneBoundary, side: str) -> list[Panel]:
             Panel("stress", [("contact pressure", pressure, MULTIPLIER)]),
             Panel("length", lengths, max(2.5 * largest_of(motion), 1.2 * nearest)),
         ]
-    bound, inside = boundary.floats("bound"), " in the section" if boundary.out_of_section else ""
+    bound = boundary.floats("bound")
+    inside = " in the section" if boundary.out_of_section else ""
     shears: list[Curve] = [(f"shear stress{inside}", boundary.along("shear"), MULTIPLIER)]
     motions: list[Curve] = [
         (f"{moves}tangential displacement{inside}", boundary.along("u_t"), MOTION)
@@ -319,7 +326,8 @@ def boundaries_of(table: ContactTable) -> list[PlaneBoundary]:
         paths[str(table.columns["boundary"][path[0]])].append(path)
     boundaries = []
     for name, pieces in paths.items():
-        rows, starts = np.concatenate(pieces), [0, *accumulate(map(len, pieces))][:-1]
+        rows = np.concatenate(pieces)
+        starts = [0, *accumulate(map(len, pieces))][:-1]
         columns = {key: column[rows] for key, column in table.columns.items()}
         arcs = [table.arc(path) for path in pieces]
         before = accumulate((float(arc[-1]) for arc in arcs), initial=0.0)

@@ -92,11 +92,9 @@ def sides_of(table: Mapping[str, Any], facets: Rows) -> list[VisibleSide]:
     polygons = facets[:, _POLYGONS[facets.shape[1]]].reshape(-1, len(_POLYGONS[facets.shape[1]][0]))
     sides = []
     for boundary, of_boundary in by_boundary(table, polygons):
-        columns, normal, weight = (
-            boundary.columns,
-            boundary.vectors("n_"),
-            boundary.floats("weight"),
-        )
+        columns = boundary.columns
+        normal = boundary.vectors("n_")
+        weight = boundary.floats("weight")
         touching = weight * boundary.touching
         sights = [by @ normal / by.sum() for by in (touching, weight) if by.sum() > 0]
         # Practically closed: the coordinate axis that it faces most.
@@ -165,18 +163,18 @@ def _window(side: VisibleSide) -> tuple[Floats, Floats, bool]:
     of the boundary.
     """
     visible = side.nodes[side.shown]
-    low, high = visible.min(axis=0), visible.max(axis=0)
+    low = visible.min(axis=0)
+    high = visible.max(axis=0)
     size = _size(low, high) or 1.0
     margin = (SURFACE_MARGIN if side.has_friction else 0.5 * SURFACE_MARGIN) * size
     closed = side.nodes[side.shown & side.touching]
     if len(closed):
-        first, last = closed.min(axis=0), closed.max(axis=0)
+        first = closed.min(axis=0)
+        last = closed.max(axis=0)
         spacing = math.sqrt(float(np.median(side.floats("weight")[side.shown & side.touching])))
         around = 0.3 * float(max(last - first)) + 2 * spacing
-        first, last = (
-            np.maximum(first - around, low - margin),
-            np.minimum(last + around, high + margin),
-        )
+        first = np.maximum(first - around, low - margin)
+        last = np.minimum(last + around, high + margin)
         if max(last - first) < 0.5 * size:
             return first, last, True
     return low - margin, high + margin, False
@@ -204,11 +202,9 @@ def _frame(axes: Axes, side: VisibleSide, low: Floats, high: Floats) -> None:
 def _pressure_panel(
     figure: Figure, axes: Axes, side: VisibleSide, low: Floats, high: Floats, heading: str
 ) -> None:
-    pressure, nodes, closed = (
-        np.nan_to_num(side.floats("pressure"), posinf=0.0, neginf=0.0),
-        side.nodes,
-        side.touching,
-    )
+    pressure = np.nan_to_num(side.floats("pressure"), posinf=0.0, neginf=0.0)
+    nodes = side.nodes
+    closed = side.touching
     power = decimal_power(largest_of(pressure))
     inside = side.shown & closed
     _, top = usual_range(pressure[inside], side.floats("weight")[inside])
@@ -262,7 +258,8 @@ def _pressure_panel(
 def _state_panel(
     axes: Axes, side: VisibleSide, low: Floats, high: Floats, heading: str
 ) -> set[str]:
-    states, nodes = side.states, side.nodes
+    states = side.states
+    nodes = side.nodes
     where, owner = _around_nodes(nodes, side.polygons)
     colours = np.array([to_rgba(STATES[state][0]) for state in states])[owner]
     flat: dict[str, Any] = {"linewidths": 0.4, "zorder": 1, "rasterized": True}

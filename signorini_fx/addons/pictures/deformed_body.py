@@ -44,9 +44,12 @@ def deformed_mesh(
     """
     factor = magnification(body, foundations)
     seen = _window(body, factor, _lines(foundations, factor))
-    panels, remark = [(factor, seen)], magnified(foundations, factor)
-    zone, moved = _small_zone(foundations, body.size), body.moved(factor)
-    field, values = FIELDS[name].labelled(recovered=body.recovered), body.at_corners(name).ravel()
+    panels = [(factor, seen)]
+    remark = magnified(foundations, factor)
+    zone = _small_zone(foundations, body.size)
+    moved = body.moved(factor)
+    field = FIELDS[name].labelled(recovered=body.recovered)
+    values = body.at_corners(name).ravel()
     if zone is None:
         ends = usual_range(values, _areas(moved[body.triangles]).repeat(3) / 3, signed=field.signed)
     else:  # the scale is that of what is enlarged
@@ -89,7 +92,8 @@ def _small_zone(foundations: Sequence[Foundation], size: float) -> Window | None
     the body.
     """
     nodes = np.concatenate([np.empty((0, 2)), *(part.nodes[part.touching] for part in foundations)])
-    low, high = nodes.min(axis=0, initial=np.inf), nodes.max(axis=0, initial=-np.inf)
+    low = nodes.min(axis=0, initial=np.inf)
+    high = nodes.max(axis=0, initial=-np.inf)
     if not 0 < np.hypot(*(high - low)) < SMALL_ZONE * size or not len(nodes):
         return None
     around = 0.8 * float(max(high - low))
@@ -110,12 +114,14 @@ def _lines(foundations: Sequence[Foundation], factor: float) -> list[Floats]:
 def _window(body: DrawnBody, factor: float, lines: Sequence[Floats]) -> Window:
     """What is seen: the body, and a foundation that runs far away not much further than that."""
     points = np.concatenate((body.moved(factor), body.points))
-    low, high = points.min(axis=0), points.max(axis=0)
+    low = points.min(axis=0)
+    high = points.max(axis=0)
     around = 0.3 * float(max(high - low))
     everything = np.concatenate(
         [points, *(np.clip(line, low - around, high + around) for line in lines)]
     )
-    low, high = everything.min(axis=0), everything.max(axis=0)
+    low = everything.min(axis=0)
+    high = everything.max(axis=0)
     margin = 0.035 * float(max(high - low))
     return low - margin, high + margin
 
@@ -167,7 +173,8 @@ def _refined(corners: Floats, enough: int) -> Floats:
 
 def _areas(corners: Floats) -> Floats:
     """Areas of polygons of shape (m, k, 2)."""
-    x, y = corners[..., 0], corners[..., 1]
+    x = corners[..., 0]
+    y = corners[..., 1]
     twice: Floats = np.abs((x * np.roll(y, -1, axis=1) - y * np.roll(x, -1, axis=1)).sum(axis=1))
     return 0.5 * twice
 

@@ -99,13 +99,12 @@ def foundations_of(
         tools: how the rigid tool of a boundary has moved at points of shape (n, d).
         shapes: the whole foundation of a boundary, see ``drawn_shapes``.
     """
-    foundations, left = list[Foundation](), dict(shapes)
+    foundations = list[Foundation]()
+    left = dict(shapes)
     for boundary, facets in _parts(table):
-        nodes, normals, name = (
-            boundary.vectors(""),
-            boundary.vectors("n_"),
-            str(boundary.columns["boundary"][0]),
-        )
+        nodes = boundary.vectors("")
+        normals = boundary.vectors("n_")
+        name = str(boundary.columns["boundary"][0])
         gap = boundary.floats("gap")
         if name in tools:  # of its motion that along the normals is seen
             gap = gap + np.sum(normals * tools[name](nodes), axis=1)

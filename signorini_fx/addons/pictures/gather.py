@@ -38,7 +38,8 @@ def gather_body(solution: Solution, fields: Sequence[str] = ()) -> DrawnBody | N
     and an empty body on the others; None if it is too large to be drawn; collective; ``fields``:
     names in ``FIELDS``.
     """
-    mesh, comm = solution.model.tagged.mesh, solution.comm
+    mesh = solution.model.tagged.mesh
+    comm = solution.comm
     dim = mesh.topology.dim
     mesh.topology.create_connectivity(dim - 1, dim)
     outer = facet_entities(mesh, dmesh.exterior_facet_indices(mesh.topology))
@@ -52,7 +53,9 @@ def gather_body(solution: Solution, fields: Sequence[str] = ()) -> DrawnBody | N
         terminal.say_once(comm, f"the deformed body is not drawn: {where}")
         return None
     kind = getattr(basix.CellType, mesh.topology.cell_name())
-    corners, sides = basix.geometry(kind), basix.topology(kind)[2]  # of a cell in 2D: itself
+    # of a cell in 2D: itself
+    corners = basix.geometry(kind)
+    sides = basix.topology(kind)[2]
     tiles = tiling(len(sides[0]), _pieces(solution, count))
     order = _PERIMETER[tiles.corners]
     # Of each side of the reference cell, then of each one in the other direction.
@@ -71,7 +74,8 @@ def gather_body(solution: Solution, fields: Sequence[str] = ()) -> DrawnBody | N
 
     positions = partial(_positions, mesh)
     if dim == 3:  # counterclockwise as seen from outside
-        x, middle = at(positions), positions(corners.mean(axis=0)[None], cells)[:, 0]
+        x = at(positions)
+        middle = positions(corners.mean(axis=0)[None], cells)[:, 0]
         inwards = (
             np.einsum("ij,ij->i", normals_of(x[:, tiles.vertices]), x.mean(axis=1) - middle) < 0
         )

@@ -62,7 +62,9 @@ def load_steps(steps: Mapping[str, Any], *, around: bool = False) -> Figure:
         name.removeprefix("contact_force_x") for name in steps if name.startswith("contact_force_x")
     ]
     axes = "y" if around or "torque" in steps else "xyz"  # over a revolution the others cancel
-    forces, motions, moments = list[_Curve](), list[_Curve](), list[_Curve]()
+    forces = list[_Curve]()
+    motions = list[_Curve]()
+    moments = list[_Curve]()
     for end in ends:
         contact, friction = (
             _columns(steps, f"{kind}_force", axes, end) for kind in ("contact", "friction")
@@ -98,10 +100,8 @@ def _columns(steps: Mapping[str, Any], kind: str, axes: Sequence[str], end: str)
         "friction_moment": "moment of friction",
         "pressure_integral": "integral of the pressure",
     }
-    where, name = (
-        f" on {plain(end.strip())}" if end else "",
-        words.get(kind, kind.replace("_", " ")),
-    )
+    where = f" on {plain(end.strip())}" if end else ""
+    name = words.get(kind, kind.replace("_", " "))
     found = {axis: f"{kind}{axis and '_'}{axis}{end}" for axis in axes}
     return [
         _Curve(

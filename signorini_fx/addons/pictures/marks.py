@@ -38,13 +38,15 @@ def draw_lengths(axes: Axes, points: Floats, camera: Camera) -> None:
     """An arrow beside a body in 3D along each axis, with the length of the undeformed body, whose
     points are given.
     """
-    low, high = points.min(axis=0), points.max(axis=0)
+    low = points.min(axis=0)
+    high = points.max(axis=0)
     middle = camera.flat(0.5 * (low + high))
     beside = ARROWS_AROUND * 2 * float(camera.half.max())
     for axis, name in enumerate("xyz"):
         edges = []
         for corner in itertools.product(*zip(low, high, strict=True)):
-            start, end = np.array(corner), np.array(corner)
+            start = np.array(corner)
+            end = np.array(corner)
             start[axis], end[axis] = low[axis], high[axis]
             edges.append(camera.flat(np.stack((start, end))))
         # The edge that is lowest in the picture, of the upright ones that on the left.
@@ -60,7 +62,8 @@ def draw_lengths(axes: Axes, points: Floats, camera: Camera) -> None:
             "shrinkB": 0,
             "mutation_scale": 7,
         }
-        start, end = start + beside * aside, end + beside * aside
+        start = start + beside * aside
+        end = end + beside * aside
         axes.annotate("", tuple(end), tuple(start), arrowprops=style, annotation_clip=False)
         text = f"{name}: {number(float(f'{high[axis] - low[axis]:.4g}'))} {unit('length')}".rstrip()
         across = "right" if aside[0] < -0.4 else "left" if aside[0] > 0.4 else "center"
@@ -127,15 +130,18 @@ def usual_range(values: Floats, area: Floats, *, signed: bool = False) -> tuple[
     whether the scale may begin below zero.
     """
     finite = np.isfinite(values)
-    values, area = values[finite], area[finite]
-    low, high = float(values.min(initial=0.0)) if signed else 0.0, float(values.max(initial=0.0))
+    values = values[finite]
+    area = area[finite]
+    low = float(values.min(initial=0.0)) if signed else 0.0
+    high = float(values.max(initial=0.0))
     if low == high:
         return 0.0, 1.0
     order = np.argsort(values)
     share = np.cumsum(area[order])
     ends = np.array([1 - USUAL_COLOURS, USUAL_COLOURS]) * share[-1]
     first, last = map(float, values[order][np.searchsorted(share, ends)])
-    first, last = min(first, 0.0) if signed else 0.0, max(last, 0.0)
+    first = min(first, 0.0) if signed else 0.0
+    last = max(last, 0.0)
     return (first, last) if 0 < 1.5 * (last - first) < high - low else (low, high)
 
 
@@ -160,7 +166,8 @@ class Tones:
 
     def bar(self, figure: Figure, axes: Any) -> Colorbar:
         """The colour bar below the axes, with arrows where there is more than the scale shows."""
-        margin, values = 1e-3 * (self.high - self.low), self.values[np.isfinite(self.values)]
+        margin = 1e-3 * (self.high - self.low)
+        values = self.values[np.isfinite(self.values)]
         below = self.field.signed and float(values.min(initial=self.low)) < self.low - margin
         above = float(values.max(initial=self.high)) > self.high + margin
         bar = figure.colorbar(

@@ -34,7 +34,9 @@ def gather_setup(tagged: TaggedMesh, statement: Statement | None = None, title: 
     """A body with all that acts on its boundaries, on the first rank; on the others without facets;
     collective.
     """
-    mesh, dim, comm = tagged.mesh, tagged.dimension, tagged.mesh.comm
+    mesh = tagged.mesh
+    dim = tagged.dimension
+    comm = tagged.mesh.comm
     mesh.topology.create_connectivity(dim - 1, dim)
     if dim == 2:
         shown = _corners(
@@ -124,7 +126,8 @@ def _draw(gather: Callable[[], Setup], comm: MPI.Comm, file: Path) -> None:
 
 def _corners(tagged: TaggedMesh, dim: int, entities: npt.NDArray[np.int32]) -> Floats:
     """Corners of sides or cells along their perimeters, shape (n, k, d)."""
-    x, mesh = tagged.mesh.geometry.x[:, : tagged.dimension].astype(np.float64), tagged.mesh
+    x = tagged.mesh.geometry.x[:, : tagged.dimension].astype(np.float64)
+    mesh = tagged.mesh
     cell = mesh.topology.cell_name()
     order = (
         [0, 1]
@@ -142,7 +145,8 @@ def _boundary(tagged: TaggedMesh, name: str, acting: list[Effect], time: float) 
     """A boundary with what acts on it, on the first rank; collective."""
     corners, areas = _sides(tagged, tagged.facets(name))
     sizes = np.linalg.norm(areas, axis=1)
-    middles, normals = corners.mean(axis=1), areas / sizes[:, None]
+    middles = corners.mean(axis=1)
+    normals = areas / sizes[:, None]
 
     def whole(effect: Any) -> float:
         """By one point on each facet, which is enough for arrows."""
@@ -151,7 +155,8 @@ def _boundary(tagged: TaggedMesh, name: str, acting: list[Effect], time: float) 
         )
 
     on = SampledPoints(middles.T, normals.T, whole)
-    load, moved = np.zeros_like(middles), np.zeros_like(middles)
+    load = np.zeros_like(middles)
+    moved = np.zeros_like(middles)
     held: dict[str, None] = {}
     grounded = False
     for acting_effect in (effect.at_time(time) for effect in acting):
@@ -189,7 +194,8 @@ def _sides(tagged: TaggedMesh, facets: npt.NDArray[np.int32]) -> tuple[Floats, F
     """Corners of facets, shape (f, k, d), in 3D counterclockwise from outside, and normals as long
     as their areas.
     """
-    mesh, dim = tagged.mesh, tagged.dimension
+    mesh = tagged.mesh
+    dim = tagged.dimension
     corners = _corners(tagged, dim - 1, facets)
     areas = (
         normals_of(corners) if dim == 3 else (corners[:, 1] - corners[:, 0])[:, ::-1] * (1.0, -1.0)

@@ -55,7 +55,8 @@ def _fields(solution: Solution, asked: Sequence[str]) -> tuple[str, ...]:
     unknown = [name for name in asked if FIELDS[name].of and stress is None]
     reason = "the stress of this body is not known"
     if stress is not None and "density" in asked and stress.stress.shear_modulus is None:
-        unknown, reason = ["density"], "its shear energy is known of linear isotropic bodies alone"
+        unknown = ["density"]
+        reason = "its shear energy is known of linear isotropic bodies alone"
     if unknown and solution.comm.rank == 0:
         say(f"not drawn, as {reason}: {', '.join(unknown)}")
     return tuple(name for name in dict.fromkeys((*usual, *asked)) if name not in unknown)

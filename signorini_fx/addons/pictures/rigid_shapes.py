@@ -82,8 +82,10 @@ def drawn_shapes(solution: Solution) -> dict[str, Any]:
     In 2D these are lines, see ``lines_of``; in 3D points and triangles, see ``triangles_of``, where
     PyVista is there.
     """
-    tagged, last = solution.model.tagged, solution.last_step
-    drawn, tools = dict[str, Any](), tools_of(solution)
+    tagged = solution.model.tagged
+    last = solution.last_step
+    drawn = dict[str, Any]()
+    tools = tools_of(solution)
     if tagged.dimension == 3 and not parallel.on_root(
         solution.comm, lambda: find_spec("pyvista") is not None
     ):
@@ -91,7 +93,8 @@ def drawn_shapes(solution: Solution) -> dict[str, Any]:
     for effect in solution.statement.placed(last.place).contact:
         if effect.surface is None:
             continue
-        distance, at = effect.gap_in(tagged.dimension), tools.get(effect.boundary, np.zeros_like)
+        distance = effect.gap_in(tagged.dimension)
+        at = tools.get(effect.boundary, np.zeros_like)
         if tagged.dimension == 2:
             drawn[effect.boundary] = [line + at(line) for line in lines_of(distance, tagged)]
         else:
@@ -105,8 +108,10 @@ def _axes(distance: Distance, tagged: TaggedMesh, count: int) -> list[Floats]:
     larger; collective.
     """
     low, high = parallel.global_bounds(tagged.mesh.comm, tagged.mesh.geometry.x.astype(np.float64))
-    low, high = low[: tagged.dimension], high[: tagged.dimension]
-    size, around = float((high - low).max()), 2.2 * getattr(distance.shape, "inradius", np.inf)
+    low = low[: tagged.dimension]
+    high = high[: tagged.dimension]
+    size = float((high - low).max())
+    around = 2.2 * getattr(distance.shape, "inradius", np.inf)
     aside = around if around <= WHOLE_FOUNDATION * size else FOUNDATION_BESIDE * size
     spacing = (size + 2 * aside) / (count - 1)
     sides = zip(low - aside, high + aside, strict=True)

@@ -141,10 +141,8 @@ class Setup:
     @property
     def _coloured(self) -> list[tuple[NamedBoundary, str, Any]]:
         """Each boundary with facets, its colour, and the style of its line."""
-        shown, count = (
-            [boundary for boundary in self.boundaries if len(boundary.corners)],
-            len(_COLOURS),
-        )
+        shown = [boundary for boundary in self.boundaries if len(boundary.corners)]
+        count = len(_COLOURS)
         styles = _LINES if self.polygons.shape[2] == 2 else _LINES[:1]  # in 3D facets are coloured
         lines = [styles[min(k // count, len(styles) - 1)] for k in range(len(shown))]
         return [(boundary, _COLOURS[k % count], lines[k]) for k, boundary in enumerate(shown)]
@@ -157,7 +155,8 @@ class Setup:
     def _plane(self) -> tuple[Figure, Callable[[Any], Any], None]:
         points = self.polygons.reshape(-1, 2)
         aside = (0.17 if any(boundary.kinds for boundary in self.boundaries) else 0.05) * self._size
-        low, high = points.min(axis=0) - aside, points.max(axis=0) + aside
+        low = points.min(axis=0) - aside
+        high = points.max(axis=0) + aside
         width, height = (high - low) * BODY_INCHES / float((high - low).max())
         figure = Figure(figsize=(max(width, 3.4), height + 0.6), layout="constrained")
         axes = figure.subplots()
@@ -177,7 +176,8 @@ class Setup:
             axes.add_collection(LineCollection(list(boundary.corners), **style))
             if boundary.grounded:  # strokes on the side where the foundation is
                 rows = _spaced_rows(boundary.middles, self._size / MOST_STROKES)
-                start, out = boundary.middles[rows], boundary.normals[rows]
+                start = boundary.middles[rows]
+                out = boundary.normals[rows]
                 end = start + 0.025 * self._size * (
                     out + 0.8 * np.column_stack((out[:, 1], -out[:, 0]))
                 )
@@ -216,7 +216,8 @@ class Setup:
             ListedColormap([_BODY, *(colour for _, colour, _ in self._coloured)]),
             edges if len(polygons) <= _MOST_EDGES else None,
         )
-        seen, steps = view.oblique(), 0.1 * self._size * np.concatenate((np.eye(3), -np.eye(3)))
+        seen = view.oblique()
+        steps = 0.1 * self._size * np.concatenate((np.eye(3), -np.eye(3)))
         camera = view.Camera.on(seen, np.concatenate([body.points + step for step in steps]))
         figure, axes = figure_of(body, camera, BODY_INCHES / (2 * float(camera.half.max())))
         draw_lengths(axes, self.polygons.reshape(-1, 3), camera)
@@ -235,7 +236,8 @@ class Setup:
             )
             hidden = not front.any()
             front |= hidden
-            at, normals = boundary.middles[front], boundary.normals[front]
+            at = boundary.middles[front]
+            normals = boundary.normals[front]
             rows = _spaced_rows(flat(at), side / MOST_ARROWS)
             alpha, drawn = (
                 0.5 if hidden else 1.0,
@@ -273,7 +275,8 @@ class Setup:
         """Of vectors of length 1 at most; those into the body end at it, and the others begin
         there.
         """
-        lengths, outwards = np.linalg.norm(vectors, axis=1), np.einsum("ij,ij->i", vectors, normals)
+        lengths = np.linalg.norm(vectors, axis=1)
+        outwards = np.einsum("ij,ij->i", vectors, normals)
         along = np.abs(outwards) < 0.3 * lengths
         start = at + SMALLEST_ARROW * self._size * along[:, None] * normals
         steps = LONGEST_ARROW_OF_SETUP * self._size * vectors
@@ -288,7 +291,8 @@ class Setup:
             "units": "inches",
             "width": 0.018,
         }
-        tails, tips = flat(start), flat(ends)
+        tails = flat(start)
+        tips = flat(ends)
         arrows = axes.quiver(*tails.T, *(tips - tails).T, clip_on=False, zorder=6, **style)
         arrows.set_in_layout(False)  # matplotlib takes their lengths for decorations of the axes
 

@@ -93,14 +93,16 @@ def deformed_solid(
     rigid = [foundation for foundation in foundations if foundation.rigid]
     area = normals_of(body.points[body.triangles]) @ seen.toward
     facing = area > 0
-    field, corners = FIELDS[name].labelled(recovered=body.recovered), body.at_corners(name)
+    field = FIELDS[name].labelled(recovered=body.recovered)
+    corners = body.at_corners(name)
     seen_values = corners[facing].ravel()
     tones = Tones(
         field,
         seen_values,
         *usual_range(seen_values, area[facing].repeat(3) / 3, signed=field.signed),
     )
-    moved, grounds = body.moved(factor), [ground_of(foundation, factor) for foundation in rigid]
+    moved = body.moved(factor)
+    grounds = [ground_of(foundation, factor) for foundation in rigid]
     solid = Solid(moved, body.triangles, corners, (tones.low, tones.high), grounds=grounds)
     ends = [
         ground[0] for ground, part in zip(grounds, rigid, strict=True) if ground is part.surface
@@ -131,11 +133,14 @@ def ground_of(foundation: Foundation, factor: float) -> tuple[Floats, Rows]:
     """Points and polygons of a foundation, counterclockwise as seen from the body; of a plane a
     rectangle around it.
     """
-    points, facets = foundation.drawn(factor), foundation.facets
+    points = foundation.drawn(factor)
+    facets = foundation.facets
     assert facets is not None
     away = foundation.normals[facets].sum(axis=1)
     if (rectangle := _plane_of(points)) is not None:
-        points, facets, away = rectangle, np.arange(4)[None], foundation.normals.sum(axis=0)
+        points = rectangle
+        facets = np.arange(4)[None]
+        away = foundation.normals.sum(axis=0)
     elif factor == 1 and foundation.surface is not None:
         return foundation.surface
     outwards = np.sum(normals_of(points[facets]) * away, axis=1) > 0
@@ -157,7 +162,8 @@ def _plane_of(points: Floats) -> Floats | None:
     if abs(seen.toward @ axes[2]) < 1 - 1e-6:  # next to a coordinate axis, and not along it
         seen = view.View(axes[0], axes[1], axes[2])
     flat = seen.flat(points)
-    low, high = flat.min(axis=0), flat.max(axis=0)
+    low = flat.min(axis=0)
+    high = flat.max(axis=0)
     margin = SURFACE_MARGIN * float(max(high - low))
     (left, bottom), (right, top) = low - margin, high + margin
     corners = np.array([(left, bottom), (right, bottom), (right, top), (left, top)])
@@ -188,7 +194,8 @@ def _extent(solid: Solid, at_rest: Floats, ends: Sequence[Floats]) -> Floats:
     body.
     """
     body = np.concatenate((solid.points, at_rest, *ends))
-    low, high = body.min(axis=0), body.max(axis=0)
+    low = body.min(axis=0)
+    high = body.max(axis=0)
     far = 0.4 * float(max(high - low))
     return np.concatenate(
         [body, *(np.clip(points, low - far, high + far) for points, _ in solid.grounds)]

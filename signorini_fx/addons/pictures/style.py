@@ -30,7 +30,9 @@ Rows = npt.NDArray[np.int64]
 _PNG_DPI = 200
 _RASTER_DPI = 300  # of what is an image in a PDF or SVG
 SCREEN = (".png",)
-INK, MUTED, RULE = "#1a1a1a", "#6b6b6b", "#c8c8c8"
+INK = "#1a1a1a"
+MUTED = "#6b6b6b"
+RULE = "#c8c8c8"
 TIMES, MINUS = "\N{MULTIPLICATION SIGN}", "\N{MINUS SIGN}"
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 # Perceptually uniform, from dark to light; without the darkest colours, on which neither light nor

@@ -50,7 +50,8 @@ class Camera:
     def on(cls, view: View, points: Floats) -> Camera:
         """One that sees all points, shape (n, 3)."""
         axes = np.stack((view.right, view.up, view.toward))
-        low, high = (points @ axes.T).min(axis=0), (points @ axes.T).max(axis=0)
+        low = (points @ axes.T).min(axis=0)
+        high = (points @ axes.T).max(axis=0)
         half = 0.5 * (high - low)[:2]
         return cls(view, 0.5 * (low + high) @ axes, half + _MARGIN * (float(half.max()) or 1.0))
 
@@ -103,7 +104,8 @@ def combination(direction: Floats) -> str:
 
 def outline(points: Floats, polygons: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
     """Edges that belong to one polygon only, shape (e, 2), of polygons of shape (m, k)."""
-    a, b = polygons.ravel(), np.roll(polygons, -1, axis=1).ravel()
+    a = polygons.ravel()
+    b = np.roll(polygons, -1, axis=1).ravel()
     key = np.minimum(a, b) * len(points) + np.maximum(a, b)
     _, where, count = np.unique(key, return_index=True, return_counts=True)
     once = where[count == 1]

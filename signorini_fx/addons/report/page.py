@@ -61,7 +61,8 @@ def page(folder: Path) -> str:
 
 def _page(summary: dict[str, Any], folder: Path) -> str:
     name = folder.resolve().name
-    solved, contact = was_solved(summary), "contact_nodes" in summary
+    solved = was_solved(summary)
+    contact = "contact_nodes" in summary
     no_result = sections.no_result(summary)
     note = (
         part("note", no_result) if no_result else Markup("")

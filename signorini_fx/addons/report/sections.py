@@ -163,7 +163,9 @@ def _drawn(folder: Path, file: str, alternative: str, caption: str) -> Markup:
 
 def _overview(summary: dict[str, Any], folder: Path) -> Markup:
     """The picture of the deformed body, or why there is none."""
-    scene, solid, iterate = summary["scene"], summary["dimension"] == 3, no_result(summary)
+    scene = summary["scene"]
+    solid = summary["dimension"] == 3
+    iterate = no_result(summary)
     marked = _CIRCLE if marked_stress(summary) is not None else ". "
     colours = f"{_COLOURS}{marked}" if "stress" in scene.get("forms", ["stress"]) else _DISPLACEMENT
     grounded = any(not entry.get("against") for entry in scene.get("contact", ()))
@@ -197,7 +199,8 @@ def contact(summary: dict[str, Any], folder: Path) -> Markup:
             "shear point where the body slips or would slip; the traction on the body is opposite."
         )
         return _drawn(folder, "contact_surface.png", "contact surface", caption)
-    contacts, rubs = summary["scene"].get("contact", ()), has_friction(summary)
+    contacts = summary["scene"].get("contact", ())
+    rubs = has_friction(summary)
     opposite, _ = _sides(summary)
     caption = (
         f"Normal displacement above {opposite} is "
@@ -229,7 +232,8 @@ def steps(steps: dict[str, Any], summary: dict[str, Any], folder: Path) -> Marku
 
 def certificate(summary: dict[str, Any]) -> Markup:
     """Every figure of the certificate beside its limit."""
-    rows, classes = [], []
+    rows = []
+    classes = []
     for name, value in summary["certificate"].items():
         if name in ("holds", "law"):
             continue
@@ -276,7 +280,8 @@ _ELSEWHERE = {"title", "incomplete", "units", "solver", "accuracy"}
 
 def scene(summary: dict[str, Any]) -> Markup:
     """The tables of the scene, the method, and the scene as JSON."""
-    scene, rows = summary["scene"], list[tuple[str, str]]()
+    scene = summary["scene"]
+    rows = list[tuple[str, str]]()
     for key, section in scene.items():
         entries = (
             section

@@ -75,8 +75,10 @@ class Augmentation:
         Returns:
             Relative change of the multipliers, the largest of all groups of points.
         """
-        newton, old_shifts = self.newton, (data.lambda_hat, data.mu_hat)
-        points, groups = newton.problem.points, newton.problem.groups
+        newton = self.newton
+        old_shifts = (data.lambda_hat, data.mu_hat)
+        points = newton.problem.points
+        groups = newton.problem.groups
         new_shifts = newton.shifts(data)
         differences = new_shifts[0] - old_shifts[0], new_shifts[1] - old_shifts[1]
         felt, felt_before, moved = (
@@ -109,13 +111,16 @@ class Augmentation:
         # At its bound, that of the problem just solved, the shear gives no information about slip.
         sticks = length_of(new_shifts[1]) < data.friction_bound(newton.multipliers()[0])
         open_at = np.abs(differences[0]), length_of(differences[1]) * sticks
-        slip, shear = slip_of(u_t, data), new_shifts[1]
+        slip = slip_of(u_t, data)
+        shear = new_shifts[1]
         way = unit(slip)
         astray = shear - np.maximum(inner(shear, way), 0.0)[:, None] * way
         with np.errstate(over="ignore"):  # all but nothing presses: the smaller one decides
             wrong = np.minimum(length_of(slip) / lengths, length_of(astray) / stresses)
         least = (np.zeros(groups.count), groups.largest(wrong))
-        lefts, violations, slow = [], [], []
+        lefts = []
+        violations = []
+        slow = []
         for change, last, gamma, movement, floor in zip(
             changes, self.changes, gammas, open_at, least, strict=True
         ):
@@ -130,8 +135,10 @@ class Augmentation:
             slow.append(bool(np.any((share > 1 / GAMMA_GROWTH) & far)))
             lefts.append(remaining)
             violations.append(violation)
-        self.changes, self.slow = changes, (slow[0], slow[1])
-        self.left, self.violation = float(np.max(sum(lefts))), float(np.max(violations))
+        self.changes = changes
+        self.slow = (slow[0], slow[1])
+        self.left = float(np.max(sum(lefts)))
+        self.violation = float(np.max(violations))
         total = changes[0] + changes[1]
         return float(shares(total, size, total).max())
 
@@ -140,7 +147,8 @@ class Augmentation:
         slow, increased.
         """
         pressure, shear = self.newton.shifts(data)
-        enough, largest = GAMMA_GROWTH * float(self._stiffness.max()), GAMMA_GROWTH * self.natural
+        enough = GAMMA_GROWTH * float(self._stiffness.max())
+        largest = GAMMA_GROWTH * self.natural
 
         def grown(gamma: float, slow: bool) -> float:
             raised = min(GAMMA_GROWTH * gamma, enough) if slow else gamma
@@ -191,7 +199,8 @@ def augmented_lagrangian(
         # At the old iterate the new shift counts every pressure twice, and a bound that depends on
         # it.
         following = newton.problem.sets if data.follows is not None else newton.continued_sets(data)
-        first_sets, first_iteration = cut_off or following, 1
+        first_sets = cut_off or following
+        first_iteration = 1
     return Status.OUTER_MAX_ITERATIONS
 
 

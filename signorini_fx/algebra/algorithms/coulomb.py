@@ -29,13 +29,15 @@ def coulomb_start(task: Task, data: RegularisedData) -> RegularisedData:
     It sticks everywhere, unless that would hold it without any contact, as a ring with clearance
     around a pin: then only where it touches at its reference motion.
     """
-    motions, everywhere = task.motions, task.motions.points.everywhere
+    motions = task.motions
+    everywhere = task.motions.points.everywhere
 
     def possible(stick: npt.NDArray[np.bool_]) -> bool:
         """Whether contact can hold the body and balance its load if these nodes stick, and no other
         ones rub.
         """
-        held, law = motions.held_by(everywhere, stick), as_given(np.where(stick, np.inf, 0.0))
+        held = motions.held_by(everywhere, stick)
+        law = as_given(np.where(stick, np.inf, 0.0))
         return held and no_balance(law, data.bilateral, motions, task.system.resultant) is None
 
     if possible(~everywhere):
@@ -61,10 +63,12 @@ def proved(task: Task, problem: RegularisedProblem, law: PointFriction, status: 
     """
     if status not in (Status.SLIDES, Status.TIPS, Status.OPEN, Status.NOT_HELD):
         return status
-    data, everywhere = problem.data, task.motions.points.everywhere
+    data = problem.data
+    everywhere = task.motions.points.everywhere
     if status is Status.NOT_HELD and not task.motions.held_by(everywhere, law.acts):
         return status
-    motions, resultant = task.motions, task.system.resultant
+    motions = task.motions
+    resultant = task.system.resultant
     at_rest = task.system.load.norm() == task.system.start.norm() == 0.0
     lost = no_balance(law, data.bilateral, motions, resultant, data.gap if at_rest else None)
     if lost is not None:
@@ -104,7 +108,8 @@ def coulomb_newton(
     is as semi-smooth as (3.4); its derivative has d mu / d tau_N y = +-F gamma_1 at slip nodes in
     contact.  It converges locally: from a poor start its sets may cycle.
     """
-    coupled, newton = replace(data, bound=law.given, follows=law), task.unsymmetric_newton
+    coupled = replace(data, bound=law.given, follows=law)
+    newton = task.unsymmetric_newton
     if not augmented:
         return newton.solve(coupled, first_sets)
     max_outer = task.settings.max_outer_iterations
@@ -119,7 +124,8 @@ def by_augmentation(task: Task, start: Start, law: PointFriction, begun: Outcome
     with the start of Coulomb friction;
     ``begun``: the outcome with the problem of the method that has failed.
     """
-    newton, multipliers = task.newton, start.multipliers
+    newton = task.newton
+    multipliers = start.multipliers
     # The limit is the same for every gamma: a small one makes the problems easiest.
     gammas = CONTINUATION_SHARE * begun.data.gamma_n, CONTINUATION_SHARE * begun.data.gamma_t
     slip_origin = begun.data.slip_origin - start.elastic_slip

@@ -45,7 +45,8 @@ def fixed_point(
     also lambda_hat <- lambda and mu_hat <- mu, which is Algorithm (ALM-FP): its limit is the
     unregularised solution.
     """
-    g, norms = start[0], newton.problem.groups.norms
+    g = start[0]
+    norms = newton.problem.groups.norms
     previous: Nodal | None = None
     if augmentation is not None:
         data = replace(data, lambda_hat=start[0], mu_hat=start[1])
@@ -94,7 +95,9 @@ def _changes(newton: SemismoothNewton, g: Nodal) -> Nodal:
     collective.
     """
     following, shear = newton.multipliers()
-    problem, points, groups = newton.problem, newton.problem.points, newton.problem.groups
+    problem = newton.problem
+    points = newton.problem.points
+    groups = newton.problem.groups
     # The relative change of a pressure that vanishes is 1.
     size = groups.norms(points.felt(following, shear))
     if not size.all():
@@ -107,7 +110,9 @@ def _missed(newton: SemismoothNewton, data: RegularisedData, law: PointFriction)
     relative; collective.
     """
     pressure, shear = newton.multipliers()
-    points, groups, following = newton.problem.points, newton.problem.groups, law.bound(pressure)
+    points = newton.problem.points
+    groups = newton.problem.groups
+    following = law.bound(pressure)
     bound = data.friction_bound(pressure)
     # The bound of a bond is infinite.
     away = np.abs(

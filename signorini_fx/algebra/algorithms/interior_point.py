@@ -79,7 +79,9 @@ def interior_point(
     ``failed``: how it has ended there, which is the outcome if this fails, too, with that iterate;
     collective.
     """
-    start, before, problem = newton.checkpoint(), newton.history.linear_solves, newton.problem
+    start = newton.checkpoint()
+    before = newton.history.linear_solves
+    problem = newton.problem
     newton.history.add(f"{failed.value}: interior point")
     data = replace(data, sigma=np.inf)
     problem.set_data(data)
@@ -88,7 +90,8 @@ def interior_point(
     except (PETSc.Error, MemoryError) as error:
         status = newton.outcome_of(error)
     if status is Status.CONVERGED:
-        ended, sets = newton.x.copy(), _sets_of(newton, data)
+        ended = newton.x.copy()
+        sets = _sets_of(newton, data)
         status = newton.attempt(data, sets)
         if (
             status is not Status.CONVERGED
@@ -108,8 +111,10 @@ def proposed_sets(newton: Newton) -> ActiveSets | None:
     given friction bound, which hold the body; None if a linear solve fails; the iterate of
     ``newton`` stays; collective.
     """
-    problem, begun = newton.problem, newton.x.copy()
-    data, sets = problem.data, problem.sets
+    problem = newton.problem
+    begun = newton.x.copy()
+    data = problem.data
+    sets = problem.sets
     try:
         proposed = _Programme(newton, data, exact=False).sets()
     except (PETSc.Error, MemoryError) as error:
@@ -149,8 +154,12 @@ class _Programme:
     """
 
     def __init__(self, newton: Newton, data: RegularisedData, *, exact: bool) -> None:
-        self._newton, self._data, self._problem, self._exact = newton, data, newton.problem, exact
-        self._points, self._comm = newton.problem.points, newton.problem.points.comm
+        self._newton = newton
+        self._data = data
+        self._problem = newton.problem
+        self._exact = exact
+        self._points = newton.problem.points
+        self._comm = newton.problem.points.comm
         # Where supports alone decide about the distance, no pressure acts that could be bounded.
         movable = ~self._points.immovable
         self._one_sided = movable & ~data.bilateral
@@ -158,7 +167,8 @@ class _Programme:
         # Where it is zero there is no shear, where it is infinite no disc.
         self._rubs = (self._bound > 0) & np.isfinite(self._bound)
         self._bounds = self._number(self._one_sided) + self._number(self._rubs)
-        self._force, self._change = newton.x.duplicate(), newton.x.duplicate()
+        self._force = newton.x.duplicate()
+        self._change = newton.x.duplicate()
         self._steps = 0
 
     def _number(self, where: npt.NDArray[np.bool_]) -> float:
@@ -167,7 +177,8 @@ class _Programme:
 
     def solve(self) -> Status:
         """Reduce the products until full steps can end the iteration."""
-        newton, problem = self._newton, self._problem
+        newton = self._newton
+        problem = self._problem
         at = self._on_a_soft_foundation()
         first = 0.0 if at is None else self._product(at)
         for _ in range(newton.max_iterations):
@@ -216,7 +227,9 @@ class _Programme:
         self, begin: _Inside, end: _Inside
     ) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
         """The points in contact and those that slip, by the quotients of two iterates."""
-        one, rubs, none = self._one_sided, self._rubs, np.zeros_like(begin.pressure)
+        one = self._one_sided
+        rubs = self._rubs
+        none = np.zeros_like(begin.pressure)
         presses = np.divide(end.pressure, begin.pressure, out=none + 1.0, where=one)
         opens = np.divide(end.opening, begin.opening, out=none.copy(), where=one)
         slides = np.divide(end.rate, begin.rate, out=none.copy(), where=rubs)
@@ -229,11 +242,14 @@ class _Programme:
         """Where the body is if all points are tied to a soft foundation, with products that are all
         the same.
         """
-        data, size, contact = self._data, self._points.dimension - 1, self._problem.system.contact
+        data = self._data
+        size = self._points.dimension - 1
+        contact = self._problem.system.contact
         soft = data.softer(
             NEGLIGIBLE * contact.natural_stiffness(self._problem.system.matrix.getDiagonal())
         )
-        rough, x = (self._bound > 0)[:, None], self._newton.x
+        rough = (self._bound > 0)[:, None]
+        x = self._newton.x
         blocks = np.zeros((rough.size, 1 + size, 1 + size))
         blocks[:, 0, 0] = soft.stiffness
         blocks[:, 1:, 1:] = np.where(rough, soft.gamma_t, 0.0)[:, None] * np.eye(size)
@@ -248,7 +264,8 @@ class _Programme:
         stress = float(parallel.global_sum(self._comm, np.abs(pressure).sum())) / self._number(
             self._points.everywhere
         )
-        product, apart = stress**2 / soft.stiffness, np.sqrt(pressure**2 + 4 * stress**2)
+        product = stress**2 / soft.stiffness
+        apart = np.sqrt(pressure**2 + 4 * stress**2)
         opening = np.asarray((apart - pressure) / (2 * soft.stiffness), dtype=np.float64)
         shear = np.where(self._rubs[:, None], onto_disc(shear, self._bound / 2), shear)
         return _Inside(
@@ -262,10 +279,8 @@ class _Programme:
         """(F^2 g^2 - |mu|^2) / 2 where there is a disc, at least its round-off; elsewhere not zero;
         shape (n,).
         """
-        bound, size = (
-            np.where(self._rubs, self._bound, 1.0),
-            np.where(self._rubs, length(shear), 0.0),
-        )
+        bound = np.where(self._rubs, self._bound, 1.0)
+        size = np.where(self._rubs, length(shear), 0.0)
         return np.maximum((bound - size) * (bound + size) / 2, np.finfo(np.float64).eps * bound**2)
 
     def _product(self, at: _Inside) -> float:
@@ -279,8 +294,10 @@ class _Programme:
         """The point after a predictor and a corrector, and the share of it; None if a solve fails;
         collective.
         """
-        x, room = self._newton.x, self._room(at.shear)
-        blocks, none = self._blocks(at, room), np.zeros_like(room)
+        x = self._newton.x
+        room = self._room(at.shear)
+        blocks = self._blocks(at, room)
+        none = np.zeros_like(room)
         ahead = self._direction(at, none, none, blocks)
         if ahead is None:
             return None
@@ -306,8 +323,12 @@ class _Programme:
         """The whole step to two products, to its end the iterate goes; None if the solve fails;
         collective.
         """
-        data, one, rubs, room = self._data, self._one_sided, self._rubs, self._room(at.shear)
-        none, traces = np.zeros_like(room), self._problem.system.contact.traces
+        data = self._data
+        one = self._one_sided
+        rubs = self._rubs
+        room = self._room(at.shear)
+        none = np.zeros_like(room)
+        traces = self._problem.system.contact.traces
         u_n, u_t = traces(self._newton.x)
         # What the equations miss, the changes of s and r eliminated.
         normal = u_n - data.gap - (at.pressure - data.lambda_hat) / data.stiffness
@@ -338,14 +359,13 @@ class _Programme:
         """D, the derivative of (lambda, mu) by the displacement, stress per length, shape (n, d,
         d).
         """
-        data, size = self._data, self._points.dimension - 1
+        data = self._data
+        size = self._points.dimension - 1
         blocks = np.zeros((room.size, 1 + size, 1 + size))
         opens = np.divide(at.opening, at.pressure, out=np.zeros_like(room), where=self._one_sided)
         blocks[:, 0, 0] = 1.0 / (1.0 / data.stiffness + opens)
-        soft, grows = (
-            1.0 / data.gamma_t + at.rate,
-            np.divide(at.rate, room, out=np.zeros_like(room), where=self._rubs),
-        )
+        soft = 1.0 / data.gamma_t + at.rate
+        grows = np.divide(at.rate, room, out=np.zeros_like(room), where=self._rubs)
         share = grows / (soft + grows * inner(at.shear, at.shear))
         along = share[:, None, None] * at.shear[:, :, None] * at.shear[:, None, :]
         blocks[:, 1:, 1:] = np.where(self._bound > 0, 1.0 / soft, 0.0)[:, None, None] * (
@@ -355,11 +375,9 @@ class _Programme:
 
     def _way(self, at: _Inside, step: _Inside) -> float:
         """The share of a step at which the first bound is reached; collective."""
-        a, b, c = (
-            inner(step.shear, step.shear),
-            inner(at.shear, step.shear),
-            2 * self._room(at.shear),
-        )
+        a = inner(step.shear, step.shear)
+        b = inner(at.shear, step.shear)
+        c = 2 * self._room(at.shear)
         ahead = b + np.sqrt(b**2 + a * c)
         shares = [np.divide(c, ahead, out=np.full_like(c, np.inf), where=self._rubs & (ahead > 0))]
         for values, change, where in (
@@ -376,8 +394,11 @@ class _Programme:
         """Move the iterate by z, (A + B^T D B) z = b - A x - B^T W (lambda, mu), if there is one;
         collective.
         """
-        newton, problem, change = self._newton, self._problem, self._change
-        jacobian, ksp = newton.snes.getJacobian()[0], newton.snes.getKSP()
+        newton = self._newton
+        problem = self._problem
+        change = self._change
+        jacobian = newton.snes.getJacobian()[0]
+        ksp = newton.snes.getKSP()
         problem.imbalance(newton.x, pressure, shear, self._force)
         problem.insert(jacobian, blocks)
         renewed = not problem.unchanged
@@ -390,9 +411,7 @@ class _Programme:
         change.scale(-1.0)
         newton.x.axpy(1.0, change)
         self._steps += 1
-        residual, active = (
-            self._force.norm() / (problem.force_scale or 1.0),
-            parallel.global_sum(self._comm, closed),
-        )
+        residual = self._force.norm() / (problem.force_scale or 1.0)
+        active = parallel.global_sum(self._comm, closed)
         newton.record(self._steps, (int(active), 0, 0, 0), residual, factorised=renewed)
         return ksp.getConvergedReason() > 0 and finite(change)

@@ -54,7 +54,8 @@ def path_model(newton: SemismoothNewton, data: RegularisedData) -> PathModel:
     collective.
     """
     problem = newton.problem
-    points, system = problem.points, problem.system
+    points = problem.points
+    system = problem.system
     sets = problem.sets
     # D per gamma_1.  Applied to (y - d) it gives what the tractions at this y change by with
     # gamma_1, also where shifts keep a slip from being along its shear; without shifts it does not
@@ -79,7 +80,8 @@ def path_model(newton: SemismoothNewton, data: RegularisedData) -> PathModel:
     energy = stretched.dot(first)
     # The pole is a mean stiffness at the contact nodes, below the largest one: often too small to
     # be seen beside gamma.
-    reach, stiffness = data.gamma_n, system.contact.stiffness(system.matrix.getDiagonal())
+    reach = data.gamma_n
+    stiffness = system.contact.stiffness(system.matrix.getDiagonal())
     if parallel.largest(system.comm, stiffness) > NOTABLE * data.gamma_n:
         second = solved_again(
             newton, -2.0 * contact_force(first, np.zeros_like(data.gap), np.zeros_like(data.mu_hat))
@@ -102,7 +104,8 @@ def path_model(newton: SemismoothNewton, data: RegularisedData) -> PathModel:
 
 def solved_again(newton: SemismoothNewton, force: PETSc.Vec) -> PETSc.Vec:
     """The unknowns under another force, with the matrix of the last linear solve; collective."""
-    ksp, x = newton.snes.getKSP(), newton.x.duplicate()
+    ksp = newton.snes.getKSP()
+    x = newton.x.duplicate()
     # A Krylov method ends by the size of the forces of the problem; this right-hand side has
     # another size.
     tolerances = ksp.getTolerances()
@@ -132,7 +135,8 @@ def path_following(
         if status is not Status.CONVERGED:
             return status, data, error
         model = path_model(newton, data)
-        allowed, error = goal(), max(model.distance, model.left_slip)
+        allowed = goal()
+        error = max(model.distance, model.left_slip)
         doubtful = model.left_slip > model.distance
         if (error <= allowed and not doubtful) or data.gamma_n >= largest:
             return Status.CONVERGED, data, error
@@ -143,5 +147,6 @@ def path_following(
             wanted = model.reach * (model.distance / (allowed / 2) - 1) + data.gamma_n
             gamma = min(max(wanted, GAMMA_GROWTH * data.gamma_n if doubtful else 0.0), largest)
         data = replace(data, gamma_n=gamma, gamma_t=gamma * data.gamma_t / data.gamma_n)
-        first_sets, first_iteration = newton.continued_sets(data), 1
+        first_sets = newton.continued_sets(data)
+        first_iteration = 1
     return Status.OUTER_MAX_ITERATIONS, data, error

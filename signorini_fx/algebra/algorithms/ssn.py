@@ -40,7 +40,8 @@ from signorini_fx.tuned import (
     SLOWEST_STEPS,
 )
 
-_RENEW, _KEEP = -2, -1
+_RENEW = -2
+_KEEP = -1
 # While the sets repeat and directions of slip change, the residual of the law must be halved in
 # this many steps.
 _TURNS = 6
@@ -97,7 +98,8 @@ class SemismoothNewton:
     @cached_property
     def snes(self) -> PETSc.SNES:
         """Set up when it is first needed; collective."""
-        symmetric, snes = self._symmetric, PETSc.SNES().create(self.problem.points.comm)
+        symmetric = self._symmetric
+        snes = PETSc.SNES().create(self.problem.points.comm)
         snes.setOptionsPrefix(petsc_options.PREFIX)
         snes.setType(PETSc.SNES.Type.NEWTONLS)
         snes.setFunction(weakly(self.problem.residual), self.x.duplicate())
@@ -125,7 +127,8 @@ class SemismoothNewton:
         problem = self.problem
         self._assembled = True
         problem.assemble_jacobian(snes, x, jacobian)
-        ksp, least = snes.getKSP(), problem.least_share(x)
+        ksp = snes.getKSP()
+        least = problem.least_share(x)
         forces = max(least, NEGLIGIBLE) * problem.force_scale
         exact = not self._may_keep or least < NEGLIGIBLE
         keeps_factor = problem.system.keep_factor(ksp, problem.unchanged, forces, exact=exact)
@@ -209,7 +212,9 @@ class SemismoothNewton:
         remaining = self.history.limit - self._solves_before
         limit = int(min(self.max_iterations, max_iterations or self.max_iterations, remaining))
         self.snes.setTolerances(max_it=limit)
-        self._may_keep, self._loosened, self._assembled = True, False, False
+        self._may_keep = True
+        self._loosened = False
+        self._assembled = False
         given = data.follows is None and np.isinf(data.sigma)
         self._may_propose = given and self._symmetric and max_iterations is None
         self._slow = False
@@ -245,7 +250,8 @@ class SemismoothNewton:
 
     def _run(self, data: RegularisedData, limit: int) -> Status:
         """Let SNES iterate, again where ``_improved``."""
-        usual, first = self.snes.getKSP(), self._first_iteration
+        usual = self.snes.getKSP()
+        first = self._first_iteration
         if self._factorised_in == self.history.step:
             self._factorise()
         try:
@@ -253,7 +259,8 @@ class SemismoothNewton:
             while (
                 done := self.history.linear_solves - self._solves_before
             ) < limit and self._improved(status):
-                self._status, self._first_iteration = None, first + done
+                self._status = None
+                self._first_iteration = first + done
                 self._seen.clear()
                 self._changes.clear()
                 self.snes.setTolerances(max_it=limit - done)
@@ -364,11 +371,13 @@ class SemismoothNewton:
         slip, the more slowly the smaller the slip, so it is set to it; likewise where supports
         prescribe a slip and the shear is below its bound.
         """
-        problem, points = self.problem, self.problem.points
+        problem = self.problem
+        points = self.problem.points
         pressure, shear = project(*self.multipliers(), data)
         u_n, u_t = problem.system.contact.traces(self.x)
         still, entered = points.closed(problem.sets.contact, u_n - data.gap)
-        bound, slip = data.friction_bound(pressure), slip_of(u_t - entered, data)
+        bound = data.friction_bound(pressure)
+        slip = slip_of(u_t - entered, data)
         slips = problem.sets.slip | (
             problem.sets.contact & points.dragged(slip, np.column_stack((u_n, u_t)))
         )
@@ -393,7 +402,8 @@ class SemismoothNewton:
         problem = self.problem
         active, plus, minus, changed, fingerprint = self._counts(*problem.friction_bounds(self.x))
         residual = norms[2] / problem.force_scale if problem.force_scale > 0 else norms[2]
-        last_forces, self._last_forces = self._last_forces, problem.force_scale
+        last_forces = self._last_forces
+        self._last_forces = problem.force_scale
         law = 0.0 if problem.affine or k == 0 else problem.law_residual(self.x)
         if k > 0:
             counts = (active, plus, minus, changed)
@@ -500,7 +510,8 @@ class SemismoothNewton:
         """Record a linear solve; ``counts``: nodes in contact, slipping either way, and that
         change.
         """
-        history, seconds = self.history, time.perf_counter() - self.start_time
+        history = self.history
+        seconds = time.perf_counter() - self.start_time
         numbers = history.step, history.linear_solves + 1, len(history.outer), iteration
         history.add(IterationRecord(*numbers, *counts, residual, factorised, seconds))
 
@@ -511,11 +522,10 @@ class SemismoothNewton:
         # Points that can transmit no shear count as sticking.
         sets = self.problem.sets.sticking(~(bound > 0))
         following = self.problem.next.sets.sticking(~(next_bound > 0))
-        side, changed = sets.side, sets.changed(following)
-        comm, state = (
-            self.problem.points.comm,
-            (following.contact.tobytes(), following.side.tobytes()),
-        )
+        side = sets.side
+        changed = sets.changed(following)
+        comm = self.problem.points.comm
+        state = (following.contact.tobytes(), following.side.tobytes())
         numbers = [np.count_nonzero(mask) for mask in (sets.contact, side > 0, side < 0, changed)]
         sums = parallel.global_sum(
             comm, np.array([*numbers, hash((comm.rank, *state))], dtype=np.int64)

@@ -45,7 +45,9 @@ from signorini_fx.tuned import (
 )
 
 # What is tried with Coulomb friction, as the history names it.
-FIXED_POINT, MONOLITHIC, AUGMENTED = "fixed point", "monolithic Newton", "augmented Lagrangian"
+FIXED_POINT = "fixed point"
+MONOLITHIC = "monolithic Newton"
+AUGMENTED = "augmented Lagrangian"
 
 # Other outcomes do not say why there is no solution: it may be that a body lies loose.
 _EXPLAINED = (
@@ -71,10 +73,8 @@ def solve_task(task: Task, start: Start, solve_budget: int | None = None) -> Out
         )
         return _without_contact(task, start.data, status)
     if task.settings.algorithm == "alm":
-        gammas, largest = (
-            (start.data.gamma_n, start.data.gamma_t),
-            GAMMA_GROWTH * automatic_gamma(task),
-        )
+        gammas = (start.data.gamma_n, start.data.gamma_t)
+        largest = GAMMA_GROWTH * automatic_gamma(task)
         if max(gammas) > largest:  # its round-off would hide the limit
             gamma_n, gamma_t = (min(gamma, largest) for gamma in gammas)
             task.history.add(
@@ -97,7 +97,8 @@ def solve_task(task: Task, start: Start, solve_budget: int | None = None) -> Out
         )
         return _without_contact(task, start.data, Status.CONVERGED)
     start = _first_loaded(task, start)
-    begin, waits = task.newton.checkpoint(), start.several or start.step > 0
+    begin = task.newton.checkpoint()
+    waits = start.several or start.step > 0
     lost = no_balance(start.law, start.data.bilateral, task.motions, task.system.resultant)
     if lost is not None:
         outcome = _without_contact(task, start.data, lost.status)
@@ -151,8 +152,11 @@ def _near_the_last_place(task: Task, start: Start) -> Outcome | None:
     # points, far softer than the body, lead from the last place to the nearest one, where they
     # carry nothing: each solve is one step of the proximal point method (R. T. Rockafellar, SIAM J.
     # Control Optim. 14 (1976) 877-898).
-    motions, newton, comm = task.motions, task.newton, task.motions.points.comm
-    numbers, law = task.idle, start.law
+    motions = task.motions
+    newton = task.newton
+    comm = task.motions.points.comm
+    numbers = task.idle
+    law = start.law
     without_load = np.isin(motions.of_point, numbers)
     if law is not None:
         law = law.without_pressure(without_load)
@@ -165,13 +169,16 @@ def _near_the_last_place(task: Task, start: Start) -> Outcome | None:
         has_coulomb=law is not None and parallel.any_rank(comm, law.follows_pressure),
         settings=replace(task.settings, algorithm="ssn"),
     )
-    start, problem = replace(start, factors=None), held.newton.problem
+    start = replace(start, factors=None)
+    problem = held.newton.problem
     held.newton.begin_at(newton.x)
     position = np.column_stack(problem.system.contact.traces(newton.x))
-    farthest, moved = parallel.largest(comm, np.abs(position), 0.0), np.inf
+    farthest = parallel.largest(comm, np.abs(position), 0.0)
+    moved = np.inf
     while True:
         problem.springs = NO_FORCE * task.natural_gamma, position
-        outcome, last_position = _solve(held, start), position
+        outcome = _solve(held, start)
+        last_position = position
         if outcome.status not in (
             Status.CONVERGED,
             Status.ROUND_OFF,
@@ -180,7 +187,8 @@ def _near_the_last_place(task: Task, start: Start) -> Outcome | None:
         position = np.column_stack(problem.system.contact.traces(outcome.newton.x))
         size = parallel.largest(comm, np.abs(position), 0.0)
         farthest = max(farthest, size)
-        last_moved, moved = moved, parallel.largest(comm, np.abs(position - last_position), 0.0)
+        last_moved = moved
+        moved = parallel.largest(comm, np.abs(position - last_position), 0.0)
         if moved <= NO_FORCE * size:
             break
         if (
@@ -198,7 +206,8 @@ def _near_the_last_place(task: Task, start: Start) -> Outcome | None:
     loose = np.isin(motions.of_point, motions.untouched(numbers, pressed))
     if task.has_coulomb and parallel.any_rank(comm, bool((without_load & ~loose).any())):
         return None
-    system, reached = problem.system, x.norm(PETSc.NormType.NORM_INFINITY)
+    system = problem.system
+    reached = x.norm(PETSc.NormType.NORM_INFINITY)
     if (
         system.load.norm() == system.start.norm() == 0.0 and reached <= NO_FORCE * farthest
     ):  # round-off of the way back
@@ -228,7 +237,8 @@ def _nothing_acts(task: Task, start: Start) -> bool:
     """Whether the body stays where it is; collective."""
     # If nothing holds it, it does so in one of several load steps alone: a problem without any load
     # is not determined.
-    data, loose = start.data, task.motions.count > 0
+    data = start.data
+    loose = task.motions.count > 0
     if loose and not start.several:
         return False
     if start.step > 0 and not (loose and task.newton.x.norm() == 0):
@@ -268,22 +278,24 @@ def _released(task: Task, failed: Outcome, law: PointFriction, moved: float) -> 
     """The solution without contact where an iteration has come to it, and round-off decides which
     points touch.
     """
-    newton, points, history = failed.newton, task.motions.points, task.history
+    newton = failed.newton
+    points = task.motions.points
+    history = task.history
     nothing = np.zeros(points.size)
     kept = failed.data.bilateral | (law.bound(nothing) != 0)
     if parallel.any_rank(points.comm, bool(kept.any())) or task.motions.count:
         return None
     if history.exhausted:
         return None
-    reached, opened = (
-        newton.checkpoint(),
-        ActiveSets.of(~points.everywhere, np.zeros_like(failed.data.mu_hat)),
-    )
-    system, data = newton.problem.system, replace(failed.data, bound=nothing)
+    reached = newton.checkpoint()
+    opened = ActiveSets.of(~points.everywhere, np.zeros_like(failed.data.mu_hat))
+    system = newton.problem.system
+    data = replace(failed.data, bound=nothing)
     newton.begin_at(system.start)
     # The second solve takes away what a factor leaves of what pressed before.
     status = newton.attempt(data, opened, max_iterations=2)
-    change, largest = newton.x.copy(), max(moved, newton.x.norm(PETSc.NormType.NORM_INFINITY))
+    change = newton.x.copy()
+    largest = max(moved, newton.x.norm(PETSc.NormType.NORM_INFINITY))
     change.axpy(-1.0, reached[0])
     entered = parallel.largest(points.comm, system.contact.traces(newton.x)[0] - data.gap)
     if (
@@ -304,7 +316,8 @@ def _given_friction(task: Task, start: Start, data: RegularisedData) -> Outcome:
     """Frictionless or Tresca contact, or the one that starts Coulomb friction, by the algorithm of
     the scene.
     """
-    s, newton = task.settings, task.newton
+    s = task.settings
+    newton = task.newton
     error = start.regularisation_error
     match s.algorithm:
         case "continuation":
@@ -356,8 +369,10 @@ def _coulomb(task: Task, start: Start, law: PointFriction) -> Outcome:
     """Coulomb friction, started from a coarser mesh or an earlier load step, else from the pure
     contact problem.
     """
-    s, newton = task.settings, task.newton
-    first_sets, multipliers = start.sets, start.multipliers
+    s = task.settings
+    newton = task.newton
+    first_sets = start.sets
+    multipliers = start.multipliers
     # These algorithms find their gamma, or use several, on the pure contact problem of every mesh.
     finds_gamma = (s.algorithm == "continuation" and start.step == 0) or (
         s.algorithm == "path-following" and start.regularisation_error is None
@@ -376,7 +391,8 @@ def _coulomb(task: Task, start: Start, law: PointFriction) -> Outcome:
             first_outcome = _given_friction(task, start, data)
         if first_outcome.status is not Status.CONVERGED:
             return first_outcome
-        multipliers, first_sets = newton.multipliers(), None
+        multipliers = newton.multipliers()
+        first_sets = None
         if data.bound is None:  # this start has no slip: mu = xi = 0, hence stick everywhere
             first_sets = ActiveSets.of(newton.problem.next.sets.contact, np.zeros_like(data.mu_hat))
     data = replace(first_outcome.data, bound=law.given)
@@ -416,7 +432,8 @@ def _either_way(
     """Fixed point or monolithic Newton, if it fails the other one, then augmentation; all from
     ``begun``.
     """
-    s, newton = task.settings, begun.newton
+    s = task.settings
+    newton = begun.newton
     checkpoint = newton.checkpoint()
 
     ways = {FIXED_POINT: fixed, MONOLITHIC: monolithic}

@@ -95,11 +95,9 @@ class Outcome:
         """
         _, u_t = self.problem.system.contact.traces(self.newton.x)
         pressure, shear = self.newton.multipliers()
-        data, solved, elastic = (
-            replace(self.data, slip_origin=u_t),
-            self.problem.data,
-            start.elastic_slip,
-        )
+        data = replace(self.data, slip_origin=u_t)
+        solved = self.problem.data
+        elastic = start.elastic_slip
         if start.law is not None:
             data = replace(data, mu_hat=shear, bound=start.law.bound(pressure))
             kept = elastic + (shear - solved.mu_hat) / solved.gamma_t
@@ -214,8 +212,10 @@ class Task:
         """The contact points of this rank in a result, with displacements from the initial
         position; slip is counted from ``start``.
         """
-        law, problem = start.law, outcome.problem
-        sets, data = problem.sets, problem.data
+        law = start.law
+        problem = outcome.problem
+        sets = problem.sets
+        data = problem.data
         u_n, u_t = problem.system.contact.traces(outcome.newton.x)
         rest_n, rest_t = (0.0, 0.0) if self.rest is None else (self.rest.u_n, self.rest.u_t)
         pressure, shear = outcome.newton.multipliers()

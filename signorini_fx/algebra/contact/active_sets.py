@@ -172,7 +172,8 @@ def next_sets(u_n: Nodal, u_t: Nodal, xi: Nodal, mu: Nodal, data: RegularisedDat
     contact = (trial > 0) | data.bilateral
     if data.bound is None:
         return ActiveSets.of(contact, np.zeros_like(u_t))
-    bound, motion = data.friction_bound(trial), slip_of(u_t, data)
+    bound = data.friction_bound(trial)
+    motion = slip_of(u_t, data)
     along_shear = np.where(slips(xi, mu, bound, data)[:, None], unit(mu + xi / data.sigma), 0.0)
     direction = np.where((bound > 0)[:, None], along_shear, unit(motion))
     along = data.gamma_t * inner(direction, motion) + inner(direction, data.mu_hat)
@@ -271,7 +272,8 @@ def hold(
     ):
         return following, None, False
     bound = data.friction_bound(pressure)
-    points, everywhere = motions.points, motions.points.everywhere
+    points = motions.points
+    everywhere = motions.points.everywhere
     able = (bound > 0) if data.bound is not None else ~everywhere
     if not motions.held_by(everywhere, able | _stick(following, data)):
         return following, Status.NOT_HELD, False

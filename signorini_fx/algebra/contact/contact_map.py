@@ -59,10 +59,8 @@ class ContactMap:
         """Add (lambda, tau_N .) + (mu, tau_T .) to a residual, prescribed unknowns left out;
         collective.
         """
-        traction, weight = (
-            self._relative.getArray().reshape(-1, self.points.dimension),
-            self.points.weight,
-        )
+        traction = self._relative.getArray().reshape(-1, self.points.dimension)
+        weight = self.points.weight
         np.multiply(pressure, weight, out=traction[:, 0])
         np.multiply(shear, weight[:, None], out=traction[:, 1:])
         self.operator.multTranspose(self._relative, self._force)
@@ -113,7 +111,8 @@ class ContactMap:
         """The matrix with a block of shape (d, d) for each point on its diagonal; ``into``: an
         earlier one, which is filled again; collective.
         """
-        first, rows = self.operator.getOwnershipRange()[0], self.operator.getSizes()[0]
+        first = self.operator.getOwnershipRange()[0]
+        rows = self.operator.getSizes()[0]
         if into is None:
             into = PETSc.Mat().createAIJ(
                 (rows, rows), nnz=(self.points.dimension, 0), comm=self.operator.comm
@@ -132,7 +131,8 @@ class ContactMap:
         products: where rigid bodies move, B has dense columns, with which ``ptap`` takes quadratic
         time.
         """
-        free, operator = self.operator.createVecRight(), self.operator.copy()
+        free = self.operator.createVecRight()
+        operator = self.operator.copy()
         free.getArray()[:] = ~self.fixed
         operator.diagonalScale(R=free)
         blocks = self.law(np.ones(self.points.movable.shape))
@@ -141,7 +141,8 @@ class ContactMap:
 
     def admitted(self, matrix: PETSc.Mat) -> PETSc.Mat:
         """A copy of the matrix with room for B^T D B; collective."""
-        wider, room = matrix.copy(), self.products[-1]
+        wider = matrix.copy()
+        room = self.products[-1]
         room.zeroEntries()  # it has what the last tangent has left
         wider.axpy(1.0, room, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
         return wider
@@ -176,7 +177,8 @@ class ContactMap:
         boundary: of a uniform body its modulus over its size, stress per length; ``diagonal``: of
         A; collective.
         """
-        points, weight = self.points, self.points.weight
+        points = self.points
+        weight = self.points.weight
         side = (weight / parallel.global_sum(points.comm, weight.sum())) ** (
             1.0 / (points.dimension - 1)
         )

@@ -81,7 +81,8 @@ class PointFriction:
 
     def derivative(self, pressure: Nodal) -> Nodal:
         """Derivative of the bound by the pressure, at zero that towards larger ones, shape (n,)."""
-        size, slope = np.abs(pressure), self.coefficient.copy()
+        size = np.abs(pressure)
+        slope = self.coefficient.copy()
         if self.cap is not None:
             slope = np.where(self.given + self.coefficient * size < self.cap, slope, 0.0)
         for entry in self.laws:

@@ -49,7 +49,8 @@ def total_work(loads: Sequence[tuple[float, RigidLoad]], count: int) -> Nodal:
     whose loads balance each other to round-off. This is the only place that decides whether a load
     acts on a rigid body.
     """
-    work, size = np.zeros(count), np.zeros(count)
+    work = np.zeros(count)
+    size = np.zeros(count)
     for factor, load in loads:
         work += factor * load.work
         size += abs(factor) * load.size
@@ -137,7 +138,8 @@ class FreeMotions:
         """Which of these assemblies have no contact point with tractions; ``pressed``: which points
         have, shape (n,); collective.
         """
-        comm, of = self.points.comm, self.of_point
+        comm = self.points.comm
+        of = self.of_point
         return [
             number
             for number in numbers
@@ -205,7 +207,8 @@ def reference_motion(
             motion[columns] = 0.0 if moved is None else moved
     if not motion.any():
         return None
-    u_n, u_t = motions.normal @ motion, motions.tangential @ motion
+    u_n = motions.normal @ motion
+    u_t = motions.tangential @ motion
     # A motion along the normals has no tangential part except for round-off.
     still = parallel.largest(comm, np.abs(u_t)) <= SAME_NUMBER * float(np.abs(motion).max())
     return ReferenceMotion(motion, u_n, np.zeros_like(u_t) if still else u_t)
@@ -222,7 +225,8 @@ def _rest_of(
     values, vectors = np.linalg.eigh(normal_modes.T @ normal_modes)
     resisted: npt.NDArray[np.float64] = vectors[:, values > CERTIFICATE_TOLERANCE * values[-1]]
     work = resisted.T @ load
-    size, largest = float(np.abs(gap).max()), float(np.abs(work).max(initial=0.0))
+    size = float(np.abs(gap).max())
+    largest = float(np.abs(work).max(initial=0.0))
     if size == 0 or largest == 0:
         return None
     coefficients = _furthest(

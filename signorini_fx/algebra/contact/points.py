@@ -114,14 +114,18 @@ class ContactPoints:
             (n, d - 1, d - 1), and what of the displacement along these is due to ``entered``,
             length, shape (n, d - 1).
         """
-        projections, moved = self.still.copy(), np.zeros((self.size, self.dimension - 1))
+        projections = self.still.copy()
+        moved = np.zeros((self.size, self.dimension - 1))
         if self.shared is None:
             return projections, moved
         across = self.shared.normal[:, 1:]
         size = np.linalg.norm(across, axis=1)
         use = contact[self.shared.here] & contact[self.shared.beside] & (size > ROOT_OF_EPS)
-        point, beside, size = self.shared.here[use], self.shared.beside[use], size[use]
-        aligned, across = self.shared.normal[use, 0], across[use] / size[:, None]
+        point = self.shared.here[use]
+        beside = self.shared.beside[use]
+        size = size[use]
+        aligned = self.shared.normal[use, 0]
+        across = across[use] / size[:, None]
         np.add.at(projections, point, across[:, :, None] * across[:, None, :])
         projections = onto_range(projections)
         moved[point] = across * ((entered[beside] - aligned * entered[point]) / size)[:, None]

@@ -93,7 +93,8 @@ class PointState:
         """Areas (in 2D lengths) in contact, and of the nodes with a friction bound those that stick
         and slip; collective.
         """
-        weight, slip = self.points.weight, self.sliding_side() != 0
+        weight = self.points.weight
+        slip = self.sliding_side() != 0
         acting = self.bound > 0
         sums = [np.dot(weight, where) for where in (self.in_contact, acting & ~slip, acting & slip)]
         total = parallel.global_sum(self.points.comm, np.array(sums))

@@ -39,7 +39,9 @@ from signorini_fx.tuned import (
 
 # Columns that a motion adds, for each dimension; motions that are tried, and those without
 # progress.
-_COLUMNS, _ROUNDS, _PATIENCE = 4, 400, 3
+_COLUMNS = 4
+_ROUNDS = 400
+_PATIENCE = 3
 
 
 @dataclass(frozen=True)
@@ -89,7 +91,8 @@ def no_balance(
     for number, columns in sorted(
         motions.assemblies, key=lambda assembly: not load[assembly[1]].any()
     ):
-        contact, work = all_reactions.of(number, columns), load[columns]
+        contact = all_reactions.of(number, columns)
+        work = load[columns]
         if unheld[number] or not contact.given.size:
             return Escape(Status.NOT_HELD if unheld[number] else Status.OPEN, number)
         if work.any():
@@ -158,14 +161,16 @@ class Reactions:
             them presses, shape (m,), -1 for friction without pressure; and the resultant of limited
             tractions that does the most work, shape (k,), in the given unit.
         """
-        away, slip = self.normal @ motion, self.tangential @ motion
+        away = self.normal @ motion
+        slip = self.tangential @ motion
         along = unit(slip)
         pull = np.einsum("it,itk->ik", along, self.tangential)
         stick = np.isinf(self.given)
         capped = np.isfinite(self.cap) & (self.coefficient > 0)
         share = np.where(stick | capped, 0.0, self.coefficient)
         side = np.where(self.bilateral & (away < 0), -1.0, 1.0)
-        pressed, size = side * away, length(slip)
+        pressed = side * away
+        size = length(slip)
         # Of a given size less friction does more work where the motion presses more than it slips.
         reduced = np.flatnonzero((pressed > 0) & (size < share * pressed))
         reduced_pull = (size[reduced] / pressed[reduced])[:, None] * pull[reduced]
@@ -199,7 +204,9 @@ def reactions(
     without; ``bilateral``: nodes whose contact cannot open, ``pressing``: at which the foundation
     can press, None: at all; given friction acts at all nodes; collective.
     """
-    points, k, tangents = motions.points, motions.count, motions.points.dimension - 1
+    points = motions.points
+    k = motions.count
+    tangents = motions.points.dimension - 1
     law = as_given(np.zeros(points.size)) if law is None else law.forces(points.weight)
     able = np.ones(points.size) if pressing is None else pressing
     cap = np.full(points.size, np.inf) if law.cap is None else law.cap
@@ -245,9 +252,11 @@ def nearest(contact: Reactions, load: Nodal, *, unlimited: bool = False) -> Near
     """
     size = float(np.linalg.norm(load))
     target = np.append(load / size, 0.0 if unlimited else 1.0)
-    columns, pressing = np.eye(target.size)[-1:], np.array([-1])
+    columns = np.eye(target.size)[-1:]
+    pressing = np.array([-1])
     passive: list[int] = []
-    previous, stalled = np.inf, 0
+    previous = np.inf
+    stalled = 0
     proof: tuple[Nodal, list[int]] | None = None
 
     def proves(motion: Nodal) -> bool:
@@ -273,17 +282,16 @@ def nearest(contact: Reactions, load: Nodal, *, unlimited: bool = False) -> Near
         edges, lengths, node, bounded = contact.against(residual[:-1], size)
         rows = np.column_stack((edges / lengths[:, None], np.zeros(lengths.size)))
         if not unlimited:
-            rows, node = np.vstack((rows, np.append(bounded, 1.0))), np.append(node, -1)
+            rows = np.vstack((rows, np.append(bounded, 1.0)))
+            node = np.append(node, -1)
             rows[-1] /= np.linalg.norm(rows[-1])
         work = rows @ residual
         steepest = np.argsort(-work, kind="stable")[: _COLUMNS * target.size]
         steepest = steepest[work[steepest] > max(ZERO_COMPONENT, NOTHING_LEFT * distance)]
         if not steepest.size:
             break
-        columns, pressing = (
-            np.concatenate((columns, rows[steepest])),
-            np.concatenate((pressing, node[steepest])),
-        )
+        columns = np.concatenate((columns, rows[steepest]))
+        pressing = np.concatenate((pressing, node[steepest]))
     motion = residual[:-1]
     balanced = bool(distance <= NO_FORCE and values.sum() <= LARGEST_BALANCING_FORCE)
     # An earlier motion proves what a later one does not if round-off resists the latter by very
@@ -315,7 +323,8 @@ def combination(
             ZERO_COMPONENT, NOTHING_LEFT * float(np.linalg.norm(residual))
         ):
             break
-        passive, values = [*passive, best], np.append(values, 0.0)
+        passive = [*passive, best]
+        values = np.append(values, 0.0)
         while True:
             wanted = _solve(columns[passive], target)
             low = wanted <= 0
@@ -428,7 +437,8 @@ def largest_multiple(contact: Reactions, load: Nodal) -> float:
     multiple drives shows how much the tractions can do against it at most: Newton's method for the
     largest one.
     """
-    multiple, size = LARGEST_BALANCING_FORCE, float(np.linalg.norm(load))
+    multiple = LARGEST_BALANCING_FORCE
+    size = float(np.linalg.norm(load))
     while True:
         near = nearest(contact, multiple * load)
         if not near.unbalanced:

@@ -71,7 +71,8 @@ class BlockRows:
         block = np.arange(ends[-1] if ends.size else 0) + np.repeat(
             self.starts[node] - ends + counts, counts
         )
-        starts, row = np.concatenate(([0], self.size * ends)), np.repeat(component, counts)
+        starts = np.concatenate(([0], self.size * ends))
+        row = np.repeat(component, counts)
         columns = self.size * self.names[self.columns[block]][:, None] + np.arange(self.size)
         values = self.blocks[block, row]
         return starts.astype(PETSc.IntType), columns.ravel().astype(PETSc.IntType), values.ravel()
@@ -81,7 +82,8 @@ class BlockMatrix:
     """Context of a ``python`` matrix: A with such rows of this rank, or A + C with a sparse C."""
 
     def __init__(self, rows: BlockRows, added: PETSc.Mat | None = None) -> None:
-        self.rows, self.added = rows, None if added is None else row_by_row(added)
+        self.rows = rows
+        self.added = None if added is None else row_by_row(added)
         # The rows of A that were asked for, with room for C, by their index set, which must stay,
         # and their columns.
         self._parts: dict[tuple[int, int], tuple[PETSc.Mat, PETSc.IS]] = {}
@@ -89,7 +91,8 @@ class BlockMatrix:
     @called_back
     def mult(self, matrix: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
         """Y = A x + C x."""
-        rows, values = self.rows, x.getArray(readonly=True)
+        rows = self.rows
+        values = x.getArray(readonly=True)
         if rows.fill is not None:
             rows.extended[: values.size] = values
             rows.fill()
@@ -113,7 +116,8 @@ class BlockMatrix:
         added = self.added.createSubMatrix(rows, columns)
         key = (rows.handle, columns.getSize())
         if key not in self._parts:
-            part, pattern = self._elastic(matrix, rows, columns), added.copy()
+            part = self._elastic(matrix, rows, columns)
+            pattern = added.copy()
             pattern.zeroEntries()
             part.axpy(1.0, pattern, structure=DIFFERENT_PATTERN)
             self._parts[key] = row_by_row(part), rows
@@ -128,7 +132,8 @@ class BlockMatrix:
     def _elastic(self, matrix: PETSc.Mat, rows: PETSc.IS, columns: PETSc.IS) -> PETSc.Mat:
         """Some rows of A by entries; collective."""
         unknowns = rows.getIndices().astype(np.int64) - matrix.getOwnershipRange()[0]
-        sizes, csr = ((unknowns.size, None), matrix.getSizes()[1]), self.rows.rows_at(unknowns)
+        sizes = ((unknowns.size, None), matrix.getSizes()[1])
+        csr = self.rows.rows_at(unknowns)
         found = PETSc.Mat().createAIJ(sizes, csr=csr, comm=matrix.comm)
         if columns.getSize() == matrix.getSize()[1]:
             return found
@@ -175,7 +180,8 @@ def by_entries(matrix: PETSc.Mat) -> PETSc.Mat:
     if not is_by_blocks(matrix):
         return matrix
     context = matrix.getPythonContext()
-    rows, added = context.rows, context.added
+    rows = context.rows
+    added = context.added
     csr = (
         rows.starts.astype(PETSc.IntType),
         rows.names[rows.columns].astype(PETSc.IntType),

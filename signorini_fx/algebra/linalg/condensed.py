@@ -51,7 +51,8 @@ class CondensedSystem(ElasticSystem):
         Raises:
             PETSc.Error: PETSc has no MUMPS, or the factorisation broke down.
         """
-        e, comm = elasticity, elasticity.contact.points.comm
+        e = elasticity
+        comm = elasticity.contact.points.comm
         first, last = e.matrix.getOwnershipRange()
         reaching = e.contact if e.far is None else e.contact.near(e.far.points, e.far.at)
         touched = np.unique(
@@ -81,7 +82,8 @@ class CondensedSystem(ElasticSystem):
 
     def find_far_points(self, x: PETSc.Vec) -> None:
         """Compute where the points are that no unknown reaches: one back substitution."""
-        far, elsewhere = self.elasticity.far, self.contact.elsewhere
+        far = self.elasticity.far
+        elsewhere = self.contact.elsewhere
         if far is not None and elsewhere is not None:
             displacement = self.displacement(x)
             relative = np.column_stack(self.elasticity.contact.traces(displacement))
@@ -92,10 +94,8 @@ class CondensedSystem(ElasticSystem):
         """The condensed loads and the prescribed displacements times their factors."""
         self.factors, self.recovered = factors, None
         self._set_resultant(factors)
-        shape, here = (
-            (len(self.cases), self.contact.fixed.size),
-            slice(*self.matrix.getOwnershipRange()),
-        )
+        shape = (len(self.cases), self.contact.fixed.size)
+        here = slice(*self.matrix.getOwnershipRange())
         starts = [case.start.getArray(readonly=True)[self.schur.retained] for case in self.cases]
         self.load.getArray()[:] = factors @ np.reshape(
             [load[here] for load, _ in self.condensed], shape
@@ -110,11 +110,11 @@ class CondensedSystem(ElasticSystem):
     def with_load(self, load: PETSc.Vec) -> Self:
         """The same with this load alone, condensed: one back substitution."""
         system = copy(self)
-        system.cases, system.condensed = (
-            [replace(self.cases[0], load=load)],
-            [self.schur.condense(load)],
-        )
-        system.factors, system.load, system.recovered = np.ones(1), self.load.duplicate(), None
+        system.cases = [replace(self.cases[0], load=load)]
+        system.condensed = [self.schur.condense(load)]
+        system.factors = np.ones(1)
+        system.load = self.load.duplicate()
+        system.recovered = None
         system.load.getArray()[:] = system.condensed[0][0][slice(*self.matrix.getOwnershipRange())]
         return system
 

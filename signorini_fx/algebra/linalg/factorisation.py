@@ -103,7 +103,8 @@ def use_direct(pc: PETSc.PC, unknowns: int, *, symmetric: bool) -> None:
         use_factor(pc, symmetric=symmetric)
         return
     pc.setType(PETSc.PC.Type.REDUNDANT)
-    ksp, inner = ctypes.c_void_p(), ctypes.c_void_p()
+    ksp = ctypes.c_void_p()
+    inner = ctypes.c_void_p()
     call("PCRedundantGetKSP", pc, ctypes.byref(ksp))
     call("KSPGetPC", ksp, ctypes.byref(inner))
     call("PCSetType", inner, factor_type(symmetric=symmetric).encode())

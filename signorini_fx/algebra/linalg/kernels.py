@@ -104,7 +104,7 @@ class BlockProduct:
         rows = np.repeat(np.arange(starts.size - 1), np.diff(starts))
         upper = columns >= rows
         counts = np.bincount(rows[upper], minlength=starts.size - 1)
-        self._arrays = (
+        self._arrays: tuple[npt.NDArray[Any], ...] = (
             np.concatenate(([0], np.cumsum(counts))),
             columns[upper],
             np.compress(upper, blocks, axis=0),

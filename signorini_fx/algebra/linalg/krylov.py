@@ -145,7 +145,8 @@ class KrylovSystem(ElasticSystem):
         """
         if petsc_options.user_sets("ksp_", "pc_") or not can_factorise(self.comm):
             return False
-        unknowns, dimension = self.matrix.getSize()[0], self.contact.points.dimension
+        unknowns = self.matrix.getSize()[0]
+        dimension = self.contact.points.dimension
         if not enough_memory(
             self.comm, (1 if symmetric else 2) * factor_memory(unknowns, dimension)
         ):
@@ -198,5 +199,6 @@ class KrylovSystem(ElasticSystem):
         if ksp.getType() == PETSc.KSP.Type.PREONLY:
             self.inexact = False
         elif not petsc_options.user_sets("ksp_"):
-            self._forces, self.inexact = forces, not unchanged and not exact
+            self._forces = forces
+            self.inexact = not unchanged and not exact
         return unchanged

@@ -63,7 +63,8 @@ class Hierarchy:
         the coarser ones,
         None: there are none; collective.
         """
-        interpolations, coarse = list[PETSc.Mat](), list[PETSc.Mat]()
+        interpolations = list[PETSc.Mat]()
+        coarse = list[PETSc.Mat]()
         at = None if petsc_options.user_sets("pc_gamg") else level
         while at is not None and at.interpolation is not None and at.coarser is not None:
             interpolations.append(at.interpolation)
@@ -86,7 +87,8 @@ class Hierarchy:
         """The same with the unknowns of rigid bodies on each level, see ``rigid_unknowns``, on
         coarse ones those that are free; ``stiffness``: of the springs that hold these; collective.
         """
-        springs, ones = stiffness[free], np.ones(np.count_nonzero(free))
+        springs = stiffness[free]
+        ones = np.ones(np.count_nonzero(free))
         all_free = ones.astype(bool)
         coarse = tuple(
             bordered(
@@ -150,7 +152,8 @@ def _coarse_matrix(matrix: PETSc.Mat, interpolation: PETSc.Mat, level: Level) ->
     product = by_entries(matrix).ptap(interpolation)
     # Unknowns that interpolate to nothing, such as prescribed ones, get a row of their own.
     diagonal = product.getDiagonal()
-    values, largest = diagonal.getArray(), diagonal.max()[1]
+    values = diagonal.getArray()
+    largest = diagonal.max()[1]
     values[values <= 0] = largest
     product.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, False)
     product.setDiagonal(diagonal)
@@ -219,7 +222,8 @@ class ContactLevels:
         self.joined: NodalBlocks | None = None
         if contact.lift is not None:
             self.lift = contact.lift.createSubMatrix(self.places, None)
-            at_points, dimension = elastic.ptap(self.lift), contact.points.dimension
+            at_points = elastic.ptap(self.lift)
+            dimension = contact.points.dimension
             self.joined = NodalBlocks(
                 at_points, np.arange(dimension * contact.points.size), dimension
             )
@@ -257,7 +261,8 @@ class ContactLevels:
             self.truncated.truncate(held, soft)
         else:
             self.truncated.truncate(*self.joined.split(reduced))
-        nodes, first = self.nodes, self.diagonal.getOwnershipRange()[0]
+        nodes = self.nodes
+        first = self.diagonal.getOwnershipRange()[0]
         names = (first + self.unknowns).astype(PETSc.IntType)
         if nodes.columns.size:
             values = nodes.values(nodes.inverse(held))
@@ -282,11 +287,10 @@ class ContactLevels:
         """D^-1, with room for the directions of the nodes in contact that are free to move;
         collective.
         """
-        nodes, first = self.nodes, self.diagonal.getOwnershipRange()[0]
-        diagonal, unknowns = (
-            self.diagonal.getArray(readonly=True),
-            self.unknowns[: self.nodes.starts.size - 1],
-        )
+        nodes = self.nodes
+        first = self.diagonal.getOwnershipRange()[0]
+        diagonal = self.diagonal.getArray(readonly=True)
+        unknowns = self.unknowns[: self.nodes.starts.size - 1]
         interior = np.setdiff1d(np.arange(diagonal.size), unknowns)
         row = np.concatenate((interior, np.repeat(unknowns, np.diff(nodes.starts))))
         column = np.concatenate((interior, unknowns[nodes.columns]))
@@ -309,8 +313,11 @@ class ContactPreconditioner:
     def __init__(
         self, levels: ContactLevels, fixed: npt.NDArray[np.bool_], *, symmetric: bool
     ) -> None:
-        self._levels, self._fixed, self._symmetric = levels, fixed, symmetric
-        self._places, self._unknowns = levels.places, levels.unknowns
+        self._levels = levels
+        self._fixed = fixed
+        self._symmetric = symmetric
+        self._places = levels.places
+        self._unknowns = levels.unknowns
         self._prescribed = levels.diagonal.getArray(readonly=True)[fixed]
         self._contact_rows: PETSc.Mat | None = None
         self._contact: PETSc.Mat | None = None
@@ -320,7 +327,8 @@ class ContactPreconditioner:
         )  # of the contact unknowns, whose graph is that of a surface
         use_direct(self._solver, self._places.getSize(), symmetric=symmetric)
         # A V-cycle with Chebyshev's iteration on each level, Jacobi inside.
-        hierarchy, truncated = levels.hierarchy, levels.truncated
+        hierarchy = levels.hierarchy
+        truncated = levels.truncated
         depth = len(hierarchy.interpolations)
         cycle = PETSc.PC().create(self._places.comm)
         cycle.setOptionsPrefix(petsc_options.PREFIX)

@@ -67,14 +67,17 @@ class PartialFactor:
         self._count, inside = count, self.inner.size
         # Of an indefinite matrix, with a pressure, minimum degree takes fewer operations.
         self._in_order = positions is not None and definite and _order_is_taken()
-        stay, order, rows = places >= 0, self.inner, sp.csr_array(rows[self.inner])
+        stay = places >= 0
+        order = self.inner
+        rows = sp.csr_array(rows[self.inner])
         if positions is not None and self._in_order:
             order = _dissected(rows, self.inner, positions)
         # First the inner unknowns in their order, then those that stay, then the loads.
         numbers = np.full(places.size, -1, dtype=rows.indices.dtype)
         numbers[order], numbers[stay] = np.arange(inside), inside + places[stay]
         self._order = numbers[self.inner]
-        row, column = np.repeat(self._order, np.diff(rows.indptr)), numbers[rows.indices]
+        row = np.repeat(self._order, np.diff(rows.indptr))
+        column = numbers[rows.indices]
         between = np.flatnonzero((column >= inside) & (rows.data != 0.0))
         row_between = np.searchsorted(rows.indptr, between, side="right") - 1
         entries = rows.data[between], (row_between, places[rows.indices[between]])
@@ -114,7 +117,9 @@ class PartialFactor:
         Raises:
             PETSc.Error: the factorisation broke down.
         """
-        inside, count, bordered = self.inner.size, self._count, self._matrix
+        inside = self.inner.size
+        count = self._count
+        bordered = self._matrix
         del self._matrix
         if not inside:  # some MUMPS fail with nothing to eliminate
             return np.zeros((count, count)), np.zeros((self._sizes.size, count))
@@ -189,7 +194,8 @@ def _factorise(matrix: PETSc.Mat, inside: int, *, in_order: bool) -> ctypes.c_vo
     call("MatMumpsSetIcntl", factor, *_MEMORY)
     if in_order:
         # PETSc passes an order on in the symbolic LU factorisation alone, which is borrowed.
-        lent, symbolic = ctypes.c_void_p(), ctypes.c_void_p()
+        lent = ctypes.c_void_p()
+        symbolic = ctypes.c_void_p()
         small = PETSc.Mat().createConstantDiagonal((1, 1), 1.0, comm=PETSc.COMM_SELF).convert("aij")
         call("MatGetFactor", small, b"mumps", _FACTOR_LU, ctypes.byref(lent))
         call("MatGetOperation", lent, _LU_SYMBOLIC, ctypes.byref(symbolic))
@@ -233,7 +239,8 @@ def _dissected(rows: sp.csr_array, inner: Numbers, positions: Array) -> Numbers:
     body = hash((rows.indptr.tobytes(), inner.tobytes(), positions.tobytes()))
     if body in _last_dissected:
         return _last_dissected[body]
-    behind, inner = inner[inner >= len(positions)], inner[inner < len(positions)]
+    behind = inner[inner >= len(positions)]
+    inner = inner[inner < len(positions)]
     if not inner.size:
         return behind
     begins = np.ones(len(positions), dtype=bool)
@@ -268,8 +275,10 @@ def _nested_dissection(graph: sp.csr_array, positions: Array) -> Numbers:
     level = (_DEEPEST - np.frexp(apart[edges].astype(np.float64))[1]).astype(np.int8)
     order = np.argsort(level, kind="stable")  # of so small numbers in linear time
     halvings, counts = np.unique(level, return_counts=True)
-    edges, ends = edges[order], np.cumsum(counts)[:-1]
-    tails, heads = np.searchsorted(graph.indptr, edges, side="right") - 1, graph.indices[edges]
+    edges = edges[order]
+    ends = np.cumsum(counts)[:-1]
+    tails = np.searchsorted(graph.indptr, edges, side="right") - 1
+    heads = graph.indices[edges]
     separates = np.full(path.size, _DEEPEST)  # the halves of which halving; none
     for halving, tail, head in zip(
         halvings.tolist(), np.split(tails, ends), np.split(heads, ends), strict=False

@@ -42,8 +42,10 @@ def relative_to_rigid_bodies(contact: ContactMap, places: PETSc.IS, rigid: int) 
     """[1, -G; 0, 0] on the contact unknowns of this rank, ``places``, of which the last are those
     of rigid bodies: how nodes move relative to these; collective.
     """
-    comm, unknowns = places.comm, places.getIndices()
-    nodes, count = unknowns.size - rigid, int(parallel.global_sum(comm.tompi4py(), np.array(rigid)))
+    comm = places.comm
+    unknowns = places.getIndices()
+    nodes = unknowns.size - rigid
+    count = int(parallel.global_sum(comm.tompi4py(), np.array(rigid)))
     first, last = contact.operator.getOwnershipRange()
     rows = PETSc.IS().createStride(last - first, first, 1, comm=comm)
     operator = contact.operator.createSubMatrix(
@@ -67,7 +69,8 @@ def relative_to_rigid_bodies(contact: ContactMap, places: PETSc.IS, rigid: int) 
         ksp.solve(moved, motion)  # B_u (-G) = B_q
         motions[:, column] = motion.getArray(readonly=True)
     layout = PETSc.Vec().createMPI((unknowns.size, None), comm=comm)
-    begin, total = layout.getOwnershipRange()[0], layout.getSize()
+    begin = layout.getOwnershipRange()[0]
+    total = layout.getSize()
     names = np.column_stack(
         (begin + np.arange(nodes), np.tile(np.arange(total - count, total), (nodes, 1)))
     )

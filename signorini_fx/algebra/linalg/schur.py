@@ -58,7 +58,8 @@ class SchurComplement:
         self.matrix, self.retained = matrix, retained
         self._comm: MPI.Comm = matrix.comm.tompi4py()
         (first, last), (rows, foreign) = matrix.getOwnershipRange(), _own_columns_first(matrix)
-        owned, stay = last - first, parallel.gather_rows(self._comm, first + retained)
+        owned = last - first
+        stay = parallel.gather_rows(self._comm, first + retained)
         self._border: Indices = np.zeros(0, dtype=np.int64)
         if foreign.size:
             separating = np.zeros(owned + foreign.size, dtype=bool)
@@ -68,12 +69,11 @@ class SchurComplement:
                 np.searchsorted(rows.indptr, entries, side="right") - 1, retained
             )
         joint = np.concatenate((parallel.gather_rows(self._comm, first + self._border), stay))
-        self._size, self._cut = joint.size, joint.size - stay.size
+        self._size = joint.size
+        self._cut = joint.size - stay.size
         # Of each column its number among the joint unknowns; -1: it is inner.
-        numbers, local_joint = (
-            np.full(owned + foreign.size, -1),
-            np.concatenate((self._border, retained)),
-        )
+        numbers = np.full(owned + foreign.size, -1)
+        local_joint = np.concatenate((self._border, retained))
         named = np.concatenate((local_joint, np.arange(owned, numbers.size)))
         numbers[named] = _places_in(joint, np.concatenate((first + local_joint, foreign)))
         touched = np.full(self._size, self._comm.size == 1)
@@ -126,7 +126,8 @@ class SchurComplement:
         """All unknowns, from those of this rank that stay: one back substitution; ``between``: of
         this load.
         """
-        at_joint, result = np.zeros(self._size), load.duplicate()
+        at_joint = np.zeros(self._size)
+        result = load.duplicate()
         at_joint[self._cut :] = parallel.gather_rows(self._comm, values)
         right = between - self._across @ at_joint[self._cut :]
         at_joint[: self._cut] = solve_triangular(

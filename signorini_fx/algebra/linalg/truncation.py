@@ -56,11 +56,13 @@ class NodalBlocks:
     """
 
     def __init__(self, elastic: PETSc.Mat, unknowns: npt.NDArray[np.int64], size: int) -> None:
-        self._comm, self._sizes = elastic.comm, elastic.getSizes()
+        self._comm = elastic.comm
+        self._sizes = elastic.getSizes()
         self._first = elastic.getOwnershipRange()[0]
         nodes, node = np.unique(unknowns // size, return_inverse=True)
         self.shape: tuple[int, ...] = (nodes.size, size, size)
-        self._node, self._component = node.ravel(), unknowns % size
+        self._node = node.ravel()
+        self._component = unknowns % size
         counts = np.bincount(self._node, minlength=nodes.size)[self._node]
         self.starts = np.concatenate(([0], np.cumsum(counts)))
         begins = np.searchsorted(self._node, self._node)
@@ -79,11 +81,9 @@ class NodalBlocks:
 
     def values(self, blocks: Array) -> Array:
         """The entries of blocks in the order of ``columns``."""
-        node, row, column = (
-            self._node[self._rows],
-            self._component[self._rows],
-            self._component[self.columns],
-        )
+        node = self._node[self._rows]
+        row = self._component[self._rows]
+        column = self._component[self.columns]
         return np.asarray(blocks[node, row, column])
 
     def matrix(self, blocks: Array, into: PETSc.Mat | None = None) -> PETSc.Mat:
@@ -106,11 +106,15 @@ class NodalBlocks:
         """Those of a matrix like A_cc."""
         starts, columns, values = matrix.getValuesCSR()
         row = np.repeat(np.arange(self._node.size), np.diff(starts[: self._node.size + 1]))
-        column, values = columns[: row.size] - self._first, values[: row.size]
+        column = columns[: row.size] - self._first
+        values = values[: row.size]
         local = (column >= 0) & (column < self._node.size)
-        row, column, values = row[local], column[local], values[local]
+        row = row[local]
+        column = column[local]
+        values = values[local]
         on_block = self._node[row] == self._node[column]
-        row, column = row[on_block], column[on_block]
+        row = row[on_block]
+        column = column[on_block]
         blocks = np.zeros(self.shape)
         blocks[self._node[row], self._component[row], self._component[column]] = values[on_block]
         return blocks
@@ -171,11 +175,14 @@ class TruncatedLevels:
         coarse: tuple[PETSc.Mat, ...],
         places: PETSc.IS,
     ) -> None:
-        self._blocks, self._lift, self._functions = blocks, lift, functions
+        self._blocks = blocks
+        self._lift = lift
+        self._functions = functions
         self._below = interpolations[1:]
         self._places = places
         zero_blocks = np.zeros(blocks.shape)
-        self._held, self._soft = blocks.matrix(zero_blocks), blocks.matrix(zero_blocks)
+        self._held = blocks.matrix(zero_blocks)
+        self._soft = blocks.matrix(zero_blocks)
         self._stiffness = elastic.copy() if lift is None else elastic.ptap(lift)
         self._stiffness.axpy(1.0, self._soft, structure=DIFFERENT_PATTERN)
         self._product = product if lift is None else lift.transposeMatMult(product)
@@ -195,19 +202,19 @@ class TruncatedLevels:
         change = self._by_law.copy()
         change.axpy(1.0, self._half, structure=DIFFERENT_PATTERN)
         change.axpy(1.0, self._other_half, structure=DIFFERENT_PATTERN)
-        self._changes, self._products = [change], list[PETSc.Mat]()
+        self._changes = [change]
+        self._products = list[PETSc.Mat]()
         for interpolation in self._below:
             self._products.append(self._changes[-1].matMult(interpolation))
             self._changes.append(interpolation.transposeMatMult(self._products[-1]))
         # Of a level by blocks only what is added to it changes.
-        self._untruncated, self._truncated, self.coarse = (
-            list[PETSc.Mat](),
-            list[PETSc.Mat](),
-            list[PETSc.Mat](),
-        )
+        self._untruncated = list[PETSc.Mat]()
+        self._truncated = list[PETSc.Mat]()
+        self.coarse = list[PETSc.Mat]()
         for level, change in zip(coarse, self._changes, strict=True):
             # With a little more on its diagonal, and room for the change.
-            diagonal, by_blocks = level.getDiagonal(), is_by_blocks(level)
+            diagonal = level.getDiagonal()
+            by_blocks = is_by_blocks(level)
             wider = (
                 PETSc.Mat().createAIJ(level.getSizes(), nnz=1, comm=level.comm)
                 if by_blocks

@@ -60,7 +60,8 @@ class UserSystem(ElasticSystem):
         ksp.setType(PETSc.KSP.Type.FGMRES)
         ksp.setTolerances(rtol=LEFT_BY_SOLVES, max_it=KRYLOV_STEPS)
         assert self.solver is not None
-        solver, pc = self.solver(), ksp.getPC()
+        solver = self.solver()
+        pc = ksp.getPC()
         pc.setType(PETSc.PC.Type.PYTHON)
 
         @called_back

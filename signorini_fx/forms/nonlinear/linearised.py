@@ -90,7 +90,8 @@ class MovingFoundations(Foundations):
     ]  # the shapes at the end of the last step, by the numbers of their foundations
 
     def __init__(self, *args: Any, at: fem.Function) -> None:
-        self.at, self.sliding = at, {}
+        self.at = at
+        self.sliding = {}
         # Pairs that keep their partners, with what that depends on, by their numbers.
         self.undeformed = dict[int, tuple[list[bytes], PairedSides]]()
         super().__init__(*args)
@@ -98,10 +99,8 @@ class MovingFoundations(Foundations):
         self.coordinates = np.zeros(super().rigid_bodies.fixed.size)
 
     def _shaped(self) -> dict[int, Any]:
-        x, moving = (
-            node_positions(self._space)[:, : self._dimension].astype(np.float64),
-            dict[int, Any](),
-        )
+        x = node_positions(self._space)[:, : self._dimension].astype(np.float64)
+        moving = dict[int, Any]()
         averages = averaging(self._space)
         for number, distance in super()._shaped().items():
             if averages and not isinstance(distance.shape, Plane):
@@ -208,7 +207,8 @@ class MovingFoundations(Foundations):
             super()._paired(number, *known)
             last = self.undeformed[number] = facts, self._pairs[number]
         assert last is not None
-        paired, owned = last[1], self._space.dofmap.index_map.size_local
+        paired = last[1]
+        owned = self._space.dofmap.index_map.size_local
         if not self._contact[number].bonded:
             paired = paired.deformed(self.at.x.array.reshape(-1, self._dimension)[:owned])
         self._pairs[number] = paired
@@ -227,7 +227,9 @@ class MovingFoundations(Foundations):
         return gap
 
     def _distance_of(self, number: int) -> Array:
-        moving, at, path = self.moving[number], self._values[number], f"contact[{number}]"
+        moving = self.moving[number]
+        at = self._values[number]
+        path = f"contact[{number}]"
         moving.added = at(self._contact[number].gap, f"{path}.gap")[moving.nodes]
         return at(moving, f"{path}.shape")
 
@@ -258,10 +260,8 @@ class LinearisedProblem(FormSolver):
         **settings: Any,
     ) -> None:
         at = self.at = evaluated.u
-        increment, self._foundations_class = (
-            fem.Function(at.function_space),
-            partial(MovingFoundations, at=at),
-        )
+        increment = fem.Function(at.function_space)
+        self._foundations_class = partial(MovingFoundations, at=at)
         forms, increment = given_forms(
             tangents.leading, evaluated.form, contact, increment, boundaries=boundaries
         )
@@ -287,10 +287,12 @@ class LinearisedProblem(FormSolver):
         """Renew the maps of pairs at the displacement of now; collective."""
         numbers = [k for k, entry in enumerate(self.contact) if entry.sliding]
         if numbers and not self.foundations.sliding:
-            foundations, space = self.foundations, self.space
+            foundations = self.foundations
+            space = self.space
             fixed, values = prescribed(space, conditions_of(self.bcs, space))
             owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
-            at_rest, fixed = foundations.at_rest(fixed, values)[:owned], fixed[:owned]
+            at_rest = foundations.at_rest(fixed, values)[:owned]
+            fixed = fixed[:owned]
             facing = {
                 k: foundations.facing(k, foundations.factor_of(k), fixed, None, at_rest)
                 for k in numbers
@@ -344,11 +346,9 @@ class LinearisedProblem(FormSolver):
         """Slips of points that stick are linearised as their tangent planes turn."""
         state = self._state
         begun = super().begin_step()
-        boundary, tools, origin = (
-            self.boundary,
-            self.foundations.rigid_bodies,
-            begun.data.slip_origin,
-        )
+        boundary = self.boundary
+        tools = self.foundations.rigid_bodies
+        origin = begun.data.slip_origin
         for (
             number,
             pair,
@@ -362,7 +362,8 @@ class LinearisedProblem(FormSolver):
                 self.task.newton.begin_at(self.task.system.start)
             else:
                 self._last.taken_up(self.task, self.elastic, self.rigid)
-        places, way = self.places[boundary.nodes], self._way()
+        places = self.places[boundary.nodes]
+        way = self._way()
         if (
             boundary.moving is not None
         ):  # slips on tools are counted from where a step has begun by their finite motion
@@ -385,7 +386,8 @@ class LinearisedProblem(FormSolver):
         """Of contact points relative to shapes since the step has begun, without what forces move,
         shape (n, d).
         """
-        previous, way = self.previous_step, (self.places - self._begun_places)[self.boundary.nodes]
+        previous = self.previous_step
+        way = (self.places - self._begun_places)[self.boundary.nodes]
         return (
             way if previous is None or previous.moved is None else np.asarray(way - previous.moved)
         )
@@ -394,13 +396,15 @@ class LinearisedProblem(FormSolver):
         """A tangent that is not definite is factorised whole, without fall-backs: a smaller
         increment is what helps.
         """
-        definite, symmetric = self.definite and self.symmetric, self.symmetric and not self._askew
+        definite = self.definite and self.symmetric
+        symmetric = self.symmetric and not self._askew
         whole = {"linear_algebra": "full", "fallbacks": definite and self.settings.fallbacks}
         settings = (
             self.settings if definite and symmetric else self.settings.model_copy(update=whole)
         )
         beside: dict[str, Any] = {"definite": definite and symmetric, "symmetric": symmetric}
-        last, comm = self.__dict__.get("elastic"), self.space.mesh.comm
+        last = self.__dict__.get("elastic")
+        comm = self.space.mesh.comm
         if not parallel.any_rank(comm, last is None or not np.array_equal(last.fixed, fixed)):
             assert last is not None
             beside["of_body"], beside["of_mesh"] = (
@@ -450,7 +454,9 @@ class LinearisedProblem(FormSolver):
         """With the work of the residual on free motions, and with what relative displacements
         meet.
         """
-        case, elastic, driven = super()._case(values), self.elastic, self.driven
+        case = super()._case(values)
+        elastic = self.elastic
+        driven = self.driven
         if elastic.motions.free.size:
             resultant = elastic.motions.load_of(-self._residual_now, elastic.comm, driven.forces)
             case = replace(
@@ -466,10 +472,8 @@ class LinearisedProblem(FormSolver):
         return case
 
     def _beside(self) -> Sequence[npt.NDArray[Any]]:
-        loads, where = (
-            np.asarray(self._evaluated.loads),
-            [self.foundations.coordinates, self.at.x.array],
-        )
+        loads = np.asarray(self._evaluated.loads)
+        where = [self.foundations.coordinates, self.at.x.array]
         follows = (
             any(entry.against is not None and not entry.bonded for entry in self.contact)
             or self.rigid.bodies
@@ -505,7 +509,8 @@ class LinearisedProblem(FormSolver):
     def _lost(self) -> float:
         """What round-off may make of the resultant of the residual, force; collective."""
         if self._round_off is None:
-            lost, free = round_off(self._evaluated, self._residual_now), ~self.elastic.fixed
+            lost = round_off(self._evaluated, self._residual_now)
+            free = ~self.elastic.fixed
             self._round_off = UNITS_OF_NO_LOAD * float(
                 parallel.global_sum(self.space.mesh.comm, lost[free].sum())
             )
@@ -516,7 +521,8 @@ class LinearisedProblem(FormSolver):
     def begin_anew(self) -> None:
         """A new load: the tangent is definite until a factorisation refuses it."""
         self.definite, self._round_off = True, None
-        self._expected, self._farthest = self._farthest, 0.0
+        self._expected = self._farthest
+        self._farthest = 0.0
         self._near: npt.NDArray[np.bool_] | None = None
         self._last_values: Array | None = None  # of the displacement in the last iteration
 
@@ -546,15 +552,14 @@ class LinearisedProblem(FormSolver):
                 and parallel.any_rank(self.space.mesh.comm, curved)
             ):
                 # What nothing presses on any more has no tractions that turn.
-                self.curvature, self.relative = (
-                    NodalStiffness.none(self.curvature.blocks.shape[1]),
-                    None,
-                )
+                self.curvature = NodalStiffness.none(self.curvature.blocks.shape[1])
+                self.relative = None
                 why = self.attempt()
         except MatrixError as error:
             if error.fault != NOT_POSITIVE:
                 raise
-            why, refused = error.fault, True
+            why = error.fault
+            refused = True
         if self.definite and (
             refused or (why and self.status in (Status.SINGULAR, Status.LINEAR_SOLVER))
         ):
@@ -571,7 +576,9 @@ class LinearisedProblem(FormSolver):
         and the displacement of now; None: none is.  The dense matrix of a body in 3D on one rank
         does without them; the next iteration has those that are inside of their shapes.
         """
-        state, values, dim = self._state, self.at.x.array, boundary.x.shape[1]
+        state = self._state
+        values = self.at.x.array
+        dim = boundary.x.shape[1]
         plain = (
             boundary.averages.shares.nnz == boundary.size > 0
             and boundary.moving is None
@@ -581,7 +588,8 @@ class LinearisedProblem(FormSolver):
         if dim != 3 or boundary.comm.size > 1 or self.residual is None or not plain or not known:
             return None
         assert state is not None
-        distance, added = np.full(boundary.size, -np.inf), np.zeros(len(self.places))
+        distance = np.full(boundary.size, -np.inf)
+        added = np.zeros(len(self.places))
         for number, moving in self.foundations.moving.items():
             points = np.flatnonzero(boundary.part == number)
             nodes, added[moving.nodes] = boundary.nodes[points], moving.added
@@ -602,7 +610,8 @@ class LinearisedProblem(FormSolver):
         if self._near is not None and self._near.size == near.size:
             near |= self._near
         near[distance.argmin()] = True  # a dense matrix of nothing is none
-        self._near, self._last_values = near, values.copy()
+        self._near = near
+        self._last_values = values.copy()
         return None if near.all() else (~near, self.at)
 
     def leave_open(self, status: Status) -> None:
@@ -650,16 +659,16 @@ class LinearisedProblem(FormSolver):
         ``SolvedStep.of``; collective.
         """
         self._last, self.foundations.settled = last.before, last.settled
-        outcome, solved, symmetric = self.outcome, self.state, self.symmetric
+        outcome = self.outcome
+        solved = self.state
+        symmetric = self.symmetric
         assert outcome is not None
         self.bend()
         curvature = curvature_of(self._hessians, solved, symmetric=False)
         sheared = bool((curvature != curvature.transpose(0, 2, 1)).any())
         if parallel.any_rank(self.space.mesh.comm, sheared):
-            self.curvature, symmetric = (
-                NodalStiffness.summed(solved.boundary.nodes, curvature, ()),
-                False,
-            )
+            self.curvature = NodalStiffness.summed(solved.boundary.nodes, curvature, ())
+            symmetric = False
         self.begin_at_tangent(definite=self.definite, symmetric=symmetric)
         state = replace(solved, boundary=self.boundary)
         # Of displacements along the normal there are none.
@@ -676,7 +685,8 @@ class LinearisedProblem(FormSolver):
         shapes at contact points in the step; ``begun``: values of the displacement at the end of
         the last step; None: of that here.
         """
-        kept, at = self.at.x.array.copy(), self.at.x.array
+        kept = self.at.x.array.copy()
+        at = self.at.x.array
         fixed, supports = prescribed(self.space, conditions_of(self.bcs, self.space))
         at[fixed] = supports[fixed]
         try:
@@ -693,7 +703,8 @@ class LinearisedProblem(FormSolver):
     @property
     def loose(self) -> list[int]:
         """The numbers of the assemblies that nothing presses on in the last outcome; collective."""
-        task, state = self.task, self.state
+        task = self.task
+        state = self.state
         pressed = np.asarray(np.column_stack((state.pressure, state.shear)).any(axis=1))
         return task.motions.untouched(task.idle, pressed)
 
@@ -702,7 +713,8 @@ class LinearisedProblem(FormSolver):
         dofs,), and the work of the forces that normals which turn relative to tools, and springs of
         tools, exert on increments; collective.
         """
-        elastic, work = self.elastic, 0.0
+        elastic = self.elastic
+        work = 0.0
         if self.rigid.bodies:
             moved = self.rigid.unknowns(self.tools) - self.foundations.coordinates
             springs = np.where(self.rigid.fixed, 0.0, self.rigid.stiffness)
@@ -719,10 +731,8 @@ class LinearisedProblem(FormSolver):
 
     def state_now(self, certificate: Certificate | None, iterations: int) -> State:
         """What there is now."""
-        shapes, tools = (
-            {k: moving.shape for k, moving in self.foundations.moving.items()},
-            self.foundations.coordinates,
-        )
+        shapes = {k: moving.shape for k, moving in self.foundations.moving.items()}
+        tools = self.foundations.coordinates
         solution = self._state, self.outcome, self._solution
         before = self._last, self.foundations.settled
         return State(
@@ -735,7 +745,9 @@ class LinearisedProblem(FormSolver):
         """
         self.at.x.array[:] = state.displacement
         self.fields.take(self.space, state.contact)
-        self._state, self.outcome, self._solution = state.contact, state.outcome, state.guess
+        self._state = state.contact
+        self.outcome = state.outcome
+        self._solution = state.guess
         self.foundations.carry_to(state.tools)
         self._last_pattern = None
         self._straighten()
@@ -747,7 +759,8 @@ class LinearisedProblem(FormSolver):
         """Which points friction has held in the last solution, in contact or by a bound without it,
         shape (n,).
         """
-        part, state = self.state.boundary.part, self.state
+        part = self.state.boundary.part
+        state = self.state
         rough = np.array(
             [entry.friction is not None or entry.bonded for entry in self.contact], dtype=bool
         )[part]

@@ -105,7 +105,8 @@ class MovingShape:
         linear in all unknowns, if ``linear``.
         """
         u = self.u.x.array.reshape(-1, self.x.shape[1])[self.nodes]
-        places, moved = self.x + u, np.zeros_like(u)
+        places = self.x + u
+        moved = np.zeros_like(u)
         if self.motion is not None:
             moved = self.motion.linear_at(places) if linear else self.motion.at(self.x)
         signed, normal = self.shape.distance(places)
@@ -118,7 +119,8 @@ def hessians_at(
     """H at contact points, 1 / length, shape (n, d, d), zero without a shape: by central
     differences of normals.
     """
-    dimension, step = boundary.x.shape[1], DIFFERENCE_STEP * size
+    dimension = boundary.x.shape[1]
+    step = DIFFERENCE_STEP * size
     hessians = np.zeros((boundary.size, dimension, dimension))
     for number, moving in shapes.items():
         points = np.flatnonzero(boundary.part == number)
@@ -157,10 +159,13 @@ def turning_of(state: ContactState, size: float) -> Array:
     shear that does not follow its slip, as that of an ellipse, is left out.  Slips that are
     round-off turn as easily as the smallest other ones.
     """
-    boundary, slip, shear = state.boundary, state.slip_length, state.shear
+    boundary = state.boundary
+    slip = state.slip_length
+    shear = state.shear
     blocks = np.zeros((boundary.size, boundary.x.shape[1], boundary.x.shape[1]))
     if slip.shape[1] == 2:
-        far, strong = np.linalg.norm(slip, axis=1), np.linalg.norm(shear, axis=1)
+        far = np.linalg.norm(slip, axis=1)
+        strong = np.linalg.norm(shear, axis=1)
         along = np.einsum("ni,ni->n", slip, shear) >= (1 - NEGLIGIBLE) * far * strong
         turns = np.flatnonzero(
             along & state.in_contact & (state.direction != 0.0).any(axis=1) & (far > 0.0)
@@ -216,10 +221,8 @@ def fitting(number: int, shape: Any, dimension: int, *, turns: bool = True) -> S
             f"prescribe {cure}"
         )
         raise FormError([(f"{path}.prescribed", reason)])
-    free, wrong = (
-        [key for key in rotations if values[key] is None],
-        [key for key in rotations if values[key]],
-    )
+    free = [key for key in rotations if values[key] is None]
+    wrong = [key for key in rotations if values[key]]
     if len(free) > 1 or (free and wrong):
         others = " and ".join(f"{key} = 0" for key in rotations if key != free[0])
         reason = (
@@ -254,7 +257,8 @@ class ToolMotion(RigidBodyMotion):
         """Arms of the displaced points, from their displacement relative to the tool, r = X + a - c
         - psi x a.
         """
-        boundary, axes = contact.boundary, np.eye(self.reference.size)
+        boundary = contact.boundary
+        axes = np.eye(self.reference.size)
         relative = contact.u_n[:, None] * boundary.normal
         relative = relative + np.einsum("nij,nj->ni", boundary.cotangents, contact.u_t)
         across = super().at(self.reference + axes) - self.translation  # psi x e_i
@@ -306,9 +310,12 @@ class MovingTools(RigidBodies):
 
             [0, -[t]; [t], a . t - (a t^T + t a^T) / 2].
         """
-        boundary, dim, each = self.on(state.boundary), self.kinematics.dimension, self.units.size
+        boundary = self.on(state.boundary)
+        dim = self.kinematics.dimension
+        each = self.units.size
         assert boundary.moving is not None
-        tractions, turns = boundary.nodal_forces(state.pressure, state.shear), np.arange(dim, each)
+        tractions = boundary.nodal_forces(state.pressure, state.shear)
+        turns = np.arange(dim, each)
         arms, forces = np.zeros((2, boundary.size, 3))
         arms[:, :dim] = self.places(boundary)
         seen = np.zeros(

@@ -129,7 +129,10 @@ class EquilibriumSolver(Stability):
         "": there is one; collective.
         """
         last = self.last = self.last or self.snapshot()
-        self.certificate, self.status, self.without, self._detail = None, None, "", ""
+        self.certificate = None
+        self.status = None
+        self.without = ""
+        self._detail = ""
         self._tried = None
         solves = len(self.linear.history.iterations)
         try:
@@ -150,7 +153,8 @@ class EquilibriumSolver(Stability):
         self.status, self.linear_solves = status, len(self.linear.history.iterations) - solves
         if status is Status.CONVERGED:
             return ""
-        reason, certificate = self.without or self._detail, self.certificate
+        reason = self.without or self._detail
+        certificate = self.certificate
         if (
             not reason
             and certificate is not None
@@ -233,7 +237,8 @@ class EquilibriumSolver(Stability):
         collective.
         """
         self.linear.go_back(state)
-        self.certificate, self.iterations = state.certificate, state.iterations
+        self.certificate = state.certificate
+        self.iterations = state.iterations
         with suppress(FormError):  # before the first solution it may not be possible
             self.residual.updated()
 
@@ -248,7 +253,11 @@ class EquilibriumSolver(Stability):
         at rest is round-off once increments are no longer halved; where the displacement is
         round-off, it goes on from the undeformed body.
         """
-        linear, u, worst, last_change, keeps = self.linear, self.u, np.inf, np.inf, False
+        linear = self.linear
+        u = self.u
+        worst = np.inf
+        last_change = np.inf
+        keeps = False
         comm = linear.space.mesh.comm
         linear.begin_anew()
         begun = float(parallel.largest(comm, np.abs(u.x.array), 0.0))
@@ -295,7 +304,8 @@ class EquilibriumSolver(Stability):
             keeps = length == 1.0 and change <= min(
                 KEPT_TANGENT[0] * size, KEPT_TANGENT[1] * last_change
             )
-            shortened, last_change = self.tangents.given and 2 * change < last_change, change
+            shortened = self.tangents.given and 2 * change < last_change
+            last_change = change
             ends = small or (length == 1.0 and is_linear)
             if ends or (least and not (shortened and iteration < self.max_newton)):
                 status = self._judge(residual)
@@ -349,7 +359,9 @@ class EquilibriumSolver(Stability):
         if residual is None:
             return Status.INVERTED
         assert self.last is not None
-        linear, foundations, last = self.linear, self.linear.foundations, self.last
+        linear = self.linear
+        foundations = self.linear.foundations
+        last = self.last
         for status, said in (
             (Status.TOO_LARGE, self.too_large),
             (Status.INSIDE, lambda: overlap(foundations, last)),
@@ -385,7 +397,8 @@ def line_search(
     unknowns.
     """
     old, increment, residual = at
-    comm, owned = linear.space.mesh.comm, len(residual)
+    comm = linear.space.mesh.comm
+    owned = len(residual)
     internal, turning, on_tools = linear.internal(increment)
     ahead = np.where(linear.prescribed[0][:owned], 0.0, increment[:owned])
 
@@ -398,9 +411,12 @@ def line_search(
     )
     search = search and first < 0 and change > CERTIFICATE_TOLERANCE * size
     steepest = WHOLE_SLOPE * abs(first) if search else np.finfo(float).max
-    share, slope = 2.0, np.inf
+    share = 2.0
+    slope = np.inf
     for _ in range(LINE_SEARCH_STEPS + 1):
-        share, failed, slope = share / 2, None, np.inf
+        share = share / 2
+        failed = None
+        slope = np.inf
         try:
             forces = forces_at(old + share * increment)
         except FormError as error:
@@ -436,9 +452,13 @@ class Continuation(Stepping[StepResult]):
         self, solver: EquilibriumSolver, path: LoadPath, apply: Callable[[float], object]
     ) -> None:
         solver.begin_path(several=path.several)
-        self.solver, self.way, self._apply = solver, PathIncrements(path), apply
-        self.history, self.timings = solver.linear.history, solver.timings
-        self.ends, self.failure = list[tuple[StepResult, ResidualMechanics]](), ""
+        self.solver = solver
+        self.way = PathIncrements(path)
+        self._apply = apply
+        self.history = solver.linear.history
+        self.timings = solver.timings
+        self.ends = list[tuple[StepResult, ResidualMechanics]]()
+        self.failure = ""
         self._solves_before = len(self.history.iterations)
 
     @property
@@ -451,7 +471,9 @@ class Continuation(Stepping[StepResult]):
         return (self.way.next - self.way.reached) / 2 >= ENCLOSED * self.way.nominal
 
     def solved(self) -> StepResult | None:
-        begun, solver, way = self.solver.snapshot(), self.solver, self.way
+        begun = self.solver.snapshot()
+        solver = self.solver
+        way = self.way
         if (path := way.path).several:
             self.history.add(
                 StepRecord(len(self.ends) + 1, path.name_at(way.next), path.time_at(way.next))
@@ -475,7 +497,9 @@ class Continuation(Stepping[StepResult]):
         """Go back to where a failed step has begun, and halve it, or end with why there is no
         solution; collective.
         """
-        solver, way, status = self.solver, self.way, self.solver.status
+        solver = self.solver
+        way = self.way
+        status = self.solver.status
         final = not self._may_halve or status in FINAL
         if status is not None and solver.without:
             status = Status.LIMIT
@@ -499,7 +523,8 @@ class Continuation(Stepping[StepResult]):
             reasons = [(key, f"{reason} (at {end}; {last})") for key, reason in why.problems]
             raise FormError(reasons, why.source) from why.__cause__
         assert status is not None
-        solver.status, advice = status, status.advice
+        solver.status = status
+        advice = status.advice
         text = f"{solver.failure}: at {end}; {last}"
         if status is Status.LIMIT:
             text = f"{status.value}: {last}; a step to {end} ends with: {solver.failure}"
@@ -532,7 +557,8 @@ class Continuation(Stepping[StepResult]):
         """Its displacement, that of its last tangent, and the iterate of the contact problem of
         that are stored.
         """
-        solver, linear = self.solver, self.solver.linear
+        solver = self.solver
+        linear = self.solver.linear
         assert linear.outcome is not None
         values, coordinates = solver.tangent_at
         figures = {
@@ -546,27 +572,30 @@ class Continuation(Stepping[StepResult]):
             "definite": bool(linear.definite),
             "symmetric": bool(linear.symmetric),
         }
-        at, start = fem.Function(linear.space), replace(linear.begun, place=step.place)
+        at = fem.Function(linear.space)
+        start = replace(linear.begun, place=step.place)
         at.x.array[:] = values
-        beside, result = (
-            {_SOLUTION: step.displacement, _TANGENT: at},
-            replace(step, displacement=linear.u.copy()),
-        )
+        beside = {_SOLUTION: step.displacement, _TANGENT: at}
+        result = replace(step, displacement=linear.u.copy())
         solved = linear.task, start, linear.outcome, result
         checkpoint.store(linear.elastic, solver.timings, *solved, marks, figures, beside)
 
     def recalled(self, checkpoint: MeshCheckpoint) -> StepResult | None:
         """It is certified anew."""
-        solver, number, history = self.solver, self.solver.linear.step, self.history
+        solver = self.solver
+        number = self.solver.linear.step
+        history = self.history
         figures = checkpoint.figures(number)
         if figures is None:
             return None
-        begun, end = solver.snapshot(), float(figures["place"])
+        begun = solver.snapshot()
+        end = float(figures["place"])
         with self.timings.phase("restart"):
             self._apply(end)
             fits = self._fits(checkpoint, figures)
         if fits and (status := solver.certify(begun)) is Status.CONVERGED:
-            solver.status, solver.iterations = status, figures["newton"]
+            solver.status = status
+            solver.iterations = figures["newton"]
             solver.linear_solves = figures["linear_solves"]
             solver.take()
             checkpoint.recall_history(figures, history, self.timings)
@@ -582,7 +611,8 @@ class Continuation(Stepping[StepResult]):
         """Take the displacement and the contact of the next load step from a checkpoint, if they
         fit; collective.
         """
-        linear, residual = self.solver.linear, self.solver.residual
+        linear = self.solver.linear
+        residual = self.solver.residual
         fields = checkpoint.beside(linear.step, linear.space, (_SOLUTION, _TANGENT))
         if fields is None:
             checkpoint.forget(linear.step)

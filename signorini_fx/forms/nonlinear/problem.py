@@ -217,12 +217,10 @@ class NonlinearContactProblem(ProblemOfForms):
             **settings,
         )
         self.shapes, fields = self.linear.foundations.moving, self.linear.fields
-        self.pressure, self.shear, self.gap, self.slip = (
-            fields.pressure,
-            fields.shear,
-            fields.gap,
-            fields.slip,
-        )
+        self.pressure = fields.pressure
+        self.shear = fields.shear
+        self.gap = fields.gap
+        self.slip = fields.slip
         actions = commit or (lambda: None), max_newton, stability
         self._solver = self._ended = EquilibriumSolver(self.linear, residual, tangents, *actions)
         # The load steps of the last ``run`` with a solution, until the next solve.
@@ -237,10 +235,12 @@ class NonlinearContactProblem(ProblemOfForms):
         solved = self._solver.solved
         if solved is None:
             raise RuntimeError("there is no solution so far: call solve()")
-        end, linear = (solved.step, solved.mechanics), solved.linear
+        end = (solved.step, solved.mechanics)
+        linear = solved.linear
         run = self._ends if end[0].status is Status.CONVERGED else [end]
         ends = run or [end]
-        steps, path = [step for step, _ in ends], counted_path(end[0].step - 1)
+        steps = [step for step, _ in ends]
+        path = counted_path(end[0].step - 1)
         if run:  # else the loop is the user's own
             names = tuple(step.name for step in steps)
             path = LoadPath(tuple(step.time for step in steps), names if any(names) else ())
@@ -257,11 +257,13 @@ class NonlinearContactProblem(ProblemOfForms):
         body = ResidualBody.of(
             model, ends=ends, boundaries=linear.forms.boundaries, stress_error=error
         )
-        ended, found = (linear.outcome, linear.outcome.problem.data), self.findings
+        ended = (linear.outcome, linear.outcome.problem.data)
+        found = self.findings
         solution = contact_solution(
             body, steps, linear.task, ended, self._solver.timings, lambda: found
         )
-        status, algorithm = self.status or Status.CONVERGED, f"newton, {solution.algorithm}"
+        status = self.status or Status.CONVERGED
+        algorithm = f"newton, {solution.algorithm}"
         return replace(solution, status=status, algorithm=algorithm)
 
     def _errors_in_body(self, solution: Solution) -> tuple[Any, float]:
@@ -277,7 +279,9 @@ class NonlinearContactProblem(ProblemOfForms):
     @property
     def findings(self) -> tuple[Finding, ...]:
         """What is to be known about the last solution, see ``ContactProblem``; collective."""
-        solved, steps, linear = self._solver.solved, [step for step, _ in self._ends], self.linear
+        solved = self._solver.solved
+        steps = [step for step, _ in self._ends]
+        linear = self.linear
         ends = [*steps, *(() if solved is None else (solved.step,))]
         # Where nothing presses on a body its forces are round-off.
         pressed = [step.certificate for step in ends if not loose_in(linear.elastic, step)]
@@ -296,7 +300,8 @@ class NonlinearContactProblem(ProblemOfForms):
         return self.linear.foundations.rigid_bodies.motions
 
     def _differentiated(self) -> tuple[Any, ...]:
-        named, linear = self.solution.model, self.linear.assembled_elsewhere()
+        named = self.solution.model
+        linear = self.linear.assembled_elsewhere()
         return lambda: named, linearised_at(self._solver, linear), linear.data_now
 
     def solve(self) -> fem.Function:

@@ -67,7 +67,8 @@ class Residual:
         """
         space = self.u.function_space
         if self._slopes is None or not self._slopes.fits:
-            cell, degree = space.mesh.topology.cell_name(), space.element.basix_element.degree
+            cell = space.mesh.topology.cell_name()
+            degree = space.element.basix_element.degree
             self._slopes = CellSlopes(
                 space, basix.make_quadrature(getattr(basix.CellType, cell), 2 * degree)[0]
             )
@@ -122,7 +123,10 @@ class Tangents:
 
     def __init__(self, F: Any, J: Any, u: fem.Function, options: dict[str, Any]) -> None:
         self.given = J is not None
-        self._F, self._J, self._u, self._options = F, J, u, options
+        self._F = F
+        self._J = J
+        self._u = u
+        self._options = options
 
     @cached_property
     def leading(self) -> fem.Form:
@@ -216,11 +220,13 @@ def is_derivative(
     values of ``u``, at owned ``free`` unknowns; collective.  Where a change leads across a yield
     surface, forces change otherwise ahead than behind: either is a derivative.
     """
-    u, comm = residual.u, residual.u.function_space.mesh.comm
+    u = residual.u
+    comm = residual.u.function_space.mesh.comm
 
     def agrees(strain: float) -> bool:
         """Over a change of strain of this size."""
-        now, direction = residual.at(values), random_direction(u, strain)
+        now = residual.at(values)
+        direction = random_direction(u, strain)
         direction.x.array[: free.size][~free] = 0.0
         direction.x.scatter_forward()
         nodes = direction.x.array.size // u.function_space.dofmap.index_map_bs
@@ -244,8 +250,11 @@ def random_direction(u: fem.Function, strain: float) -> fem.Function:
     """A displacement that strains each cell by about this much, the same on any number of ranks
     only in size.
     """
-    space, direction = u.function_space, fem.Function(u.function_space)
-    mesh, tdim, dim = space.mesh, space.mesh.topology.dim, space.dofmap.index_map_bs
+    space = u.function_space
+    direction = fem.Function(u.function_space)
+    mesh = space.mesh
+    tdim = space.mesh.topology.dim
+    dim = space.dofmap.index_map_bs
     cells = mesh.topology.index_map(tdim)
     count = cells.size_local + cells.num_ghosts
     smallest = np.full(direction.x.array.size // dim, np.inf)  # cell around each node
@@ -267,7 +276,8 @@ def round_off(residual: Residual, forces: Array) -> Array:
     grad u alone that of the strains. At some unknowns it is nothing by chance: they have the mean
     of all, quadratic.
     """
-    u, unit = residual.u, UNITS_OF_DIFFERENCE * float(np.finfo(float).eps)
+    u = residual.u
+    unit = UNITS_OF_DIFFERENCE * float(np.finfo(float).eps)
     values = u.x.array.copy()
     change = random_direction(u, unit).x.array
     last_digits = unit * np.abs(values) * np.sign(change)
@@ -277,7 +287,8 @@ def round_off(residual: Residual, forces: Array) -> Array:
     if ahead is None or behind is None:
         return np.zeros_like(forces)
     # The variances of three evaluations add up: 1 + 4 + 1.
-    comm, lost = u.function_space.mesh.comm, np.abs(ahead - 2 * forces + behind) / np.sqrt(6)
+    comm = u.function_space.mesh.comm
+    lost = np.abs(ahead - 2 * forces + behind) / np.sqrt(6)
     squares, count = parallel.global_sum(comm, np.array([lost @ lost, lost.size]))
     return np.asarray(np.maximum(lost, np.sqrt(squares / count)))
 
@@ -297,7 +308,8 @@ def refuse_miscompiled(
         parts = [fem.form(ufl.Form(integrals), **options) for integrals in rules.values()]
     values = u.x.array.copy()
     u.x.array[:] += random_direction(u, NEGLIGIBLE).x.array
-    whole, summed = assemble(residual), np.sum([assemble(part) for part in parts], axis=0)
+    whole = assemble(residual)
+    summed = np.sum([assemble(part) for part in parts], axis=0)
     u.x.array[:] = values
     comm = u.function_space.mesh.comm
     wrong, size = (

@@ -115,19 +115,19 @@ def certified(
         displaced=bool(linear.foundations.moving or linear.foundations.sliding),
     )
     contact = _conditions(linear, fixed, values) if linear.contact else None
-    tools, before = linear.foundations.rigid_bodies, linear.previous_step
+    tools = linear.foundations.rigid_bodies
+    before = linear.previous_step
     if before is not None:
-        boundary, moved = linear.state.boundary, linear.moved(linear.state.boundary)
+        boundary = linear.state.boundary
+        moved = linear.moved(linear.state.boundary)
         signed = [(tool, -1.0) for tool in tools.motions] + [(tool, 1.0) for tool in before.rigid]
         if moved is not None:  # of tools it is what is beyond that of the undeformed points
             for tool, sign in signed:
                 touching = np.isin(boundary.part, tool.body.parts)
                 moved[touching] += sign * tool.at(boundary.x[touching])
         before = replace(before, moved=moved)
-    rigid, tractions = (
-        [*zip(tools.motions, tools.drives(), strict=True)],
-        tractions or Tractions.of(linear.state),
-    )
+    rigid = [*zip(tools.motions, tools.drives(), strict=True)]
+    tractions = tractions or Tractions.of(linear.state)
     assert linear.outcome is not None
     law = Law(*linear.task.promised(linear.outcome))
     certificate = judged(u, balance, contact, tractions, law=law, before=before, rigid=rigid)
@@ -141,9 +141,12 @@ def _conditions(
     displaced points.
     """
     linear.slide()
-    data, foundations, places = [*linear.data], linear.foundations, linear.places
+    data = [*linear.data]
+    foundations = linear.foundations
+    places = linear.places
     for number, moving in foundations.moving.items():
-        gap, along = np.full(len(places), np.nan), np.full(places.shape, np.nan)
+        gap = np.full(len(places), np.nan)
+        along = np.full(places.shape, np.nan)
         gap[moving.nodes], along[moving.nodes] = moving.projected(linear=False)
         gap[moving.nodes] += moving.added
         data[number] = replace(
@@ -183,14 +186,17 @@ class SolvedBody:
         ended; collective.
         """
         linear.fields.take(linear.space, linear.state)
-        shapes, solved = linear.foundations.moving, copy(linear)
+        shapes = linear.foundations.moving
+        solved = copy(linear)
         given: Any = linear.contact
         placed = [
             replace(entry, shape=shapes[k].as_given) if k in shapes else entry
             for k, entry in enumerate(given)
         ]
         solved.forms = replace(linear.forms, contact=tuple(placed))
-        number, u, y = linear.begun.step, linear.at, linear.at.copy()
+        number = linear.begun.step
+        u = linear.at
+        y = linear.at.copy()
         y.name = u.name
         step = StepResult(
             step=number + 1,
@@ -244,13 +250,15 @@ def slid_past_partners(linear: LinearisedProblem) -> Iterator[Finding]:
     """A warning for each pair whose touching points have moved farther than partners may be kept;
     collective.
     """
-    mesh, state = linear.space.mesh, linear.state
+    mesh = linear.space.mesh
+    state = linear.state
     for number, entry in enumerate(linear.contact):
         if entry.against is None or entry.sliding or entry.bonded:
             continue
         lengths = mesh.h(mesh.topology.dim - 1, linear.foundations.facets[number])
         total, count = parallel.global_sum(mesh.comm, np.array([lengths.sum(), lengths.size]))
-        facet, touching = total / count, (state.boundary.part == number) & state.in_contact
+        facet = total / count
+        touching = (state.boundary.part == number) & state.in_contact
         farthest = parallel.largest(mesh.comm, np.linalg.norm(state.u_t[touching], axis=1), 0.0)
         if farthest > FACETS_OF_KEPT_PARTNERS * facet:
             message = (
@@ -288,15 +296,15 @@ def stress_error(
 
 def stress_of(residual: Any, u: fem.Function) -> fem.Function:
     """P as a polynomial of degree k - 1 in each cell, its components row by row; collective."""
-    mesh, rows = u.function_space.mesh, u.ufl_shape[0]
-    columns, degree = mesh.geometry.dim, u.function_space.element.basix_element.degree - 1
+    mesh = u.function_space.mesh
+    rows = u.ufl_shape[0]
+    columns = mesh.geometry.dim
+    degree = u.function_space.element.basix_element.degree - 1
     space, scalar = (
         fem.functionspace(mesh, ("DG", degree, shape)) for shape in ((rows * columns,), ())
     )
-    tested, product = (
-        ufl.TestFunction(space),
-        ufl.inner(ufl.TrialFunction(scalar), ufl.TestFunction(scalar)),
-    )
+    tested = ufl.TestFunction(space)
+    product = ufl.inner(ufl.TrialFunction(scalar), ufl.TestFunction(scalar))
     tensor = ufl.as_matrix([[tested[i * columns + j] for j in range(columns)] for i in range(rows)])
     over_cells = ufl.Form(
         [integral for integral in residual.integrals() if integral.integral_type() == "cell"]

@@ -88,7 +88,8 @@ class Stability:
         """Negative directions of the derivative of F: how many, and where one is largest; None:
         unknown; collective.
         """
-        elastic, mesh = self.linear.elastic, self.linear.space.mesh
+        elastic = self.linear.elastic
+        mesh = self.linear.space.mesh
         if not enough_memory(mesh.comm, factor_memory(elastic.dofs, mesh.topology.dim)):
             return None
         values = self.residual.u.x.array.copy()
@@ -104,7 +105,8 @@ class Stability:
         of ``u`` of the last solution; ``tried``: of where the tangent leads to, if no part of the
         way is possible; collective.
         """
-        u, comm = self.residual.u, self.linear.space.mesh.comm
+        u = self.residual.u
+        comm = self.linear.space.mesh.comm
         farthest = u.x.array if tried is None else tried
         away, so_far = (
             parallel.largest(comm, np.abs(values), 0.0) for values in (farthest - before, before)
@@ -123,7 +125,8 @@ class Stability:
         """Whether the tangent is the derivative of F at values of ``u``: others may lead away;
         collective.  That of UFL does not see what a function of the user changes.
         """
-        tangents, residual = self.tangents, self.residual
+        tangents = self.tangents
+        residual = self.residual
         known = tangents.trusted or not (tangents.given or residual.update is not None)
         return known or is_derivative(
             tangents.leading, residual, values, ~self.linear.elastic.fixed
@@ -143,7 +146,8 @@ class Stability:
         """What keeps points in contact and in place, whatever the units, force per length, shape
         (n, d, d).
         """
-        linear, springs = self.linear, turning_of(self.linear.state, self.linear.scales.size)
+        linear = self.linear
+        springs = turning_of(self.linear.state, self.linear.scales.size)
         components = np.arange(springs.shape[1])
         sticks = np.tile(linear.sticks, (components.size - 1, 1)).T
         held = np.column_stack((linear.state.in_contact, sticks))
@@ -152,7 +156,9 @@ class Stability:
 
     def _negative(self, tangent: fem.Form) -> tuple[int, str]:
         """``negative_directions`` with ``_springs``; collective."""
-        linear, space, fixed = self.linear, self.linear.space, self.linear.elastic.fixed
+        linear = self.linear
+        space = self.linear.space
+        fixed = self.linear.elastic.fixed
         body = linear.body_of(
             tangent,
             linear.state.boundary,
@@ -162,10 +168,12 @@ class Stability:
             symmetric=False,
             of_body=linear.elastic.of_supports,
         )
-        matrix, rows = body.stiffness, body.contact.operator
+        matrix = body.stiffness
+        rows = body.contact.operator
         if linear.contact:
             springs = self._springs
-            acts, dim = np.flatnonzero(springs.any(axis=(1, 2))), space.mesh.geometry.dim
+            acts = np.flatnonzero(springs.any(axis=(1, 2)))
+            dim = space.mesh.geometry.dim
             kept = (dim * acts[:, None] + np.arange(dim)).ravel() + rows.getOwnershipRange()[0]
             rows = rows.createSubMatrix(
                 PETSc.IS().createGeneral(kept.astype(PETSc.IntType), comm=matrix.comm)
@@ -226,7 +234,8 @@ def negative_directions(matrix: PETSc.Mat) -> tuple[int, Array]:
 
     direction = np.zeros(matrix.getLocalSize()[0])
     if negative:  # the eigenvector of the lowest eigenvalue of the inverse
-        inverse, begin = LinearOperator(matrix.getSize(), matvec=solved), np.random.default_rng(0)
+        inverse = LinearOperator(matrix.getSize(), matvec=solved)
+        begin = np.random.default_rng(0)
         _, vectors = eigsh(
             inverse, k=1, which="SA", v0=begin.standard_normal(inverse.shape[0]), tol=NEGLIGIBLE
         )
@@ -240,8 +249,10 @@ def overlap(foundations: MovingFoundations, last: State) -> str:
     """Of shapes, since the ``last`` solution, or else since they were given outside of the body;
     collective.
     """
-    cells, solved = foundations.cells, last.certificate is not None
-    now, then = cells.placed(foundations.at.x.array), cells.placed(last.displacement)
+    cells = foundations.cells
+    solved = last.certificate is not None
+    now = cells.placed(foundations.at.x.array)
+    then = cells.placed(last.displacement)
     for number, moving in foundations.moving.items():
         added = parallel.largest(cells.space.mesh.comm, moving.added, -np.inf)
         if (deep := cells.inside(now, moving.shape, added)) is not None:
@@ -264,12 +275,11 @@ def overlap_of_bodies(foundations: MovingFoundations, last: State) -> str:
     if not foundations.sliding:
         return ""
     cells = foundations.cells
-    comm, now, then = (
-        cells.space.mesh.comm,
-        cells.placed(foundations.at.x.array),
-        cells.placed(last.displacement),
-    )
-    piece, every = find_pieces(cells.space.mesh).of_cell, cells.space.dofmap.list
+    comm = cells.space.mesh.comm
+    now = cells.placed(foundations.at.x.array)
+    then = cells.placed(last.displacement)
+    piece = find_pieces(cells.space.mesh).of_cell
+    every = cells.space.dofmap.list
     nodal = np.zeros((len(now), 1))
     nodal[every.ravel(), 0] = np.repeat(piece[: len(every)], every.shape[1])
     owned = cells.space.dofmap.index_map.size_local
@@ -300,7 +310,8 @@ def _within(cells: BodyCells, places: Array, piece: Indices, at: Array, of_node:
     """Which points, of the pieces ``of_node``, are in a cell of this rank that belongs to another
     piece, shape (m,).
     """
-    within, corners = np.zeros(len(at), dtype=bool), cells.corners(places)
+    within = np.zeros(len(at), dtype=bool)
+    corners = cells.corners(places)
     high, low = (reduce(extreme, corners.swapaxes(0, 1)) for extreme in (np.maximum, np.minimum))
     meeting = np.zeros(len(corners), dtype=bool)
     for own in np.unique(piece):  # cells whose boxes meet that of all points of other pieces
@@ -316,12 +327,11 @@ def _within(cells: BodyCells, places: Array, piece: Indices, at: Array, of_node:
     middles = corners.mean(axis=1)
     reach = np.linalg.norm(corners - middles[:, None], axis=2).max(axis=1)
     points = cKDTree(at).query_ball_point(middles, reach)
-    cell, point = (
-        np.repeat(np.arange(near.size), list(map(len, points))),
-        np.concatenate(points).astype(np.int64),
-    )
+    cell = np.repeat(np.arange(near.size), list(map(len, points)))
+    point = np.concatenate(points).astype(np.int64)
     others = piece[near][cell] != of_node[point]
-    cell, point = cell[others], point[others]
+    cell = cell[others]
+    point = point[others]
     on_planes, outward = cells.planes(corners)
     beyond = np.einsum("kfd,kfd->kf", at[point, None] - on_planes[cell], outward[cell])
     within[point[(beyond <= 0.0).all(axis=1)]] = True
@@ -334,7 +344,8 @@ def _deepest(
     """The deepest node too deep in the other body, along the normal there; ``added``: to the
     distance, length.
     """
-    halves, deepest = np.split(np.arange(len(at)), [sides.slave.nodes.size]), None
+    halves = np.split(np.arange(len(at)), [sides.slave.nodes.size])
+    deepest = None
     both = zip((sides.slave.surface, sides.master.surface), halves, strict=True)
     surfaces = [surface.displaced(at[half] - surface.x) for surface, half in both]
     for half, other in zip(halves, surfaces[::-1], strict=True):

@@ -68,10 +68,8 @@ class Averages:
         )
         if not any(part.paired for part in parts):
             return cls(shares, nodes, x, fixed)
-        lifts, between = (
-            [part.lift for part in parts],
-            sp.block_diag([part.operator for part in parts], format="csr"),
-        )
+        lifts = [part.lift for part in parts]
+        between = sp.block_diag([part.operator for part in parts], format="csr")
         lift = (
             None if any(matrix is None for matrix in lifts) else sp.block_diag(lifts, format="csr")
         )

@@ -86,7 +86,8 @@ def facet_nodes(space: fem.FunctionSpace, facets: npt.NDArray[np.int32]) -> npt.
     """The nodes of exterior facets, all with as many, local numbers in the order of basix, shape
     (facets, nodes).
     """
-    layout, kind = space.dofmap.dof_layout, getattr(basix.CellType, space.mesh.topology.cell_name())
+    layout = space.dofmap.dof_layout
+    kind = getattr(basix.CellType, space.mesh.topology.cell_name())
     side = space.mesh.topology.dim - 1
     closures = np.array(
         [layout.entity_closure_dofs(side, k) for k in range(len(basix.topology(kind)[side]))]
@@ -155,7 +156,8 @@ def shared_in(holder: str) -> Callable[[Callable[[Any], Any]], Any]:
     def kept(compute: Callable[[Any], Any]) -> Any:
         @wraps(compute)
         def value(instance: Any) -> Any:
-            values, name = getattr(instance, holder), compute.__name__
+            values = getattr(instance, holder)
+            name = compute.__name__
             if name not in values:
                 values[name] = compute(instance)
             return values[name]
@@ -171,12 +173,11 @@ def strain_degree(space: fem.FunctionSpace, kinematics: Kinematics = SPACE) -> i
     quadrilaterals and hexahedra, where the integrand is rational, that of the products of all
     polynomials in it, as UFL estimates in 2D; collective.
     """
-    mesh, degree, further = (
-        space.mesh,
-        space.element.basix_element.degree,
-        kinematics.further_degrees,
-    )
-    cell, geometry = mesh.topology.cell_name(), compat.geometry_degree(mesh)
+    mesh = space.mesh
+    degree = space.element.basix_element.degree
+    further = kinematics.further_degrees
+    cell = mesh.topology.cell_name()
+    geometry = compat.geometry_degree(mesh)
     if cell in ("triangle", "tetrahedron"):
         return 2 * (degree - 1) + (2 if cell == "triangle" else 3) * (geometry - 1) + further
     return 2 * (degree if not further and parallelepipeds(mesh) else degree + geometry) + further

@@ -31,7 +31,8 @@ class JointStiffness:
 
     def times(self, displacement: Array, space: fem.FunctionSpace) -> Array:
         """Its forces at the owned nodes, shape (owned nodes * d,); collective."""
-        index_map, dim = space.dofmap.index_map, space.dofmap.index_map_bs
+        index_map = space.dofmap.index_map
+        dim = space.dofmap.index_map_bs
         owned = displacement.reshape(-1, dim)[: index_map.size_local]
         forces = (self.matrix @ from_owners(owned, self.nodes, space.mesh.comm).ravel()).reshape(
             -1, dim
@@ -56,7 +57,8 @@ class JointStiffness:
             matrix.getOwnershipRange(),
             matrix.getSizes()[0],
         )
-        here, room = (unknowns >= first) & (unknowns < last), np.zeros(count, dtype=PETSc.IntType)
+        here = (unknowns >= first) & (unknowns < last)
+        room = np.zeros(count, dtype=PETSc.IntType)
         room[unknowns[here] - first] = np.diff(self.matrix.indptr)[here]
         nnz = np.minimum(room, count), np.minimum(room, total - count)
         more = PETSc.Mat().createAIJ(matrix.getSizes(), nnz=nnz, comm=matrix.comm)
@@ -98,7 +100,8 @@ class NodalStiffness:
         """The forces of a displacement at the unknowns of this rank, shape (owned dofs,);
         collective.
         """
-        dim, owned = self.blocks.shape[1], space.dofmap.index_map.size_local
+        dim = self.blocks.shape[1]
+        owned = space.dofmap.index_map.size_local
         forces = np.zeros((owned, dim))
         forces[self.nodes] = np.einsum(
             "nij,nj->ni", self.blocks, displacement.reshape(-1, dim)[self.nodes]
@@ -111,17 +114,16 @@ class NodalStiffness:
         """Add it to the assembled matrix of a form on the same space, without rows and columns that
         are ``fixed``, shape (owned dofs,); collective.
         """
-        dim, blocks = self.blocks.shape[1], self.blocks
+        dim = self.blocks.shape[1]
+        blocks = self.blocks
         if fixed is not None:
             free = ~fixed.reshape(-1, dim)[self.nodes]
             blocks = blocks * (free[:, :, None] & free[:, None, :])
         first = matrix.getOwnershipRange()[0]
         rows = (first + self.nodes[:, None] * dim + np.arange(dim)).astype(PETSc.IntType)
         if rows.size:
-            ends, columns = (
-                np.arange(0, blocks.size + 1, dim, dtype=PETSc.IntType),
-                np.repeat(rows, dim, axis=0),
-            )
+            ends = np.arange(0, blocks.size + 1, dim, dtype=PETSc.IntType)
+            columns = np.repeat(rows, dim, axis=0)
             added = {"addv": PETSc.InsertMode.ADD_VALUES, "rowmap": rows.ravel()}
             matrix.setValuesIJV(ends, columns.ravel(), blocks.ravel(), **added)
         matrix.assemble()
@@ -144,11 +146,14 @@ def block_stiffness(
     for form in forms:
         fem.assemble_matrix(entries, form)  # type: ignore[arg-type]
     entries.scatter_reverse()
-    size, comm, nodes = entries.block_size[0], forms[0].mesh.comm, entries.index_map(1)
+    size = entries.block_size[0]
+    comm = forms[0].mesh.comm
+    nodes = entries.index_map(1)
     owned = entries.index_map(0).size_local
     starts = np.asarray(entries.indptr[: owned + 1], dtype=np.int64)
     data: npt.NDArray[np.float64] = np.asarray(entries.data, dtype=np.float64)
-    columns, blocks = entries.indices[: starts[-1]], data.reshape(-1, size, size)[: starts[-1]]
+    columns = entries.indices[: starts[-1]]
+    blocks = data.reshape(-1, size, size)[: starts[-1]]
     of_row = np.repeat(np.arange(owned, dtype=columns.dtype), np.diff(starts))
     on_diagonal = np.flatnonzero(of_row == columns)
     if beside is not None:

@@ -50,7 +50,8 @@ class NodalValues:
         """The values at all nodes of this rank, ghosts included, shape (nodes,) or (nodes, d), nan
         where no facet is, or a ``FormError`` about the argument ``name``; collective.
         """
-        comm, error = self._space.mesh.comm, None
+        comm = self._space.mesh.comm
+        error = None
         x = node_positions(self._space)
         nodal_values = np.full((len(x), components), np.nan)
         try:

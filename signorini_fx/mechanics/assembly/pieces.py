@@ -53,7 +53,8 @@ class BodyPieces:
 
     def called(self, piece: int) -> str:
         """Which piece it is: a body by its name alone, any other piece with its size and extent."""
-        bodies, cells = self.bodies, int(self.cells[piece])
+        bodies = self.bodies
+        cells = int(self.cells[piece])
         if bodies and bodies.count(bodies[piece]) == 1:
             return f"body {bodies[piece]!r}"
         number = f"piece {piece + 1} of {self.count}" + (
@@ -105,7 +106,8 @@ def _pieces_of(mesh: dmesh.Mesh) -> BodyPieces:
     """Those of a whole mesh: labels of sides between two ranks join components of each rank's own
     cells; collective.
     """
-    comm, topology = mesh.comm, mesh.topology
+    comm = mesh.comm
+    topology = mesh.topology
     dim = topology.dim
     topology.create_connectivity(dim, dim - 1)
     cells = topology.index_map(dim)
@@ -130,7 +132,8 @@ def _pieces_of(mesh: dmesh.Mesh) -> BodyPieces:
         )
     of_cell = names[local].astype(np.int64)
     dim = mesh.geometry.dim
-    x, corners = mesh.geometry.x[:, :dim].astype(np.float64), compat.geometry_cells(mesh)
+    x = mesh.geometry.x[:, :dim].astype(np.float64)
+    corners = compat.geometry_cells(mesh)
     numbers = np.empty(count, dtype=np.int64)
     bounds: npt.NDArray[np.float64] = np.empty((count, 2, dim))
     for piece in range(count):
@@ -155,7 +158,8 @@ def _local_components(topology: Any) -> tuple[Any, _Labels]:
     """
     sides = topology.connectivity(topology.dim, topology.dim - 1)
     side_map = topology.index_map(topology.dim - 1)
-    cells, count = sides.num_nodes, side_map.size_local + side_map.num_ghosts
+    cells = sides.num_nodes
+    count = side_map.size_local + side_map.num_ghosts
     starts = np.concatenate((sides.offsets, np.full(count, sides.array.size))).astype(np.int32)
     graph = csr_array(
         (np.ones(sides.array.size, dtype=np.int8), sides.array + cells, starts),
@@ -187,7 +191,8 @@ def _disagreements(labels: _Labels, index_map: Any) -> _Labels:
 
 def _refuse_hinges(mesh: dmesh.Mesh, of_cell: _Labels) -> None:
     """Refuse pieces that share a vertex; collective."""
-    topology, dim = mesh.topology, mesh.geometry.dim
+    topology = mesh.topology
+    dim = mesh.geometry.dim
     vertices = topology.connectivity(topology.dim, 0).array
     of_vertex = _labels_of(vertices, of_cell, topology.index_map(0))
     of_corner = np.repeat(of_cell, vertices.size // max(of_cell.size, 1))

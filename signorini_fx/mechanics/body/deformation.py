@@ -78,17 +78,16 @@ class CellSlopes:
     def __init__(self, space: fem.FunctionSpace, points: Array) -> None:
         mesh = self._mesh = space.mesh
         self._dimension = mesh.topology.dim
-        cell, owned = (
-            mesh.topology.cell_name(),
-            slice(mesh.topology.index_map(self._dimension).size_local),
-        )
+        cell = mesh.topology.cell_name()
+        owned = slice(mesh.topology.index_map(self._dimension).size_local)
 
         def slopes(degree: int) -> Array:
             """Derivatives of the scalar basis functions, shape (points, d, functions)."""
             element = compat.lagrange(cell, degree, basix.LagrangeVariant.equispaced)
             return np.asarray(element.tabulate(1, points)[1:, :, :, 0]).transpose(1, 0, 2).copy()
 
-        self._nodes, self._seen = space.dofmap.list[owned], mesh.geometry.x.copy()
+        self._nodes = space.dofmap.list[owned]
+        self._seen = mesh.geometry.x.copy()
         x = mesh.geometry.x[compat.geometry_cells(mesh)[owned], : self._dimension]
         self._x = _by_function(x.astype(np.float64))
         self._slopes = (
@@ -105,13 +104,12 @@ class CellSlopes:
         """Of each point the derivatives of places, and of displacements likewise, shape (d, d,
         cells), the direction in the reference cell last.
         """
-        dim, components = self._dimension, self._mesh.geometry.dim
+        dim = self._dimension
+        components = self._mesh.geometry.dim
         y = _by_function(displacement.x.array.reshape(-1, components)[self._nodes])
         for of_place, slopes in zip(*self._slopes, strict=True):
-            of_x, of_y = (
-                (of_place @ self._x).reshape(dim, dim, -1),
-                (slopes @ y).reshape(dim, components, -1),
-            )
+            of_x = (of_place @ self._x).reshape(dim, dim, -1)
+            of_y = (slopes @ y).reshape(dim, components, -1)
             yield of_x.transpose(1, 0, 2), of_y.transpose(1, 0, 2)
 
 

@@ -118,7 +118,8 @@ def _prepared(
     if statement.sides[1] is not None:
         chosen = with_chosen_sides(statement, tagged, facets, elastic.lame[1])
         if chosen is not statement:
-            statement, on = chosen, replace(on, statement=chosen)
+            statement = chosen
+            on = replace(on, statement=chosen)
     pieces = find_pieces(tagged.mesh)
     if statement.bodies:
         pieces = pieces.of_bodies(
@@ -133,10 +134,8 @@ def _prepared(
     resists = () if resistance is None else (resistance,)
     # Mean ratios of Poisson follow from moduli, with round-off; in plane stress those of plane
     # strain count.
-    most, lame = (
-        LARGEST_MULTIGRID_POISSON * (1 + SAME_NUMBER),
-        [material.lame for material in statement.material],
-    )
+    most = LARGEST_MULTIGRID_POISSON * (1 + SAME_NUMBER)
+    lame = [material.lame for material in statement.material]
     model = Model(
         space=space,
         terms=lambda: (*on.elastic.compiled(space), *resists),
@@ -181,10 +180,8 @@ def _prepared(
 
 def _loaded(on: FormCoefficients, facets: dict[str, npt.NDArray[np.int32]]) -> dict[str, Any]:
     """The fields of a model that follow from supports and loads; collective."""
-    supports, test = (
-        Supports.of(on.statement, on.space, facets, on.tagged),
-        ufl.TestFunction(on.space),
-    )
+    supports = Supports.of(on.statement, on.space, facets, on.tagged)
+    test = ufl.TestFunction(on.space)
     groups = load_groups(on.statement, on.statement.loads).items()
     return {
         "bcs": [support for _, support in supports.conditions],
@@ -270,10 +267,8 @@ def contact_of(model: Model, statement: Statement) -> dict[str, Any]:
     """The fields of a model that follow from the contact of another statement, with the same
     supports; collective.
     """
-    foundations, rests = (
-        _foundations(model, statement),
-        at_rest(model.space, model.supports, model.turned, model.fixed),
-    )
+    foundations = _foundations(model, statement)
+    rests = at_rest(model.space, model.supports, model.turned, model.fixed)
     shapes = foundations.shapes()
     boundary = model.rigid.on(foundations.boundary(shapes, model.fixed, rests, model.turned))
     problem = _problem(replace(model, statement=statement), foundations, shapes, boundary)
@@ -291,7 +286,8 @@ def with_gap_and_friction(model: M, statement: Statement) -> M:
     collective.
     """
     assert model.boundary is not None
-    foundations, changed = _foundations(model, statement), replace(model, statement=statement)
+    foundations = _foundations(model, statement)
+    changed = replace(model, statement=statement)
     return replace(changed, **_problem(changed, foundations, foundations.shapes(), model.boundary))
 
 
@@ -300,7 +296,8 @@ def moved_since(model: Model, earlier: Statement) -> npt.NDArray[np.float64]:
     (n, d).
     """
     assert model.boundary is not None
-    moved, dimension = np.zeros_like(model.boundary.x), model.tagged.dimension
+    moved = np.zeros_like(model.boundary.x)
+    dimension = model.tagged.dimension
     for number, (contact, earlier_contact) in enumerate(
         zip(model.statement.contact, earlier.contact, strict=True)
     ):
@@ -408,7 +405,8 @@ def _try_functions(statement: Statement, tagged: TaggedMesh) -> None:
 
 def _problems(path: str, value: Any, entry: Any, tagged: TaggedMesh) -> list[tuple[str, str]]:
     """What is wrong with a value on this rank."""
-    strains, resists = isinstance(entry, InitialStrain), isinstance(entry, Resistance)
+    strains = isinstance(entry, InitialStrain)
+    resists = isinstance(entry, Resistance)
     given = callable(value) and not isinstance(value, Expression)
     if value is None or hasattr(value, "ufl_shape") or not (strains or resists or given):
         return []
@@ -447,11 +445,9 @@ def _points_of(entry: Any, tagged: TaggedMesh) -> npt.NDArray[np.float64]:
     """Nodes of the region of an entry, of its boundary with middles of facets, or of the mesh,
     shape (3, n).
     """
-    mesh, boundary, region = (
-        tagged.mesh,
-        getattr(entry, "boundary", None),
-        getattr(entry, "region", None),
-    )
+    mesh = tagged.mesh
+    boundary = getattr(entry, "boundary", None)
+    region = getattr(entry, "region", None)
     if boundary is not None:
         corners = facet_vertices(mesh, tagged.facets(boundary))
         return np.concatenate((corners.reshape(-1, 3), corners.mean(axis=1))).T

@@ -166,8 +166,12 @@ def body_residual(statement: Statement, tagged: TaggedMesh, u: fem.Function) -> 
     measure = ufl.Measure("dx", domain=space.mesh, subdomain_data=parts)
     around = kinematics.measure(position(u))
     free, _, heat = given_strains(statement, tagged, space)
-    v, du = ufl.TestFunction(space), ufl.TrialFunction(space)
-    energies, forms, of_states, points = [], [], [], []
+    v = ufl.TestFunction(space)
+    du = ufl.TrialFunction(space)
+    energies = []
+    forms = []
+    of_states = []
+    points = []
     for number, (material, owned) in enumerate(zip(statement.material, cells, strict=True)):
         shape = volume = measure(
             number, metadata={"quadrature_degree": full, "quadrature_rule": "default"}
@@ -248,7 +252,8 @@ def _energies(material: Any, change: Any, free: Any | None) -> list[Any]:
     """
     expanded = 1
     if free is not None:
-        change, expanded = (change - free * ufl.Identity(3)) / (1 + free), (1 + free) ** 3
+        change = (change - free * ufl.Identity(3)) / (1 + free)
+        expanded = (1 + free) ** 3
     energies = [material.shape_energy_by_change(change) * expanded]
     return (
         [*energies, material.volume_energy_by_change(growth(change)) * expanded]

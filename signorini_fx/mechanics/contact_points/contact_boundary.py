@@ -271,7 +271,8 @@ def unit_contact_form(
     surface measure.
     """
     mesh = space.mesh
-    degree, geometry = space.element.basix_element.degree, compat.geometry_degree(mesh)
+    degree = space.element.basix_element.degree
+    geometry = compat.geometry_degree(mesh)
     rule: dict[str, Any] = {"quadrature_degree": lumped_degree(degree, geometry)}
     if mesh.topology.dim == 2 and (degree > 1 or factor is None):
         # The points are the nodes, with positive weights; on the axis of a body of revolution a
@@ -327,7 +328,8 @@ def contact_part(
 
 def no_points(space: fem.FunctionSpace) -> ContactBoundary:
     """The contact boundary of a body without contact."""
-    dim, nowhere = space.mesh.geometry.dim, np.zeros(0, dtype=np.int32)
+    dim = space.mesh.geometry.dim
+    nowhere = np.zeros(0, dtype=np.int32)
     x = np.zeros((0, dim))
     averages = Averages.at_nodes(nowhere.astype(np.int64), x, x.astype(bool))
     return contact_part(space, (nowhere, np.zeros(0), x), averages, nowhere, 0)
@@ -337,7 +339,8 @@ def segments_of(
     space: fem.FunctionSpace, facets: npt.NDArray[np.int32], part: int
 ) -> npt.NDArray[np.int64]:
     """The segments of one part of a contact boundary."""
-    side, local_nodes = space.mesh.topology.dim - 1, facet_nodes(space, facets)
+    side = space.mesh.topology.dim - 1
+    local_nodes = facet_nodes(space, facets)
     # Vertices come first, then inner nodes: along a facet in 2D the second vertex is the last node.
     if averaging(space):
         local_nodes = local_nodes[:, : side + 1]  # of triangles: no other facets average
@@ -402,7 +405,8 @@ def block_diagonal(operator: PETSc.Mat, blocks: Array) -> PETSc.Mat:
     """The matrix with these blocks, shape (n, m, m), on the diagonal, for the rows of an operator;
     collective.
     """
-    rows, first = operator.getSizes()[0], operator.getOwnershipRange()[0]
+    rows = operator.getSizes()[0]
+    first = operator.getOwnershipRange()[0]
     numbers = np.arange(len(blocks) + 1)
     csr = sp.csr_array(sp.bsr_array((blocks, numbers[:-1], numbers), shape=(rows[0], rows[0])))
     csr.eliminate_zeros()
@@ -423,10 +427,8 @@ def _lift(boundary: ContactBoundary, operator: PETSc.Mat) -> PETSc.Mat | None:
     if parallel.any_rank(boundary.comm, np.unique(alone).size < alone.size):
         return None
     dim = boundary.x.shape[1]
-    blocks, size = (
-        (boundary.coframes, np.arange(boundary.size), np.arange(boundary.size + 1)),
-        dim * boundary.size,
-    )
+    blocks = (boundary.coframes, np.arange(boundary.size), np.arange(boundary.size + 1))
+    size = dim * boundary.size
     frames = sp.bsr_array(blocks, shape=(size, size))
     lift = sp.csr_array((sp.kron(averages.lift, sp.eye_array(dim)) @ frames).T)
     columns = (dim * averages.nodes[:, None] + np.arange(dim)).ravel()[lift.indices]

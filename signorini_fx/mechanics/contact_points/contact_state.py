@@ -45,7 +45,8 @@ class ContactState(PointState):
 
         Between bodies each is on the body that has the contact points, and their sum on none.
         """
-        boundary, forces = self.boundary, self._forces
+        boundary = self.boundary
+        forces = self._forces
         count = int(parallel.largest(boundary.comm, boundary.part, -1)) + 1
         sums = np.zeros((count, *forces.shape[1:]))
         np.add.at(sums, boundary.part, forces)
@@ -54,11 +55,9 @@ class ContactState(PointState):
     @property
     def _forces(self) -> npt.NDArray[np.float64]:
         """Contact force and friction force on the body at each point, shape (n, 2, d)."""
-        boundary, none_n, none_t = (
-            self.boundary,
-            np.zeros_like(self.pressure),
-            np.zeros_like(self.shear),
-        )
+        boundary = self.boundary
+        none_n = np.zeros_like(self.pressure)
+        none_t = np.zeros_like(self.shear)
         tractions = (self.pressure, none_t), (none_n, self.shear)
         return -np.stack([boundary.nodal_forces(*traction) for traction in tractions], axis=1)
 
@@ -86,7 +85,8 @@ class ContactState(PointState):
         """Of all contact boundaries together, and of each, in the order of the scene;
         collective.
         """
-        boundary, along = self.boundary, self.displaced(self.u_t)
+        boundary = self.boundary
+        along = self.displaced(self.u_t)
         sums = np.zeros((len(self.forces_of_each), along.shape[1] + 1))
         np.add.at(
             sums,

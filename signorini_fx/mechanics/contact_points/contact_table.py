@@ -97,7 +97,8 @@ class ContactTable:
 
         A closed path goes round three times, so that the round in the middle has no ends.
         """
-        s, count = self.arc(path), len(path) - 1
+        s = self.arc(path)
+        count = len(path) - 1
         if not is_closed(path):
             return path, s, slice(0, count)
         rows = np.concatenate((path[:-1], path[:-1], path))
@@ -109,13 +110,16 @@ class ContactTable:
         A run across the first row of a closed piece is one; one all around goes from the first row
         to the last.
         """
-        places, zones = np.column_stack((self.columns["x"], self.columns["y"])), []
+        places = np.column_stack((self.columns["x"], self.columns["y"]))
+        zones = []
         for path in self.paths:
             rows = path[:-1] if is_closed(path) else path
             enters = np.diff(mask[rows].astype(np.int64), prepend=0, append=0)
-            first, last = rows[np.flatnonzero(enters == 1)], rows[np.flatnonzero(enters == -1) - 1]
+            first = rows[np.flatnonzero(enters == 1)]
+            last = rows[np.flatnonzero(enters == -1) - 1]
             if is_closed(path) and len(first) > 1 and mask[rows[0]] and mask[rows[-1]]:
-                first, last = first[1:], np.append(last[1:-1], last[0])
+                first = first[1:]
+                last = np.append(last[1:-1], last[0])
             zones += [
                 [places[start].tolist(), places[end].tolist()]
                 for start, end in zip(first, last, strict=True)
@@ -166,7 +170,8 @@ def contact_table(
     if dim == 2:
         (pieces, order, closed), facets = _chains(numbers, segments, rows[:, :dim]), None
     else:
-        pieces, closed = [], []
+        pieces = []
+        closed = []
         order = np.lexsort((*_in_line(rows[:, :dim]).T[::-1], numbers[:, 0])).astype(np.int64)
         facets = _rows_of(numbers[order], segments)
     part = numbers[order, 0]
@@ -224,13 +229,12 @@ def _chains(
             neighbours[a].append(b)
             neighbours[b].append(a)
     rows = sorted(range(len(keys)), key=keys.__getitem__)
-    ends, seen, paths = (
-        [row for row in rows if len(neighbours[row]) <= 1],
-        set[int](),
-        list[list[int]](),
-    )
+    ends = [row for row in rows if len(neighbours[row]) <= 1]
+    seen = set[int]()
+    paths = list[list[int]]()
     for start in [*ends, *rows]:
-        path, row = list[int](), None if start in seen else start
+        path = list[int]()
+        row = None if start in seen else start
         while row is not None:
             path.append(row)
             seen.add(row)
@@ -253,10 +257,8 @@ def _rows_of(
     ``ContactBoundary.segments``.
     """
     base = int(segments[:, 1:].max(initial=0)) + 1
-    row_keys, wanted = (
-        numbers[:, 0] * base + numbers[:, 1],
-        segments[:, :1] * base + segments[:, 1:],
-    )
+    row_keys = numbers[:, 0] * base + numbers[:, 1]
+    wanted = segments[:, :1] * base + segments[:, 1:]
     order = np.argsort(row_keys)
     rows = order[np.minimum(np.searchsorted(row_keys[order], wanted), row_keys.size - 1)]
     return np.where(row_keys[rows] == wanted, rows, -1)
@@ -278,7 +280,8 @@ def _along(
     """Arc length along each connected piece, from its beginning, and the distance from each node to
     the next one.
     """
-    along, to_next = np.zeros(len(x)), np.zeros(len(x))
+    along = np.zeros(len(x))
+    to_next = np.zeros(len(x))
     for piece, loop in zip(pieces, closed, strict=True):
         rows = slice(piece.start, piece.stop)
         to_next[rows] = np.hypot(*(np.roll(x[rows], -1, axis=0) - x[rows]).T)

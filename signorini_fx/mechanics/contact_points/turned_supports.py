@@ -67,7 +67,8 @@ class TurnedNodes:
             np.where(np.isin(nodes, support.nodes), support.position, -1) for support in supports
         )
         directions = np.vstack((np.eye(dim), *(support.normal for support in supports)))
-        frames, fixed = np.empty((nodes.size, dim, dim)), np.zeros((nodes.size, dim), dtype=bool)
+        frames = np.empty((nodes.size, dim, dim))
+        fixed = np.zeros((nodes.size, dim), dtype=bool)
         from_given = np.zeros((nodes.size, dim, len(directions)))
         kinds, kind = np.unique(np.column_stack((axes[nodes], *skew)), axis=0, return_inverse=True)
         for number, prescribes in enumerate(kinds):
@@ -99,7 +100,8 @@ def _frame(directions: _Floats, prescribes: npt.NDArray[np.int64]) -> tuple[_Flo
     """The frame of a node, how many components are prescribed, and its motion: later supports apply
     before earlier.
     """
-    identity, free = np.eye(len(directions)), np.eye(directions.shape[1])
+    identity = np.eye(len(directions))
+    free = np.eye(directions.shape[1])
     matrix = np.zeros(directions.T.shape)
     held = free[:, :0]
     for position in np.unique(prescribes[prescribes >= 0])[::-1]:
@@ -108,7 +110,8 @@ def _frame(directions: _Floats, prescribes: npt.NDArray[np.int64]) -> tuple[_Flo
             break
         left_vectors, size, along = np.linalg.svd(directions[selected] @ free)
         count = int(np.count_nonzero(size > ROOT_OF_EPS))
-        added, free = free @ along[:count].T, free @ along[count:].T
+        added = free @ along[:count].T
+        free = free @ along[count:].T
         matrix += added @ (
             left_vectors[:, :count].T
             @ (identity[selected] - directions[selected] @ matrix)

@@ -97,7 +97,9 @@ class PrescribedDisplacement(Load):
         """Along x[0], x[1] and x[2]; None where the displacement is free."""
         if self.rotation is None:
             return self.x, self.y, self.z
-        a, centre, rotation = np.zeros(3), np.zeros(3), self.rotation
+        a = np.zeros(3)
+        centre = np.zeros(3)
+        rotation = self.rotation
         along = self.axis or (0.0, 0.0, 1.0)
         a[: len(along)] = np.array(along) / np.linalg.norm(along)
         centre[: len(self.about or ())] = self.about or ()

@@ -151,7 +151,8 @@ class Rotation(Force):
         dimension = len(
             on.position
         )  # displacements out of a section have one more than its point and axis
-        about, axis = np.zeros(dimension), np.zeros(dimension)
+        about = np.zeros(dimension)
+        axis = np.zeros(dimension)
         about[: len(self.about or ())] = self.about or ()
         given = np.array((0.0, 0.0, 1.0) if self.axis is None else self.axis)
         unit = (given / np.linalg.norm(given))[:dimension]  # in the plane it has no part along x[2]
@@ -493,10 +494,8 @@ def _rows(file: Path) -> tuple[Array, Array]:
         raise _wrong_file(
             file, f"has the columns {', '.join(names)}; it needs x, y, in 3D z, and change"
         )
-    points, values = (
-        np.column_stack([table[name] for name in axes]),
-        np.asarray(table["change"], dtype=np.float64),
-    )
+    points = np.column_stack([table[name] for name in axes])
+    values = np.asarray(table["change"], dtype=np.float64)
     if not (np.isfinite(points).all() and np.isfinite(values).all()):
         raise _wrong_file(file, "has an entry that is not one number, or not a finite one")
     return points, values
@@ -512,7 +511,8 @@ def _distinct(file: Path, points: Array, values: Array) -> tuple[Array, Array]:
         initial=0.0
     )
     if unequal.any():
-        one, other = earlier[unequal][0], later[unequal][0]
+        one = earlier[unequal][0]
+        other = later[unequal][0]
         place = ", ".join(f"{c:g}" for c in points[other])
         both = f"{values[one]:g} and {values[other]:g}"
         message = (

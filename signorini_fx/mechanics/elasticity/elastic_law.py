@@ -88,10 +88,12 @@ def embedding(rotation: PETSc.Mat | None, own: PETSc.Mat, whole: PETSc.Mat) -> P
     """[Q 0], from the unknowns of ``whole``, on each rank those of ``own`` first, to displacements;
     ``rotation``: Q, from the unknowns of ``own``, None: the identity.
     """
-    rows, first = own.getSizes()[0], own.getOwnershipRange()[0]
+    rows = own.getSizes()[0]
+    first = own.getOwnershipRange()[0]
     if rotation is None:
         starts = np.arange(rows[0] + 1, dtype=PETSc.IntType)
-        columns, values = first + starts[:-1], np.ones(rows[0])
+        columns = first + starts[:-1]
+        values = np.ones(rows[0])
     else:
         rows = rotation.getSizes()[0]
         starts, columns, values = (
@@ -265,7 +267,8 @@ class IsotropicLaw(SceneLaw):
     def stress(self, y: fem.Function, moved: Any, initial: Any) -> ElementStress:
         (lame, mu), kinematics, mesh = self.lame, self.kinematics, self.tagged.mesh
         strain = self.elastic(moved, initial, on_axis=True)
-        theta, interpolated = ufl.tr(strain), []
+        theta = ufl.tr(strain)
+        interpolated = []
         if self.reduced is not None:
             at_points = fem.functionspace(
                 mesh, element_at_points(mesh.topology.cell_name(), self.reduced)
@@ -307,7 +310,8 @@ class CellwiseLaw(SceneLaw):
 
     def stress(self, y: fem.Function, moved: Any, initial: Any) -> ElementStress:
         ((sigma, _),) = self.parts(self.elastic(moved, initial, on_axis=True))
-        m, stiffness = len(self.kinematics.pairs), self.stiffness.stiffness
+        m = len(self.kinematics.pairs)
+        stiffness = self.stiffness.stiffness
         moduli = stiffness.x.array.reshape(-1, *stiffness.ufl_shape)[:, :m, :m]
         return cellwise_stress(y, self.kinematics, sigma, moduli, self.lame[1])
 
@@ -319,7 +323,9 @@ def cellwise_stress(
     see ``Kinematics.pairs``, over those of the strain, of shear twice epsilon_ij, shape (cells, m,
     m); a LinAlgError on all ranks where some strain has no stress; collective.
     """
-    mesh, dim, m = y.function_space.mesh, y.function_space.mesh.geometry.dim, moduli.shape[2]
+    mesh = y.function_space.mesh
+    dim = y.function_space.mesh.geometry.dim
+    m = moduli.shape[2]
     inverse, error = moduli, None
     try:
         inverse = np.asarray(np.linalg.inv(moduli))

@@ -167,7 +167,8 @@ class MixedLaw(SceneLaw):
         (L. R. Herrmann, AIAA J. 3 (1965) 1896-1900), with the element of C. Taylor and P. Hood,
         Comput. Fluids 1 (1973) 73-100, which is stable for nu = 1/2 too.
         """
-        p, q = self._pressure(p), self._pressure(ufl.TestFunction(self.own))
+        p = self._pressure(p)
+        q = self._pressure(ufl.TestFunction(self.own))
         unit = fem.Constant(self.space.mesh, default_scalar_type(self.unit))
         densities = -unit * ufl.tr(self.kinematics.strain(y)) * q, -(unit**2) * self._yields * p * q
         return tuple(self._integral(density, self.degree) for density in densities)
@@ -201,7 +202,8 @@ class MixedLaw(SceneLaw):
         return super().initial_terms(z, jump, None, degree)
 
     def prevented_terms(self, y: fem.Function, jump: Any, strain: Any, degree: int) -> list[Any]:
-        terms, pressure = [], fields_of(y)[1]
+        terms = []
+        pressure = fields_of(y)[1]
         if jump is not None:
             dilation = ufl.tr(self.kinematics.strain(jump))
             terms += [
@@ -234,10 +236,8 @@ class MixedLaw(SceneLaw):
 
     def stress(self, y: fem.Function, moved: Any, initial: Any) -> ElementStress:
         (_, mu), kinematics = self.lame, self.kinematics
-        poisson, modulus = (
-            self._coefficient(lambda _, nu: nu),
-            self._coefficient(lambda young, nu: young / (1 - nu**2)),
-        )
+        poisson = self._coefficient(lambda _, nu: nu)
+        modulus = self._coefficient(lambda young, nu: young / (1 - nu**2))
         sigma = 2 * mu * self.elastic(moved, None, on_axis=True) - fields_of(y)[1] * ufl.Identity(3)
         of_difference = partial(
             compliance, kinematics=kinematics, lame=None, mu=mu, poisson=poisson
@@ -329,7 +329,9 @@ class MixedLaw(SceneLaw):
         """Whether what is ``held`` lets no part of one material with nu = 1/2 change its volume, so
         that constant pressures do no work; ``vector``: see ``ElasticBody``.
         """
-        part, pieces, comm = self._part, find_pieces(self.space.mesh), self.space.mesh.comm
+        part = self._part
+        pieces = find_pieces(self.space.mesh)
+        comm = self.space.mesh.comm
         works = list[_Floats]()
         soft = [
             number

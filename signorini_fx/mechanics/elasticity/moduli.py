@@ -30,7 +30,8 @@ def check_covers(statement: Statement, tagged: TaggedMesh) -> None:
     regions = [material.region for material in statement.material]
     if None in regions:  # all of the body
         return
-    comm, cells = tagged.mesh.comm, tagged.mesh.topology.index_map(tagged.mesh.topology.dim)
+    comm = tagged.mesh.comm
+    cells = tagged.mesh.topology.index_map(tagged.mesh.topology.dim)
     covered = np.zeros(cells.size_local + cells.num_ghosts, dtype=np.int32)
     for region in regions:
         covered[tagged.cells(str(region))] += 1
@@ -64,11 +65,9 @@ def of_materials(
     graded ones; ``numbers`` gives them from a material and the values of its grading in its cells;
     collective.
     """
-    mesh, share, of_first = (
-        tagged.mesh,
-        graded(statement, tagged),
-        numbers(statement.material[0], 1.0),
-    )
+    mesh = tagged.mesh
+    share = graded(statement, tagged)
+    of_first = numbers(statement.material[0], 1.0)
     if len(statement.material) == 1 and share is None:
         return tuple(fem.Constant(mesh, default_scalar_type(number)) for number in of_first)
     space = fem.functionspace(mesh, ("DG", 0))
@@ -105,7 +104,8 @@ def graded(statement: Statement, tagged: TaggedMesh) -> fem.Function | None:
     """By what moduli are multiplied in each cell, which must be between 0 and 1; None: by nothing;
     collective.
     """
-    problems, mesh = [], tagged.mesh
+    problems = []
+    mesh = tagged.mesh
     if all(material.grading is None for material in statement.material):
         return None
     grading = fem.Function(fem.functionspace(mesh, ("DG", 0)))
@@ -131,7 +131,8 @@ def reduced_degree(statement: Statement, mesh: dmesh.Mesh) -> int | None:
     """Quadrature degree of the volumetric term where it is reduced: Q1/P0, P2/P0, Q2 with two
     points per axis.
     """
-    degree, kind = statement.element.degree, mesh.topology.cell_name()
+    degree = statement.element.degree
+    kind = mesh.topology.cell_name()
     has_form = not (degree == 1 and kind in ("triangle", "tetrahedron"))
     volumetric = statement.element.volumetric
     if volumetric == "reduced" and not has_form:
@@ -169,7 +170,8 @@ def cellwise_stiffness(statement: Statement, tagged: TaggedMesh) -> CellwiseStif
     moduli, free = (
         fem.Function(fem.functionspace(tagged.mesh, ("DG", 0, shape))) for shape in ((m, m), (m,))
     )
-    at_cells, free_at_cells = moduli.x.array.reshape(-1, m, m), free.x.array.reshape(-1, m)
+    at_cells = moduli.x.array.reshape(-1, m, m)
+    free_at_cells = free.x.array.reshape(-1, m)
     problems = []
     for number, material in enumerate(statement.material):
         cells = tagged.cells(material.region)

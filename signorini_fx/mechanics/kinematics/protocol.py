@@ -276,7 +276,8 @@ class TwistedBody(BodyOfRevolution):
         """
         import ufl
 
-        radius, around = position(y)[0], [-y[2], 0, y[0]]
+        radius = position(y)[0]
+        around = [-y[2], 0, y[0]]
         along = ufl.as_vector(around) / radius
         if on_axis:
             off = off_axis(y)

@@ -72,11 +72,10 @@ def fault_of(law: FrictionLaw, count: int, modulus: float) -> str:
     points = np.arange(0, count, 1 + count // TRIED_POINTS)
     exponents = np.arange(PRESSURES_PER_DECADE * SMALLEST_PRESSURE, 1) / PRESSURES_PER_DECADE
     pressure = np.append(0.0, modulus * 10.0**exponents)[:, None]
-    name, shape = type(law).__name__, (len(pressure), points.size)
-    tried, at_pressures = (
-        law.at(np.tile(points, shape[0])),
-        np.broadcast_to(pressure, shape).ravel(),
-    )
+    name = type(law).__name__
+    shape = (len(pressure), points.size)
+    tried = law.at(np.tile(points, shape[0]))
+    at_pressures = np.broadcast_to(pressure, shape).ravel()
     at_pressures.flags.writeable = (
         False  # a law that changes its argument changes the solver's pressures
     )
@@ -137,9 +136,12 @@ def _faults(
             limit < envelope - within,
         )
     # The slope at a pressure is between those of the chords to its neighbours.
-    step, ends = np.diff(pressure, axis=0), ((1, 1), (0, 0))
+    step = np.diff(pressure, axis=0)
+    ends = ((1, 1), (0, 0))
     chords = np.diff(limit, axis=0) / step
-    before, behind, slope = chords[:-1], chords[1:], derivative[1:-1]
+    before = chords[:-1]
+    behind = chords[1:]
+    slope = derivative[1:-1]
     within = WRONG_SLOPE * np.max(np.abs([before, behind, slope]), axis=0) + round_off / step[:-1]
     if law.concave:
         reason = (

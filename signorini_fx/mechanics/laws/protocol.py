@@ -100,7 +100,8 @@ class FrictionLaw(Table):
         ):  # what is a quotient, or of a parameter that is zero, is no number there
             limit = self.limit(zero + np.inf)
         cap = np.where(np.isnan(limit), np.inf, limit)
-        given, slope = self.limit(zero), self.derivative(zero)
+        given = self.limit(zero)
+        slope = self.derivative(zero)
         vertical = np.isinf(slope)
         lines = np.where(vertical, np.inf, given), np.where(vertical, 0.0, slope)
         return Envelope(*lines, None if np.isinf(cap).all() else cap)

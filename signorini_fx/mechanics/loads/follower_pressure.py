@@ -44,7 +44,8 @@ def follower_pressure(pressure: Any, u: fem.Function, *, axisymmetric: bool = Fa
 
 
 def _traction(pressure: Any, u: fem.Function, kinematics: Kinematics) -> Any:
-    mesh, dim = u.function_space.mesh, len(u)
+    mesh = u.function_space.mesh
+    dim = len(u)
     gradient = ufl.Identity(3) + kinematics.gradient(u)
     outward = ufl.FacetNormal(mesh)
     normal = ufl.as_vector([outward[k] if k < dim else 0 for k in range(3)])
@@ -108,15 +109,15 @@ class Followers:
         """Those of a statement at ``u``; ``ds(1)`` and so on integrate over the boundaries of
         pressures.
         """
-        pressures, carried, mesh = (
-            following(statement),
-            carried_loads(statement),
-            u.function_space.mesh,
-        )
-        effects, element = [*pressures, *carried], statement.element.degree
+        pressures = following(statement)
+        carried = carried_loads(statement)
+        mesh = u.function_space.mesh
+        effects = [*pressures, *carried]
+        element = statement.element.degree
         on = _DisplacedCoefficients(statement, tagged, u.function_space, u)
         factors = [fem.Constant(mesh, np.float64(0.0)) for _ in effects]
-        v, around = ufl.TestFunction(u.function_space), on.kinematics.measure(position(u))
+        v = ufl.TestFunction(u.function_space)
+        around = on.kinematics.measure(position(u))
         loads = [
             (
                 _traction(on.value(effect.pressure), u, on.kinematics),

@@ -79,8 +79,10 @@ def jump_at(
     """The jump that an entry of a scene, with this path, prescribes on a section that cuts the
     body; collective.
     """
-    mesh, dim = tagged.mesh, tagged.dimension
-    of_cells, corners = space.dofmap.list, compat.geometry_cells(mesh)
+    mesh = tagged.mesh
+    dim = tagged.dimension
+    of_cells = space.dofmap.list
+    corners = compat.geometry_cells(mesh)
     middle = mesh.geometry.x[corners, :dim].mean(axis=1)
     inside: _Flags = np.ones(len(middle), dtype=bool)
     nodes: _Flags = np.zeros(len(node_positions(space)), dtype=bool)
@@ -91,7 +93,8 @@ def jump_at(
         point, axis = _plane(space, nodes, tagged, path)
     else:
         key = "point"
-        point, axis = np.array(effect.point), np.array(effect.axis)
+        point = np.array(effect.point)
+        axis = np.array(effect.axis)
         axis = axis / np.linalg.norm(axis)
         if effect.region is not None:
             inside[:] = False
@@ -150,7 +153,8 @@ def _plane(
     space: fem.FunctionSpace, nodes: _Flags, tagged: TaggedMesh, path: str
 ) -> tuple[_Floats, _Floats]:
     """A point and the unit normal of the plane through nodes."""
-    comm, owned = space.mesh.comm, space.dofmap.index_map.size_local
+    comm = space.mesh.comm
+    owned = space.dofmap.index_map.size_local
     x = node_positions(space)[:owned, : tagged.dimension][nodes[:owned]]
     sums = parallel.global_sum(comm, np.append(x.sum(axis=0), len(x)))
     point = sums[:-1] / sums[-1]
@@ -177,7 +181,8 @@ def jump_loads(
     ``held``: whether contact or supports hold nodes of a jump on this rank along its axis, which is
     refused; collective.
     """
-    z, loads = ufl.TestFunction(space), []
+    z = ufl.TestFunction(space)
+    loads = []
     for jump in jumps:
         if parallel.any_rank(space.mesh.comm, held(jump)):
             raise SceneError(
@@ -217,10 +222,8 @@ def holds(
     held = bool((fixed.reshape(-1, dim)[nodes] & along).any())
     if boundary is None:
         return held
-    owned_flags, averages = (
-        jump.nodes[: fixed.size // dim, None].astype(np.float64),
-        boundary.averages,
-    )
+    owned_flags = jump.nodes[: fixed.size // dim, None].astype(np.float64)
+    averages = boundary.averages
     of_points = (
         abs(averages.shares) @ from_owners(owned_flags, averages.nodes, boundary.comm)[:, 0] > 0
     )

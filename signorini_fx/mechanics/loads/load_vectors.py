@@ -186,7 +186,9 @@ class FormCoefficients:
         """The integral of ``effect.spread`` over the boundary of the effect, which must not be
         zero; collective.
         """
-        boundary, spread, mesh = str(effect.where), effect.spread, self.space.mesh
+        boundary = str(effect.where)
+        spread = effect.spread
+        mesh = self.space.mesh
         if (boundary, spread) not in self._totals:
             form = _compiled([effect], lambda effect: self.value(effect.spread), self)
             assert form is not None  # the effect has a boundary
@@ -396,7 +398,8 @@ def _asked(effect: Any, method: str, on: FormCoefficients, *arguments: Any) -> A
     """
     if is_of_package(type(effect)):
         return getattr(effect, method)(*arguments, on)
-    name, wanted = type(effect).__name__, () if method == "strain" else (len(on.position),)
+    name = type(effect).__name__
+    wanted = () if method == "strain" else (len(on.position),)
     try:
         value = ufl.as_ufl(getattr(effect, method)(*arguments, on))
     except NotImplementedError:
@@ -414,7 +417,8 @@ def _compiled(
     effects: Sequence[Any], integrand: Callable[[Any], Any], on: FormCoefficients
 ) -> fem.Form:
     """The integrals of effects over what each of them acts on."""
-    element, where = on.space.element.basix_element.degree, measures(effects, on.tagged)
+    element = on.space.element.basix_element.degree
+    where = measures(effects, on.tagged)
     terms = [
         integrand(effect) * on.around * d(metadata={"quadrature_degree": effect.degree(element)})
         for effect, d in zip(effects, where, strict=True)

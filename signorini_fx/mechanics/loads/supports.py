@@ -59,7 +59,9 @@ class Supports:
         """Those of a scene; collective."""
         from signorini_fx.mechanics.contact_points.turned_supports import TurnedNodes
 
-        place, dim, turned = (statement, space, facets, tagged), space.mesh.geometry.dim, None
+        place = (statement, space, facets, tagged)
+        dim = space.mesh.geometry.dim
+        turned = None
         conditions, skew = conditions_on(*place)
         owned = space.dofmap.index_map.size_local
         fixed = prescribed(space, [condition for _, condition in conditions])[0][: owned * dim]
@@ -107,7 +109,8 @@ def conditions_on(
     from signorini_fx.mechanics.contact_points.turned_supports import SkewSupport
 
     dim = space.mesh.topology.dim - 1
-    supports, skew = Conditions(), list[SkewSupport]()
+    supports = Conditions()
+    skew = list[SkewSupport]()
     for index, effect in enumerate(statement.displacement):
         if not effect.holding:
             continue
@@ -207,7 +210,8 @@ def prescribed(
     """Which dofs of this rank are prescribed, and to what, else zero, shape (dofs,); the last
     condition applies.
     """
-    index_map, block = space.dofmap.index_map, space.dofmap.index_map_bs
+    index_map = space.dofmap.index_map
+    block = space.dofmap.index_map_bs
     values = np.zeros((index_map.size_local + index_map.num_ghosts) * block)
     fixed = np.zeros(values.size, dtype=bool)
     for condition in bcs:
@@ -286,7 +290,8 @@ def node_at(
     included, shape (1,) or (0,); there must be one on all ranks together; ``path``: for errors;
     collective.
     """
-    point, x = np.array(effect.at), node_positions(space)[:, : tagged.dimension]
+    point = np.array(effect.at)
+    x = node_positions(space)[:, : tagged.dimension]
     away = np.linalg.norm(x - point, axis=1)
     near = away <= ROOT_OF_EPS * tagged.size
     if effect.region is not None:
@@ -321,8 +326,10 @@ def forces_at_nodes(
     """A ``PointForce`` as the part of L that it is, shape (owned dofs,), or the error of
     ``node_at``; collective.
     """
-    node, owned = node_at(space, load, path, tagged), space.dofmap.index_map.size_local
-    at, forces = in_space(np.array([load.at])), np.zeros((owned, space.dofmap.index_map_bs))
+    node = node_at(space, load, path, tagged)
+    owned = space.dofmap.index_map.size_local
+    at = in_space(np.array([load.at]))
+    forces = np.zeros((owned, space.dofmap.index_map_bs))
     forces[node[node < owned], : tagged.dimension] = [
         sample(c, at)[0] for c in load.components[: tagged.dimension]
     ]

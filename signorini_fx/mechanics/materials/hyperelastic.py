@@ -97,9 +97,13 @@ class MooneyRivlin(Hyperelastic):
         """C has the invariants 3 + 2 tr E and 3 + 4 tr E + 4 II(E)."""
         import ufl
 
-        strain, grown, beyond = green_strain(change), growth(change), strain_beyond_growth(change)
-        first, second = ufl.tr(strain), (ufl.tr(strain) ** 2 - ufl.inner(strain, strain)) / 2
-        curved, steeper = power_beyond_line(grown, -2 / 3), power_beyond_line(grown, -4 / 3)
+        strain = green_strain(change)
+        grown = growth(change)
+        beyond = strain_beyond_growth(change)
+        first = ufl.tr(strain)
+        second = (ufl.tr(strain) ** 2 - ufl.inner(strain, strain)) / 2
+        curved = power_beyond_line(grown, -2 / 3)
+        steeper = power_beyond_line(grown, -4 / 3)
         energy = self.c10 * (2 * beyond + 3 * curved + 2 * first * (curved - 2 / 3 * grown))
         further = second + (first + second) * (steeper - 4 / 3 * grown)
         return energy + self.c01 * (4 * beyond + 3 * steeper + 4 * further)
@@ -159,12 +163,16 @@ class Ogden(Hyperelastic):
 
     def shape_energy_by_change(self, change: Any) -> Any:
         """F has no shear across the mesh.  C has the mean 1 + m in the section."""
-        strain, grown, beyond = green_strain(change), growth(change), strain_beyond_growth(change)
-        mean, across = strain[0, 0] + strain[1, 1], 2 * strain[2, 2]
+        strain = green_strain(change)
+        grown = growth(change)
+        beyond = strain_beyond_growth(change)
+        mean = strain[0, 0] + strain[1, 1]
+        across = 2 * strain[2, 2]
         apart = (strain[0, 0] - strain[1, 1]) ** 2 + 4 * strain[0, 1] ** 2
         energy = 0
         for mu, alpha in zip(self.mu, self.alpha, strict=True):
-            power, curved = alpha / 2, power_beyond_line(grown, -alpha / 3)
+            power = alpha / 2
+            curved = power_beyond_line(grown, -alpha / 3)
             of_mean, of_across = (power_beyond_line(part, power) for part in (mean, across))
             pair = 2 * (1 + power * mean + of_mean) * _beyond_mean(apart / (1 + mean) ** 2, power)
             quadratic = 2 * of_mean + of_across + pair
@@ -186,10 +194,8 @@ def _beyond_mean(ratio: Any, power: float) -> Any:
     """
     import ufl
 
-    near, far = (
-        ufl.lt(ratio, EQUAL_STRETCHES**2),
-        ufl.conditional(ufl.lt(ratio, EQUAL_STRETCHES**2), 1, ratio),
-    )
+    near = ufl.lt(ratio, EQUAL_STRETCHES**2)
+    far = ufl.conditional(ufl.lt(ratio, EQUAL_STRETCHES**2), 1, ratio)
     series, factor = 0, 1.0
     for k in range(1, 5):
         factor *= (power - 2 * k + 2) * (power - 2 * k + 1) / (2 * k * (2 * k - 1))

@@ -48,7 +48,8 @@ class LinearElastic(Material):
 
         Plane strain has those of three dimensions.
         """
-        young, poisson = self.young, self.poisson
+        young = self.young
+        poisson = self.poisson
         mu = young / (2 * (1 + poisson))
         if self.hypothesis == "plane stress":
             return young * poisson / (1 - poisson**2), mu

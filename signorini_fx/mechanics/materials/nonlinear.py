@@ -85,7 +85,8 @@ class NonlinearMaterial(Material):
         """Shear and bulk modulus at small strains, stresses, by default from the keys ``young`` and
         ``poisson``.
         """
-        young, poisson = getattr(self, "young", None), getattr(self, "poisson", None)
+        young = getattr(self, "young", None)
+        poisson = getattr(self, "poisson", None)
         if young is None or poisson is None:
             raise NotImplementedError
         return young / (2 * (1 + poisson)), young / (3 * (1 - 2 * poisson))
@@ -291,7 +292,8 @@ def power_beyond_line(change: Any, power: float) -> Any:
     """(1 + x)^p - 1 - p x, UFL, so that its derivative keeps the digits of a small x: by its series
     there.
     """
-    factors, factor = list[float](), power
+    factors = list[float]()
+    factor = power
     for k in _POWERS:
         factor *= (power - k + 1) / k
         factors.append(factor)

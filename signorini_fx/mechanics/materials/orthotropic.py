@@ -64,10 +64,8 @@ class Axes(Table):
 
     def axes(self, x: Array) -> Array:
         """They are not finite where the vectors of the scene are not, are zero, or are parallel."""
-        first, second = (
-            _vectors(self.direction or (1.0,), x),
-            _vectors(self.second or (0.0, 1.0), x),
-        )
+        first = _vectors(self.direction or (1.0,), x)
+        second = _vectors(self.second or (0.0, 1.0), x)
         if self.direction is not None and len(self.direction) == 2:
             second = np.column_stack((-first[:, 1], first[:, 0], first[:, 2]))
         first = _unit(first)

@@ -81,7 +81,8 @@ class J2(PathDependent):
     def respond(self, strain: Array, state: Array) -> tuple[Array, Array, Array]:
         """The segment of the curve in which the return ends has a solution in closed form."""
         shear = self.constants_at_rest[0]
-        plastic, accumulated = state[:, :9].reshape(-1, 3, 3), state[:, 9]
+        plastic = state[:, :9].reshape(-1, 3, 3)
+        accumulated = state[:, 9]
         trial = 2 * shear * (deviator(strain) - plastic)
         size = np.linalg.norm(trial, axis=(1, 2))
         mises, (begins, stresses), slopes = np.sqrt(1.5) * size, self._curve, self._slopes
@@ -94,7 +95,8 @@ class J2(PathDependent):
         missing = mises - stresses[last] - slope * (accumulated - begins[last])
         flow = np.maximum(missing / (3 * shear + slope), 0.0)
         flowing = np.flatnonzero(flow > 0)
-        normal, share = np.zeros_like(trial), np.ones_like(flow)
+        normal = np.zeros_like(trial)
+        share = np.ones_like(flow)
         normal[flowing] = trial[flowing] / size[flowing, None, None]
         share[flowing] = 1 - 3 * shear * flow[flowing] / mises[flowing]
         turned = 3 * shear / (3 * shear + slope[flowing]) - (1 - share[flowing])
@@ -163,13 +165,13 @@ class Maxwell(PathDependent):
         return material
 
     def respond(self, strain: Array, state: Array) -> tuple[Array, Array, Array]:
-        strain_deviator, last, since = (
-            deviator(strain),
-            state[:, -10:-1].reshape(-1, 3, 3),
-            self._time - state[:, -1],
-        )
-        spring, parts = super().constants_at_rest[0], list[Array]()
-        stress, stiffness = 2 * spring * strain_deviator, np.full(len(strain_deviator), 2 * spring)
+        strain_deviator = deviator(strain)
+        last = state[:, -10:-1].reshape(-1, 3, 3)
+        since = self._time - state[:, -1]
+        spring = super().constants_at_rest[0]
+        parts = list[Array]()
+        stress = 2 * spring * strain_deviator
+        stiffness = np.full(len(strain_deviator), 2 * spring)
         for branch, (shear, relaxation) in enumerate(self.branches):
             lasts = since / relaxation
             # (1 - exp(-x)) / x
@@ -178,7 +180,8 @@ class Maxwell(PathDependent):
                 -1, 3, 3
             )
             part += 2 * shear * share[:, None, None] * (strain_deviator - last)
-            stress, stiffness = stress + part, stiffness + 2 * shear * share
+            stress = stress + part
+            stiffness = stiffness + 2 * shear * share
             parts.append(part.reshape(-1, 9))
         new = np.column_stack(
             (*parts, strain_deviator.reshape(-1, 9), np.full(len(strain_deviator), self._time))

@@ -136,11 +136,9 @@ class Material(Effect):
         (W. Voigt, Lehrbuch der Kristallphysik, Teubner, 1910).
         """
         c = self.stiffness
-        normal, lateral, shear = (
-            np.trace(c[:3, :3]),
-            c[0, 1] + c[0, 2] + c[1, 2],
-            np.trace(c[3:, 3:]),
-        )
+        normal = np.trace(c[:3, :3])
+        lateral = c[0, 1] + c[0, 2] + c[1, 2]
+        shear = np.trace(c[3:, 3:])
         mu = float((normal - lateral + 3 * shear) / 15)
         return float((normal + 2 * lateral) / 9) - 2 * mu / 3, mu
 

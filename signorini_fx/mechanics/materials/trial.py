@@ -97,11 +97,9 @@ def _fault_of_energy(material: Any) -> str:
     import ufl
     from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
 
-    name, modulus, drawn = (
-        type(material).__name__,
-        max(material.constants_at_rest),
-        np.random.default_rng(0),
-    )
+    name = type(material).__name__
+    modulus = max(material.constants_at_rest)
+    drawn = np.random.default_rng(0)
 
     def shape(change: Array) -> float:
         energy = apply_algebra_lowering(
@@ -119,7 +117,8 @@ def _fault_of_energy(material: Any) -> str:
     # A strain of rubber.
     change[:2, :2] = 0.2 * drawn.standard_normal((2, 2))
     change[2, 2] = 0.2 * drawn.random()
-    before, after = shape(change), shape(_ROTATION @ (np.eye(3) + change) - np.eye(3))
+    before = shape(change)
+    after = shape(_ROTATION @ (np.eye(3) + change) - np.eye(3))
     if not np.isfinite([before, after, whole(change)]).all():
         return f"the energy of {name} is not finite"
     if not abs(after - before) <= SAME_TANGENT * modulus:
@@ -146,11 +145,9 @@ def _fault_of_energy(material: Any) -> str:
 
 
 def _fault_of_response(material: Any) -> str:
-    name, modulus, drawn = (
-        type(material).__name__,
-        max(material.constants_at_rest),
-        np.random.default_rng(0),
-    )
+    name = type(material).__name__
+    modulus = max(material.constants_at_rest)
+    drawn = np.random.default_rng(0)
     strain = drawn.standard_normal((64, 3, 3)) * np.geomspace(1e-5, 1e-1, 64)[:, None, None]
     strain = (strain + strain.swapaxes(1, 2)) / 2
     state: Array = np.zeros((len(strain), material.state_size))

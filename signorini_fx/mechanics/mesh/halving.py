@@ -66,7 +66,8 @@ def quadratic(mesh: MeshArrays) -> MeshArrays:
 
 def halved(mesh: MeshArrays) -> MeshArrays:
     """The mesh with every side of every cell halved."""
-    cell, corners = mesh.cell, mesh.cell.corners
+    cell = mesh.cell
+    corners = mesh.cell.corners
     number, points, lattice = _numbered(mesh, 2 * mesh.degree)
     children = _places(cell, _children(cell, corners), lattice)
     ends = cell.facet_nodes[:, : len(mesh.facet.corners)]
@@ -99,12 +100,15 @@ def _numbered(mesh: MeshArrays, degree: int) -> tuple[Ints, Floats, Floats]:
     from dolfinx import fem
     from dolfinx import mesh as dmesh
 
-    coarse, even = straightened(mesh), basix.LagrangeVariant.equispaced
-    cell, shape = coarse.cell, coarse.cell.basix_type.name
+    coarse = straightened(mesh)
+    even = basix.LagrangeVariant.equispaced
+    cell = coarse.cell
+    shape = coarse.cell.basix_type.name
     domain = ufl.Mesh(basix.ufl.element("Lagrange", shape, 1, even, shape=(cell.dim,)))
     made = dmesh.create_mesh(mpi4py.MPI.COMM_SELF, cells=coarse.cells, x=coarse.points, e=domain)
     element = basix.ufl.element("Lagrange", shape, degree, even)
-    dofs, lattice = fem.functionspace(made, element).dofmap.list, element.basix_element.points
+    dofs = fem.functionspace(made, element).dofmap.list
+    lattice = element.basix_element.points
     number: Ints = np.empty(dofs.shape, dtype=np.int64)
     number[made.topology.original_cell_index] = dofs
     points = np.empty((int(number.max()) + 1, mesh.dim))

@@ -32,10 +32,8 @@ def mesh_info(file: MeshFile) -> dict[str, Any]:
         ``area``, in 3D ``volume``.
     """
     mesh = read_file(file)
-    size, areas = (
-        measures(mesh.points, mesh.cells, mesh.cell),
-        measures(mesh.points, mesh.facets, mesh.facet),
-    )
+    size = measures(mesh.points, mesh.cells, mesh.cell)
+    areas = measures(mesh.points, mesh.facets, mesh.facet)
     measure, of_facets = _MEASURES[mesh.dim]
 
     def facets(rows: Ints) -> dict[str, Any]:

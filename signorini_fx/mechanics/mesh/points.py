@@ -53,13 +53,12 @@ def at_points(
         The rows, shape (n, length of a row), or (0, 0) without points; None on all ranks: some
         point of some rank is outside of all cells.
     """
-    comm, dim = mesh.comm, mesh.topology.dim
+    comm = mesh.comm
+    dim = mesh.topology.dim
     nodes = _nodes(mesh)
     reach = outside * _sizes(nodes).max(initial=0.0)
-    low, high = (
-        nodes.min(axis=(0, 1), initial=np.inf) - reach,
-        nodes.max(axis=(0, 1), initial=-np.inf) + reach,
-    )
+    low = nodes.min(axis=(0, 1), initial=np.inf) - reach
+    high = nodes.max(axis=(0, 1), initial=-np.inf) + reach
     asked = [
         np.flatnonzero(((x[:, :dim] >= low) & (x[:, :dim] <= high)).all(axis=1))
         for low, high in comm.allgather((low, high))
@@ -78,10 +77,8 @@ def at_points(
         share = slice(*np.searchsorted(hits, (begin, end)))
         answers.append((hits[share] - begin, gap[hits[share]], values[share]))
     replies = comm.alltoall(answers)
-    least, rows = (
-        np.full(len(x), np.inf),
-        np.empty((len(x), max(values.shape[1] for *_, values in replies))),
-    )
+    least = np.full(len(x), np.inf)
+    rows = np.empty((len(x), max(values.shape[1] for *_, values in replies)))
     for points, (hits, gap, values) in zip(asked, replies, strict=True):
         numbers = points[hits]
         nearer = gap < least[numbers]
@@ -109,25 +106,23 @@ def cells_of_points(
         continue outside themselves, shape (n, d); how far outside the points are, a length that is
         zero but for round-off inside and infinite without a cell, shape (n,).
     """
-    dim, nodes = mesh.topology.dim, _nodes(mesh)
-    element, size = compat.geometry_element(mesh), _sizes(nodes)
+    dim = mesh.topology.dim
+    nodes = _nodes(mesh)
+    element = compat.geometry_element(mesh)
+    size = _sizes(nodes)
     middle = basix.geometry(element.cell_type).mean(axis=0)
     table = element.tabulate(1, middle[None])[:, 0, :, 0]
     scaled = nodes / size[:, None, None]
-    centre, edges = (
-        np.einsum("k,nkc->nc", table[0], scaled),
-        np.einsum("dk,nkc->cdn", table[1:], scaled),
-    )
+    centre = np.einsum("k,nkc->nc", table[0], scaled)
+    edges = np.einsum("dk,nkc->cdn", table[1:], scaled)
     # How the place moves with the point, in sizes of the cell, where cells are taken for
     # parallelepipeds or simplices.
     turned = inverses(edges)
     flat = centre[:, None] + np.einsum("kd,cdn->nkc", element.points - middle, edges)
     curved = np.abs(scaled - flat).max(axis=(1, 2)) > NOTHING_LEFT
-    cells, reference, gap = (
-        np.full(len(x), -1, dtype=np.int32),
-        np.zeros((len(x), dim)),
-        np.full(len(x), np.inf),
-    )
+    cells = np.full(len(x), -1, dtype=np.int32)
+    reference = np.zeros((len(x), dim))
+    gap = np.full(len(x), np.inf)
     # Cells that differ much in size are apart from each other, because a tree pads all its boxes
     # alike.
     groups = np.floor(np.log2(size))
@@ -151,21 +146,18 @@ def cells_of_points(
             )
             point_numbers = np.repeat(open_points, np.diff(near.offsets))
             for begin in range(0, len(point_numbers), _PAIRS):
-                point, cell = (
-                    point_numbers[begin : begin + _PAIRS],
-                    near.array[begin : begin + _PAIRS],
-                )
+                point = point_numbers[begin : begin + _PAIRS]
+                cell = near.array[begin : begin + _PAIRS]
                 if pieces is not None:
                     same_piece = pieces[0][point] == pieces[1][cell]
-                    point, cell = point[same_piece], cell[same_piece]
+                    point = point[same_piece]
+                    cell = cell[same_piece]
                     if not len(point):  # of no points basix's tables of hexahedra end the process
                         continue
                 # Lengths of the cell, so that no unit matters.
                 away = centre[cell] - x[point, :dim] / size[cell, None]
-                trial, distance = (
-                    middle - np.einsum("cdn,nd->nc", turned[..., cell], away),
-                    np.zeros(len(cell)),
-                )
+                trial = middle - np.einsum("cdn,nd->nc", turned[..., cell], away)
+                distance = np.zeros(len(cell))
                 beside = np.abs(_clipped(element, trial) - trial).max(axis=1) > NOTHING_LEFT
                 rest = np.flatnonzero(curved[cell] | beside)
                 if len(rest):
@@ -195,7 +187,8 @@ def cells_of_points(
 
 def _nodes(mesh: dmesh.Mesh) -> Array:
     """The geometry nodes of the owned cells, shape (cells, nodes of each, d)."""
-    count, dim = mesh.topology.index_map(mesh.topology.dim).size_local, mesh.topology.dim
+    count = mesh.topology.index_map(mesh.topology.dim).size_local
+    dim = mesh.topology.dim
     return np.asarray(
         mesh.geometry.x[:, :dim][compat.geometry_cells(mesh)[:count]], dtype=np.float64
     )

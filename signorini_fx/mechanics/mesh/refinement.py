@@ -35,7 +35,8 @@ def mark(comm: MPI.Comm, squares: Floats, share: float = 0.5) -> npt.NDArray[np.
     collective.
     """
     total = float(parallel.global_sum(comm, squares.sum()))
-    low, high = 0.0, parallel.largest(comm, squares)
+    low = 0.0
+    high = parallel.largest(comm, squares)
     for _ in range(60):  # bisection for the threshold: no rank needs the cells of another
         middle = (low + high) / 2
         held = float(parallel.global_sum(comm, squares[squares >= middle].sum()))
@@ -152,7 +153,8 @@ def shorter_lengths(
             many cells as one all of whose cells are halved.
     """
     errors = np.sqrt(squares)
-    total, largest = float(parallel.global_sum(comm, squares.sum())), parallel.largest(comm, errors)
+    total = float(parallel.global_sum(comm, squares.sum()))
+    largest = parallel.largest(comm, errors)
     if not largest > 0:
         return lengths
 
@@ -162,7 +164,8 @@ def shorter_lengths(
         return np.asarray(np.clip(wanted, SHORTEST_CHILD, 1.0))
 
     allowed = finer**dimension * float(parallel.global_sum(comm, np.array(len(lengths))))
-    low, high = np.log(largest) - 60.0, np.log(largest)
+    low = np.log(largest) - 60.0
+    high = np.log(largest)
     for _ in range(60):
         middle = (low + high) / 2
         share = shares(np.exp(middle))
@@ -202,13 +205,16 @@ def size_fields(
             others.
         finer: see ``shorter_lengths``; cells between short and long ones count as well.
     """
-    comm, dim, of_part = tagged.mesh.comm, tagged.dimension, np.full(len(lengths), -1)
+    comm = tagged.mesh.comm
+    dim = tagged.dimension
+    of_part = np.full(len(lengths), -1)
     for number, members in enumerate(parts):
         of_part[members[members < len(of_part)]] = number
     arrays = arrays_of(tagged)
     of_row = parallel.rows_on_root(comm, of_part)
     of_cell = parallel.rows_on_root(comm, np.column_stack((lengths_of_cells(tagged), lengths)))
-    x, corners = arrays.points, arrays.corners
+    x = arrays.points
+    corners = arrays.corners
     if not parallel.is_root(comm):
         return [SizeField(x, corners, np.empty(0)) for _ in parts]
     longest: Floats = np.zeros(len(x))
@@ -250,7 +256,8 @@ def _affordable(
 
     if not finer_by(1.0) > finer:
         return sizes
-    low, high = 1.0, float((longest / np.where(sizes > 0, sizes, np.inf)).max())
+    low = 1.0
+    high = float((longest / np.where(sizes > 0, sizes, np.inf)).max())
     for _ in range(40):
         middle = float(np.sqrt(low * high))
         low, high = (middle, high) if finer_by(middle) > finer else (low, middle)
@@ -267,7 +274,8 @@ def _graded(x: Floats, sizes: Floats) -> Floats:
     least = graded.min()
     for octave in range(int(np.log2(graded.max() / least)) + 1):
         at = np.floor(np.log2(graded / least))
-        short, longer = at == octave, at > octave
+        short = at == octave
+        longer = at > octave
         if short.any() and longer.any():
             distance, nearest = cKDTree(x[short]).query(x[longer])
             graded[longer] = np.minimum(

@@ -121,7 +121,8 @@ class TaggedMesh(TaggedMeshBase):
         """Which facets of this rank are exterior ones whose cell it owns; a topology does not
         change.
         """
-        topology, across = self.mesh.topology, self.dimension - 1
+        topology = self.mesh.topology
+        across = self.dimension - 1
         topology.create_connectivity(across, across + 1)
         facets = topology.index_map(across)
         exterior = np.zeros(facets.size_local + facets.num_ghosts, dtype=bool)
@@ -154,7 +155,8 @@ def diameter_of(mesh: dmesh.Mesh) -> float:
     x = parallel.rows_on_root(mesh.comm, mesh.geometry.x[nodes, :dim].astype(np.float64))
 
     def of_hull() -> float:
-        low, high = x.min(axis=0), x.max(axis=0)
+        low = x.min(axis=0)
+        high = x.max(axis=0)
         try:
             corners = x[ConvexHull((x - low) / (high - low).max()).vertices]
         except QhullError:
@@ -210,7 +212,8 @@ def check_dimension(tagged: TaggedMesh, *, section: bool = False) -> None:
     """
     if parallel.any_rank(tagged.mesh.comm, not np.isfinite(tagged.mesh.geometry.x).all()):
         raise MeshError("a node of the mesh has coordinates that are not finite")
-    cells, points = int(tagged.mesh.topology.dim), int(tagged.mesh.geometry.dim)
+    cells = int(tagged.mesh.topology.dim)
+    points = int(tagged.mesh.geometry.dim)
     if (cells == points and cells in (2, 3)) or (section and is_section(tagged.mesh)):
         return
     if (cells, points) != (2, 3):
@@ -265,7 +268,8 @@ def curvature(tagged: TaggedMesh) -> float:
     kind = cells.kind_of_mesh(tagged.mesh)
     if kind is None or kind.degree == 1:  # of a higher degree are those of a caller's own mesh
         return 0.0
-    x, nodes = tagged.mesh.geometry.x, compat.geometry_cells(tagged.mesh).astype(np.int64)
+    x = tagged.mesh.geometry.x
+    nodes = compat.geometry_cells(tagged.mesh).astype(np.int64)
     return parallel.global_max(
         tagged.mesh.comm, cells.curvature(np.asarray(x, dtype=np.float64), nodes, kind)
     )
@@ -406,7 +410,8 @@ def from_arrays(comm: MPI.Comm, make: Callable[[], MeshArrays]) -> TaggedMesh:
         )
 
     kind, nodes, astray, *names = parallel.on_root(comm, made)
-    cell, none = CELLS[kind], np.empty(0, dtype=np.int64)
+    cell = CELLS[kind]
+    none = np.empty(0, dtype=np.int64)
     empty = none.reshape(0, len(cell.nodes)), none.reshape(0, len(CELLS[cell.facet].nodes))
     boundaries_of_none, regions_of_none = (dict.fromkeys(of, none) for of in names)
     nothing = MeshArrays(np.empty((0, cell.dim)), kind, *empty, boundaries_of_none, regions_of_none)
@@ -452,11 +457,15 @@ def arrays_of(tagged: TaggedMesh) -> MeshArrays:
     from signorini_fx.mechanics.mesh.files.arrays import MeshArrays
     from signorini_fx.mechanics.mesh.files.cells import CELLS, kind_of_mesh
 
-    mesh, comm, dim = tagged.mesh, tagged.mesh.comm, tagged.dimension
-    kind, nodes = kind_of_mesh(mesh), mesh.geometry.index_map()
+    mesh = tagged.mesh
+    comm = tagged.mesh.comm
+    dim = tagged.dimension
+    kind = kind_of_mesh(mesh)
+    nodes = mesh.geometry.index_map()
     if kind is None:
         raise MeshError("the geometry of its cells has a degree above 2: give it one of 1 or 2")
-    width, count = len(CELLS[kind.facet].nodes), mesh.topology.index_map(dim).size_local
+    width = len(CELLS[kind.facet].nodes)
+    count = mesh.topology.index_map(dim).size_local
     cells = _global_nodes(mesh, compat.geometry_cells(mesh)[:count])
     parts: Ints = np.empty((0, 2), dtype=np.int64)
     if tagged.cell_tags is not None:

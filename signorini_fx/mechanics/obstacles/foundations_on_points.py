@@ -92,7 +92,10 @@ class Foundations:
         names: Sequence[str],
         masters: Mapping[int, npt.NDArray[np.int32]],
     ) -> None:
-        self._space, self._contact, self.facets, self._names = space, contact, facets, names
+        self._space = space
+        self._contact = contact
+        self.facets = facets
+        self._names = names
         self._masters = masters
         self._pairs: dict[int, PairedSides] = {}
         self._values = [NodalValues(space, boundary_facets) for boundary_facets in facets]
@@ -102,7 +105,8 @@ class Foundations:
 
     def _shaped(self) -> dict[int, Distance]:
         """The distances from foundations that have shapes, by their numbers."""
-        distances, problems = dict[int, Distance](), list[tuple[str, str]]()
+        distances = dict[int, Distance]()
+        problems = list[tuple[str, str]]()
         for k, contact in enumerate(self._contact):
             if contact.shape is None:
                 continue
@@ -199,7 +203,9 @@ class Foundations:
         Raises:
             FormError: it has no shape that can be placed, or the placement is wrong.
         """
-        path, shape, driven = f"contact[{number}].shape", self.placed_shape(number), self.driven
+        path = f"contact[{number}].shape"
+        shape = self.placed_shape(number)
+        driven = self.driven
         if not isinstance(shape, Shape):
             raise FormError([(path, "this foundation has no shape that can be placed")])
         if driven[number] is not None and (wrong := set(placement) - set(RigidMotion.model_fields)):
@@ -298,7 +304,9 @@ class Foundations:
         """
         shapes = []
         for k, (contact, at) in enumerate(zip(self._contact, self._values, strict=True)):
-            factor, direction, axes = self.factor_of(k), None, None
+            factor = self.factor_of(k)
+            direction = None
+            axes = None
             if isinstance(contact.friction, DirectedLaw):
                 axes = contact.friction.axes(
                     at, f"contact[{k}].friction", self._dimension, self._space.mesh.comm
@@ -357,11 +365,10 @@ class Foundations:
             points, averages = averaged_points(space, facets, shape.factor, fixed)
         else:
             points = nodal_points(space, form, 0.0 if shape.factor is None else SAME_NUMBER)
-            nodes, names = points[0], space.dofmap.index_map.local_to_global(points[0])
-            x, held = (
-                node_positions(space)[nodes, : self._dimension],
-                fixed.reshape(-1, self._dimension)[nodes],
-            )
+            nodes = points[0]
+            names = space.dofmap.index_map.local_to_global(points[0])
+            x = node_positions(space)[nodes, : self._dimension]
+            held = fixed.reshape(-1, self._dimension)[nodes]
             averages = Averages.at_nodes(names, x, held)
         part = contact_part(space, points, averages, facets, number, turned)
         if shape.direction is not None:
@@ -386,7 +393,8 @@ class Foundations:
         """The points of a pair; ``known``: the further arguments of ``facing``."""
         from signorini_fx.mechanics.obstacles.paired_points import PairedSides
 
-        pair, facing = self._contact[number], self.facing(number, *known)
+        pair = self._contact[number]
+        facing = self.facing(number, *known)
         assert isinstance(pair, Pair)
         self._pairs[number] = PairedSides.from_facing(facing, pair)
         return self._pairs[number].boundary()
@@ -404,10 +412,8 @@ class Foundations:
         """
         from signorini_fx.mechanics.obstacles.paired_points import FacingSides
 
-        sides, flags = (
-            (self.facets[number], self._masters[number]),
-            fixed.reshape(-1, self._dimension),
-        )
+        sides = (self.facets[number], self._masters[number])
+        flags = fixed.reshape(-1, self._dimension)
         rests = at_rest.reshape(-1, self._dimension)[: len(flags)]
         # Of a node that two contacts share an earlier pair, or a foundation, has the point.
         first = (
@@ -425,7 +431,9 @@ class Foundations:
 
     def _gap_of(self, number: int) -> Array:
         """The gap of one contact at the nodes; what the sides of a pair say points alone have."""
-        contact, gap, pair = self._contact[number], self.given_gap(number), self._pairs.get(number)
+        contact = self._contact[number]
+        gap = self.given_gap(number)
+        pair = self._pairs.get(number)
         if number in self._distances:
             gap = gap + self._distance_of(number)
         if pair is not None and contact.by_geometry:
@@ -446,7 +454,8 @@ class Foundations:
         """The signed distance from the shape of one contact at all nodes of this rank;
         collective.
         """
-        comm, distance = self._space.mesh.comm, self._distances[number]
+        comm = self._space.mesh.comm
+        distance = self._distances[number]
         distances = self._values[number](distance, f"contact[{number}].shape")
         if not parallel.any_rank(comm, bool((distances >= 0).any())):
             at_vertices = distance(self._space.mesh.geometry.x.T.astype(np.float64))
@@ -515,10 +524,8 @@ class Foundations:
         closed = [
             k for k, contact in enumerate(self._contact) if contact.bilateral or contact.bonded
         ]
-        bilateral, gap = (
-            np.isin(boundary.part, closed) & ~self.alone(boundary),
-            np.zeros(boundary.size),
-        )
+        bilateral = np.isin(boundary.part, closed) & ~self.alone(boundary)
+        gap = np.zeros(boundary.size)
         # The gap is that of nodes, whose value averages of a linear displacement have, too.
         for k, entry in enumerate(data):
             on_part = boundary.part == k

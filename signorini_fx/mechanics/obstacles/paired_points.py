@@ -67,12 +67,15 @@ class PairedSide:
         (nodes,), None: 1; collective.  Positions interpolate those of the nodes of the
         displacement.
         """
-        mesh, dim, element = space.mesh, space.mesh.topology.dim, space.element.basix_element
+        mesh = space.mesh
+        dim = space.mesh.topology.dim
+        element = space.element.basix_element
         kind = basix.cell.subentity_types(element.cell_type)[dim - 1][0]
         places = basix.create_element(
             element.family, kind, element.degree, element.lagrange_variant
         ).points
-        x, node_table = node_positions(space)[:, :dim], facet_nodes(space, facets)
+        x = node_positions(space)[:, :dim]
+        node_table = facet_nodes(space, facets)
         names = space.dofmap.index_map.local_to_global(node_table.ravel()).reshape(node_table.shape)
         middles = x[space.dofmap.list[facet_entities(mesh, facets)[:, 0]]].mean(axis=1)
         names, positions, middles = (
@@ -103,7 +106,9 @@ def averaged_points(
     local numbers of their nodes, weights and normals, and how they average; ``factor``: see
     ``PairedSide.of``; ``fixed``: which owned dofs are prescribed; collective.
     """
-    comm, dim, side = space.mesh.comm, space.mesh.topology.dim, PairedSide.of(space, facets, factor)
+    comm = space.mesh.comm
+    dim = space.mesh.topology.dim
+    side = PairedSide.of(space, facets, factor)
     surface = side.surface
     numbers = np.arange(len(surface.nodes))
     points, weights = surface.functions.rule(
@@ -158,14 +163,16 @@ def mirrored(
     if slave.measure is not None:  # the normal is along the axis also at the tip of a cone
         on_axis = slave.measure[nodes] <= SAME_NUMBER * slave.measure.max()
         along_side |= on_axis & (np.abs(across[:, 1:]).max(axis=1) <= ROOT_OF_EPS)
-    nodes, across = nodes[along_side], across[along_side]
+    nodes = nodes[along_side]
+    across = across[along_side]
     if not nodes.size or not master_held.any():
         return projectors
     size = max(
         float(np.linalg.norm(np.ptp(side.corners, axis=1), axis=1).max())
         for side in (slave, master)
     )
-    within, reach = DIGITS_OF_FILES * size, size + cKDTree(master.x).query(slave.x[nodes])[0]
+    within = DIGITS_OF_FILES * size
+    reach = size + cKDTree(master.x).query(slave.x[nodes])[0]
     _, first, direction = np.unique(
         np.round(across, 9), axis=0, return_index=True, return_inverse=True
     )
@@ -229,7 +236,9 @@ class FacingSides:
             raise FormError(
                 [(f"contact[{index}]", "two bodies with curved cells need a space of degree 2")]
             )
-        comm, dim, owned = space.mesh.comm, space.mesh.topology.dim, len(fixed)
+        comm = space.mesh.comm
+        dim = space.mesh.topology.dim
+        owned = len(fixed)
         sides = [PairedSide.of(space, entries, factor) for entries in facets]
         taken_nodes = np.zeros(owned, dtype=bool)
         for taken_facets in (*taken, facets[1]):
@@ -298,7 +307,8 @@ class FacingSides:
         """The contact points at nodes of the slave that this rank owns; planes of symmetry hold
         them.
         """
-        points, facets = (self.local(nodes), weight, normal), self.slave.facets
+        points = (self.local(nodes), weight, normal)
+        facets = self.slave.facets
         part = contact_part(self.space, points, averages, facets, self.index, self.turned)
         across = np.einsum(
             "nji,njk,nki->ni", part.axes, self.slave.surface.across[nodes], part.axes
@@ -340,13 +350,15 @@ class PairedSides:
         those of the master do at the partners; collective.  ``displacement``: of the owned nodes,
         length, shape (owned nodes, d).
         """
-        normal, moved = self.coupling.normal, self.sides.displaced_master(displacement)
+        normal = self.coupling.normal
+        moved = self.sides.displaced_master(displacement)
         initial, present = (self._at_partners(side) for side in (self.sides.master.surface, moved))
         initial, present = (
             vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
             for vectors in (initial, present)
         )
-        bisector, share = initial + present, 1.0 + np.sum(initial * present, axis=1, keepdims=True)
+        bisector = initial + present
+        share = 1.0 + np.sum(initial * present, axis=1, keepdims=True)
         along, initial_part = (
             np.sum(vectors * normal, axis=1, keepdims=True) for vectors in (bisector, initial)
         )
@@ -360,12 +372,12 @@ class PairedSides:
 
         Between the vertices of quadratic triangles normals are means, whose turning is left out.
         """
-        boundary, sides, dim = state.boundary, self.sides, displacement.shape[1]
-        master, identity, points = (
-            sides.displaced_master(displacement),
-            np.eye(dim),
-            boundary.part == sides.index,
-        )
+        boundary = state.boundary
+        sides = self.sides
+        dim = displacement.shape[1]
+        master = sides.displaced_master(displacement)
+        identity = np.eye(dim)
+        points = boundary.part == sides.index
         sums = self._at_partners(master)
         size = np.linalg.norm(sums, axis=1)[:, None, None]
         present = sums / size[:, 0]
@@ -417,12 +429,10 @@ class PairedSides:
 
     def boundary(self) -> ContactBoundary:
         """The contact points of this rank; collective."""
-        sides, coupling, dim, relative = (
-            self.sides,
-            self.coupling,
-            self.sides.slave.surface.dimension,
-            self.relative,
-        )
+        sides = self.sides
+        coupling = self.coupling
+        dim = self.sides.slave.surface.dimension
+        relative = self.relative
         lift = coupling.lift(sides.slave.surface).tocoo()
         reached = np.unique(np.concatenate((relative.indices // dim, lift.row)))
         lifting = sp.csr_array(
@@ -459,7 +469,8 @@ class MovingPair:
 
     def __init__(self, sides: FacingSides, reach: float | None) -> None:
         """Two sides, undeformed; ``reach``: None: a default."""
-        surface, name = sides.slave.surface, f"contact[{sides.index}]"
+        surface = sides.slave.surface
+        name = f"contact[{sides.index}]"
         if np.intersect1d(sides.slave.nodes, sides.master.nodes).size:
             raise FormError(
                 [
@@ -500,10 +511,8 @@ class MovingPair:
         """The map at a displacement of the nodes of both sides, shape (m, d)."""
         sides = self.sides
         on_slave, on_master = np.split(displacement, [sides.slave.nodes.size])
-        slave, master = (
-            sides.slave.surface.displaced(on_slave),
-            sides.master.surface.displaced(on_master),
-        )
+        slave = sides.slave.surface.displaced(on_slave)
+        master = sides.master.surface.displaced(on_master)
         return slide(slave, master, self.points, self.reach)
 
     @cached_property
@@ -537,19 +546,19 @@ class MovingPair:
         """
         if self._known is not None and self._known[0] is self.coupling:
             return self._known[1]
-        sides, coupling, mine, normal = (
-            self.sides,
-            self.coupling,
-            self.mine,
-            self.coupling.normal[self.mine],
-        )
-        dim, on_slave = normal.shape[1], sides.slave.surface.x.size
+        sides = self.sides
+        coupling = self.coupling
+        mine = self.mine
+        normal = self.coupling.normal[self.mine]
+        dim = normal.shape[1]
+        on_slave = sides.slave.surface.x.size
         own = np.column_stack(
             (mine, len(self.points) + (dim - 1) * mine[:, None] + np.arange(dim - 1))
         )
         rows = sp.vstack((coupling.normal_rows, coupling.tangent_rows), format="csr")
         frames = np.concatenate((normal[:, :, None], self._sliding[mine]), axis=2)
-        along, moved = in_rows(frames, own, rows.shape[0]) @ rows, coupling.frames.both[mine]
+        along = in_rows(frames, own, rows.shape[0]) @ rows
+        moved = coupling.frames.both[mine]
         averages = Averages(
             moved, sides.nodes, sides.x, sides.fixed, coupling.centre[mine], between=along
         )
@@ -596,7 +605,8 @@ class MovingPair:
 
     def stiffness(self, state: ContactState, *, symmetric: bool = True) -> JointStiffness:
         """What the tractions of a state add to the tangent, see ``SlidingCoupling``; collective."""
-        rows, space = np.flatnonzero(state.boundary.part == self.sides.index), self.sides.space
+        rows = np.flatnonzero(state.boundary.part == self.sides.index)
+        space = self.sides.space
         shear = np.einsum("nik,nk->ni", state.boundary.tangents[rows], state.shear[rows])
         owned = np.zeros((space.dofmap.index_map.size_local, 1 + shear.shape[1]))
         owned[self.local_points] = np.column_stack((state.pressure[rows], shear))

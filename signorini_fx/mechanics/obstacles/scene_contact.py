@@ -46,7 +46,8 @@ def foundations_of(
     around = None if kinematics.uniform else kinematics.measure_at
     for number, (effect, on) in enumerate(zip(statement.contact, facets, strict=True)):
         friction = effect.friction if effect.friction.acts else None
-        bonded, bilateral = effect.bonded, not effect.opens and not effect.bonded
+        bonded = effect.bonded
+        bilateral = not effect.opens and not effect.bonded
         gap: Any = (
             effect.gap if isinstance(effect.gap, int | float) else partial(sample, effect.gap)
         )
@@ -66,7 +67,8 @@ def foundations_of(
                 Pair(on, masters[number], sliding=effect.sliding == "finite", **choice)
             )
             continue
-        shape, direction = shape_at_points(effect.surface, kinematics), effect.direction
+        shape = shape_at_points(effect.surface, kinematics)
+        direction = effect.direction
         if direction is not None:
             direction = (*direction, *[0.0] * kinematics.out_of_section)
         foundations.append(
@@ -116,7 +118,8 @@ class SideFigures:
         """Those of a boundary; ``shear_modulus``: a constant or a cell-wise function, stress;
         collective.
         """
-        mesh, facets = tagged.mesh, tagged.facets(name)
+        mesh = tagged.mesh
+        facets = tagged.facets(name)
         cells = facet_entities(mesh, facets)[:, 0]
         if isinstance(shear_modulus, fem.Function):
             stiffness = shear_modulus.x.array[shear_modulus.function_space.dofmap.list[cells, 0]]

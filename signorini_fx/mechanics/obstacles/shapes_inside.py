@@ -81,7 +81,8 @@ class BodyCells:
         """Positions of the nodes at a displacement with ghosts, shape (nodes, d); sections stay in
         their plane.
         """
-        places, within = self.x.copy(), slice(self.space.mesh.topology.dim)
+        places = self.x.copy()
+        within = slice(self.space.mesh.topology.dim)
         places[:, within] += displacement.reshape(-1, self.space.dofmap.index_map_bs)[:, within]
         return places
 
@@ -140,7 +141,9 @@ class BodyCells:
         )
         far = sum(parallel.largest(comm, way, 0.0) for way in ways)
         if radius < math.inf:
-            size, of_cell, yielding = radius, math.inf, 0.0
+            size = radius
+            of_cell = math.inf
+            yielding = 0.0
         else:
             reach = _reach(self.corners(ended))
             sums = parallel.global_sum(
@@ -149,7 +152,8 @@ class BodyCells:
             yielding = parallel.largest(
                 comm, np.linalg.norm(moved - sums[3:] / sums[2], axis=1), 0.0
             )
-            size, of_cell = float(sums[1] / sums[0]), 1.0
+            size = float(sums[1] / sums[0])
+            of_cell = 1.0
         if far <= SHAPE_INSIDE * size:
             return None
         steps = math.ceil(min(2.0 * far / (SHAPE_INSIDE * size), MOST_PLACES))
@@ -181,7 +185,8 @@ class BodyCells:
         if radius <= 0.0 or endless:
             return None
         corners = self.corners(places)
-        x, reach = corners.mean(axis=1), _reach(corners)
+        x = corners.mean(axis=1)
+        reach = _reach(corners)
         allowed = np.minimum(of_shape * radius, of_cell * reach) + yielding
         near = (
             np.flatnonzero(reach - shape.distance(x)[0] - added > allowed)

@@ -106,10 +106,12 @@ def _absorbed(pairs: Pairs, portion: Array, nodes: Indices) -> sp.csr_array:
     while (further := ~reached & (np.bincount(of, reached[to], portion.size) > 0)).any():
         reached = reached | further
     chain = np.flatnonzero(reached & (portion < 1) & (sums > 0))
-    number, point = np.full(portion.size, -1), np.full(portion.size, -1)
+    number = np.full(portion.size, -1)
+    point = np.full(portion.size, -1)
     number[chain], point[nodes] = np.arange(chain.size), np.arange(nodes.size)
     on_chain = number[of] >= 0
-    to, of = to[on_chain], of[on_chain]
+    to = to[on_chain]
+    of = of[on_chain]
     steps = np.zeros((portion.size, chain.size))
     steps[to, number[of]] = takes[to] * (1.0 - portion[of]) / sums[of]
     handed = np.where(number < 0, portion, 0.0)[:, None] * steps
@@ -119,10 +121,8 @@ def _absorbed(pairs: Pairs, portion: Array, nodes: Indices) -> sp.csr_array:
     values[values <= SAME_NUMBER**2] = 0.0
     values /= values.sum(axis=0)
     (of_keeping, of_chain), alone = np.nonzero(values), nodes[number[nodes] < 0]
-    rows, columns = (
-        np.concatenate((point[alone], of_keeping)),
-        np.concatenate((alone, chain[of_chain])),
-    )
+    rows = np.concatenate((point[alone], of_keeping))
+    columns = np.concatenate((alone, chain[of_chain]))
     entries = np.concatenate((np.ones(alone.size), values[of_keeping, of_chain]))
     return _by_rows(entries, rows, columns, (nodes.size, portion.size))
 
@@ -133,10 +133,8 @@ def _by_rows(
     """A sparse matrix of entries at different places: in a third of the time of one that looks for
     the same.
     """
-    order, ends = (
-        np.argsort(rows, kind="stable"),
-        np.append(0, np.bincount(rows, minlength=shape[0]).cumsum()),
-    )
+    order = np.argsort(rows, kind="stable")
+    ends = np.append(0, np.bincount(rows, minlength=shape[0]).cumsum())
     return sp.csr_array((values[order], columns[order], ends), shape=shape)
 
 
@@ -149,7 +147,8 @@ def _mixed(
     weak = np.flatnonzero(portion < 1.0)
     if not weak.size:
         return shares
-    at, own = (np.arange(weak.size), weak), np.zeros((shares.shape[1], weak.size))
+    at = (np.arange(weak.size), weak)
+    own = np.zeros((shares.shape[1], weak.size))
     own[nodes[weak], at[0]] = 1.0
     to = (shares @ own).T  # which points the function of each of them is in
     remainder = np.maximum(1.0 - to[at], 0.0)
@@ -189,7 +188,8 @@ def _together(side: PairSurface, facets: Indices) -> tuple[Pairs, Flags]:
     """The nodes of a side, two each, that have test functions on one of some facets, in both
     orders, ascending, and which nodes have any there, shape (N,).
     """
-    tests, count = side.points[facets], len(side.x)
+    tests = side.points[facets]
+    count = len(side.x)
     tested_nodes: Flags = np.zeros(count, dtype=bool)
     tested_nodes[tests] = True
     first, second = np.divmod(np.unique(tests[:, :, None] * count + tests[:, None]), count)

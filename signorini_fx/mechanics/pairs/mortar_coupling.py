@@ -118,14 +118,10 @@ class Coupling:
         """
         # A test function meets the function of its own node, on quadratic triangles the hat, and no
         # other one.
-        values, met = (
-            slave.functions.tests.values(slave.functions.places),
-            sp.lil_array((len(slave.x), len(slave.x))),
-        )
-        rows, columns = (
-            np.repeat(slave.nodes, values.shape[1], axis=1),
-            np.tile(slave.points, len(values)),
-        )
+        values = slave.functions.tests.values(slave.functions.places)
+        met = sp.lil_array((len(slave.x), len(slave.x)))
+        rows = np.repeat(slave.nodes, values.shape[1], axis=1)
+        columns = np.tile(slave.points, len(values))
         met[rows, columns] = np.broadcast_to(values.ravel(), rows.shape)
         points = sp.csr_array(met.tocsc()[:, self.nodes])
         diagonal = np.asarray((self.slave @ points).diagonal())
@@ -163,7 +159,8 @@ class Tested:
         """With the pieces of the pairs of facets whose mean distance, of all pieces, is at most
         ``reach``, length.
         """
-        overlap, weight = self.overlap, self.overlap.weight
+        overlap = self.overlap
+        weight = self.overlap.weight
         _, pair = np.unique(
             overlap.slave * len(self.master.nodes) + overlap.master, return_inverse=True
         )
@@ -214,7 +211,8 @@ class Tested:
     @cached_property
     def areas(self) -> Array:
         """Integrals of the functions of the nodes of the slave, shape (N,)."""
-        points, integrals = self.slave.points[self.overlap.slave], self.weighted.sum(axis=1)
+        points = self.slave.points[self.overlap.slave]
+        integrals = self.weighted.sum(axis=1)
         return np.bincount(points.ravel(), integrals.ravel(), minlength=len(self.slave.x)).astype(
             np.float64
         )
@@ -224,17 +222,16 @@ class Tested:
         """The functions of both sides at the points of the overlap, shapes (p, q, k) and (p, q,
         l).
         """
-        slave, master = self.slave.functions, self.master.functions
+        slave = self.slave.functions
+        master = self.master.functions
         on_slave = self.tests if slave.tests is slave else slave.values(self.overlap.at)
         return on_slave, master.values(self.overlap.over)
 
     @cached_property
     def distance(self) -> Array:
         """From each slave point to the master point over it, length, shape (p, q, d)."""
-        on_slave, on_master = (
-            self.slave.corners[self.overlap.slave],
-            self.master.corners[self.overlap.master],
-        )
+        on_slave = self.slave.corners[self.overlap.slave]
+        on_master = self.master.corners[self.overlap.master]
         return np.asarray(self.shapes[1] @ on_master - self.shapes[0] @ on_slave)
 
     def mean(self, shares: sp.csr_array) -> sp.csr_array:
@@ -249,16 +246,13 @@ class Tested:
         """Integrals of the functions on all pieces times those of both sides, and beside them the
         areas over which they see the nodes, sparse, shape (p t, 2 m).
         """
-        products, first = (
-            self.weighted.swapaxes(1, 2) @ np.concatenate(self.shapes, axis=2),
-            len(self.slave.x),
-        )
+        products = self.weighted.swapaxes(1, 2) @ np.concatenate(self.shapes, axis=2)
+        first = len(self.slave.x)
         areas = np.broadcast_to(self.overlap.weight.sum(axis=1)[:, None, None], products.shape)
-        on_slave, on_master = (
-            self.slave.nodes[self.overlap.slave],
-            self.master.nodes[self.overlap.master],
-        )
-        nodes, count = np.hstack((on_slave, first + on_master)), first + len(self.master.x)
+        on_slave = self.slave.nodes[self.overlap.slave]
+        on_master = self.master.nodes[self.overlap.master]
+        nodes = np.hstack((on_slave, first + on_master))
+        count = first + len(self.master.x)
         return in_rows(
             np.concatenate((products, areas), axis=2), np.hstack((nodes, count + nodes)), 2 * count
         )
@@ -355,19 +349,25 @@ def coupled(
     """The map of both sides at nodes that take over such shares of functions; those that take none
     are alone.
     """
-    slave, master = tested.slave, tested.master
-    alone, count = np.diff(shares.indptr) == 0, len(slave.x) + len(master.x)
+    slave = tested.slave
+    master = tested.master
+    alone = np.diff(shares.indptr) == 0
+    count = len(slave.x) + len(master.x)
     ends = np.append(0, np.cumsum(alone))
     itself = sp.csr_array((np.ones(ends[-1]), nodes[alone], ends), shape=(nodes.size, count))
-    mean, half = tested.mean(shares), 0.0 if nominal else 0.5
+    mean = tested.mean(shares)
+    half = 0.0 if nominal else 0.5
     products = mean @ tested.products()
     distance = mean @ (tested.weighted.swapaxes(1, 2) @ tested.distance).reshape(
         mean.shape[1], slave.dimension
     )
-    both, arms = without_round_off(products[:, :count]) + itself, products[:, count:]
+    both = without_round_off(products[:, :count]) + itself
+    arms = products[:, count:]
     centre = both @ np.concatenate((slave.x, np.zeros_like(master.x))) + half * distance
     turning = turning_of(arms, (slave.x, master.x), (half * distance, (1.0 - half) * distance))
-    weight, first, covered = shares @ tested.areas, len(slave.x), float(tested.area.sum())
+    weight = shares @ tested.areas
+    first = len(slave.x)
+    covered = float(tested.area.sum())
     both.data[both.indices >= first] *= -1.0
     directions = np.concatenate((slave.directions, master.directions))
     normal = slave.nodal_normals[nodes] if nominal else slave.in_planes(both @ directions, nodes)
@@ -378,12 +378,14 @@ def coupled(
 
 def _refuse_bare(tested: Tested, shares: sp.csr_array) -> None:
     """Refuse facets that nobody carries: no point has any of their functions."""
-    slave, carried_nodes = tested.slave, np.asarray(abs(shares).sum(axis=0)).ravel() > 0.0
+    slave = tested.slave
+    carried_nodes = np.asarray(abs(shares).sum(axis=0)).ravel() > 0.0
     area = np.where(carried_nodes[slave.points].any(axis=1), 0.0, tested.area)
     bare = np.flatnonzero(area)
     if area.sum() <= CERTIFICATE_TOLERANCE * tested.area.sum():  # slivers
         return
-    size, middle = float(np.abs(slave.x).max()), slave.corners[area.argmax()].mean(axis=0)
+    size = float(np.abs(slave.x).max())
+    middle = slave.corners[area.argmax()].mean(axis=0)
     place = ", ".join(f"{component:.4g}" for component in size * np.round(middle / size, 9) + 0.0)
     raise PairingError(
         f"other contacts own all nodes of {bare.size} of its facets that see the other side, such "
@@ -434,11 +436,14 @@ def _mean_normals(tested: Tested) -> Array:
     """N_i of the nodes of the slave, shape (N, d); where one has no point, by the mean normal of
     the master.
     """
-    slave, master, overlap = tested.slave, tested.master, tested.overlap
+    slave = tested.slave
+    master = tested.master
+    overlap = tested.overlap
     slave_normals = tested.shapes[0] @ slave.directions[slave.nodes[overlap.slave]]
     master_normals = tested.shapes[1] @ master.directions[master.nodes[overlap.master]]
     moments = tested.moments(np.concatenate((slave_normals, master_normals), axis=2))
-    dim, unable = slave.dimension, np.zeros(len(slave.x), dtype=bool)
+    dim = slave.dimension
+    unable = np.zeros(len(slave.x), dtype=bool)
     nodes, shares = carried(slave, tested.covered, tested.areas, unable)
     means = shares @ moments / (shares @ tested.areas)[:, None]
     directions = slave.nodal_normals - extended(slave, nodes, means[:, dim:])

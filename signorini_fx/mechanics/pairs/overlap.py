@@ -43,15 +43,15 @@ def space_overlap(
     beyond which parts are no partners, length; ``directions``: of projection at the nodes of the
     slave with test functions, shape (N, 3), None: the normals of its parts; collective.
     """
-    slave, master = slave_parts.side, master_parts.side
-    along, turning = (
-        slave_parts.normal,
-        np.asarray(np.zeros(len(slave_parts.facet)), dtype=np.float64),
-    )
+    slave = slave_parts.side
+    master = master_parts.side
+    along = slave_parts.normal
+    turning = np.asarray(np.zeros(len(slave_parts.facet)), dtype=np.float64)
     if directions is not None:
         along, turning = _along(slave, slave_parts, directions)
     slave_numbers, master_numbers = candidates(slave_parts, master_parts, reach, turning)
-    centre, axes = slave_parts.centre[slave_numbers], axes_across(along[slave_numbers])
+    centre = slave_parts.centre[slave_numbers]
+    axes = axes_across(along[slave_numbers])
     flat, flat_master = (
         np.einsum("mcd,mkd->mck", corners - centre[:, None], axes)
         for corners in (slave_parts.corners[slave_numbers], master_parts.corners[master_numbers])
@@ -60,11 +60,9 @@ def space_overlap(
     nonempty = _areas(polygon, count) > NOTHING_LEFT * np.abs(
         _areas(flat, np.full(len(flat), flat.shape[1]))
     )
-    slave_numbers, master_numbers, count = (
-        slave_numbers[nonempty],
-        master_numbers[nonempty],
-        count[nonempty],
-    )
+    slave_numbers = slave_numbers[nonempty]
+    master_numbers = master_numbers[nonempty]
+    count = count[nonempty]
     flat, flat_master, polygon, centre, axes = (
         entry[nonempty] for entry in (flat, flat_master, polygon, centre, axes)
     )
@@ -78,7 +76,8 @@ def space_overlap(
     first, second = (triangles[:, k] - triangles[:, 0] for k in (1, 2))
     p = triangles[:, :1] + points[:, :1] * first[:, None] + points[:, 1:] * second[:, None]
     area = np.abs(_cross(first, second))[:, None] * weights
-    slave_numbers, master_numbers = slave_numbers[pair], master_numbers[pair]
+    slave_numbers = slave_numbers[pair]
+    master_numbers = master_numbers[pair]
     linear = [entry.linear for entry in functions]
     at, projected = _back(linear[0], flat[pair], slave_parts.reference[slave_numbers], p)
     over, _ = _back(linear[1], flat_master[pair], master_parts.reference[master_numbers], p)
@@ -118,13 +117,15 @@ def _along(side: PairSurface, parts: Parts, directions: Array) -> tuple[Array, A
     along = np.einsum("pt,ptd->pd", shape, directions[side.points[parts.facet]])
     along /= np.linalg.norm(along, axis=1, keepdims=True)
     normal = parts.normal
-    cosine, sine = np.sum(along * normal, axis=1), np.linalg.norm(np.cross(along, normal), axis=1)
+    cosine = np.sum(along * normal, axis=1)
+    sine = np.linalg.norm(np.cross(along, normal), axis=1)
     return along, sine / cosine
 
 
 def _affine(side: PairSurface, facets: Indices) -> bool:
     """Whether maps from the reference facet to these facets are affine."""
-    corners, places = side.corners[np.unique(facets)], side.functions.places
+    corners = side.corners[np.unique(facets)]
+    places = side.functions.places
     away = np.linalg.norm(corners - Lagrange(places[:3]).values(places) @ corners[:, :3], axis=2)
     return bool(
         (away <= SAME_LENGTH * np.linalg.norm(corners[:, 1:2] - corners[:, :1], axis=2)).all()
@@ -135,10 +136,8 @@ def _degree(functions: tuple[Lagrange, Lagrange], *, affine: bool) -> int:
     """Of the quadrature on each triangle; ``affine``: whether the maps of the facets of both sides
     are.
     """
-    highest, simplices = (
-        max(lagrange.degree for lagrange in functions),
-        all(lagrange.simplex for lagrange in functions),
-    )
+    highest = max(lagrange.degree for lagrange in functions)
+    simplices = all(lagrange.simplex for lagrange in functions)
     if not affine or (highest > 1 and not simplices):
         return _RATIONAL
     return _DEGREES[highest] if simplices else _PARALLELOGRAMS
@@ -161,7 +160,8 @@ def _places_of(functions: Lagrange, nodes: Array, p: Array, at: Array) -> Array:
     """
     at, moving = at.copy(), np.arange(len(at))
     for _ in range(1 if functions.degree == 1 and functions.simplex else MANY_STEPS):
-        place, flat = at[moving], nodes[moving]
+        place = at[moving]
+        flat = nodes[moving]
         residual = p[moving] - functions.values(place) @ flat
         first, second = functions.slopes(place) @ flat
         step = (
@@ -207,7 +207,8 @@ def clip(subject: Array, window: Array) -> tuple[Array, Indices]:
     both counterclockwise, shapes (m, a, 2) and (m, b, 2): corners of what is left, shape (m, v, 2),
     and how many of them are there, shape (m,).
     """
-    polygon, count = subject, np.full(len(subject), subject.shape[1])
+    polygon = subject
+    count = np.full(len(subject), subject.shape[1])
     for edge in range(window.shape[1]):
         start = window[:, edge, None]
         along = window[:, (edge + 1) % window.shape[1], None] - start
@@ -215,8 +216,10 @@ def clip(subject: Array, window: Array) -> tuple[Array, Indices]:
         valid = np.arange(size) < count[:, None]
         following = (np.arange(size) + 1)[None] % np.maximum(count, 1)[:, None]
         next_corners = np.take_along_axis(polygon, following[..., None], axis=1)
-        height, height_after = _cross(along, polygon - start), _cross(along, next_corners - start)
-        inside, crosses = valid & (height >= 0), valid & ((height >= 0) != (height_after >= 0))
+        height = _cross(along, polygon - start)
+        height_after = _cross(along, next_corners - start)
+        inside = valid & (height >= 0)
+        crosses = valid & ((height >= 0) != (height_after >= 0))
         share = np.divide(height, height - height_after, out=np.zeros_like(height), where=crosses)
         cut = polygon + share[..., None] * (next_corners - polygon)
         # Of each side first the corner that stays, then where it crosses the edge.
@@ -263,24 +266,29 @@ def plane_overlap(
 
     Directions at nodes are the normals of the slave where none are given.
     """
-    slave, master, facets = slave_parts.side, master_parts.side, slave_parts.facet
+    slave = slave_parts.side
+    master = master_parts.side
+    facets = slave_parts.facet
     normals = (slave.nodal_normals if directions is None else directions)[slave.nodes[facets]]
-    cosine, sine = (
-        np.einsum("fkd,fd->fk", normals, slave_parts.normal),
-        _cross(normals, slave_parts.normal[:, None]),
-    )
+    cosine = np.einsum("fkd,fd->fk", normals, slave_parts.normal)
+    sine = _cross(normals, slave_parts.normal[:, None])
     turning = (np.abs(sine) / np.maximum(cosine, SAME_NUMBER)).max(axis=1)
     numbers, master_facets = candidates(slave_parts, master_parts, reach, turning)
-    slave_facets, normals = facets[numbers], normals[numbers]
-    corners, ways = slave.corners[slave_facets], slave.functions.polynomials(normals)[:, :, None]
+    slave_facets = facets[numbers]
+    normals = normals[numbers]
+    corners = slave.corners[slave_facets]
+    ways = slave.functions.polynomials(normals)[:, :, None]
     # Of each pair: the images of both ends.
     ends = place_under(
         slave.functions, corners, ways, master.positions(master_facets, np.array([[[0.0], [1.0]]]))
     )
     ends.sort(axis=1)
     meets = ends[:, 1] - ends[:, 0] > NOTHING_LEFT
-    slave_facets, master_facets = slave_facets[meets], master_facets[meets]
-    ends, normals, corners = ends[meets], normals[meets], corners[meets]
+    slave_facets = slave_facets[meets]
+    master_facets = master_facets[meets]
+    ends = ends[meets]
+    normals = normals[meets]
+    corners = corners[meets]
     width = ends[:, 1] - ends[:, 0]
     at = ends[:, :1] + width[:, None] * (_PLACES_OF_RULE + 1) / 2
     shape = slave.functions.values(at[..., None])
@@ -322,12 +330,15 @@ def _crossing(factors: Array) -> Array:
     low, high, at = (np.full(factors.shape[1:], end) for end in (0.0, 1.0, 0.5))
     rates = (factors[1:].T * np.arange(1, len(factors))).T
     for _ in range(MANY_STEPS):
-        value, slope = _powers(factors, at), _powers(rates, at)
-        low, high = np.where(value > 0, at, low), np.where(value > 0, high, at)
+        value = _powers(factors, at)
+        slope = _powers(rates, at)
+        low = np.where(value > 0, at, low)
+        high = np.where(value > 0, high, at)
         step = np.divide(value, slope, out=np.full(value.shape, np.nan), where=slope != 0)
         following = np.clip(at - step, 0.0, 1.0)
         following = np.where((following >= low) & (following <= high), following, (low + high) / 2)
-        step, at = following - at, following
+        step = following - at
+        at = following
         if np.abs(step).max(initial=0.0) < ZERO_COMPONENT:
             break
     return at

@@ -246,10 +246,8 @@ class PairSurface:
         if self.undeformed is not None:
             return self.undeformed._areas
         points, weights = self.functions.rule(_DEGREE)
-        sizes, area = (
-            self.sizes(np.arange(len(self.nodes)), points[None]) * weights,
-            np.zeros(len(self.x)),
-        )
+        sizes = self.sizes(np.arange(len(self.nodes)), points[None]) * weights
+        area = np.zeros(len(self.x))
         np.add.at(area, self.points, sizes @ self.functions.tests.values(points))
         return area, sizes.sum(axis=1)
 
@@ -316,7 +314,8 @@ class PairSurface:
             )
             vectors = np.einsum("qt,fqld->ftld", tests, second - first, optimize=True)
             turning = _crossing(vectors.reshape(-1, 3)).reshape(*vectors.shape, 3)
-        within, normals = np.eye(dim) - self.across, self.nodal_normals
+        within = np.eye(dim) - self.across
+        normals = self.nodal_normals
         size = np.linalg.norm((within @ self.moments[..., None])[..., 0], axis=1)
         inverse = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0)
         across = inverse[:, None, None] * (within - normals[:, :, None] * normals[:, None])
@@ -365,7 +364,8 @@ class PairSurface:
         """
         if self.undeformed is not None:
             return self.undeformed.around
-        areas, shape = self.facet_areas[:, None, None], (len(self.x), len(self.x))
+        areas = self.facet_areas[:, None, None]
+        shape = (len(self.x), len(self.x))
         return summed(shape, (areas, self.nodes[:, :, None], self.nodes[:, None]))
 
 
@@ -433,10 +433,8 @@ def means_along(vectors: Array, matrix: sp.csr_array) -> sp.csr_array:
     """What vectors at points, shape (n, d), have of the means that a matrix of nodes makes of
     vectors there: sparse, shape (n, d m).
     """
-    dim, values = (
-        vectors.shape[1],
-        matrix.data[:, None] * np.repeat(vectors, np.diff(matrix.indptr), axis=0),
-    )
+    dim = vectors.shape[1]
+    values = matrix.data[:, None] * np.repeat(vectors, np.diff(matrix.indptr), axis=0)
     shape = (matrix.shape[0], dim * matrix.shape[1])
     return sp.csr_array(
         (values.ravel(), components(matrix.indices, dim), dim * matrix.indptr), shape=shape
@@ -472,15 +470,19 @@ def turning_of(
     count, dim = distances[0].shape
     side = np.repeat(np.arange(len(places)), [len(x) for x in places])[arms.indices]
     row = len(places) * np.repeat(np.arange(count), np.diff(arms.indptr)) + side
-    distance, count = np.stack(distances, axis=1).reshape(-1, dim), count * len(places)
-    a, r, d = arms.data, np.concatenate(places)[arms.indices], distance[row]
+    distance = np.stack(distances, axis=1).reshape(-1, dim)
+    count = count * len(places)
+    a = arms.data
+    r = np.concatenate(places)[arms.indices]
+    d = distance[row]
     total = np.bincount(row, a, minlength=count)[:, None]
     # The second time without the round-off of coordinates far from the origin, which is a motion of
     # the middle.
     for _ in range(2):
         sums = np.stack([np.bincount(row, a * component, count) for component in r.T], axis=1)
         r = r - sums[row] / total[row]
-    turns, moments = _crossing(r), a[:, None, None] * _crossing(r)
+    turns = _crossing(r)
+    moments = a[:, None, None] * _crossing(r)
     inertia: Array = np.zeros((count, *turns.shape[1:2] * 2))
     np.add.at(inertia, row, moments @ turns.swapaxes(1, 2))
     inverse = np.divide(1.0, inertia, out=np.zeros_like(inertia), where=inertia > 0)
@@ -498,7 +500,8 @@ def turned_normals(*sides: PairSurface, turned_too: Array | None = None) -> sp.c
     """How displacements of the nodes of sides turn ``nodal_normals``, sparse, shape (d m, d m);
     ``turned_too``: what makes these turns into those of other vectors, shape (m, d, d).
     """
-    parts, first = list[tuple[Array, Indices, Indices]](), 0
+    parts = list[tuple[Array, Indices, Indices]]()
+    first = 0
     for side in sides:
         values, (place, columns, counts) = side.turning, side.turning_places
         if turned_too is not None:

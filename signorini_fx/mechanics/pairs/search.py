@@ -63,7 +63,8 @@ class Parts(Patches):
     def of(cls, side: PairSurface, facets: Indices) -> Parts:
         """Those of some facets."""
         parts = side.functions.parts
-        facet, reference = np.repeat(facets, len(parts)), np.tile(parts, (len(facets), 1, 1))
+        facet = np.repeat(facets, len(parts))
+        reference = np.tile(parts, (len(facets), 1, 1))
         corners = (side.functions.values(parts) @ side.corners[facets, None]).reshape(
             facet.size, parts.shape[1], side.dimension
         )
@@ -97,7 +98,9 @@ def candidates(
     # How much further away across the normal a partner may be whose ball is met along a direction
     # aslant.
     aslant = 1.0 + turning**2 / np.sqrt(1.0 + turning**2)
-    tree, count, largest = master.tree, len(master.centre), float(master.radius.max())
+    tree = master.tree
+    count = len(master.centre)
+    largest = float(master.radius.max())
     farthest = slave.radius + largest + reach
     balls = min(int(np.ceil(farthest.max() / largest)), _BALLS)
     height = farthest / balls  # of balls around the normal of each patch, over it and under it
@@ -112,11 +115,10 @@ def candidates(
     first = np.repeat(patch, [len(numbers) for numbers in found])
     second = np.fromiter(chain.from_iterable(found), dtype=np.int64)
     first, second = np.divmod(np.unique(first * count + second), count)
-    normal, apart = slave.normal[first], master.centre[second] - slave.centre[first]
-    beyond, along = (
-        slave.radius[first] + master.radius[second],
-        np.einsum("md,md->m", apart, normal),
-    )
+    normal = slave.normal[first]
+    apart = master.centre[second] - slave.centre[first]
+    beyond = slave.radius[first] + master.radius[second]
+    along = np.einsum("md,md->m", apart, normal)
     across = np.linalg.norm(apart - along[:, None] * normal, axis=1) - turning[first] * np.abs(
         along
     )

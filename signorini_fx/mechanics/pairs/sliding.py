@@ -99,7 +99,8 @@ class SlidingCoupling:
         """How far the points have slid since a step has begun with another map, along T_i, length,
         shape (n, d - 1): of points that had no partner then with the nodes that they meet now.
         """
-        tangents, ways = self.frames.tangents, []
+        tangents = self.frames.tangents
+        ways = []
         for frames, old in ((begun.frames, begun.frames.tangents), (self.frames, tangents)):
             then, now = (
                 frames.both @ np.concatenate((at.slave.x, at.master.x)) for at in (begun, self)
@@ -154,23 +155,24 @@ def slide(
     assert directions is not None
     tested = whole.moving
     nodes, shares = carried_evenly(slave, tested.covered, tested.areas, tested.movable)
-    partnered, dim = np.asarray(np.isin(points, nodes)), slave.dimension
+    partnered = np.asarray(np.isin(points, nodes))
+    dim = slave.dimension
     entries = np.zeros(points.size + 1, dtype=np.int64)
     entries[1:][partnered] = np.diff(shares.indptr)
     placed = shares.data, shares.indices, entries.cumsum()
     found = coupled(tested, points, sp.csr_array(placed, shape=(points.size, shares.shape[1])))
-    normals, both = found.normal, found.both
+    normals = found.normal
+    both = found.both
     tangents = tangents_of_points(slave, points, normals)
     # Along T_i, with half of the rotations of both sides, see ``mortar_coupling``.
     tangent_rows = along_vectors(tangents, in_blocks(both, dim) + found.turning)
     pieces = SlidingPieces.of(tested, directions, found.mean)
     # A point alone moves with its node.
     own = means_along(np.where(partnered[:, None], 0.0, normals), both)
-    gap, weights = (
-        np.where(partnered, pieces.gap, reach),
-        np.where(partnered, found.weight, slave.area[points]),
-    )
-    frames, rows = Frames(both, tangents, partnered), (own - pieces.rows, tangent_rows)
+    gap = np.where(partnered, pieces.gap, reach)
+    weights = np.where(partnered, found.weight, slave.area[points])
+    frames = Frames(both, tangents, partnered)
+    rows = (own - pieces.rows, tangent_rows)
     at_points = (points, weights, normals, gap, frames, *rows, found.centre)
     return SlidingCoupling(slave, master, *at_points, found.covered, pieces)
 
@@ -188,7 +190,8 @@ def tangents_of_points(slave: PairSurface, points: Indices, normals: Array) -> A
     rotation = rotations_at_nodes(slave, points)
     outward, first = (np.einsum("nij,nj->ni", rotation, vectors) for vectors in (outward, first))
     # The least rotation that takes the normal to that of the point.
-    bisector, along = outward + normals, np.einsum("ni,ni->n", normals, first)
+    bisector = outward + normals
+    along = np.einsum("ni,ni->n", normals, first)
     first = first - (along / (1.0 + np.einsum("ni,ni->n", outward, normals)))[:, None] * bisector
     on_plane = slave.across[points].any(axis=(1, 2))
     first[on_plane] = np.linalg.eigh(slave.across[points[on_plane]])[1][:, :, -1]

@@ -104,27 +104,35 @@ class SlidingPieces:
         """Those of two sides; ``directions``: of projection at the nodes of the slave, of length
         one, shape (N, d).
         """
-        slave, master, overlap = tested.slave, tested.master, tested.overlap
-        dim, first = slave.dimension, len(slave.x)
-        projection, total = Projection.of(slave, directions), first + len(master.x)
-        turning, themselves = projection.turning, np.arange(dim * total)
+        slave = tested.slave
+        master = tested.master
+        overlap = tested.overlap
+        dim = slave.dimension
+        first = len(slave.x)
+        projection = Projection.of(slave, directions)
+        total = first + len(master.x)
+        turning = projection.turning
+        themselves = np.arange(dim * total)
         entries = (
             np.append(np.ones(themselves.size), turning.data),
             np.append(themselves, turning.indices),
         )
         ends = np.append(themselves, themselves.size + turning.indptr)
         spread = sp.csr_array((*entries, ends), shape=(ends.size - 1, themselves.size))
-        seen, over = slave.nodes[overlap.slave], master.nodes[overlap.master]
+        seen = slave.nodes[overlap.slave]
+        over = master.nodes[overlap.master]
         blocks = np.column_stack((seen, first + over, total + projection.numbers[overlap.slave]))
         way, turns = projection.at(overlap.slave, tested.shapes[0])
         distance = np.einsum("pqd,pqd->pq", tested.distance, way)
         share = np.concatenate(
             (-tested.shapes[0], tested.shapes[1], -distance[..., None] * turns), axis=2
         )
-        slope, corners = master.functions.slopes(overlap.over), master.corners[overlap.master]
+        slope = master.functions.slopes(overlap.over)
+        corners = master.corners[overlap.master]
         along = np.einsum("apqk,pkd->pqad", slope, corners)
         inverse = np.linalg.inv(np.concatenate((along, way[:, :, None]), axis=2))
-        facing, dual = inverse[..., -1], np.moveaxis(inverse[..., :-1], 3, 0)
+        facing = inverse[..., -1]
+        dual = np.moveaxis(inverse[..., :-1], 3, 0)
         curvatures = master.functions.curvatures if dim == 2 else np.zeros(corners.shape[1])
         curved = np.einsum("pqd,pd->pq", facing, curvatures @ corners)
         directed = facing, facing - way, dual, distance, curved
@@ -154,7 +162,8 @@ class SlidingPieces:
         """What the places that shift change of the normal of the master along vectors at the
         points, shape (n, d), sparse, shape (n, d m).
         """
-        total, master = np.zeros(1), self.tested.master
+        total = np.zeros(1)
+        master = self.tested.master
         normals = master.directions[master.nodes[self.tested.overlap.master]]
         for k, slope in enumerate(self.slope):
             bent = _along(self.tested.weighted, slope @ normals).swapaxes(1, 2)
@@ -171,7 +180,8 @@ class SlidingPieces:
         (count, _, tests), dim = self.tested.weighted.shape, self.facing.shape[2]
         nodal = (self.mean.T @ np.column_stack((pressing, shears))).reshape(count, tests, 1 + dim)
         acting = self.tested.weighted @ nodal
-        forces, shearing = acting[..., 0], acting[..., 1:]
+        forces = acting[..., 0]
+        shearing = acting[..., 1:]
         touched = np.flatnonzero(acting.any(axis=(1, 2)))
         size = dim * self.blocks.shape[1]
         values = np.zeros((touched.size, size, size))
@@ -196,8 +206,11 @@ class SlidingPieces:
 
     def _second(self, pieces: Indices, forces: Array, shears: Array) -> Array:
         """The products of some pieces, shape (k, d c, d c)."""
-        share, facing, across = self.share[pieces], self.facing[pieces], self.across[pieces]
-        dim, size = facing.shape[2], facing.shape[2] * self.blocks.shape[1]
+        share = self.share[pieces]
+        facing = self.facing[pieces]
+        across = self.across[pieces]
+        dim = facing.shape[2]
+        size = facing.shape[2] * self.blocks.shape[1]
         last = size - dim * self.turns.shape[2]
         first, half = (
             last - dim * self.slope.shape[3],
@@ -260,10 +273,8 @@ class Projection:
         if slave.dimension == 2:
             turns = np.einsum("ni,nj->nij", _turned(directions), _turned(slave.nodal_normals))
             return cls(directions, slave.nodes, turned_normals(slave, turned_too=turns))
-        facets, shape = (
-            len(slave.nodes),
-            slave.functions.values(slave.functions.parts[0].mean(axis=0)),
-        )
+        facets = len(slave.nodes)
+        shape = slave.functions.values(slave.functions.parts[0].mean(axis=0))
         sums = np.einsum("k,fkd->fd", shape, directions[slave.nodes])
         length = np.linalg.norm(sums, axis=1)
         ways = sums / length[:, None]
@@ -310,32 +321,32 @@ class Kinks:
     @classmethod
     def of(cls, tested: Tested, projection: Projection) -> Kinks:
         """Those between two facets of the master that one facet of the slave sees."""
-        slave, master, overlap = tested.slave, tested.master, tested.overlap
-        dim, count = slave.dimension, len(slave.x)
+        slave = tested.slave
+        master = tested.master
+        overlap = tested.overlap
+        dim = slave.dimension
+        count = len(slave.x)
         _, pieces = np.unique(overlap.slave * len(master.nodes) + overlap.master, return_index=True)
         around = master.nodes[overlap.master[pieces]][:, master.functions.vertices]
         ends = np.stack([np.roll(around, -k, axis=1) for k in range(dim - 1)], axis=2)
         pieces = np.repeat(pieces, ends.shape[1])
-        facet, partner = overlap.slave[pieces], overlap.master[pieces]
+        facet = overlap.slave[pieces]
+        partner = overlap.master[pieces]
         ends = np.sort(ends.reshape(-1, dim - 1), axis=1)
         order = np.lexsort((*ends.T, facet))
         keys = np.column_stack((facet, ends))[order]
         shared = np.flatnonzero((keys[1:] == keys[:-1]).all(axis=1))
-        pieces, ends, pairs = (
-            pieces[order[shared]],
-            ends[order[shared]],
-            partner[order[[shared, shared + 1]]],
-        )
+        pieces = pieces[order[shared]]
+        ends = ends[order[shared]]
+        pairs = partner[order[[shared, shared + 1]]]
         facet = overlap.slave[pieces]
         rows, at, of_end, lengths = (_at_vertices if dim == 2 else _on_edges)(
             slave, projection, facet, master.x[ends]
         )
-        facet, ends, pairs, shape = (
-            facet[rows],
-            ends[rows],
-            pairs[:, rows],
-            slave.functions.values(at),
-        )
+        facet = facet[rows]
+        ends = ends[rows]
+        pairs = pairs[:, rows]
+        shape = slave.functions.values(at)
         (way,), (turns,) = (
             values.swapaxes(0, 1) for values in projection.at(facet, shape[:, None])
         )
@@ -405,28 +416,32 @@ def _on_edges(
     """Of points where facets of the slave see edges: edge, place on the facet, shares of its ends,
     and length.
     """
-    corners, ways = slave.corners[facet][:, slave.functions.vertices], projection.vectors[facet]
-    middle, axes = corners.mean(axis=1), axes_across(ways)
+    corners = slave.corners[facet][:, slave.functions.vertices]
+    ways = projection.vectors[facet]
+    middle = corners.mean(axis=1)
+    axes = axes_across(ways)
     flat, line = (
         np.einsum("mcd,mkd->mck", places - middle[:, None], axes) for places in (corners, x)
     )
-    start, along = line[:, 0], line[:, 1] - line[:, 0]
+    start = line[:, 0]
+    along = line[:, 1] - line[:, 0]
     within, count = clip(line, counterclockwise(flat))
     shares = np.einsum(
         "mck,mk->mc", within - start[:, None], along / np.sum(along**2, axis=1)[:, None]
     )
     valid = np.arange(within.shape[1]) < count[:, None]
-    enters, leaves = (
-        np.where(valid, shares, np.inf).min(axis=1),
-        np.where(valid, shares, -np.inf).max(axis=1),
-    )
+    enters = np.where(valid, shares, np.inf).min(axis=1)
+    leaves = np.where(valid, shares, -np.inf).max(axis=1)
     places, weights = np.polynomial.legendre.leggauss(_ON_EDGE)
     rows = np.repeat(np.flatnonzero(leaves - enters > NOTHING_LEFT), places.size)
     cut = rows.size // places.size
-    width, start, along = (leaves - enters)[rows] / 2, start[rows], along[rows]
+    width = (leaves - enters)[rows] / 2
+    start = start[rows]
+    along = along[rows]
     at_edge = enters[rows] + width * np.tile(places + 1, cut)
     length = np.linalg.norm(along, axis=1)
-    p, first = start + at_edge[:, None] * along, np.full((rows.size, 1, 2), 1.0 / 3.0)
+    p = start + at_edge[:, None] * along
+    first = np.full((rows.size, 1, 2), 1.0 / 3.0)
     at = projected_places(slave, facet[rows], first, p[:, None], middle[rows], axes[rows])[:, 0]
     return rows, at, np.column_stack((1 - at_edge, at_edge)), width * length * np.tile(weights, cut)
 

@@ -127,10 +127,12 @@ class MeshLevel:
         """The displacement of the coarser mesh in the unknowns of this one, prescribed ones zero;
         collective.
         """
-        coarse, interpolation = self.coarser, self.interpolation
+        coarse = self.coarser
+        interpolation = self.interpolation
         if coarse is None or coarse.solved is None or interpolation is None:
             return None
-        x, start = coarse.vector(), self.vector()
+        x = coarse.vector()
+        start = self.vector()
         x.getArray()[:] = coarse.solved.x.array[: x.getLocalSize()]
         if coarse.rotation is not None:
             coarse.rotation.multTranspose(x.copy(), x)
@@ -144,7 +146,8 @@ class MeshLevel:
         from signorini_fx.mechanics.mesh.points import at_points
 
         shape = coarse.space.ufl_element().sub_elements[0]
-        dofmap, pieces = coarse.space.dofmap, None
+        dofmap = coarse.space.dofmap
+        pieces = None
         # Bodies in contact touch or overlap: a node belongs to its own one.  Pieces are in the
         # order of their places.
         if coarse.motions.pieces.count == self.motions.pieces.count > 1:

@@ -83,11 +83,9 @@ class RigidBodies:
         """The contact points on rigid bodies that move."""
         if not self.bodies:
             return boundary
-        motion_count, count, dim = (
-            self.kinematics.motions,
-            len(self.bodies),
-            self.kinematics.dimension,
-        )
+        motion_count = self.kinematics.motions
+        count = len(self.bodies)
+        dim = self.kinematics.dimension
         modes = np.zeros((boundary.size, dim, count, motion_count))
         for k, body in enumerate(self.bodies):
             touching = np.isin(boundary.part, body.parts)
@@ -144,7 +142,8 @@ class RigidBodies:
         """How they have moved, from their unknowns in a displacement, see
         ``ElasticBody.driven``.
         """
-        dim, units = self.kinematics.dimension, self.units
+        dim = self.kinematics.dimension
+        units = self.units
         motions = unknowns.reshape(len(self.bodies), units.size) / units
         return tuple(
             RigidBodyMotion(body, body.pivot(dim), motions[k, :dim], motions[k, dim:])
@@ -187,7 +186,9 @@ class RigidBodyMotion:
         """
         if not np.isfinite(self.translation).all():
             return np.nan
-        boundary, turn, off = contact.boundary, turn_of(self.rotation), [np.zeros(0)]
+        boundary = contact.boundary
+        turn = turn_of(self.rotation)
+        off = [np.zeros(0)]
         for part, shape in shapes.items():
             x = boundary.centre[(boundary.part == part) & (contact.pressure > 0)]
             if x.size:
@@ -217,7 +218,8 @@ class RigidBodyMotion:
         """
         from signorini_fx.machine.display import clean
 
-        boundary, dim = contact.boundary, self.reference.size
+        boundary = contact.boundary
+        dim = self.reference.size
         touching = np.isin(boundary.part, self.body.parts)
         forces = boundary.nodal_forces(contact.pressure, contact.shear)[touching]
         both = np.column_stack((forces, kinematics.turned(self.arms(contact, touching), forces)))
@@ -258,20 +260,16 @@ class RigidBodyMotion:
         force that is round-off.
         """
         (load, prescribed), (taken, size, reach) = drive, resultant
-        dim, free, motion = (
-            self.reference.size,
-            np.isnan(prescribed),
-            np.append(self.translation, self.rotation),
-        )
+        dim = self.reference.size
+        free = np.isnan(prescribed)
+        motion = np.append(self.translation, self.rotation)
         # Moments as forces and rotations as lengths at this lever, so that neither depends on
         # units.
         lever = np.append(np.ones(dim), np.full(motion.size - dim, reach or 1.0))
         springs = self.body.motion.stiffness(dim)[: motion.size] * motion
-        acting, motion, prescribed = (
-            np.array([load, -springs, taken]) / lever,
-            motion * lever,
-            prescribed * lever,
-        )
+        acting = np.array([load, -springs, taken]) / lever
+        motion = motion * lever
+        prescribed = prescribed * lever
         residual = acting.sum(axis=0)
         size = max(size, float(np.abs(acting[:2]).max()), least)  # springs may balance loads alone
         missed = float(np.abs(motion - prescribed)[~free].max(initial=0.0))

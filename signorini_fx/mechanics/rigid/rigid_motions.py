@@ -81,11 +81,9 @@ class RigidMotions:
 
     def at(self, boundary: ContactBoundary) -> FreeMotions:
         """The free motions at the contact points of this rank: B times them; collective."""
-        piece, averages, of = (
-            self.piece[boundary.nodes],
-            boundary.averages,
-            self._pieces_at(boundary),
-        )
+        piece = self.piece[boundary.nodes]
+        averages = boundary.averages
+        of = self._pieces_at(boundary)
         free_modes = self.free.reshape(self.pieces.count, self.each, -1)
         at_nodes = rigid_modes(averages.x, self.centre[of], self.length[of]) @ free_modes[of]
         flat = at_nodes.reshape(averages.x.size, self.free.shape[1])
@@ -104,10 +102,13 @@ class RigidMotions:
         """The same with the free motions of foundations, and with all that can come into contact as
         one assembly; collective.
         """
-        moving, of, averages = boundary.moving, self.pieces.assembly, boundary.averages
+        moving = boundary.moving
+        of = self.pieces.assembly
+        averages = boundary.averages
         if moving is None and not boundary.paired:
             return self
-        count, bodies = int(of.max()) + 1, 0
+        count = int(of.max()) + 1
+        bodies = 0
         at_points = of[self.piece[boundary.nodes]]
         links = [
             np.column_stack(
@@ -172,7 +173,8 @@ class RigidMotions:
             comm, self.piece[acting], np.hstack((work, sizes)), self.pieces.count
         )
         of_assembly = np.bincount(self.pieces.assembly, total[:, -1]).astype(np.float64)
-        work, size = self.free.T @ total[:, :-1].ravel(), of_assembly[self.assembly]
+        work = self.free.T @ total[:, :-1].ravel()
+        size = of_assembly[self.assembly]
         if driving is not None and self.foundations is not None:
             driven = self.foundations * driving[:, None]
             work = work + driven.sum(axis=0)
@@ -189,10 +191,8 @@ def _joined(links: npt.NDArray[np.int64], count: int, comm: MPI.Comm) -> npt.NDA
     """The number of the component that each of so many things is in, linked in pairs of all ranks;
     collective.
     """
-    keys, number = (
-        parallel.gather_rows(comm, np.unique(links[:, 0] * count + links[:, 1])),
-        np.arange(count),
-    )
+    keys = parallel.gather_rows(comm, np.unique(links[:, 0] * count + links[:, 1]))
+    number = np.arange(count)
     for pair in np.column_stack(np.divmod(np.unique(keys), count)):
         low, high = np.sort(number[pair])
         number[number == high] = low
@@ -244,7 +244,8 @@ def rigid_motions(
     motions = replace(motions, supported=supported, free=free, assembly=assembly)
     # Products have half of the digits of where the supports lie: what the motions still do there is
     # taken out.
-    held, moved = np.flatnonzero(fixed.any(axis=1)), np.zeros(fixed.shape)
+    held = np.flatnonzero(fixed.any(axis=1))
+    moved = np.zeros(fixed.shape)
     for column in free.T:
         moved[held] = motions.of_pieces(column, held)
         column -= nearest_motion(motions, fixed, moved, turned, comm)
@@ -261,15 +262,18 @@ def without_energy(
     """
     if motions.free.shape[1] == 0:
         return motions
-    moved, forces = [], []
+    moved = []
+    forces = []
     for motion in np.eye(motions.free.shape[1]):
         x = vector(motions.displacement(np.asarray(motion)))
         moved.append(x.getArray(readonly=True))
         forces.append((matrix * x).getArray(readonly=True))
-    rows, size = np.array(moved), np.abs(matrix.getDiagonal().getArray(readonly=True))
+    rows = np.array(moved)
+    size = np.abs(matrix.getDiagonal().getArray(readonly=True))
     products = np.stack((rows @ np.array(forces).T, (rows * size) @ rows.T))
     energy, scale = parallel.global_sum(matrix.comm.tompi4py(), products)
-    columns, numbers = [], []
+    columns = []
+    numbers = []
     for number in np.unique(motions.assembly):
         of = motions.assembly == number
         values, vectors = np.linalg.eigh(energy[np.ix_(of, of)])
@@ -310,10 +314,8 @@ def _at_supports(
     prescribed, (p, m).
     """
     node, component = np.nonzero(fixed)
-    columns, piece = (
-        np.concatenate((motions.modes(node), prescribed[node][:, :, None]), axis=2),
-        motions.piece[node],
-    )
+    columns = np.concatenate((motions.modes(node), prescribed[node][:, :, None]), axis=2)
+    piece = motions.piece[node]
     if turned is not None:
         columns = np.einsum("nij,nik->njk", turned.frames_at(node), columns)
     rows = columns[np.arange(node.size), component]
@@ -331,7 +333,9 @@ def _null_space(
     """The motions of each piece that kinematics and supports allow, and the number of their
     piece.
     """
-    count, each, dim = motions.pieces.count, motions.each, motions.x.shape[1]
+    count = motions.pieces.count
+    each = motions.each
+    dim = motions.x.shape[1]
     ways: Any = np.tile(np.eye(each), (count, 1, 1))
     if (
         not kinematics.unbalanced.all()
@@ -339,7 +343,8 @@ def _null_space(
         ways[:, :dim] = rigid_modes(motions.centre, np.zeros(dim), motions.length)
         ways = ways[:, :, kinematics.unbalanced]
         ways = ways / np.linalg.norm(ways, axis=1, keepdims=True)
-    columns, numbers = list[_Floats](), list[int]()
+    columns = list[_Floats]()
+    numbers = list[int]()
     for piece, (products, admitted) in enumerate(zip(supported, ways, strict=True)):
         scaled = products / max(float(np.linalg.eigvalsh(products)[-1]), 1e-300)
         values, vectors = np.linalg.eigh(admitted.T @ scaled @ admitted)
@@ -360,11 +365,9 @@ def names_of(
     """
     descriptions = []
     moved = moved / np.abs(moved).max()  # the size of a motion means nothing
-    rows, rigid, pieces = (
-        moved.reshape(-1, motions.each, moved.shape[1]),
-        motions.moving,
-        motions.pieces,
-    )
+    rows = moved.reshape(-1, motions.each, moved.shape[1])
+    rigid = motions.moving
+    pieces = motions.pieces
     things = [(pieces.called(int(member)), rows[member]) for member in members]
     if rigid is not None:
         things += [

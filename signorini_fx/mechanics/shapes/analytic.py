@@ -94,7 +94,8 @@ class Cylinder(Round):
     axis: Direction
 
     def initial(self, x: Array) -> tuple[Array, Array]:
-        away, axis = x - np.array(self.centre), unit(self.axis)
+        away = x - np.array(self.centre)
+        axis = unit(self.axis)
         size, normal = normalised(away - np.outer(away @ axis, axis), across(axis))
         return size - self.radius, normal
 
@@ -117,16 +118,15 @@ class Cone(Shape):
 
     def initial(self, x: Array) -> tuple[Array, Array]:
         """A rounded tip is at the distance of its radius around a sharp one inside."""
-        axis, sine, cosine = (
-            unit(self.axis),
-            math.sin(math.radians(self.angle)),
-            math.cos(math.radians(self.angle)),
-        )
+        axis = unit(self.axis)
+        sine = math.sin(math.radians(self.angle))
+        cosine = math.cos(math.radians(self.angle))
         away = x - np.array(self.tip) - self.radius / sine * axis
         height = away @ axis
         radius, outwards = normalised(away - np.outer(height, axis), across(axis))
         # Distance from the side and the foot on it, measured from the tip.
-        signed, foot = cosine * radius - sine * height, sine * radius + cosine * height
+        signed = cosine * radius - sine * height
+        foot = sine * radius + cosine * height
         normal = cosine * outwards - sine * axis
         from_tip = foot < 0
         signed[from_tip], normal[from_tip] = normalised(away[from_tip], -axis)
@@ -201,7 +201,8 @@ class StraightPieces:
     """
 
     def __init__(self, corners: Array, pieces: Rows) -> None:
-        self._pieces, self._begin = pieces, corners[pieces[:, 0]]
+        self._pieces = pieces
+        self._begin = corners[pieces[:, 0]]
         along = corners[pieces[:, 1]] - self._begin
         length = np.linalg.norm(along, axis=1)
         self._along = along / length[:, None]
@@ -232,7 +233,8 @@ class StraightPieces:
         """The closest piece of each point, the first one of several, and the place of the closest
         point on it.
         """
-        chosen, place = np.zeros(len(x), dtype=np.int64), np.zeros(len(x))
+        chosen = np.zeros(len(x), dtype=np.int64)
+        place = np.zeros(len(x))
         for batch in np.array_split(np.arange(len(x)), 1 + x.size * len(self._begin) // _AT_A_TIME):
             away = x[batch, None] - self._begin
             places = np.clip(np.einsum("nmd,md->nm", away, self._along), self._first, self._last)
@@ -268,7 +270,8 @@ def crossing_pieces(points: Array) -> tuple[int, int] | None:
         away = np.stack((points[other], points[other + 1])) - points[piece]
         return np.asarray(np.sign(way[piece, 0] * away[..., 1] - way[piece, 1] * away[..., 0]))
 
-    ahead, behind = sides(first, second), sides(second, first)
+    ahead = sides(first, second)
+    behind = sides(second, first)
     crossed = np.flatnonzero(
         (ahead.prod(axis=0) <= 0) & (behind.prod(axis=0) <= 0) & ahead.any(axis=0)
     )

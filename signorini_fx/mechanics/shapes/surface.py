@@ -77,7 +77,8 @@ class CachedSurface:
     """
 
     def __init__(self, surface: Any) -> None:
-        self._surface, self.dimension = surface, surface.dimension
+        self._surface = surface
+        self.dimension = surface.dimension
         self._last: dict[bytes, tuple[Array, Array]] = {}
 
     def __call__(self, x: Array) -> tuple[Array, Array]:
@@ -206,7 +207,8 @@ class InSpace:
 
     def __call__(self, x: Array) -> tuple[Array, Array]:
         """Signed distances and normals, shapes (n,) and (n, 3)."""
-        closest, signed = np.zeros_like(x), np.zeros(len(x))
+        closest = np.zeros_like(x)
+        signed = np.zeros(len(x))
         for k, point in enumerate(x):
             signed[k] = self._distance.EvaluateFunctionAndGetClosestPoint(point, closest[k])
         far = np.abs(signed) > SAME_NUMBER * self._size

@@ -103,7 +103,8 @@ class Table(BaseModel, metaclass=_OwnErrors):
         Raises:
             SceneError: a key is not known.
         """
-        fields, changes = type(self).model_fields, dict(update or {})
+        fields = type(self).model_fields
+        changes = dict(update or {})
         unknown = [
             (key, f"unknown key; there are: {', '.join(fields)}")
             for key in changes

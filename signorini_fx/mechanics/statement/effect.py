@@ -131,7 +131,8 @@ class Effect(Table):
         """Where it acts, in words: the name of a boundary or region, or a point; "": in all of the
         body.
         """
-        at, region = getattr(self, "at", None), getattr(self, "region", None)
+        at = getattr(self, "at", None)
+        region = getattr(self, "region", None)
         if at is None:
             return self.where or region or ""
         point = f"({', '.join(f'{x:g}' for x in at)})"

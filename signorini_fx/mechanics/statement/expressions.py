@@ -90,7 +90,9 @@ class _Evaluator:
     """The value of a syntax tree at one position and time."""
 
     def __init__(self, algebra: _Algebra, position: Any, time: Any) -> None:
-        self._algebra, self._position, self._time = algebra, position, time
+        self._algebra = algebra
+        self._position = position
+        self._time = time
 
     def value(self, node: ast.expr) -> Any:
         """The value of a part of the tree, or a ``ValueError`` that says what is not allowed in
@@ -155,7 +157,8 @@ class _Evaluator:
         return value
 
     def _call(self, name: str, arguments: list[ast.expr]) -> Any:
-        functions, count = self._algebra, len(arguments)
+        functions = self._algebra
+        count = len(arguments)
         if name == "where" and count == 3:
             return functions[name](*self._conditions(arguments[0]), *self._numbers(*arguments[1:]))
         if name in ("min", "max") and count >= 2:

@@ -36,7 +36,9 @@ REFUSED_BY_SETTINGS: Mapping[str, Mapping[str, str]] = {
 
 def features(statement: Any) -> Iterator[tuple[str, Keys]]:
     """Each with the key that asks for it."""
-    solver, accuracy, element = statement.solver, statement.accuracy, statement.element
+    solver = statement.solver
+    accuracy = statement.accuracy
+    element = statement.element
     of = None if accuracy is None else accuracy.of
     # Cells of drawings, and of generators, may be made anew instead.
     divides = accuracy is not None and accuracy.refinement == "adaptive" and not statement.remade
@@ -103,7 +105,8 @@ def refused_features(statement: Any) -> Contradictions:
 
 # --- keys that are not allowed in 2D or in 3D: the mesh decides which of the two the scene is ---
 
-_PLANE, _SPACE = MESH_IS[2], MESH_IS[3]
+_PLANE = MESH_IS[2]
+_SPACE = MESH_IS[3]
 # The tables whose component z is out of the section of a body that moves there, see
 # ``Kinematics.out_of_section``.
 _AROUND = ("displacement", "traction", "force", "body_force", "springs")

@@ -75,7 +75,8 @@ def turning(rotation: float | tuple[float, ...], dimension: int) -> Array:
         return np.asarray(Rotation.from_rotvec(np.radians(rotation)).as_matrix())
     if rotation == 0.0:
         return np.eye(dimension)
-    cosine, sine = math.cos(math.radians(rotation)), math.sin(math.radians(rotation))
+    cosine = math.cos(math.radians(rotation))
+    sine = math.sin(math.radians(rotation))
     return np.array([[cosine, -sine], [sine, cosine]])
 
 
@@ -243,10 +244,8 @@ class Shape(Placed, RigidMotion):
             np.zeros(3 if dimension == 3 else 1) + np.array(shape.angles())
             for shape in (earlier, self)
         )
-        shift, turn = (
-            ((1 - share) * begun + share * moved).tolist(),
-            ((1 - share) * before + share * now).tolist(),
-        )
+        shift = ((1 - share) * begun + share * moved).tolist()
+        turn = ((1 - share) * before + share * now).tolist()
         return self.model_copy(
             update={"shift": tuple(shift), "rotation": tuple(turn) if dimension == 3 else turn[0]}
         )
@@ -309,7 +308,9 @@ def fault_of(shape: Any, x: Array, size: float) -> str:
     """
     if is_of_package(type(shape)):
         return ""
-    name, step, x = type(shape).__name__, DIFFERENCE_STEP * size, x.copy()
+    name = type(shape).__name__
+    step = DIFFERENCE_STEP * size
+    x = x.copy()
     x.flags.writeable = False  # a shape that changes its argument moves the points of others
     try:
         signed, normal = (np.asarray(values, dtype=np.float64) for values in shape.distance(x))

@@ -180,7 +180,8 @@ class Statement:
         """What drives each rigid body at a place in the lists of factors, see ``now``: forces and
         moments, and the components that are prescribed, nan where they are free, shapes (m,).
         """
-        drives, given = [], ~self.kinematics_in(dimension).unbalanced
+        drives = []
+        given = ~self.kinematics_in(dimension).unbalanced
         for body in self.rigid_bodies:
             factor = 1.0 if body.motion.driven_in_time else factor_at((1.0,) * self.steps, step)
             load, prescribed = body.motion.drive(dimension, self.time_at(step))
@@ -230,7 +231,8 @@ class Statement:
         changed: dict[str, tuple[Any, ...]] = {}
         if any(effect.timed for effect in self.contact):
             # Where no load step ends nothing asks for friction, such as 0.1/t.
-            time, of_friction = self.time_at(step), self.time_at(0 if step == -1 else step)
+            time = self.time_at(step)
+            of_friction = self.time_at(0 if step == -1 else step)
             changed["contact"] = tuple(
                 contact.at_time(time).model_copy(
                     update={"friction": contact.friction.at_time(of_friction)}

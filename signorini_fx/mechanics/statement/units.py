@@ -40,7 +40,8 @@ def unit_names(units: Mapping[str, str | None], kinematics: Kinematics) -> dict[
     ``energy``, the last four per unit thickness in 2D; those that are not known are left out.
     """
     names = {name: unit for name, unit in units.items() if unit}
-    length, stress = names.get("length"), names.get("stress")
+    length = names.get("length")
+    stress = names.get("stress")
     whole = kinematics.whole
     force = names.get("force") or _FORCES.get((length or "", stress or ""))
     if length:

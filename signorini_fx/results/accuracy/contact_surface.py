@@ -24,7 +24,8 @@ Ints = npt.NDArray[np.int64]
 
 # Corners of the pieces of a facet with so many nodes, one after the other around the piece.  Nodes
 # as basix has them: vertices, middles of edges, the middle.
-_TRIANGLE, _QUADRILATERAL = [[0, 1, 2]], [[0, 1, 3, 2]]
+_TRIANGLE = [[0, 1, 2]]
+_QUADRILATERAL = [[0, 1, 3, 2]]
 _PIECES = {
     3: _TRIANGLE,
     4: _QUADRILATERAL,

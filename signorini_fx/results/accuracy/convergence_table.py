@@ -97,7 +97,8 @@ def seen_rate(rows: Sequence[Price], dimension: int) -> float:
     """The rate at which the error in the energy norm decreases with h; with a single mesh, that of
     first order.
     """
-    last, energies = rows[-1], [row.energy for row in rows[-2:]]
+    last = rows[-1]
+    energies = [row.energy for row in rows[-2:]]
     if len(energies) < 2 or not energies[0] or not energies[1] or energies[1] >= energies[0]:
         return 1.0
     finer = fineness_of(last.dofs / rows[-2].dofs, dimension)
@@ -141,8 +142,10 @@ def border_of(table: ContactTable) -> float | None:
     mesh to mesh says
     less: it is zero where no node changes.
     """
-    surface, pressed = ContactSurface.of(table), table.columns["pressure"] > 0
-    corners, area = pressed[surface.corners], float(np.sum(table.columns["weight"][pressed]))
+    surface = ContactSurface.of(table)
+    pressed = table.columns["pressure"] > 0
+    corners = pressed[surface.corners]
+    area = float(np.sum(table.columns["weight"][pressed]))
     border = corners.any(axis=1) & ~corners.all(axis=1)
     return float(surface.area[border].sum()) / 2 / area if area > 0 else None
 
@@ -154,7 +157,9 @@ def ends_of_zones(table: ContactTable) -> float | None:
     length = longest = 0.0
     pressed = table.columns["pressure"] > 0
     for path in table.paths:
-        lengths, begin, end = np.diff(table.arc(path)), pressed[path[:-1]], pressed[path[1:]]
+        lengths = np.diff(table.arc(path))
+        begin = pressed[path[:-1]]
+        end = pressed[path[1:]]
         length += float(lengths[begin & end].sum())
         longest = max(longest, float(lengths[begin != end].max(initial=0.0)))
     return longest / length if length > 0 and longest > 0 else None
@@ -173,7 +178,8 @@ def predict(
     ``finer``: how many times finer the next mesh is, on average over the body; None: as many times
     as the last one was.
     """
-    last, previous = rows[-1], rows[-2]
+    last = rows[-1]
+    previous = rows[-2]
     seen_growth = last.dofs / previous.dofs
     seen_finer = fineness_of(seen_growth, dimension)
     finer = seen_finer if finer is None else finer

@@ -91,17 +91,18 @@ def combined(
     cells = facet_entities(model.tagged.mesh, facets)[:, 0]
     size = 2 * energy
     shares = np.atleast_2d(recovery) / (size if energy > 0 else np.inf)
-    body, missed = shares[0], np.zeros(shares.shape[1]) + missed
+    body = shares[0]
+    missed = np.zeros(shares.shape[1]) + missed
 
     def total(squares: Floats) -> float:
         return float(parallel.global_sum(boundary.comm, squares.sum()))
 
-    loads, error, gradient = (
-        total(missed),
-        float(np.sqrt(total(body))),
-        float(np.sqrt(total(shares[-1]))),
-    )
-    contact, top, pressed = np.zeros_like(body), np.zeros_like(body), pressure_square(table)
+    loads = total(missed)
+    error = float(np.sqrt(total(body)))
+    gradient = float(np.sqrt(total(shares[-1])))
+    contact = np.zeros_like(body)
+    top = np.zeros_like(body)
+    pressed = pressure_square(table)
     if pressed > 0 and table.facets is None:
         kinematics = model.statement.kinematics_in(
             model.tagged.dimension
@@ -172,20 +173,23 @@ def worst_of(steps: Sequence[Errors]) -> Errors:
 
 # Quadrature to compare with, by dimension: 31 points along a facet and 100 in a cell; in 3D 441 and
 # 343.
-_FACET_DEGREE, _CELL_DEGREE = {2: 60, 3: 40}, {2: 18, 3: 12}
+_FACET_DEGREE = {2: 60, 3: 40}
+_CELL_DEGREE = {2: 18, 3: 12}
 
 
 def missed_loads(model: Model, step: float) -> Floats:
     """The part of the loads that the quadrature of each owned cell misses, a force (in 2D per
     thickness), shape (cells,); collective.
     """
-    mesh, dim = model.tagged.mesh, model.tagged.dimension
+    mesh = model.tagged.mesh
+    dim = model.tagged.dimension
     owned = mesh.topology.index_map(dim).size_local
     loads = [load for load in model.statement.of(Force) if load.varies and not load.nodal]
     if not loads:
         return np.zeros(owned)
     z = ufl.TestFunction(fem.functionspace(mesh, ("DG", 0, (model.dimension,))))
-    on, terms = model.coefficients, []
+    on = model.coefficients
+    terms = []
     assert on is not None
     on.move_to(step)
     for load, where in zip(loads, measures(loads, model.tagged), strict=True):

@@ -44,7 +44,8 @@ class Cost:
 
 def linear_solves(statement: Statement, nodes: int) -> tuple[int, int]:
     """Linear solves to expect, from and to."""
-    steps, finer = statement.expected_steps, statement.solver.levels - 1
+    steps = statement.expected_steps
+    finer = statement.solver.levels - 1
     if statement.nonlinear:
         return NEWTON_SOLVES[0] * steps, NEWTON_SOLVES[1] * steps
     if not statement.contact:
@@ -69,7 +70,9 @@ def estimated_cost(model: Model) -> Cost:
     """Nested dissection: n log n entries and n^1.5 operations in two dimensions, n^(4/3) and n^2 in
     three; multigrid: n of both.
     """
-    comm, n, dim = model.comm, model.dofs, model.tagged.dimension
+    comm = model.comm
+    n = model.dofs
+    dim = model.tagged.dimension
     touching = 0 if model.boundary is None else np.unique(model.boundary.nodes).size
     nodes, free = map(
         int, parallel.global_sum(comm, np.array([touching, np.count_nonzero(~model.fixed)]))
@@ -78,18 +81,20 @@ def estimated_cost(model: Model) -> Cost:
     solves = linear_solves(model.statement, nodes)
     matrix = 12.0 * dim * 3**dim * n  # a row of Q1 has so many entries
     kind, reason = choice.choose_kind(model.system_size(), model.statement.solver.linear_algebra)
-    dense, held = 0, 12.0 * factor_entries(n, dim)
+    dense = 0
+    held = 12.0 * factor_entries(n, dim)
     if kind == "krylov":
-        once, per_solve, held = KRYLOV_SECONDS * n, KRYLOV_SECONDS * n, matrix
+        once = KRYLOV_SECONDS * n
+        per_solve = KRYLOV_SECONDS * n
+        held = matrix
     elif kind == "condensed":
         dense = dim * nodes
-        once, per_solve = factorisation, dense**3 / 3 / DENSE_SPEED
+        once = factorisation
+        per_solve = dense**3 / 3 / DENSE_SPEED
     elif model.boundary is None:
-        reason, once, per_solve = (
-            "one factorisation for all load steps",
-            factorisation,
-            SOLVE_SECONDS * n,
-        )
+        reason = "one factorisation for all load steps"
+        once = factorisation
+        per_solve = SOLVE_SECONDS * n
     else:
         once, per_solve = 0.0, factorisation
     if model.statement.nonlinear:  # each linear solve has a factorisation

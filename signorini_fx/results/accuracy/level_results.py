@@ -74,7 +74,8 @@ def regularisation_errors(
     if shifted or not np.isfinite(data.gamma_n) or not size > 0:
         return 0.0, 0.0
     newton = task.unsymmetric_newton if data.follows is not None else task.newton
-    problem, jacobian = newton.problem, newton.snes.getJacobian()[0]
+    problem = newton.problem
+    jacobian = newton.snes.getJacobian()[0]
     if (
         jacobian.handle not in problem.tangent.factorised
     ):  # of a checkpoint, with which nothing has been solved
@@ -83,5 +84,6 @@ def regularisation_errors(
         problem.factorised(jacobian)
         with petsc_options.defaults():
             petsc_calls.solve(newton.snes.getKSP().setUp)
-    model, pressure = path_model(newton, data), contact.points.norm(contact.pressure)
+    model = path_model(newton, data)
+    pressure = contact.points.norm(contact.pressure)
     return model.distance / size, model.pressure_distance / pressure if pressure > 0 else 0.0

@@ -62,7 +62,8 @@ def divides_cells(statement: Statement, tagged: TaggedMesh, of: str) -> bool:
     Drawings may have arcs that the mesh does not show.  In 3D the way is known for the error of the
     stress alone.
     """
-    cell, degree = tagged.mesh.topology.cell_name(), statement.element.degree
+    cell = tagged.mesh.topology.cell_name()
+    degree = statement.element.degree
     own_forms = statement.units is None
     if (tagged.dimension == 3 and (of != "energy" or degree != 1 or own_forms)) or (
         own_forms and degree != 2
@@ -96,22 +97,26 @@ def next_refinement(
     """What a requested accuracy does; residuals, which are not ``able`` to have one, get smaller
     cells; collective.
     """
-    dimension, degree = tagged.dimension, statement.element.degree
+    dimension = tagged.dimension
+    degree = statement.element.degree
     local = able and divides_cells(statement, tagged, of)
     # Uniform meshes of bodies with arcs, with curved cells of degree 2, take about as long: they
     # are fewer.
     if local or (able and dimension == 2 and statement.remade and statement.arcs and of in LOCAL):
-        meshes, fixed, degree = _divided(statement, dimension, dofs), FIXED_UNKNOWNS[2], 2
+        meshes = _divided(statement, dimension, dofs)
+        fixed = FIXED_UNKNOWNS[2]
+        degree = 2
         spread = LOCAL_SPREAD if dimension == 2 else UNIFORM_SPREAD
     else:
-        times, first, fixed, spread = (
-            NEXT_ERROR[dimension],
-            dofs,
-            FIXED_UNKNOWNS[dimension],
-            UNIFORM_SPREAD,
-        )
+        times = NEXT_ERROR[dimension]
+        first = dofs
+        fixed = FIXED_UNKNOWNS[dimension]
+        spread = UNIFORM_SPREAD
         if able and dimension == 2 and degree == 1 and of in LOCAL and statement.units is not None:
-            times, degree, first = 2 * times, 2, 4 * dofs  # as in ``_divided``
+            # as in ``_divided``
+            times = 2 * times
+            degree = 2
+            first = 4 * dofs
         meshes = [first * times ** (-dimension / UNIFORM_RATE)]
     # Newton's iterations for metal increase like one over the size of cells: 0.51 for 1/2, mean of
     # 12 problems in 2D.
@@ -174,12 +179,14 @@ def next_cost(
 
 def _divided(statement: Statement, dimension: int, dofs: float) -> list[float]:
     """Unknowns of each mesh, the last one first."""
-    times, mesh = NEXT_ERROR[dimension], statement.origin.get("mesh")
+    times = NEXT_ERROR[dimension]
+    mesh = statement.origin.get("mesh")
     last = (LAST_UNKNOWNS[dimension] * dofs**0.5 if statement.accuracy is None else dofs) / times
     if (
         statement.generated and not statement.bodies and dimension == 2
     ):  # the first mesh is a coarse one
-        first, fall = FIRST_UNKNOWNS, last / FIRST_UNKNOWNS
+        first = FIRST_UNKNOWNS
+        fall = last / FIRST_UNKNOWNS
     elif (
         dimension == 3
     ):  # the first mesh is one of degree 2, with larger cells where these are their halves

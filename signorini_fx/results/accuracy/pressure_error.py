@@ -46,7 +46,8 @@ def interval_squares(table: ContactTable, kinematics: Kinematics = PLANE_STRAIN)
     for path in table.paths:
         rows, s, own = table.unrolled(path)
         h = np.diff(s)
-        kinks, found = np.diff(np.diff(table.columns["pressure"][rows]) / h) ** 2, np.zeros(h.size)
+        kinks = np.diff(np.diff(table.columns["pressure"][rows]) / h) ** 2
+        found = np.zeros(h.size)
         found[:-1] += KINK_SHARE / 2 * h[:-1] ** 3 * kinks
         found[1:] += KINK_SHARE / 2 * h[1:] ** 3 * kinks
         for interval, inside in _corners(table, rows, s) if h.size > 1 else ():
@@ -64,10 +65,12 @@ def _corners(table: ContactTable, rows: Ints, s: Floats) -> list[tuple[int, int]
     """Intervals beside corners and ends in contact towards which the pressure is convex, and their
     other nodes.
     """
-    pressure, last = np.abs(table.columns["pressure"][rows]), len(rows) - 1
+    pressure = np.abs(table.columns["pressure"][rows])
+    last = len(rows) - 1
     pairs = [(0, 0), (last, last - 1)]
     if "x" in table.columns:
-        x, y = table.columns["x"][rows], table.columns["y"][rows]
+        x = table.columns["x"][rows]
+        y = table.columns["y"][rows]
         for node in np.flatnonzero(turning(x, y) > CORNER_ANGLE) + 1:
             pairs += [(node, k) for k in (node - 1, node) if 0 < k < last - 1]
     bends = np.diff(np.diff(pressure) / np.diff(s))
@@ -97,7 +100,8 @@ def polygon_error(table: ContactTable, modulus: float) -> float:
     facets, and slope times modulus is a pressure.
     """
     c, (turns, _) = table.columns, chords(table)
-    square, length = pressure_square(table), float(np.sum(c["weight"][c["pressure"] != 0]))
+    square = pressure_square(table)
+    length = float(np.sum(c["weight"][c["pressure"] != 0]))
     return (
         float(modulus * np.sqrt(np.mean(np.square(turns)) * length / square))
         if turns.size and square > 0
@@ -109,7 +113,9 @@ def chords(table: ContactTable) -> tuple[Floats, Floats]:
     """Angles between the facets that are pressed and their neighbours, radians, corners left out,
     and lengths of these facets.
     """
-    c, angles, lengths = table.columns, [np.zeros(0)], [np.zeros(0)]
+    c = table.columns
+    angles = [np.zeros(0)]
+    lengths = [np.zeros(0)]
     pressed = c["pressure"] != 0
     if table.facets is not None:
         surface = ContactSurface.of(table)
@@ -120,11 +126,13 @@ def chords(table: ContactTable) -> tuple[Floats, Floats]:
         for path in table.paths:
             rows = np.append(path, path[1]) if is_closed(path) else path
             near = pressed[rows][1:-1] | pressed[rows][:-2] | pressed[rows][2:]
-            x, y = c["x"][rows], c["y"][rows]
+            x = c["x"][rows]
+            y = c["y"][rows]
             size = np.hypot(np.diff(x), np.diff(y))
             angles.append(turning(x, y)[near])
             lengths.append(np.maximum(size[:-1], size[1:])[near])
-    angle, length = np.concatenate(angles), np.concatenate(lengths)
+    angle = np.concatenate(angles)
+    length = np.concatenate(lengths)
     curved = (angle > ROOT_OF_EPS) & (angle <= CORNER_ANGLE)
     return angle[curved], length[curved]
 
@@ -159,8 +167,10 @@ def on_facets(boundary: ContactBoundary, table: ContactTable, intervals: list[Fl
 
     interval_keys = keys(table.nodes[rows, 0], table.nodes[rows, 1], table.nodes[following, 1])
     order = np.argsort(interval_keys)
-    interval_keys, values = interval_keys[order], np.concatenate(intervals)[order]
-    part, nodes = boundary.segments[:, 0], boundary.segments[:, 1:]
+    interval_keys = interval_keys[order]
+    values = np.concatenate(intervals)[order]
+    part = boundary.segments[:, 0]
+    nodes = boundary.segments[:, 1:]
     total = np.zeros(len(part))
     if not interval_keys.size:  # between two bodies a single node may carry a point
         return total
@@ -245,13 +255,12 @@ class _Place:
     @property
     def error_by_last_changes(self) -> float:
         """The same by the rate of the last two changes; 0 where that cannot be told."""
-        changes, steps = np.diff(self.pressure)[-2:], -np.diff(np.log(self.spacing))[-2:]
+        changes = np.diff(self.pressure)[-2:]
+        steps = -np.diff(np.log(self.spacing))[-2:]
         if len(changes) < 2 or not changes.prod() > 0:
             return 0.0
-        rate, expected = (
-            np.log(changes[0] / changes[1] * steps[1] / steps[0]) / steps.mean(),
-            EXPECTED_RATES["peak"],
-        )
+        rate = np.log(changes[0] / changes[1] * steps[1] / steps[0]) / steps.mean()
+        expected = EXPECTED_RATES["peak"]
         return float(
             abs(changes[1]) / (np.exp(steps[1] * np.clip(rate, expected / 2, expected)) - 1)
         )
@@ -320,7 +329,8 @@ def corner_rows(table: ContactTable) -> Ints:
 
 def _turns(table: ContactTable) -> Floats:
     """How far the boundary turns at each node in 2D, radians; infinite at its ends."""
-    x, turns = places(table), np.full(len(table.columns["x"]), np.inf)
+    x = places(table)
+    turns = np.full(len(table.columns["x"]), np.inf)
     for path in table.paths:
         around = np.append(path, path[1]) if is_closed(path) else path
         turns[around[1:-1]] = turning(*x[around].T)

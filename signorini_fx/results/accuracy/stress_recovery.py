@@ -57,9 +57,12 @@ class StressRecovery:
         function that is constant in each cell to what ``boundary_residual`` returns; ``degree``: of
         an exact quadrature in the cells; None: UFL estimates it; collective.
         """
-        self._stress, self._displacement = stress, stress.displacement
-        mesh, raw = self._displacement.function_space.mesh, stress.components
-        self._comm, self._components = mesh.comm, len(raw)
+        self._stress = stress
+        self._displacement = stress.displacement
+        mesh = self._displacement.function_space.mesh
+        raw = stress.components
+        self._comm = mesh.comm
+        self._components = len(raw)
         space = fem.functionspace(mesh, ("Lagrange", 1, (self._components,)))
         self._recovered = fem.Function(space)
         cellwise = ufl.TestFunction(fem.functionspace(mesh, ("DG", 0)))
@@ -152,7 +155,8 @@ class StressRecovery:
         vertices, components); collective.
         """
         self._fill(y, step)
-        space, stresses = self._recovered.function_space, []
+        space = self._recovered.function_space
+        stresses = []
         for cells in self._parts:
             self._project(cells)
             stresses.append(
@@ -191,7 +195,9 @@ def boundary_residual(
     known: not in contact, and for prescribed displacements only in free components.  In the other
     ones the displacement may differ between the nodes: its square, times the stiffness over h.
     """
-    statement, mesh, y = model.statement, model.tagged.mesh, stress.displacement
+    statement = model.statement
+    mesh = model.tagged.mesh
+    y = stress.displacement
     exterior_facets = dmesh.exterior_facet_indices(mesh.topology)
     touching = [
         name for e in statement.contact for name in (e.boundary, e.against) if name is not None
@@ -216,7 +222,8 @@ def boundary_residual(
             constant.value, _ = statement.now(effect, step)
 
     def of(numbers: npt.NDArray[np.int64], traction: Any) -> tuple[Any, list[Any], bool]:
-        residual, away = traction, []
+        residual = traction
+        away = []
         acting = [(effects[k], factors[k]) for k in numbers]
         for effect, factor in acting:
             if isinstance(effect, Force):
@@ -269,7 +276,8 @@ def squared_residual(
     test function, constant in each cell; collective.
     """
     space = stress.displacement.function_space
-    mesh, degree = space.mesh, space.element.basix_element.degree
+    mesh = space.mesh
+    degree = space.element.basix_element.degree
     size = fem.Function(z.ufl_function_space())  # h of each cell
     if size.x.array.size:
         size.x.array[:] = mesh.h(mesh.topology.dim, np.arange(size.x.array.size, dtype=np.int32))

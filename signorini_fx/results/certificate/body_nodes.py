@@ -38,9 +38,13 @@ class RigidPart:
     """
 
     def __init__(self, space: fem.FunctionSpace) -> None:
-        pieces, self._comm, dim = find_pieces(space.mesh), space.mesh.comm, space.mesh.geometry.dim
-        self.count, nodes = pieces.count, space.dofmap.index_map
-        self.space, self.x = space, node_positions(space)[: nodes.size_local, :dim]
+        pieces = find_pieces(space.mesh)
+        self._comm = space.mesh.comm
+        dim = space.mesh.geometry.dim
+        self.count = pieces.count
+        nodes = space.dofmap.index_map
+        self.space = space
+        self.x = node_positions(space)[: nodes.size_local, :dim]
         of_node = np.zeros(nodes.size_local + nodes.num_ghosts, dtype=np.int64)
         of_node[space.dofmap.list] = pieces.of_cell[:, None]
         self.piece = of_node[: len(self.x)]
@@ -73,7 +77,8 @@ class RigidPart:
         the owned nodes; collective.
         """
         piece = self.piece if piece is None else piece
-        local_largest, inside = np.zeros(self.count), piece >= 0
+        local_largest = np.zeros(self.count)
+        inside = piece >= 0
         np.maximum.at(local_largest, piece[inside], values[inside])
         return parallel.largest_of_each(
             self._comm, np.where(np.isnan(local_largest), np.inf, local_largest)
@@ -135,7 +140,8 @@ class PrescribedNodes:
         if self.turned is None:
             return taken
         here = self.turned.nodes < len(forces)
-        nodes, dim = self.turned.nodes[here], forces.shape[1]
+        nodes = self.turned.nodes[here]
+        dim = forces.shape[1]
         along = np.einsum("nij,ni->nj", self.turned.from_given[here], forces[nodes])
         taken[nodes] = np.where(self.by[nodes] == position, along[:, :dim], 0.0)
         for number, support in enumerate(self.turned.supports):

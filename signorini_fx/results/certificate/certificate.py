@@ -132,7 +132,8 @@ class Certificate:
 
 def balance_of(forces: NodalForces, displacement: fem.Function, step: float) -> Balance:
     """The forces on a body without contact at a place in the lists of factors; collective."""
-    statement, tagged = forces.statement, forces.tagged
+    statement = forces.statement
+    tagged = forces.tagged
     scales = Scales(
         tagged.dimension, statement.young, tagged.size, forces.kinematics.depth(tagged.size)
     )
@@ -178,11 +179,13 @@ def judged(
             regularised law and this one does not, its elastic slip is removed.
         rigid: how rigid bodies have moved, and what drives them.
     """
-    supports, pieces = balance.supports, balance.pieces
+    supports = balance.supports
+    pieces = balance.pieces
     comm, (owned, dim) = pieces.space.mesh.comm, pieces.x.shape
     y = displacement.x.array.reshape(-1, dim)[:owned]
     works = balance.works(y)
-    half, strain_energy = float(works[:, 0].sum()) / 2, balance.strain_energy(works)
+    half = float(works[:, 0].sum()) / 2
+    strain_energy = balance.strain_energy(works)
     strained = max(
         half, strain_energy if balance.dilation is not None else 0.0
     )  # or its pressure takes of it
@@ -223,7 +226,8 @@ def judged(
         """Of the points of each piece, from either side."""
         return pieces.largest(np.concatenate((values, values)), np.concatenate(at))
 
-    drawn, moved = np.zeros(contact.boundary.size), [motion for motion, _ in rigid]
+    drawn = np.zeros(contact.boundary.size)
+    moved = [motion for motion, _ in rigid]
     for motion in moved:
         touching = contact.part(*motion.body.parts)
         drawn[touching] = np.linalg.norm(motion.at(contact.boundary.x[touching]), axis=1)
@@ -248,13 +252,15 @@ def judged(
             length,
             NO_FORCE * np.maximum(largest(last.terms(so_far)), pieces.largest_beside(so_far)),
         )
-        slip, origin = slip - last.traces(so_far, before.rigid)[1], last.shear
+        slip = slip - last.traces(so_far, before.rigid)[1]
+        origin = last.shear
         if before.elastic_slip is not None and not np.isfinite(law.gamma_t):
             slip = slip + nodes.rounded(before.elastic_slip, power=-2)
         if before.moved is not None:  # slip is relative to the foundation
             slip = slip - before.moved
         # Foundations may have turned since: what was along them then need not be along them now.
-        slip, origin = nodes.along(slip), nodes.along(origin)
+        slip = nodes.along(slip)
+        origin = nodes.along(origin)
     # Most of the displacement that a relative one is the difference of may be common to two bodies,
     # or to a body and a rigid one that moves, and the solver loses digits of the largest one of
     # both.
@@ -281,7 +287,8 @@ def judged(
         if balance.displaced or reach == 0
         else np.zeros_like(terms)
     )
-    length, stress = np.maximum(length, np.maximum(terms, placed)), np.maximum(stress, penalty)
+    length = np.maximum(length, np.maximum(terms, placed))
+    stress = np.maximum(stress, penalty)
     stress = np.maximum(stress, NO_FORCE * float(stress.max()))  # round-off of the joint system
     # If everything sticks, all motion is round-off of the displacements that the stresses could
     # cause.
@@ -318,11 +325,17 @@ def contact_conditions(
     what tau_T y adds to the previous step, and ``origin``: shear at its end, both
     ``ContactNodes.rounded``, shape (n, d); collective.
     """
-    pressure, shear = nodes.pressure, nodes.rounded(nodes.shear, -1)
-    bilateral, immovable = nodes.bilateral, nodes.boundary.points.immovable
-    comm, length, far, stress = nodes.boundary.comm, units.length, units.far, units.stress
+    pressure = nodes.pressure
+    shear = nodes.rounded(nodes.shear, -1)
+    bilateral = nodes.bilateral
+    immovable = nodes.boundary.points.immovable
+    comm = nodes.boundary.comm
+    length = units.length
+    far = units.far
+    stress = units.stress
     unity = np.ones_like(stress)
-    overlap, sheared = u_n - nodes.gap, np.linalg.norm(shear, axis=1)
+    overlap = u_n - nodes.gap
+    sheared = np.linalg.norm(shear, axis=1)
     entered = overlap - pressure / law.gamma_n
     for number, soft in law.overclosures.items():
         on = nodes.part(number)
@@ -330,10 +343,8 @@ def contact_conditions(
     xi = slip - (shear - origin) / law.gamma_t
     # At points that cannot move along their normal supports take what contact would, and it has no
     # pressure.
-    overlap, entered = (
-        np.where(immovable, np.minimum(overlap, 0.0), overlap),
-        np.where(immovable, 0.0, entered),
-    )
+    overlap = np.where(immovable, np.minimum(overlap, 0.0), overlap)
+    entered = np.where(immovable, 0.0, entered)
     distance = np.where(immovable, np.inf, np.where(bilateral, 0.0, np.maximum(-entered, 0.0)))
     pushing = np.where(immovable, np.abs(pressure), pressure)
     slipped = np.linalg.norm(xi, axis=1)
@@ -404,17 +415,16 @@ def another_law(
         if (value := getattr(settings, name)) != "auto"
     }
     if exact:
-        key, asked, others = (
-            "algorithm",
-            "'alm'",
-            [step for step, law in laws.items() if law.regularised],
-        )
+        key = "algorithm"
+        asked = "'alm'"
+        others = [step for step, law in laws.items() if law.regularised]
         remedy = (
             "raise solver.gamma_n and solver.gamma_t to lessen what it leaves, or change the "
             "loads in smaller steps"
         )
     else:
-        key, asked = "gamma_n", ", ".join(f"{name} = {value:.3g}" for name, value in given.items())
+        key = "gamma_n"
+        asked = ", ".join(f"{name} = {value:.3g}" for name, value in given.items())
         others = [
             step
             for step, law in laws.items()

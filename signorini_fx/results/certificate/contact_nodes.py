@@ -132,19 +132,15 @@ class ContactNodes(ContactConditions):
         """What its contact tractions do to a rigid body: force and moment about its pivot, shape
         (m,), the sum of the magnitudes of forces, and how far from the pivot they act.
         """
-        part, averages, comm = (
-            self.part(*motion.body.parts),
-            self.boundary.averages,
-            self.boundary.comm,
-        )
+        part = self.part(*motion.body.parts)
+        averages = self.boundary.averages
+        comm = self.boundary.comm
         force = self.boundary.weight[part, None] * self.traction[part]
         averaged = averages.shares @ from_owners(y, averages.nodes, comm)
         moved = np.where(self.paired[:, None], y[self.boundary.nodes], averaged)
         arm = motion.lever(self._x[part], moved[part])
-        moment, size = (
-            CARTESIAN[arm.shape[1]].turned(arm, force),
-            np.linalg.norm(force, axis=1).sum(),
-        )
+        moment = CARTESIAN[arm.shape[1]].turned(arm, force)
+        size = np.linalg.norm(force, axis=1).sum()
         total = parallel.global_sum(
             comm, np.concatenate((force.sum(axis=0), moment.sum(axis=0), [size]))
         )
@@ -170,11 +166,13 @@ class ContactNodes(ContactConditions):
         """What the tractions do to so many owned nodes, or those of some contacts: the local nodes
         that they act on, shape (m,), the forces on them, shape (m, d), and their areas, shape (m,).
         """
-        boundary, averages = self.boundary, self.boundary.averages
+        boundary = self.boundary
+        averages = self.boundary.averages
         force = boundary.weight[:, None] * self.traction
         if parts:
             force[~np.isin(boundary.part, parts)] = 0.0
-        dim, entries = force.shape[1], averages.operator.tocoo()
+        dim = force.shape[1]
+        entries = averages.operator.tocoo()
         places = entries.row // dim, entries.col // dim
         moving = sp.csr_array(
             sp.coo_array((entries.data != 0, places), shape=averages.shares.shape)
@@ -195,7 +193,8 @@ class ContactNodes(ContactConditions):
         """The larger of pressure and shear without what supports take of them, or what one undoes
         of the other.
         """
-        free, axes = self.boundary.free, self.boundary.axes
+        free = self.boundary.free
+        axes = self.boundary.axes
         tractions = self.pressure[:, None] * self.boundary.normal, self.shear, self.traction
         pressure, shear, both = (
             np.linalg.norm(np.where(free, np.einsum("nij,ni->nj", axes, part), 0.0), axis=1)

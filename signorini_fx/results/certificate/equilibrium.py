@@ -83,7 +83,8 @@ class Balance:
         force to them, all that is there is round-off of the joint system, as large as the motions
         of others make it.
         """
-        pieces, nothing = self.pieces, np.zeros_like(self.external)
+        pieces = self.pieces
+        nothing = np.zeros_like(self.external)
         imposed = pieces.largest(self.supports.missed(nothing), self.supports.among(pieces.piece))
         return np.asarray(
             imposed + pieces.norms(self.external) + pieces.norms(nothing + self.initial) == 0
@@ -139,10 +140,12 @@ def equilibrium(
         units: of each piece.
         reach: the largest displacement of anything, also of a rigid body, length.
     """
-    supports, pieces = balance.supports, balance.pieces
+    supports = balance.supports
+    pieces = balance.pieces
     comm, (_, stiffest) = pieces.space.mesh.comm, balance.of_pieces()
     nodes_of_pieces = pieces.sums(np.ones((len(y), 1)))[:, 0]
-    spacing, count = stiffest.spacing(nodes_of_pieces), np.sqrt(nodes_of_pieces)
+    spacing = stiffest.spacing(nodes_of_pieces)
+    count = np.sqrt(nodes_of_pieces)
     # A motion without stress, or without change of volume, has forces too: round-off of the largest
     # modulus.
     firmness = stiffest.stiffness(spacing)
@@ -193,7 +196,8 @@ def equilibrium(
         return residual_share, unjudged, hidden
     # The stress at a node is known to the digits of loads, and of the displacement over the length
     # of its side.  Of that, and so of all forces, the digits of coordinates are known.
-    reached_piece, load = pieces.piece[reached], pieces.largest(np.linalg.norm(loads, axis=1))
+    reached_piece = pieces.piece[reached]
+    load = pieces.largest(np.linalg.norm(loads, axis=1))
     side = stiffest.side(area)
     least_stress = digits * (
         stiffest.modulus * units.far[reached_piece] / side + load[reached_piece] / area

@@ -46,7 +46,8 @@ class NodalForces:
     """
 
     def __init__(self, statement: Statement, tagged: TaggedMesh, space: fem.FunctionSpace) -> None:
-        self.space, self.dimension = space, int(space.mesh.geometry.dim)
+        self.space = space
+        self.dimension = int(space.mesh.geometry.dim)
         self.owned = int(space.dofmap.index_map.size_local)
         self.statement = statement
         self.tagged = tagged
@@ -164,7 +165,8 @@ class NodalForces:
         """
         strain, jumps, degree = self._at_step(step)
         self._take(displacement)
-        at, elastic = jump.on(self.space), self._on.elastic
+        at = jump.on(self.space)
+        elastic = self._on.elastic
 
         def stress() -> list[Any]:
             free = () if strain is None else elastic.initial_terms(at, None, strain, degree)
@@ -218,7 +220,8 @@ class NodalForces:
 
     def prescribed(self, step: float) -> PrescribedNodes:
         """The displacements that supports prescribe in a load step."""
-        statement, tagged = self.statement, self.tagged
+        statement = self.statement
+        tagged = self.tagged
         now = [statement.now(entry.in_step(step), step) for entry in statement.displacement]
         factors = {id(effect): factor for factor, effect in now}
         position = {id(effect): number for number, (_, effect) in enumerate(now)}

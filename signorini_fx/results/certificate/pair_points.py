@@ -48,7 +48,8 @@ class PairPoints:
             return cls(
                 pair.sides, pair.coupling.slave, pair.coupling.master, pair.across, kept=pair
             )
-        mine, on_slave = pair.mine, pair.sides.slave.nodes.size
+        mine = pair.mine
+        on_slave = pair.sides.slave.nodes.size
         both = pair.coupling.frames.both[mine]
         return cls(
             pair.sides,
@@ -92,7 +93,8 @@ class PairPoints:
         """Areas of the owned nodes of the space on which the pair may act beside its points: what
         turns directions of sides that slide acts on the neighbours of points on the slave, too.
         """
-        sides, area = self.sides, np.zeros(self.sides.space.dofmap.index_map.size_local)
+        sides = self.sides
+        area = np.zeros(self.sides.space.dofmap.index_map.size_local)
         if self.displaced:
             mine = np.flatnonzero(sides.slave.owned(sides.space))
             area[sides.local(mine)] = 0.5 * sides.slave.surface.area[mine]
@@ -102,22 +104,31 @@ class PairPoints:
         """The largest error of the identities of the map, relative to one, to weights, or to the
         size of the sides.
         """
-        sides, comm, dim = self.sides, self.sides.space.mesh.comm, self.across.shape[2]
-        errors, turning = list[float](), True
+        sides = self.sides
+        comm = self.sides.space.mesh.comm
+        dim = self.across.shape[2]
+        errors = list[float]()
+        turning = True
         if self.kept is not None:
-            coupling, operator, x = self.kept.coupling, self.kept.relative, sides.x
-            weight, covered = coupling.weight, coupling.covered
+            coupling = self.kept.coupling
+            operator = self.kept.relative
+            x = sides.x
+            weight = coupling.weight
+            covered = coupling.covered
             facing: npt.NDArray[np.bool_] = np.ones(weight.size, dtype=bool)
-            balanced, turning = facing, not self.kept.followed
+            balanced = facing
+            turning = not self.kept.followed
             apart = self.slave @ sides.slave.surface.x - self.master @ sides.master.surface.x
             errors.append(_largest(apart + coupling.distance) / _size_of(x))
         else:
             assert self.moving is not None
-            found, facing = self.moving.coupling, ~self.moving.alone
+            found = self.moving.coupling
+            facing = ~self.moving.alone
             if not found.frames.partnered.any():
                 return 0.0
             operator = self.moving.boundary().averages.operator
-            weight, covered = np.where(facing, found.weight[self.moving.mine], 0.0), found.covered
+            weight = np.where(facing, found.weight[self.moving.mine], 0.0)
+            covered = found.covered
             x = np.concatenate((found.slave.x, found.master.x))
             # A plane of symmetry that holds the direction of rays takes a moment, too.
             in_plane = np.zeros(len(x))

@@ -15,14 +15,12 @@ from signorini_fx.errors import SceneError
 from signorini_fx.machine import terminal
 from signorini_fx.removed import removal
 
-EXIT_OK, EXIT_NO_SOLUTION, EXIT_BAD_INPUT, EXIT_CRASH, EXIT_INCOMPLETE, EXIT_INTERRUPTED = (
-    0,
-    1,
-    2,
-    3,
-    4,
-    130,
-)
+EXIT_OK = 0
+EXIT_NO_SOLUTION = 1
+EXIT_BAD_INPUT = 2
+EXIT_CRASH = 3
+EXIT_INCOMPLETE = 4
+EXIT_INTERRUPTED = 130
 
 
 class _Parser(argparse.ArgumentParser):
@@ -256,7 +254,9 @@ def _values(path: str, value: Any) -> list[Any]:
         return [value]
     if match := _RANGE.fullmatch(value):
         try:
-            first, last, count = float(match[1]), float(match[2]), int(match[3])
+            first = float(match[1])
+            last = float(match[2])
+            count = int(match[3])
         except ValueError:
             raise SceneError(
                 [(path, f"{value!r} is no range: FROM:TO:COUNT is expected, such as 0.1:0.8:8")]

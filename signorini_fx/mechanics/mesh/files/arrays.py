@@ -190,7 +190,8 @@ def from_raw(
         for _, nodes in raw.blocks
     ):
         raise MeshError(f"{name}: an element has a node that does not exist")
-    table, positions = np.concatenate([raw.blocks[n][1] for n in body]).astype(np.int64), raw.points
+    table = np.concatenate([raw.blocks[n][1] for n in body]).astype(np.int64)
+    positions = raw.points
     full_cell = completed(kind)
     cell = CELLS[kind] if full_cell is None else full_cell[0]
     table = table[:, order_in("vtk", cell)[: table.shape[1]]]
@@ -206,11 +207,13 @@ def from_raw(
     facet_tables = [renumber[raw.blocks[n][1][:, :width]] for n in named]
     named_facets = np.concatenate([np.empty((0, width), dtype=np.int64), *facet_tables])
     facets = np.concatenate((exterior, _inside(named_facets, all_sides, exterior)))
-    of_facets, corners_of_sides = rows_of(named_facets, facets[:, :width]), exterior[:, :width]
+    of_facets = rows_of(named_facets, facets[:, :width])
+    corners_of_sides = exterior[:, :width]
     sides = _entities(raw, "boundaries", "exterior facet", corners_of_sides, named, of_facets)
     parts = _entities(raw, "regions", "cell", corners, body, np.arange(len(cells)))
     # If a name is that of facets and of nodes, as in Abaqus, the facets are meant.
-    names, names_of_parts = dict[str, Ints](), dict[str, Ints]()
+    names = dict[str, Ints]()
+    names_of_parts = dict[str, Ints]()
     for label, nodes in raw.node_sets.items():  # the exterior facets with all corners in a set
         if (within := np.flatnonzero(np.isin(sides.nodes, renumber[nodes]).all(axis=1))).size:
             names[label] = within
@@ -233,7 +236,8 @@ def from_raw(
                 selected = corners[:0, 0] if absent else entities.take(elements[label])
                 message = _no_number(entities, numbers, absent[0], name) if absent else ""
             elif isinstance(selection, Expression) and selection.coordinates > cell.dim:
-                selected, message = corners[:0, 0], f"{name}: the mesh is plane: there is no x[2]"
+                selected = corners[:0, 0]
+                message = f"{name}: the mesh is plane: there is no x[2]"
             else:
                 selected = np.flatnonzero(
                     (sample(selection, in_space(points)) > 0)[entities.nodes].all(axis=1)

@@ -116,7 +116,8 @@ def kind_of_mesh(mesh: Any) -> Cell | None:
     """The kind of the cells of a mesh of dolfinx; None for a geometry of a degree above 2."""
     from signorini_fx.machine import compat
 
-    word, degree = mesh.topology.cell_name(), compat.geometry_degree(mesh)
+    word = mesh.topology.cell_name()
+    degree = compat.geometry_degree(mesh)
     return next(
         (cell for cell in CELLS.values() if (cell.basix_type.name, cell.degree) == (word, degree)),
         None,

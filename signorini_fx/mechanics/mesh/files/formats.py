@@ -46,7 +46,8 @@ def read_file(
             cell.
         SceneError: a selection is empty, or a length cannot be had.
     """
-    file, suffix = mesh.file, mesh.file.suffix.lower()
+    file = mesh.file
+    suffix = mesh.file.suffix.lower()
     if suffix not in _FORMATS:
         raise MeshError(
             f"{file}: unknown mesh format {file.suffix!r}; known are {', '.join(sorted(_FORMATS))}"
@@ -175,7 +176,8 @@ def _of_dolfinx(file: Path, names: list[str]) -> RawMesh:
 
     with XDMFFile(mpi4py.MPI.COMM_SELF, file, "r") as xdmf:
         mesh = xdmf.read_mesh(name=names[0])
-        dim, kind = mesh.topology.dim, kind_of_mesh(mesh)
+        dim = mesh.topology.dim
+        kind = kind_of_mesh(mesh)
         mesh.topology.create_connectivity(dim - 1, dim)
         all_tags = {name: xdmf.read_meshtags(mesh, name=name) for name in names[1:]}
     if kind is None:

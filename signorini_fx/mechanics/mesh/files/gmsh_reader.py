@@ -108,7 +108,8 @@ def read_gmsh(
     """A mesh, or a drawing after gmsh has meshed it; ``named`` makes the mesh of the content of the
     file, the other arguments are those of ``formats.read_file``.
     """
-    file, suffix = mesh.file, mesh.file.suffix.lower()
+    file = mesh.file
+    suffix = mesh.file.suffix.lower()
     with gmsh_session(f"{file}: gmsh cannot read it") as gmsh:
         if suffix == ".geo":
             _run(gmsh, file)
@@ -212,7 +213,8 @@ def _check_script(file: Path, name: str = "", checked: frozenset[Path] = frozens
             _check_script(other, name or str(file), checked | {file, other})
     if refused:
         word, reason = refused[0]
-        line, command = text.count("\n", 0, word.start()) + 1, word[0].partition("(")[0].rstrip()
+        line = text.count("\n", 0, word.start()) + 1
+        command = word[0].partition("(")[0].rstrip()
         raise MeshError(
             f"{where}: line {line}: {command} is not allowed in a script, as it {reason}; give "
             "the .msh that gmsh "

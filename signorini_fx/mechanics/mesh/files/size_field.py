@@ -94,7 +94,8 @@ def with_sizes(
         SceneError: no facet of a boundary is longer than it is to be, or gmsh cannot make such
             facets.
     """
-    field, wanted = sizes, list[ContactSize]()
+    field = sizes
+    wanted = list[ContactSize]()
     if not isinstance(field, SizeField):
         if not field:
             return None
@@ -129,7 +130,8 @@ def _graded_at(mesh: MeshArrays, wanted: Sequence[ContactSize]) -> SizeField:
     """
     from scipy.spatial import cKDTree
 
-    points, ends = mesh.points, np.concatenate([mesh.cells[:, pair] for pair in mesh.cell.edges])
+    points = mesh.points
+    ends = np.concatenate([mesh.cells[:, pair] for pair in mesh.cell.edges])
     lengths = np.linalg.norm(points[ends[:, 0]] - points[ends[:, 1]], axis=1)
     sizes = np.bincount(ends.ravel(), np.repeat(lengths, 2)) / np.bincount(ends.ravel())
     for size in wanted:
