@@ -123,20 +123,19 @@ def test_a_deck(tmp_path, capsys):
     assert data["gravity"] == [{"y": pytest.approx(-9.81)}]
     (contact,) = data["contact"]
     law = {"law": "coulomb", "coefficient": 0.3}
-    assert contact == {"boundary": "FLOOR SIDE", "against": "GROUND", "friction": law}
+    sides = {"boundary": "FLOOR SIDE", "against": "GROUND"}
+    assert contact == sides | {"friction": law, "kind": "bilateral"}
     assert data["load_steps"] == {"names": ["press", "push"]}
     (noted,) = [line.removeprefix(NOTED) for line in said.splitlines() if line.startswith(NOTED)]
     assert "*NODE FILE: not written" in noted
     assert f"# Left out: {noted}\n" in scene.read_text()
     keywords = [line.partition(": ")[0].partition("*")[2] for line in data["incomplete"]]
-    assert keywords == ["SURFACE BEHAVIOR", "MODEL CHANGE"]
+    assert keywords == ["MODEL CHANGE", "CONTACT PAIR"]
     force = {"at": [0.5, 0.0], "region": "Body", "x": 5.0, "factors": [0.0, 1.0]}
     assert data["point_force"] == [force]
     assert data["solver"] == {"gamma_n": 1e6}
     number = int(data["incomplete"][0].split()[1].rstrip(","))
-    assert (
-        (tmp_path / "deck.inp").read_text().splitlines()[number - 1].startswith("*SURFACE BEHAVIOR")
-    )
+    assert (tmp_path / "deck.inp").read_text().splitlines()[number - 1].startswith("*MODEL CHANGE")
 
 
 def lines_of(said):
@@ -479,6 +478,7 @@ def test_rigid_surfaces_are_lost(tmp_path, capsys):
     assert lines_of(said) == [
         "BOUNDARY: support of 'REF': no part of the body",
         "CLOAD: force at node 1001: no part of the body",
+        "SURFACE: TYPE=SEGMENTS is not read",
         "RIGID BODY: rigid bodies are not read: give the shape as foundation of a contact, or its "
         "distance as gap",
         "CONTACT PAIR: contact of 'FLOOR SIDE' with 'GROUND': 'GROUND' is no boundary of the body",

@@ -97,7 +97,7 @@ def test_one_dependent_surface_in_several_pairs(tmp_path):
 
 
 def test_rough_friction(tmp_path):
-    """It is named, as is NO SEPARATION beside it."""
+    """It is named."""
     deck = tmp_path / "other.inp"
     deck.write_text("\n".join(stacked(["*FRICTION, ROUGH"])) + "\n", encoding="utf-8")
     made = draft(deck, tmp_path / "other.toml")

@@ -144,7 +144,7 @@ LOST = (
         "EXPONENTIAL, TABULAR and others",
         "SURFACE BEHAVIOR",
     ),
-    ("NO SEPARATION is not read: this contact may open", "NO SEPARATION", "SURFACE BEHAVIOR"),
+    ("NO SEPARATION of sides 1 apart: closed here", "NO SEPARATION", "CONTACT PAIR"),
     ("ROUGH is not read: this contact has no friction", "ROUGH", "FRICTION"),
     (
         "ADJUST: a set with only some nodes of the dependent surface is not read",
@@ -325,7 +325,7 @@ SAID = {
         [OTHER, "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=EXPONENTIAL", "1., 1."],
         [],
     ),
-    ("SURFACEBEHAVIOR", "NO SEPARATION"): (
+    ("CONTACTPAIR", "NO SEPARATION"): (
         *([], []),
         {HARD: "*SURFACE BEHAVIOR, NO SEPARATION", "UP_BOTTOM, LOW_TOP": "UP_BOTTOM, LOW_BOTTOM"},
     ),

@@ -43,7 +43,7 @@ _REFERRING: dict[str, int | None] = {
         1,
     ),
 }
-_LEVELS = {"PART", "ENDPART", "INSTANCE", "ENDINSTANCE", "ASSEMBLY", "ENDASSEMBLY"}
+LEVELS = ("PART", "ENDPART", "INSTANCE", "ENDINSTANCE", "ASSEMBLY", "ENDASSEMBLY")
 _DEFINING = {
     "NODE": "NSET",
     "NSET": "NSET",
@@ -69,7 +69,9 @@ class _Scope:
 
 
 def assembled(blocks: list[DeckBlock]) -> list[DeckBlock]:
-    """The keywords without parts and instances; those of a file without instances as they are."""
+    """The keywords of parts where instances have them; those of a file without instances as they
+    are.
+    """
     if not any(block.keyword == "INSTANCE" for block in blocks):
         return blocks
     assembly = _Scope("")
@@ -78,6 +80,8 @@ def assembled(blocks: list[DeckBlock]) -> list[DeckBlock]:
     order: list[tuple[DeckBlock | None, _Scope]] = []
     scope: list[DeckBlock] | None = None
     for block in blocks:
+        if block.keyword in LEVELS:
+            order.append((block, assembly))
         if block.keyword == "PART":
             scope = parts.setdefault(_required(block, "NAME").upper(), [])
         elif block.keyword == "INSTANCE":
@@ -87,7 +91,7 @@ def assembled(blocks: list[DeckBlock]) -> list[DeckBlock]:
             instances[instance.name.upper()] = instance
             order.append((None, instance))
             scope = instance.blocks
-        elif block.keyword in _LEVELS:
+        elif block.keyword in LEVELS:
             scope = None
         elif scope is None:
             order.append((block, assembly))

@@ -8,11 +8,12 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from signorini_fx.addons.decks.content import Deck, Interaction, SurfacePair
 from signorini_fx.addons.decks.text import DeckBlock, Ints, parameter, real, real_or_none
 from signorini_fx.addons.decks.unread_keywords import CONSTRAINT
-from signorini_fx.tuned import HARD_CONTACT
+from signorini_fx.tuned import DIGITS_OF_FILES, HARD_CONTACT
 
 # How a contact pair is discretised, which a scene chooses itself.
 _KINDS_OF_PAIRS = (
@@ -58,7 +59,8 @@ def read_friction(deck: Deck, block: DeckBlock) -> None:
         interaction.coefficient = real(rows[0][0])
     if "TAUMAX" in block.parameters:
         interaction.cap = parameter(block, "TAUMAX")
-    if len(rows) == 1 and len(rows[0]) == 2:
+    # Only CalculiX, which has no parameters here, has a stiffness; of Abaqus it is a speed.
+    if len(rows) == 1 and len(rows[0]) == 2 and not block.parameters.keys() - {"INPUT"}:
         interaction.sticking = _stiffness_of(rows[0][1])
     if len(rows) > 1 or any(len(row) > 2 for row in rows):
         deck.lose(
@@ -83,8 +85,7 @@ def read_behaviour(deck: Deck, block: DeckBlock) -> None:
     interaction.behaviour = block
     interaction.tied = kind == "TIED"
     interaction.stiffness = None
-    if "NOSEPARATION" in block.parameters and not interaction.tied:
-        deck.lose(block, "NO SEPARATION is not read: this contact may open")
+    interaction.separates = "NOSEPARATION" not in block.parameters
     if kind in ("LINEAR", "TIED") and rows and rows[0]:
         interaction.stiffness = _stiffness_of(rows[0][0])
     elif kind == "HARD" and any(rows):
@@ -122,8 +123,11 @@ def read_pairs(deck: Deck, block: DeckBlock) -> None:
         and deck.label("nodes", adjust) is None
     ):
         raise ValueError(f"ADJUST={adjust}: a length or the name of a set of nodes is expected")
+    tied = "TIED" in parameters
+    small = "SMALLSLIDING" in parameters
     deck.pairs += [
-        SurfacePair(row[0], (*row, row[0])[1], interaction, block, adjust) for row in block.rows
+        SurfacePair(row[0], (*row, row[0])[1], None if tied else interaction, block, adjust, small)
+        for row in block.rows
     ]
 
 
@@ -131,8 +135,11 @@ def read_ties(deck: Deck, block: DeckBlock) -> None:
     """*TIE: a bond, but for that of sectors."""
     if "CYCLICSYMMETRY" in block.parameters:
         deck.lose(block, CONSTRAINT)
-    else:
-        deck.pairs += [SurfacePair(row[0], (*row, row[0])[1], None, block) for row in block.rows]
+        return
+    tolerance = block.parameters.get("POSITIONTOLERANCE")
+    deck.pairs += [
+        SurfacePair(row[0], (*row, row[0])[1], None, block, tolerance) for row in block.rows
+    ]
 
 
 def contact_tables(deck: Deck) -> tuple[list[dict[str, Any]], dict[str, Any]]:
@@ -173,12 +180,23 @@ def contact_tables(deck: Deck) -> tuple[list[dict[str, Any]], dict[str, Any]]:
         table: dict[str, Any] = {"#": pair.block.origin, "boundary": first, "against": opposite}
         if interaction is None or interaction.tied:
             table["kind"] = "bonded"
+            reach = None if pair.adjust is None else real_or_none(pair.adjust)
+            if reach is not None and _distance(deck, first, opposite) > reach:
+                why = f"{label}: nodes farther apart than {reach:g} are tied, too"
+                deck.lose(pair.block, why)
         else:
             law = {"law": "coulomb", "coefficient": interaction.coefficient, "cap": interaction.cap}
             table |= {
                 "adjust": _adjust(deck, pair, label),
                 "friction": law if interaction.coefficient else None,
             }
+            table |= {"sliding": "small"} if pair.keeps_partners else {}
+            if not interaction.separates:
+                table["kind"] = "bilateral"
+                closed = table["adjust"] or DIGITS_OF_FILES * deck.mesh.diagonal
+                if (distance := _distance(deck, first, opposite)) > closed:
+                    why = f"{label}: NO SEPARATION of sides {distance:.3g} apart: closed here"
+                    deck.lose(pair.block, why)
         tables.append(table)
         interactions.append(interaction)
     return tables, _stiffness(deck, interactions, tables)
@@ -188,6 +206,22 @@ def _shared(facets: Ints, opposite: dict[str, Ints]) -> bool:
     return any(np.intersect1d(facets, listed).size for listed in opposite.values())
 
 
+def _distance(deck: Deck, boundary: str, opposite: str) -> float:
+    """Return how far nodes of a boundary are at most from the nearest facets of another one."""
+    mesh = deck.mesh
+    corners = mesh.points[mesh.facet_corners[mesh.boundaries[opposite]]]
+    edges = corners[:, 1] - corners[:, 0]
+    normals = (
+        edges[:, ::-1] * [1, -1]
+        if mesh.dim == 2
+        else np.cross(edges, corners[:, 2] - corners[:, 0])
+    )
+    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    x = mesh.points[np.unique(mesh.facets[mesh.boundaries[boundary]])]
+    nearest = cKDTree(corners.mean(axis=1)).query(x)[1]
+    return float(np.abs(np.einsum("nd,nd->n", x - corners[nearest, 0], normals[nearest])).max())
+
+
 def _oriented(deck: Deck) -> list[SurfacePair]:
     """The pairs; where one dependent surface is in several, the other surfaces get the contact
     points.
@@ -195,7 +229,8 @@ def _oriented(deck: Deck) -> list[SurfacePair]:
     counts = Counter(filter(None, (deck.boundary(pair.slave) for pair in deck.pairs)))
     return [
         replace(pair, slave=pair.master, master=pair.slave)
-        if pair.adjust is None and counts[deck.boundary(pair.slave) or ""] > 1
+        if (pair.adjust is None or pair.interaction is None)
+        and counts[deck.boundary(pair.slave) or ""] > 1
         else pair
         for pair in deck.pairs
     ]
@@ -239,11 +274,9 @@ def _stiffness(
                 or interaction.behaviour is None
             ):
                 continue
-            if interaction.tied:
-                deck.lose(
-                    interaction.behaviour,
-                    "the stiffness of a bond beside other contact is not read",
-                )
+            if interaction.tied or not interaction.separates:
+                kept = "a bond beside other contact" if interaction.tied else "NO SEPARATION"
+                deck.lose(interaction.behaviour, f"the stiffness of {kept} is not read")
             else:
                 table["overclosure"] = {"law": "linear", "stiffness": interaction.stiffness}
     rubbing = [used.sticking for used in contacts if used.coefficient]
@@ -270,8 +303,10 @@ def say_partners(deck: Deck, contacts: list[dict[str, Any]]) -> None:
     partners, and so do sides of degree 2 in 3D.
     """
     for table in contacts:
-        bonded = "kind" in table
+        bonded = table.get("kind") == "bonded"
         adjusted = table.get("adjust") is not None
+        if "sliding" in table:
+            continue
         if bonded or adjusted or (deck.mesh.dim, deck.mesh.degree) == (3, 2):
             table["sliding"] = "small"
             if not bonded and deck.nonlinear is not None:

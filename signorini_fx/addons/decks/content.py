@@ -71,6 +71,7 @@ class Interaction:
     behaviour: DeckBlock | None = None  # the last *SURFACE BEHAVIOR
     stiffness: float | None = None  # of contact, stress per length; None: it is hard
     tied: bool = False  # whether both sides are bonded
+    separates: bool = True  # whether sides that touch may part again
 
 
 @dataclass(frozen=True)
@@ -82,6 +83,7 @@ class SurfacePair:
     interaction: str | None  # its name, in capitals; None: it is a tie
     block: DeckBlock  # the keyword
     adjust: str | None = None  # ADJUST, a length or a set of nodes; None: it is not given
+    keeps_partners: bool = False  # whether its sides slide by less than a facet
 
 
 @dataclass
@@ -159,9 +161,7 @@ class Deck:
     # --- names ------------------------------------------------------------------------------------
 
     def label(self, kind: str, name: str) -> str | None:
-        """The name of a boundary, surface, region or set of nodes of the file, whatever its
-        case.
-        """
+        """The name of a boundary, surface, region or set of nodes, whatever its case."""
         of_body = {"boundary": self.mesh.boundaries, "region": self.mesh.regions}
         names: dict[str, Any] = {
             "surface": self.model.surfaces,
@@ -176,6 +176,11 @@ class Deck:
     def boundary(self, name: str) -> str | None:
         """The boundary of the mesh that a set or surface of the file is."""
         return self.label("boundary", name)
+
+    def elements(self, name: str) -> Ints:
+        """The numbers of the elements of a set, also of masses; none where there is no such set."""
+        spelt = self.model.spelt.get(name.upper(), name)
+        return self.model.elements.get(spelt, np.empty(0, np.int64))
 
     def check_nodes(self, name: str) -> None:
         """Refuse names of sets that the file does not define; CalculiX takes numbers that it has

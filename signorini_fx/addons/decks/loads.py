@@ -109,8 +109,24 @@ def read_surface_loads(deck: Deck, block: DeckBlock) -> None:
             direction = _unit([real(word) for word in words[1:]])[: deck.mesh.dim]
             load = DeckLoad("traction", where, tuple(deck.axes), block, direction)
             _set_load(deck, load, factor * real(words[0]))
+            if _turns_with_the_body(deck, block):
+                deck.lose(
+                    block, f"{kind} on {name!r} with NLGEOM: its direction and area are fixed"
+                )
         else:
             deck.lose(block, f"load of type {kind}")
+
+
+def _turns_with_the_body(deck: Deck, block: DeckBlock) -> bool:
+    """Return whether finite strains change the direction or the area of a traction."""
+    fixed = {"FOLLOWER": "NO", "CONSTANTRESULTANT": "YES"}
+    given = {key: block.parameters.get(key, "").upper() for key in fixed}
+    return given != fixed and any(is_finite(other) for other in deck.model.blocks)
+
+
+def is_finite(block: DeckBlock) -> bool:
+    """Return whether a keyword is a step with finite strains."""
+    return block.keyword == "STEP" and block.parameters.get("NLGEOM", "NO").upper() in ("", "YES")
 
 
 def _press(deck: Deck, block: DeckBlock, where: str, value: float) -> None:
@@ -277,6 +293,7 @@ def share_now(deck: Deck, block: DeckBlock) -> float:
         amplitude is None
         or not amplitude.rows
         or amplitude.parameters.get("DEFINITION", "TABULAR").upper() != "TABULAR"
+        or amplitude.unread
     ):
         deck.lose(
             block,

@@ -66,6 +66,8 @@ def _properties(deck: Deck) -> dict[str, Any]:
 def read_density(deck: Deck, block: DeckBlock) -> None:
     """*DENSITY."""
     _properties(deck)["density"] = real(block.rows[0][0])
+    if len(block.rows) > 1:
+        deck.lose(block, _FIRST_LINE)
 
 
 def read_expansion(deck: Deck, block: DeckBlock) -> None:
@@ -131,6 +133,8 @@ def read_hardening(deck: Deck, block: DeckBlock) -> None:
     properties = _properties(deck)
     if block.parameters.get("HARDENING", "ISOTROPIC").upper() != "ISOTROPIC":
         deck.lose(block, "hardening that is not isotropic is not read: elastic here")
+        return
+    if "RATE" in block.parameters:  # the static curve, which has no rate, holds
         return
     rows = [[*map(real, row), 0.0, 0.0][:3] for row in block.rows]
     if any(row[2] != rows[0][2] for row in rows):

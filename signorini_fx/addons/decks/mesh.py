@@ -128,6 +128,7 @@ class DeckModel:
     surfaces: dict[
         str, list[tuple[int, int]]
     ]  # name of a surface -> its elements, each with a face from 1 on
+    elements: dict[str, Ints]  # name of a set of elements -> their numbers, of points too
     spelt: dict[str, str]  # names in capitals -> as they are written first
     # names of the parts that share no node, if there are several and the file gives nodes values
     bodies: tuple[str, ...]
@@ -208,7 +209,9 @@ class _Reader:
         if NO_BODY.match(kind_name):
             self.passed_over |= bool(block.rows)
             if "ELSET" in block.parameters:
-                self._extend(self.element_sets, block.parameters["ELSET"], _NO_NUMBERS)
+                rows = block.rows if POINTS.match(kind_name) else []
+                numbers = np.array([int(row[0]) for row in rows], dtype=np.int64)
+                self._extend(self.element_sets, block.parameters["ELSET"], numbers)
             return
         kind, count = _kind(kind_name)
         at_once = block.numbers(np.int64)
@@ -354,7 +357,15 @@ class _Reader:
             node_sets[name] = members[members >= 0]
         raw = RawMesh(points, all_blocks, sets | named, node_sets)
         return DeckModel(
-            raw, blocks, groups, self.undefined, node_rows, self.surfaces, self.spelt, tuple(named)
+            raw,
+            blocks,
+            groups,
+            self.undefined,
+            node_rows,
+            self.surfaces,
+            self.element_sets,
+            self.spelt,
+            tuple(named),
         )
 
     def _named_groups(self) -> dict[int, list[Group]]:

@@ -9,7 +9,10 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from signorini_fx.addons.decks import loads, material, unread_keywords
+from signorini_fx.addons.decks.assembly import LEVELS
 from signorini_fx.addons.decks.bolts import read_bolt
 from signorini_fx.addons.decks.contact import (
     read_behaviour,
@@ -29,6 +32,7 @@ _STRESS = r"CPS|STRI|M3D|S\d"  # plane stress, if they are a plane body
 _ASSUMED = {"axisymmetric": "CAX", "plane stress": _STRESS, "plane strain": "CPE"}
 # Keywords of steps, which have no meaning outside of them.
 _OF_STEPS = {"STATIC", "BOUNDARY", "CLOAD", "DLOAD", "DSLOAD", "TEMPERATURE", "MODELCHANGE"}
+_WEIGHT = re.compile("GRAV|CENTRIF", re.IGNORECASE)
 _OTHER_PROCEDURE = unread_keywords.OTHER_PROCEDURE
 _PROCEDURES = {
     "STATIC",
@@ -51,6 +55,8 @@ def read_deck(file: Path) -> Deck:
                 _DEFINITIONS[block.keyword](deck, block)
     for block in _used_keywords(file, deck):
         with placed(file, block):
+            for written in block.unread:
+                deck.lose(block, f"{written} is not read")
             if deck.steps and block.keyword in _BEFORE_STEPS:
                 deck.lose(block, unread_keywords.CHANGED_WITHIN)
             elif block.keyword in _READERS:
@@ -149,7 +155,7 @@ def _read_step(deck: Deck, block: DeckBlock) -> None:
     deck.steps.append(block.parameters.get("NAME", f"step {len(deck.steps) + 1}"))
     deck.time += deck.period if deck.step else 0.0
     deck.period = 1.0
-    if block.parameters.get("NLGEOM", "NO").upper() in ("", "YES"):
+    if loads.is_finite(block):
         deck.nonlinear = block
     if "PERTURBATION" in block.parameters:
         deck.lose(
@@ -162,6 +168,24 @@ def _read_static(deck: Deck, block: DeckBlock) -> None:
     deck.period = (
         real(rows[0][1]) if rows and len(rows[0]) > 1 else 0.0
     ) or 1.0  # as both programs take it
+
+
+def _read_level(deck: Deck, block: DeckBlock) -> None:
+    """*PART, *ASSEMBLY and the like, without which a file of instances would be another one."""
+    if not any(other.keyword == "INSTANCE" for other in deck.model.blocks):
+        deck.lose(block, unread_keywords.UNKNOWN)
+
+
+def _read_mass(deck: Deck, block: DeckBlock) -> None:
+    """*MASS: masses at nodes, which matter where weight or rotation acts on them."""
+    masses = deck.elements(block.parameters["ELSET"])
+    for other in deck.model.blocks:
+        for row in other.rows if other.keyword == "DLOAD" else ():
+            if not any(_WEIGHT.fullmatch(word) for word in row[:2]):
+                continue
+            whole = not row[0] or _WEIGHT.fullmatch(row[0])
+            if whole or np.isin(masses, deck.elements(row[0])).any():
+                deck.lose(block, "masses at nodes, on which weight or rotation acts, are not read")
 
 
 def _read_amplitude(deck: Deck, block: DeckBlock) -> None:
@@ -178,6 +202,8 @@ _READ_ELSEWHERE = {
     *_DEFINITIONS,
     "ENDSTEP",
     "SYSTEM",
+    "INCLUDE",
+    "RESTART",
     *unread_keywords.OUTPUT,
 }
 _BEFORE_STEPS = {
@@ -191,6 +217,8 @@ _BEFORE_STEPS = {
 }
 _READERS: dict[str, Reader] = {
     "HEADING": _read_heading,
+    **dict.fromkeys(LEVELS, _read_level),
+    "MASS": _read_mass,
     "ELEMENT": _read_element,
     "SURFACE": _read_surface,
     **dict.fromkeys(("SOLIDSECTION", "SHELLSECTION", "MEMBRANESECTION"), material.read_section),

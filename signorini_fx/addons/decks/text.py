@@ -22,6 +22,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from signorini_fx.addons.decks.known_parameters import (
+    is_parameter,
+    squeezed,
+    unread_parameters,
+)
 from signorini_fx.errors import MeshError
 
 Floats = npt.NDArray[np.float64]
@@ -36,14 +41,6 @@ _MOST_ROWS = {"STATIC": 1, "SURFACEINTERACTION": 1, "ENDSTEP": 0, "MATERIAL": 0}
 _DEEPEST = 20  # files that include each other
 _LARGEST = 2.0**53  # whole numbers from there on are not exact as floating point numbers
 _STAR = re.compile(r"^[ \t]*\*", re.MULTILINE)
-# A line that continues its keyword: it begins with a parameter that has a value, or with one that
-# is no set.
-_PARAMETER = re.compile(
-    r"[ \t]*([A-Za-z]+([ \t]+[A-Za-z]+)*[ \t]*=|"
-    r"(NLGEOM|GENERATE|PERTURBATION|DIRECT|REMOVE|NO[ \t]*SEPARATION|CYCLIC[ "
-    r"\t]*SYMMETRY|LINTEMP)[ \t]*(,|$))",
-    re.IGNORECASE | re.MULTILINE,
-)
 _LABELS = {
     **{"ENCASTRE": "123456", "PINNED": "123", "XSYMM": "156", "YSYMM": "246", "ZSYMM": "345"},
     **{"XASYMM": "234", "YASYMM": "135", "ZASYMM": "126"},
@@ -94,6 +91,11 @@ class DeckBlock:
         ):  # an empty word is no number
             return None
         return values, lengths[0] if alike else 0
+
+    @property
+    def unread(self) -> list[str]:
+        """The parameters, as ``NAME`` or ``NAME=VALUE``, that are not read."""
+        return unread_parameters(self.keyword, self.parameters)
 
     @property
     def place(self) -> str:
@@ -174,14 +176,14 @@ def _read(
         if begin not in starts:  # it is no keyword
             data = chunk
         elif not heading.strip().startswith("**"):
-            while heading.rstrip().endswith(",") and _PARAMETER.match(data):
+            while heading.rstrip().endswith(",") and _continues(heading, data):
                 continuation, _, data = data.partition("\n")
                 heading += continuation
             name, parameters = _heading(heading.strip())
             block = DeckBlock(name.replace(" ", ""), parameters, heading_line, name, label)
             included = block.keyword == "INCLUDE"
-            if not included:
-                blocks.append(block)
+            # Data lines at the beginning of an included file belong to the keyword before it.
+            blocks.insert(max(len(blocks) - 1, 0) if included else len(blocks), block)
             if included or "INPUT" in parameters:
                 with placed(deck, block):
                     inner = _beside(deck, parameters["INPUT"], depth)
@@ -193,9 +195,15 @@ def _read(
 def _heading(line: str) -> tuple[str, dict[str, str]]:
     """A keyword as it is written, in capitals, and its parameters."""
     first, *words = (word.strip() for word in line[1:].split(","))
-    pairs = (word.partition("=") for word in words)
-    parameters = {"".join(key.split()).upper(): value.strip().strip('"') for key, _, value in pairs}
+    pairs = (word.partition("=") for word in words if word)
+    parameters = {squeezed(key): value.strip().strip('"') for key, _, value in pairs}
     return " ".join(first.upper().split()), parameters
+
+
+def _continues(heading: str, data: str) -> bool:
+    """Return whether the first line of ``data`` begins with a parameter of the keyword above it."""
+    word = data.partition("\n")[0].partition(",")[0]
+    return "=" in word or is_parameter(squeezed(heading.partition(",")[0])[1:], squeezed(word))
 
 
 def _beside(deck: Path, name: str, depth: int) -> Path:

@@ -90,18 +90,16 @@ NOTED = {
         *("DFLUX", "FILM", "RADIATE", "EMISSIVITY"),
     ),
     **_each(
-        "not written: nodes.csv and contact.csv of the result have all values",
+        "not written: fields.vtu and contact.csv of the result have all values",
         *("NODE PRINT", "EL PRINT", "FACE PRINT", "SECTION PRINT", "CONTACT PRINT"),
         *("NODE FILE", "EL FILE", "CONTACT FILE"),
     ),
 }
-# Other requests for output, control of the solver, and masses, which a scene in static steps does
-# not need.
+# Other requests for output, and control of the solver, which a scene in static steps does not need.
 OUTPUT = _each(
     *(
         "",
         "PREPRINT",
-        "RESTART",
         "OUTPUT",
         "NODE OUTPUT",
         "ELEMENT OUTPUT",
@@ -117,5 +115,5 @@ OUTPUT = _each(
         "FILE FORMAT",
         "CONTROLS",
     ),
-    *("HOURGLASS STIFFNESS", "TIME POINTS", "MASS"),
+    *("HOURGLASS STIFFNESS", "TIME POINTS"),
 )
