@@ -43,9 +43,10 @@ def two_towers(force):
 
 
 def test_forces_on_several_bodies(tmp_path, capsys):
-    """Those of one keyword are not pooled: each body carries its own to the ground."""
+    """Those of one keyword are a traction on each body, which carries its own to the ground."""
     scene, data, _ = drafted(tmp_path, two_towers((3.0, 10.0)), capsys)
-    assert len(data["point_force"]) == 10
+    assert [entry["boundary"] for entry in data["traction"]] == ["A_HEAD", "B_HEAD"]
+    assert "point_force" not in data
     solution = solve(read_scene(scene), MPI.COMM_SELF)
     feet = [solution.resultants.of(f"{name}_FEET").force[1] for name in "AB"]
     np.testing.assert_allclose(feet, [3.0, 10.0], rtol=1e-9)

@@ -1,7 +1,7 @@
 """Parameters of keywords: those that are read, and the others, which are lost by their names."""
 
 import pytest
-from deck_lines import STEEL, assembly, stacked
+from deck_lines import STEEL, assembly, squares, stacked
 
 from signorini_fx.addons.decks import reading, unread_keywords
 from signorini_fx.addons.decks.draft import draft
@@ -199,3 +199,27 @@ def test_tractions_of_finite_strains(tmp_path):
         lines[lines.index("UP_TOP, P, 5.0")] = "UP_TOP, TRVEC, 5.0, 0., -1., 0."
         lost = draft(written(tmp_path, lines), tmp_path / "s.toml").lost
         assert (lost == []) is kept, lost
+
+
+@pytest.mark.parametrize("singly", [False, True])
+def test_forces_on_two_bodies_are_tractions(singly, tmp_path):
+    """One *CLOAD for both, each with the forces of a uniform traction."""
+    shares = [0.125, 0.25, 0.25, 0.25, 0.125]
+    lines = squares(4, 2, name="A") + squares(4, 2, 101, (3.0, 0.0), name="B") + STEEL
+    loads = ["*CLOAD"]
+    for name, first, value in (("A", 11, -1.0), ("B", 111, -2.0)):
+        lines += [f"*SOLID SECTION, ELSET={name}, MATERIAL=STEEL"]
+        lines += [f"*NSET, NSET={name}_ENDS", f"{first}, {first + 4}"]
+        lines += [f"*NSET, NSET={name}_REST, GENERATE", f"{first + 1}, {first + 3}"]
+        if singly:
+            loads += [f"{first + k}, 2, {value * share}" for k, share in enumerate(shares)]
+        else:
+            loads += [f"{name}_ENDS, 2, {0.125 * value}", f"{name}_REST, 2, {0.25 * value}"]
+    lines += ["*BOUNDARY", "A_FEET, 1, 2", "B_FEET, 1, 2", "*STEP", "*STATIC", *loads, "*END STEP"]
+    found = draft(written(tmp_path, lines), tmp_path / "s.toml")
+    scene = judged_problem(tmp_path / "deck.inp").scene
+    assert (found.lost, scene.point_force) == ([], ())
+    assert [(entry.boundary, round(entry.y, 9)) for entry in scene.traction] == [
+        ("A_HEAD", -1.0),
+        ("B_HEAD", -2.0),
+    ]

@@ -320,8 +320,9 @@ class _Reader:
     def result(self, blocks: list[DeckBlock]) -> DeckModel:
         """Everything with the numbering of arrays."""
         elements, (node_rows, points) = self.elements, self.nodes
-        groups = self._named_groups()
         tables = [(kind, self._table(number)) for number, (kind, _) in enumerate(elements.parts)]
+        of_node = _body_of_nodes(tables, len(points))
+        groups = self._named_groups(of_node)
         sets = {
             name: elements.by_part(elements.rows.rows(listed))
             for name, listed in self.element_sets.items()
@@ -347,7 +348,7 @@ class _Reader:
         }
         all_blocks = [*tables, *((_FACET_KINDS[c], np.concatenate(facets[c])) for c in present)]
         named = (
-            _bodies(all_blocks, sets, self._free("body_{}"))
+            _bodies(all_blocks, of_node, sets, self._free("body_{}"))
             if any(b.keyword in _AT_NODES for b in blocks)
             else {}
         )
@@ -368,9 +369,9 @@ class _Reader:
             tuple(named),
         )
 
-    def _named_groups(self) -> dict[int, list[Group]]:
+    def _named_groups(self, of_node: Ints) -> dict[int, list[Group]]:
         """The groups by the numbers of their keywords; each is a set that the file names, or one
-        that is added.
+        that is added.  Forces on several bodies are several groups.
         """
         names = {label: self._free(f"{label}_{{}}") for label in _LABELS.values()}
         set_names: dict[frozenset[Any], str] = {
@@ -384,7 +385,7 @@ class _Reader:
             },
         }
         groups: dict[int, list[Group]] = {}
-        for block, words, nodal_values in self.nodal_values:
+        for block, words, nodal_values in self._by_body(of_node):
             key = frozenset(nodal_values)
             if (name := set_names.get(key)) is None:
                 name = set_names[key] = next(names[_LABELS[block.keyword]])
@@ -397,6 +398,18 @@ class _Reader:
                 Group(name, words, nodes, tuple(nodal_values.values()))
             )
         return groups
+
+    def _by_body(self, of_node: Ints) -> Iterator[tuple[DeckBlock, Words, dict[Any, float]]]:
+        """What keywords give to nodes and faces; the forces of *CLOAD for each body."""
+        for block, words, nodal_values in self.nodal_values:
+            if block.keyword != "CLOAD":
+                yield block, words, nodal_values
+                continue
+            rows = self.nodes[0].rows(np.array(list(nodal_values), dtype=np.int64))
+            labels = np.where(rows < 0, -1, of_node[rows])
+            for label in plain(_distinct([labels])):
+                chosen = zip(nodal_values.items(), plain(labels == label), strict=True)
+                yield block, words, dict(item for item, inside in chosen if inside)
 
     def _table(self, number: int) -> Ints:
         """The rows of the nodes of each element of a part."""
@@ -514,23 +527,38 @@ def read_model(file: Path) -> DeckModel:
 # --- bodies ---------------------------------------------------------------------------------------
 
 
-def _bodies(
-    blocks: Sequence[tuple[str, Ints]], sets: dict[str, list[Ints]], free: Iterator[str]
-) -> dict[str, list[Ints]]:
-    """The elements of each of several bodies, which share no node, by the name of a set with these,
-    or a free one.
-    """
+def _solid(blocks: Sequence[tuple[str, Ints]]) -> dict[int, Ints]:
+    """Return the tables of the blocks of the highest dimension, by the numbers of the blocks."""
+    dim = max((dimension(kind) for kind, _ in blocks), default=0)
+    return {number: table for number, (kind, table) in enumerate(blocks) if dimension(kind) == dim}
+
+
+def _body_of_nodes(blocks: Sequence[tuple[str, Ints]], count: int) -> Ints:
+    """Return the number of the body of each node, which cells link, shape (n,); -1: of none."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
-    dim = max((dimension(kind) for kind, _ in blocks), default=0)
-    solid = {number: table for number, (kind, table) in enumerate(blocks) if dimension(kind) == dim}
-    first = np.concatenate([np.repeat(table[:, 0], table.shape[1]) for table in solid.values()])
-    nodes = np.concatenate([table.ravel() for table in solid.values()])
-    count = int(nodes.max()) + 1
+    tables = [*_solid(blocks).values()]
+    first = np.concatenate(
+        [_NO_NUMBERS, *(np.repeat(table[:, 0], table.shape[1]) for table in tables)]
+    )
+    nodes = np.concatenate([_NO_NUMBERS, *(table.ravel() for table in tables)])
     graph = coo_array((np.ones(len(nodes), dtype=bool), (first, nodes)), shape=(count, count))
-    of_node = connected_components(graph, directed=False)[1]
-    labels = plain(_distinct([of_node[first]]))
+    numbers = connected_components(graph, directed=False)[1]
+    return np.where(np.isin(np.arange(count), nodes), numbers, -1).astype(np.int64)
+
+
+def _bodies(
+    blocks: Sequence[tuple[str, Ints]],
+    of_node: Ints,
+    sets: dict[str, list[Ints]],
+    free: Iterator[str],
+) -> dict[str, list[Ints]]:
+    """The elements of each of several bodies, which share no node, by the name of a set with these,
+    or a free one; ``of_node``: number of the body of each node.
+    """
+    solid = _solid(blocks)
+    labels = plain(_distinct([of_node[table[:, 0]] for table in solid.values()]))
     if len(labels) < 2:
         return {}
     alike = {_key(listed): name for name, listed in reversed(sets.items())}
