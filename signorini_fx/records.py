@@ -50,6 +50,7 @@ class Status(Enum):
     TOO_LARGE = "deformation too large for linear elasticity"
     INVERTED = "cells turned inside out"
     INSIDE = "rigid shape inside the body"
+    CORNER = "corner of a foundation inside the body"
     PASSED = "bodies inside each other"
     FOLDED = "a side sees two sheets of the other one"
     AT_END = "contact reaches the end of the other side"
@@ -146,6 +147,10 @@ _ADVICE = {
         "(the body is on the "
         "left of a line of points), move it in smaller steps, and take facets that are not wider "
         "than the shape"
+    ),
+    Status.CORNER: (
+        "between two nodes no contact point feels a corner: round it off with a radius of two "
+        "facets or more, or take smaller facets"
     ),
     Status.PASSED: (
         "a body is inside another one, or has passed through it, where contact does not see it: "

@@ -489,6 +489,10 @@ UNITS_OF_DIFFERENCE = 500.0
 SHAPE_INSIDE = 0.5
 # Places on its way at most.  Choice: a search of all cells for each of them.
 MOST_PLACES = 400
+# Sines of the angles by which a line in 2D, and the facets of a surface in 3D, turn where they
+# stand for a curve.  Choice: 1 and 20 degrees; facets of a ball of some hundred triangles turn by
+# less.
+SMOOTH_CORNER, SMOOTH_EDGE = 0.0175, 0.342
 # Points along each axis of the grid on which the middle of the largest ball is sought: an odd
 # number.  Choice.
 INRADIUS_GRID = 9

@@ -34,6 +34,7 @@ from signorini_fx.mechanics.assembly.mesh_entities import (
 from signorini_fx.mechanics.assembly.pieces import find_pieces
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.elasticity.elastic_law import ElementStress, cellwise_stress
+from signorini_fx.mechanics.interfaces import PlacedShape
 from signorini_fx.mechanics.kinematics import CARTESIAN
 from signorini_fx.mechanics.kinematics.protocol import PLANE_STRESS, padded
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, is_section
@@ -218,11 +219,15 @@ class FormBody(SolidBody):
     settled: bool = (
         True  # whether the forms are of the results, not of a later load step that failed
     )
+    placed: Sequence[PlacedShape] = ()  # the shapes of foundations
 
     @property
     def scales(self) -> Scales:
         """Forms state no materials."""
         return self.form_scales
+
+    def shapes(self, step: float) -> Sequence[PlacedShape]:
+        return self.placed
 
     def load(self, system: ElasticSystem, step: float) -> Array:
         """The system has those of the present values."""

@@ -152,7 +152,9 @@ class FormSolver:
         status = self.status
         if status is None or status is Status.CONVERGED:
             return ""
-        return f"{status.value}: {status.advice}"
+        reason = None if self.result is None else self.result.reason
+        advice = status.advice if reason is None else f"{reason.path}: {reason.message}"
+        return f"{status.value}: {advice}"
 
     @property
     def state(self) -> ContactState:
@@ -399,7 +401,11 @@ class FormSolver:
             model_of(self.elastic, self._named, path, title, *contact), data=self.unshifted
         )
         return FormBody.of(
-            model, user_forms=self.forms, prescribed_dofs=self.prescribed, form_scales=self.scales
+            model,
+            user_forms=self.forms,
+            prescribed_dofs=self.prescribed,
+            form_scales=self.scales,
+            placed=self.foundations.placed_shapes,
         )
 
     def data_now(self, solved: FormSolver | None = None) -> tuple[Any, ...]:

@@ -93,7 +93,7 @@ def solution_of(solver: FormSolver, progress: StepProgress | None, title: str) -
     # it.
     settled = steps[-1].status is Status.CONVERGED or len(steps) == 1
     body = replace(solver.model(path, title), settled=settled)
-    found = partial(findings_of_steps, body, steps, [], solver.foundations.placed_shapes)
+    found = partial(findings_of_steps, body, steps, [])
     return contact_solution(body, steps, solver.task, ended, solver.timings, found)
 
 

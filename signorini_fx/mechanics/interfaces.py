@@ -8,7 +8,7 @@ contact points. Bolts, for which a load step finds shortenings, are in ``solving
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 from signorini_fx.mechanics.laws.protocol import FrictionLaw
 
@@ -110,3 +110,15 @@ class Pair:
     def by_geometry(self) -> bool:
         """Whether the gap is the distance of both sides."""
         return not self.bonded and isinstance(self.gap, str)
+
+
+class PlacedShape(NamedTuple):
+    """The shape of a foundation where it is: the place in the input that names it, the number of
+    the contact, the shape, None: there is none, and what is added to its distance, a number or an
+    expression.
+    """
+
+    path: str
+    contact: int
+    shape: Any
+    added: Any

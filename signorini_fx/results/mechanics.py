@@ -14,7 +14,9 @@ from dolfinx import fem
 
 from signorini_fx.mechanics.body.deformation import Deformation
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
+from signorini_fx.mechanics.interfaces import PlacedShape
 from signorini_fx.mechanics.model import Model
+from signorini_fx.mechanics.obstacles.scene_contact import hard_foundations
 from signorini_fx.mechanics.rigid.rigid_bodies import Drive, RigidBodyMotion
 from signorini_fx.mechanics.statement.effect import Force, Resistance
 from signorini_fx.records import Finding, Status, StepRecord
@@ -66,6 +68,10 @@ class SolidBody(Model, ABC):
 
             pairs = {number: PairPoints.of(pair) for number, pair in self.pairs.items()}
         return ContactConditions(self.boundary, self.data.gap, self.law, self.data.bilateral, pairs)
+
+    def shapes(self, step: float) -> Sequence[PlacedShape]:
+        """The shapes of hard foundations at a place in the lists of factors."""
+        return ()
 
     @abstractmethod
     def stress(self, y: fem.Function, step: float) -> RawStresses | str:
@@ -120,6 +126,9 @@ class StatedBody(SolidBody):
 
     def drives(self, step: float) -> list[Drive]:
         return self.statement.drives(self.tagged.dimension, step)
+
+    def shapes(self, step: float) -> Sequence[PlacedShape]:
+        return hard_foundations(self.statement.placed(step), self.kinematics)
 
     def stress(self, y: fem.Function, step: float) -> RawStresses:
         from signorini_fx.results.accuracy.stress_recovery import element_stress

@@ -141,6 +141,8 @@ class Solution:
         settings = self.statement.solver
         last = self.last_step
         failed = self.steps[-1]
+        if self.status is Status.CORNER and failed.reason is not None:
+            return failed.reason.message
         path = {Status.NOT_HELD: "displacement"} | dict.fromkeys(_LEAVES, self.statement.forces_at)
         ended_between = self.statement.load_steps.steps is not None and last is not failed
         reached = f"there is a solution at time {last.time:.6g}{self._factors_held}, and none"

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -28,7 +28,10 @@ from signorini_fx.mechanics.assembly.mesh_entities import facet_entities, facet_
 from signorini_fx.mechanics.body.deformation import Deformation
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.contact_points.contact_table import contact_table
+from signorini_fx.mechanics.interfaces import PlacedShape
 from signorini_fx.mechanics.model import ElasticBody, Model
+from signorini_fx.mechanics.obstacles.corner_depths import FACETS_OF_ROUNDING, facing_corners
+from signorini_fx.mechanics.obstacles.scene_contact import hard_foundations
 from signorini_fx.mechanics.obstacles.shapes_inside import BodyCells
 from signorini_fx.mechanics.rigid.rigid_motions import MOST_LISTED, names_of, rounded
 from signorini_fx.mechanics.statement.effect import Force, Resistance, is_zero
@@ -60,6 +63,7 @@ def scene_findings(body: Model) -> Iterator[Finding]:
             body, data, FAR_GAP * prescribed + (body.tagged.size if force > 0 else 0.0)
         )
         yield from _inwards(body)
+    yield from _corners(body)
 
 
 def nonlinear_findings(statement: Statement, body: Model) -> Iterator[Finding]:
@@ -78,6 +82,7 @@ def nonlinear_findings(statement: Statement, body: Model) -> Iterator[Finding]:
             yield Finding("note", f"contact[{number}]", text)
     yield from _locking(body, reduced=volume_degree(statement, body.tagged) is not None)
     yield from _idle(body)
+    yield from _corners(body)
 
 
 def _incomplete(statement: Statement) -> Iterator[Finding]:
@@ -207,6 +212,23 @@ def _inwards(body: Model) -> Iterator[Finding]:
                 f"foundation; direction = [{turned}] is the opposite"
             )
             yield Finding("warning", f"contact[{index}].direction", message)
+
+
+def _corners(body: Model) -> Iterator[Finding]:
+    """Corners of foundations that point at a facet of the body, which no node may feel."""
+    for foundation in hard_foundations(body.statement, body.kinematics):
+        if (facing := facing_corners(foundation, body.space)) is not None:
+            points, facet = facing
+            listed = ", ".join(
+                f"({', '.join(f'{c:.4g}' for c in point)})" for point in points[:MOST_LISTED]
+            )
+            more = f" and {len(points) - MOST_LISTED} more" if len(points) > MOST_LISTED else ""
+            message = (
+                f"corners that point at the body between nodes, at {listed}{more}: facets there "
+                f"are {facet:.3g} long, and nodes feel a corner that is rounded off with a radius "
+                f"of at least {FACETS_OF_ROUNDING * facet:.2g}"
+            )
+            yield Finding("note", foundation.path, message)
 
 
 def _units(body: Model, prescribed: float, force: float) -> Iterator[Finding]:
@@ -416,15 +438,14 @@ def facets_in_result(body: Model, contact: ContactState) -> Iterator[Finding]:
 
 
 def shapes_in_results(
-    foundations: Iterable[tuple[str, Any, Any]], displacement: fem.Function
+    foundations: Iterable[PlacedShape], displacement: fem.Function
 ) -> Iterator[Finding]:
-    """Foundations between the nodes of a result, or in parts of the body that are in no contact;
-    ``foundations``: the name of each, its shape where it is in the result, None: it has none, and
-    what is added to its distance, without which number it is not looked at; collective.
+    """Foundations between the nodes of a result, or in parts of the body that are in no contact,
+    but for those to whose distance an expression is added; collective.
     """
     cells = None
-    for name, shape, added in foundations:
-        if shape is None or getattr(shape, "driven", False) or not isinstance(added, int | float):
+    for name, _, shape, added in foundations:
+        if getattr(shape, "driven", False) or not isinstance(added, int | float):
             continue
         space = displacement.function_space
         cells = cells or BodyCells.of(space)

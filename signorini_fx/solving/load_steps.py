@@ -20,6 +20,7 @@ from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.mechanics.body.deformation import deformation_of
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
+from signorini_fx.mechanics.obstacles.corner_depths import deepest_corner
 from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.mechanics.statement.settings import SolverSettings
 from signorini_fx.records import Finding, History, Status, StepRecord, Timings
@@ -107,6 +108,7 @@ class BegunStep:
             )
             deformation = deformation_of(model, displacement, model.tagged.size)
             status = outcome.status
+            reason = None
             if status in (Status.CONVERGED, Status.ROUND_OFF):
                 # First this, as a body that has moved far away is the usual reason of a residual
                 # that stagnates.
@@ -114,6 +116,11 @@ class BegunStep:
                     status = Status.TOO_LARGE
                 elif status is Status.CONVERGED and not certificate.holds:
                     status = Status.NOT_CERTIFIED
+                elif status is Status.CONVERGED:
+                    deep = deepest_corner(model.shapes(start.place), displacement, rigid)
+                    if deep is not None:
+                        status = Status.CORNER
+                        reason = Finding("warning", deep.path, str(deep))
             result = StepResult(
                 step=start.step + 1,
                 place=start.place,
@@ -127,6 +134,7 @@ class BegunStep:
                 strain_energy=certificate.strain_energy,
                 linear_solves=0,
                 tools=rigid,
+                reason=reason,
             )
             body.show(outcome, result)
         return LoadStep(body, task, start, self.last, result, outcome)
@@ -309,7 +317,11 @@ class Increments(PathIncrements):
 
     def _is_final(self, status: Status) -> bool:
         """Whether a load step that ended with ``status`` has no solution for any increment."""
-        return not self._divisible or (self.reached < 0 and status in _HOPELESS_AT_FIRST)
+        return (
+            not self._divisible
+            or status is Status.CORNER
+            or (self.reached < 0 and status in _HOPELESS_AT_FIRST)
+        )
 
     def advance(self, linear_solves: int) -> None:
         """The next load step has a solution, which took this many linear solves."""
@@ -450,7 +462,10 @@ class StepProgress(Stepping[LoadStep]):
             reason = explained(begun.body.model, begun.task, outcome, when)
         step = begun.certified(outcome)
         solves = history.linear_solves - solves_before
-        return replace(step, result=replace(step.result, linear_solves=solves, reason=reason))
+        return replace(
+            step,
+            result=replace(step.result, linear_solves=solves, reason=reason or step.result.reason),
+        )
 
     def store(self, checkpoint: MeshCheckpoint, step: LoadStep, marks: Marks) -> None:
         model = step.body.model

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from dolfinx import fem
@@ -20,7 +20,6 @@ from signorini_fx.mechanics.body.discretisation import moved_since, placed, prep
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.model import Model
-from signorini_fx.mechanics.obstacles.scene_contact import shape_at_points
 from signorini_fx.mechanics.rigid.mesh_levels import MeshLevel
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import Finding, History, Status, Timings
@@ -179,27 +178,17 @@ def _shown(steps: Sequence[StepResult]) -> StepResult:
     return next((step for step in reversed(steps) if step.status is Status.CONVERGED), steps[-1])
 
 
-def _findings(model: Model, steps: Sequence[StepResult]) -> list[Finding]:
+def _findings(model: SolidBody, steps: Sequence[StepResult]) -> list[Finding]:
     """The findings of ``check`` about the scene, and those about its result; collective."""
     last = steps[-1]
     findings = [*scene_findings(model)]
     if _solved(steps) and last.contact is not None and last.contact.boundary.paired:
         findings += facets_in_result(model, last.contact)
-    contact = enumerate(model.statement.placed(_shown(steps).place).contact)
-    # Soft contact lets a body into its foundation.
-    hard = [(k, effect) for k, effect in contact if getattr(effect, "overclosure", None) is None]
-    foundations = [
-        (f"contact[{k}].foundation", shape_at_points(effect.surface, model.kinematics), effect.gap)
-        for k, effect in hard
-    ]
-    return findings_of_steps(model, steps, findings, foundations)
+    return findings_of_steps(model, steps, findings)
 
 
 def findings_of_steps(
-    model: Model,
-    steps: Sequence[StepResult],
-    further: Sequence[Finding],
-    foundations: Iterable[tuple[str, Any, Any]],
+    model: SolidBody, steps: Sequence[StepResult], further: Sequence[Finding]
 ) -> list[Finding]:
     """What is odd about results of load steps, beside what is known; where the last one has none,
     why; collective.
@@ -211,7 +200,7 @@ def findings_of_steps(
     return [
         *pushed_nodes([step.contact for step in steps], model.tagged.size),
         *loose_at_rest(model, steps, model.statement.forces_at),
-        *shapes_in_results(foundations, _shown(steps).displacement),
+        *shapes_in_results(model.shapes(_shown(steps).place), _shown(steps).displacement),
         *further,
         *result_findings([step.deformation for step in steps], names),
         *untouched(model.comm, steps),

@@ -24,7 +24,12 @@ from signorini_fx.forms.elasticity import NOT_FINITE, MatrixError
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem, State
 from signorini_fx.forms.nonlinear.residual import round_off
 from signorini_fx.forms.nonlinear.results import ResidualMechanics, SolvedBody, certified
-from signorini_fx.forms.nonlinear.verdicts import Stability, overlap, overlap_of_bodies
+from signorini_fx.forms.nonlinear.verdicts import (
+    Stability,
+    corner_inside,
+    overlap,
+    overlap_of_bodies,
+)
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.pairs.mortar_coupling import PairingError
 from signorini_fx.mechanics.statement.load_path import LoadPath
@@ -52,7 +57,14 @@ Array = npt.NDArray[np.float64]
 # What is said of linear bodies alone.
 OF_LINEAR_BODIES = (*OF_THE_BODY, Status.SLIDES_AT_PRESSURES, Status.SINGULAR)
 # What smaller steps do not change.
-FINAL = (Status.STABILITY_UNKNOWN, Status.NO_DIGIT, Status.NO_MEMORY, Status.NOT_HELD, Status.OPEN)
+FINAL = (
+    Status.CORNER,
+    Status.STABILITY_UNKNOWN,
+    Status.NO_DIGIT,
+    Status.NO_MEMORY,
+    Status.NOT_HELD,
+    Status.OPEN,
+)
 # How a solve ends that says nothing of the stiffness, beside these.
 NOT_BY_STIFFNESS = (
     *OF_THE_BODY,
@@ -365,6 +377,7 @@ class EquilibriumSolver(Stability):
         for status, said in (
             (Status.TOO_LARGE, self.too_large),
             (Status.INSIDE, lambda: overlap(foundations, last)),
+            (Status.CORNER, lambda: corner_inside(foundations)),
             (Status.PASSED, lambda: overlap_of_bodies(foundations, last)),
         ):
             self._detail = said()

@@ -28,6 +28,7 @@ from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import node_positions
 from signorini_fx.mechanics.assembly.pieces import find_pieces
 from signorini_fx.mechanics.contact_points.contact_boundary import block_diagonal
+from signorini_fx.mechanics.obstacles.corner_depths import deepest_corner
 from signorini_fx.mechanics.obstacles.paired_points import FacingSides
 from signorini_fx.mechanics.obstacles.shapes_inside import BodyCells, InsideBody
 from signorini_fx.records import Status
@@ -263,6 +264,12 @@ def overlap(foundations: MovingFoundations, last: State) -> str:
         if (deep := cells.passed((then, before), (now, moving.shape), added)) is not None:
             return f"contact[{number}]: on its way, {deep}"
     return ""
+
+
+def corner_inside(foundations: MovingFoundations) -> str:
+    """Of a shape between the nodes of the displaced body; collective."""
+    deep = deepest_corner(foundations.placed_shapes, foundations.at)
+    return "" if deep is None else f"{deep.path.removesuffix('.shape')}: {deep}"
 
 
 def overlap_of_bodies(foundations: MovingFoundations, last: State) -> str:

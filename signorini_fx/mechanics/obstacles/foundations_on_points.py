@@ -31,7 +31,7 @@ from signorini_fx.mechanics.contact_points.contact_boundary import (
     nodal_points,
     unit_contact_form,
 )
-from signorini_fx.mechanics.interfaces import Foundation, Pair
+from signorini_fx.mechanics.interfaces import Foundation, Pair, PlacedShape
 from signorini_fx.mechanics.kinematics import CARTESIAN
 from signorini_fx.mechanics.laws.at_points import fault_of, friction_of, joined
 from signorini_fx.mechanics.laws.directed import DirectedLaw, FrictionAxes
@@ -229,11 +229,13 @@ class Foundations:
         self._distances[number] = distance
 
     @property
-    def placed_shapes(self) -> list[tuple[str, Any, Any]]:
-        """Names of the foundations with shapes, these where they are, and what is added to the
-        distance.
-        """
-        return [(f"contact[{k}].shape", at.shape, at.added) for k, at in self._distances.items()]
+    def placed_shapes(self) -> list[PlacedShape]:
+        """The shapes of foundations where they are."""
+        return [
+            PlacedShape(f"contact[{k}].shape", k, at.shape, self._contact[k].gap)
+            for k, at in self._distances.items()
+            if not self._contact[k].bonded
+        ]
 
     def change(self, number: int, **values: Any) -> None:
         """Another gap or friction law of a contact that has one."""

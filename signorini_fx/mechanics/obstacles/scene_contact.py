@@ -23,7 +23,7 @@ from scipy.spatial import cKDTree
 from signorini_fx.errors import SceneError
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import facet_entities, facet_vertices
-from signorini_fx.mechanics.interfaces import Foundation, Pair
+from signorini_fx.mechanics.interfaces import Foundation, Pair, PlacedShape
 from signorini_fx.mechanics.kinematics.protocol import Kinematics
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.expressions import sample
@@ -77,6 +77,21 @@ def foundations_of(
     return foundations
 
 
+def hard_foundations(statement: Statement, kinematics: Kinematics) -> list[PlacedShape]:
+    """Return the shapes of the foundations of a scene without those of soft contact, which lets a
+    body into them.
+    """
+    return [
+        PlacedShape(
+            f"contact[{k}].foundation", k, shape_at_points(effect.surface, kinematics), effect.gap
+        )
+        for k, effect in enumerate(statement.contact)
+        if effect.surface is not None
+        and not effect.bonded
+        and getattr(effect, "overclosure", None) is None
+    ]
+
+
 def shape_at_points(shape: Any, kinematics: Kinematics) -> Any:
     """A shape of a scene as it is asked at points of the body; None: there is none."""
     return shape if shape is None or not kinematics.out_of_section else _ShapeOfSection(shape)
@@ -96,6 +111,12 @@ class _ShapeOfSection:
         """Signed distance and unit normal; the normal has no component out of the section."""
         away, normal = self.shape.distance(np.ascontiguousarray(x[:, :2]))
         return away, np.pad(normal, ((0, 0), (0, 1)))
+
+    def corners(self, dimension: int) -> Any:
+        """Those in the plane of the section, see ``Shape.corners``; a shape of a user's own may
+        have none.
+        """
+        return self.shape.corners(dimension) if hasattr(self.shape, "corners") else None
 
     @property
     def inradius(self) -> float:

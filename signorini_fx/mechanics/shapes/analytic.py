@@ -5,14 +5,23 @@ points in 2D.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Annotated, Literal, Self
 
 import numpy as np
 import numpy.typing as npt
 from pydantic import Field, model_validator
 
-from signorini_fx.mechanics.statement.rigid_shape import Array, Shape, across, normalised, unit
+from signorini_fx.mechanics.statement.rigid_shape import (
+    Array,
+    Corners,
+    Shape,
+    across,
+    normalised,
+    unit,
+)
 from signorini_fx.mechanics.statement.values import Direction, Finite, Positive, Vector
+from signorini_fx.tuned import SAME_NUMBER, SMOOTH_CORNER
 
 # Numbers that are compared at a time.
 _AT_A_TIME = 1_000_000
@@ -128,9 +137,21 @@ class Cone(Shape):
         signed = cosine * radius - sine * height
         foot = sine * radius + cosine * height
         normal = cosine * outwards - sine * axis
-        from_tip = foot < 0
-        signed[from_tip], normal[from_tip] = normalised(away[from_tip], -axis)
+        round_off = SAME_NUMBER * float(np.abs(x).max(initial=0.0))
+        from_tip = foot <= round_off
+        signed[from_tip], normal[from_tip] = normalised(away[from_tip], -axis, round_off)
         return signed - self.radius, normal
+
+    def initial_corners(self, dimension: int) -> Corners:
+        if self.hollow:
+            return Corners.none(dimension)
+        axis = unit(self.axis)
+        angle = math.radians(self.angle)
+        tip = np.array(self.tip) + self.radius / math.sin(angle) * axis
+        aside = math.cos(angle) * across(axis)
+        sides = np.stack((aside, -aside)) - math.sin(angle) * axis
+        none = Corners.none(dimension)
+        return replace(none, places=tip[None], radius=np.array([self.radius]), sides=sides[None])
 
 
 class Polyline(Shape):
@@ -185,13 +206,20 @@ class Polyline(Shape):
         x = np.array(self.points) - self.points[0]
         return float(x[:-1, 0] @ x[1:, 1] - x[1:, 0] @ x[:-1, 1]) / 2
 
-    def initial(self, x: Array) -> tuple[Array, Array]:
+    @property
+    def _pieces(self) -> StraightPieces:
         corners = np.array(self.points)
         pieces = np.arange(len(corners) - 1)[:, None] + np.arange(2)
         if self.closed:  # the body is on the left of a clockwise line
             pieces[-1, 1] = 0
             pieces = pieces[::-1, ::-1] if self._area > 0 else pieces
-        return StraightPieces(corners, pieces)(x)
+        return StraightPieces(corners, pieces)
+
+    def initial(self, x: Array) -> tuple[Array, Array]:
+        return self._pieces(x)
+
+    def initial_corners(self, dimension: int) -> Corners:
+        return self._pieces.convex_corners(hollow=self.hollow)
 
 
 class StraightPieces:
@@ -202,6 +230,7 @@ class StraightPieces:
 
     def __init__(self, corners: Array, pieces: Rows) -> None:
         self._pieces = pieces
+        self._corners = corners
         self._begin = corners[pieces[:, 0]]
         along = corners[pieces[:, 1]] - self._begin
         length = np.linalg.norm(along, axis=1)
@@ -219,15 +248,43 @@ class StraightPieces:
         away = x - self._begin[chosen] - parameter[:, None] * self._along[chosen]
         normal = self._normals[chosen].copy()
         signed = np.einsum("nd,nd->n", away, normal)
+        round_off = SAME_NUMBER * float(np.abs(self._begin).max())
         # At a corner the sign is that of the mean of both normals (Baerentzen and Aanaes, IEEE
-        # Trans. Vis. Comput. Graph. 11 (2005) 243-253), and the normal that of the distance.
+        # Trans. Vis. Comput. Graph. 11 (2005) 243-253), and the normal that of the distance, or on
+        # it the mean.
         for end, column in ((self._first[chosen], 0), (self._last[chosen], 1)):
-            size = np.linalg.norm(away, axis=1)
-            at_end = (parameter == end) & (size > 0)
+            at_end = parameter == end
             mean = self._at_corner[self._pieces[chosen[at_end], column]]
-            size = size[at_end] * np.where(np.einsum("nd,nd->n", away[at_end], mean) < 0, -1.0, 1.0)
-            signed[at_end], normal[at_end] = size, away[at_end] / size[:, None]
+            outside = np.where(np.einsum("nd,nd->n", away[at_end], mean) < 0, -1.0, 1.0)
+            size, along = normalised(
+                away[at_end], outside[:, None] * normalised(mean, normal[at_end])[1], round_off
+            )
+            signed[at_end], normal[at_end] = outside * size, outside[:, None] * along
         return signed, normal
+
+    def convex_corners(self, *, hollow: bool) -> Corners:
+        """Where one piece follows another one and turns away from the body, which is on the right
+        if ``hollow``.
+        """
+        ends, begins = (
+            np.bincount(self._pieces[:, k], minlength=len(self._corners)) for k in (1, 0)
+        )
+        at = np.flatnonzero((ends == 1) & (begins == 1))
+        before, after = np.zeros((2, len(self._corners)), dtype=np.int64)
+        before[self._pieces[:, 1]] = after[self._pieces[:, 0]] = np.arange(len(self._pieces))
+        first = self._along[before[at]]
+        second = self._along[after[at]]
+        turned = first[:, 1] * second[:, 0] - first[:, 0] * second[:, 1]  # clockwise
+        side = -1.0 if hollow else 1.0
+        # A line that turns back upon itself is as convex as it is concave.
+        convex = (side * turned > SMOOTH_CORNER) | (np.einsum("kd,kd->k", first, second) < 0) & (
+            side * turned >= 0
+        )
+        at = at[convex]
+        sides = side * np.stack((self._normals[before[at]], self._normals[after[at]]), axis=1)
+        return replace(
+            Corners.none(2), places=self._corners[at], radius=np.zeros(at.size), sides=sides
+        )
 
     def _nearest(self, x: Array) -> tuple[Rows, Array]:
         """The closest piece of each point, the first one of several, and the place of the closest

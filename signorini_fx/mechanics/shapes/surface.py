@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any, Literal
@@ -14,9 +15,9 @@ import numpy as np
 
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.mechanics.shapes.analytic import Rows, StraightPieces
-from signorini_fx.mechanics.statement.rigid_shape import Array, Shape
+from signorini_fx.mechanics.statement.rigid_shape import Array, Corners, Shape
 from signorini_fx.mechanics.statement.values import Positive
-from signorini_fx.tuned import INRADIUS_GRID, SAME_NUMBER
+from signorini_fx.tuned import INRADIUS_GRID, SAME_NUMBER, SMOOTH_EDGE
 
 
 class ClosedSurface(Shape):
@@ -54,6 +55,10 @@ class ClosedSurface(Shape):
         signed, normal = self._surface(x / self.scale)
         return self.scale * signed, normal
 
+    def initial_corners(self, dimension: int) -> Corners:
+        found = self._surface.corners(hollow=self.hollow)
+        return replace(found, places=self.scale * found.places, edges=self.scale * found.edges)
+
     @property
     def inradius(self) -> float:
         return math.inf if self.hollow else self.scale * self._surface.inradius
@@ -80,6 +85,7 @@ class CachedSurface:
         self._surface = surface
         self.dimension = surface.dimension
         self._last: dict[bytes, tuple[Array, Array]] = {}
+        self._corners: dict[bool, Corners] = {}
 
     def __call__(self, x: Array) -> tuple[Array, Array]:
         """Signed distances and normals, shapes (n,) and (n, d)."""
@@ -88,6 +94,12 @@ class CachedSurface:
             self._last = {points: self._surface(x)}
         signed, normal = self._last[points]
         return signed.copy(), normal.copy()
+
+    def corners(self, *, hollow: bool) -> Corners:
+        """The corners of its solid, or of what is around it if ``hollow``."""
+        if hollow not in self._corners:
+            self._corners[hollow] = self._surface.convex_corners(hollow=hollow)
+        return self._corners[hollow]
 
     @cached_property
     def inradius(self) -> float:
@@ -204,6 +216,34 @@ class InSpace:
         self._distance.SetInput(faced)
         self._size = float(np.linalg.norm(np.ptp(points, axis=0)))
         self.extent = np.reshape(faced.bounds, (3, 2)).T, faced.volume / faced.area
+        self._points = np.asarray(faced.points)
+        self._triangles = order
+
+    def convex_corners(self, *, hollow: bool) -> Corners:
+        """The edges that turn by more than facets of a curved surface do, and the points where
+        three of them meet, for the solid that is convex there, or if ``hollow`` for that around it.
+        """
+        x = self._points
+        triangles = self._triangles
+        normals = np.cross(
+            x[triangles[:, 1]] - x[triangles[:, 0]], x[triangles[:, 2]] - x[triangles[:, 0]]
+        )
+        normals /= np.maximum(np.linalg.norm(normals, axis=1), 1e-300)[:, None]
+        ends = np.stack((triangles, np.roll(triangles, -1, axis=1)), axis=2).reshape(-1, 2)
+        order = np.lexsort(np.sort(ends, axis=1).T)  # each edge twice, one after the other
+        first = order[::2]
+        second = order[1::2]
+        one = normals[first // 3]
+        other = normals[second // 3]
+        along = x[ends[first, 1]] - x[ends[first, 0]]
+        along /= np.linalg.norm(along, axis=1)[:, None]
+        turned = np.einsum("ed,ed->e", np.cross(one, other), along) * (-1.0 if hollow else 1.0)
+        sharp = (turned > SMOOTH_EDGE) | (np.einsum("ed,ed->e", one, other) < 0) & (turned >= 0)
+        edges = ends[first[sharp]]
+        at = np.flatnonzero(np.bincount(edges.ravel(), minlength=len(x)) > 2)
+        of_edge = np.stack((one[sharp], other[sharp]), axis=1)
+        sides = of_edge[[(edges == k).any(axis=1).argmax() for k in at]].reshape(-1, 2, 3)
+        return Corners(x[at], np.zeros(at.size), -sides if hollow else sides, x[edges])
 
     def __call__(self, x: Array) -> tuple[Array, Array]:
         """Signed distances and normals, shapes (n,) and (n, 3)."""

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import import_module
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
@@ -57,12 +57,14 @@ def across(axis: Array) -> Array:
     return np.asarray(perpendicular / np.linalg.norm(perpendicular))
 
 
-def normalised(vectors: Array, otherwise: Array) -> tuple[Array, Array]:
-    """Lengths of vectors, and the unit vectors; what has no direction gets another one. Shapes (n,)
-    and (n, d).
+def normalised(vectors: Array, otherwise: Array, least: float = 0.0) -> tuple[Array, Array]:
+    """Lengths of vectors, and the unit vectors; what has no direction, as it is no longer than the
+    ``least`` length, gets another one.  Shapes (n,) and (n, d).
     """
     size = np.linalg.norm(vectors, axis=1)
-    return size, np.where(size[:, None] > 0, vectors / np.maximum(size, 1e-300)[:, None], otherwise)
+    return size, np.where(
+        size[:, None] > least, vectors / np.maximum(size, 1e-300)[:, None], otherwise
+    )
 
 
 def turning(rotation: float | tuple[float, ...], dimension: int) -> Array:
@@ -139,6 +141,31 @@ class Placed(Table):
         )
 
 
+@dataclass(frozen=True)
+class Corners:
+    """The k places where the solid of a foundation is convex and not smooth, points or round ones,
+    and in 3D the e straight edges between its sides.
+
+    Attributes:
+        places: the corners, or the centres that they are rounded about, length, shape (k, d).
+        radius: of the rounding, length, shape (k,); zero: sharp.
+        sides: outward unit normals of the two sides that meet, in 3D of two opposite ones, shape
+            (k, 2, d).
+        edges: both ends of the edges, length, shape (e, 2, d).
+    """
+
+    places: Array
+    radius: Array
+    sides: Array
+    edges: Array
+
+    @classmethod
+    def none(cls, dimension: int) -> Corners:
+        """Those of a smooth shape."""
+        nothing = np.zeros((0, 2, dimension))
+        return cls(nothing[:, 0], np.zeros(0), nothing, nothing)
+
+
 class Shape(Placed, RigidMotion):
     """A rigid foundation that is a thing: the body is outside of it, or inside where it is hollow.
 
@@ -188,6 +215,25 @@ class Shape(Placed, RigidMotion):
     def initial(self, x: Array) -> tuple[Array, Array]:
         """``distance`` before the shape is turned and moved, not hollow."""
         raise NotImplementedError
+
+    def initial_corners(self, dimension: int) -> Corners:
+        """``corners`` before the shape is turned and moved; where it is hollow, those of what is
+        around it.
+        """
+        return Corners.none(dimension)
+
+    def corners(self, dimension: int) -> Corners:
+        """The corners of the foundation where it is: what it presses with between the nodes of a
+        body.
+        """
+        found = self.initial_corners(dimension)
+        turn = self.turn_matrix(dimension).T
+        return replace(
+            found,
+            places=self.moved_points(found.places),
+            sides=found.sides @ turn,
+            edges=self.moved_points(found.edges.reshape(-1, dimension)).reshape(found.edges.shape),
+        )
 
     def contradictions(self, dimension: int, *, turns: bool = True) -> Iterator[tuple[str, str]]:
         """Keys that do not fit the dimension of the mesh, or are missing where a driven shape may

@@ -1,0 +1,281 @@
+"""How deep convex corners of rigid foundations are inside a body: what no contact point on its
+nodes sees.
+
+A corner c that is rounded by rho is below a facet of the boundary with the outward normal n and the
+closest point x by rho - added - n . (c - x), with what is added to the distance.  Edges in space
+are looked at in points.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import basix
+import numpy as np
+import numpy.typing as npt
+from dolfinx import fem
+from dolfinx import mesh as dmesh
+
+from signorini_fx.machine import parallel
+from signorini_fx.mechanics.assembly.mesh_entities import (
+    facet_entities,
+    facet_nodes,
+    node_positions,
+)
+from signorini_fx.mechanics.interfaces import PlacedShape
+from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodyMotion
+from signorini_fx.mechanics.statement.rigid_shape import Corners
+from signorini_fx.tuned import DIGITS_OF_FILES, NOTABLE, SAME_LENGTH
+
+Array = npt.NDArray[np.float64]
+
+# Numbers that are compared at a time.
+_AT_A_TIME = 1_000_000
+
+# A corner that is rounded off with a radius of so many facets is a curve, which nodes feel.
+FACETS_OF_ROUNDING = 2
+
+
+@dataclass(frozen=True)
+class DeepCorner:
+    """The corner ``at`` of the foundation that the input names by its ``path``: its ``depth`` below
+    a ``facet`` of this length, of a facet in space the longest side.
+    """
+
+    path: str
+    at: tuple[float, ...]
+    depth: float
+    facet: float
+
+    def __str__(self) -> str:
+        at = ", ".join(f"{c:.4g}" for c in self.at)
+        return (
+            f"its corner at ({at}) is {self.depth:.3g} below a facet of {self.facet:.3g}, between "
+            f"nodes: round it off with a radius of at least {FACETS_OF_ROUNDING * self.facet:.2g}"
+        )
+
+
+@dataclass(frozen=True)
+class BodySurface:
+    """The boundary of a body on this rank, in m flat pieces: the nodes of each, local numbers,
+    shape (m, d), and one node of the cell behind it that is not on it, shape (m,).
+    """
+
+    space: fem.FunctionSpace
+    pieces: npt.NDArray[np.int32]
+    behind: npt.NDArray[np.int32]
+
+    @classmethod
+    def of(cls, space: fem.FunctionSpace) -> BodySurface:
+        """That of a space of displacements; nodes between vertices divide a facet."""
+        mesh = space.mesh
+        dim = space.mesh.topology.dim
+        mesh.topology.create_connectivity(dim - 1, dim)
+        facets = dmesh.exterior_facet_indices(mesh.topology)
+        nodes = facet_nodes(space, facets)
+        kind = getattr(basix.CellType, mesh.topology.cell_name())
+        vertices = space.dofmap.list[facet_entities(mesh, facets)[:, 0]][
+            :, : len(basix.topology(kind)[0])
+        ]
+        beside = ~(vertices[:, :, None] == nodes[:, None]).any(axis=2)
+        behind = vertices[np.arange(len(vertices)), beside.argmax(axis=1)]
+        split = _split(dim, nodes.shape[1])
+        return cls(space, nodes[:, split].reshape(-1, dim), np.repeat(behind, len(split)))
+
+    def below(self, points: Array, places: Array) -> tuple[Array, Array, Array]:
+        """How deep points are below the closest piece, negative outside, and the length of its
+        longest side, shapes (k,), and its outward normal, shape (k, d); ``places``: positions of
+        the nodes, length, shape (nodes, d); the same on every rank; collective.
+        """
+        dim = self.pieces.shape[1]
+        x = places[self.pieces][..., :dim]
+        normal = _normals(x)
+        inwards = np.einsum("md,md->m", normal, places[self.behind][:, :dim] - x[:, 0])
+        normal = np.where((inwards > 0)[:, None], -normal, normal)
+        sides = np.linalg.norm(x - np.roll(x, 1, axis=1), axis=2).max(axis=1)
+        rows = np.full((len(points), 3 + dim), (np.inf, -np.inf, *[0.0] * (1 + dim)))
+        for batch in np.array_split(np.arange(len(points)), 1 + len(points) * x.size // _AT_A_TIME):
+            if not (len(x) and batch.size):
+                continue
+            away = points[batch, None, :dim] - _closest(points[batch, :dim], x)
+            distance = np.linalg.norm(away, axis=2)
+            height = np.einsum("bmd,md->bm", away, normal)
+            nearest = distance.min(axis=1)
+            # Of pieces that share the closest point the body is on the inner side of all or of
+            # none.
+            tied = distance <= nearest[:, None] + SAME_LENGTH * sides
+            height = np.where(tied, height, -np.inf)
+            piece = height.argmax(axis=1)
+            rows[batch] = np.column_stack(
+                (nearest, height.max(axis=1), sides[piece], normal[piece])
+            )
+        every = parallel.gather_rows(self.space.mesh.comm, rows).reshape(-1, *rows.shape)
+        nearest = every[..., 0].min(axis=0)
+        height = np.where(
+            every[..., 0] <= nearest + SAME_LENGTH * every[..., 2].max(axis=0),
+            every[..., 1],
+            -np.inf,
+        )
+        rows = every[height.argmax(axis=0), np.arange(len(points))]
+        return -rows[:, 1], rows[:, 2], rows[:, 3:]
+
+
+def deepest_corner(
+    foundations: Iterable[PlacedShape],
+    displacement: fem.Function,
+    rigid: Iterable[RigidBodyMotion] = (),
+) -> DeepCorner | None:
+    """The corner of the foundations that is most below the deformed boundary of the body, if that
+    is a notable share of the deformation; ``rigid``: how forces have moved foundations; None: there
+    is none; collective.
+    """
+    space = displacement.function_space
+    surface = None
+    deepest = None
+    dim = space.mesh.topology.dim
+    comm = space.mesh.comm
+    moved = displacement.x.array.reshape(-1, space.dofmap.index_map_bs)[:, :dim]
+    places = node_positions(space)[:, :dim] + moved
+    for foundation in foundations:
+        corners: Corners | None = None
+        if hasattr(foundation.shape, "corners") and isinstance(foundation.added, int | float):
+            corners = foundation.shape.corners(dim)
+        if corners is None or not corners.places.size + corners.edges.size:
+            continue
+        surface = surface or BodySurface.of(space)
+        low, high = parallel.global_bounds(comm, places)
+        points, radius = _points_of(corners, low, high, surface, places)
+        for motion in rigid:
+            if foundation.contact in motion.body.parts:
+                points = points + motion.at(points)
+        if not len(points):
+            continue
+        below, facets, _ = surface.below(points, places)
+        # Advice follows undeformed facets, too.
+        curved = radius >= (1.0 - NOTABLE) * FACETS_OF_ROUNDING * facets
+        depth = np.where(curved, -np.inf, below + radius - foundation.added)
+        sums = parallel.global_sum(comm, np.array([len(moved), *moved.sum(axis=0)]))
+        deformed = parallel.largest(comm, np.linalg.norm(moved - sums[1:] / sums[0], axis=1), 0.0)
+        size = float(np.linalg.norm(high - low))
+        k = int(np.lexsort((*np.round(points / size, 9).T[::-1], -np.round(depth / size, 9)))[0])
+        if depth[k] > max(
+            NOTABLE * deformed, DIGITS_OF_FILES * size, 0.0 if deepest is None else deepest.depth
+        ):
+            deepest = DeepCorner(
+                foundation.path, tuple(points[k].tolist()), float(depth[k]), float(facets[k])
+            )
+    return deepest
+
+
+def facing_corners(foundation: PlacedShape, space: fem.FunctionSpace) -> tuple[Array, float] | None:
+    """The corners of a foundation that are rounded by less than the facet of the undeformed body
+    that they point at, length, shape (k, d), and the longest such facet; None: there are none;
+    collective.
+    """
+    dim = space.mesh.topology.dim
+    corners: Corners | None = (
+        foundation.shape.corners(dim) if hasattr(foundation.shape, "corners") else None
+    )
+    if corners is None or not corners.places.size:
+        return None
+    _, facets, normal = BodySurface.of(space).below(corners.places, node_positions(space)[:, :dim])
+    # Two sides press along all directions between their normals.
+    points_at = np.einsum("kd,ksd->ks", normal, corners.sides).max(axis=1) <= 0
+    meets = points_at & (corners.radius < FACETS_OF_ROUNDING * facets)
+    return (corners.places[meets], float(facets[meets].max())) if meets.any() else None
+
+
+def _points_of(
+    corners: Corners, low: Array, high: Array, surface: BodySurface, places: Array
+) -> tuple[Array, Array]:
+    """Corners within the box of the body, and points of edges there, no farther apart than half a
+    facet, with the radii that they are rounded by, shapes (k, d) and (k,); collective.
+    """
+    points = [corners.places]
+    radii = [corners.radius]
+    if len(corners.edges):
+        x = places[surface.pieces]
+        lengths = np.linalg.norm(x - np.roll(x, 1, axis=1), axis=2).max(axis=1)
+        total, count = parallel.global_sum(
+            surface.space.mesh.comm, np.array([lengths.sum(), lengths.size])
+        )
+        begin = corners.edges[:, 0]
+        along = corners.edges[:, 1] - corners.edges[:, 0]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            enters = (low - begin) / along
+            leaves = (high - begin) / along
+        within = (along != 0) | ((begin >= low) & (begin <= high))
+        first = np.where(along != 0, np.minimum(enters, leaves), 0.0).max(axis=1).clip(0.0, 1.0)
+        last = np.where(along != 0, np.maximum(enters, leaves), 1.0).min(axis=1).clip(0.0, 1.0)
+        for k in np.flatnonzero(within.all(axis=1) & (last >= first)):
+            pieces = int(
+                np.ceil((last[k] - first[k]) * np.linalg.norm(along[k]) / (total / count / 2))
+            )
+            points.append(begin[k] + np.linspace(first[k], last[k], pieces + 2)[:, None] * along[k])
+            radii.append(np.zeros(pieces + 2))
+    x = np.concatenate(points)
+    radius = np.concatenate(radii)
+    inside = ((x >= low - radius[:, None]) & (x <= high + radius[:, None])).all(axis=1)
+    return x[inside], radius[inside]
+
+
+def _split(dim: int, nodes: int) -> npt.NDArray[np.int64]:
+    """The flat pieces of a facet with so many nodes, vertices first, by their numbers, shape
+    (pieces, d).
+    """
+    if dim == 2:  # vertices, and those between them in order
+        return np.array([*zip([0, *range(2, nodes)], [*range(2, nodes), 1], strict=True)])
+    corners = {3: [[0, 1, 2]], 4: [[0, 1, 2], [1, 3, 2]]}
+    if nodes in corners:
+        return np.array(corners[nodes])
+    if nodes == 6:  # basix: node 3 is across vertex 0, and so on
+        return np.array([[0, 5, 4], [1, 3, 5], [2, 4, 3], [3, 4, 5]])
+    around = [0, 4, 1, 6, 3, 7, 2, 5]  # of nine, around the last one
+    return np.array([[8, *pair] for pair in zip(around, np.roll(around, -1), strict=True)])
+
+
+def _normals(x: Array) -> Array:
+    """Unit normals of segments or triangles with such corners, shape (m, d), zero where they have
+    no extent.
+    """
+    along = x[:, 1] - x[:, 0]
+    normal = (
+        np.column_stack((along[:, 1], -along[:, 0]))
+        if x.shape[1] == 2
+        else np.cross(along, x[:, 2] - x[:, 0])
+    )
+    size = np.linalg.norm(normal, axis=1, keepdims=True)
+    return np.divide(normal, size, out=np.zeros_like(normal), where=size > 0)
+
+
+def _closest(points: Array, x: Array) -> Array:
+    """The closest point of each of m segments or triangles to each of b points, shape (b, m, d)."""
+    if x.shape[1] == 2:
+        return _on_segments(points, x[:, 0], x[:, 1])
+    normal = _normals(x)
+    height = np.einsum("bmd,md->bm", points[:, None] - x[:, 0], normal)
+    flat = points[:, None] - height[..., None] * normal
+    inside = np.ones(height.shape, dtype=bool)
+    best = flat.copy()
+    nearest = np.full(height.shape, np.inf)
+    for k in range(3):
+        begin = x[:, k]
+        end = x[:, (k + 1) % 3]
+        inside &= np.einsum("bmd,md->bm", flat - begin, np.cross(normal, end - begin)) >= 0
+        on_side = _on_segments(points, begin, end)
+        distance = np.linalg.norm(points[:, None] - on_side, axis=2)
+        closer = distance < nearest
+        best[closer], nearest[closer] = on_side[closer], distance[closer]
+    best[inside] = flat[inside]
+    return best
+
+
+def _on_segments(points: Array, begin: Array, end: Array) -> Array:
+    """The closest point of each of m segments to each of b points, shape (b, m, d)."""
+    along = end - begin
+    square = np.einsum("md,md->m", along, along)
+    share = np.einsum("bmd,md->bm", points[:, None] - begin, along) / np.where(
+        square > 0, square, 1.0
+    )
+    return np.asarray(begin + np.clip(share, 0.0, 1.0)[..., None] * along)
