@@ -1,6 +1,4 @@
-"""Answers in 3D that are known without this package: Hertz, and torsion with a stick radius that
-moves in.
-"""
+"""Answers in 3D that are known without this package: Hertz, and torsion with a stick radius that moves in."""
 
 import numpy as np
 import pytest
@@ -40,8 +38,7 @@ def test_hertz():
     assert solution.table.columns["pressure"].max() == pytest.approx(peak, rel=0.02)
     columns = solution.table.columns
     r = np.hypot(columns["x"], columns["y"])
-    # The mean distance of the force from the axis is 3 pi / 16 a; an area of whole nodes would be
-    # off by one of them.
+    # The mean distance of the force from the axis is 3 pi / 16 a; an area of whole nodes would be off by one of them.
     mean = np.average(r, weights=columns["weight"] * columns["pressure"])
     assert 16 / (3 * np.pi) * mean == pytest.approx(a, rel=0.02)
     expected = peak * np.sqrt(np.maximum(1 - (r / a) ** 2, 0.0))
@@ -53,9 +50,7 @@ def test_hertz():
 
 @pytest.mark.slow
 def test_hertz_on_curved_quadratic_tetrahedra():
-    """A quarter of half a sphere, pressed on a plane by its flat top; the cells follow the
-    sphere.
-    """
+    """A quarter of half a sphere, pressed on a plane by its flat top; the cells follow the sphere."""
     young, poisson, radius = 1000.0, 0.3, 8.0
     parameters = {
         "radius": radius,
@@ -93,11 +88,66 @@ def test_hertz_on_curved_quadratic_tetrahedra():
     np.testing.assert_allclose(columns["pressure"][inside], expected, rtol=0, atol=0.02 * peak)
 
 
+CURVATURE = 1e-3
+CYLINDER = {
+    "shape": "cylinder",
+    "radius": 1 / CURVATURE,
+    "centre": [0.0, 0.0, -1 / CURVATURE],
+    "axis": [0.0, 1.0, 0.0],
+}
+
+
+@pytest.mark.parametrize(("law", "poisson"), [({}, 0.3), ({}, 0.0), ({"law": "neo-hooke"}, 0.3)])
+def test_a_bent_block_presses_evenly_on_a_foundation_of_its_shape(law, poisson):
+    """Pure bending and compression, which quadratic tetrahedra have exactly: the pressure is that of the compression.
+
+    Without Poisson's effect the foundation is a cylinder.
+    """
+    young, pressure = 1000.0, 0.5
+    press, bent = pressure / young, f"{CURVATURE / 2} * (x[0]**2 - {poisson} * x[1]**2)"
+    moved = {
+        "x": f"({CURVATURE} * x[2] + {poisson * press}) * x[0]",
+        "y": f"{poisson} * (-{CURVATURE} * x[2] + {press}) * x[1]",
+        "z": f"-{press} * x[2] - {bent} - {poisson * CURVATURE / 2} * x[2]**2",
+    }
+    parameters = {"nx": 3, "ny": 3, "nz": 2, "length": 1.0, "cell": "tetrahedron"}
+    scene = parse_scene(
+        {
+            "mesh": {"generator": "box", "parameters": parameters},
+            "element": {"degree": 2},
+            "material": {"young": young, "poisson": poisson} | law,
+            "displacement": [
+                {"boundary": name, **moved} for name in ("left", "right", "front", "back", "top")
+            ],
+            "contact": {"boundary": "bottom"}
+            | ({"gap": bent} if poisson else {"foundation": CYLINDER}),
+            "solver": {"algorithm": "alm"},
+        }
+    )
+    columns = alone(scene).table.columns
+    inner = (np.abs(columns["x"] - 0.5) < 0.4) & (np.abs(columns["y"] - 0.5) < 0.4)
+    np.testing.assert_allclose(columns["pressure"][inner], pressure, rtol=5e-3)
+
+
+def test_a_step_of_the_foundation_presses_on_nothing_beside_it():
+    """A gap that jumps within a row of quadratic tetrahedra: a block at rest on the higher part is not pressed."""
+    parameters = {"nx": 6, "ny": 3, "nz": 2, "length": 2.0, "cell": "tetrahedron"}
+    scene = parse_scene(
+        {
+            "mesh": {"generator": "box", "parameters": parameters},
+            "element": {"degree": 2},
+            "material": {"young": 1000.0, "poisson": 0.3},
+            "displacement": {"boundary": "top", "x": 0.0, "y": 0.0, "z": 0.0},
+            "contact": {"boundary": "bottom", "gap": "0.0 if x[0] < 1.1 else 0.05"},
+        }
+    )
+    assert alone(scene).table.columns["pressure"].max() == 0.0
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("share", [0.9, 2.0])
 def test_torsion(share):
-    """M(phi) of a pressed cylinder whose stick radius moves in, to half a per cent of a scalar
-    problem in (r, z).
+    """M(phi) of a pressed cylinder whose stick radius moves in, to half a per cent of a scalar problem in (r, z).
 
     nu = 0, so that the press itself makes no shear; slip begins at phi = q H / (G a).
     """

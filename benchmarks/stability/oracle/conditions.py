@@ -7,6 +7,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -189,7 +190,7 @@ def points_of(body: Body, part: int) -> Points:
     The weight times the normal is the integral of the basis function times the normal; on quadratic
     tetrahedra, whose functions of vertices have the integral zero, that of the hat function, and
     the weight is that of its area. The shares there are those of the functions that are dual to the
-    hats on each facet.
+    hats on each facet, or of the hats where the others find an overlap of a round gap.
     """
     effect = listed(body.scene, "contact")[part]
     facets = body.facets(effect["boundary"])
@@ -205,10 +206,13 @@ def points_of(body: Body, part: int) -> Points:
     size = np.linalg.norm(moments[vertices], axis=1)
     normals = moments[vertices] / size[:, None]
 
-    def found(shares: csr_array, weight: Array) -> Points:
-        gap = at_points(effect.get("gap", 0.0), body.x[vertices])
-        if "foundation" in effect:
-            gap = gap + from_shape(effect["foundation"], body.x[vertices])[0]
+    reached = np.unique(facets.nodes)
+    gaps = np.zeros(len(body.x))
+    gaps[reached] = at_points(effect.get("gap", 0.0), body.x[reached])
+    if "foundation" in effect:
+        gaps[reached] += from_shape(effect["foundation"], body.x[reached])[0]
+
+    def found(shares: csr_array, weight: Array, gap: Array) -> Points:
         return Points(
             body.x[vertices], csr_array(kron(shares, eye_array(body.dim))), weight, normals, gap
         )
@@ -218,21 +222,43 @@ def points_of(body: Body, part: int) -> Points:
             (np.ones(len(vertices)), (np.arange(len(vertices)), vertices)),
             shape=(len(vertices), len(body.x)),
         )
-        return found(own.tocsr(), size)
+        return found(own.tocsr(), size, gaps[vertices])
     area = np.linalg.norm(normal, axis=2)
     products, hats_only = (
         np.einsum("fp,p,pa,pb->fab", area, weights, hats, these) for these in (values, hats)
     )
     # The functions of the points on a facet: the hats' integrals are their own, and they are dual
     # to the hats.
-    products = np.linalg.solve(hats_only, products) * hats_only.sum(axis=2)[:, :, None]
+    dual = np.linalg.solve(hats_only, products) * hats_only.sum(axis=2)[:, :, None]
     rows, columns = np.broadcast_arrays(points[:, :, None], facets.nodes[:, None, :])
-    every = coo_array(
-        (products.ravel(), (rows.ravel(), columns.ravel())), shape=(len(body.x), len(body.x))
-    ).tocsr()
-    mine = every[vertices]
-    weight = np.asarray(mine.sum(axis=1)).ravel()
-    return found(csr_array(mine.multiply(1 / weight[:, None])), weight)
+    for integrals in (dual, products):
+        every = coo_array(
+            (integrals.ravel(), (rows.ravel(), columns.ravel())), shape=(len(body.x), len(body.x))
+        ).tocsr()
+        mine = every[vertices]
+        weight = np.asarray(mine.sum(axis=1)).ravel()
+        shares = csr_array(mine.multiply(1 / weight[:, None]))
+        gap = averaged_gap(shares, body.x, gaps, vertices)
+        if gap.min() >= gaps[reached].min() - 1e-9 * np.ptp(body.x[reached]):
+            break
+    return found(shares, weight, gap)
+
+
+def averaged_gap(shares: csr_array, x: Array, gaps: Array, vertices: Ints) -> Array:
+    """Averages of gaps at nodes, but at vertices around which the gap is further from a quadratic
+    function of two coordinates than its average from that of the vertex: that of the vertex.
+    """
+    gap = gaps[vertices]
+    for point, (first, last) in enumerate(pairwise(shares.indptr)):
+        around, share = shares.indices[first:last], shares.data[first:last]
+        away = (x[around] - x[around].mean(axis=0)) / np.ptp(x[around])
+        one, two = np.linalg.svd(away)[2][:2] @ away.T
+        basis = np.array([one**i * two**j for i in range(3) for j in range(3 - i)]).T
+        off = gaps[around] - basis @ np.linalg.lstsq(basis, gaps[around])[0]
+        mean = share @ gaps[around]
+        if abs(mean - gap[point]) >= np.abs(off).max():
+            gap[point] = mean
+    return gap
 
 
 @dataclass(frozen=True)

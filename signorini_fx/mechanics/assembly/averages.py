@@ -1,11 +1,14 @@
 """How contact points average the displacement around them.
 
 Most take that of their node.  On quadratic triangles, whose functions of the vertices integrate to
-zero, the contact points are the vertices alone.  With the dual functions psi_i of the linear hat
-functions, see ``pairs.dual_functions``, w_i = (psi_i, 1) is the weight of a point, and y_i =
-(psi_i, y) / w_i the displacement that contact sees there.  Of a linear one that is its value at the
-vertex, as the gap is that of the vertex.  A point hardly feels the tractions of those beside it, so
-that pressures do not alternate.
+zero, the contact points are the vertices alone.  With functions psi_i on the facets around them
+w_i = (psi_i, 1) is the weight of a point, y_i = (psi_i, y) / w_i the displacement that contact sees
+there, and (psi_i, d) / w_i the gap.
+
+The psi_i are the dual functions of the linear hat functions, see ``pairs.dual_functions``.  A point
+hardly feels the tractions of those beside it, so that pressures do not alternate and active sets
+settle fast.  But of a round gap with the radius R an average is h^2 / (8 R) below the value at the
+vertex: the body would be pressed before it touches.  There they are the hat functions themselves.
 """
 
 from __future__ import annotations
@@ -100,6 +103,24 @@ class Averages:
         if self.between is not None:
             return self.between
         return sp.csr_array(sp.kron(self.shares, sp.eye_array(self.x.shape[1]), format="csr"))
+
+    def of_gap(self, vertices: _Floats, values: _Floats) -> _Floats:
+        """Return the gap of the points, length, shape (n,): averages of ``values`` at the nodes.
+
+        Where the gap jumps or bends between nodes an average means nothing, and may lie below all
+        values.  There it is that of ``vertices``, shape (n,): where the average differs from it by
+        less than the values differ from the quadratic function of two coordinates that fits best.
+        """
+        gap = np.asarray(self.shares @ values)
+        for point in range(gap.size):
+            nodes = self.shares.indices[self.shares.indptr[point] : self.shares.indptr[point + 1]]
+            x = self.x[nodes] - self.x[nodes].mean(axis=0)
+            a, b = (x @ np.linalg.eigh(x.T @ x)[1][:, 1:]).T / np.abs(x).max()
+            powers = np.column_stack((np.ones_like(a), a, b, a * a, a * b, b * b))
+            fitted = powers @ np.linalg.lstsq(powers, values[nodes])[0]
+            if np.abs(gap[point] - vertices[point]) < np.abs(values[nodes] - fitted).max():
+                gap[point] = vertices[point]
+        return gap
 
     def any_of(self, flags: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
         """Whether any node of a point has a flag, from shape (m, k) to shape (n, k)."""

@@ -20,7 +20,7 @@ from signorini_fx.algebra.contact.friction import PointFriction, as_given
 from signorini_fx.errors import FormError, SceneError
 from signorini_fx.extensions import is_of_package
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.assembly.averages import Averages, averaging
+from signorini_fx.mechanics.assembly.averages import Averages, averaging, from_owners
 from signorini_fx.mechanics.assembly.mesh_entities import node_positions
 from signorini_fx.mechanics.assembly.nodal_values import NodalValues
 from signorini_fx.mechanics.contact_points.contact_boundary import (
@@ -364,7 +364,8 @@ class Foundations:
         if form is None:
             from signorini_fx.mechanics.obstacles.paired_points import averaged_points
 
-            points, averages = averaged_points(space, facets, shape.factor, fixed)
+            gap = self._gap_of(number)
+            points, averages = averaged_points(space, facets, shape.factor, fixed, gap)
         else:
             points = nodal_points(space, form, 0.0 if shape.factor is None else SAME_NUMBER)
             nodes = points[0]
@@ -528,10 +529,15 @@ class Foundations:
         ]
         bilateral = np.isin(boundary.part, closed) & ~self.alone(boundary)
         gap = np.zeros(boundary.size)
-        # The gap is that of nodes, whose value averages of a linear displacement have, too.
         for k, entry in enumerate(data):
-            on_part = boundary.part == k
+            on_part = np.flatnonzero(boundary.part == k)
             gap[on_part] = entry.gap[boundary.nodes[on_part]]
+            if averaging(self._space) and k not in self._masters:
+                averages = boundary.averages
+                averages = replace(averages, shares=averages.shares[on_part])
+                owned = np.nan_to_num(entry.gap[: self._space.dofmap.index_map.size_local, None])
+                around = from_owners(owned, averages.nodes, boundary.comm)[:, 0]
+                gap[on_part] = averages.of_gap(gap[on_part], around)
         points = law, bilateral, boundary.points.immovable
         return RegularisedData.unshifted(
             gap, self._dimension - 1, settings, scales.gamma, *points

@@ -42,7 +42,7 @@ from signorini_fx.mechanics.pairs.pair_side import (
 )
 from signorini_fx.mechanics.pairs.search import default_reach
 from signorini_fx.mechanics.pairs.sliding import SlidingCoupling, slide
-from signorini_fx.tuned import ASKEW_NORMAL, DIGITS_OF_FILES, ROOT_OF_EPS, SAME_NUMBER
+from signorini_fx.tuned import ASKEW_NORMAL, DIGITS_OF_FILES, ROOT_OF_EPS, SAME_LENGTH, SAME_NUMBER
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int32]
@@ -100,11 +100,21 @@ class PairedSide:
 
 
 def averaged_points(
-    space: fem.FunctionSpace, facets: Indices, factor: Array | None, fixed: npt.NDArray[np.bool_]
+    space: fem.FunctionSpace,
+    facets: Indices,
+    factor: Array | None,
+    fixed: npt.NDArray[np.bool_],
+    gap: Array,
 ) -> tuple[tuple[Indices, Array, Array], Averages]:
-    """The points of a rigid foundation on a side whose dual functions average, see ``averages``:
-    local numbers of their nodes, weights and normals, and how they average; ``factor``: see
-    ``PairedSide.of``; ``fixed``: which owned dofs are prescribed; collective.
+    """Return the points of a rigid foundation on a side whose displacements are averaged: local
+    numbers of their nodes, weights and normals, and how they average, see ``averages``; collective.
+
+    Args:
+        space: of the displacements.
+        facets: of the side, those of this rank.
+        factor: of the measure, see ``PairedSide.of``.
+        fixed: which owned dofs are prescribed.
+        gap: at all nodes of this rank, length, shape (nodes,).
     """
     comm = space.mesh.comm
     dim = space.mesh.topology.dim
@@ -116,16 +126,27 @@ def averaged_points(
     )
     at = np.broadcast_to(points, (numbers.size, *points.shape))
     itself = Overlap(numbers, numbers, at, at, surface.sizes(numbers, at) * weights)
-    tested = Tested(surface, surface, itself)
-    area = tested.areas
-    mine = np.flatnonzero((area > 0) & side.owned(space))
-    own = sp.eye_array(len(surface.x), format="csr")[mine]
-    shares = (tested.mean(own) @ tested.products())[:, : len(surface.x)]
-    reached = np.unique(shares.indices)
-    held = from_owners(fixed.reshape(-1, dim).astype(np.float64), side.nodes[reached], comm) > 0
-    averages = Averages(shares[:, reached], side.nodes[reached], surface.x[reached], held)
+    owned_gap = np.nan_to_num(gap[: space.dofmap.index_map.size_local, None])
+    gap_on_side = from_owners(owned_gap, side.nodes, comm)[:, 0]
+    least = gap_on_side.min(initial=np.inf) - SAME_LENGTH * float(np.ptp(surface.x))
+
+    def averaged(*, by_hats: bool) -> tuple[npt.NDArray[np.int64], Array, Averages, Array]:
+        """Return the numbers of the points on the side, their areas, averages and gaps."""
+        tested = Tested(surface, surface, itself, by_hats)
+        mine = np.flatnonzero((tested.areas > 0) & side.owned(space))
+        own = sp.eye_array(len(surface.x), format="csr")[mine]
+        shares = (tested.mean(own) @ tested.products())[:, : len(surface.x)]
+        reached = np.unique(shares.indices)
+        held = from_owners(fixed.reshape(-1, dim).astype(np.float64), side.nodes[reached], comm) > 0
+        averages = Averages(shares[:, reached], side.nodes[reached], surface.x[reached], held)
+        gaps = averages.of_gap(gap_on_side[mine], gap_on_side[reached])
+        return mine, tested.areas[mine], averages, gaps
+
+    mine, area, averages, gaps = averaged(by_hats=False)
+    if parallel.any_rank(comm, bool((gaps < least).any())):
+        mine, area, averages, gaps = averaged(by_hats=True)
     local = (side.nodes[mine] - space.dofmap.index_map.local_range[0]).astype(np.int32)
-    return (local, area[mine], surface.nodal_normals[mine]), averages
+    return (local, area, surface.nodal_normals[mine]), averages
 
 
 def held_along(normal: Array, frames: Array, fixed: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
