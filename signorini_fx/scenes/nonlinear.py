@@ -42,7 +42,12 @@ from signorini_fx.results.stresses import RawStresses
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.scene import Scene
 from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
-from signorini_fx.solving.findings import nonlinear_findings, refuse_beforehand, untouched
+from signorini_fx.solving.findings import (
+    facets_in_result,
+    nonlinear_findings,
+    refuse_beforehand,
+    untouched,
+)
 
 Array = npt.NDArray[np.float64]
 
@@ -186,8 +191,11 @@ class ProblemOfScene(NonlinearContactProblem):
         body |= {"statement": self.statement, "tagged": self.model.tagged}
         forces = NonlinearForces(self.statement, self.model.tagged, self.model.space)
         known = nonlinear_findings(self.statement, self.model)
-        apart = () if failures else untouched(self.model.comm, solution.steps)
-        findings = (*failures, *known, *self.findings, *apart)
+        of_result = list[Finding]()
+        if not failures:
+            of_result += facets_in_result(self.model, solution.contact)
+            of_result += untouched(self.model.comm, solution.steps)
+        findings = (*failures, *known, *self.findings, *of_result)
         named = tuple(map(self._named, solution.steps))
         model = BodyOfScene(**body, forces=forces)
         return replace(

@@ -24,6 +24,7 @@ from signorini_fx.algebra.contact.statics import Reactions, escape, reactions
 from signorini_fx.errors import SceneError
 from signorini_fx.extensions import add_on
 from signorini_fx.machine import compat, parallel
+from signorini_fx.mechanics.assembly.averages import averaging
 from signorini_fx.mechanics.assembly.mesh_entities import facet_entities, facet_vertices
 from signorini_fx.mechanics.body.deformation import Deformation
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
@@ -398,41 +399,44 @@ def _message(rows: Array, depth: float, size: float) -> str:
     )
 
 
-def facets_in_result(body: Model, contact: ContactState) -> Iterator[Finding]:
-    """Contacts of two bodies whose pressure is that of distances between chords of their curved
-    sides; collective.
+def facets_in_result(body: Model, contact: ContactState | None) -> Iterator[Finding]:
+    """Yield a finding for each contact of two bodies whose pressure is that of distances between
+    facets of their curved sides; collective.
 
-    The slopes of both sides differ by the angles between facets; slope times modulus is a pressure.
+    A change of the distance over the length of a facet times the modulus is a pressure.
     """
-    from signorini_fx.results.accuracy.pressure_error import chords, polygon_error
+    from signorini_fx.results.accuracy.pressure_error import chords
 
-    if compat.geometry_degree(body.tagged.mesh) > 1:
+    if contact is None or not contact.boundary.paired:
         return
+    degree = compat.geometry_degree(body.tagged.mesh)
     table = contact_table(contact, *body.statement.sides)
     assert table.nodes is not None
     assert body.data is not None
+    assert body.boundary is not None
     for index, effect in enumerate(body.statement.contact):
         if effect.against is None or effect.distance != "geometry" or effect.kind == "bonded":
             continue
         pressure = np.where(table.nodes[:, 0] == index, table.columns["pressure"], 0.0)
         own = replace(table, columns={**table.columns, "pressure": pressure})
-        if polygon_error(own, body.scales.modulus) < 1:
-            continue
-        names = (effect.boundary, effect.against)
-        on_part = contact.boundary.part == index
-        angles, lengths = chords(own)
-        off = float(np.max(angles * lengths)) / 4  # an eighth of the product on either side
-        gap = body.data.gap[on_part]
+        angles, lengths = chords(own, degree)
+        if degree == 2 and averaging(body.space):  # between vertices, without the nodes of edges
+            angles = angles / 8
+            lengths = lengths / 2
+        off = float(np.max(angles * lengths, initial=0.0)) / 4  # an eighth on either side
+        gap = body.data.gap[body.boundary.part == index]
         gap = gap + parallel.largest(body.comm, -gap, -np.inf)
-        if (
-            parallel.largest(body.comm, gap[gap <= off]) > NOTABLE * off > 0
-        ):  # else the nodes of both sides match
+        change = parallel.largest(body.comm, gap[gap <= off])
+        if not change > NOTABLE * off > 0:  # the nodes of both sides match
+            continue
+        mean = np.average(pressure, weights=own.columns["weight"] * (pressure != 0))
+        if body.scales.modulus * change >= mean * lengths.mean() / 2:
+            facets, cells = ("straight facets", ", curved cells") if degree == 1 else ("facets", "")
             text = (
-                f"straight facets of {names[0]!r} and {names[1]!r} are up to {off:.2g} off the "
-                "curved sides that they "
-                "are chords of, and the distances between them change the pressure as much as the "
-                "loads do: take "
-                'smaller facets, curved cells, or distance = "nominal"'
+                f"{facets} of {effect.boundary!r} and {effect.against!r} are up to {off:.2g} off "
+                "the curved sides that they follow, and the distances between them change the "
+                f"pressure about as much as the loads do: take smaller facets{cells}, or distance "
+                '= "nominal" (of nonlinear bodies with sliding = "small")'
             )
             yield Finding("warning", f"contact[{index}].distance", text)
 

@@ -182,7 +182,7 @@ def _findings(model: SolidBody, steps: Sequence[StepResult]) -> list[Finding]:
     """The findings of ``check`` about the scene, and those about its result; collective."""
     last = steps[-1]
     findings = [*scene_findings(model)]
-    if _solved(steps) and last.contact is not None and last.contact.boundary.paired:
+    if _solved(steps):
         findings += facets_in_result(model, last.contact)
     return findings_of_steps(model, steps, findings)
 
