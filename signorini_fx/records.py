@@ -52,6 +52,7 @@ class Status(Enum):
     INSIDE = "rigid shape inside the body"
     CORNER = "corner of a foundation inside the body"
     PASSED = "bodies inside each other"
+    CROSSED = "body passes through itself"
     FOLDED = "a side sees two sheets of the other one"
     AT_END = "contact reaches the end of the other side"
     UNSTABLE = "unstable equilibrium"
@@ -156,6 +157,10 @@ _ADVICE = {
         "a body is inside another one, or has passed through it, where contact does not see it: "
         "begin where they are "
         "apart, move them in smaller steps, name all sides that may touch, and give a larger reach"
+    ),
+    Status.CROSSED: (
+        "a part of the body is inside another part of it, where no contact sees it: end the way "
+        "before they meet, or name both as the sides of a contact (against)"
     ),
     Status.FOLDED: "the other side folds, so that a point sees it twice: take smaller steps, or "
     "give a smaller reach",

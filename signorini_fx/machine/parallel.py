@@ -181,6 +181,13 @@ def rows_on_root(comm: MPI.Comm, rows: npt.NDArray[Any]) -> npt.NDArray[Any]:
     return rows[:0] if gathered is None else np.concatenate(gathered)
 
 
+def exchanged(comm: MPI.Comm, parts: list[T]) -> list[T]:
+    """Return what the ranks send to this one, in their order; ``parts``: what this one sends to
+    each of them; collective.
+    """
+    return parts if comm.size == 1 else comm.alltoall(parts)
+
+
 def rows_before(comm: MPI.Comm, count: int) -> int:
     """How many rows the ranks before this one have, where each has ``count``; collective."""
     return 0 if comm.size == 1 else sum(comm.allgather(count)[: comm.rank])

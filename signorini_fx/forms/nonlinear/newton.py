@@ -21,6 +21,7 @@ from dolfinx import fem
 
 from signorini_fx.errors import FormError
 from signorini_fx.forms.elasticity import NOT_FINITE, MatrixError
+from signorini_fx.forms.nonlinear.crossing import crossing
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem, State
 from signorini_fx.forms.nonlinear.residual import round_off
 from signorini_fx.forms.nonlinear.results import ResidualMechanics, SolvedBody, certified
@@ -69,6 +70,7 @@ FINAL = (
 NOT_BY_STIFFNESS = (
     *OF_THE_BODY,
     Status.PASSED,
+    Status.CROSSED,
     Status.FOLDED,
     Status.AT_END,
     Status.INSIDE,
@@ -383,6 +385,9 @@ class EquilibriumSolver(Stability):
             self._detail = said()
             if self._detail:
                 return status
+        if (crossed := crossing(linear)) is not None:
+            self._detail = crossed.text
+            return Status.CROSSED if crossed.itself else Status.PASSED
         linear.slide()
         for number, pair in foundations.sliding.items():
             if linear.contact[number].bilateral and (reached := pair.parted):

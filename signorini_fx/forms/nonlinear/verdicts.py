@@ -327,21 +327,8 @@ def _within(cells: BodyCells, places: Array, piece: Indices, at: Array, of_node:
             meeting |= (piece == own) & ((high >= x.min(axis=0)) & (low <= x.max(axis=0))).all(
                 axis=1
             )
-    near = np.flatnonzero(meeting)
-    if not near.size:
-        return within
-    corners = corners[near]
-    middles = corners.mean(axis=1)
-    reach = np.linalg.norm(corners - middles[:, None], axis=2).max(axis=1)
-    points = cKDTree(at).query_ball_point(middles, reach)
-    cell = np.repeat(np.arange(near.size), list(map(len, points)))
-    point = np.concatenate(points).astype(np.int64)
-    others = piece[near][cell] != of_node[point]
-    cell = cell[others]
-    point = point[others]
-    on_planes, outward = cells.planes(corners)
-    beyond = np.einsum("kfd,kfd->kf", at[point, None] - on_planes[cell], outward[cell])
-    within[point[(beyond <= 0.0).all(axis=1)]] = True
+    point, cell = cells.covering(places, at, np.flatnonzero(meeting))
+    within[point[piece[cell] != of_node[point]]] = True
     return within
 
 

@@ -23,12 +23,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import basix
 import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
+from scipy.spatial import cKDTree
 
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import node_positions
@@ -89,6 +91,34 @@ class BodyCells:
     def corners(self, places: Array) -> Array:
         """Positions of the vertices of the cells, shape (c, v, d), see ``placed``."""
         return np.asarray(places[self.nodes[:, : len(basix.topology(self.kind)[0])]])
+
+    @cached_property
+    def vertices(self) -> npt.NDArray[np.int64]:
+        """Global numbers of the vertices of the cells, shape (c, v)."""
+        local = self.nodes[:, : len(basix.topology(self.kind)[0])]
+        numbers = self.space.dofmap.index_map.local_to_global(local.ravel())
+        return np.asarray(numbers.reshape(local.shape), dtype=np.int64)
+
+    def covering(
+        self, places: Array, x: Array, cells: npt.NDArray[np.int64] | None = None
+    ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+        """Return the numbers of points and of cells of this rank that cover them, one pair of
+        both after the other, shapes (k,); ``places``: see ``placed``; ``x``: of the points, shape
+        (n, d); ``cells``: among which they are sought, ascending, None: all.
+        """
+        corners = self.corners(places)
+        cells = np.arange(len(corners)) if cells is None else cells
+        if not (cells.size and len(x)):
+            return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
+        corners = corners[cells]
+        found = cKDTree(x).query_ball_point(corners.mean(axis=1), _reach(corners))
+        cell = np.repeat(np.arange(cells.size), list(map(len, found)))
+        point = np.concatenate(found).astype(np.int64)
+        near, number = np.unique(cell, return_inverse=True)
+        on_planes, outward = self.planes(corners[near])
+        away = x[point, None] - on_planes[number]
+        covered = (np.einsum("kfd,kfd->kf", away, outward[number]) <= 0.0).all(axis=1)
+        return point[covered], cells[cell[covered]]
 
     def planes(self, corners: Array) -> tuple[Array, Array]:
         """Points of the planes of the facets of cells with such corners, and outward normals,

@@ -1,0 +1,154 @@
+"""Whether parts of a body have passed into each other where no contact sees it.
+
+All cells keep their orientation, so that the winding number of the displaced boundary around a
+point is the number of cells that cover it.  A point just inside the middle of a facet of the
+boundary is in the cell of that facet.  Where a cell that has no vertex in common with this one
+covers it, too, two parts of the body overlap.
+
+Both sides of a contact may overlap by as much as their chords, and by a gap that is given: their
+distance is a condition of the contact, which the certificate looks at.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import basix
+import numpy as np
+import numpy.typing as npt
+from dolfinx import mesh as dmesh
+from scipy.spatial import cKDTree
+
+from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
+from signorini_fx.machine import parallel
+from signorini_fx.mechanics.assembly.mesh_entities import facet_entities, facet_nodes, marked_nodes
+from signorini_fx.mechanics.assembly.pieces import find_pieces
+from signorini_fx.tuned import DIGITS_OF_FILES, NOTABLE
+
+Array = npt.NDArray[np.float64]
+Indices = npt.NDArray[np.int64]
+Flags = npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Crossing:
+    """Where a part of the body is inside another part of it.
+
+    Attributes:
+        itself: whether both parts are of one piece of the mesh.
+        text: the boundary, if it has a name, and the place, in words.
+    """
+
+    itself: bool
+    text: str
+
+
+@dataclass(frozen=True)
+class InnerPoints:
+    """Points just inside the middles of facets of the boundary, n of them.
+
+    Attributes:
+        x: their places, length, shape (n, d).
+        vertices: global numbers of the vertices of their cells, shape (n, v).
+        piece: the numbers of their pieces of the mesh, shape (n,).
+        named: the number of the name of their boundary, -1 without one, shape (n,).
+        touching: whether a node of the facet is on the first and the second side of each of the
+            k pairs, shape (n, k, 2).
+    """
+
+    x: Array
+    vertices: Indices
+    piece: Indices
+    named: Indices
+    touching: Flags
+
+    @classmethod
+    def of(cls, linear: LinearisedProblem, places: Array) -> InnerPoints:
+        """Return those of the facets of this rank; ``places``: see ``BodyCells.placed``."""
+        space, forms, cells = linear.space, linear.forms, linear.foundations.cells
+        facets = dmesh.exterior_facet_indices(space.mesh.topology)
+        entities = facet_entities(space.mesh, facets)
+        corners = cells.corners(places)[entities[:, 0]]
+        on_facets = np.array(basix.topology(cells.kind)[-2])[entities[:, 1]]
+        middles = np.take_along_axis(corners, on_facets[:, :, None], axis=1).mean(axis=1)
+        x = middles + NOTABLE * (corners.mean(axis=1) - middles)
+        named = np.full(facets.size, -1)
+        for number, part in enumerate(forms.boundaries.values()):
+            named[np.isin(facets, part)] = number
+        nodes = facet_nodes(space, facets)
+        touching = np.zeros((facets.size, len(forms.masters), 2), dtype=bool)
+        for pair, (number, master) in enumerate(forms.masters.items()):
+            for side, part in enumerate((forms.facets[number], master)):
+                marked = marked_nodes(space, facet_nodes(space, part))
+                touching[:, pair, side] = marked[nodes].any(axis=1)
+        piece = find_pieces(space.mesh).of_cell[entities[:, 0]]
+        return cls(x, cells.vertices[entities[:, 0]], piece, named, touching)
+
+    def taken(self, chosen: Indices | Flags) -> InnerPoints:
+        """Return some of the points."""
+        return InnerPoints(*(values[chosen] for values in vars(self).values()))
+
+    def sent(self, linear: LinearisedProblem, corners: Array) -> InnerPoints:
+        """Return those that cells of this rank may cover, of all ranks; ``corners``: of the cells;
+        collective.
+        """
+        comm, corners = linear.space.mesh.comm, corners.reshape(-1, self.x.shape[1])
+        if comm.size == 1:
+            return self
+        bounds = corners.min(axis=0, initial=np.inf), corners.max(axis=0, initial=-np.inf)
+        boxes = parallel.gather_rows(comm, np.array(bounds)[None])
+        within = [((self.x >= low) & (self.x <= high)).all(axis=1) for low, high in boxes]
+        parts = parallel.exchanged(comm, [self.taken(chosen) for chosen in within])
+        columns = zip(*(vars(part).values() for part in parts), strict=True)
+        return InnerPoints(*map(np.concatenate, columns))
+
+
+def crossing(linear: LinearisedProblem) -> Crossing | None:
+    """Return where the body at the displacement of now has passed into itself, or a body of the
+    mesh into another one, the last place in the order of coordinates; None: nowhere; collective.
+    """
+    comm, cells = linear.space.mesh.comm, linear.foundations.cells
+    places = cells.placed(linear.at.x.array)
+    points = InnerPoints.of(linear, places).sent(linear, cells.corners(places))
+    at, cell = cells.covering(places, points.x)
+    same = points.vertices[at][:, :, None] == cells.vertices[cell][:, None]
+    apart = ~same.any(axis=(1, 2))
+    found, cell = points.taken(at[apart]), cell[apart]
+    if not parallel.any_rank(comm, bool(cell.size)):
+        return None
+    itself = find_pieces(linear.space.mesh).of_cell[cell] == found.piece
+    rows = np.column_stack((found.x, found.named, itself))[~_allowed(linear, found)]
+    rows = parallel.gather_rows(comm, rows)
+    if not len(rows):
+        return None
+    # Places that differ by round-off have the same order on any number of ranks.
+    rounded = np.round(rows[:, :-2] / (DIGITS_OF_FILES * linear.scales.size))
+    *place, named, within = rows[np.lexsort(rounded.T[::-1])[-1]].tolist()
+    names = [f"{name!r} " for name in linear.forms.boundaries]
+    at_place = f"at ({', '.join(f'{component:.4g}' for component in place)})"
+    return Crossing(bool(within), [*names, ""][int(named)] + at_place)
+
+
+def _allowed(linear: LinearisedProblem, points: InnerPoints) -> Flags:
+    """Return which points on a side of a contact are as near to its other side as both may
+    overlap, a facet and the gap that is given, shape (n,); collective.
+    """
+    foundations, allowed = linear.foundations, np.zeros(len(points.x), dtype=bool)
+    dim = points.x.shape[1]
+    owned = linear.at.x.array.reshape(-1, dim)[: linear.space.dofmap.index_map.size_local]
+    facing = {number: pair.sides for number, pair in foundations.pairs.items()}
+    facing |= {number: pair.sides for number, pair in foundations.sliding.items()}
+    for pair, number in enumerate(linear.forms.masters):
+        sides = facing[number]
+        gap = foundations.given_gap(number)
+        added = max(parallel.largest(linear.space.mesh.comm, gap[np.isfinite(gap)]), 0.0)
+        moved = np.split(sides.gathered(owned), [sides.slave.nodes.size])
+        both = (sides.slave.surface, sides.master.surface)
+        slave, master = (side.displaced(way) for side, way in zip(both, moved, strict=True))
+        for side, other in enumerate((master, slave)):
+            size = np.zeros(len(other.x))
+            extent = np.linalg.norm(np.ptp(other.corners, axis=1), axis=1)
+            np.maximum.at(size, other.nodes, extent[:, None])
+            distance, nearest = cKDTree(other.x).query(points.x)
+            allowed |= points.touching[:, pair, side] & (distance <= size[nearest] + added)
+    return allowed
