@@ -9,7 +9,7 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from support.nonlinear_bodies import PLATE, held, rectangle, residual
 
-from signorini_fx import FormError, Foundation, NonlinearContactProblem
+from signorini_fx import ConvergenceError, FormError, Foundation, NonlinearContactProblem, Status
 
 
 def block(**arguments):
@@ -38,6 +38,8 @@ def test_wrong_arguments_are_named():
         ({"P": ufl.inner(w, z) * ufl.dx}, "P: is not used"),
         ({"kind": "mpi"}, "kind: is not used"),
         ({"gamma": 1.0}, "gamma"),
+        ({"max_newton": 0}, "max_newton: must be a whole number from 1, got 0"),
+        ({"max_newton": 2.5}, "max_newton: must be a whole number from 1, got 2.5"),
     ):
         with pytest.raises(FormError, match=wrong) as raised:
             block(**arguments)
@@ -71,6 +73,22 @@ def test_wrong_arguments_are_named():
     ball = {"shape": "sphere", "centre": (0.5, 0.5, 2.0), "radius": 1.0}
     with pytest.raises(FormError, match="on quadratic tetrahedra a shape must be a plane"):
         NonlinearContactProblem(residual(u), u, contact=Foundation(top, shape=ball))
+
+
+@pytest.mark.parametrize("values", [np.nan, -3.0], ids=["undefined", "inverted"])
+def test_a_first_iterate_without_a_residual(values):
+    """It is named, and u keeps it, until a solve begins at another one."""
+    problem = block()
+    problem.u.x.array[4:] = values
+    before = problem.u.x.array.copy()
+    with pytest.raises(
+        ConvergenceError, match=r"inside out \(at the values of u before the solve\)"
+    ):
+        problem.solve()
+    assert problem.status is Status.INVERTED
+    np.testing.assert_array_equal(problem.u.x.array, before)
+    problem.u.x.array[:] = 0.0
+    assert problem.solve() is problem.u
 
 
 def test_wrong_placements_are_named():

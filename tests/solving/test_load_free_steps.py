@@ -2,6 +2,8 @@
 they were.
 """
 
+import tomllib
+
 import numpy as np
 import pytest
 from dolfinx import mesh
@@ -35,6 +37,25 @@ PATHS = {
     ),
     "heat alone": (None, {"temperature": {"change": CHANGE, "factors": [0.0, 1.0]}}),
 }
+# A body that was pressed, and that a support moves along a plane then, or that it only moves.
+LET_GO = """
+mesh = { generator = "rectangle", parameters = { length = 2.21, height = 0.714, nx = 18, ny = 10 } }
+element.degree = 2
+solver.algorithm = "alm"
+material = { young = 248.0, poisson = 0.2 }
+contact = { boundary = "bottom", gap = "0.00096*(x[0]-1.1)**2" }
+displacement = { boundary = "left", x = 0.00064, factors = [0.0, 0.8, 0.2] }
+traction = { boundary = "top", y = -0.879, factors = [1.0, 1.0, 0.0] }
+"""
+MOVED = """
+mesh = { generator = "rectangle", parameters = { length = 3.0, nx = 24, ny = 8, cell = "triangle" } }
+element.degree = 2
+material = { young = 5.0, poisson = 0.4 }
+displacement = { boundary = "top", x = 0.0, y = "-t" }
+load_steps.times = [0.5, 1.0, 1.1]
+contact.boundary = "bottom"
+contact.foundation = { shape = "plane", point = [0.0, -1.0], normal = [0.0, 1.0] }
+"""
 COULOMB = {"law": "coulomb", "coefficient": 0.3}
 
 
@@ -210,3 +231,30 @@ def test_without_any_load(law):
     ) as error:
         solve(alone, MPI.COMM_SELF)
     assert error.value.solution.status is Status.OPEN
+
+
+def test_a_support_moves_a_body_that_is_let_go():
+    """All forces are round-off of the way, and none is a residual."""
+    solution = solve(parse_scene(tomllib.loads(LET_GO)), MPI.COMM_SELF)
+    assert solution.converged
+    last = solution.steps[-1]
+    assert np.abs(last.displacement.x.array[::2] - 0.2 * 0.00064).max() < 1e-12
+    assert not last.contact.in_contact.any()
+
+
+@pytest.mark.one_quick
+@pytest.mark.parametrize("law", ["neo-hooke", "saint-venant-kirchhoff"])
+@pytest.mark.parametrize("degree", [2, 1])
+def test_a_nonlinear_body_moves_before_it_touches(law, degree):
+    """Through the air and up to the plane it is only moved, which is a solution, and nothing is
+    said of forces that there are not.
+    """
+    text = MOVED.replace("{ young", f'{{ law = "{law}", young')
+    scene = parse_scene(tomllib.loads(text.replace("degree = 2", f"degree = {degree}")))
+    solution = solve(scene, MPI.COMM_SELF)
+    assert solution.converged
+    assert [finding for finding in solution.findings if finding.path == "material"] == []
+    moved = solution.steps[0].displacement.x.array.reshape(-1, 2)
+    np.testing.assert_allclose(moved, np.tile([0.0, -0.5], (len(moved), 1)), atol=1e-12)
+    assert not solution.steps[0].contact.in_contact.any()
+    assert solution.steps[-1].contact.in_contact.all()

@@ -286,6 +286,7 @@ class EquilibriumSolver(Stability):
             old, tools = self.tangent_at = u.x.array.copy(), linear.foundations.coordinates
             residual = self.residual.at(old) if residual is None else residual
             if residual is None:
+                self._detail = "at the values of u before the solve"
                 return Status.INVERTED
             linear.slide()
             # Rigid bodies have unknowns in the stiffness.

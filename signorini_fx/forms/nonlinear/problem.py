@@ -199,6 +199,9 @@ class NonlinearContactProblem(ProblemOfForms):
     ) -> None:
         self.u = u
         contact = checked(F, u, J, foundations_of(contact))
+        if not isinstance(max_newton, int | np.integer) or max_newton < 1:
+            reason = f"must be a whole number from 1, got {max_newton!r}"
+            raise FormError([("max_newton", reason)])
         options: dict[str, Any] = {
             "form_compiler_options": form_compiler_options,
             "jit_options": jit_options,

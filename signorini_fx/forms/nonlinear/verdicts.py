@@ -106,6 +106,8 @@ class Stability:
         of ``u`` of the last solution; ``tried``: of where the tangent leads to, if no part of the
         way is possible; collective.
         """
+        if not self.linear.set_up:  # there was no tangent
+            return ""
         u = self.residual.u
         comm = self.linear.space.mesh.comm
         farthest = u.x.array if tried is None else tried

@@ -18,9 +18,11 @@ from signorini_fx.results.certificate.body_nodes import PrescribedNodes, RigidPa
 from signorini_fx.results.certificate.contact_nodes import ContactNodes
 from signorini_fx.tuned import (
     CERTIFICATE_TOLERANCE,
+    LEFT_BY_SOLVES,
     LOST_UNITS,
     NEGLIGIBLE,
     NO_FORCE,
+    ROOT_OF_EPS,
     SAME_NUMBER,
     UNITS_OF_PLACES,
 )
@@ -78,17 +80,20 @@ class Balance:
         return replace(self.scales, size=size), replace(self.stiffest, size=size)
 
     @cached_property
+    def imposed(self) -> npt.NDArray[np.bool_]:
+        """Which pieces a support moves, shape (pieces,)."""
+        missed = self.supports.missed(np.zeros_like(self.external))
+        moved = self.pieces.largest(missed, self.supports.among(self.pieces.piece))
+        return np.asarray(moved > 0)
+
+    @cached_property
     def unloaded(self) -> npt.NDArray[np.bool_]:
         """Pieces that no load strains and no support moves, shape (pieces,): if others pass on no
         force to them, all that is there is round-off of the joint system, as large as the motions
         of others make it.
         """
-        pieces = self.pieces
-        nothing = np.zeros_like(self.external)
-        imposed = pieces.largest(self.supports.missed(nothing), self.supports.among(pieces.piece))
-        return np.asarray(
-            imposed + pieces.norms(self.external) + pieces.norms(nothing + self.initial) == 0
-        )
+        loads = np.abs(self.external) + np.abs(self.initial)
+        return np.asarray((self.pieces.norms(loads) == 0) & ~self.imposed)
 
 
 class PieceScales(NamedTuple):
@@ -179,16 +184,22 @@ def equilibrium(
     coordinates = parallel.largest(comm, np.abs(pieces.x), 0.0)
     last_digit = UNITS_OF_PLACES * np.finfo(float).eps * coordinates
     missing = pieces.norms(residual) - digits * least / NO_FORCE - last_digit / spacing * reacting
+    # A piece that no load acts on rests where forces are no more than what solves leave.
+    rests = pieces.norms(loads) + float(balance.with_loads) == 0
+    rests &= np.maximum(on_pieces, reacting) <= LEFT_BY_SOLVES / NO_FORCE * least
+    missing = np.where(rests, 0.0, missing)
     hidden = 0.0
     if balance.lost is not None:
         lost = LOST_UNITS * pieces.norms(balance.lost)
         within = pieces.norms(balance.internal)
         # Of a body that nothing acts on, and that supports move as a whole, there is nothing to be
-        # lost.  It differs from its nearest small rotation by nothing, or by as much as forces
-        # within would show.
+        # lost.  It differs from its nearest small rotation by nothing, or, where forces within are
+        # round-off, by a share that displacements do not show, or by as much as would show in them.
         beside = pieces.largest_beside(y)
-        whole = (beside <= digits * reach) | ((beside > digits * pieces.size) & (within <= lost))
-        known = (on_pieces == 0) & whole
+        turned = (beside <= ROOT_OF_EPS * reach) | (beside > digits * pieces.size)
+        whole = (beside <= digits * reach) | (turned & (within <= lost))
+        # What touches such a body without a force transmits round-off.
+        known = ((on_pieces == 0) | (balance.imposed & (on_pieces <= lost))) & whole
         hidden = share(comm, np.where(known, 0.0, lost), np.where(on_pieces > 0, force, within))
         missing = missing - lost
     residual_share = share(comm, missing, force)
@@ -209,6 +220,7 @@ def equilibrium(
             least_stress + LOST_UNITS * np.linalg.norm(balance.lost[reached], axis=1) / area
         )
     unbalanced = np.linalg.norm(residual[reached], axis=1) / area - least_stress
+    unbalanced = np.where(rests[reached_piece], 0.0, unbalanced)
     return (
         max(residual_share, share(comm, unbalanced, units.stress[reached_piece])),
         unjudged,
