@@ -101,6 +101,27 @@ def test_chords_of_round_sides_that_change_the_pressure(
     assert any("off the curved sides" in line for line in lines) == wrong
 
 
+@pytest.mark.parametrize("algorithm", ["auto", "alm"])
+@pytest.mark.parametrize(("length", "cells"), [(50.0, 40), (100.0, 80)])
+def test_slender_bodies_converge_with_the_default_gamma(algorithm, length, cells):
+    """The end of a cantilever is pressed down by far: its force is that with a tenth of gamma."""
+    parameters = {"length": length, "nx": cells, "ny": 2, "height": 1.0}
+    scene = {
+        "mesh": {"generator": "rectangle", "parameters": parameters},
+        "material": {"young": 210e3, "poisson": 0.3},
+        "displacement": {"boundary": "left", "x": 0.0, "y": 0.0},
+        "contact": {
+            "boundary": "top",
+            "gap": f"{-length / 20} if x[0] > {0.95 * length} else 1e9",
+        },
+        "solver": {"algorithm": algorithm},
+    }
+    solution = solve(parse_scene(scene))
+    lower = {"gamma_n": solution.parameters["gamma_n"] / 10}
+    other = solve(parse_scene(scene | {"solver": {"algorithm": algorithm} | lower}))
+    np.testing.assert_allclose(solution.contact.forces, other.contact.forces, rtol=1e-6, atol=1e-6)
+
+
 @pytest.mark.parametrize("algorithm", ["alm", "ssn"])
 def test_pressing_while_all_turns(algorithm):
     """A circle presses a block, and both turn together: forces and displacements are those without

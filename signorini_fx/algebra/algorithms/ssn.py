@@ -32,6 +32,7 @@ from signorini_fx.algebra.regularised import RegularisedProblem
 from signorini_fx.machine import parallel
 from signorini_fx.records import History, IterationRecord, OuterRecord, Status
 from signorini_fx.tuned import (
+    CERTIFICATE_TOLERANCE,
     DECIDED,
     NEGLIGIBLE,
     NO_FORCE,
@@ -434,7 +435,14 @@ class SemismoothNewton:
             turning = law > snes.getTolerances()[0]
             patience = _TURNS if turning else 2
             if len(self._stalls) > patience and self._stalls[-1] > 0.5 * self._stalls[-patience]:
-                return self._stop(Status.CYCLING if turning else Status.ROUND_OFF)
+                if turning:
+                    return self._stop(Status.CYCLING)
+                # Round-off of gamma times the displacement is what no solve removes.
+                least = self._stalls[-1]
+                lost = self.problem.lost_to_round_off(self.x, least)
+                if lost and least <= CERTIFICATE_TOLERANCE:
+                    return int(_SNES.CONVERGED_FNORM_RELATIVE)
+                return self._stop(Status.ROUND_OFF)
         elif fingerprint in self._seen:
             # Sets that come back although they leave no residual differ by nodes on the border:
             # both are solutions.
