@@ -32,7 +32,6 @@ from signorini_fx.mechanics.mesh.tagged import load_file
 from signorini_fx.mechanics.statement.mesh_sources import MeshFile
 from signorini_fx.mechanics.statement.settings import Accuracy
 from signorini_fx.records import History
-from signorini_fx.results.accuracy.error_estimates import combined
 from signorini_fx.scenes.mesh import scene_on
 from signorini_fx.scenes.mesh_sequence import scene_with
 from signorini_fx.scenes.nonlinear import problem_of
@@ -136,8 +135,11 @@ def solved(scene: Any) -> tuple[Any, fem.Function, Any]:
     problem = problem_of(scene, MPI.COMM_SELF, History())
     solution = problem.solved()
     assert solution.converged
-    errors = combined(solution.model, solution.table, *problem._errors_in_body(solution))
-    return solution, stress_of(problem._solver.tangents.lowered, problem.u), errors
+    return (
+        solution,
+        stress_of(problem._solver.tangents.lowered, problem.u),
+        problem.errors_of(solution),
+    )
 
 
 class Fine:

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -40,9 +40,9 @@ class ProblemOfForms:
     assembled: FormSolver
     _ended: Any  # what knows how the last solve has ended
     _titled: Callable[[str], Solution]  # ``solution`` with a title; collective
-    # What each owned cell of a solution has of the squared error, and the strain energy, see
-    # ``combined``; collective.
-    _errors_in_body: Callable[[Solution], tuple[Any, float]]
+    # What each owned cell of a solution has of the squared error, the strain energy, and the
+    # contacts at displaced points, see ``combined``; collective.
+    _errors_in_body: Callable[[Solution], tuple[Any, float, Collection[int]]]
     # What gives the named model, the last solution as ``SolvedStep.of`` takes it, and its data;
     # collective.
     _differentiated: Callable[[], tuple[Any, ...]]
@@ -116,13 +116,17 @@ class ProblemOfForms:
             FormError: there is no contact; of a ``ContactProblem`` see ``stress``, or a measure
                 multiplies the forms.
         """
-        from signorini_fx.results.accuracy.error_estimates import combined
-
         if not self.assembled.contact:
             wrong = "there is none, and no error of its pressure: of the stress see stress.error"
             raise FormError([("contact", wrong)])
-        solution = self.solution
-        return combined(solution.model, solution.table, *self._errors_in_body(solution))
+        return self.errors_of(self.solution)
+
+    def errors_of(self, solution: Solution) -> Errors:
+        """The same of what is its last solution, in whatever names; collective."""
+        from signorini_fx.results.accuracy.error_estimates import combined
+
+        squares, energy, displaced = self._errors_in_body(solution)
+        return combined(solution.model, solution.table, squares, energy, displaced=displaced)
 
     def place(self, number: int, **placement: Any) -> None:
         """Turn and move a foundation that has a shape, or change what drives it, for the next solve
@@ -367,12 +371,12 @@ class ContactProblem(ProblemOfForms):
             self._stresses = outcome, solution().stress
         return self._stresses[1]
 
-    def _errors_in_body(self, solution: Solution) -> tuple[Any, float]:
+    def _errors_in_body(self, solution: Solution) -> tuple[Any, float, Collection[int]]:
         stress = self._stress_of(lambda: solution)
         if self.assembled.forms.measures:
             wrong = "there is no error estimate where the forms are multiplied by a measure"
             raise FormError([("stress", wrong)])
-        return stress.squares, stress.energy
+        return stress.squares, stress.energy, ()
 
     def _titled(self, title: str) -> Solution:
         from signorini_fx.forms.steps import solution_of

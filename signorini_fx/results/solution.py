@@ -410,8 +410,8 @@ class Solution:
         stress, shape (cells,), or why it is not known; collective.
         """
         body: Any = self.model  # its residual says all of it
-        found: npt.NDArray[np.float64] | str = body.stress_error()
-        return found
+        known = body.errors_now(False)
+        return known if isinstance(known, str) else known[0]
 
     def force_bounds(self, boundary: str, direction: tuple[float, ...]) -> Interval | str:
         """Guaranteed bounds of the force on a body at a boundary in contact, in 2D per thickness;

@@ -17,6 +17,7 @@ import numpy.typing as npt
 from mpi4py import MPI
 
 from signorini_fx.errors import MeshError, SceneError
+from signorini_fx.forms.contact_problem import ProblemOfForms
 from signorini_fx.machine import compat
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.contact_points.contact_table import contact_table
@@ -28,7 +29,7 @@ from signorini_fx.mechanics.statement.features import divisible
 from signorini_fx.mechanics.statement.mesh_sources import MeshFile, MeshGenerator, contact_sizes
 from signorini_fx.mechanics.statement.settings import Accuracy, SolverSettings
 from signorini_fx.records import History
-from signorini_fx.results.accuracy.error_estimates import Errors, combined, estimate_errors
+from signorini_fx.results.accuracy.error_estimates import Errors, estimate_errors
 from signorini_fx.results.accuracy.next_accuracy import LOCAL, divides
 from signorini_fx.results.certificate.law_of_method import overclosures_of
 from signorini_fx.results.solution import Solution
@@ -290,10 +291,10 @@ class MeshedScene(MeshedProblem):
         if scene.statement.nonlinear:
             from signorini_fx.scenes.nonlinear import problem_of
 
-            solution = problem_of(scene, self.comm, self.history).solved(checkpoint)
-            return SolvedMesh(
-                solution, solution.model.tagged, None, step_errors=_errors_of_nonlinear(solution)
-            )
+            problem = problem_of(scene, self.comm, self.history)
+            solution = problem.solved(checkpoint)
+            step_errors = _errors_of_nonlinear(problem, solution)
+            return SolvedMesh(solution, solution.model.tagged, None, step_errors=step_errors)
 
         def estimate(step: LoadStep) -> None:
             model = step.body.model
@@ -382,15 +383,15 @@ class MeshedScene(MeshedProblem):
         return replace(self, scene=self.scene.model_copy(update={"body": bodies})), count
 
 
-def _errors_of_nonlinear(solution: Solution) -> list[Errors]:
+def _errors_of_nonlinear(problem: ProblemOfForms, solution: Solution) -> list[Errors]:
     """Those after the last load step, of contact none where cells lock: estimates were up to 30
     times too small.
     """
     from signorini_fx.mechanics.body.nonlinear_law import volume_degree
 
-    if not solution.converged or isinstance(shares := solution.error_shares, str):
+    if not solution.converged or isinstance(solution.error_shares, str):
         return []
-    errors = combined(solution.model, solution.table, shares, 0.5)
+    errors = problem.errors_of(solution)
     statement = solution.statement
     nearly = any(material.locks for material in statement.material)
     locking = nearly and volume_degree(statement, solution.model.tagged) is None

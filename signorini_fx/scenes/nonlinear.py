@@ -30,6 +30,7 @@ from signorini_fx.mechanics.materials.trial import check_materials
 from signorini_fx.mechanics.mesh.tagged import check_fits
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.obstacles.scene_contact import foundations_of
+from signorini_fx.mechanics.statement.effect import Force
 from signorini_fx.mechanics.statement.expressions import sample
 from signorini_fx.mechanics.statement.rigid_body import COMPONENTS
 from signorini_fx.mechanics.statement.statement import Statement
@@ -265,6 +266,15 @@ class ProblemOfScene(NonlinearContactProblem):
         size = deformation_of(self.linear.elastic, self.u, self.linear.scales.size).largest
         limit = self.statement.solver.largest_deformation
         return "" if size <= limit else f"it is {size:.3g}, of small strains at most {limit:g}"
+
+    def _loaded(self) -> npt.NDArray[np.int32]:
+        """Those of forces that keep their direction too, which are not in F."""
+        named = [
+            load.where
+            for load in self.statement.of(Force)
+            if load.where is not None and not load.nodal
+        ]
+        return np.concatenate([super()._loaded(), *map(self.model.tagged.facets, named)])
 
     def _move(self, statement: Statement) -> None:
         """Put the foundations where they are in a statement, and take its gaps and friction."""

@@ -38,7 +38,7 @@ from signorini_fx.results.accuracy.level_results import (
 from signorini_fx.results.accuracy.pressure_error import polygon_error
 from signorini_fx.results.solution import Solution
 from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
-from signorini_fx.tuned import MIDDLE_RATIO
+from signorini_fx.tuned import FEW_NODES, MIDDLE_RATIO
 
 
 @dataclass(frozen=True)
@@ -194,6 +194,7 @@ class MeshedProblem(ABC):
             energy=errors.energy,
             pressure=errors.pressure,
             loads=errors.loads,
+            points=errors.points if table.touching < FEW_NODES else 0.0,
             regularisation=regularisation[0],
             pressure_regularisation=regularisation[1],
             iteration=max(left, default=0.0),

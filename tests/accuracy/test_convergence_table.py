@@ -44,7 +44,7 @@ def pressure_error(table):
 
 def level(force, energy):
     """What a mesh says of a force."""
-    return SimpleNamespace(forces=np.array([0.0, force]), energy=energy, loads=0.0)
+    return SimpleNamespace(forces=np.array([0.0, force]), energy=energy, loads=0.0, points=0.0)
 
 
 @pytest.mark.parametrize("meshes", [[0.4, 0.2], [0.4, 0.2, 0.1]])

@@ -12,7 +12,8 @@ from support.nonlinear_scenes import material
 
 from signorini_fx import Status, solve
 from signorini_fx.errors import SceneError
-from signorini_fx.results.accuracy.error_estimates import combined
+from signorini_fx.records import History
+from signorini_fx.scenes.nonlinear import problem_of
 from signorini_fx.scenes.reading import parse_scene
 
 PRESSED = {
@@ -39,15 +40,17 @@ MATERIALS = {
 }
 
 
-def pressed(name, comm=MPI.COMM_SELF, times=1, **accuracy):
+def scene_of(name, times=1, **more):
     """A block under a rough circle, with cells so many times as small."""
     parameters = {**PRESSED["mesh"]["parameters"], "nx": 8 * times, "ny": 4 * times}
-    scene = PRESSED | {
-        "material": MATERIALS[name],
-        "mesh": {"generator": "rectangle", "parameters": parameters},
-    }
+    mesh = {"generator": "rectangle", "parameters": parameters}
+    return parse_scene(PRESSED | {"material": MATERIALS[name], "mesh": mesh} | more)
+
+
+def pressed(name, comm=MPI.COMM_SELF, times=1, **accuracy):
+    """Its solution."""
     return solve(
-        parse_scene(scene | ({"accuracy": accuracy} if accuracy else {})), comm, check=False
+        scene_of(name, times, **({"accuracy": accuracy} if accuracy else {})), comm, check=False
     )
 
 
@@ -78,6 +81,26 @@ def test_it_is_met(name, of):
     assert of != "pressure" or pressure < target
 
 
+@pytest.mark.slow
+def test_a_force_at_few_nodes():
+    """Cells become smaller where a node alone is in contact, too: its place is not known before.
+    The force is that of a mesh of degree 2 with 21,186 unknowns, which is known to 1 %.
+    """
+    parameters = {"length": 10.0, "height": 1.0, "nx": 20, "ny": 2, "cell": "triangle"}
+    circle = {"shape": "circle", "centre": [8.0, 2.0], "radius": 1.0, "shift": [0.0, "-t"]}
+    scene = {
+        "mesh": {"generator": "rectangle", "parameters": parameters},
+        "material": {"law": "neo-hooke", "young": 100.0, "poisson": 0.3},
+        "displacement": {"boundary": "left", "x": 0.0, "y": 0.0},
+        "contact": {"boundary": "top", "foundation": circle},
+        "load_steps": {"times": [0.5, 1.0]},
+        "accuracy": {"target": 0.01, "of": "force"},
+    }
+    found = solve(parse_scene(scene), MPI.COMM_SELF)
+    exact = np.array([-0.01066, -0.05527])
+    assert np.linalg.norm(found.contact.forces[0] - exact) < 0.02 * np.linalg.norm(exact)
+
+
 @pytest.fixture(scope="module")
 def fine():
     """Of each material a solution on a finer mesh than those that are judged."""
@@ -89,8 +112,9 @@ def test_errors_on_one_mesh(name, fine):
     """Force and pressure are within a factor of three of their errors on each mesh."""
     fine = fine(name)
     for times in (1, 2):
-        found = pressed(name, times=times)
-        errors = combined(found.model, found.table, found.error_shares, 0.5)
+        problem = problem_of(scene_of(name, times), MPI.COMM_SELF, History())
+        found = problem.solved()
+        errors = problem.errors_of(found)
         forces = [
             step.contact.forces_of_each for solution in (found, fine) for step in solution.steps
         ]

@@ -4,7 +4,7 @@ dolfinx's ``NonlinearProblem``; see ``newton`` for one step and the way through 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, ClassVar
 
@@ -15,6 +15,7 @@ from dolfinx import fem
 
 from signorini_fx.errors import FormError
 from signorini_fx.forms.contact_problem import ProblemOfForms
+from signorini_fx.forms.elasticity import exterior_facets
 from signorini_fx.forms.given_forms import (
     foundations_of,
     model_of,
@@ -28,9 +29,12 @@ from signorini_fx.forms.nonlinear.residual import Residual, Tangents, refuse_mis
 from signorini_fx.forms.nonlinear.results import (
     ResidualBody,
     ResidualMechanics,
+    green_strain,
     lost_digits,
     slid_past_partners,
-    stress_error,
+    squared_errors,
+    stress_of,
+    traction_left,
 )
 from signorini_fx.forms.steps import Clock
 from signorini_fx.machine.compilation import compiling
@@ -248,17 +252,17 @@ class NonlinearContactProblem(ProblemOfForms):
             names = tuple(step.name for step in steps)
             path = LoadPath(tuple(step.time for step in steps), names if any(names) else ())
 
-        def error() -> npt.NDArray[np.float64] | str:
+        def errors(strain: bool) -> tuple[npt.NDArray[np.float64], float] | str:
             """Of the body as it is now."""
             if self._solver.solved is not solved:
                 return "there is no estimate of the error of an earlier solve"
-            return stress_error(self._solver.tangents.lowered, self.u, self.linear.forms.parts)
+            return self._errors_now(strain=strain)
 
         assert linear.outcome is not None
         named = named_parts(linear.forms, linear.elastic.settings, ("F",))
         model = model_of(linear.elastic, named, path, title, linear.begun.law, {}, linear.rigid)
         body = ResidualBody.of(
-            model, ends=ends, boundaries=linear.forms.boundaries, stress_error=error
+            model, ends=ends, boundaries=linear.forms.boundaries, errors_now=errors
         )
         ended = (linear.outcome, linear.outcome.problem.data)
         found = self.findings
@@ -269,15 +273,41 @@ class NonlinearContactProblem(ProblemOfForms):
         algorithm = f"newton, {solution.algorithm}"
         return replace(solution, status=status, algorithm=algorithm)
 
-    def _errors_in_body(self, solution: Solution) -> tuple[Any, float]:
-        product = ufl.inner(ufl.grad(self.u), ufl.grad(ufl.TestFunction(self.u.function_space)))
-        both = (
-            solution.error_shares,
-            stress_error(product * ufl.dx, self.u, self.linear.forms.parts),
+    def _errors_in_body(self, solution: Solution) -> tuple[Any, float, Collection[int]]:
+        body: Any = solution.model
+        known = body.errors_now(True)
+        if isinstance(known, str):
+            raise RuntimeError(known)
+        shares, work = known
+        moving = self.linear.foundations
+        return shares * work, work / 2, {*moving.moving, *moving.sliding}
+
+    def _errors_now(self, *, strain: bool) -> tuple[npt.NDArray[np.float64], float] | str:
+        """What each owned cell has of the squared relative error of the stress in L2, shape
+        (cells,), and the norm of the stress; with ``strain`` also of that of the strain, shape (2,
+        cells), and the product of both norms; or why they are not known; collective.
+        """
+        stress, parts = stress_of(self._solver.tangents.lowered, self.u), self.linear.forms.parts
+        squares, size = squared_errors(stress, self.u, parts)
+        if not size > 0:
+            return "there is no stress, and no error of it"
+        left = traction_left(self.linear, self._loaded(), stress) / size
+        shares = squares / size + left
+        if not strain:
+            return shares, float(np.sqrt(size))
+        squares, of_strain = squared_errors(stress_of(green_strain(self.u), self.u), self.u, parts)
+        # A stress without a strain is that of a body at rest.  What is left of the traction is the
+        # same share of both.
+        strains = squares / of_strain + left if of_strain > 0 else shares
+        return np.array([shares, strains]), float(np.sqrt(size * (of_strain or size)))
+
+    def _loaded(self) -> npt.NDArray[np.int32]:
+        """The exterior facets of this rank on which F has forces."""
+        integrals = self._solver.tangents.lowered.integrals_by_type("exterior_facet")
+        mesh = self.u.function_space.mesh
+        return np.concatenate(
+            [np.zeros(0, np.int32), *(exterior_facets(integral, mesh) for integral in integrals)]
         )
-        if reasons := [shares for shares in both if isinstance(shares, str)]:
-            raise RuntimeError(reasons[0])
-        return np.array(both), 0.5
 
     @property
     def findings(self) -> tuple[Finding, ...]:

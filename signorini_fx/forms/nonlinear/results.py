@@ -18,6 +18,7 @@ import numpy.typing as npt
 import scipy.sparse.linalg
 import ufl
 from dolfinx import fem
+from dolfinx import mesh as dmesh
 
 from signorini_fx.algebra import Settings
 from signorini_fx.forms.elasticity import acting_on, prescribed_nodes
@@ -25,12 +26,12 @@ from signorini_fx.forms.given_forms import Facets
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
 from signorini_fx.machine import parallel
 from signorini_fx.machine.compilation import compiling
-from signorini_fx.mechanics.assembly.mesh_entities import assemble
+from signorini_fx.mechanics.assembly.mesh_entities import assemble, compile_form, facet_nodes
 from signorini_fx.mechanics.body.deformation import deformation_of
 from signorini_fx.mechanics.obstacles.paired_points import MovingPair, PairedSides
 from signorini_fx.mechanics.statement.load_path import counted_path
 from signorini_fx.records import Finding, Status
-from signorini_fx.results.accuracy.stress_recovery import StressRecovery
+from signorini_fx.results.accuracy.stress_recovery import StressRecovery, squared_residual
 from signorini_fx.results.certificate.body_nodes import RigidPart
 from signorini_fx.results.certificate.certificate import Certificate, judged
 from signorini_fx.results.certificate.contact_nodes import ContactConditions
@@ -64,7 +65,9 @@ class ResidualBody(SolidBody):
 
     ends: Sequence[tuple[StepResult, ResidualMechanics]]  # the last load step at least
     boundaries: Mapping[str, Facets]  # that were given a name
-    stress_error: Callable[[], Array | str]  # at the last load step, see ``stress_error``
+    # At the last load step, see ``NonlinearContactProblem._errors_now``, with that of the strain or
+    # without it.
+    errors_now: Callable[[bool], tuple[Array, float] | str]
 
     def conditions(self, y: fem.Function) -> ContactConditions | None:
         return self._at(y).contact
@@ -271,27 +274,63 @@ def slid_past_partners(linear: LinearisedProblem) -> Iterator[Finding]:
             yield Finding("warning", f"contact[{number}].sliding", message)
 
 
-def stress_error(
-    residual: Any, u: fem.Function, parts: Sequence[npt.NDArray[np.int32]]
-) -> Array | str:
-    """What each owned cell has of the squared relative error of the stress in L2, or why it is not
-    known; ``residual``: F as ``Tangents.lowered``; ``parts``: cells of each material, local
-    numbers, ghosts included; collective.
+def squared_errors(
+    field: fem.Function, u: fem.Function, parts: Sequence[Facets]
+) -> tuple[Array, float]:
+    """What each owned cell has of the squared error in L2 of a stress or a strain of ``stress_of``,
+    by its recovery, and the squared norm of it; ``parts``: cells of each material, local numbers,
+    ghosts included; collective.
     """
     stress = SimpleNamespace(
         displacement=u,
-        components=stress_of(residual, u),
+        components=field,
         parts=parts,
         squared=lambda difference, times, dx: times * ufl.inner(difference, difference) * dx,
         refresh=lambda step: None,
     )
     recovery = StressRecovery(stress, lambda z: (lambda step: None, None))
-    size = 2 * recovery.energy(u)
-    return (
-        np.asarray(recovery.squares(u) / size)
-        if size > 0
-        else "there is no stress, and no error of it"
+    return recovery.squares(u), 2 * recovery.energy(u)
+
+
+def green_strain(u: fem.Function) -> Any:
+    """The work of Green's strain and grad v, with v a test function, of which ``stress_of`` finds
+    the strain as that of a stress: however the body is turned it is the same.  Displacements out of
+    a section have their gradient.
+    """
+    gradient = ufl.grad(u)
+    rows, columns = gradient.ufl_shape
+    products = gradient.T * gradient
+    strain = [[gradient[i, j] for j in range(columns)] for i in range(rows)]
+    for i, j in np.ndindex(columns, columns):
+        strain[i][j] = (gradient[i, j] + gradient[j, i] + products[i, j]) / 2
+    return ufl.inner(ufl.as_matrix(strain), ufl.grad(ufl.TestFunction(u.function_space))) * ufl.dx
+
+
+def traction_left(linear: LinearisedProblem, loaded: Facets, field: fem.Function) -> Array:
+    """The squared traction, times h, that the stress P of ``stress_of`` leaves where there is none,
+    of each owned cell, see ``squared_residual``: off the contact, the ``loaded`` facets, and
+    components that are prescribed; collective.
+    """
+    space = linear.space
+    mesh, dim = space.mesh, space.dofmap.index_map_bs
+    touching = [*linear.forms.facets, *linear.forms.masters.values()]
+    free = np.setdiff1d(
+        dmesh.exterior_facet_indices(mesh.topology), np.concatenate([loaded, *touching])
     )
+    free = free.astype(np.int32)
+    held = linear.prescribed[0].reshape(-1, dim)[facet_nodes(space, free)].all(axis=1)
+    components = np.array(list(field)).reshape(dim, -1)
+    stress = SimpleNamespace(
+        displacement=linear.at, sigma=ufl.as_matrix(components.tolist()), modulus=1.0, around=1.0
+    )
+
+    def of(numbers: npt.NDArray[np.int64], residual: Any) -> tuple[Any, list[Any], bool]:
+        return ufl.as_vector([0.0 if k in numbers else residual[k] for k in range(dim)]), [], False
+
+    cellwise = ufl.TestFunction(fem.functionspace(mesh, ("DG", 0)))
+    form = squared_residual(stress, free, held, of, cellwise)
+    count = mesh.topology.index_map(mesh.topology.dim).size_local
+    return np.zeros(count) if form is None else np.asarray(assemble(compile_form(form)))
 
 
 def stress_of(residual: Any, u: fem.Function) -> fem.Function:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,12 +13,15 @@ from dolfinx import default_scalar_type, fem
 
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import assemble, compile_form, facet_entities
+from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable
+from signorini_fx.mechanics.kinematics.protocol import Kinematics
 from signorini_fx.mechanics.loads.load_vectors import measures
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.effect import Force
-from signorini_fx.results.accuracy.contact_surface import ContactSurface
+from signorini_fx.results.accuracy.contact_surface import ContactSurface, places
 from signorini_fx.results.accuracy.pressure_error import (
+    bends,
     beside,
     corner_rows,
     interval_squares,
@@ -39,9 +42,10 @@ class Errors:
             stress.
         pressure: of the contact pressure, L2(Gamma_c), loads included, as the contact boundary
             shows it; None without contact, and where it is not known.
-        force: of contact and friction force, by J. A. Nitsche's argument, of a nonlinear body the
-            product of those of stress and displacement gradient: where displacements press the body
-            0.3 to 3 times the error, where loads do, far above it.
+        force: of contact and friction force, by J. A. Nitsche's argument the square of that of the
+            displacement, of a nonlinear body the product of those of stress and strain, and with it
+            ``points``; where loads press the body and not displacements, far above the error.
+        points: the part of it that contact at the nodes misses between them.
         loads: error of the loads on the mesh.
         size: energy norm of the solution.
         pressed: norm of its contact pressure in L2(Gamma_c).
@@ -52,6 +56,7 @@ class Errors:
     energy: float
     pressure: float | None
     force: float
+    points: float
     loads: float
     size: float
     pressed: float
@@ -76,12 +81,18 @@ def estimate_errors(
 
 
 def combined(
-    model: Model, table: ContactTable, recovery: Floats, energy: float, missed: Floats | float = 0.0
+    model: Model,
+    table: ContactTable,
+    recovery: Floats,
+    energy: float,
+    missed: Floats | float = 0.0,
+    displaced: Collection[int] = (),
 ) -> Errors:
     """All error estimates from those of each owned cell, shape (cells,): ``recovery``: the squared
-    error in the energy norm, of a nonlinear body that of the stress over its square, or both this
-    and that of the displacement gradient, shape (2, cells); ``energy``: strain energy, 1/2 of a
-    nonlinear body; ``missed``: share of all forces; collective.
+    error in the energy norm, of a nonlinear body those of stress and strain, each over its square
+    and times ``2 energy``, shape (2, cells); ``energy``: strain energy, of a nonlinear body half of
+    the norms of stress and strain; ``missed``: share of all forces; ``displaced``: numbers of the
+    contacts that are met at displaced points; collective.
     """
     boundary = model.boundary
     assert boundary is not None
@@ -99,14 +110,18 @@ def combined(
 
     loads = total(missed)
     error = float(np.sqrt(total(body)))
-    gradient = float(np.sqrt(total(shares[-1])))
+    strain = float(np.sqrt(total(shares[-1])))
     contact = np.zeros_like(body)
     top = np.zeros_like(body)
+    points = np.zeros_like(body)
     pressed = pressure_square(table)
+    # Of nonlinear bodies the model is of forms.
+    kinematics = model.statement.kinematics_in(model.tagged.dimension)
+    if pressed > 0 and size > 0:
+        work, force = missed_by_points(boundary, table, kinematics, displaced)
+        whole = float(np.dot(table.columns["weight"], np.abs(table.columns["pressure"])))
+        np.add.at(points, cells, work / size + force / whole)
     if pressed > 0 and table.facets is None:
-        kinematics = model.statement.kinematics_in(
-            model.tagged.dimension
-        )  # of nonlinear bodies the model is of forms
         np.add.at(
             contact,
             cells,
@@ -126,18 +141,69 @@ def combined(
         pressure=float(np.hypot(np.sqrt(total(contact)), error**2)) + loads
         if pressed > 0
         else None,
-        force=(error + loads) * (gradient + loads),
+        force=float(np.hypot((error + loads) * (strain + loads), total(points))),
+        points=total(points),
         loads=loads,
         size=float(np.sqrt(size)),
         pressed=float(np.sqrt(pressed)),
         squares={
             "energy": body + loads * missed,
+            "force": body + loads * missed + points,
             "pressure": contact + (POLLUTION * error) ** 2 * body + loads * missed,
             # Half of it at the top, where the kinks of the pressure are small and the error of the
             # largest one is, and at corners, where it may become the largest.
             "peak": contact + top + (POLLUTION * error) ** 2 * body + loads * missed,
         },
     )
+
+
+def missed_by_points(
+    boundary: ContactBoundary,
+    table: ContactTable,
+    kinematics: Kinematics,
+    displaced: Collection[int],
+) -> tuple[Floats, Floats]:
+    """What contact at the nodes misses between them, for each facet of this rank as in
+    ``boundary.segments``: the work of the pressure on distances that are not those of a straight
+    line, and the force that ends somewhere between a node in contact and one that is not, times the
+    change of the direction that it has; collective.
+
+    ``displaced``: see ``combined``; there only directions tell how a distance changes along the
+    boundary.
+    """
+    c, surface = table.columns, None
+    assert table.nodes is not None
+    # A gap that bends or jumps at one end of an interval alone does so at a node, which knows it.
+    bent = ~np.isin(table.nodes[:, 0], list(displaced))
+    if table.facets is None:
+        corners = np.concatenate([np.column_stack((path[:-1], path[1:])) for path in table.paths])
+        size = np.concatenate([np.diff(table.arc(path)) for path in table.paths])
+        sides, at_rows = size[:, None], [bends(table, path, c["gap"]) for path in table.paths]
+        change = np.concatenate([np.minimum(one[:-1], one[1:]) for one in at_rows])
+        if not kinematics.uniform:
+            x = places(table)[corners].mean(axis=1)
+            size = size * kinematics.measure_at(x.T)
+    else:
+        surface = ContactSurface.of(table)
+        corners, size, sides = surface.corners, surface.area, surface.sides
+        change = np.median(np.abs(surface.jumps(c["gap"])), axis=1)
+    following = np.roll(corners, -1, axis=1)[:, : sides.shape[1]]
+    first = corners[:, : sides.shape[1]]
+    normal = np.column_stack([c[f"n_{axis}"] for axis in "xyz" if f"n_{axis}" in c])
+    apart, pressure = np.abs(c["gap"] - c["u_n"]), c["pressure"][corners]
+    turn = np.linalg.norm(normal[following] - normal[first], axis=2)
+    # The mean distance of a parabola from its chord, and of a paraboloid from its triangle.
+    slopes = turn + (change * bent[corners].all(axis=1))[:, None]
+    bow = sides * slopes / (12 if surface is None else 8)
+    off = np.maximum(bow - (apart[first] + apart[following]) / 2, 0.0).mean(axis=1)
+    mean, pressed = size * pressure.mean(axis=1), pressure > 0
+    ends = pressed.any(axis=1) & ~pressed.all(axis=1)
+    both = mean * off, mean * ends * turn.mean(axis=1) / 2
+    if surface is not None:
+        return surface.of_rank(boundary, both[0]), surface.of_rank(boundary, both[1])
+    begins = np.cumsum([len(path) - 1 for path in table.paths])[:-1]
+    work, force = (on_facets(boundary, table, np.split(part, begins)) for part in both)
+    return work, force
 
 
 def worst_of(steps: Sequence[Errors]) -> Errors:
@@ -149,7 +215,7 @@ def worst_of(steps: Sequence[Errors]) -> Errors:
     size, pressed = (max(getattr(step, name) for step in steps) for name in ("size", "pressed"))
     of_size = [step.size / size if size > 0 else 0.0 for step in steps]
     of_pressed = [step.pressed / pressed if pressed > 0 else 0.0 for step in steps]
-    shares = {"energy": of_size, "pressure": of_pressed, "peak": of_pressed}
+    shares = {"energy": of_size, "force": of_size, "pressure": of_pressed, "peak": of_pressed}
     pressures = [
         step.pressure * share
         for step, share in zip(steps, of_pressed, strict=True)
@@ -164,6 +230,7 @@ def worst_of(steps: Sequence[Errors]) -> Errors:
         energy=max(step.energy * share for step, share in zip(steps, of_size, strict=True)),
         pressure=max(pressures, default=None),
         force=max(step.force * share**2 for step, share in zip(steps, of_size, strict=True)),
+        points=max(step.points * share**2 for step, share in zip(steps, of_size, strict=True)),
         loads=max(step.loads for step in steps),
         size=size,
         pressed=pressed,

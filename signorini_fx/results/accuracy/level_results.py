@@ -22,6 +22,7 @@ class LevelResult(Price):
 
     Attributes:
         loads: the error of the loads on the mesh.
+        points: that of the force which a few nodes in contact miss, see ``Errors.points``.
         polygon: effect of straight facets of a curved contact boundary, which no refinement
             reduces; ``pressure_error.polygon_error``.
         pressure_regularisation: as ``regularisation``, of the contact pressure, relative in
@@ -40,6 +41,7 @@ class LevelResult(Price):
     peak: Number = None
     predicted: bool = False
     loads: float
+    points: float = 0.0
     polygon: float = 0.0
     pressure_regularisation: float
     table: InstanceOf[ContactTable]

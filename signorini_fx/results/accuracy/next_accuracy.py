@@ -211,7 +211,7 @@ def _divided(statement: Statement, dimension: int, dofs: float) -> list[float]:
 LOCAL = ("energy", "pressure", "force")
 
 # For which of these the cells are divided if another quantity is asked for.
-DIVIDED_FOR = {"zone": "pressure", "force": "energy"}
+DIVIDED_FOR = {"zone": "pressure"}
 
 
 def divides(statement: Statement, of: str, cell: str, *, straight: bool) -> bool:

@@ -61,6 +61,16 @@ def interval_squares(table: ContactTable, kinematics: Kinematics = PLANE_STRAIN)
     return squares
 
 
+def bends(table: ContactTable, path: Ints, values: Floats) -> Floats:
+    """How much the slope of nodal values changes at each row of one of ``paths``; at ends as
+    much as beside them, shape (rows of it,).
+    """
+    rows, s, own = table.unrolled(path)
+    changes = np.abs(np.diff(np.diff(values[rows]) / np.diff(s)))
+    changes = np.pad(changes, 1, mode="edge") if changes.size else np.zeros(rows.size)
+    return changes[own.start : own.stop + 1]
+
+
 def _corners(table: ContactTable, rows: Ints, s: Floats) -> list[tuple[int, int]]:
     """Intervals beside corners and ends in contact towards which the pressure is convex, and their
     other nodes.
