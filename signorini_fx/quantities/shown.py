@@ -591,9 +591,7 @@ def _certificate(summary: Summary) -> list[str | TerminalLine]:
     figures = summary["certificate"]
     law = figures["law"].partition(",")[0]
     if figures["holds"]:
-        return [
-            row("certificate", f"holds for {law}, each condition to {CERTIFICATE_TOLERANCE:.0e}")
-        ]
+        return [row("certificate", f"holds for {law}, each condition to {figures['checked']:.0e}")]
     judged = {name.replace("_", " "): figures.get(name) for name in JUDGED}
     wrong = [
         f"{name} {value:.1e}"

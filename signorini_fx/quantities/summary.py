@@ -276,6 +276,9 @@ class CertificateFigures(Row):
     stick_slip: Number = described(
         "Largest slip where the body sticks; the regularised law allows shear / gamma_t."
     )
+    checked: float = described(
+        "To what share of the stress of its softest piece the conditions are checked."
+    )
     law: str = described("The contact law of the check.")
     holds: bool
 

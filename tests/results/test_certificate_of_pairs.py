@@ -1,12 +1,18 @@
 """The identities of the map of two bodies, which their certificate tries."""
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
+from certifying import certify
 from mpi4py import MPI
 from two_bodies import assembled, grid
 
 from signorini_fx import Status, solve
 from signorini_fx.mechanics.mesh.tagged import tag_boundaries
+from signorini_fx.results.certificate.law_of_method import Tractions
+from signorini_fx.results.summary import lines_of, summary_of
 from signorini_fx.scenes.reading import parse_scene
 
 COMM = MPI.COMM_WORLD
@@ -90,3 +96,49 @@ def test_faces_that_are_no_parallelograms(degree):
     )
     assert found.converged
     assert found.certificate.coupling < 1e-8
+
+
+@pytest.mark.parametrize(("ratio", "known"), [(1.0, 1e-6), (1e5, 1e-4), (1e6, 1e-3), (1e7, 1e-2)])
+def test_it_says_to_what_a_soft_body_is_checked(ratio, known):
+    """Gamma is that of the stiffer body: pressures that are wrong by more than the result says are
+    refused, and it says no more than that.
+    """
+
+    def mesh(count):
+        parameters = {"length": 2.0, "height": 1.0, "nx": 2 * count, "ny": count}
+        return {"generator": "rectangle", "parameters": parameters}
+
+    found = solve(
+        parse_scene(
+            {
+                "body": [
+                    {"name": "stiff", "mesh": mesh(4)},
+                    {"name": "soft", "mesh": mesh(4), "shift": [0.0, 1.0]},
+                ],
+                "material": [
+                    {"region": "stiff", "young": ratio, "poisson": 0.3},
+                    {"region": "soft", "young": 1.0, "poisson": 0.3},
+                ],
+                "displacement": [
+                    {"boundary": "stiff.bottom", "x": 0.0, "y": 0.0},
+                    {"boundary": "soft.top", "x": 0.0, "y": -0.01},
+                ],
+                "contact": {
+                    "boundary": "soft.bottom",
+                    "against": "stiff.top",
+                    "gap": "1e-3*(x[0] - 1)**2",
+                },
+            }
+        ),
+        MPI.COMM_SELF,
+    )
+    checked = found.certificate.checked
+    assert 0.1 * known < checked <= known
+    lines = [line.text for line in lines_of(summary_of(found), Path("here"))]
+    assert f"holds for the regularised law, each condition to {checked:.0e}" in lines
+    tractions = Tractions.of(found.contact)
+    for share, holds in ((checked / 30, True), (3 * checked, False)):
+        wrong = replace(tractions, pressure=tractions.pressure * (1 + share))
+        law, tagged = found.certificate.law, found.model.tagged
+        certificate = certify(found.statement, tagged, found.displacement, wrong, law=law)
+        assert certificate.holds is holds

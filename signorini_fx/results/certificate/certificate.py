@@ -84,6 +84,9 @@ class Certificate:
             ``equilibrium``.
         placed: round-off of places X + u, at which contact is met, relative to the largest
             displacement.
+        checked: the share of its own stress, be it that of its tractions or the mean one, to which
+            the tractions of each piece are checked: more than the tolerance where gamma, which a
+            stiffer piece sets, or the joint system leaves larger errors of the softest one.
     """
 
     equilibrium: float = 0.0
@@ -104,6 +107,7 @@ class Certificate:
     unjudged: tuple[int, ...] = ()
     lost: float = 0.0
     placed: float = 0.0
+    checked: float = CERTIFICATE_TOLERANCE
 
     def __repr__(self) -> str:
         verdict = "holds" if self.holds else "does not hold"
@@ -126,7 +130,7 @@ class Certificate:
 
     def as_dict(self) -> dict[str, float | bool | str]:
         """All figures, the law, and the verdict."""
-        figures = {name: getattr(self, name) for name in (*JUDGED, *REPORTED)}
+        figures = {name: getattr(self, name) for name in (*JUDGED, *REPORTED, "checked")}
         return {**figures, "law": str(self.law), "holds": self.holds}
 
 
@@ -241,7 +245,8 @@ def judged(
     # What supports take of a traction leaves its round-off in the directions that are free, and in
     # the penetration.
     unknown = np.maximum(unknown, largest(np.linalg.norm(nodes.traction, axis=1)))
-    stress = np.max([largest(nodes.felt), NEGLIGIBLE * mean, NO_FORCE * unknown], axis=0)
+    felt = largest(nodes.felt)
+    stress = np.max([felt, NEGLIGIBLE * mean, NO_FORCE * unknown], axis=0)
     length = np.maximum(length, NO_FORCE * largest(np.abs(nodes.pressure)) / law.gamma_n)
     (u_n, slip), origin = nodes.traces(y, moved), np.zeros_like(nodes.shear)
     if before is not None:  # what is added to it has its round-off
@@ -294,7 +299,10 @@ def judged(
     # cause.
     still = NEGLIGIBLE * scales.deflection(stress)
     units = PieceScales(np.maximum(length, still), np.maximum(far, still), stress, penalty)
-    points = units.between(*at)
+    points, own = units.between(*at), np.maximum(felt, mean)
+    known = own > NO_FORCE * stiffest.modulus * reach / stiffest.size
+    blunter = np.divide(stress, own, out=np.ones_like(own), where=known).max()
+    figures["checked"] = CERTIFICATE_TOLERANCE * max(1.0, float(blunter))
     figures |= contact_conditions(
         nodes, u_n, nodes.rounded(slip, 1), nodes.rounded(origin, -1), law, points
     )
