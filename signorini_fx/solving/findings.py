@@ -64,6 +64,8 @@ def scene_findings(body: Model) -> Iterator[Finding]:
             body, data, FAR_GAP * prescribed + (body.tagged.size if force > 0 else 0.0)
         )
         yield from _inwards(body)
+        yield from _inclined(body, data)
+        yield from closed_at_once(body)
     yield from _corners(body)
 
 
@@ -83,6 +85,7 @@ def nonlinear_findings(statement: Statement, body: Model) -> Iterator[Finding]:
             yield Finding("note", f"contact[{number}]", text)
     yield from _locking(body, reduced=volume_degree(statement, body.tagged) is not None)
     yield from _idle(body)
+    yield from closed_at_once(body)
     yield from _corners(body)
 
 
@@ -268,16 +271,122 @@ def _largest_loads(body: Model) -> tuple[float, float]:
     """
     prescribed = force = 0.0
     for step in range(body.statement.steps):
-        applied = body.applied_at(step)
-        start = sum((factor * load.start for factor, load in applied), np.zeros(body.fixed.size))
+        start, forces = _loads_at(body, step)
         prescribed = max(prescribed, parallel.largest(body.comm, np.abs(start)))
-        forces = sum(
-            (factor * load.forces for factor, load in applied if not load.balanced),
-            np.zeros(body.fixed.size),
-        )
-        sizes = np.linalg.norm(np.reshape(forces, (-1, body.space.dofmap.bs)), axis=1)
+        sizes = np.linalg.norm(forces, axis=1)
         force = max(force, float(parallel.global_sum(body.comm, sizes.sum())))
     return prescribed, force
+
+
+def _loads_at(body: Model, step: int) -> tuple[Array, Array]:
+    """Prescribed displacements and nodal loads of a load step, of the owned nodes, shape (n, d)."""
+    applied = body.applied_at(step)
+    dim = body.space.dofmap.bs
+    start = sum((factor * load.start for factor, load in applied), np.zeros(body.fixed.size))
+    forces = sum(
+        (factor * load.forces for factor, load in applied if not load.balanced),
+        np.zeros(body.fixed.size),
+    )
+    return np.reshape(start, (-1, dim)), np.reshape(forces, (-1, dim))
+
+
+# --- friction -------------------------------------------------------------------------------------
+
+
+def closed_at_once(body: Model) -> Iterator[Finding]:
+    """Contacts with friction that follows the pressure, and with points at different distances,
+    that one load step presses together: what moves before it touches counts as slip; collective.
+    """
+    boundary = body.boundary
+    data = body.data
+    if boundary is None or data is None:
+        return
+    prescribed, force = _largest_loads(body)
+    section = body.tagged.size ** (body.space.dofmap.bs - 2)
+    motions = [prescribed, force / (body.scales.modulus * section)]
+    for index, effect in enumerate(body.statement.contact):
+        friction = effect.friction
+        on = boundary.part == index
+        if not (friction.acts and friction.follows_pressure) or effect.kind != "unilateral":
+            continue
+        gap = data.gap[on]
+        nearest = -parallel.largest(body.comm, -gap, -np.inf)
+        reached = parallel.largest(body.comm, gap[gap <= nearest + sum(motions)], nearest)
+        if reached - nearest <= NOTABLE * sum(motions):
+            continue
+        if _largest_increment(body, boundary.weight[on] @ boundary.normal[on], motions) > 0.5:
+            message = (
+                "its points close one after the other, while one load step presses them together: "
+                "all that moves before it touches counts as slip, and shear and stick zone come "
+                "out wrong; let what presses grow in five load steps or more, such as by factors = "
+                "[0.2, 0.4, 0.6, 0.8, 1.0]"
+            )
+            yield Finding("warning", f"contact[{index}].friction", message)
+
+
+def _largest_increment(body: Model, normal: Array, motions: list[float]) -> float:
+    """By how much one load step presses a contact at most, as a share of the largest load;
+    ``normal``: the direction on this rank, of any length; ``motions``: what prescribed
+    displacements and forces move the body by, lengths.
+    """
+    statement = body.statement
+    pressing = [0.0]
+    normal = parallel.global_sum(body.comm, normal)
+    normal = normal / max(float(np.linalg.norm(normal)), NO_FORCE)
+    _, total = _largest_loads(body)
+    for step in range(statement.steps):
+        start, forces = (values @ normal for values in _loads_at(body, step))
+        moved = max((1.0, -1.0), key=lambda sign: parallel.largest(body.comm, sign * start, 0.0))
+        moved *= parallel.largest(body.comm, moved * start, 0.0)
+        pushed = float(parallel.global_sum(body.comm, np.array(forces.sum())))
+        pressing.append(moved + (motions[1] * pushed / total if total > 0 else 0.0))
+    largest = float(np.abs(pressing).max())
+    parts = statement.load_steps.steps or 1
+    if largest <= NOTABLE * sum(motions):  # foundations move, and say so by themselves
+        return 1.0 / statement.expected_steps
+    increments = np.abs(np.diff(pressing)) / largest
+    return float(increments.max()) / parts
+
+
+def _inclined(body: Model, data: RegularisedData) -> Iterator[Finding]:
+    """Contacts whose pressure acts along another direction than the normal of the body where it is
+    nearest to the foundation.
+    """
+    mesh = body.tagged.mesh
+    boundary = body.boundary
+    dim = body.tagged.dimension
+    assert boundary is not None
+    for index, effect in enumerate(body.statement.contact):
+        if effect.direction is None and effect.surface is None:
+            continue
+        nearest = -parallel.largest(body.comm, -data.gap[boundary.part == index], -np.inf)
+        near = (boundary.part == index) & (data.gap <= nearest + NO_FORCE * body.tagged.size)
+        nodes = np.unique(parallel.gather_rows(body.comm, boundary.global_nodes[near][:, None]))
+        of_part = boundary.segments[boundary.segments[:, 0] == index, 1:]
+        facets = np.concatenate([facets for _, facets, part in boundary.surface if part == index])
+        facets = facets[np.isin(of_part, nodes).any(axis=1)]
+        middles = dmesh.compute_midpoints(mesh, dim - 1, facets)[:, :dim]
+        cells = dmesh.compute_midpoints(mesh, dim, facet_entities(mesh, facets)[:, 0])[:, :dim]
+        sides = np.diff(facet_vertices(mesh, facets)[:, :dim, :dim], axis=1)
+        outward = np.cross(sides[:, 0], sides[:, 1]) if dim == 3 else sides[:, 0, ::-1] * [1, -1]
+        outward = outward * np.sign(np.sum(outward * (middles - cells), axis=1))[:, None]
+        areas = np.linalg.norm(outward, axis=1)[:, None]
+        if effect.direction is None:
+            along = -areas * effect.surface.distance(middles)[1]
+        else:
+            along = areas * np.array(effect.direction)
+        sums = np.concatenate((outward.sum(axis=0), along.sum(axis=0)))
+        own, other = parallel.global_sum(body.comm, sums).reshape(2, dim)
+        lengths = np.linalg.norm(own) * np.linalg.norm(other)
+        cosine = float(own @ other / lengths) if lengths > 0 else 1.0
+        if 0 < cosine < np.sqrt(1 - NOTABLE**2):
+            message = (
+                f"the pressure acts {np.degrees(np.arccos(cosine)):.2g} degrees off the normal of "
+                "the body where it is nearest to its foundation, and pushes it along: leave the "
+                "direction out, or take a foundation that the body faces"
+            )
+            where = "direction" if effect.direction is not None else "foundation"
+            yield Finding("warning", f"contact[{index}].{where}", message)
 
 
 # --- equilibrium: rigid motions that supports and contact resist, loads that they balance ---------

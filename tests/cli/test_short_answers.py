@@ -34,6 +34,7 @@ def test_what_is_said(summary):
     """The lines in their order, with the figures of the summary."""
     lines = told(summary)
     known = [
+        "warning",
         "force",
         "contact",
         "stress",

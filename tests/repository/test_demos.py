@@ -178,7 +178,7 @@ def test_sphere_under_tangential_load(run):
     np.testing.assert_allclose(found["predicted"][1:], found["moved"][1:], rtol=0.02)
     # Where the press makes a shear of its own the formula must not hold.
     columns = found["table"][0.3]
-    assert (columns["c/a by area"] < columns["c/a"] - 0.14).all()
+    assert (columns["c/a by area"] < columns["c/a"] - 0.06).all()
     pictures("sphere_under_tangential_load/push")
 
 

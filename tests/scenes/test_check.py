@@ -99,11 +99,90 @@ def test_the_unknowns_are_those_of_the_solve(variant):
 @pytest.mark.one_quick
 @pytest.mark.parametrize("demo", DEMOS, ids=lambda demo: demo.stem)
 def test_the_demos_are_fine(demo):
-    """Nothing hurts there, but what the paper itself chose."""
-    of_the_paper = {"example2_tresca": ["material[0]"]}  # nu = 0.45 with linear elements
-    assert [warning.path for warning in check(read_scene(demo)).warnings] == of_the_paper.get(
-        demo.stem, []
+    """Nothing hurts there, but what the paper itself chose, and cylinders pressed in one step."""
+    chosen = {
+        "example1_coulomb": ["contact[0].friction"],  # the static law
+        "example2_tresca": ["material[0]"],  # nu = 0.45 with linear elements
+        "two_cylinders": ["contact[0].friction"],
+    }
+    warnings = [warning.path for warning in check(read_scene(demo)).warnings]
+    assert warnings == chosen.get(demo.stem, [])
+
+
+AT_ONCE = "its points close one after the other"
+
+
+@pytest.mark.parametrize(
+    ("factors", "gap", "warned"),
+    [
+        (None, "0.1*(x[0] - 1)**2", True),
+        ([0.5, 1.0], "0.1*(x[0] - 1)**2", False),
+        ([0.2, 0.4, 0.6, 0.8, 1.0], "0.1*(x[0] - 1)**2", False),
+        ([0.1, 1.0, 1.0], "0.1*(x[0] - 1)**2", True),
+        (None, 0.001, False),
+        (None, "0 if x[0] < 1 else 1e9", False),
+    ],
+)
+@pytest.mark.parametrize("law", [None, "neo-hooke"])
+@pytest.mark.parametrize("press", ["displacement", "traction"])
+def test_friction_in_one_load_step(factors, gap, warned, law, press):
+    """Where points close one after the other, by whatever presses them, it is said by check; a
+    push along them is another matter.
+    """
+    aside = {"boundary": "top", "x": 0.001, "factors": [0.0] * len(factors or [1])}
+    aside["factors"][-1] = 1.0
+    down = {"boundary": "top", "y": -0.01 if press == "displacement" else -50.0}
+    loads = {"displacement": [aside], "traction": []}
+    loads[press].append(down | ({} if factors is None else {"factors": factors}))
+    scene = {
+        "mesh": {
+            "generator": "rectangle",
+            "parameters": {"length": 2.0, "height": 1.0, "nx": 8, "ny": 4},
+        },
+        "material": {"young": 5000.0, "poisson": 0.3} | ({"law": law} if law else {}),
+        "contact": {
+            "boundary": "bottom",
+            "gap": gap,
+            "friction": {"law": "coulomb", "coefficient": 0.3},
+        },
+    }
+    told = said(parse_scene(scene | loads)).get("contact[0].friction", "")
+    assert told.startswith(AT_ONCE) is warned
+    without = {**scene["contact"], "friction": {"law": "tresca", "bound": 1.0}}
+    assert "contact[0].friction" not in said(parse_scene(scene | loads | {"contact": without}))
+
+
+def test_friction_in_one_load_step_of_a_result():
+    """The result says it, too; with steps the stick zone is another one."""
+    demo = read_scene(DEMOS[0].with_name("hertz_friction.toml"))
+    (support,) = demo.displacement
+    once = demo.model_copy(
+        update={
+            "displacement": (support.model_copy(update={"factors": None}),),
+            "mesh": demo.mesh.model_copy(
+                update={"parameters": demo.mesh.parameters | {"nx": 60, "ny": 30}}
+            ),
+        }
     )
+    found = alone(once)
+    assert [f.path for f in found.findings if f.message.startswith(AT_ONCE)] == [
+        "contact[0].friction"
+    ]
+
+
+@pytest.mark.parametrize(("degrees", "warned"), [(0, False), (3, False), (30, True)])
+def test_a_direction_that_is_inclined(degrees, warned):
+    """Pressure along it pushes a flat side; of a round one the nearest place counts."""
+    angle = np.radians(degrees)
+    inclined = {"boundary": "bottom", "direction": [np.sin(angle), -np.cos(angle)]}
+    told = said(block(contact=inclined)).get("contact[0].direction", "")
+    assert (f"acts {degrees} degrees off the normal" in told) is warned
+    circle = {"shape": "circle", "centre": [1.0 - np.sin(angle) * 9, -np.cos(angle) * 9]}
+    plane = {"shape": "plane", "point": [0.0, 0.0], "normal": [-np.sin(angle), np.cos(angle)]}
+    told = said(block(contact={"boundary": "bottom", "foundation": plane}))
+    assert ("degrees off the normal" in told.get("contact[0].foundation", "")) is warned
+    round_one = {"boundary": "bottom", "foundation": {**circle, "radius": 8.9}}
+    assert "contact[0].foundation" not in said(block(contact=round_one)) or warned
 
 
 ESTIMATED = {

@@ -287,7 +287,8 @@ class NonlinearContactProblem(ProblemOfForms):
         (cells,), and the norm of the stress; with ``strain`` also of that of the strain, shape (2,
         cells), and the product of both norms; or why they are not known; collective.
         """
-        stress, parts = stress_of(self._solver.tangents.lowered, self.u), self.linear.forms.parts
+        stress = stress_of(self._solver.tangents.lowered, self.u)
+        parts = self.linear.forms.parts
         squares, size = squared_errors(stress, self.u, parts)
         if not size > 0:
             return "there is no stress, and no error of it"

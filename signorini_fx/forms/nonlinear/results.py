@@ -312,7 +312,8 @@ def traction_left(linear: LinearisedProblem, loaded: Facets, field: fem.Function
     components that are prescribed; collective.
     """
     space = linear.space
-    mesh, dim = space.mesh, space.dofmap.index_map_bs
+    mesh = space.mesh
+    dim = space.dofmap.index_map_bs
     touching = [*linear.forms.facets, *linear.forms.masters.values()]
     free = np.setdiff1d(
         dmesh.exterior_facet_indices(mesh.topology), np.concatenate([loaded, *touching])

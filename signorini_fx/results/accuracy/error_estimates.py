@@ -171,32 +171,38 @@ def missed_by_points(
     ``displaced``: see ``combined``; there only directions tell how a distance changes along the
     boundary.
     """
-    c, surface = table.columns, None
+    c = table.columns
+    surface = None
     assert table.nodes is not None
     # A gap that bends or jumps at one end of an interval alone does so at a node, which knows it.
     bent = ~np.isin(table.nodes[:, 0], list(displaced))
     if table.facets is None:
         corners = np.concatenate([np.column_stack((path[:-1], path[1:])) for path in table.paths])
         size = np.concatenate([np.diff(table.arc(path)) for path in table.paths])
-        sides, at_rows = size[:, None], [bends(table, path, c["gap"]) for path in table.paths]
+        sides = size[:, None]
+        at_rows = [bends(table, path, c["gap"]) for path in table.paths]
         change = np.concatenate([np.minimum(one[:-1], one[1:]) for one in at_rows])
         if not kinematics.uniform:
             x = places(table)[corners].mean(axis=1)
             size = size * kinematics.measure_at(x.T)
     else:
         surface = ContactSurface.of(table)
-        corners, size, sides = surface.corners, surface.area, surface.sides
+        corners = surface.corners
+        size = surface.area
+        sides = surface.sides
         change = np.median(np.abs(surface.jumps(c["gap"])), axis=1)
     following = np.roll(corners, -1, axis=1)[:, : sides.shape[1]]
     first = corners[:, : sides.shape[1]]
     normal = np.column_stack([c[f"n_{axis}"] for axis in "xyz" if f"n_{axis}" in c])
-    apart, pressure = np.abs(c["gap"] - c["u_n"]), c["pressure"][corners]
+    apart = np.abs(c["gap"] - c["u_n"])
+    pressure = c["pressure"][corners]
     turn = np.linalg.norm(normal[following] - normal[first], axis=2)
     # The mean distance of a parabola from its chord, and of a paraboloid from its triangle.
     slopes = turn + (change * bent[corners].all(axis=1))[:, None]
     bow = sides * slopes / (12 if surface is None else 8)
     off = np.maximum(bow - (apart[first] + apart[following]) / 2, 0.0).mean(axis=1)
-    mean, pressed = size * pressure.mean(axis=1), pressure > 0
+    mean = size * pressure.mean(axis=1)
+    pressed = pressure > 0
     ends = pressed.any(axis=1) & ~pressed.all(axis=1)
     both = mean * off, mean * ends * turn.mean(axis=1) / 2
     if surface is not None:

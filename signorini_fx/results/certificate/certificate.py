@@ -299,7 +299,8 @@ def judged(
     # cause.
     still = NEGLIGIBLE * scales.deflection(stress)
     units = PieceScales(np.maximum(length, still), np.maximum(far, still), stress, penalty)
-    points, own = units.between(*at), np.maximum(felt, mean)
+    points = units.between(*at)
+    own = np.maximum(felt, mean)
     known = own > NO_FORCE * stiffest.modulus * reach / stiffest.size
     blunter = np.divide(stress, own, out=np.ones_like(own), where=known).max()
     figures["checked"] = CERTIFICATE_TOLERANCE * max(1.0, float(blunter))
