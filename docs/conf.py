@@ -7,7 +7,6 @@ from __future__ import annotations
 import ast
 import re
 import sys
-import tomllib
 from dataclasses import is_dataclass
 from importlib import import_module
 from pathlib import Path
@@ -28,7 +27,6 @@ from percent import as_markdown  # noqa: E402  # in this folder
 from quantities import markdown  # noqa: E402
 
 import signorini_fx  # noqa: E402
-from signorini_fx.extensions import ADD_ONS  # noqa: E402
 
 project = "signorini_fx"
 release = re.search(r'__version__ = "(.+)"', _PACKAGE)[1]
@@ -174,16 +172,8 @@ def _links(block: re.Match[str]) -> str:
 def _sentence(path: str) -> str:
     """The first one that the source says of a name of the package."""
     module, _, name = path.rpartition(".")
-    add_ons = tomllib.loads((_ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"][
-        "entry-points"
-    ][ADD_ONS]
     if not module:
-        where = (
-            add_ons[name]
-            if name in signorini_fx._ADDED
-            else f"{signorini_fx._MODULE_OF[name]}:{name}"
-        )
-        module, _, name = where.removeprefix("signorini_fx.").partition(":")
+        module = signorini_fx._PUBLIC[name].removeprefix("signorini_fx.")
     source = (_ROOT / "signorini_fx" / f"{module.replace('.', '/')}.py").read_text(encoding="utf-8")
     for node in ast.parse(source).body:
         if getattr(node, "name", None) == name:

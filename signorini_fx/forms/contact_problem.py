@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -158,7 +158,7 @@ class ProblemOfForms:
 
     def run(
         self,
-        path: LoadPath | Sequence[float],
+        path: LoadPath | Iterable[float],
         at: Callable[[float], object] | fem.Constant,
         *,
         folder: str | Path | None = None,

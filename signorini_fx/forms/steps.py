@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -106,7 +106,7 @@ def converged(solution: Solution) -> Solution:
 
 def begun_path(
     solver: FormSolver,
-    path: LoadPath | Sequence[float],
+    path: LoadPath | Iterable[float],
     at: Clock | fem.Constant,
     folder: str | Path | None,
     *,

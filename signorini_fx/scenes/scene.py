@@ -8,9 +8,9 @@ Any consistent units may be used: forces, lengths and stresses of one system.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
-from typing import Annotated, Any, Self, TypeVar, get_origin
+from typing import Annotated, Any, Self, TypeVar, cast, get_origin
 
 from pydantic import BeforeValidator, model_validator
 
@@ -28,10 +28,18 @@ from signorini_fx.mechanics.statement.mesh_sources import WITHOUT_ARCS, Body, Me
 from signorini_fx.mechanics.statement.rigid_body import rigid_bodies
 from signorini_fx.mechanics.statement.settings import Accuracy, Discretised, SolverSettings, Units
 from signorini_fx.mechanics.statement.statement import Statement
+from signorini_fx.mechanics.statement.values import Accepts, Entries
 
 _Table = TypeVar("_Table")
+One = Accepts[_Table | Mapping[str, Any], _Table]
+Maybe = Accepts[_Table | Mapping[str, Any] | None, _Table | None]
 # A list of tables, for which a single one may stand.
-Many = Annotated[tuple[_Table, ...], BeforeValidator(listed)]
+Many = Annotated[
+    Accepts[_Table | Mapping[str, Any] | Sequence[_Table | Mapping[str, Any]], tuple[_Table, ...]],
+    BeforeValidator(listed),
+]
+_NO_TABLE: Any = None
+_NO_TABLES: Any = ()
 # The keys that are no effects and that a statement has as its own.
 _SETTINGS = ("title", "incomplete", "element", "load_steps", "solver", "accuracy", "units")
 
@@ -75,27 +83,27 @@ class Scene(Table):
     """
 
     title: str = ""
-    incomplete: tuple[str, ...] = ()
-    mesh: OneMesh | None = None
-    body: Many[Body] = ()
-    element: Discretised = Discretised()
+    incomplete: Entries[str] = ()
+    mesh: Maybe[OneMesh] = _NO_TABLE
+    body: Many[Body] = _NO_TABLES
+    element: One[Discretised] = cast("Any", Discretised())
     material: Many[MaterialEntry]
-    displacement: Many[PrescribedDisplacement] = ()
-    traction: Many[loads.SurfaceTraction] = ()
-    body_force: loads.BodyForce | None = None
-    contact: Many[Contact] = ()
-    fluid: Many[loads.Fluid] = ()
-    force: Many[loads.TotalForce] = ()
-    gravity: Many[loads.Gravity] = ()
-    point_force: Many[loads.PointForce] = ()
-    preload: Many[loads.Preload] = ()
-    rotation: Many[loads.Rotation] = ()
-    springs: Many[loads.Springs] = ()
-    temperature: Many[loads.TemperatureChange] = ()
-    load_steps: LoadSteps = LoadSteps()
-    solver: SolverSettings = SolverSettings()
-    accuracy: Accuracy | None = None
-    units: Units = Units()
+    displacement: Many[PrescribedDisplacement] = _NO_TABLES
+    traction: Many[loads.SurfaceTraction] = _NO_TABLES
+    body_force: Maybe[loads.BodyForce] = _NO_TABLE
+    contact: Many[Contact] = _NO_TABLES
+    fluid: Many[loads.Fluid] = _NO_TABLES
+    force: Many[loads.TotalForce] = _NO_TABLES
+    gravity: Many[loads.Gravity] = _NO_TABLES
+    point_force: Many[loads.PointForce] = _NO_TABLES
+    preload: Many[loads.Preload] = _NO_TABLES
+    rotation: Many[loads.Rotation] = _NO_TABLES
+    springs: Many[loads.Springs] = _NO_TABLES
+    temperature: Many[loads.TemperatureChange] = _NO_TABLES
+    load_steps: One[LoadSteps] = cast("Any", LoadSteps())
+    solver: One[SolverSettings] = cast("Any", SolverSettings())
+    accuracy: Maybe[Accuracy] = _NO_TABLE
+    units: One[Units] = cast("Any", Units())
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:

@@ -7,7 +7,7 @@ gaps and friction of rigid foundations differ it has the condensed elastic syste
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -41,7 +41,7 @@ FIGURES = (
 
 
 def sweep(
-    scene: Scene | str | Path, path: str, values: Sequence[Any], comm: MPI.Comm = MPI.COMM_WORLD
+    scene: Scene | str | Path, path: str, values: Iterable[Any], comm: MPI.Comm = MPI.COMM_WORLD
 ) -> Iterator[Solution]:
     """Solve a scene for each of several values of one entry, as the iterator goes on; collective.
 

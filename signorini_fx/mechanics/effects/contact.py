@@ -5,7 +5,7 @@ other packages.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Any, ClassVar, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self, cast
 
 from pydantic import Discriminator, TypeAdapter, WrapValidator, model_validator
 
@@ -17,6 +17,7 @@ from signorini_fx.mechanics.statement.effect import Contradictions, Effect, Feat
 from signorini_fx.mechanics.statement.rigid_body import driven_twice
 from signorini_fx.mechanics.statement.rigid_shape import Distance, OneShape
 from signorini_fx.mechanics.statement.values import (
+    Accepts,
     Direction,
     NonNegative,
     Positive,
@@ -35,7 +36,11 @@ def _law(entry: Any, kinds: Any) -> Any:
     return kinds(entry)
 
 
-OneLaw = Annotated[NoFriction | Tresca | Coulomb, Discriminator("law"), WrapValidator(_law)]
+OneLaw = Annotated[
+    Accepts[FrictionLaw | Mapping[str, Any], NoFriction | Tresca | Coulomb],
+    Discriminator("law"),
+    WrapValidator(_law),
+]
 
 
 class Overclosure(Table):
@@ -95,7 +100,7 @@ class Contact(Effect):
     gap: TimedSampledValue = 0.0
     direction: Direction | None = None
     foundation: OneShape = None
-    friction: OneLaw = NoFriction()
+    friction: OneLaw = cast("Any", NoFriction())
     contact_size: Positive | None = None
     kind: Literal["unilateral", "bilateral", "bonded"] = "unilateral"
     overclosure: Overclosure | None = None

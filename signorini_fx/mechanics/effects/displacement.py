@@ -10,7 +10,7 @@ from pydantic import Field, PrivateAttr, model_validator
 
 from signorini_fx.mechanics.statement.effect import Array, Contradictions, Features, Load
 from signorini_fx.mechanics.statement.expressions import sample
-from signorini_fx.mechanics.statement.values import Direction, TimedSampledValue, Vector
+from signorini_fx.mechanics.statement.values import Direction, Entries, TimedSampledValue, Vector
 
 
 class PrescribedDisplacement(Load):
@@ -52,7 +52,7 @@ class PrescribedDisplacement(Load):
     rotation: TimedSampledValue | None = None
     about: Vector | None = None
     axis: Direction | None = None
-    holds: Annotated[tuple[bool, ...], Field(min_length=1)] | None = None
+    holds: Annotated[Entries[bool], Field(min_length=1)] | None = None
 
     # Whether it holds in the load step that the statement is placed at.
     _holding: bool = PrivateAttr(default=True)

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import Any, ClassVar, Literal, Self
+from typing import Any, ClassVar, Literal, Self, cast
 
 import numpy as np
 from pydantic import PrivateAttr, model_validator
@@ -30,6 +30,7 @@ from signorini_fx.mechanics.statement.effect import (
 from signorini_fx.mechanics.statement.expressions import number as value_of
 from signorini_fx.mechanics.statement.rigid_body import Timed
 from signorini_fx.mechanics.statement.values import (
+    Accepts,
     Count,
     Direction,
     NonNegative,
@@ -253,7 +254,7 @@ class TemperatureChange(InitialStrain):
 
     key: ClassVar[str] = "temperature"
     change: TimedSampledValue | None = None
-    file: Path | None = None
+    file: Accepts[str | Path | None, Path | None] = cast("Any", None)
     region: str | None = None
 
     @model_validator(mode="after")

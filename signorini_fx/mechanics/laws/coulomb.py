@@ -7,6 +7,7 @@ from __future__ import annotations
 from typing import ClassVar, Literal
 
 import numpy as np
+from pydantic import Field
 
 from signorini_fx.mechanics.laws.directed import DirectedLaw
 from signorini_fx.mechanics.laws.protocol import Array, Envelope, FrictionLaw, Parameter, acting
@@ -35,7 +36,7 @@ class Tresca(DirectedLaw):
 
     follows_pressure: ClassVar[bool] = False
     law: Literal["tresca"] = "tresca"
-    bound: Parameter
+    bound: Parameter = Field(kw_only=False)
 
     def limit(self, pressure: Array) -> Array:
         return np.asarray(self.bound + 0.0 * pressure)
@@ -56,9 +57,9 @@ class Coulomb(DirectedLaw):
     """
 
     law: Literal["coulomb"] = "coulomb"
-    coefficient: Parameter
-    cap: Parameter | None = None
-    cohesion: Parameter | None = None
+    coefficient: Parameter = Field(kw_only=False)
+    cap: Parameter | None = Field(default=None, kw_only=False)
+    cohesion: Parameter | None = Field(default=None, kw_only=False)
 
     def envelope(self, zero: Array) -> Envelope:
         return Envelope(

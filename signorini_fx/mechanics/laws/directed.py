@@ -22,12 +22,12 @@ from signorini_fx.errors import FormError
 from signorini_fx.mechanics.laws.protocol import Array, FrictionLaw
 from signorini_fx.mechanics.statement.base import refused
 from signorini_fx.mechanics.statement.expressions import sample
-from signorini_fx.mechanics.statement.values import SampledValue, value
+from signorini_fx.mechanics.statement.values import Entries, SampledValue, value
 from signorini_fx.tuned import CERTIFICATE_TOLERANCE, ROOT_OF_EPS
 
 Ratio = Annotated[Any, BeforeValidator(value), WithJsonSchema({"type": ["number", "string"]})]
 VectorField = Annotated[
-    tuple[SampledValue, ...],
+    Entries[SampledValue],
     Field(min_length=3, max_length=3),
     WrapValidator(
         lambda given, handler: (

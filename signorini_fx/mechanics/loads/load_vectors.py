@@ -261,7 +261,7 @@ def measures(effects: Sequence[Effect], tagged: TaggedMesh) -> list[Any]:
 
 # The factors that loads of one vector have in common, None of those that depend on the time and
 # have none; whether they depend on the time; and whether they are balanced, see ``AppliedLoad``.
-LoadGroup = tuple[tuple[float, ...] | None, bool, bool]
+LoadGroup = tuple[Sequence[float] | None, bool, bool]
 _Load = TypeVar("_Load", bound=Load)
 
 
@@ -338,7 +338,7 @@ def applied_load(
     )
 
 
-def _factor(factors: tuple[float, ...] | None) -> Callable[[float], float]:
+def _factor(factors: Sequence[float] | None) -> Callable[[float], float]:
     """``AppliedLoad.factor``; what does not grow in a ramp from nothing is there at once."""
     return (lambda step: 1.0) if factors is None else partial(factor_at, factors)
 

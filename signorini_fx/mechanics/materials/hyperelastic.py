@@ -18,7 +18,7 @@ from signorini_fx.mechanics.materials.nonlinear import (
 )
 from signorini_fx.mechanics.statement.base import refused
 from signorini_fx.mechanics.statement.effect import Contradictions
-from signorini_fx.mechanics.statement.values import Finite, NonNegative, Positive
+from signorini_fx.mechanics.statement.values import Entries, Finite, NonNegative, Positive
 from signorini_fx.tuned import EQUAL_STRETCHES
 
 
@@ -129,8 +129,8 @@ class Ogden(Hyperelastic):
     """
 
     law: Literal["ogden"]
-    mu: Annotated[tuple[Finite, ...], Field(min_length=1)]
-    alpha: Annotated[tuple[Finite, ...], Field(min_length=1)]
+    mu: Annotated[Entries[Finite], Field(min_length=1)]
+    alpha: Annotated[Entries[Finite], Field(min_length=1)]
     bulk: Positive
 
     @model_validator(mode="after")

@@ -8,6 +8,7 @@ material, such as wood, has three planes of symmetry and nine constants.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Annotated, Self
 
 import numpy as np
@@ -17,13 +18,13 @@ from signorini_fx.mechanics.materials.protocol import PAIRS, Array, Material
 from signorini_fx.mechanics.statement.base import Table, refused
 from signorini_fx.mechanics.statement.effect import Contradictions
 from signorini_fx.mechanics.statement.expressions import Expression, sample
-from signorini_fx.mechanics.statement.values import Finite, Positive, SampledValue
+from signorini_fx.mechanics.statement.values import Accepts, Entries, Finite, Positive, SampledValue
 from signorini_fx.tuned import CERTIFICATE_TOLERANCE
 
 # The pairs of axes that Poisson's ratios and shear moduli belong to.
 _SHEARS = PAIRS[3:]
 _ENERGY = "otherwise some strain has no positive energy"
-VectorField = Annotated[tuple[SampledValue, ...], Field(min_length=2, max_length=3)]
+VectorField = Annotated[Entries[SampledValue], Field(min_length=2, max_length=3)]
 
 
 class Axes(Table):
@@ -87,7 +88,7 @@ class DirectedMaterial(Axes, Material):
         return self.grading is not None or self.turns
 
 
-def _vectors(components: tuple[object, ...], x: Array) -> Array:
+def _vectors(components: Sequence[object], x: Array) -> Array:
     vectors = np.zeros((x.shape[1], 3))
     for k, value in enumerate(components):
         vectors[:, k] = sample(value, x)
@@ -117,9 +118,9 @@ class Orthotropic(Axes):
         shear: shear moduli G_12, G_13, G_23, stresses.
     """
 
-    young: tuple[Positive, Positive, Positive]
-    poisson: tuple[Finite, Finite, Finite]
-    shear: tuple[Positive, Positive, Positive]
+    young: Accepts[Sequence[float], tuple[Positive, Positive, Positive]]
+    poisson: Accepts[Sequence[float], tuple[Finite, Finite, Finite]]
+    shear: Accepts[Sequence[float], tuple[Positive, Positive, Positive]]
 
     @model_validator(mode="after")
     def _positive_energy(self) -> Self:

@@ -4,7 +4,8 @@ Computational Inelasticity, Springer, 1998).
 
 from __future__ import annotations
 
-from typing import Annotated, Any, ClassVar, Literal, Self
+from collections.abc import Sequence
+from typing import Annotated, Any, ClassVar, Literal, Self, cast
 
 import numpy as np
 from pydantic import Field, PrivateAttr, model_validator
@@ -18,7 +19,7 @@ from signorini_fx.mechanics.materials.nonlinear import (
 from signorini_fx.mechanics.materials.protocol import PAIRS, Array
 from signorini_fx.mechanics.statement.base import refused
 from signorini_fx.mechanics.statement.effect import Contradictions
-from signorini_fx.mechanics.statement.values import NonNegative, Positive
+from signorini_fx.mechanics.statement.values import Accepts, NonNegative, Positive
 
 _Table = Annotated[tuple[tuple[Positive, Positive], ...], Field(min_length=1)]
 
@@ -46,7 +47,7 @@ class J2(PathDependent):
     young: Positive
     poisson: PoissonBelowHalf
     yield_stress: Positive
-    hardening: NonNegative | _Table = 0.0
+    hardening: Accepts[float | Sequence[Sequence[float]], NonNegative | _Table] = cast("Any", 0.0)
 
     @model_validator(mode="after")
     def _hardens(self) -> Self:
@@ -135,7 +136,9 @@ class Maxwell(PathDependent):
     law: Literal["maxwell"]
     young: Positive
     poisson: PoissonBelowHalf
-    branches: Annotated[tuple[_Branch, ...], Field(min_length=1)]
+    branches: Annotated[
+        Accepts[Sequence[Sequence[float]], tuple[_Branch, ...]], Field(min_length=1)
+    ]
 
     _time: float = PrivateAttr(1.0)
 

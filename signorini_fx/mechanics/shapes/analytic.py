@@ -5,6 +5,7 @@ points in 2D.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Annotated, Literal, Self
 
@@ -20,7 +21,7 @@ from signorini_fx.mechanics.statement.rigid_shape import (
     normalised,
     unit,
 )
-from signorini_fx.mechanics.statement.values import Direction, Finite, Positive, Vector
+from signorini_fx.mechanics.statement.values import Accepts, Direction, Finite, Positive, Vector
 from signorini_fx.tuned import SAME_NUMBER, SMOOTH_CORNER
 
 # Numbers that are compared at a time.
@@ -28,7 +29,10 @@ _AT_A_TIME = 1_000_000
 
 Rows = npt.NDArray[np.int64]
 
-Points = Annotated[tuple[tuple[Finite, Finite], ...], Field(min_length=2, max_length=10_000)]
+Points = Annotated[
+    Accepts[Sequence[Sequence[float]], tuple[tuple[Finite, Finite], ...]],
+    Field(min_length=2, max_length=10_000),
+]
 
 
 class Plane(Shape):

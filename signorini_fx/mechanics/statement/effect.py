@@ -23,7 +23,7 @@ from pydantic.fields import FieldInfo
 from signorini_fx.extensions import EFFECTS, load_class, names_of, on_registered
 from signorini_fx.mechanics.statement.base import Table
 from signorini_fx.mechanics.statement.expressions import in_space, sample
-from signorini_fx.mechanics.statement.values import Finite, TimedValue
+from signorini_fx.mechanics.statement.values import Entries, Finite, TimedValue
 
 Array = npt.NDArray[np.float64]
 Keys = tuple[str | int, ...]
@@ -190,7 +190,7 @@ class Load(Effect):
     # Whether its forms are assembled with those of other loads that have the same factors.
     grouped: ClassVar[bool] = True
 
-    factors: Annotated[tuple[Finite, ...], Field(min_length=1)] | None = None
+    factors: Annotated[Entries[Finite], Field(min_length=1)] | None = None
 
 
 class Force(Load):

@@ -16,7 +16,7 @@ from pydantic import Field
 
 from signorini_fx.errors import FormError
 from signorini_fx.mechanics.statement.base import Table
-from signorini_fx.mechanics.statement.values import Count, Finite
+from signorini_fx.mechanics.statement.values import Count, Entries, Finite
 
 
 class LoadSteps(Table):
@@ -32,8 +32,8 @@ class LoadSteps(Table):
     """
 
     steps: Count | None = None
-    names: Annotated[tuple[str, ...], Field(min_length=1)] | None = None
-    times: Annotated[tuple[Finite, ...], Field(min_length=1)] | None = None
+    names: Annotated[Entries[str], Field(min_length=1)] | None = None
+    times: Annotated[Entries[Finite], Field(min_length=1)] | None = None
 
 
 def factor_at(factors: Sequence[float], step: float) -> float:
@@ -73,8 +73,8 @@ class LoadPath:
         FormError: one of these is wrong.
     """
 
-    times: tuple[float, ...]
-    names: tuple[str, ...] = ()
+    times: Sequence[float]
+    names: Sequence[str] = ()
     steps: int | None = None
     from_nothing: bool = False
 

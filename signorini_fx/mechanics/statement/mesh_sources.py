@@ -16,7 +16,14 @@ from signorini_fx.errors import SceneError
 from signorini_fx.mechanics.statement.base import Table
 from signorini_fx.mechanics.statement.generators import found_generator, types_of
 from signorini_fx.mechanics.statement.rigid_shape import Placed
-from signorini_fx.mechanics.statement.values import Finite, Positive, Selection, Vector, kind_of
+from signorini_fx.mechanics.statement.values import (
+    Accepts,
+    Finite,
+    Positive,
+    Selection,
+    Vector,
+    kind_of,
+)
 
 # Files that gmsh meshes: its scripts, and CAD drawings.
 DRAWN = (".geo", ".step", ".stp", ".brep")
@@ -40,9 +47,9 @@ class MeshFile(Table):
             body.
     """
 
-    file: Path
-    boundaries: dict[str, Selection] = Field(default={})
-    regions: dict[str, Selection] = Field(default={})
+    file: Accepts[str | Path, Path]
+    boundaries: Mapping[str, Selection] = Field(default={})
+    regions: Mapping[str, Selection] = Field(default={})
     data: str | None = None
     size: Positive | None = None
 
@@ -61,7 +68,7 @@ class MeshGenerator(Table):
     """
 
     generator: str
-    parameters: dict[str, float | int | str | bool] = Field(default={})
+    parameters: Mapping[str, float | int | str | bool] = Field(default={})
 
     def _generate(self) -> Any:
         return found_generator(self.generator, self.parameters)[0]
@@ -81,7 +88,7 @@ class MeshGenerator(Table):
         return (
             ()
             if own is None
-            else (own, *(cell for cell in get_args(types_of(generate)["cell"]) if cell != own))
+            else (str(own), *(cell for cell in get_args(types_of(generate)["cell"]) if cell != own))
         )
 
     @property

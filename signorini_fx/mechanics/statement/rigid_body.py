@@ -8,7 +8,7 @@ through that point.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
@@ -18,7 +18,7 @@ from pydantic import AfterValidator
 
 from signorini_fx.mechanics.statement.base import Table, at_time
 from signorini_fx.mechanics.statement.expressions import Expression, number
-from signorini_fx.mechanics.statement.values import NonNegative, TimedSampledValue, shown
+from signorini_fx.mechanics.statement.values import Entries, NonNegative, TimedSampledValue, shown
 
 Array = npt.NDArray[np.float64]
 Component = Literal["x", "y", "z", "rotation", "rotation_x", "rotation_y", "rotation_z"]
@@ -53,9 +53,9 @@ def _of_length(*lengths: int) -> AfterValidator:
 
 # A number, or an expression of the time t.
 Timed = Annotated[TimedSampledValue, AfterValidator(_of_time)]
-TimedVector = Annotated[tuple[Timed, ...], _of_length(2, 3)]
+TimedVector = Annotated[Entries[Timed], _of_length(2, 3)]
 # A number in 2D, three in 3D.
-TimedAngle = Annotated[tuple[Timed, ...], _of_length(3)] | Timed
+TimedAngle = Annotated[Entries[Timed], _of_length(3)] | Timed
 
 
 class RigidMotion(Table):
@@ -74,8 +74,8 @@ class RigidMotion(Table):
 
     force: TimedVector | None = None
     moment: TimedAngle | None = None
-    prescribed: dict[Component, Timed] | None = None
-    spring: dict[Component, NonNegative] | None = None
+    prescribed: Mapping[Component, Timed] | None = None
+    spring: Mapping[Component, NonNegative] | None = None
 
     def prescribes(self, component: Component) -> Any:
         """What a component of its motion is; None: it is free."""

@@ -17,7 +17,7 @@ distance, and the direction of contact is -n_f.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib import import_module
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
@@ -44,7 +44,7 @@ from signorini_fx.tuned import DIFFERENCE_STEP, SAME_LENGTH, WRONG_SLOPE, ZERO_I
 Array = npt.NDArray[np.float64]
 
 
-def unit(vector: tuple[float, ...]) -> Array:
+def unit(vector: Sequence[float]) -> Array:
     """The vector with the length one, shape (d,)."""
     components = np.array(vector)
     return np.asarray(components / np.linalg.norm(components))

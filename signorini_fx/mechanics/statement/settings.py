@@ -12,6 +12,7 @@ from signorini_fx.algebra import Settings
 from signorini_fx.extensions import LINEAR_SOLVERS, names_of
 from signorini_fx.mechanics.statement.base import Table
 from signorini_fx.mechanics.statement.values import (
+    Accepts,
     Automatic,
     Count,
     Positive,
@@ -160,7 +161,9 @@ class Accuracy(Table):
         memory: peak memory of all ranks allowed, GB; None: 80 % of what the machine has.
     """
 
-    target: Annotated[float, Field(gt=0, lt=1, strict=True), BeforeValidator(share)]
+    target: Accepts[
+        float | str, Annotated[float, Field(gt=0, lt=1, strict=True), BeforeValidator(share)]
+    ]
     of: Literal["energy", "pressure", "force", "zone", "peak"] = "energy"
     refinement: Literal["auto", "uniform", "adaptive"] = "auto"
     seconds: Positive | None = None

@@ -8,7 +8,7 @@ from nor how it was read.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Self, TypeVar
@@ -55,7 +55,7 @@ class Statement:
     load_steps: LoadSteps
     steps: int
     solver: SolverSettings
-    incomplete: tuple[str, ...] = ()
+    incomplete: Sequence[str] = ()
     accuracy: Accuracy | None = None
     units: Units | None = None
     bodies: tuple[str, ...] = ()
@@ -252,7 +252,7 @@ class Statement:
 
     @cached_property
     def _times(self) -> tuple[float, ...]:
-        return self.load_steps.times or tuple(map(float, range(1, self.steps + 1)))
+        return tuple(self.load_steps.times or map(float, range(1, self.steps + 1)))
 
     @property
     def path(self) -> LoadPath:

@@ -6,7 +6,8 @@ from __future__ import annotations
 
 import math
 import re
-from typing import Annotated, Any, Literal
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Annotated, Any, Generic, Literal, TypeVar
 
 import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema
@@ -15,6 +16,8 @@ from signorini_fx.mechanics.statement.expressions import Expression
 from signorini_fx.tuned import LARGEST_NUMBER
 
 _LONGEST_SHOWN = 200
+_Given = TypeVar("_Given")
+_Kept = TypeVar("_Kept")
 
 
 def shown(entry: Any) -> str:
@@ -154,13 +157,38 @@ NonNegative = Annotated[Finite, AfterValidator(not_negative)]
 Count = Annotated[int, Field(gt=0, le=100_000, strict=True), BeforeValidator(plain_number)]
 
 
-def _not_zero(vector: tuple[float, ...]) -> tuple[float, ...]:
+def _not_zero(vector: Sequence[float]) -> Sequence[float]:
     if not any(vector):
         raise ValueError("must not be zero")
     return vector
 
 
-Vector = Annotated[tuple[Finite, ...], Field(min_length=2, max_length=3)]
+_Entry = TypeVar("_Entry")
+# A list of entries, which is kept as a tuple.
+if TYPE_CHECKING:
+    Entries = Sequence
+else:
+    Entries = tuple[_Entry, ...]
+
+
+class Accepts(Generic[_Given, _Kept]):
+    """The annotation of a field whose constructor takes other types than the field has afterwards.
+
+    For type checkers it is a descriptor (PEP 681); pydantic has only the second type.
+    """
+
+    if TYPE_CHECKING:
+
+        def __get__(self, table: object, owner: type | None = None) -> _Kept: ...
+
+        def __set__(self, table: object, given: _Given) -> None: ...
+    else:
+
+        def __class_getitem__(cls, types: tuple[Any, Any]) -> Any:
+            return Annotated[types[1], cls.__name__]
+
+
+Vector = Annotated[Entries[Finite], Field(min_length=2, max_length=3)]
 Direction = Annotated[Vector, AfterValidator(_not_zero)]
 Automatic = Positive | Literal["auto"]
 
