@@ -71,10 +71,15 @@ class Scene(Table):
         displacement: prescribed displacements, lengths; default: none.
         traction: tractions and pressures, forces per area; default: none.
         body_force: force per volume; default: none.
-        contact: contact with a rigid foundation, one entry for each boundary; default: none. fluid,
-            force, gravity, point_force, preload, rotation, springs, temperature: see ``Fluid``,
-            ``TotalForce``, ``Gravity``, ``PointForce``, ``Preload``, ``Rotation``, ``Springs``,
-            ``TemperatureChange``; default: none.
+        contact: contact with a rigid foundation, one entry for each boundary; default: none.
+        fluid: pressures of fluids at rest, see ``Fluid``; default: none.
+        force: total forces, each spread over a boundary, see ``TotalForce``; default: none.
+        gravity: accelerations, see ``Gravity``; default: none.
+        point_force: forces at nodes, see ``PointForce``; default: none.
+        preload: tightened sections of bolts, see ``Preload``; default: none.
+        rotation: centrifugal forces of steady rotations, see ``Rotation``; default: none.
+        springs: springs between boundaries and the ground, see ``Springs``; default: none.
+        temperature: changes of temperature, see ``TemperatureChange``; default: none.
         load_steps: names and times of load steps, and an automatic ramp; default: one load step per
             factor.
         solver: algorithms, their parameters and limits.
