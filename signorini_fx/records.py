@@ -53,13 +53,13 @@ class Status(Enum):
     CORNER = "corner of a foundation inside the body"
     PASSED = "bodies inside each other"
     CROSSED = "body passes through itself"
-    FOLDED = "a side sees two sheets of the other one"
-    AT_END = "contact reaches the end of the other side"
+    FOLDED = "contact partner ambiguous"
+    AT_END = "slid off the end of the other surface"
     UNSTABLE = "unstable equilibrium"
     STABILITY_UNKNOWN = "stability not known"
     LIMIT = "no equilibrium found beyond a load"
     NOT_SOLVED = "not solved"
-    NO_DIGIT = "no digit known"
+    NO_DIGIT = "result below round-off"
     NOT_CERTIFIED = "certificate does not hold"
     BUDGET = "budget ends before the accuracy"
     MEMORY = "memory ends before the accuracy"
@@ -80,9 +80,8 @@ _ADVICE = {
     Status.MAX_ITERATIONS: "raise solver.max_iterations, or lower solver.gamma_n and "
     "solver.gamma_t",
     Status.OUTER_MAX_ITERATIONS: (
-        "raise solver.max_outer_iterations; a fixed point may not contract where the friction "
-        "coefficient is above the "
-        "uniqueness bound: set solver.coulomb = 'newton', or lower loads that friction cannot hold"
+        "the friction iteration does not converge for this coefficient: set solver.coulomb = "
+        "'newton', lower loads that friction cannot hold, or raise solver.max_outer_iterations"
     ),
     Status.CYCLING: "set solver.sigma = 'auto' (a node then passes through stick), or lower "
     "solver.gamma_n, gamma_t",
@@ -104,10 +103,9 @@ _ADVICE = {
         "prescribe a displacement"
     ),
     Status.SLIDES_AT_PRESSURES: (
-        "friction at the contact pressures that were found cannot carry the loads (events say "
-        "which share; nothing is "
-        "proved of other pressures): lower the load, raise friction or pressure, or find the "
-        "limit by load_steps"
+        "friction at the contact pressures that were found cannot carry the loads (the events "
+        "list the share; nothing is proved of other pressures): lower the load, raise friction "
+        "or pressure, or find the limit by load_steps"
     ),
     Status.SINGULAR: "check that supports and contact hold the body, and that no cell of the mesh "
     "is degenerate",
@@ -136,45 +134,38 @@ _ADVICE = {
         "where it is squeezed, or an energy that grows without limit as the volume vanishes"
     ),
     Status.UNSTABLE: (
-        "the residual vanishes, but a displacement that contact admits lowers the energy: the "
-        "body would leave this "
-        "state. Round off a sharp corner where it begins; give a slender body an imperfection, "
-        "such as a small "
-        "traction across it; take a material that keeps its stiffness; prescribe a displacement "
-        "in place of a force"
+        "this equilibrium is unstable: the body would snap away. Round off a sharp corner where "
+        "it begins; give a slender body an imperfection, such as a small traction across it; "
+        "take a material that keeps its stiffness; prescribe a displacement in place of a force"
     ),
     Status.INSIDE: (
-        "a rigid shape is inside the body, or has passed through it: begin where it is outside "
-        "(the body is on the "
-        "left of a line of points), move it in smaller steps, and take facets that are not wider "
-        "than the shape"
+        "a rigid shape is inside the body, or has passed through it: start with the shape outside "
+        "the body (reverse the points of a polyline if it is on the wrong side), move it in "
+        "smaller steps, and take facets that are not wider than the shape"
     ),
     Status.CORNER: (
         "between two nodes no contact point feels a corner: round it off with a radius of two "
         "facets or more, or take smaller facets"
     ),
     Status.PASSED: (
-        "a body is inside another one, or has passed through it, where contact does not see it: "
-        "begin where they are "
-        "apart, move them in smaller steps, name all sides that may touch, and give a larger reach"
+        "a body is inside another one, or has passed through it, outside the named contacts: "
+        "start with the bodies apart, move them in smaller steps, name all sides that may touch, "
+        "and give a larger reach"
     ),
     Status.CROSSED: (
-        "a part of the body is inside another part of it, where no contact sees it: end the way "
-        "before they meet, or name both as the sides of a contact (against)"
+        "a part of the body is inside another part of it, where no contact is named: stop before "
+        "they meet, or name both as the sides of a contact (against)"
     ),
-    Status.FOLDED: "the other side folds, so that a point sees it twice: take smaller steps, or "
-    "give a smaller reach",
+    Status.FOLDED: "the other surface folds over, so that a point has two partners: take smaller "
+    "steps, or give a smaller reach",
     Status.AT_END: (
-        "no point of contact that cannot open sees the other side any more: end the way where "
-        "they still meet, take "
-        "smaller steps, or name more of the other side"
+        "the bilateral contact has left the other surface: stop earlier, take smaller steps, or "
+        "name more of the other side"
     ),
     Status.STABILITY_UNKNOWN: (
-        "the result is an equilibrium, but whether it is stable cannot be told: J is not the "
-        "derivative of F, loads "
-        "that follow the body have no energy, or the memory is too small for a factor of J. Give "
-        "the derivative of F "
-        "as J, or set stability=False"
+        "the result is an equilibrium whose stability is unknown: J is not the derivative of F, "
+        "loads that follow the body have no energy, or the memory is too small for a factor of "
+        "J. Give the derivative of F as J, or set stability=False"
     ),
     Status.LIMIT: (
         "where a force acts prescribe its displacement, to follow the body beyond a limit point; "
@@ -195,10 +186,9 @@ _ADVICE = {
         "of numbers near one such as I + grad u, or take a linear body"
     ),
     Status.NOT_CERTIFIED: (
-        "the check after the solve found that conditions of the problem are violated: see the "
-        "certificate in the "
-        "summary; lower solver.gamma_n and solver.gamma_t, with Coulomb friction "
-        "solver.tolerance, or mend flat cells"
+        "conditions of the problem are violated in the check after the solve: see the "
+        "certificate in the summary; lower solver.gamma_n and solver.gamma_t, with Coulomb "
+        "friction solver.tolerance, or mend flat cells"
     ),
     Status.BUDGET: f"raise the budget, or require less: {_LESS_ACCURATE}",
     Status.MEMORY: f"use a larger machine, or require less: {_LESS_ACCURATE}",
@@ -206,7 +196,7 @@ _ADVICE = {
         "require less, or the accuracy of the energy or of a force: no finer mesh would help; "
         f"{_LESS_ACCURATE}"
     ),
-    Status.COARSER: "remove what keeps the finer mesh from a solution, or require less: "
+    Status.COARSER: "the finer mesh did not converge: see the events, or require less: "
     f"{_LESS_ACCURATE}",
     Status.ROUND_OFF: "gamma is too large for double precision: lower solver.gamma_n and "
     "solver.gamma_t",

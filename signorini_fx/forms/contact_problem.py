@@ -117,7 +117,9 @@ class ProblemOfForms:
                 multiplies the forms.
         """
         if not self.assembled.contact:
-            wrong = "there is none, and no error of its pressure: of the stress see stress.error"
+            wrong = (
+                "there is none, so its pressure has no error; stress.error is that of the stress"
+            )
             raise FormError([("contact", wrong)])
         return self.errors_of(self.solution)
 

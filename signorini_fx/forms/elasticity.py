@@ -255,7 +255,7 @@ class FormBody(SolidBody):
 
         law = self.user_forms.stress
         if law is None:
-            return "only the form knows the stresses: give stress=, a function of the displacement"
+            return "the stresses are not given: pass stress=, a function of the displacement"
         return RawStresses(stress_of(law, y, self.user_forms.parts), self)
 
     @cached_property

@@ -197,8 +197,8 @@ _NOT_A_SETTING = "is no setting of a contact problem"
 _NOT_HERE = {
     "levels": _NOT_A_SETTING,
     "initial_contact": _NOT_A_SETTING,
-    "P": "is not used: the linear solvers choose what preconditions them, see linear_algebra",
-    "kind": "is not used: the kind of the matrix is chosen, see linear_algebra",
+    "P": "is not used: the preconditioner follows from linear_algebra",
+    "kind": "is not used: the kind of the matrix follows from linear_algebra",
     "entity_maps": "is not possible yet: all arguments are on one mesh",
 }
 
@@ -228,7 +228,7 @@ def space_of(a: Any, L: Any, u: fem.Function | None) -> fem.FunctionSpace:
             raise FormError([(name, f"must be a UFL form or a compiled form, not {kind_of(form)}")])
         of_ufl = isinstance(form, ufl.Form)
         if of_ufl and not form.arguments():
-            raise FormError([(name, "is zero: nothing is left of it to integrate")])
+            raise FormError([(name, "the form is identically zero")])
         of_form = (
             [one.ufl_function_space() for one in form.arguments()]
             if of_ufl

@@ -316,13 +316,21 @@ def error_of(summary: Mapping[str, Any], key: str) -> float | None:
 
 
 def _friction(summary: Summary) -> list[str | TerminalLine]:
-    """How much of its friction the body uses; beyond the load step of the figures there is a limit,
-    which is told.
-    """
+    """Return how much of its friction the body uses; nothing if a later load step has none left."""
     if validity_of(summary) is Validity.EARLIER_STEP:
         return []
     used = summary["friction_used"]
-    return [f"{percent(used)} used" if used else "the loads need none"]
+    if used:
+        return [f"{percent(used)} used"]
+    boundaries = summary.get("contact_boundaries") or ()
+    bonded = bool(boundaries) and all(map(_is_bonded, boundaries))
+    return ["bonded" if bonded else "not needed for equilibrium"]
+
+
+def _is_bonded(boundary: Mapping[str, Any]) -> bool:
+    """Whether a boundary transmits any tangential force; a file has null for infinity."""
+    limit = boundary.get("friction_limit", 0.0)
+    return limit is None or bool(np.isinf(limit))
 
 
 def _contact(summary: Summary) -> list[str | TerminalLine]:
@@ -332,14 +340,12 @@ def _contact(summary: Summary) -> list[str | TerminalLine]:
     )
     pressed = f", largest pressure {peak}" if touching else ""
     boundaries = summary.get("contact_boundaries") or ()
-    coarse = [
-        row["boundary"] for row in boundaries if row.get("touching_nodes") in range(1, FEW_NODES)
+    few = [
+        f"; only {row['touching_nodes']} on {row['boundary']}: refine there"
+        for row in boundaries
+        if row.get("touching_nodes") in range(1, FEW_NODES)
     ]
-    few = (
-        f"; too few on {', '.join(coarse)} for the ends of the zone or the largest pressure, "
-        "refine there"
-    )
-    return [f"at {touching} of {summary['contact_nodes']} nodes{pressed}{few if coarse else ''}"]
+    return [f"at {touching} of {summary['contact_nodes']} nodes{pressed}{''.join(few)}"]
 
 
 def _forces(summary: Summary) -> list[str | TerminalLine]:
@@ -369,7 +375,8 @@ def _forces(summary: Summary) -> list[str | TerminalLine]:
 
     texts = list[str | TerminalLine]()
     for entry in entries[:MOST_ROWS]:
-        friction = f", friction {of(entry, 'friction_force')}" if has_friction(summary) else ""
+        shear = "friction" if has_friction(summary) else "shear" if _is_bonded(entry) else ""
+        friction = f", {shear} {of(entry, 'friction_force')}" if shear else ""
         along = "" if kinematics.uniform else " along the axis"
         texts.append(f"{of(entry, 'contact_force')}{friction}{along}{entry['name']}")
     return texts
@@ -395,7 +402,7 @@ def _zones(summary: Summary) -> list[str | TerminalLine]:
 
 
 def _areas(summary: Summary) -> list[str | TerminalLine]:
-    """With it that friction acts beside the contact too."""
+    """Return the contact area, and a note if friction also acts outside of it."""
     lines: list[str | TerminalLine] = [
         row(f"{name} area", f"{area:.6g}") for name, area in summary["areas"].items() if area
     ]
@@ -438,26 +445,26 @@ def _boundaries(summary: Summary) -> list[str | TerminalLine]:
             # It is the moment that is transmitted.
             force = f"a moment of {np.linalg.norm(entry['friction_moment']):.6g} about its middle"
             limit = entry["moment_limit"]
-        bond = limit is None or np.isinf(limit)  # null in a file: infinite
+        bonded = limit is None or np.isinf(limit)  # null in a file: infinite
         friction.append(
-            f"{entry['boundary']}: {force} {'in a bond' if bond else f'of at most {limit:.6g}'}"
+            f"{entry['boundary']}: {force}, {'bonded' if bonded else f'at most {limit:.6g}'}"
         )
     return [*labelled("in contact", areas), *labelled("friction", friction)]
 
 
 def _tools(summary: Summary) -> list[str | TerminalLine]:
-    """How the foundations that forces move have moved, then what the body does to them."""
-    moves = list[str | TerminalLine]()
-    takes = list[str | TerminalLine]()
+    """Return the motions of the rigid bodies, then the forces of the elastic body on them."""
+    motions = list[str | TerminalLine]()
+    forces = list[str | TerminalLine]()
     for tool in summary["tools"]:
         names = ("displacement", "rotation", "force", "moment", "reference")
         moved, turned, force, moment, point = (figure(tool[name]) for name in names)
-        off = (
-            "" if tool["gap_error"] is None else f"; gap linearised, off by {tool['gap_error']:.1e}"
-        )
-        moves.append(f"{tool['boundary']}: moved by {moved}, turned by {turned}{off}")
-        takes.append(f"{tool['boundary']}: takes {force}, about {point} {moment}")
-    return [*moves, *takes]
+        error = tool["gap_error"]
+        gap = "" if error is None else f"; gap error {error:.1e}"
+        name = tool["boundary"]
+        motions.append(f"{name}: displacement {moved}, rotation {turned} rad{gap}")
+        forces.append(f"{name}: contact force {force}, moment {moment} about {point}")
+    return [*motions, *forces]
 
 
 def _preloads(summary: Summary) -> list[str | TerminalLine]:
@@ -479,7 +486,7 @@ def _resultants(summary: Summary) -> list[str | TerminalLine]:
     for entry in rows[:MOST_ROWS]:
         moment = entry["moment"]
         couple = in_brackets(moment) if isinstance(moment, list) else f"{moment:.6g}"
-        where = f", a couple of {couple}" if np.any(moment) else ", no couple"
+        where = f", moment {couple}" if np.any(moment) else ", no moment"
         where = where if kinematics.uniform else ""
         where = (
             where if entry["acts_at"] is None else f", acts at {point_in_words(entry['acts_at'])}"
@@ -515,7 +522,7 @@ def _place(largest: dict[str, Any]) -> str:
 
 def _no_limit(largest: dict[str, Any]) -> str:
     why = largest.get("no_limit")
-    return "" if why is None else f"; no limit as the mesh is refined: {why}"
+    return "" if why is None else f"; singular ({why}): grows with every refinement"
 
 
 def _plastic_strain(summary: Summary) -> list[str | TerminalLine]:
@@ -532,7 +539,7 @@ def _utilisation(summary: Summary) -> list[str | TerminalLine]:
     """The share, where it is reached, and what follows if it is above 1."""
     largest = summary["utilisation"]
     exceeded = largest["value"] is not None and largest["value"] > 1
-    yields = "; it would yield, which linear elasticity does not know" if exceeded else ""
+    yields = '; above the yield stress: use law = "j2"' if exceeded else ""
     return [f"{share_in_words(summary)} {_place(largest)}{yields}{_no_limit(largest)}"]
 
 
@@ -579,12 +586,8 @@ def _error(summary: Summary) -> list[str | TerminalLine]:
         return [f"of the stress {percent(of_stress)} in the mean, estimated"]
     scene = summary.get("scene") or {}
     asks = scene.get("contact") and "forms" not in scene and "strain_energy" in summary
-    how = (
-        "--accuracy 5% asks for an estimate"
-        if asks
-        else "solve on a finer mesh as well, and compare"
-    )
-    return [f"not estimated: {how}"]
+    how = "run with --accuracy 5%" if asks else "solve on a finer mesh as well, and compare"
+    return [f"no estimate: {how}"]
 
 
 def _certificate(summary: Summary) -> list[str | TerminalLine]:
@@ -598,20 +601,18 @@ def _certificate(summary: Summary) -> list[str | TerminalLine]:
         for name, value in judged.items()
         if value and not value <= CERTIFICATE_TOLERANCE
     ]
-    return [
-        row(
-            "certificate", f"DOES NOT HOLD for {law}: {', '.join(wrong) or 'not a number'}", "error"
-        )
-    ]
+    figures_above = ", ".join(wrong) or "not a number"
+    limit = f"limit {CERTIFICATE_TOLERANCE:.0e}"
+    return [row("certificate", f"FAILED for {law}: {figures_above} ({limit})", "error")]
 
 
 def _left(summary: Summary) -> list[str | TerminalLine]:
-    """What regularisation leaves."""
+    """Return the error of the penalties: penetration and elastic slip."""
     figures = summary["certificate"]
     penetration = f"{figures['penetration']:.1e}"
     slip = f"{figures['stick_slip']:.1e}"
-    left = f"penetration {penetration}, elastic slip {slip} times the largest displacement"
-    return [left] if "contact_force" in summary else []
+    text = f"penetration {penetration}, elastic slip {slip} times the largest displacement"
+    return [text] if "contact_force" in summary else []
 
 
 def _effort(summary: Summary) -> list[str | TerminalLine]:
@@ -634,7 +635,7 @@ _TABLE = (
     Shown("cost", "cost", _cost, brief=True),
     Shown("certificate", "certificate", _certificate, brief=True),
     Shown("dofs", "effort", _effort, brief=True),
-    Shown("certificate", "left by gamma", _left),
+    Shown("certificate", "penalty error", _left),
     Shown("max_shear", "largest shear", _max_shear),
     Shown("zones", "zone", _zones),
     Shown("areas", "area", _areas),

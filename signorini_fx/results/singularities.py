@@ -96,7 +96,7 @@ def _reason(facet_a: BoundaryFacet, facet_b: BoundaryFacet) -> str | None:
     if (
         facet_a.material != facet_b.material and not facet_a.kind == facet_b.kind == "guided"
     ):  # that is a mirror
-        return "it is where materials meet at the boundary"
+        return "where materials meet at the boundary"
     turn = float(np.degrees(np.arccos(np.clip(facet_a.normal @ facet_b.normal, -1.0, 1.0))))
     reentrant = (facet_b.vertices.mean(axis=0) - facet_a.vertices.mean(axis=0)) @ facet_a.normal > 0
     angle = 180 + turn if reentrant else 180 - turn
@@ -104,17 +104,14 @@ def _reason(facet_a: BoundaryFacet, facet_b: BoundaryFacet) -> str | None:
     alike = len(kinds) == 1
     if facet_a.paired or facet_b.paired:
         filled = facet_a.paired == facet_b.paired == "bonded"
-        return (
-            None if filled or angle <= 180 + _CURVED else "it is at a reentrant corner of the body"
-        )
+        return None if filled or angle <= 180 + _CURVED else "at a reentrant corner of the body"
     if (alike and turn <= _CURVED) or angle <= _BOUNDED[kinds] + (_CURVED if alike else SAME_ANGLE):
         return None
     if alike and facet_a.kind != "guided":
-        return "it is at a reentrant corner of the body"
+        return "at a reentrant corner of the body"
     names = {*facet_a.names, *facet_b.names} if alike else {*facet_a.names} ^ {*facet_b.names}
     return (
-        f"it is at the end of the boundar{'ies' if len(names) > 1 else 'y'} "
-        f"{' and '.join(sorted(names))}"
+        f"at the end of the boundar{'ies' if len(names) > 1 else 'y'} {' and '.join(sorted(names))}"
     )
 
 

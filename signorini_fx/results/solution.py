@@ -383,7 +383,7 @@ class Solution:
         able = True
         if not error:
             if prices and asked != "energy":
-                return f"no error of {NAMES[asked]} is known"
+                return f"the error of {NAMES[asked]} is not estimated"
             if self.last_step.strain_energy is None:
                 if isinstance(known := self.error_shares, str):
                     return known
@@ -394,7 +394,7 @@ class Solution:
             elif not (error := self.known_stress.error):
                 return "there is no stress, or no error of it"
         if error < ZERO_IN_SOLUTION:
-            return "the error that this mesh leaves is round-off"
+            return "this mesh is exact for this load"
         seconds = parallel.largest_timings(self.comm, self.timings.seconds)
         starting = seconds.get("compile", 0.0) + seconds.get("mesh", 0.0)
         solved = [(price.dofs, price.seconds) for price in prices] or [

@@ -104,7 +104,7 @@ class StressFields:
         space = self.tensor.function_space
         mu = self.stress.shear_modulus
         if mu is None:
-            raise ValueError("the body has no shear modulus: it is not known to be isotropic")
+            raise ValueError("the body has no shear modulus: its material is not isotropic")
         shear_modulus = np.full(node_positions(space).shape[0], np.nan)
         shear_modulus[space.dofmap.list] = (
             mu.x.array[:, None] if isinstance(mu, fem.Function) else float(mu.value)

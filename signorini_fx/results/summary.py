@@ -319,7 +319,7 @@ def post_processing(
     reason = next((known_reason for known_reason in reasons if known_reason is not None), None)
     if reason is None:
         return result
-    message = f"was not computed, which changes nothing in the other results: {reason}"
+    message = f"could not be computed ({reason}); other results are not affected"
     findings.append(asdict(Finding("warning", subject, message)))
     return None
 

@@ -172,7 +172,7 @@ def _contacts(model: Model) -> list[str]:
             shape = f"{effect.foundation.shape}, {given_in_words(effect.foundation)}"
             description += f"; {shape}; at a distance from {_gaps(model, index)}"
         if effect.tool is not None:
-            description += "; gap and normals stay where it is given"
+            description += "; gap and normals are those of the initial position"
         acting.append(f"contact {effect.boundary} ({description})")
         acting += [f"friction {effect.boundary} ({law.law}, {given_in_words(law)})"] * law.acts
     return acting
@@ -227,7 +227,9 @@ def text_of(check: Check, *, verbose: bool) -> str:
     """
     cost, (low, high) = check.cost, check.cost.linear_solves
     solves = f"{low}" if low == high else f"{low} to {high}"
-    share = {0.1: "a tenth of", 0.5: "half"}.get(cost.next_error, f"{cost.next_error:.2g} of")
+    share = {0.1: "a tenth of", 0.33: "a third of", 0.5: "half"}.get(
+        cost.next_error, f"{cost.next_error:.2g} of"
+    )
     how = "with --accuracy" if cost.next_local else "with all cells smaller"
     estimate = (
         f"{cost.unknowns} unknowns, {solves} solves, {between(cost.seconds)} of linear algebra, "

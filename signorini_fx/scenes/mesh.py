@@ -31,8 +31,8 @@ def load_mesh(scene: Scene, comm: MPI.Comm) -> TaggedMesh:
         )
         if (sizes := contact_sizes(scene)) and not any(made):
             reason = (
-                "all bodies have their cells already: give a drawing, or make those in "
-                "contact shorter there"
+                "needs CAD or a gmsh generator: these meshes are ready-made, so make their cells "
+                "in contact smaller"
             )
             raise SceneError([(sizes[0].path, reason)])
         scene = with_cells_alike(scene)

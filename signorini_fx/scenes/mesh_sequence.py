@@ -114,11 +114,8 @@ def _remade(scene: Scene, comm: MPI.Comm) -> Plan | None:
         if isinstance(mesh, MeshGenerator) and not mesh.sized:
             if not several:
                 return None
-            message = (
-                f"the cells of {mesh.generator!r}{name} are all alike, and are made smaller "
-                "together"
-            )
-            raise SceneError([("accuracy.refinement", f"{message}: use 'uniform'")])
+            message = f"{mesh.generator!r}{name} can only be refined uniformly: use 'uniform'"
+            raise SceneError([("accuracy.refinement", message)])
     if not several and isinstance(scene.mesh, MeshFile):
         tagged = load_mesh(
             scene.model_copy(update={"element": scene.element.model_copy(update={"degree": 2})}),

@@ -187,9 +187,7 @@ def _with(entry: Any, way: list[str | int], value: Any, at: str) -> Any:
         isinstance(element, Mapping | BaseModel) for element in entry
     ):
         if len(entry) != 1:
-            raise SceneError(
-                [(at, f"is a list of {len(entry)}: say which is meant, from {at}[0] on")]
-            )
+            raise SceneError([(at, f"is a list of {len(entry)}: give a number, from {at}[0] on")])
         return [_with(entry[0], way, value, f"{at}[0]")]
     if not isinstance(entry, Mapping | None):
         raise SceneError([(at, "must be a table")])

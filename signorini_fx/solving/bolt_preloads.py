@@ -80,11 +80,8 @@ def solve_tightened(
             if loose.max() > model.scales.size:
                 when = f"load step {start.step + 1}: " if model.statement.several_steps else ""
                 message = (
-                    f"{when}{[*loads.values()][int(np.argmax(loose))].name}: no force goes "
-                    "through it even if it is "
-                    "shortened by the size of the body: a part that it pulls at comes loose, or "
-                    "never meets what it is "
-                    "to clamp; check the gaps and the contacts of both parts"
+                    f"{when}{[*loads.values()][int(np.argmax(loose))].name}: the bolt clamps "
+                    "nothing: check gaps and contacts of both parts"
                 )
                 reason = Finding("warning", "preload", message)
                 return model, start, replace(outcome, status=Status.OPEN), reason

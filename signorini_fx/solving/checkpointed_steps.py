@@ -84,7 +84,7 @@ class MeshCheckpoint:
             history.add(f"restart: {count} complete load step{'s' * (count != 1)} in {self.path}")
         elif parallel.on_root(comm, self.path.is_dir):
             history.add(
-                f"restart: not asked for: {self.path} of a run that has not ended is replaced"
+                f"restart: {self.path} of an unfinished run is replaced, as --restart is not given"
             )
 
     def figures(self, step: int) -> Figures | None:

@@ -79,8 +79,8 @@ def nonlinear_findings(statement: Statement, body: Model) -> Iterator[Finding]:
     for number, contact in enumerate(statement.contact):
         if statement.finite_strains and contact.foundation is None and contact.against is None:
             text = (
-                "gap and direction are those of the undeformed boundary: a foundation is met "
-                "anywhere"
+                "the gap is measured on the undeformed boundary; for large sliding give a "
+                "`foundation` shape"
             )
             yield Finding("note", f"contact[{number}]", text)
     yield from _locking(body, reduced=volume_degree(statement, body.tagged) is not None)
@@ -99,12 +99,10 @@ def _incomplete(statement: Statement) -> Iterator[Finding]:
 def _locking(body: Model, *, reduced: bool) -> Iterator[Finding]:
     simplices = body.tagged.mesh.topology.cell_name() in ("triangle", "tetrahedron")
     other = "quadrilaterals or hexahedra, or degree 2, with "
-    cure = f"take {other if simplices else ''}element.volumetric = 'auto'"
-    message = (
-        f"it is nearly incompressible, and its cells lock: the body comes out too stiff; {cure}"
-    )
+    cure = f"use {other if simplices else ''}element.volumetric = 'auto'"
     for index, material in enumerate(body.statement.material):
         if material.locks and not reduced:
+            message = f"the nearly incompressible material makes these cells too stiff: {cure}"
             yield Finding("warning", f"material[{index}]", message)
 
 
@@ -126,9 +124,8 @@ def _idle(body: Model) -> Iterator[Finding]:
         acts = any(bool(np.any(sample(value, points) != 0.0)) for value in values)
         if not parallel.any_rank(body.comm, acts):
             message = (
-                f"it is 0 on the whole boundary {effect.where!r}, at all nodes and middles of "
-                "facets: check its "
-                "expression and the unit of lengths"
+                f"the value is 0 on the whole boundary {effect.where!r}, at all nodes and middles "
+                "of facets: check its expression and the unit of lengths"
             )
             yield Finding("warning", path, message)
 
@@ -141,8 +138,7 @@ def _pieces(body: Model) -> Iterator[Finding]:
     listed = "; ".join(pieces.called(piece) for piece in range(min(pieces.count, MOST_LISTED)))
     suffix = f"; and {pieces.count - MOST_LISTED} more" if pieces.count > MOST_LISTED else ""
     message = (
-        f"the mesh of the body is in {pieces.count} pieces that share no side, so that each piece "
-        "must be held: "
+        f"the mesh has {pieces.count} pieces that share no side, and each must be held: "
         f"{listed}{suffix}; if one body is meant, let the cells share their nodes (in gmsh: "
         "fragment)"
     )
@@ -175,9 +171,8 @@ def _gaps(body: Model, data: RegularisedData, reach: float) -> Iterator[Finding]
     two_sided = parallel.any_rank(comm, not unilateral.all())
     if smallest > reach > 0 and not (body.motions.free.shape[1] > 0 or two_sided or moves):
         message = (
-            f"the smallest gap is {smallest:g}, farther than prescribed displacements and loads "
-            "can move the body: "
-            "contact is unlikely to close; check the gap and the units"
+            f"the smallest gap is {smallest:g}, more than loads and prescribed displacements can "
+            "close: check the gap and the units"
         )
         yield Finding("warning", "contact.gap", message)
 
@@ -199,8 +194,8 @@ def _inwards(body: Model) -> Iterator[Finding]:
             facing = np.any(np.einsum("id,id->i", (middles - cells)[:, :dim], normals) < 0)
             if not parallel.any_rank(body.comm, bool(facing)):
                 message = (
-                    "no facet faces it: take the boundary that does, or turn its normals "
-                    "towards the body"
+                    "no facet of the boundary faces the plane: name another boundary, or turn "
+                    "the normal of the plane towards the body"
                 )
                 yield Finding("warning", f"contact[{index}].foundation", message)
             continue
@@ -211,9 +206,8 @@ def _inwards(body: Model) -> Iterator[Finding]:
         if 2 * inwards > total:
             turned = ", ".join(f"{-component + 0.0:g}" for component in effect.direction)
             message = (
-                f"leads into the body on {inwards:.0f} of {total:.0f} facets: it is the direction "
-                "from the body to the "
-                f"foundation; direction = [{turned}] is the opposite"
+                f"the direction points into the body on {inwards:.0f} of {total:.0f} facets; from "
+                f"the body to the foundation it is the opposite, direction = [{turned}]"
             )
             yield Finding("warning", f"contact[{index}].direction", message)
 
@@ -251,16 +245,14 @@ def _units(body: Model, prescribed: float, force: float) -> Iterator[Finding]:
     )
     if least >= 1:
         message = (
-            f"loads and prescribed displacements strain the body by about {least:.1g}: the "
-            "deformation is not small; "
-            "check the units of E and of the loads"
+            f"loads and prescribed displacements strain the body by about {least:.1g}, which is "
+            "not small: check the units of E and of the loads"
         )
         yield Finding("warning", path, message)
     elif 0 < most < ROOT_OF_EPS:
         message = (
             f"loads and prescribed displacements strain the body by about {most:.1g} only: are E "
-            "and the loads in the "
-            "same units, such as MPa?"
+            "and the loads in the same units, such as MPa?"
         )
         yield Finding("note", path, message)
 
@@ -502,9 +494,7 @@ def _message(rows: Array, depth: float, size: float) -> str:
     nodes, they = ("node", "it transmits") if len(rows) == 1 else ("nodes", "they transmit")
     return (
         f"supports hold {len(rows)} contact {nodes} {where}, by {length:.3g} at ({at}): {they} "
-        "nothing, the "
-        "supports carry what acts there; check the gap beside them, or end the contact boundary "
-        "before them"
+        "no contact force; check the gap beside them, or end the contact boundary before them"
     )
 
 
@@ -543,9 +533,9 @@ def facets_in_result(body: Model, contact: ContactState | None) -> Iterator[Find
             facets, cells = ("straight facets", ", curved cells") if degree == 1 else ("facets", "")
             text = (
                 f"{facets} of {effect.boundary!r} and {effect.against!r} are up to {off:.2g} off "
-                "the curved sides that they follow, and the distances between them change the "
-                f"pressure about as much as the loads do: take smaller facets{cells}, or distance "
-                '= "nominal" (of nonlinear bodies with sliding = "small")'
+                "the curved sides, which changes the pressure as much as the loads do: take "
+                f'smaller facets{cells}, or distance = "nominal" (of nonlinear bodies with '
+                'sliding = "small")'
             )
             yield Finding("warning", f"contact[{index}].distance", text)
 
@@ -565,10 +555,9 @@ def shapes_in_results(
         deep = cells.inside(cells.placed(displacement.x.array), shape, float(added))
         if deep is not None:
             message = (
-                f"a part of the foundation lies inside the deformed body, {deep}: between two "
-                "nodes, or where there is "
-                "no contact boundary; take facets that are not wider than the foundation, and "
-                "more of the boundary"
+                f"a part of the foundation lies inside the deformed body, {deep}, between two "
+                "nodes or beside the contact boundary: take facets that are not wider than the "
+                "foundation, and a larger contact boundary"
             )
             yield Finding("warning", name, message)
 
@@ -581,9 +570,8 @@ def result_findings(
     """
     if unjudged:
         message = (
-            f"the forces on {', '.join(unjudged)} are round-off of the largest ones of the scene: "
-            "its results mean "
-            "nothing, and the certificate does not judge it; solve it in a scene of its own"
+            f"the forces on {', '.join(unjudged)} are below round-off, so that its results mean "
+            "nothing and the certificate does not judge it: solve it separately"
         )
         yield Finding("warning", "body, traction, displacement", message)
     worst = max(deformations, key=lambda deformation: deformation.largest)
@@ -591,15 +579,15 @@ def result_findings(
     if worst.gradient > NOTABLE:
         message = (
             f"strains and rotations of {worst.gradient:.2g} on average, {far}: the deformation is "
-            "not small, as "
-            "linear elasticity assumes; check the units of E, of the loads and of the lengths"
+            "not small, as linear elasticity assumes; check the units of E, of the loads and of "
+            "the lengths"
         )
         yield Finding("warning", "material, traction, body_force, displacement", message)
     elif worst.displacement > NOTABLE:
         message = (
             f"{far}, by strains and rotations of {worst.gradient:.2g} on average: the body moves "
-            "far, while gap and "
-            "normals are those of its initial position; check the gap and the unit of lengths"
+            "far, but gap and normals are those of the initial position; check the gap and the "
+            "unit of lengths"
         )
         yield Finding("warning", "contact.gap, displacement", message)
 
@@ -632,9 +620,8 @@ def explained(body: Model, task: Task, outcome: Outcome, when: str) -> Finding |
     if not loose:
         return None
     message = (
-        f"{when}nothing presses on {_named(body, loose)}: it lies loose, and many positions are "
-        "in equilibrium; press "
-        "it on, or prescribe a displacement"
+        f"{when}nothing presses on {_named(body, loose)}, so that its position is not unique: "
+        "press it on, or prescribe a displacement"
     )
     return Finding("warning", body.statement.forces_at, message)
 
@@ -662,9 +649,8 @@ def loose_at_rest(
     which = f"load step{'s' * (len(loose) > 1)} {', '.join(map(str, loose))}"
     bodies = _named(body, sorted(set().union(*loose.values())), names)
     message = (
-        f"{which}: nothing presses on {bodies}: it is left as near as possible to where it was, "
-        "one of many positions "
-        "in equilibrium"
+        f"{which}: nothing presses on {bodies}, so that its position is not unique: it stayed as "
+        "near as possible to where it was"
     )
     yield Finding("note", path, message)
 
@@ -691,8 +677,8 @@ def refuse_beforehand(model: Model, *, linear: bool = True) -> None:
     """
     if model.mixed is not None and model.mixed.encloses(model.vector, model.prescribed):
         reason = (
-            "nothing determines the pressure: supports hold the whole boundary of the "
-            "incompressible body"
+            "the pressure is not determined, because supports hold the whole boundary of the "
+            "incompressible body: leave a part of it free"
         )
         raise SceneError([("displacement", reason)])
     if model.boundary is not None:
@@ -700,9 +686,9 @@ def refuse_beforehand(model: Model, *, linear: bool = True) -> None:
     moving = [k for k, effect in enumerate(model.statement.contact) if effect.moves]
     if linear and moving and model.statement.steps > 1 and model.motions.free.shape[1]:
         wrong = (
-            "moves with the time, so that supports must hold the body, and not contact alone: add "
-            "them, or let a force "
-            "move the foundation (keys force and prescribed)"
+            "the foundation moves with the time, so that supports must hold the body, and not "
+            "contact alone: add supports, or let a force move the foundation (keys force and "
+            "prescribed)"
         )
         raise SceneError([(f"contact[{k}].foundation", wrong) for k in moving])
     if model.statement.solver.error_bound:

@@ -181,8 +181,7 @@ def _out_of_reach(goal: Accuracy, levels: list[LevelResult], margin: float, size
         at = ", ".join(f"{value:.6g}" for value in point)
         return (
             f"the largest pressure has no finite value: it grows with every refinement at ({at}); "
-            "ask for the "
-            "pressure, a force or the energy, or round off the "
+            "require the accuracy of the pressure, a force or the energy, or round off the "
             f"{'corner' if table.facets is None else 'edge'}"
         )
     polygon = margin * polygon_error_of(goal.of, levels[-1].polygon)
@@ -196,9 +195,8 @@ def _out_of_reach(goal: Accuracy, levels: list[LevelResult], margin: float, size
     spacing = min((float(lengths.min()) for lengths in spacings), default=inf)
     if spacing < LEFT_BY_SOLVES * size:
         return (
-            "the contact pressure is so steep at a corner that round-off comes before the "
-            "accuracy; it may have no "
-            "finite norm there: ask for a force or the energy, or round off the corner"
+            "the contact pressure at a corner is too steep for this accuracy, and may have no "
+            "finite norm: require that of a force or the energy, or round off the corner"
         )
     return ""
 

@@ -115,7 +115,10 @@ def proved_multiple(stiffness: Array, operator: Array, law: PointFriction) -> tu
     if ((coefficient > 0) & ~by_point[:, 0] & by_point[:, 1:].any(axis=1)).any():
         return 0.0, "a support takes the pressure at a point that friction acts on"
     if np.linalg.matrix_rank(operator[moves], tol=NOTHING_LEFT) < np.count_nonzero(moves):
-        return 0.0, "some contact points share a node, or are held in a direction of their own"
+        return (
+            0.0,
+            "some contact points share a node, or supports hold them in directions of their own",
+        )
     point, component = np.nonzero(by_point)
     bonded = np.isinf(law.given[point])
     rubs = (component > 0) & ((coefficient[point] > 0) | (law.given[point] > 0)) & ~bonded

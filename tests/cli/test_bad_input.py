@@ -210,7 +210,7 @@ def test_mistyped_option_of_a_matrix(petsc):
 def test_options_that_exchange_the_method(petsc, said):
     """They are refused by name, in scenes and in forms; what leaves the method as it is, is not."""
     name, _, value = said.partition(" ")
-    message = f"^PETSc option -sfx_{said}: it would take the place of the semi-smooth Newton method"
+    message = f"^PETSc option -sfx_{said}: it would replace the semi-smooth Newton method"
     petsc[petsc_options.PREFIX + name] = value or None
     with pytest.raises(OptionsError, match=message):
         petsc_options.refuse_exchanged()

@@ -54,7 +54,10 @@ def test_what_changes_the_answer(tmp_path, capsys, options):
     assert "does not change the answer: line" in printed
     code, printed = solved(tmp_path, capsys, *options)
     assert code == 4, printed
-    assert "these are results of another problem: the scene lacks 1 of what was meant" in printed
+    assert (
+        "the scene lacks 1 item, listed under incomplete: these are not the results of your model"
+        in printed
+    )
     assert cli.main(["report", str(tmp_path / "out")]) == 0
     page = (tmp_path / "out" / "report.html").read_text()
     assert '<div class="status bad">' in page

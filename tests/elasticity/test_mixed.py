@@ -400,7 +400,7 @@ def test_nothing_determines_the_pressure():
         "material": {"young": 1.0, "poisson": 0.5},
         "body_force": {"y": "-1 if x[0] < 0.5 else 0"},
     }
-    with pytest.raises(SceneError, match="nothing determines the pressure"):
+    with pytest.raises(SceneError, match="the pressure is not determined"):
         alone(parse_scene({**data, "displacement": every}))
     solution = alone(
         parse_scene(

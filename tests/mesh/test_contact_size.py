@@ -217,7 +217,7 @@ def test_what_cannot_be_had_is_refused_with_its_place(drawings, tmp_path):
     assert ".geo" in message
     body = f'[[body]]\nname = "lug"\n[body.mesh]\nfile = "{tmp_path / "cells.msh"}"\n'
     text = f"{body}{CONTACT}contact_size = 0.5\n{REST}".replace("bottom", "lug.hole")
-    assert "contact[0].contact_size: all bodies have their cells already" in refused(text)
+    assert "contact[0].contact_size: needs CAD or a gmsh generator" in refused(text)
     script = tmp_path / "rows.geo"
     script.write_text(SCRIPT + "Transfinite Curve {6} = 5;\n")
     text = f'[mesh]\nfile = "{script}"\n{CONTACT}contact_size = 0.5\n{REST}'.replace(

@@ -175,8 +175,8 @@ def test_a_body_of_revolution():
 def test_what_is_not_known():
     """Of zones, of the largest pressure and of cells that lock no error is known."""
     for accuracy, match in (
-        ({"of": "zone"}, "take 'energy', 'pressure' or 'force'"),
-        ({"of": "peak"}, "take 'energy', 'pressure' or 'force'"),
+        ({"of": "zone"}, "must be 'energy', 'pressure' or 'force'"),
+        ({"of": "peak"}, "must be 'energy', 'pressure' or 'force'"),
     ):
         with pytest.raises(SceneError, match=match):
             pressed("rubber", target=0.1, **accuracy)

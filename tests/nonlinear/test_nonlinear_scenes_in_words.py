@@ -41,8 +41,10 @@ REFUSED = {
         "solver": {"error_bound": True}
     },
     "solver.regularisation_error: must be a number": {"solver": {"algorithm": "path-following"}},
-    "accuracy.of: of a nonlinear body": {"accuracy": {"target": 0.05, "of": "peak"}},
-    "accuracy.of: is not known where cells lock": {
+    "accuracy.of: must be 'energy', 'pressure' or 'force' for a nonlinear body": {
+        "accuracy": {"target": 0.05, "of": "peak"}
+    },
+    "accuracy.of: cannot be estimated where cells lock": {
         "material": RUBBER | {"poisson": 0.49},
         "accuracy": {"target": 0.05, "of": "force"},
     },

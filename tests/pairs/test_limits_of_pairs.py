@@ -93,7 +93,7 @@ def test_facets_of_which_another_contact_owns_all_nodes(kind, degree):
     count = 2 if kind == "hexahedron" else 1
     with pytest.raises(FormError) as raised:
         as_linear_bodies(scene)
-    message = f"contact[1]: other contacts own all nodes of {count} of its facets"
+    message = f"contact[1]: other contacts own all nodes of {count} facets"
     assert message in str(raised.value)
     assert "such as that at (0.375, " in str(raised.value)
 

@@ -130,7 +130,7 @@ def test_sides_that_do_not_fit():
         sign=np.append(master.sign, lower.sign),
         held=np.append(master.held, lower.held),
     )
-    with pytest.raises(PairingError, match="more than one sheet"):
+    with pytest.raises(PairingError, match="the other surface is folded"):
         coupled(slave, twice)
 
 

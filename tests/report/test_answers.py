@@ -76,7 +76,7 @@ def test_terminal(drawn):
         for name, how in EXCEEDED.items():
             if figures and strength.startswith(name):
                 assert f"{how}{' of' * ('%' in how)} yield" in " ".join(said_of(lines, "stress"))
-        assert ("'alm' was asked for" in " ".join(said_of(lines, "warning"))) == (
+        assert ("in place of 'alm'" in " ".join(said_of(lines, "warning"))) == (
             law == "another one"
         ), lines
         assert ("incomplete" in lines[0]) == (complete == "incomplete")

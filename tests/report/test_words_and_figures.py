@@ -79,6 +79,6 @@ def test_the_limit_of_a_bond_is_infinite():
         "friction_moment": None,
         "moment_limit": None,
     }
-    assert "friction         pad: 0.5 in a bond" in "\n".join(
+    assert "friction         pad: 0.5, bonded" in "\n".join(
         lines_of("contact_boundaries", {"contact_boundaries": [row]})
     )

@@ -190,7 +190,7 @@ def test_summary(tmp_path):
     assert rows["left"]["acts_at"] == [0.0, pytest.approx(HEIGHT / 2)]
     assert rows["bottom"]["acts_at"][1] == 0.0
     lines = [" ".join(str(line).split()) for line in lines_of(found, tmp_path)]
-    assert "friction bottom: 1.5 of at most 3.6" in lines
+    assert "friction bottom: 1.5, at most 3.6" in lines
     assert "friction 42 % used" in lines
     assert "forces top: (0, -6) by traction, acts at (1, 3)" in lines
     assert "left: (1.5, 0) by traction, acts at (0, 1.5)" in lines

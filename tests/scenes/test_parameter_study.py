@@ -91,7 +91,7 @@ def test_a_table_of_python_keeps_its_law():
     ("path", "message"),
     [
         ("contact[2].gap", r"contact\[2\]: is not there: contact has 2"),
-        ("contact.gap", "contact: is a list of 2: say which"),
+        ("contact.gap", "contact: is a list of 2: give a number"),
         ("title.more", "title: must be a table"),
         ("title[0]", r"title\[0\]: is not there: title is no list"),
         ("nothing[1].x", r"nothing\[1\]: is not there: nothing is no list"),
@@ -159,7 +159,7 @@ def test_bodies_without_contact(tmp_path, capsys):
     [
         (["solve", "--set", "contact.friction.coeficient=1"], "did you mean 'coefficient'"),
         (["check", "--set", "traction[4].x=1"], "traction[4]: is not there"),
-        (["sweep", "--set", "traction.x=1"], "one entry must have several values"),
+        (["sweep", "--set", "traction.x=1"], "no range found: write --set PATH=0.1:0.8:8"),
         (
             ["sweep", "--set", "contact.friction.coefficient=0.1,-3"],
             "contact[0].friction.coefficient",

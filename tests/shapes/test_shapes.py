@@ -485,11 +485,11 @@ def test_a_scene():
         ),
         (
             {"shape": "polyline", "points": ((9, 0), (6, 0), (4, -2), (6, -2), (4, 0), (-9, 0))},
-            "points: of its pieces that between points 2 and 3 meets that between points 4 and 5",
+            "points: segments 2-3 and 4-5 intersect",
         ),
         (
             {"shape": "polyline", "points": ((0, 0), (2, 2), (2, 0), (0, 3), (0, 0))},
-            "points 1 and 2 meets that",
+            "segments 1-2 and",
         ),
         (
             {"shape": "spline", "points": ((9, 0), (6, 0))},
@@ -587,7 +587,8 @@ def test_a_foundation_moves_a_body_that_nothing_holds():
     statement = moving(tool=True, shift=["0.01*t", "0.0"])
     loose = statement.model_copy(update={"displacement": ()})
     with pytest.raises(
-        SceneError, match=r"contact\[0\].foundation: .*contact alone: add them, or let a force move"
+        SceneError,
+        match=r"contact\[0\].foundation: .*contact alone: add supports, or let a force move",
     ):
         solve(loose)
 

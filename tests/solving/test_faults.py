@@ -203,7 +203,7 @@ def test_interrupted(tmp_path):
         _, errors = process.communicate(timeout=120)
     assert process.returncode == 130
     assert errors.splitlines() == [
-        "signorini-fx: interrupted; --restart goes on from what is complete"
+        "signorini-fx: interrupted; run again with --restart to continue"
     ]
     assert {path.name for path in (tmp_path / "out").iterdir()} == {CHECKPOINT, MANIFEST}
 

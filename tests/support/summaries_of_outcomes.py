@@ -12,7 +12,7 @@ from signorini_fx.records import SHORT_OF_ACCURACY, Status
 
 _LAW = "the regularised law, gamma_n = 3.16e+04, gamma_t = 3.16e+04"
 _DIFFERS = (
-    f"'alm' was asked for, and a fall-back has solved {_LAW} in its place; raise solver.gamma_n "
+    f"a fall-back has solved {_LAW} in place of 'alm'; raise solver.gamma_n "
     "and solver.gamma_t to "
     "lessen what it leaves, or change the loads in smaller steps"
 )
@@ -88,7 +88,7 @@ def ended(status: Status, *, step: bool = False) -> dict[str, Any]:
     return changes
 
 
-_SINGULAR = {"no_limit": "it is at a reentrant corner of the body"}
+_SINGULAR = {"no_limit": "at a reentrant corner of the body"}
 # What may be known beside the outcome, by the key that says it.
 STRENGTHS: dict[str, dict[str, Any]] = {
     "41 % of the yield stress": {},

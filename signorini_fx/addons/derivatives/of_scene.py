@@ -54,15 +54,12 @@ Array = npt.NDArray[np.float64]
 # Features of a scene that have no derivatives.
 REFUSES = {
     "material with a state": "derivatives are not possible yet with a material that has a state",
-    "mixed element": "derivatives are not possible yet with a pressure of its own: leave 'mixed' "
-    "out",
-    "soft contact": "derivatives are those of contact that gives way as gamma_n says: leave "
-    "'overclosure' out",
+    "mixed element": "derivatives are not possible yet with the mixed element: remove 'mixed'",
+    "soft contact": "derivatives are not possible yet with soft contact: remove 'overclosure'",
     "shortening by force": "derivatives are not possible yet where a force shortens a section",
     "driven foundation": "derivatives are not possible yet where a force moves it",
-    "requested accuracy": "derivatives are those of one mesh, and meshes of a requested accuracy "
-    "jump with the data: "
-    "leave it out",
+    "requested accuracy": "derivatives are those of one mesh, but the mesh depends on the data: "
+    "remove `accuracy`",
 }
 # Features of a scene with nonlinear materials that have no derivatives.
 REFUSES_IF_NONLINEAR = {
@@ -583,18 +580,21 @@ def _entry_of(
     ):
         raise SceneError([(path, "is possible where all materials are isotropic")])
     if any(part in path for part in (".friction.ratio", ".friction.along", ".foundation.spring")):
-        raise SceneError([(path, "is none that a derivative can be taken by")])
+        raise SceneError([(path, "cannot differentiate with respect to this entry")])
     if path.endswith("grading"):
         raise SceneError(
-            [(path, "is none that a derivative can be taken by: take young, which it multiplies")]
+            [
+                (
+                    path,
+                    "cannot differentiate with respect to this entry: use young instead",
+                )
+            ]
         )
     *_, (parent, _), (value, _) = _way(statement, path, dimension)
     if isinstance(value, Load):
         return 1.0, 1e-3
     if isinstance(parent, FrictionLaw | Resistance) and value == 0.0:
-        raise SceneError(
-            [(path, "is zero, so that nothing acts: give a small number to begin with")]
-        )
+        raise SceneError([(path, "no derivative at 0: use a small value")])
     root = path.partition("[")[0].partition(".")[0]
     if (
         isinstance(value, Expression)
@@ -640,9 +640,7 @@ def _way(statement: Statement, path: str, dimension: int) -> list[tuple[Any, str
     """The tables on the way to a number, each with the key that leads on, and the number."""
     keys: list[str | int] = way_of(path) if PATH.fullmatch(path) else []
     if not keys or keys[0] not in statement.effects:
-        raise SceneError(
-            [(path, f"is no datum of the problem that a derivative can be taken by, {_EXAMPLE}")]
-        )
+        raise SceneError([(path, f"cannot differentiate with respect to this entry, {_EXAMPLE}")])
     value: Any = statement.effects
     way: list[tuple[Any, str | int]] = []
     for key in keys:

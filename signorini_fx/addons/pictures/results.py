@@ -53,10 +53,10 @@ def _fields(solution: Solution, asked: Sequence[str]) -> tuple[str, ...]:
     usual: tuple[str, ...] = ("displacement",) if stress is None else ("von_mises",)
     usual += ("around",) * bool(solution.statement.kinematics.out_of_section)
     unknown = [name for name in asked if FIELDS[name].of and stress is None]
-    reason = "the stress of this body is not known"
+    reason = "the body has no stress to draw"
     if stress is not None and "density" in asked and stress.stress.shear_modulus is None:
         unknown = ["density"]
-        reason = "its shear energy is known of linear isotropic bodies alone"
+        reason = "only linear isotropic bodies have a shear energy density"
     if unknown and solution.comm.rank == 0:
         say(f"not drawn, as {reason}: {', '.join(unknown)}")
     return tuple(name for name in dict.fromkeys((*usual, *asked)) if name not in unknown)

@@ -145,8 +145,8 @@ def _warnings(summary: dict[str, Any]) -> list[dict[str, Any]]:
 
 _COLOURS = "Colour: von Mises stress, recovered, which smooths peaks narrower than a cell"
 _CIRCLE = "; circle: the largest one, recovered or raw. "
-_DISPLACEMENT = "Colour: size of the displacement; the stress is not known. "
-_MAGNIFIED = "The title says what is magnified."
+_DISPLACEMENT = "Colour: size of the displacement; there is no stress. "
+_MAGNIFIED = "The title gives the magnification."
 _SETUP = (
     "What the scene prescribes, before it is solved. Squares and circles: supports; arrows: "
     "loads and motions."

@@ -317,9 +317,7 @@ class SemismoothNewton:
             proposed = proposed_sets(self)
         self.problem.sets = following if proposed is None else proposed
         asked = self.history.linear_solves - solves
-        self.history.add(
-            f"sets: few change with each full step, {asked} solves inside the bounds propose others"
-        )
+        self.history.add(f"sets: damped change of the active sets ({asked} extra solves)")
 
     def _factorise(self) -> bool:
         """Whether a direct solver takes the place of a Krylov method; collective."""

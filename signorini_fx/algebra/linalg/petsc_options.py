@@ -80,10 +80,9 @@ def refuse_exchanged() -> None:
         harmless = _EXCHANGING.get(name, () if name.startswith(_INNER_SOLVER) else None)
         if harmless is not None and (value or "").lower() not in harmless:
             raise OptionsError(
-                f"PETSc option {_spelt({PREFIX + name: value or ''})}: it would take the place of "
-                "the semi-smooth "
-                "Newton method, of its matrix or of its test: leave it out, and choose by "
-                "solver.algorithm"
+                f"PETSc option {_spelt({PREFIX + name: value or ''})}: it would replace the "
+                "semi-smooth Newton method, its matrix or its test: remove the option, and choose "
+                "by solver.algorithm"
             )
 
 

@@ -152,7 +152,7 @@ class Contact(Effect):
             if self.foundation is not None and getattr(self, rival) is not None:
                 yield (
                     ("contact", number, rival),
-                    f"foundation already says {said}: leave one of them out",
+                    f"foundation already gives {said}: remove one of them",
                 )
         if self.tool is not None:
             yield from _not_with_tools(statement, number)
@@ -198,7 +198,7 @@ class Contact(Effect):
         if self.direction is not None:
             yield (
                 ("contact", number, "direction"),
-                "is that of the normal where two bodies touch: leave it out",
+                "between two bodies it is the normal: remove `direction`",
             )
 
     @property

@@ -188,7 +188,10 @@ class Fluid(Force):
         if self.up == "x" and statement.kinematics.refused_axis((1.0, 0.0)):
             yield ("fluid", number, "up"), "must be along the axis of the body: y"
         if statement.kinematics.out_of_section and self.up is None:
-            yield ("fluid", number, "up"), "say along which axis of the section it rises: up = 'y'"
+            yield (
+                ("fluid", number, "up"),
+                "must be 'y' with torsion, the axis along which the level rises",
+            )
 
     @property
     def acts(self) -> bool:

@@ -246,7 +246,7 @@ class BodyOfRevolution(Kinematics):
 # What has no meaning, and what nobody has derived yet.
 REFUSED = {
     "bending": "a section that stays in place does not bend",
-    "guaranteed bound": "a guaranteed bound of axisymmetric bodies is not known yet",
+    "guaranteed bound": "axisymmetric bodies have no guaranteed bound",
     "moment": "there is none on a body of revolution",
     "motion of a tool": "an axisymmetric tool moves along its axis x[1] alone",
 }

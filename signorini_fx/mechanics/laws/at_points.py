@@ -85,7 +85,7 @@ def fault_of(law: FrictionLaw, count: int, modulus: float) -> str:
             try:
                 value = getattr(tried, statement)(at_pressures)
             except NotImplementedError:
-                return f"{name} does not say its {statement}"
+                return f"{name} must define {statement}()"
             except Exception as error:
                 return f"{statement} of {name} fails: {type(error).__name__}: {error}"
             if np.shape(value) != at_pressures.shape:
@@ -123,7 +123,10 @@ def _faults(
     )  # such as that of a root
     yield "derivative of {law} is not finite at the pressure {pressure:g}", infinite
     if not law.follows_pressure:
-        yield "limit of {law} follows the pressure, which it denies", limit != limit[:1]
+        yield (
+            "{law}.follows_pressure is False, but limit() depends on the pressure",
+            limit != limit[:1],
+        )
     within = NEGLIGIBLE * limit + round_off
     what = "its tangent at zero, or its limit: it is not concave" if law.concave else "its envelope"
     yield (

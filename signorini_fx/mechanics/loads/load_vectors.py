@@ -403,7 +403,7 @@ def _asked(effect: Any, method: str, on: FormCoefficients, *arguments: Any) -> A
     try:
         value = ufl.as_ufl(getattr(effect, method)(*arguments, on))
     except NotImplementedError:
-        reason = f"{name} does not say its {method}"
+        reason = f"{name} must define {method}()"
     except Exception as error:
         reason = f"{method} of {name} fails: {type(error).__name__}: {error}"
     else:

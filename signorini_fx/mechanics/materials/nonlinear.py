@@ -60,10 +60,9 @@ class NonlinearMaterial(Material):
             "mixed element": "a pressure as an unknown is not possible yet with a nonlinear "
             "material: take 'reduced' "
             "or 'auto'",
-            "accuracy of the zone or the peak": "of a nonlinear body the error of the stress, of "
-            "the pressure and of "
-            "the force is known: take 'energy', 'pressure' or 'force'",
-            "accuracy of contact on cells that lock": "is not known where cells lock: take "
+            "accuracy of the zone or the peak": "must be 'energy', 'pressure' or 'force' for a "
+            "nonlinear body",
+            "accuracy of contact on cells that lock": "cannot be estimated where cells lock: set "
             "element.volumetric = 'auto'",
             "statement of an error bound": "a nonlinear body has no guaranteed bound",
             "soft contact": "soft contact is for linear materials: leave 'overclosure' out",
@@ -72,9 +71,8 @@ class NonlinearMaterial(Material):
             "preload": _NOT_YET,
         },
         "finite strain": {
-            "prescribed rotation": "is a small one, which a body at finite strains does not know: "
-            "give x and y as "
-            "expressions",
+            "prescribed rotation": "is a small rotation, but the material has finite strains: give "
+            "x and y as expressions",
         },
     }
     linear: ClassVar[bool] = False

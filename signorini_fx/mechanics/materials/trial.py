@@ -49,10 +49,7 @@ def fault_of(material: Any) -> str:
         if isinstance(material, PathDependent):
             return _fault_of_response(material)
     except NotImplementedError:
-        return (
-            f"{name} does not say "
-            f"{'its stress' if material.linear else 'all that a nonlinear material says'}"
-        )
+        return f"{name} must define {'stress()' if material.linear else 'all methods of its base'}"
     except Exception as error:
         return f"{name} fails: {type(error).__name__}: {error}"
     return f"{name} is neither Hyperelastic nor PathDependent"
@@ -82,9 +79,7 @@ def _fault_of_linear(material: Any, name: str) -> str:
     expected = np.diag([2 * second] * 3 + [second] * 3)
     expected[:3, :3] += first
     if np.abs(stiffness - expected).max() > tiny:
-        return (
-            f"{name} is not isotropic, as it says: its stress follows the direction of the strain"
-        )
+        return f"{name}.isotropic is True, but its stress depends on the direction of the strain"
     derived = isinstance(material, LinearElastic)
     return (
         ""

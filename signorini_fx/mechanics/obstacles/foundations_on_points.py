@@ -114,7 +114,7 @@ class Foundations:
                 problems.append(
                     (
                         f"contact[{k}].direction",
-                        "is that of the closest point of shape: leave it out",
+                        "follows from the shape: remove `direction`",
                     )
                 )
             try:
@@ -472,9 +472,9 @@ class Foundations:
         if (swallowed := self.cells.swallowed(distance.shape)) is not None:
             at = ", ".join(f"{c:.4g}" for c in swallowed.at)
             message = (
-                f"the foundation lies inside the body, at ({at}), where its contact boundary does "
-                "not see it: begin "
-                "where it touches from outside; a nonlinear body may be pressed farther, in steps"
+                f"the foundation lies inside the body, at ({at}), beside its contact boundary: "
+                "start with the shape outside the body; in load steps a nonlinear body may be "
+                "pressed farther"
             )
             raise FormError([(f"contact[{number}]", message)])
         return distances

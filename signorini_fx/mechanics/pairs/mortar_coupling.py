@@ -388,11 +388,9 @@ def _refuse_bare(tested: Tested, shares: sp.csr_array) -> None:
     middle = slave.corners[area.argmax()].mean(axis=0)
     place = ", ".join(f"{component:.4g}" for component in size * np.round(middle / size, 9) + 0.0)
     raise PairingError(
-        f"other contacts own all nodes of {bare.size} of its facets that see the other side, such "
-        "as that at "
-        f"({place}), and no point beside them carries what is between both bodies there: give "
-        "these facets to another "
-        "contact, or leave out its facets around them"
+        f"other contacts own all nodes of {bare.size} facets opposite the other side, such as "
+        f"that at ({place}), so that no node transmits a force there: give these facets to "
+        "another contact, or remove the facets around them"
     )
 
 
@@ -463,9 +461,8 @@ def _check(slave: PairSurface, master: PairSurface, covered: Array, reach: float
     if twice.size:
         point = ", ".join(f"{c:g}" for c in slave.corners[twice[0]].mean(axis=0))
         raise PairingError(
-            f"{twice.size} of its facets see more than one sheet of the other side within "
-            f"{reach:.3g}, such as that at "
-            f"({point}): give a smaller reach"
+            f"the other surface is folded at {twice.size} facets within {reach:.3g}, such as that "
+            f"at ({point}): give a smaller reach"
         )
 
 

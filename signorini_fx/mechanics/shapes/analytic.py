@@ -182,12 +182,8 @@ class Polyline(Shape):
         if self.closed and self._area == 0:
             raise ValueError("points: a closed line must enclose an area")
         if (crossed := crossing_pieces(x)) is not None:
-            first, second = (f"points {number + 1} and {number + 2}" for number in crossed)
-            reason = (
-                f"that between {first} meets that between {second}: the body has no side of "
-                "such a line"
-            )
-            raise ValueError(f"points: of its pieces {reason}; leave the loop out")
+            first, second = (f"{number + 1}-{number + 2}" for number in crossed)
+            raise ValueError(f"points: segments {first} and {second} intersect: remove the loop")
         return self
 
     @property

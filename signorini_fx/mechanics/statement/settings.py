@@ -55,7 +55,7 @@ class Discretised(Table):
 def _linear_algebra(kind: str) -> str:
     names = known_linear_algebra()
     if kind not in names:
-        raise ValueError(f"{', '.join(map(repr, names))} are known, not {kind!r}")
+        raise ValueError(f"must be one of {', '.join(map(repr, names))}, got {kind!r}")
     return kind
 
 

@@ -413,9 +413,8 @@ def another_law(
             return None
         gamma = list(laws.values())[-1].gamma_n
         message = (
-            f"a regularisation error of {allowed:.2g} was asked for and {left:.2g} is left; with "
-            "a gamma above "
-            f"{gamma:.3g} round-off would take over; take algorithm = 'alm', which leaves none"
+            f"the regularisation error is {left:.2g}, above the required {allowed:.2g}; with a "
+            f"gamma above {gamma:.3g} round-off would dominate: use algorithm = 'alm'"
         )
         return Finding("warning", "solver.regularisation_error", message)
     given = {
@@ -447,8 +446,5 @@ def another_law(
         if len(laws) > 1
         else ""
     )
-    message = (
-        f"{asked} was asked for, and a fall-back has solved {laws[others[-1]]} in its "
-        f"place{where}; {remedy}"
-    )
+    message = f"a fall-back has solved {laws[others[-1]]} in place of {asked}{where}; {remedy}"
     return Finding("warning", f"solver.{key}", message)

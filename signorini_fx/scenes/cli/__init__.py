@@ -55,7 +55,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 _OUT_OF_MEMORY = (
-    "memory ran out: signorini-fx check says how much a scene needs; ulimit -a shows the limits"
+    "memory ran out: signorini-fx check prints how much a scene needs, ulimit -a the limits"
 )
 
 

@@ -133,7 +133,7 @@ def solve(options: argparse.Namespace, comm: MPI.Comm) -> int:
     except KeyboardInterrupt:
         kept = folder is not None and folder.committed
         where = (
-            f": the results are in {path}/" if kept else "; --restart goes on from what is complete"
+            f": the results are in {path}/" if kept else "; run again with --restart to continue"
         )
         raise KeyboardInterrupt(where) from None
     if not options.quiet:
@@ -148,11 +148,10 @@ def solve(options: argparse.Namespace, comm: MPI.Comm) -> int:
         terminal.say_once(comm, [ended], error=True)
         return EXIT_NO_SOLUTION
     if lacking := len(solution.statement.incomplete):
-        why = f"the scene lacks {lacking} of what was meant, see incomplete"
-        told = terminal.TerminalLine(
-            "signorini-fx: ", f"these are results of another problem: {why}", "error"
-        )
-        terminal.say_once(comm, [told], error=True)
+        items = f"{lacking} item{'s' * (lacking > 1)}, listed under incomplete"
+        message = f"the scene lacks {items}: these are not the results of your model"
+        line = terminal.TerminalLine("signorini-fx: ", message, "error")
+        terminal.say_once(comm, [line], error=True)
     return EXIT_INCOMPLETE if lacking else EXIT_OK
 
 

@@ -75,7 +75,7 @@ def parser() -> argparse.ArgumentParser:
     judged = (
         "Exit codes: 0 it agrees, 2 bad input, 3 internal error, 4 it agrees with what was read "
         "of the deck, 5 it "
-        "solves another problem, 6 it violates the problem, 7 it cannot be told."
+        "solves another problem, 6 it violates the problem, 7 undecided."
     )
     about = "Signorini contact with Tresca and Coulomb friction on FEniCSx."
     main = _Parser(prog="signorini-fx", description=about, epilog=epilog)
@@ -241,9 +241,8 @@ def several_values(entries: dict[str, Any]) -> tuple[str, list[Any]]:
         path: values for path, value in entries.items() if len(values := _values(path, value)) > 1
     }
     if len(ranges) != 1:
-        reason = f"these have: {', '.join(ranges)}" if ranges else "none has"
-        example = "such as --set contact[0].friction.coefficient=0.1:0.8:8 or 0.1,0.2,0.4"
-        raise SceneError([("sweep", f"one entry must have several values, {example}; {reason}")])
+        found = f"several ranges, of {', '.join(ranges)}," if ranges else "no range"
+        raise SceneError([("sweep", f"{found} found: write --set PATH=0.1:0.8:8 or PATH=1,2,3")])
     return ranges.popitem()
 
 

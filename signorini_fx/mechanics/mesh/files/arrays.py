@@ -319,9 +319,9 @@ def _no_number(
         )
     possible = ", ".join(repr(label) for label, known in entities.data.items() if known) or "none"
     return (
-        f"{name}: it is not known which numbers are meant: set mesh.data to one of the cell data "
-        f"({possible}), give a "
-        "condition, such as 'x[1] < 1e-9', or name them in the file (in gmsh: physical groups)"
+        f"{name}: the cell data of the number is ambiguous: set mesh.data to one of {possible}, "
+        "give a condition, such as 'x[1] < 1e-9', or name the facets or cells in the file (in "
+        "gmsh: physical groups)"
     )
 
 
