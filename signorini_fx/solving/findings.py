@@ -323,8 +323,8 @@ def _largest_increment(body: Model, normal: Array, motions: list[float]) -> floa
     """
     statement = body.statement
     pressing = [0.0]
-    normal = parallel.global_sum(body.comm, normal)
-    normal = normal / max(float(np.linalg.norm(normal)), NO_FORCE)
+    total_normal = parallel.global_sum(body.comm, normal)
+    normal = np.asarray(total_normal / max(float(np.linalg.norm(total_normal)), NO_FORCE))
     _, total = _largest_loads(body)
     for step in range(statement.steps):
         start, forces = (values @ normal for values in _loads_at(body, step))

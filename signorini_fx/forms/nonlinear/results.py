@@ -319,9 +319,9 @@ def traction_left(linear: LinearisedProblem, loaded: Facets, field: fem.Function
         dmesh.exterior_facet_indices(mesh.topology), np.concatenate([loaded, *touching])
     )
     free = free.astype(np.int32)
-    held = linear.prescribed[0].reshape(-1, dim)[facet_nodes(space, free)].all(axis=1)
+    held = np.all(linear.prescribed[0].reshape(-1, dim)[facet_nodes(space, free)], axis=1)
     components = np.array(list(field)).reshape(dim, -1)
-    stress = SimpleNamespace(
+    stress: Any = SimpleNamespace(
         displacement=linear.at, sigma=ufl.as_matrix(components.tolist()), modulus=1.0, around=1.0
     )
 

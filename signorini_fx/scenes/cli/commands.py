@@ -150,8 +150,8 @@ def solve(options: argparse.Namespace, comm: MPI.Comm) -> int:
     if lacking := len(solution.statement.incomplete):
         items = f"{lacking} item{'s' * (lacking > 1)}, listed under incomplete"
         message = f"the scene lacks {items}: these are not the results of your model"
-        line = terminal.TerminalLine("signorini-fx: ", message, "error")
-        terminal.say_once(comm, [line], error=True)
+        warning = terminal.TerminalLine("signorini-fx: ", message, "error")
+        terminal.say_once(comm, [warning], error=True)
     return EXIT_INCOMPLETE if lacking else EXIT_OK
 
 
