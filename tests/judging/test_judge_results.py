@@ -8,6 +8,7 @@ import meshio
 import numpy as np
 import pytest
 from scipy.sparse.linalg import splu
+from scipy.spatial import cKDTree
 
 import signorini_fx as sfx
 from signorini_fx import MeshError
@@ -50,7 +51,8 @@ def test_equal_elements_have_equal_solutions():
     distance = judgement.figures["distance"]
     assert distance["value"] < 1e-3 < 0.1 < distance["threshold"]
     assert judgement.theirs["digits"] == 6
-    assert judgement.beside["displacement"] < 1e-2 < judgement.beside["displacement_of_mesh"]
+    displacement = judgement.figures["displacement"]
+    assert displacement["value"] < 1e-2 < displacement["threshold"]
     assert len(str(judgement).splitlines()) == 10
 
 
@@ -227,6 +229,34 @@ def test_values_between_all_nodes(tmp_path):
     assert judge(shelf(2), tmp_path / "xy.csv").figures["distance"]["value"] < 1e-8
 
 
+def from_other_elements(**changes):
+    """The solution of a shelf with elements of degree 2 at the corners of its cells."""
+    points, displacement = solved(shelf(2, **changes))
+    return displacement[cKDTree(points).query(judged_problem(shelf()).points)[1]]
+
+
+@pytest.mark.parametrize(
+    ("changes", "word", "reason"),
+    [
+        ({}, AGREES, ""),
+        (
+            {"traction": {"boundary": "top", "y": "-1.05 - 0.525*x[0]"}},
+            ANOTHER,
+            r"loads are 1\.0[3-8]",
+        ),
+        ({"contact": {"boundary": "bottom", "gap": 0.006}}, ANOTHER, r"gap of bottom .* by 0\.001"),
+    ],
+)
+def test_each_measure_must_agree(changes, word, reason):
+    """Far below the error in energy: the contact force or the displacement are not ours."""
+    judgement = judge(shelf(), from_other_elements(**changes))
+    assert judgement.word == word, str(judgement)
+    assert re.search(reason, judgement.reason), str(judgement)
+    distance, *others = (judgement.figures[name] for name in ("distance", "displacement", "force"))
+    assert distance["value"] < 0.5 * distance["threshold"]
+    assert all(one["value"] <= one["threshold"] for one in others) == judgement.agrees
+
+
 def test_contact_that_is_ignored():
     """The body goes through its foundation, which another gap explains, or it enters."""
     free = solved(shelf(contact=()))[1]
@@ -234,6 +264,15 @@ def test_contact_that_is_ignored():
     assert judgement.word == VIOLATES + "penetration" or "gap of bottom" in judgement.reason, str(
         judgement
     )
+
+
+def test_a_gap_that_is_an_expression():
+    """Another one is found, as of a number, on one mesh or on nested ones."""
+    given = {"boundary": "bottom", "gap": "0.005 + 0.001*x[0]"}
+    other = solved(shelf(contact=given | {"gap": "0.007 + 0.001*x[0]"}))[1]
+    judgement = judge(shelf(contact=given, solver={"levels": 2}), other)
+    assert judgement.word == ANOTHER, str(judgement)
+    assert judgement.reason == "its gap of bottom is larger by 0.002"
 
 
 def test_friction_turned_round():

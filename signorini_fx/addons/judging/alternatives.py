@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import chain
 from typing import Any
@@ -30,21 +30,29 @@ class Alternative:
     least: float = -np.inf  # the smallest value
 
 
-def nearest_alternative(on_mesh: SolutionOnMesh, v: Floats, enough: float) -> tuple[str, float]:
-    """In words the alternative whose solution is nearest to a displacement, and its distance; "":
-    there is none.
+@dataclass(frozen=True)
+class OtherProblem:
+    """An alternative with a value, and its solution."""
+
+    text: str  # what it is
+    displacement: Floats  # length, shape (n, d)
+    distance: float  # from the result, in the energy norm
+
+
+def nearest_alternative(on_mesh: SolutionOnMesh, v: Floats, enough: float) -> OtherProblem | None:
+    """Return the alternative whose solution is nearest to a displacement; None: there is none.
 
     From the distance ``enough`` on no nearer value is sought, in the energy norm.
     """
     size = float(np.abs(on_mesh.displacement).max())
     tried = (_values(on_mesh, v, one, enough) for one in _alternatives(on_mesh.problem.scene, size))
-    return min(chain.from_iterable(tried), key=lambda nearest: nearest[1], default=("", np.inf))
+    return min(chain.from_iterable(tried), key=lambda nearest: nearest.distance, default=None)
 
 
 def _values(
     on_mesh: SolutionOnMesh, v: Floats, tried: Alternative, enough: float
-) -> Iterator[tuple[str, float]]:
-    """Values found by secants, each with its distance; they end where one has no effect, or no
+) -> Iterator[OtherProblem]:
+    """Values found by secants, each with its solution; they end where one has no effect, or no
     solution.
     """
     value = tried.trial
@@ -57,7 +65,7 @@ def _values(
             return
         off: Floats = np.asarray(v - u)
         distance = on_mesh.norm(off)
-        yield tried.text(value, 1 / value if value else np.inf), distance
+        yield OtherProblem(tried.text(value, 1 / value if value else np.inf), u, distance)
         slope: Floats = np.asarray((u - u_before) / (value - before))
         square = on_mesh.product(slope, slope)
         if distance <= enough or not square > 0:
@@ -167,5 +175,5 @@ def _opened(scene: Scene, number: int, by: float) -> dict[str, Any]:
     if isinstance(gap, float):
         gap += by
     elif isinstance(gap, Expression):
-        gap = Expression(f"({gap}) + {by!r}", allows_time=True)
+        gap = replace(gap, text=f"({gap.text}) + {by!r}")
     return _changed(scene, "contact", number, gap=gap)

@@ -8,7 +8,7 @@ and other problems are tried.
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -54,7 +54,8 @@ _CONDITIONS = {
     "complementarity": "contact presses across an open gap, by {}",
     "friction": "friction is not that of the slip and the pressure, by {}",
 }
-_BESIDE = {"displacement": "displacement", "force": "contact force"}
+# What a result must agree in: the energy norm, and what users look at.
+_MEASURES = {"distance": "energy norm", "displacement": "displacement", "force": "contact force"}
 
 
 @dataclass(frozen=True)
@@ -68,9 +69,7 @@ class Judgement:
         reason: why, in words; "": the word says all.
         theirs: program, time and digits of the result.
         figures: by their names, each its value and threshold: shares of the energy norm, of the
-            largest displacement, and of the largest pressure.
-        beside: displacement and contact force beside ours, and how far ours differ from those on
-            the finer mesh, each relative to ours.
+            largest displacement, of the contact force, and of the largest pressure.
         lost: what the problem as read lacks of its input file.
         lines: label -> text, the lines below the word.
     """
@@ -80,7 +79,6 @@ class Judgement:
     reason: str = ""
     theirs: Mapping[str, Any] = field(default_factory=dict)
     figures: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-    beside: Mapping[str, float] = field(default_factory=dict)
     lost: tuple[str, ...] = ()
     lines: Mapping[str, str] = field(default_factory=dict)
 
@@ -98,7 +96,7 @@ class Judgement:
 
     def as_dict(self) -> dict[str, Any]:
         """As plain data for JSON."""
-        names = ("word", "reason", "agrees", "exit_code", "theirs", "figures", "beside", "lost")
+        names = ("word", "reason", "agrees", "exit_code", "theirs", "figures", "lost")
         return dict(for_json({name: getattr(self, name) for name in names}))
 
     def __str__(self) -> str:
@@ -137,9 +135,7 @@ def judge(problem: object, result: object) -> Judgement:
         word = NOT_TOLD
         reason = str(missing)
     lines = {**judging.lines, "effort": f"{time.perf_counter() - begun:.1f} s"}
-    return Judgement(
-        theirs.name, word, reason, about, judging.figures, judging.beside, stated.lost, lines
-    )
+    return Judgement(theirs.name, word, reason, about, judging.figures, stated.lost, lines)
 
 
 def _of_another_time(problem: JudgedProblem, theirs: ForeignResult) -> tuple[str, str] | None:
@@ -180,7 +176,7 @@ class _Judging:
     problem: JudgedProblem
     theirs: ForeignResult
     figures: dict[str, dict[str, float]] = field(default_factory=dict)
-    beside: dict[str, float] = field(default_factory=dict)
+    own: dict[str, float] = field(default_factory=dict)  # what our own meshes let differ
     lines: dict[str, str] = field(default_factory=dict)
     violated: dict[str, str] = field(default_factory=dict)
 
@@ -199,6 +195,12 @@ class _Judging:
             return SolutionOnMesh.of(self.problem, halved(arrays))
         except NotJudgedError:
             return None
+
+    @cached_property
+    def read_finer(self) -> Floats:
+        """Our solution on the next mesh at the nodes of this one, or ours where there is none."""
+        finer = self.finer
+        return self.ours.displacement if finer is None else self.ours.from_finer(finer)
 
     @cached_property
     def v(self) -> Floats:
@@ -246,6 +248,7 @@ class _Judging:
         self._figure("distance", distance / size, allowed / size)
         self._head(size, error, distance, printed)
         self._certify(size, allowed)
+        self._compare()
         factor = ours.product(v, ours.displacement) / ours.product(
             ours.displacement, ours.displacement
         )
@@ -256,14 +259,12 @@ class _Judging:
         on_mesh = ours.norm(v - ours.displacement)
         if on_mesh <= printed + NEGLIGIBLE * size:
             return self._strained_alike()
-        if distance > allowed and self._in_increments() <= allowed:
-            self.lines["distance"] += (
-                f"; solved in {JUDGED_INCREMENTS} increments, within the error"
-            )
+        agrees = not self._excess(self.own)
+        if not agrees and self._in_increments():
             return self._strained_alike()
         # So far elements with fewer points may be away.
         farthest = _COARSER * error + printed
-        left = (NOTABLE if distance <= allowed else JUDGED_LEFT) * on_mesh
+        left = (NOTABLE if agrees else JUDGED_LEFT) * on_mesh
         if nodes := ours.moved_alone(v, min(left, farthest)):
             return (
                 VIOLATES + "equilibrium",
@@ -271,7 +272,7 @@ class _Judging:
             )
         if other_problem := self._other_problem(on_mesh, min(left + printed, farthest), printed):
             return ANOTHER, other_problem
-        if distance <= allowed:
+        if not self._excess({}):
             return self._strained_alike()
         if any(contact.adjust is not None for contact in self.problem.scene.contact):
             return (
@@ -286,6 +287,8 @@ class _Judging:
         worst = max(
             (condition for condition in self.violated if condition != "supports"), key=self._value
         )
+        if distance <= allowed:
+            return self._strained_alike()
         if distance <= farthest and self._value(worst) <= _HALF:
             return (
                 NOT_TOLD,
@@ -299,11 +302,16 @@ class _Judging:
         )
 
     def _strained_alike(self) -> tuple[str, str]:
-        """The word where strains are ours: a rigid motion, which they do not show, may yet violate
-        contact.
+        """The word where strains are ours within the error: a rigid motion, which they do not show,
+        may yet violate contact, and displacement or contact force may be farther from ours.
         """
         worst = max(("penetration", "complementarity"), key=self._value)
-        return self._violates(worst) if self._value(worst) > _HALF else (AGREES, "")
+        if self._value(worst) > _HALF:
+            return self._violates(worst)
+        if excess := self._excess({}):
+            cause = "no single load, modulus, gap or friction explains it"
+            return NOT_TOLD, f"strains are ours, but not the {self._said(excess)}: {cause}"
+        return AGREES, ""
 
     def _violates(self, condition: str) -> tuple[str, str]:
         return VIOLATES + condition, self.violated[condition]
@@ -314,20 +322,34 @@ class _Judging:
     def _figure(self, name: str, value: float, threshold: float) -> None:
         self.figures[name] = {"value": float(value), "threshold": float(threshold)}
 
-    def _in_increments(self) -> float:
-        """The distance from our solution in increments, as programs solve with friction; infinite
-        without any.
-        """
-        scene = self.problem.scene
+    def _excess(self, limits: Mapping[str, float]) -> list[str]:
+        """Return the measures that are beyond limits, else beyond their thresholds."""
+        return [
+            name
+            for name in _MEASURES
+            if name in self.figures
+            and self._value(name) > limits.get(name, self.figures[name]["threshold"])
+        ]
+
+    def _in_increments(self) -> bool:
+        """Whether it agrees with our solution in increments, as programs solve with friction."""
+        scene, ours = self.problem.scene, self.ours
         if not any(contact.friction.acts for contact in scene.contact):
-            return np.inf
+            return False
         try:
-            u = self.ours.with_entries(
-                {"load_steps": scene.load_steps.remade(steps=JUDGED_INCREMENTS)}
-            )
+            u = ours.with_entries({"load_steps": scene.load_steps.remade(steps=JUDGED_INCREMENTS)})
         except NotJudgedError:
-            return np.inf
-        return self.ours.norm(self.v - u)
+            return False
+        away = {"distance": ours.norm(self.v - u) / self.error[0], **self._away_from(u)}
+        limits = {"distance": self.figures["distance"]["threshold"], **self.own}
+        if any(value > limits[name] for name, value in away.items()):
+            return False
+        for name, value in away.items():
+            self._figure(name, value, self.figures[name]["threshold"])
+        solved = f"of ours in {JUDGED_INCREMENTS} increments"
+        self.lines["distance"] += f"; {_percent(away['distance'])} {solved}"
+        self.lines["beside ours"] = f"{self._said(self.own)}, {solved}"
+        return True
 
     def _other_problem(self, on_mesh: float, enough: float, printed: float) -> str:
         """The other problem that the result solves, in words; "": there is none."""
@@ -338,12 +360,21 @@ class _Judging:
         if steps and min(steps) <= enough:
             number = int(np.argmin(steps))
             return f"it is the end of load step {number + 1} {names[number]}".rstrip()
-        other, left = nearest_alternative(ours, v, printed + NEGLIGIBLE * on_mesh)
-        if other:
-            self.lines["other"] = (
-                f"{other}, with which it is {left / on_mesh:.2g} of its distance away"
-            )
-        return other if left <= enough else ""
+        other = nearest_alternative(ours, v, printed + NEGLIGIBLE * on_mesh)
+        if other is None:
+            return ""
+        share = other.distance / on_mesh
+        self.lines["other"] = f"{other.text}, with which it is {share:.2g} of its distance away"
+        if other.distance <= enough:
+            return other.text
+        # What is not explained in energy, as of other elements, may be so in what was too far away.
+        excess = self._excess({})
+        away = self._away_from(other.displacement)
+        explained = bool(excess) and share < 1
+        for name, value in away.items():
+            limit = self.figures[name]["threshold"]
+            explained &= value <= (limit if name in excess else _COARSER * limit)
+        return other.text if explained else ""
 
     def _certify(self, size: float, allowed: float) -> None:
         """Take the figures of the certificate, and for each condition what to say if it is
@@ -391,34 +422,61 @@ class _Judging:
         ]
         self.lines["contact"] = ", ".join(said[:3])
         self.lines["friction"] = f"off by {_percent(friction)} of the largest pressure"
-        self._compare(ours.force(tractions))
 
-    def _compare(self, force: float) -> None:
-        """Take what users look at, beside ours."""
+    def _compare(self) -> None:
+        """Take displacement and contact force beside ours, and what our own meshes let differ."""
         ours = self.ours
         finer = self.finer
-        u = self.ours.displacement
-        changes = {"": (self.v - u, force)}
-        own_force = ours.force()
-        if finer is not None:
-            changes["_of_mesh"] = ours.on_finer(u) - finer.displacement, finer.force()
-        for suffix, (away, pressed) in changes.items():
-            largest = np.linalg.norm(away, axis=1).max()
-            self.beside["displacement" + suffix] = float(largest / np.linalg.norm(u, axis=1).max())
-            if own_force > 0:
-                self.beside["force" + suffix] = abs(pressed - own_force) / own_force
-        said = {
-            key: f"{word} {_percent(self.beside[key])}"
-            for key, word in _BESIDE.items()
-            if key in self.beside
-        }
-        if finer is not None:
-            for key in said:
-                said[key] += (
-                    f" (ours changes by {_percent(self.beside[key + '_of_mesh'])} on the finer "
-                    "mesh)"
-                )
-        self.lines["beside ours"] = ", ".join(said.values())
+        u = ours.displacement
+        size = _largest(u)
+        values = self._away(self.v, u)
+        if finer is None:
+            own = dict.fromkeys(values, self.error[1] / self.error[0] / MARGIN)
+        else:
+            # A result is read at the nodes of this mesh, and so is our finer solution.
+            own = self._away(self.read_finer, u)
+            own["displacement"] = _largest(ours.on_finer(u) - finer.displacement) / size
+            farther = _largest(ours.on_finer(self.v) - finer.displacement) / size
+            values["displacement"] = min(values["displacement"], farther)
+            if "force" in own:
+                own["force"] = max(own["force"], abs(finer.force() / ours.force() - 1))
+                farther = abs(self._force(self.v) - finer.force()) / ours.force()
+                values["force"] = min(values["force"], farther)
+        round_off = NEGLIGIBLE + self.theirs.half_unit / size
+        # Elements with fewer points or nodes are nearly as far from ours as the mesh is.
+        other_elements = 0.0 if self.problem.alike else _HALF * self.error[1] / self.error[0]
+        for name, value in values.items():
+            self.own[name] = MARGIN * own[name] + round_off
+            self._figure(name, value, max(self.own[name], other_elements))
+        self.lines["beside ours"] = self._said(self.own)
+
+    def _said(self, names: Iterable[str]) -> str:
+        """Return some measures with their thresholds in words."""
+        shown = {name: self.figures[name] for name in names}
+        return ", ".join(
+            f"{_MEASURES[name]} {_percent(one['value'])} (at most {_percent(one['threshold'])})"
+            for name, one in shown.items()
+        )
+
+    def _away(self, v: Floats, w: Floats) -> dict[str, float]:
+        """Return how far two displacements, and the contact forces that are read from them, are
+        apart, relative to ours.
+        """
+        away = {"displacement": _largest(v - w) / _largest(self.ours.displacement)}
+        if self.ours.solution.contact is not None and self.ours.force() > 0:
+            away["force"] = abs(self._force(v) - self._force(w)) / self.ours.force()
+        return away
+
+    def _away_from(self, w: Floats) -> dict[str, float]:
+        """Return the same of the result and a solution on this mesh, or what its finer mesh would
+        make of it.
+        """
+        on_mesh = self._away(self.v, w)
+        on_finer = self._away(self.v, w + self.read_finer - self.ours.displacement)
+        return {name: min(value, on_finer[name]) for name, value in on_mesh.items()}
+
+    def _force(self, v: Floats) -> float:
+        return self.ours.force(self.ours.tractions(v)[0])
 
     def _head(self, size: float, error: float, distance: float, printed: float) -> None:
         theirs = self.theirs
@@ -442,6 +500,11 @@ class _Judging:
         if node >= len(self.problem.names):
             return f"({x})"
         return f"node {self.problem.names[node]} ({x})"
+
+
+def _largest(u: Floats) -> float:
+    """Return the length of the largest of several vectors, shape (n, d)."""
+    return float(np.linalg.norm(u, axis=1).max())
 
 
 def _percent(value: float) -> str:

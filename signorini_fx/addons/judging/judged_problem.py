@@ -4,6 +4,7 @@ result; our solution of it on one mesh, and what another displacement of that me
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -18,6 +19,7 @@ import scipy.sparse as sp
 from dolfinx import fem
 from mpi4py import MPI
 from scipy.sparse.linalg import lsqr, splu
+from scipy.spatial import cKDTree
 
 from signorini_fx.addons.decks.draft import draft
 from signorini_fx.machine import compat
@@ -33,6 +35,8 @@ from signorini_fx.scenes.reading import as_scene, parse_scene_text
 from signorini_fx.scenes.scene import Scene
 from signorini_fx.scenes.solver import solve
 
+# Elements with all nodes and points.  CalculiX makes solids of plane stress, which are others.
+_LIKE_OURS = re.compile(r"(CPE|CAX)[346]|C3D(4|8|10)")
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
 
@@ -47,6 +51,7 @@ class JudgedProblem:
     names: Ints
     lost: tuple[str, ...] = ()  # what the scene lacks of its input file
     time: float | None = None  # at the end of the last load step; None: not known
+    alike: bool = True  # whether elements like ours have made the result, as far as it is known
 
     @property
     def unjudged(self) -> str:
@@ -88,9 +93,13 @@ def judged_problem(problem: object) -> JudgedProblem:
         drafted = draft(file, file)
         scene = parse_scene_text(drafted.text, file)
         deck = drafted.deck
-        return JudgedProblem(
-            scene, deck.mesh, deck.names, tuple(drafted.lost), deck.time + deck.period
+        alike = all(
+            _LIKE_OURS.fullmatch(block.parameters["TYPE"].upper()) is not None
+            for block in deck.model.blocks
+            if block.keyword == "ELEMENT"
         )
+        end = deck.time + deck.period
+        return JudgedProblem(scene, deck.mesh, deck.names, tuple(drafted.lost), end, alike)
     scene = as_scene(problem)
     mesh = load_mesh(scene, MPI.COMM_SELF)
     check_fits(scene.statement, mesh)
@@ -101,7 +110,8 @@ def judged_problem(problem: object) -> JudgedProblem:
     contacts = [
         contact.model_copy(update={"contact_size": None}) for contact in scene.contact
     ]  # cells are made
-    scene = scene.model_copy(update={"contact": contacts})
+    solver = scene.solver.model_copy(update={"levels": 1})  # it is solved on this mesh and the next
+    scene = scene.model_copy(update={"contact": contacts, "solver": solver})
     return JudgedProblem(scene, arrays, names)
 
 
@@ -140,6 +150,12 @@ class SolutionOnMesh:
         # What is done to positions, which the shape functions of the cells interpolate, is done to
         # displacements, too.
         return halved(replace(self.arrays, points=u)).points
+
+    def from_finer(self, finer: SolutionOnMesh) -> Floats:
+        """Return the displacement of a finer mesh at the nodes of this one, shape (n, d)."""
+        # A node of both meshes keeps its marks.
+        marks = np.random.default_rng(0).random(self.arrays.points.shape)
+        return finer.displacement[cKDTree(self.on_finer(marks)).query(marks)[1]]
 
     def with_entries(self, entries: Mapping[str, Any]) -> Floats:
         """The displacement that solves the problem with other entries of its scene."""
