@@ -7,6 +7,7 @@ from __future__ import annotations
 import re
 import tomllib
 from collections.abc import Mapping
+from datetime import date, time
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Literal, get_origin
@@ -145,9 +146,11 @@ def parsed_change(text: str) -> tuple[str, Any]:
             f"PATH=VALUE is expected, such as contact[0].friction.coefficient=0.3, got {text!r}"
         )
     try:
-        return path, tomllib.loads(f"value = {value_text}")["value"]
+        value = tomllib.loads(f"value = {value_text}")["value"]
     except ValueError:
         return path, value_text.strip()
+    # A scene has no dates: 10:40:16 is a range.
+    return path, value_text.strip() if isinstance(value, date | time) else value
 
 
 def way_of(path: str) -> list[str | int]:

@@ -7,7 +7,9 @@ gaps and friction of rigid foundations differ it has the condensed elastic syste
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -17,17 +19,24 @@ from mpi4py import MPI
 
 from signorini_fx.algebra.algorithms.task import Task
 from signorini_fx.algebra.linalg import petsc_options
+from signorini_fx.errors import SceneError
+from signorini_fx.machine import manifest, parallel
+from signorini_fx.machine.result_files import write_csv
 from signorini_fx.mechanics.body.discretisation import with_gap_and_friction
 from signorini_fx.records import History, Status, Timings
+from signorini_fx.results.files import write_results
+from signorini_fx.results.folder import ResultFolder
 from signorini_fx.results.solution import Solution
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import as_scene, changed, parse_scene
 from signorini_fx.scenes.scene import Scene
 from signorini_fx.scenes.solver import refuse_other_than_comm, solve
+from signorini_fx.solving.checkpointed_steps import described_scene
 from signorini_fx.solving.findings import refuse_beforehand
 from signorini_fx.solving.solve_on_mesh import contact_task, solve_contact, solve_mesh
 from signorini_fx.tuned import ZERO_IN_SOLUTION
 
+_TABLE, _STORED = "sweep.csv", "sweep.json"
 # The figures of a row.
 FIGURES = (
     "contact_force",
@@ -115,6 +124,77 @@ def _same_system(scene: Scene, last: Scene) -> bool:
         and effect.model_copy(update={"gap": rival.gap, "friction": rival.friction}) == rival
         for effect, rival in zip(scene.contact, last.contact, strict=True)
     )
+
+
+class SweepFolder(ResultFolder):
+    """The folder of a sweep: its table, and a result folder for each value, ``001`` and so on.
+
+    Every value is stored as soon as it is solved.  Every method is collective.
+    ``rows``: of the values that are stored, in their order.
+    """
+
+    def __init__(
+        self,
+        comm: MPI.Comm,
+        path: Path,
+        scene: Scene,
+        entry: str,
+        values: Sequence[Any],
+    ) -> None:
+        super().__init__(comm, path, (_TABLE, _STORED))
+        self._values = values
+        study = {"entry": entry, "values": list(values), "scene": described_scene(scene)}
+        self._study = json.loads(json.dumps(study))
+        self.rows: list[dict[str, Any]] = []
+
+    def recall(self) -> None:
+        """Take the values that a sweep has stored before it was killed.
+
+        Raises:
+            SceneError: it is another sweep.
+        """
+        self.rows = parallel.on_root(self._comm, self._stored)
+
+    def store(self, solution: Solution) -> dict[str, Any]:
+        """Write the result of the next value, and return its row."""
+        first = not self.rows
+        number = len(self.rows) + 1
+        if first:
+            parallel.on_root(self._comm, self._remove_older)
+        write_results(solution, self.path / f"{number:03d}", fields=False, pictures=False)
+        self.rows.append(row_of(self._values[number - 1], solution))
+        parallel.on_root(self._comm, self._write)
+        if first:
+            self.commit()
+        else:
+            self.add()
+        return self.rows[-1]
+
+    def _remove_older(self) -> None:
+        """Remove the results of the values of an earlier sweep."""
+        for folder in self.path.glob("[0-9][0-9][0-9]*"):
+            if (folder / manifest.MANIFEST).is_file():
+                manifest.remove(folder)
+                (folder / manifest.MANIFEST).unlink()
+                with suppress(OSError):  # there is something else in it
+                    folder.rmdir()
+
+    def _write(self) -> None:
+        write_csv(self.part / _TABLE, self.rows)
+        stored = {"study": self._study, "rows": self.rows}
+        (self.part / _STORED).write_text(json.dumps(stored), encoding="utf-8")
+
+    def _stored(self) -> list[dict[str, Any]]:
+        """The rows of an earlier run; on one rank."""
+        try:
+            stored = json.loads((self.path / _STORED).read_text(encoding="utf-8"))
+        except (OSError, ValueError):
+            return []
+        for key, value in self._study.items():
+            if stored["study"][key] != value:
+                reason = "is another one in the sweep to go on from: leave out --restart"
+                raise SceneError([(key, reason)])
+        return list(stored["rows"])
 
 
 def row_of(value: Any, solution: Solution) -> dict[str, Any]:

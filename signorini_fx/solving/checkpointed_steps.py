@@ -198,7 +198,7 @@ class MeshCheckpoint:
                 manifest.add(
                     self.path.parent, [f"{CHECKPOINT}/{name}" for name in (_SCENE, manifest.PART)]
                 )
-                description = {"format": _FORMAT, "scene": _described(self._scene)}
+                description = {"format": _FORMAT, "scene": described_scene(self._scene)}
                 (self.path / _SCENE).write_text(json.dumps(description), encoding="utf-8")
             manifest.begin_part(self.path)
             for name, values in fields.items():
@@ -300,7 +300,7 @@ class MeshCheckpoint:
             stored_scene = description["scene"]
         except (OSError, ValueError, KeyError, TypeError):
             return {}
-        differences = list(_differences(stored_scene, _described(self._scene)))
+        differences = list(_differences(stored_scene, described_scene(self._scene)))
         if differences:
             remedy = f"restore it, or solve without restart, which removes {self.path}"
             raise SceneError(
@@ -352,7 +352,7 @@ def _read_field(path: Path, function: fem.Function) -> None:
     function.x.array.reshape(-1, size)[nodes.ravel()] = rows.reshape(-1, size)
 
 
-def _described(scene: BaseModel | Mapping[str, Any]) -> dict[str, Any]:
+def described_scene(scene: BaseModel | Mapping[str, Any]) -> dict[str, Any]:
     """The scene as JSON with all defaults, its files by content, without what changes no result:
     title, remarks.
     """

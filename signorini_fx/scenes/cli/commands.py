@@ -157,23 +157,26 @@ def solve(options: argparse.Namespace, comm: MPI.Comm) -> int:
 
 def sweep(options: argparse.Namespace, comm: MPI.Comm) -> int:
     """Solve a scene for several values of one of its entries."""
-    from signorini_fx.machine import parallel
-    from signorini_fx.machine.result_files import write_csv
     from signorini_fx.records import Status
-    from signorini_fx.results.folder import ResultFolder
     from signorini_fx.scenes import sweep as study
 
     path = options.out or Path("results") / f"sweep_{options.scene.stem}"
     entry, values = several_values(changes(options))
-    solutions = study.sweep(_read_scene(options, comm, leave_out=entry), entry, values, comm)
-    rows = []
-    with ResultFolder(comm, path, ("sweep.csv",)) as folder:
+    scene = _read_scene(options, comm, leave_out=entry)
+    with study.SweepFolder(comm, path, scene, entry, values) as folder:
+        if options.restart:
+            folder.recall()
         terminal.say_once(comm, study.heading(entry))
-        for value, solution in zip(values, solutions, strict=True):
-            rows.append(study.row_of(value, solution))
-            terminal.say_once(comm, study.line_of(rows[-1]))
-        parallel.on_root(comm, lambda: write_csv(folder.part / "sweep.csv", rows))
-        folder.commit()
+        solutions = study.sweep(scene, entry, values[len(folder.rows) :], comm)
+        for row in folder.rows:
+            terminal.say_once(comm, study.line_of(row))
+        try:
+            for solution in solutions:
+                terminal.say_once(comm, study.line_of(folder.store(solution)))
+        except KeyboardInterrupt:
+            done = f"{len(folder.rows)} of {len(values)} values are in {path}/"
+            raise KeyboardInterrupt(f": {done}; --restart goes on from there") from None
+    rows = folder.rows
     terminal.say_once(comm, f"results: {path}/")
     return (
         EXIT_OK

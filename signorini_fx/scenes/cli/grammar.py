@@ -151,6 +151,9 @@ def parser() -> argparse.ArgumentParser:
     )
     judge.add_argument("--json", **flag, help="print JSON instead of text")
     sweep.add_argument(
+        "--restart", **flag, help="continue a killed sweep after its last complete value"
+    )
+    sweep.add_argument(
         "--out", **folder, help="folder (default: results/sweep_NAME of the scene file)"
     )
     for command in (solve, check, sweep):
