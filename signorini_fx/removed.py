@@ -80,13 +80,13 @@ INSTEAD: dict[str, str] = {
 }
 
 
-def removal(name: str) -> str:
+def removal(name: str, *, whole: bool = False) -> str:
     """What to say of a key that is not known, such as ``was removed: use 'alm'``; "": it has never
-    been there.  A path may begin below the top of the scene, as that of a table made in Python
-    does.
+    been there.  Unless it is ``whole``, a path may begin below the top of the scene, as that of a
+    table made in Python does.
     """
     path = re.sub(r"\[\d+\]", "", name)
     for removed, instead in INSTEAD.items():
-        if removed == path or removed.endswith(f".{path}"):
+        if removed == path or (not whole and removed.endswith(f".{path}")):
             return f"was removed: {instead}"
     return ""

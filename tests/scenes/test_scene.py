@@ -332,3 +332,11 @@ def test_random_mistake(path, value):
 def test_random_text(text):
     """Text of any kind as a scene file never raises anything but SceneError."""
     refused_or_valid(lambda: parse_scene_text(text, Path("random.toml")))
+
+
+def test_a_key_at_the_top_is_told_its_table():
+    """Not the removal of a key of the same name in another table."""
+    data = {"file": "part.msh", "material": {"young": 1.0, "poisson": 0.3}}
+    with pytest.raises(SceneError) as error:
+        parse_scene(data)
+    assert ("file", "unknown key here: it belongs to [mesh] or [temperature]") in error.value.problems

@@ -232,7 +232,7 @@ def _problem(detail: Any, data: Mapping[str, Any], model: type[BaseModel]) -> tu
     entry = detail.get("input")
     if detail["type"].startswith("union_tag"):
         path += ".law"
-    if removal := _removal(detail, path):
+    if removal := _removal(detail, path, whole=model.__name__ == "Scene"):
         return path, removal
     if detail["type"] == "extra_forbidden":
         message += _meant(str(detail["loc"][-1]), model)
@@ -245,18 +245,18 @@ def _problem(detail: Any, data: Mapping[str, Any], model: type[BaseModel]) -> tu
     return path or "scene", message
 
 
-def _removal(detail: Any, path: str) -> str:
+def _removal(detail: Any, path: str, *, whole: bool) -> str:
     """What to do instead, if the key at this path or its value has left this package; "": it has
     not.
     """
     match detail:
         case {"type": "extra_forbidden"}:
-            return removal(path)
+            return removal(path, whole=whole)
         case {"type": "union_tag_invalid", "ctx": {"tag": value}} | {
             "type": "literal_error",
             "input": str(value),
         }:
-            advice = removal(f"{path} = {value}")
+            advice = removal(f"{path} = {value}", whole=whole)
             return f"{value!r} {advice}" if advice else ""
     return ""
 
@@ -275,26 +275,31 @@ def _meant(key: str, model: type[BaseModel]) -> str:
         return f": {_ELSEWHERE[key]}"
     if key in model.model_fields and model.__name__ == "Scene":
         return f" here: {key!r} belongs to the top level of the scene, above the first [table]"
-    tables = {
-        name: getattr(field.annotation, "model_fields", {})
+    homes = [
+        f"[{name}]"
         for name, field in model.model_fields.items()
-    }
-    home = next((name for name, fields in tables.items() if key in fields), None)
-    if home is not None:
-        return f" here: it belongs to [{home}]"
+        if any(key in table.model_fields for table in _own_tables(field.annotation))
+    ]
+    if 0 < len(homes) <= 3:
+        return f" here: it belongs to {' or '.join(homes)}"
     similar = difflib.get_close_matches(key, _keys(BaseModel), n=1, cutoff=0.75)
     if not similar or key in similar:
         return ": signorini-fx new writes a scene that explains all keys"
     return f": did you mean {similar[0]!r}?"
 
 
+def _own_tables(annotation: Any) -> set[type[BaseModel]]:
+    """The tables that an annotation allows."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return {annotation}
+    return set().union(*map(_own_tables, get_args(annotation)))
+
+
 def tables(annotation: Any) -> set[type[BaseModel]]:
     """The tables that an annotation allows, and those in them."""
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return {annotation}.union(
-            *(tables(field.annotation) for field in annotation.model_fields.values())
-        )
-    return set().union(*map(tables, get_args(annotation)))
+    own = _own_tables(annotation)
+    inner = (tables(field.annotation) for table in own for field in table.model_fields.values())
+    return own.union(*inner)
 
 
 def _keys(model: type[BaseModel]) -> set[str]:
