@@ -3,6 +3,25 @@ of Kunisch & Stadler.
 
 ``from signorini_fx import Scene, read_scene, solve``.  dolfinx is imported when it is first needed,
 not before.
+
+The examples of the public names begin with these lines::
+
+    import numpy as np
+    import ufl
+    from dolfinx import fem
+    from mpi4py import MPI
+    import signorini_fx as sfx
+
+    block = sfx.generate_mesh("rectangle", {"length": 2.0, "nx": 8, "ny": 4}, MPI.COMM_WORLD)
+    cube = sfx.generate_mesh("box", {"nx": 2, "ny": 2, "nz": 2}, MPI.COMM_WORLD)
+    steel = sfx.LinearElastic(young=1000.0, poisson=0.3)
+    left = sfx.PrescribedDisplacement(boundary="left", x=0.0)
+    pressed = sfx.SurfaceTraction(boundary="top", pressure=2.0)
+    below = sfx.UnilateralContact(boundary="bottom")
+    scene = sfx.Scene(
+        mesh=block, material=steel, displacement=left, traction=pressed, contact=below
+    )
+    solution = sfx.solve(scene)
 """
 
 from __future__ import annotations

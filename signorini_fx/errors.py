@@ -8,7 +8,15 @@ from typing import Any
 
 
 class SignoriniError(Exception):
-    """Base class: catch it to catch everything that this package raises on purpose."""
+    """Base class: catch it to catch everything that this package raises on purpose.
+
+    Examples:
+        >>> try:
+        ...     sfx.read_scene("no.toml")
+        ... except sfx.SignoriniError as error:
+        ...     print(type(error).__name__, len(error.problems))
+        SceneError 1
+    """
 
 
 class SceneError(SignoriniError):
@@ -17,6 +25,13 @@ class SceneError(SignoriniError):
     Attributes:
         problems: every error found, as (path of the key in the scene, what is wrong and what is
             allowed).
+
+    Examples:
+        >>> try:
+        ...     sfx.LinearElastic(young=-1.0, poisson=0.7)
+        ... except sfx.SceneError as error:
+        ...     print(len(error.problems), error.problems[0])
+        2 ('young', 'must be greater than 0, got -1.0')
     """
 
     def __init__(self, problems: list[tuple[str, str]], source: str = "scene") -> None:
@@ -39,7 +54,15 @@ class SceneError(SignoriniError):
 
 
 class FormError(SceneError, ValueError):
-    """An argument of ``ContactProblem`` or ``NonlinearContactProblem`` is wrong."""
+    """An argument of ``ContactProblem`` or ``NonlinearContactProblem`` is wrong.
+
+    Examples:
+        >>> try:
+        ...     sfx.Coulomb(-0.3)
+        ... except sfx.FormError as error:
+        ...     print(len(error.problems), error.problems[0])
+        1 ('coefficient', 'must not be negative, got -0.3')
+    """
 
     def __init__(self, problems: list[tuple[str, str]], source: str = "contact problem") -> None:
         super().__init__(problems, source)
@@ -60,16 +83,35 @@ def together(*checks: Callable[[], Any]) -> list[Any]:
 
 
 class MeshError(SignoriniError):
-    """The mesh cannot be read or generated, or lacks something that the scene needs."""
+    """The mesh cannot be read or generated, or lacks something that the scene needs.
+
+    Examples:
+        >>> try:
+        ...     block.facets("lid")
+        ... except sfx.MeshError as error:
+        ...     print(str(error).count("'lid'"))
+        1
+    """
 
 
 class OptionsError(SignoriniError):
-    """PETSc does not accept an option that the user has set."""
+    """PETSc does not accept an option that the user has set.
+
+    Examples:
+        >>> error = sfx.OptionsError("unknown")
+        >>> print(isinstance(error, sfx.SignoriniError), len(error.args))
+        True 1
+    """
 
 
 class MachineError(SignoriniError):
     """The machine lacks what every solve needs: a C compiler, memory, a folder that can be
     written.
+
+    Examples:
+        >>> error = sfx.MachineError("no compiler")
+        >>> print(isinstance(error, sfx.SignoriniError), len(error.args))
+        True 1
     """
 
 
@@ -82,7 +124,13 @@ PYVISTA = "PyVista with VTK 9.4 or later (pip install pyvista)"
 
 
 class PictureError(SignoriniError):
-    """A picture cannot be drawn on this machine."""
+    """A picture cannot be drawn on this machine.
+
+    Examples:
+        >>> error = sfx.PictureError("no PyVista")
+        >>> print(isinstance(error, sfx.SignoriniError), len(error.args))
+        True 1
+    """
 
 
 def cannot_be_written(path: object, error: Exception) -> OutputError:
@@ -97,7 +145,16 @@ class ResultError(SignoriniError):
 
 
 class InstallationError(SignoriniError, ImportError):
-    """What is installed lacks something, or cannot be used."""
+    """What is installed lacks something, or cannot be used.
+
+    Examples:
+        >>> from signorini_fx.extensions import register
+        >>> try:
+        ...     register("signorini_fx.unknown", "mine", None)
+        ... except sfx.InstallationError as error:
+        ...     print(str(error).count("signorini_fx.unknown"))
+        1
+    """
 
 
 class MissingPackageError(InstallationError):

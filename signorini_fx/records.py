@@ -31,7 +31,12 @@ REPORTED = ("displacement", "penetration", "complementarity", "stick_slip")
 
 
 class Status(Enum):
-    """How a solve ended.  Every member has a sentence that tells the user what to do."""
+    """How a solve ended.  Every member has a sentence that tells the user what to do.
+
+    Examples:
+        >>> print(solution.status is sfx.Status.CONVERGED, solution.status.value)
+        True converged
+    """
 
     CONVERGED = "converged"
     MAX_ITERATIONS = "maximum iterations reached"

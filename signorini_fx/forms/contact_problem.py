@@ -309,6 +309,17 @@ class ContactProblem(ProblemOfForms):
     Raises:
         FormError: an argument is wrong.
         MachineError: a form cannot be compiled.
+
+    Examples:
+        >>> V = fem.functionspace(block.mesh, ("Lagrange", 1, (2,)))
+        >>> u, v = ufl.TrialFunction(V), ufl.TestFunction(V)
+        >>> a = 1000.0 * ufl.inner(ufl.sym(ufl.grad(u)), ufl.sym(ufl.grad(v))) * ufl.dx
+        >>> L = ufl.inner(fem.Constant(block.mesh, (0.1, -2.0)), v) * ufl.dx
+        >>> bottom = sfx.Foundation(block.facets("bottom"), friction=sfx.Coulomb(0.3))
+        >>> problem = sfx.ContactProblem(a, L, contact=bottom)
+        >>> y = problem.solve()
+        >>> print(problem.status.value, np.round(problem.state.forces, 6).tolist())
+        converged [[0.0, 4.0], [-0.2, 0.0]]
     """
 
     def __init__(

@@ -129,6 +129,18 @@ def solve_nested(
         ConvergenceError: there is no solution; its ``solution`` has the last iterate.
         FormError: an argument is wrong; see also ``ContactProblem``.
         MeshError: the cells cannot be divided.
+
+    Examples:
+        >>> def make(mesh):
+        ...     V = fem.functionspace(mesh.mesh, ("Lagrange", 1, (2,)))
+        ...     u, v = ufl.TrialFunction(V), ufl.TestFunction(V)
+        ...     a, L = ufl.inner(ufl.grad(u), ufl.grad(v)) * ufl.dx, -0.01 * v[1] * ufl.dx
+        ...     rough = sfx.Foundation(mesh.facets("bottom"), friction=sfx.Coulomb(0.3))
+        ...     return sfx.ContactProblem(a, L, contact=rough, stress=ufl.grad)
+        >>> size = {"nx": 4, "ny": 2, "cell": "triangle"}
+        >>> mesh = sfx.generate_mesh("rectangle", size, MPI.COMM_WORLD)
+        >>> print([row.dofs for row in sfx.solve_nested(make, mesh, levels=2).convergence_table])
+        [30, 90, 270]
     """
     if not isinstance(levels, int) or levels < 1:
         raise FormError(
@@ -176,6 +188,19 @@ def solve_to_accuracy(
             the last mesh.
         FormError: an argument is wrong; see also ``ContactProblem``.
         MeshError: the cells cannot be divided.
+
+    Examples:
+        >>> def make(mesh):
+        ...     V = fem.functionspace(mesh.mesh, ("Lagrange", 1, (2,)))
+        ...     u, v = ufl.TrialFunction(V), ufl.TestFunction(V)
+        ...     a, L = ufl.inner(ufl.grad(u), ufl.grad(v)) * ufl.dx, -0.01 * v[1] * ufl.dx
+        ...     rough = sfx.Foundation(mesh.facets("bottom"), friction=sfx.Coulomb(0.3))
+        ...     return sfx.ContactProblem(a, L, contact=rough, stress=ufl.grad)
+        >>> size = {"nx": 4, "ny": 2, "cell": "triangle"}
+        >>> mesh = sfx.generate_mesh("rectangle", size, MPI.COMM_WORLD)
+        >>> table = sfx.solve_to_accuracy(make, mesh, sfx.Accuracy(target=0.2)).convergence_table
+        >>> print(table[-2].energy < 0.2, [row.dofs for row in table][:1])
+        True [30]
     """
     first = _first(make, mesh, observers)
     adaptive = accuracy.refinement == "adaptive"

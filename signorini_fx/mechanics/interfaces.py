@@ -39,6 +39,11 @@ class Foundation:
             ``shape`` has a force, a moment, or prescribed components.
         against, allowance, reach, adjust, by_geometry, sliding: those of a ``Pair``: there is no
             other side.
+
+    Examples:
+        >>> bottom = sfx.Foundation(block.facets("bottom"), gap=0.001, friction=sfx.Coulomb(0.3))
+        >>> print(len(bottom.facets), bottom.friction.coefficient)
+        8 0.3
     """
 
     facets: Any
@@ -90,6 +95,11 @@ class Pair:
             effect on linear bodies, which never slide that far.
         reach: distance beyond which facets are no partners, length; None: a default from the sizes
         of both sides. shape, direction: those of a ``Foundation``: there is none.
+
+    Examples:
+        >>> pair = sfx.Pair(block.facets("bottom"), block.facets("top"), friction=sfx.Coulomb(0.3))
+        >>> print(pair.friction.coefficient)
+        0.3
     """
 
     facets: Any

@@ -515,6 +515,13 @@ def read_results(folder: str | os.PathLike[str]) -> Results:
 
     Raises:
         ResultError: it is none, or its summary is not as ``solve`` writes it.
+
+    Examples:
+        >>> import tempfile
+        >>> folder = tempfile.mkdtemp() + "/block"
+        >>> _ = sfx.write_results(solution, folder, fields=False, pictures=False)
+        >>> print(np.round(sfx.read_results(folder).summary.contact_force, 6))
+        [0. 4.]
     """
     path = Path(folder)
     summary = read_summary(path)
@@ -539,6 +546,15 @@ class Quantity:
         title: what it is, in words.
         unit: what it is measured in, a word of ``units.names_of`` such as ``force``; "": it has no
             unit.
+
+    Examples:
+        >>> class Peak(sfx.Quantity):
+        ...     key, title, unit = "peak", "Largest pressure.", "stress"
+        ...
+        ...     def value(self, solution):
+        ...         return float(solution.table.columns["pressure"].max())
+        >>> print(round(Peak().value(solution), 6))
+        2.0
     """
 
     key: str

@@ -112,6 +112,13 @@ def write_results(
         InstallationError: pictures of certain fields are asked for, and the add-on is missing.
         OutputError: something could not be written, or a file is in the way that is no result; an
             older result is still there, or there is no summary.json.
+
+    Examples:
+        >>> import tempfile
+        >>> folder = tempfile.mkdtemp() + "/block"
+        >>> summary = sfx.write_results(solution, folder, fields=False, pictures=False)
+        >>> print(summary["status"], np.round(summary["contact_force"], 6))
+        converged [0. 4.]
     """
     if not isinstance(solution, Solution):
         raise TypeError(f"write_results takes a Solution and a folder, not {kind_of(solution)}")

@@ -27,6 +27,12 @@ class ProgressLine(AbstractContextManager["ProgressLine"]):
     Rank 0 of all ranks shows it: below the cell of a notebook, or at the bottom of a terminal
     (standard error). It is erased at the end, and before anything else is printed ``erase`` must be
     called. Without either nothing is written.
+
+    Examples:
+        >>> with sfx.ProgressLine() as line:
+        ...     result = sfx.solve(scene, observers=[line])
+        >>> print(np.round(result.contact.forces[0], 6))
+        [0. 4.]
     """
 
     def __init__(self) -> None:

@@ -79,6 +79,10 @@ class Solution:
         levels: the meshes of a nested iteration, coarsest first; otherwise empty.
         convergence_table: errors and cost of each of them, and predictions for the next one;
             otherwise empty.
+
+    Examples:
+        >>> print(np.round(solution.contact.forces[0], 6), solution.certificate.holds)
+        [0. 4.] True
     """
 
     status: Status
@@ -463,6 +467,14 @@ class ConvergenceError(SignoriniError):
     Attributes:
         solution: the last iterate with its status, history and certificate: a ``Solution``, or the
             ``ContactProblem`` or ``NonlinearContactProblem`` whose ``solve`` was called.
+
+    Examples:
+        >>> lifted = sfx.SurfaceTraction(boundary="top", y=1.0)
+        >>> try:
+        ...     sfx.solve(scene.model_copy(update={"traction": lifted}))
+        ... except sfx.ConvergenceError as error:
+        ...     print(error.solution.status.name, error.solution.history.linear_solves)
+        OPEN 0
     """
 
     def __init__(self, solution: Any, message: str | None = None) -> None:

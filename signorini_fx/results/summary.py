@@ -138,6 +138,12 @@ def print_progress(record: Record) -> None:
 
     Rank 0 of all ranks prints. To be used as ``solve(scene, observers=[print_progress])``, in a
     script or a notebook.
+
+    Examples:
+        >>> records = []
+        >>> result = sfx.solve(scene, observers=[records.append])  # or [sfx.print_progress]
+        >>> print(len(result.history.iterations), len(records))
+        1 2
     """
     say_once(MPI.COMM_WORLD, table_row(record))
 

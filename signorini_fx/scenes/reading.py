@@ -113,6 +113,16 @@ def read_scene(path: str | Path) -> Scene:
     Raises:
         TypeError: the argument is not a path.
         SceneError: a syntax error with line and column, or all errors of the content at once.
+
+    Examples:
+        >>> import tempfile
+        >>> file = tempfile.mkdtemp() + "/scene.toml"
+        >>> with open(file, "w") as out:
+        ...     print("mesh = { generator = 'rectangle', parameters = { nx = 8 } }", file=out)
+        ...     print("material = { young = 1000.0, poisson = 0.3 }", file=out)
+        ...     print("contact = { boundary = 'bottom' }", file=out)
+        >>> print(sfx.read_scene(file).material[0].young)
+        1000.0
     """
     if not isinstance(path, str | Path):
         raise TypeError(f"the path of a scene file is expected, not {kind_of(path)}")

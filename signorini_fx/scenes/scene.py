@@ -85,6 +85,17 @@ class Scene(Table):
         solver: algorithms, their parameters and limits.
         accuracy: the accuracy to be reached by refinement; None: no refinement.
         units: names of units for labels.
+
+    Examples:
+        >>> cubic = sfx.Scene(
+        ...     mesh=cube,
+        ...     material=steel,
+        ...     displacement=[left, sfx.PrescribedDisplacement(boundary="front", y=0.0)],
+        ...     traction=sfx.SurfaceTraction(boundary="top", pressure=2.0),
+        ...     contact=sfx.UnilateralContact(boundary="bottom"),
+        ... )
+        >>> print(np.round(sfx.solve(cubic).contact.forces[0], 6))
+        [0. 0. 6.]
     """
 
     title: str = ""

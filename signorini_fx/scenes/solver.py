@@ -63,6 +63,11 @@ def solve(
         MachineError: a form cannot be compiled.
         InstallationError: a quantity of another package cannot be used.
         ConvergenceError: no solution was reached; it carries the last iterate.
+
+    Examples:
+        >>> result = sfx.solve(scene)
+        >>> print(result.status.value, np.round(result.contact.forces[0], 6))
+        converged [0. 4.]
     """
     scene = as_scene(scene)
     refuse_other_than_comm(comm)

@@ -67,6 +67,11 @@ def sweep(
         TypeError: an argument is of the wrong kind.
         SceneError: there is no such entry, or a value is wrong; all are looked at before the first
             solve.
+
+    Examples:
+        >>> results = sfx.sweep(scene, "material.young", [500.0, 1000.0])
+        >>> print([float(round(result.contact.forces[0][1], 6)) for result in results])
+        [4.0, 4.0]
     """
     scene = as_scene(scene)
     refuse_other_than_comm(comm)

@@ -85,6 +85,7 @@ def scene_schema() -> dict[str, Any]:
         if get_origin(field.annotation) is not tuple:
             continue
         schema["properties"][name] = {"anyOf": [one_or_many["items"], one_or_many]}
+    _describe(schema, model)
     schema["title"] = "signorini-fx scene"
     return {"$schema": "http://json-schema.org/draft-07/schema#", **schema}
 

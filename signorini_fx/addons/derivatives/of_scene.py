@@ -160,6 +160,11 @@ def sensitivity(
     Raises:
         SceneError: a result or a datum is not known, or has no derivative.
         ConvergenceError: the scene has no solution.
+
+    Examples:
+        >>> found = sfx.sensitivity(scene, "force bottom y", ["traction[0]"])
+        >>> print(round(found.value, 6), round(found["traction[0]"], 6))
+        4.0 4.0
     """
     scene = as_scene(scene)
     statement = scene.statement

@@ -123,6 +123,11 @@ def judge(problem: object, result: object) -> Judgement:
     Raises:
         MeshError: a file cannot be read, or the array has another shape.
         SceneError: the scene is wrong.
+
+    Examples:
+        >>> nodes = solution.displacement.x.array.reshape(-1, 2)
+        >>> print(sfx.judge(scene, nodes).agrees)
+        True
     """
     begun = time.perf_counter()
     stated = judged_problem(problem)

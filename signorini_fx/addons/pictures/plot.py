@@ -55,6 +55,11 @@ def plot(solution: Solution, *fields: str) -> Pictures:
         ValueError: there is no such field.
         OutputError: the folder for temporary files cannot be written.
         PictureError: the pictures cannot be drawn.
+
+    Examples:
+        >>> pictures = sfx.plot(solution)
+        >>> print(len(pictures.png), "deformed" in pictures.png)
+        2 True
     """
     comm = solution.comm
     folder = parallel.on_root(comm, lambda: Path(tempfile.mkdtemp()))
@@ -93,6 +98,10 @@ def pyvista_grid(solution: Solution) -> Any:
 
     Raises:
         PictureError: PyVista is not installed.
+
+    Examples:
+        >>> print(sfx.pyvista_grid(solution).n_cells)
+        32
     """
     if find_spec("pyvista") is None:
         raise PictureError(f"pyvista_grid needs {PYVISTA}")

@@ -178,6 +178,18 @@ class NonlinearContactProblem(ProblemOfForms):
     Raises:
         FormError: an argument is wrong.
         MachineError: a form cannot be compiled.
+
+    Examples:
+        >>> V = fem.functionspace(block.mesh, ("Lagrange", 1, (2,)))
+        >>> u, v = fem.Function(V), ufl.TestFunction(V)
+        >>> C = (ufl.Identity(2) + ufl.grad(u)).T * (ufl.Identity(2) + ufl.grad(u))
+        >>> energy = 100.0 * ufl.inner(C - ufl.Identity(2), C - ufl.Identity(2)) * ufl.dx
+        >>> F = ufl.derivative(energy, u, v) + 2.0 * v[1] * ufl.dx
+        >>> rough = sfx.Foundation(block.facets("bottom"), friction=sfx.Coulomb(0.5))
+        >>> problem = sfx.NonlinearContactProblem(F, u, contact=rough)
+        >>> y = problem.solve()
+        >>> print(np.round(problem.state.forces[0], 6))
+        [0. 4.]
     """
 
     _named_residual: ClassVar[str] = "F"

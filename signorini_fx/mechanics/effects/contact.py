@@ -88,6 +88,12 @@ class Contact(Effect):
             lie, wherever the surface of a ``foundation`` is.
         overclosure: how far unilateral contact gives way under its pressure, ``Overclosure``; None:
             not at all, but for ``gamma_n``.
+
+    Examples:
+        >>> contact = sfx.Contact(boundary="bottom", gap="0.001*x[0]")
+        >>> result = sfx.solve(scene.model_copy(update={"contact": contact}))
+        >>> print(np.round(result.contact.forces[0], 6))
+        [0. 4.]
     """
 
     key: ClassVar[str] = "contact"
@@ -246,19 +252,46 @@ class Contact(Effect):
 
 
 class UnilateralContact(Contact):
-    """A ``Contact`` that may open."""
+    """A ``Contact`` that may open.
+
+    Examples:
+        >>> contact = sfx.UnilateralContact(boundary="bottom", friction=sfx.Tresca(0.5))
+        >>> print(contact.kind, contact.friction.bound)
+        unilateral 0.5
+    """
 
     kind: Literal["unilateral"] = "unilateral"
 
 
 class BilateralContact(Contact):
-    """A ``Contact`` that cannot open."""
+    """A ``Contact`` that cannot open.
+
+    Examples:
+        >>> pulled = sfx.SurfaceTraction(boundary="top", y=3.0)
+        >>> held = sfx.BilateralContact(boundary="bottom")
+        >>> lifted = scene.model_copy(update={"traction": pulled, "contact": held})
+        >>> print(np.round(sfx.solve(lifted).contact.forces[0], 6))
+        [ 0. -6.]
+    """
 
     kind: Literal["bilateral"] = "bilateral"
 
 
 class BondedContact(Contact):
-    """A ``Contact`` that is a tie."""
+    """A ``Contact`` that is a tie.
+
+    Examples:
+        >>> mesh = sfx.MeshGenerator(generator="rectangle", parameters={"nx": 4, "ny": 2})
+        >>> upper = sfx.Body(name="up", mesh=mesh, shift=[0.0, 1.0])
+        >>> bodies = [sfx.Body(name="low", mesh=mesh), upper]
+        >>> glue = sfx.BondedContact(boundary="up.bottom", against="low.top")
+        >>> held = sfx.PrescribedDisplacement(boundary="low.bottom", x=0.0, y=0.0)
+        >>> pull = sfx.SurfaceTraction(boundary="up.top", y=1.0)
+        >>> loads = {"displacement": held, "traction": pull, "contact": glue}
+        >>> result = sfx.solve(sfx.Scene(body=bodies, material=steel, **loads))
+        >>> print(np.round(result.contact.forces[0], 6))
+        [ 0. -3.]
+    """
 
     kind: Literal["bonded"] = "bonded"
 

@@ -36,6 +36,13 @@ class PrescribedDisplacement(Load):
         holds: whether it holds in each load step; in the others nothing is prescribed; None: in
             all.
         factors: one number per load step; None: 1 in every step.
+
+    Examples:
+        >>> down = sfx.PrescribedDisplacement(boundary="top", y=-0.001)
+        >>> changes = {"traction": (), "displacement": (left, down)}
+        >>> result = sfx.solve(scene.model_copy(update=changes))
+        >>> print(np.round(result.contact.forces[0], 4))
+        [0.     2.1977]
     """
 
     key: ClassVar[str] = "displacement"

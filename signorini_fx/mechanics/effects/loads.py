@@ -54,6 +54,12 @@ class SurfaceTraction(VectorForce):
         pressure: pressure on the boundary, which acts along the inward normal, stress; at finite
             strains along that of the deformed boundary, and per deformed area.
         factors: one number per load step; None: 1 in every step.
+
+    Examples:
+        >>> pushed = sfx.SurfaceTraction(boundary="top", x=0.1, y="-2*x[0]")
+        >>> result = sfx.solve(scene.model_copy(update={"traction": pushed}))
+        >>> print(np.round(result.contact.forces[0], 6))
+        [0. 4.]
     """
 
     key: ClassVar[str] = "traction"
@@ -80,6 +86,12 @@ class TotalForce(VectorForce):
         spread: to what the force per area is proportional; its integral over the boundary must not
             be zero.
         factors: one number per load step; None: 1 in every step.
+
+    Examples:
+        >>> force = sfx.TotalForce(boundary="top", y=-5.0)
+        >>> result = sfx.solve(scene.model_copy(update={"traction": (), "force": force}))
+        >>> print(np.round(result.contact.forces[0], 6))
+        [0. 5.]
     """
 
     key: ClassVar[str] = "force"
@@ -104,6 +116,12 @@ class BodyForce(VectorForce):
         y: component along x[1], stress / length.
         z: component along x[2], stress / length; only in 3D.
         factors: one number per load step; None: 1 in every step.
+
+    Examples:
+        >>> weight = sfx.BodyForce(y=-1.0)  # per volume
+        >>> result = sfx.solve(scene.model_copy(update={"body_force": weight}))
+        >>> print(np.round(result.contact.forces[0], 6))
+        [0. 6.]
     """
 
 
@@ -115,6 +133,12 @@ class Gravity(VectorForce):
         y: component of the acceleration along x[1], length / time^2.
         z: component of the acceleration along x[2], length / time^2; only in 3D.
         factors: one number per load step; None: 1 in every step.
+
+    Examples:
+        >>> heavy = sfx.LinearElastic(young=1000.0, poisson=0.3, density=0.2)
+        >>> changes = {"material": heavy, "gravity": sfx.Gravity(y=-10.0)}
+        >>> print(np.round(sfx.solve(scene.model_copy(update=changes)).contact.forces[0], 6))
+        [0. 8.]
     """
 
     def contradictions(self, statement: Any, number: int) -> Contradictions:
@@ -133,6 +157,13 @@ class Rotation(Force):
         about: a point of the axis, length; None: the origin.
         axis: its direction, any length; None: perpendicular to the plane, in 3D along x[2].
         factors: one number per load step, which multiplies the force; None: 1 in every step.
+
+    Examples:
+        >>> heavy = sfx.LinearElastic(young=1000.0, poisson=0.3, density=0.2)
+        >>> changes = {"material": heavy, "rotation": sfx.Rotation(speed=3.0)}
+        >>> result = sfx.solve(scene.model_copy(update=changes))
+        >>> print(round(result.resultants.of("left").force[0], 6))
+        -3.6
     """
 
     value_keys: ClassVar[tuple[str, ...]] = ("speed",)
@@ -175,6 +206,12 @@ class Fluid(Force):
         weight: of the fluid, force per volume.
         up: the axis against gravity, ``x``, ``y`` or ``z``; None: y in 2D, z in 3D.
         factors: one number per load step; None: 1 in every step.
+
+    Examples:
+        >>> water = sfx.Fluid(boundary="top", level=3.0, weight=0.5)  # 2 above the top
+        >>> result = sfx.solve(scene.model_copy(update={"traction": (), "fluid": water}))
+        >>> print(np.round(result.contact.forces[0], 6))
+        [0. 2.]
     """
 
     value_keys: ClassVar[tuple[str, ...]] = ("level", "weight")
@@ -221,6 +258,12 @@ class PointForce(VectorForce):
         y: component along x[1], force (likewise).
         z: component along x[2], force; only in 3D.
         factors: one number per load step; None: 1 in every step.
+
+    Examples:
+        >>> force = sfx.PointForce(at=[1.0, 1.0], y=-3.0)
+        >>> result = sfx.solve(scene.model_copy(update={"point_force": force}))
+        >>> print(np.round(result.contact.forces[0], 6))
+        [0. 7.]
     """
 
     refuses: ClassVar[Mapping[str, Mapping[str, str]]] = {
@@ -253,6 +296,13 @@ class TemperatureChange(InitialStrain):
             body, between which they are interpolated linearly.
         region: name of the part of the body that it is in; None: all of it.
         factors: one number per load step; None: 1 in every step.
+
+    Examples:
+        >>> warm = sfx.LinearElastic(young=1000.0, poisson=0.3, expansion=1e-5)
+        >>> changes = {"material": warm, "temperature": sfx.TemperatureChange(change=100.0)}
+        >>> result = sfx.solve(scene.model_copy(update=changes))
+        >>> print(round(float(result.displacement.x.array[0::2].max()), 6))
+        0.00416
     """
 
     key: ClassVar[str] = "temperature"
@@ -295,6 +345,13 @@ class Springs(Resistance):
         x: stiffness per area along x[0], instead of the two, stress / length.
         y: stiffness per area along x[1], stress / length.
         z: stiffness per area along x[2], stress / length; only in 3D.
+
+    Examples:
+        >>> springs = sfx.Springs(boundary="bottom", normal=100.0)
+        >>> changes = {"contact": (), "springs": springs}
+        >>> result = sfx.solve(scene.model_copy(update=changes))
+        >>> print(np.round(result.resultants.of("bottom").force, 6))
+        [0. 4.]
     """
 
     value_keys: ClassVar[tuple[str, ...]] = ("normal", "tangential", "x", "y", "z")
@@ -343,6 +400,15 @@ class Preload(Load):
             to is kept.
         factors: one number per load step, by which force or shortening are multiplied; None: 1 in
             every step.
+
+    Examples:
+        >>> bar = sfx.LinearElastic(young=1000.0, poisson=0.0)
+        >>> right = sfx.PrescribedDisplacement(boundary="right", x=0.0)
+        >>> bolt = sfx.Preload(point=[1.0, 0.5], axis=[1.0, 0.0], shortening=0.001)
+        >>> changes = {"material": bar, "displacement": (left, right), "preload": bolt}
+        >>> result = sfx.solve(scene.model_copy(update=changes))
+        >>> print(round(result.resultants.of("right").force[0], 6))
+        0.5
     """
 
     value_keys: ClassVar[tuple[str, ...]] = ("force", "shortening")

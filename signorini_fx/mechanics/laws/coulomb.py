@@ -14,7 +14,14 @@ from signorini_fx.mechanics.laws.protocol import Array, Envelope, FrictionLaw, P
 
 
 class NoFriction(FrictionLaw):
-    """Frictionless contact."""
+    """Frictionless contact.
+
+    Examples:
+        >>> smooth = sfx.UnilateralContact(boundary="bottom", friction=sfx.NoFriction())
+        >>> result = sfx.solve(scene.model_copy(update={"contact": smooth}))
+        >>> print(np.round(result.contact.forces[1], 6))
+        [0. 0.]
+    """
 
     follows_pressure: ClassVar[bool] = False
     law: Literal["none"] = "none"
@@ -32,6 +39,13 @@ class Tresca(DirectedLaw):
 
     Attributes:
         bound: largest shear, stress.
+
+    Examples:
+        >>> pushed = sfx.SurfaceTraction(boundary="top", x=0.2, y=-2.0)
+        >>> rough = sfx.UnilateralContact(boundary="bottom", friction=sfx.Tresca(bound=0.4))
+        >>> changes = {"displacement": (), "traction": pushed, "contact": rough}
+        >>> print(np.round(sfx.solve(scene.model_copy(update=changes)).contact.forces[1], 6))
+        [-0.4  0. ]
     """
 
     follows_pressure: ClassVar[bool] = False
@@ -54,6 +68,13 @@ class Coulomb(DirectedLaw):
         coefficient: F, without unit.
         cap: largest shear that the contact can transmit, stress; None: no such limit.
         cohesion: shear that it transmits without pressure, stress, until it opens; None: none.
+
+    Examples:
+        >>> pushed = sfx.SurfaceTraction(boundary="top", x=0.2, y=-2.0)
+        >>> rough = sfx.UnilateralContact(boundary="bottom", friction=sfx.Coulomb(0.3))
+        >>> changes = {"displacement": (), "traction": pushed, "contact": rough}
+        >>> print(np.round(sfx.solve(scene.model_copy(update=changes)).contact.forces[1], 6))
+        [-0.4  0. ]
     """
 
     law: Literal["coulomb"] = "coulomb"

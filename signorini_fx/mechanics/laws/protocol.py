@@ -53,6 +53,11 @@ class FrictionLaw(Table):
 
     Attributes:
         law: its name.
+
+    Examples:
+        >>> law = sfx.Coulomb(0.3, cohesion="0.1*x[0]")
+        >>> print(isinstance(law, sfx.FrictionLaw), law.parameters["coefficient"])
+        True 0.3
     """
 
     # Whether the bound depends on the pressure; where it does not the problem is convex, and the

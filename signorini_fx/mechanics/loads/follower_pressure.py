@@ -36,6 +36,13 @@ def follower_pressure(pressure: Any, u: fem.Function, *, axisymmetric: bool = Fa
         u: the displacement, length.
         axisymmetric: whether the mesh is half of a section, x[0] is the radius, and the integral
             has its factor.
+
+    Examples:
+        >>> u = fem.Function(fem.functionspace(block.mesh, ("Lagrange", 1, (2,))))
+        >>> traction = sfx.follower_pressure(3.0, u)
+        >>> n = ufl.FacetNormal(block.mesh)
+        >>> print(round(fem.assemble_scalar(fem.form(ufl.inner(traction, n) * ufl.ds)), 6))
+        -18.0
     """
     kinematics = (
         AXISYMMETRIC if axisymmetric else CARTESIAN[int(u.function_space.mesh.geometry.dim)]

@@ -34,6 +34,12 @@ class NeoHooke(Hyperelastic):
         poisson: Poisson's ratio at small strains, in (-1, 0.5).
         isochoric: which energy: the second one is that of Abaqus, Ansys and CalculiX, with C10 =
             mu/2, D1 = 2/kappa.
+
+    Examples:
+        >>> soft = sfx.NeoHooke(law="neo-hooke", young=50.0, poisson=0.3)
+        >>> result = sfx.solve(scene.model_copy(update={"material": soft}))
+        >>> print(np.round(result.contact.forces[0], 6))
+        [0.       4.062466]
     """
 
     law: Literal["neo-hooke"]
@@ -73,6 +79,12 @@ class MooneyRivlin(Hyperelastic):
         c01: C01, stress; both are not negative, and the shear modulus at small strains is twice
             their sum.
         bulk: bulk modulus kappa, stress; 2 / D1 of Abaqus and CalculiX.
+
+    Examples:
+        >>> soft = sfx.MooneyRivlin(law="mooney-rivlin", c10=8.0, c01=2.0, bulk=40.0)
+        >>> result = sfx.solve(scene.model_copy(update={"material": soft}))
+        >>> print(np.round(result.contact.forces[0], 6))
+        [0.       4.055304]
     """
 
     law: Literal["mooney-rivlin"]
@@ -126,6 +138,12 @@ class Ogden(Hyperelastic):
             strains is half the sum of mu_p alpha_p.
         alpha: the exponents alpha_p, as many.
         bulk: bulk modulus kappa, stress; 2 / D1 of Abaqus and CalculiX.
+
+    Examples:
+        >>> soft = sfx.Ogden(law="ogden", mu=[10.0], alpha=[2.0], bulk=40.0)
+        >>> result = sfx.solve(scene.model_copy(update={"material": soft}))
+        >>> print(np.round(result.contact.forces[0], 6))
+        [0.       4.152052]
     """
 
     law: Literal["ogden"]
@@ -216,6 +234,12 @@ class SaintVenantKirchhoff(Hyperelastic):
         law: its name.
         young: Young's modulus, stress.
         poisson: Poisson's ratio, in (-1, 0.5).
+
+    Examples:
+        >>> soft = sfx.SaintVenantKirchhoff(law="saint-venant-kirchhoff", young=50.0, poisson=0.3)
+        >>> result = sfx.solve(scene.model_copy(update={"material": soft}))
+        >>> print(np.round(result.contact.forces[0], 6))
+        [0.       4.065479]
     """
 
     splits: ClassVar[bool] = False

@@ -22,6 +22,11 @@ class LinearElastic(Material):
             unknown.
         yield_stress: by von Mises, a stress, which gives ``utilisation`` and changes nothing else;
         None: not known.
+
+    Examples:
+        >>> steel = sfx.LinearElastic(young=210e3, poisson=0.3)  # N and mm
+        >>> print([round(modulus, 1) for modulus in steel.lame])
+        [121153.8, 80769.2]
     """
 
     isotropic: ClassVar[bool] = True

@@ -149,6 +149,11 @@ class Hyperelastic(NonlinearMaterial):
 
     Attributes:
         hypothesis, torsion, grading, density, expansion, region: see ``Material``.
+
+    Examples:
+        >>> soft = sfx.NeoHooke(law="neo-hooke", young=50.0, poisson=0.3)
+        >>> print(isinstance(soft, sfx.Hyperelastic), soft.young)
+        True 50.0
     """
 
     finite: ClassVar[bool] = True
@@ -219,6 +224,11 @@ class PathDependent(NonlinearMaterial):
 
     Attributes:
         hypothesis, torsion, grading, density, expansion, region: see ``Material``.
+
+    Examples:
+        >>> metal = sfx.J2(law="j2", young=1000.0, poisson=0.3, yield_stress=1.0)
+        >>> print(isinstance(metal, sfx.PathDependent), metal.state_size)
+        True 10
     """
 
     # Numbers of the state at a point.

@@ -81,6 +81,18 @@ class DirectedMaterial(Axes, Material):
     Attributes:
         direction, second: see ``Axes``. hypothesis, torsion, grading, density, expansion, region:
             see ``Material``.
+
+    Examples:
+        >>> class Fibres(sfx.DirectedMaterial):
+        ...     stiff: float  # additional modulus along axis 1
+        ...
+        ...     def stress(self, strain):
+        ...         axis = ufl.as_matrix(np.diag([1.0, 0.0, 0.0]).tolist())
+        ...         return 500.0 * strain + self.stiff * strain[0, 0] * axis
+        >>> fibres = Fibres(stiff=2000.0, direction=[0.0, 1.0])
+        >>> result = sfx.solve(scene.model_copy(update={"material": fibres}))
+        >>> print(np.round(result.contact.forces[0], 6))
+        [0. 4.]
     """
 
     @property
@@ -160,6 +172,13 @@ class OrthotropicElastic(Material):
 
     Attributes:
         orthotropic: its constants and the directions of its axes.
+
+    Examples:
+        >>> moduli = {"young": [9e3, 6e2, 6e2], "poisson": [0.3, 0.3, 0.4], "shear": [7e2] * 3}
+        >>> wood = sfx.OrthotropicElastic(orthotropic=moduli | {"direction": [0.0, 1.0]})
+        >>> result = sfx.solve(scene.model_copy(update={"material": wood}))
+        >>> print(np.round(result.contact.forces[0], 6))
+        [0. 4.]
     """
 
     orthotropic: Orthotropic

@@ -39,6 +39,12 @@ class J2(PathDependent):
         hardening: by how much the yield stress grows per accumulated plastic strain, a stress; or
             rows [plastic strain, yield stress] of a table, between which it is linear; beyond the
             last one it is constant.
+
+    Examples:
+        >>> metal = sfx.J2(law="j2", young=1000.0, poisson=0.3, yield_stress=1.0, hardening=50.0)
+        >>> result = sfx.solve(scene.model_copy(update={"material": metal}))
+        >>> print(np.round(result.contact.forces[0], 6))
+        [0. 4.]
     """
 
     state_size: ClassVar[int] = 10
@@ -131,6 +137,12 @@ class Maxwell(PathDependent):
         poisson: Poisson's ratio of the spring, in (-1, 0.5).
         branches: rows [G_i, tau_i], the shear modulus that a branch adds at first, stress, and the
             time in which its stress falls to 1/e of itself.
+
+    Examples:
+        >>> pad = sfx.Maxwell(law="maxwell", young=100.0, poisson=0.3, branches=[[50.0, 1.0]])
+        >>> changes = {"material": pad, "load_steps": sfx.LoadSteps(times=[1.0])}
+        >>> print(np.round(sfx.solve(scene.model_copy(update=changes)).contact.forces[0], 6))
+        [0. 4.]
     """
 
     law: Literal["maxwell"]

@@ -51,6 +51,16 @@ class Material(Effect):
         expansion: coefficient of thermal expansion, 1 / temperature, which ``temperature`` needs;
         None: not known.
         region: name of the part of the body that is made of this material; None: all of it.
+
+    Examples:
+        >>> class Foam(sfx.Material):
+        ...     modulus: float
+        ...
+        ...     def stress(self, strain):
+        ...         return self.modulus * strain
+        >>> result = sfx.solve(scene.model_copy(update={"material": Foam(modulus=10.0)}))
+        >>> print(np.round(result.contact.forces[0], 6))
+        [0. 4.]
     """
 
     refuses: ClassVar[Mapping[str, Mapping[str, str]]] = {

@@ -55,6 +55,10 @@ class TaggedMesh(TaggedMeshBase):
             caller made it.
         left_out: name of a boundary -> how many of its elements in the file are no sides of cells,
             and have no tag.
+
+    Examples:
+        >>> print(len(block.facets("bottom")), block.dimension, sorted(block.boundaries))
+        8 2 ['bottom', 'left', 'right', 'top']
     """
 
     mesh: dmesh.Mesh
@@ -238,6 +242,11 @@ def section_in_space(mesh: dmesh.Mesh) -> dmesh.Mesh:
 
     Args:
         mesh: of the plane.
+
+    Examples:
+        >>> section = sfx.section_in_space(block.mesh)
+        >>> print(section.geometry.dim, section.topology.dim)
+        3 2
     """
     element = compat.geometry_element(mesh)
     domain = basix.ufl.element(
@@ -289,6 +298,11 @@ def generate_mesh(
     Raises:
         SceneError: unknown generator, or parameters that it refuses; or lengths that it cannot
             make.
+
+    Examples:
+        >>> ring = sfx.generate_mesh("rectangle", {"nx": 6, "ny": 2}, MPI.COMM_WORLD)
+        >>> print(ring.mesh.topology.index_map(2).size_global)
+        12
     """
     from signorini_fx.mechanics.mesh.files.size_field import SizeField
 
@@ -339,6 +353,16 @@ def read_mesh(
         MeshError: there is no such file, it is not a mesh of that format, or no boundary has a
             name.
         SceneError: a number or a condition selects nothing.
+
+    Examples:
+        >>> import tempfile
+        >>> from dolfinx import io
+        >>> file = tempfile.mkdtemp() + "/block.xdmf"
+        >>> with io.XDMFFile(MPI.COMM_WORLD, file, "w") as out:
+        ...     out.write_mesh(block.mesh)
+        >>> read = sfx.read_mesh(file, MPI.COMM_WORLD, boundaries={"foot": "x[1] < 1e-9"})
+        >>> print(len(read.facets("foot")))
+        8
     """
     mesh = MeshFile(
         file=file, boundaries=boundaries or {}, regions=regions or {}, data=data, size=size
@@ -596,6 +620,11 @@ def tag_boundaries(
 
     Raises:
         TypeError: an argument is of another kind.
+
+    Examples:
+        >>> named = sfx.tag_boundaries(block.mesh, {"foot": lambda x: np.isclose(x[1], 0.0)})
+        >>> print(len(named.facets("foot")))
+        8
     """
     if not isinstance(mesh, dmesh.Mesh):
         raise TypeError(f"a mesh of dolfinx is expected, not {kind_of(mesh)}")

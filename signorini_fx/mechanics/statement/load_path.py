@@ -29,6 +29,13 @@ class LoadSteps(Table):
             one load step per factor.
         names: one name per factor, such as press and push; None: no names.
         times: one number per factor, increasing, for tables and ParaView; None: 1, 2, 3 and so on.
+
+    Examples:
+        >>> steps = sfx.LoadSteps(names=["press", "release"], times=[1.0, 2.0])
+        >>> half = sfx.SurfaceTraction(boundary="top", pressure=2.0, factors=[1.0, 0.5])
+        >>> result = sfx.solve(scene.model_copy(update={"traction": half, "load_steps": steps}))
+        >>> print([float(round(step.contact.forces[0][1], 6)) for step in result.steps])
+        [4.0, 2.0]
     """
 
     steps: Count | None = None
@@ -71,6 +78,11 @@ class LoadPath:
 
     Raises:
         FormError: one of these is wrong.
+
+    Examples:
+        >>> path = sfx.LoadPath((1.0, 2.0), names=("press", "push"), steps=4)
+        >>> print(path.times, path.steps)
+        (1.0, 2.0) 4
     """
 
     times: Sequence[float]

@@ -45,6 +45,12 @@ class MeshFile(Table):
         data: the cell data that the numbers refer to; None: there is only one.
         size: length of the cells of a .step, .stp or .brep; None: a fraction of the size of the
             body.
+
+    Examples:
+        >>> names = {"sole": 5, "head": "x[2] > 31.9"}
+        >>> part = sfx.MeshFile(file="part.step", size=2.0, boundaries=names)
+        >>> print(part.file.suffix, part.size)
+        .step 2.0
     """
 
     file: Accepts[str | Path, Path]
@@ -65,6 +71,11 @@ class MeshGenerator(Table):
     Attributes:
         generator: its name.
         parameters: its keyword arguments; default: none.
+
+    Examples:
+        >>> mesh = sfx.MeshGenerator(generator="box", parameters={"nx": 3, "ny": 3, "nz": 3})
+        >>> print(mesh.generator, mesh.parameters["nx"])
+        box 3
     """
 
     generator: str
@@ -169,6 +180,12 @@ class Body(Placed):
         rotation: by which it is turned, degrees, counterclockwise; in 3D about the axis [a, b, c]
             by the length of this vector; None: not at all.
         pivot: the point that it is turned about, length; None: the origin.
+
+    Examples:
+        >>> mesh = sfx.MeshGenerator(generator="rectangle", parameters={"nx": 8, "ny": 4})
+        >>> upper = sfx.Body(name="upper", mesh=mesh, shift=[0.0, 1.0])
+        >>> print(upper.name, upper.shift[1])
+        upper 1.0
     """
 
     name: str

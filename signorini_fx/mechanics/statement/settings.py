@@ -41,6 +41,11 @@ class Discretised(Table):
             some nu is at least 0.45 in plane strain and the element has a reduced form; ``mixed``:
             a pressure of degree 1 is an unknown of its own (Taylor-Hood, with degree 2), which does
             not lock either; nu must be above 0, and may be 0.5.
+
+    Examples:
+        >>> result = sfx.solve(scene.model_copy(update={"element": sfx.Discretised(degree=2)}))
+        >>> print(result.displacement.function_space.dofmap.index_map.size_global)
+        153
     """
 
     degree: Annotated[int, Field(ge=1, le=2, strict=True)] = 1
@@ -105,6 +110,12 @@ class SolverSettings(Table):
             history lists them. A limit on iterations that is lower than its default ends the solve
             without them.
         error_bound: whether the summary has a guaranteed bound of the error in the energy norm.
+
+    Examples:
+        >>> exact = scene.model_copy(update={"solver": sfx.SolverSettings(algorithm="alm")})
+        >>> result = sfx.solve(exact)
+        >>> print(result.certificate.penetration < 1e-9, np.round(result.contact.forces[0], 6))
+        True [0. 4.]
     """
 
     algorithm: Literal["auto", "ssn", "continuation", "path-following", "alm"] = "auto"
@@ -136,6 +147,11 @@ class Units(Table):
         length: such as ``mm``; empty: not named.
         stress: such as ``MPa``.
         force: such as ``N``; empty: that which belongs to the other two, if it has a name.
+
+    Examples:
+        >>> named = scene.model_copy(update={"units": sfx.Units(length="mm", stress="MPa")})
+        >>> print(named.units.length, np.round(sfx.solve(named).contact.forces[0], 6))
+        mm [0. 4.]
     """
 
     length: str = ""
@@ -159,6 +175,10 @@ class Accuracy(Table):
             refined uniformly; otherwise uniform.
         seconds: wall time allowed; None: no limit.
         memory: peak memory of all ranks allowed, GB; None: 80 % of what the machine has.
+
+    Examples:
+        >>> print(sfx.Accuracy(target="5%", of="pressure").target)
+        0.05
     """
 
     target: Accepts[
