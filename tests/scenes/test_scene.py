@@ -339,4 +339,7 @@ def test_a_key_at_the_top_is_told_its_table():
     data = {"file": "part.msh", "material": {"young": 1.0, "poisson": 0.3}}
     with pytest.raises(SceneError) as error:
         parse_scene(data)
-    assert ("file", "unknown key here: it belongs to [mesh] or [temperature]") in error.value.problems
+    assert (
+        "file",
+        "unknown key here: it belongs to [mesh] or [temperature]",
+    ) in error.value.problems

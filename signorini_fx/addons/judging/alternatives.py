@@ -46,7 +46,8 @@ def nearest_alternative(on_mesh: SolutionOnMesh, v: Floats, enough: float) -> Ot
     """
     size = float(np.abs(on_mesh.displacement).max())
     tried = (_values(on_mesh, v, one, enough) for one in _alternatives(on_mesh.problem.scene, size))
-    return min(chain.from_iterable(tried), key=lambda nearest: nearest.distance, default=None)
+    found = list(chain.from_iterable(tried))
+    return min(found, key=lambda other: other.distance) if found else None
 
 
 def _values(
