@@ -2,6 +2,7 @@
 refused.
 """
 
+import numpy as np
 import pytest
 from mpi4py import MPI
 from support.nonlinear_bodies import LAME, MU, stress_of_block
@@ -123,3 +124,43 @@ def test_what_is_refused():
             match=rf"contact\[0\].{key}: .* where sides slide.* give sliding = \"small\"",
         ):
             solve(two_blocks({key: value}), MPI.COMM_SELF)
+
+
+@pytest.mark.slow
+def test_a_stiff_block_slides_on_a_soft_one_with_its_corners():
+    """Where the sets of the linearised problem cycle, one without the curvature of the last
+    tractions has a solution; friction is that of the whole pressure at last.
+    """
+    sizes = {"lower": (3.0, 1.0, 24, 8), "upper": (1.0, 0.8, 9, 7)}
+    names = ("length", "height", "nx", "ny")
+    meshes = {
+        name: {"generator": "rectangle", "parameters": dict(zip(names, size, strict=True))}
+        for name, size in sizes.items()
+    }
+    law = {"law": "neo-hooke", "poisson": 0.3}
+    slides = 10
+    scene = Scene(
+        body=[
+            {"name": "lower", "mesh": meshes["lower"]},
+            {"name": "upper", "mesh": meshes["upper"], "shift": [0.5, 1.0]},
+        ],
+        material=[{"region": "lower", "young": 1.0} | law, {"region": "upper", "young": 2.0} | law],
+        displacement=[
+            {"boundary": "lower.bottom", "x": 0.0, "y": 0.0},
+            {"boundary": "upper.top", "x": "max(t - 1, 0)", "y": "-0.15*min(t, 1)"},
+        ],
+        contact={
+            "boundary": "upper.bottom",
+            "against": "lower.top",
+            "friction": {"law": "coulomb", "coefficient": 0.15},
+        },
+        load_steps={
+            "times": [1 / 3, 2 / 3, 1.0, *(1 + 0.5 * (k + 1) / slides for k in range(slides))]
+        },
+    )
+    solution = solve(scene, MPI.COMM_SELF)
+    assert solution.certificate.holds
+    assert solution.contact.in_contact.sum() >= 8
+    pressed = solution.contact.pressure > 0.0
+    share = np.abs(solution.contact.shear[pressed, 0]) / solution.contact.pressure[pressed]
+    assert share == pytest.approx(0.15, rel=1e-6)

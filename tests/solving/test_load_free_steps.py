@@ -258,3 +258,28 @@ def test_a_nonlinear_body_moves_before_it_touches(law, degree):
     np.testing.assert_allclose(moved, np.tile([0.0, -0.5], (len(moved), 1)), atol=1e-12)
     assert not solution.steps[0].contact.in_contact.any()
     assert solution.steps[-1].contact.in_contact.all()
+
+
+@pytest.mark.one_quick
+@pytest.mark.parametrize("sliding", ["small", "finite"])
+def test_what_pressed_before_does_not_turn_in_a_step_without_a_load(sliding):
+    """A block on another one that nothing presses on any more: it stays, and no step is halved."""
+    mesh = {"generator": "rectangle", "parameters": {"nx": 4, "ny": 4}}
+    entry = {"boundary": "upper.bottom", "against": "lower.top"}
+    scene = {
+        "body": [
+            {"name": "lower", "mesh": mesh},
+            {"name": "upper", "mesh": mesh, "shift": [0.0, 1.0]},
+        ],
+        "material": LAWS["neo-hooke"],
+        "displacement": [
+            {"boundary": "lower.bottom", "x": 0.0, "y": 0.0},
+            {"boundary": "upper.left", "x": 0.0},
+        ],
+        "traction": {"boundary": "upper.top", "y": -50.0, "factors": [1.0, 0.0]},
+        "contact": entry | ({"sliding": sliding} if sliding == "small" else {}),
+    }
+    solution = solve(parse_scene(scene), MPI.COMM_SELF)
+    assert solution.converged
+    assert np.abs(solution.displacement.x.array).max() < 1e-6
+    assert not any("given up" in event for event in solution.history.events)

@@ -62,6 +62,10 @@ from signorini_fx.tuned import NO_FORCE, RETAINED_REACH, UNITS_OF_NO_LOAD
 Array = npt.NDArray[np.float64]
 
 
+# How a contact problem ends whose sets are not found.
+_WITHOUT_SETS = (Status.CYCLING, Status.MAX_ITERATIONS, Status.OUTER_MAX_ITERATIONS)
+
+
 @dataclass(frozen=True)
 class State:
     """A solution, or what there is before the first one: all that an attempt changes, and where
@@ -398,10 +402,12 @@ class LinearisedProblem(FormSolver):
         """
         definite = self.definite and self.symmetric
         symmetric = self.symmetric and not self._askew
-        whole = {"linear_algebra": "full", "fallbacks": definite and self.settings.fallbacks}
-        settings = (
-            self.settings if definite and symmetric else self.settings.model_copy(update=whole)
-        )
+        settings = self.settings
+        if self._curved:  # without curvature it is a convex problem: that is the first fall-back
+            settings = settings.model_copy(update={"fallbacks": False})
+        if not (definite and symmetric):
+            whole = {"linear_algebra": "full", "fallbacks": definite and settings.fallbacks}
+            settings = settings.model_copy(update=whole)
         beside: dict[str, Any] = {"definite": definite and symmetric, "symmetric": symmetric}
         last = self.__dict__.get("elastic")
         comm = self.space.mesh.comm
@@ -545,12 +551,8 @@ class LinearisedProblem(FormSolver):
         refused = False
         try:
             why = self.attempt()
-            curved = bool(self.curvature.nodes.size or self.curvature.joint)
-            if (
-                self.status is Status.OPEN
-                and self.task.idle
-                and parallel.any_rank(self.space.mesh.comm, curved)
-            ):
+            opens = self.status is Status.OPEN and bool(self.task.idle)
+            if self._curved and (opens or self.status in _WITHOUT_SETS):
                 # What nothing presses on any more has no tractions that turn.
                 self.curvature = NodalStiffness.none(self.curvature.blocks.shape[1])
                 self.relative = None
@@ -568,6 +570,12 @@ class LinearisedProblem(FormSolver):
             why = self.attempt()
         if why:
             raise ConvergenceError(self, why)
+
+    @property
+    def _curved(self) -> bool:
+        """Whether tractions that turn are in the tangent; collective."""
+        curved = bool(self.curvature.nodes.size or self.curvature.joint)
+        return parallel.any_rank(self.space.mesh.comm, curved)
 
     def _far_points(
         self, boundary: ContactBoundary
