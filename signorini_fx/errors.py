@@ -136,8 +136,7 @@ class PictureError(SignoriniError):
 def cannot_be_written(path: object, error: Exception) -> OutputError:
     """The error of a file or folder that cannot be written, with the system's reason."""
     reason = getattr(error, "strerror", None) or str(error)
-    full = " requested and " in reason  # NumPy counts what it has written of an array
-    return OutputError(f"{path}: cannot be written: {'no space is left' if full else reason}")
+    return OutputError(f"{path}: cannot be written: {reason}")
 
 
 class ResultError(SignoriniError):

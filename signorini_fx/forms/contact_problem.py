@@ -26,12 +26,12 @@ from signorini_fx.records import History, Status
 from signorini_fx.results.certificate.certificate import Certificate
 
 if TYPE_CHECKING:
+    from signorini_fx.forms.steps import Ran
     from signorini_fx.quantities.differentiable import Gradient
     from signorini_fx.results.accuracy.error_estimates import Errors
     from signorini_fx.results.mechanics import StepResult
     from signorini_fx.results.solution import Solution
     from signorini_fx.results.stresses import RawStresses
-    from signorini_fx.solving.load_steps import StepProgress
 
 
 class ProblemOfForms:
@@ -360,7 +360,7 @@ class ContactProblem(ProblemOfForms):
         self._stresses: tuple[Outcome | None, RawStresses] | None = (
             None  # of the last solution that was asked for them
         )
-        self._ran: StepProgress | None = None  # the last ``run``, until the next solve
+        self._ran: Ran | None = None  # the last ``run``, until the next solve
 
     @property
     def tools(self) -> tuple[RigidBodyMotion, ...]:

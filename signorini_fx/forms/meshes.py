@@ -24,7 +24,7 @@ from signorini_fx.mechanics.statement.values import kind_of
 from signorini_fx.records import History, Observer
 from signorini_fx.results.solution import Solution
 from signorini_fx.solving import meshed_problem, to_accuracy
-from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
+from signorini_fx.solving.restart import StoredStates
 
 AnyMesh: TypeAlias = "dmesh.Mesh | TaggedMesh"
 Make = Callable[[Any], Any]
@@ -89,10 +89,7 @@ class MeshedForms(meshed_problem.MeshedProblem):
         return self.on(_tagged(self.family(times)))
 
     def solve(
-        self,
-        state: ContactState | None,
-        coarser: MeshLevel | None,
-        checkpoint: MeshCheckpoint | None,
+        self, state: ContactState | None, coarser: MeshLevel | None, checkpoint: StoredStates | None
     ) -> meshed_problem.SolvedMesh:
         solver = self.solver
         solver.coarser, solver.coarser_state = coarser, state

@@ -16,7 +16,6 @@ from dolfinx import fem
 from petsc4py import PETSc
 
 from signorini_fx.algebra import Settings
-from signorini_fx.algebra.algorithms.strategy import solve_task
 from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
 from signorini_fx.algebra.contact.active_sets import ActiveSets
 from signorini_fx.algebra.contact.complementarity import RegularisedData
@@ -56,14 +55,14 @@ from signorini_fx.mechanics.obstacles.foundations_on_points import (
 from signorini_fx.mechanics.rigid.mesh_levels import MeshLevel
 from signorini_fx.mechanics.rigid.rigid_bodies import Driven, RigidBodies, RigidBodyMotion
 from signorini_fx.mechanics.scales import Scales
+from signorini_fx.mechanics.state import State
 from signorini_fx.mechanics.statement.load_path import LoadPath, counted_path
 from signorini_fx.records import History, Status, Timings
 from signorini_fx.results.certificate.certificate import Certificate
-from signorini_fx.results.certificate.law_of_method import PreviousStep
 from signorini_fx.results.contact_fields import ContactFields
 from signorini_fx.results.mechanics import StepResult
-from signorini_fx.results.step_frames import LastSolution, StepEnd, from_rest
-from signorini_fx.solving.load_steps import BegunStep, SteppedBody, first_start
+from signorini_fx.solving.frames import Posed, guess_of
+from signorini_fx.solving.step import Report, step
 
 
 class FormSolver:
@@ -80,10 +79,10 @@ class FormSolver:
     driven: Driven  # what drives them
     data: list[FoundationData]  # at the nodes, as they are now
     unshifted: RegularisedData  # displacements counted from the initial position
+    law: PointFriction | None  # of friction at the contact points, as it is now
     prescribed: tuple[
         npt.NDArray[np.bool_], Array
     ]  # dofs of this rank, ghosts included, and to what, shapes (dofs,)
-    _checkpoint: Any  # the iterate at the beginning of the last solve
 
     def __init__(
         self,
@@ -109,13 +108,8 @@ class FormSolver:
         self.timings = Timings()
         self.status: Status | None = None
         self.certificate: Certificate | None = None
-        self.result: StepResult | None = (
-            None  # of a path, or of the user's own loop, if this certifies it
-        )
+        self.result: StepResult | None = None  # of a path, or of the user's own loop
         self.tools: tuple[RigidBodyMotion, ...] = ()
-        self.previous_step: PreviousStep | None = (
-            None  # the end of the last step, as foundations of now see it
-        )
         self.outcome: Outcome | None = (
             None  # of the last solve, unless another problem has been assembled since
         )
@@ -127,8 +121,10 @@ class FormSolver:
             (),
             None,
         )  # of which coefficients of ``a``
-        self._last: StepEnd | None = None  # at the last advance
-        self._solution: LastSolution | None = None  # from which the next solve may begin
+        self.begin = self.initial()  # from which steps begin
+        self.last: State | None = (
+            None  # the last solution of the step that begins there, or of the one before
+        )
         self._state: ContactState | None = None
         self._named: tuple[Any, TaggedMesh] | None = (
             None  # once it is asked for, see ``named_parts``
@@ -139,16 +135,37 @@ class FormSolver:
         """Whether all is assembled."""
         return self._last_pattern is not None
 
+    def points(self) -> tuple[ContactBoundary, fem.FunctionSpace]:
+        """See ``State.save``."""
+        if not self.set_up:
+            self.update()
+        return self.boundary, self.space
+
+    def initial(self) -> State:
+        """The body before the first step, with foundations where they are."""
+        return State(0, 0.0, np.zeros_like(self.u.x.array), np.zeros(0), self.foundations.placed)
+
+    waits = False  # see ``Problem``
+
+    @property
+    def path(self) -> LoadPath:
+        """The load steps of the user's own loop so far."""
+        return counted_path(self.begin.number)
+
     def attempt(self) -> str:
         """Solve with the values of now; why there is no solution, and what to do, "": there is one;
         collective.
         """
-        solves_before = len(self.history.iterations)
-        self.timings = Timings()
-        with options_applied(*self.options), self.timings.phase("solve"):
-            self.begun = self.begin_step()
-            outcome = solve_task(self.task, self.begun)
-            self.show(outcome, self._judged(outcome, solves_before))
+        self.timings, guess = Timings(), self.last
+        with options_applied(*self.options):
+            if self.last is None and self.coarser_state is not None:
+                from signorini_fx.solving.meshed_problem import carry_over
+
+                self.update()
+                guess = guess_of(
+                    *carry_over(self.coarser_state, self.boundary), self.boundary, self.begin
+                )
+            self.show(*step(self, self.begin, float(self.begin.number), guess=guess))
         status = self.status
         if status is None or status is Status.CONVERGED:
             return ""
@@ -163,82 +180,54 @@ class FormSolver:
             raise RuntimeError("there is no solution so far: call solve()")
         return self._state
 
-    def begin_step(self) -> Start:
-        """Where a solve begins with what the problem is now; collective."""
+    def pose(self, state: State) -> Posed:
+        """What a solve from a state is made of, with what the problem is now; collective."""
         data, law = self.update()
-        moved = self.moved(self.boundary)  # slip is relative to the foundation
-        if (
-            self._last is None
-        ):  # slip counts from the body without loads, and the shapes as they were given
-            self.previous_step = None
-            start = Start(
-                data, law, 0.0 * data.mu_hat, ActiveSets.all_in_contact(*data.mu_hat.shape), 0
-            )
-            if moved is not None:
-                start, self.previous_step = from_rest(self.space, self.boundary, start, moved)
-            if (resting := self.task.rest) is not None:
-                start = replace(start, data=resting.data_from(start.data))
-            # From a coarser mesh, as long as there is no solution.
-            begun = first_start(
-                start, self.boundary, self.coarser_state if self._solution is None else None
-            )
-        else:
-            data = data if (resting := self.task.rest) is None else resting.data_from(data)
-            spin = self.foundations.spin_at(self.boundary)
-            renewed = self.boundary is not self._last.boundary
-            begun, self.previous_step = self._last.begins_on(
-                self.boundary, data, law, moved, resting, spin
-            )
-            solved = self._solution is not None and self._solution.step == begun.step
-            if renewed and not solved:
-                self._last.taken_up(self.task, self.elastic, self.rigid)
-        begun = replace(begun, factors=np.ones(1))
-        self._checkpoint = self.task.newton.checkpoint()
-        return begun if self._solution is None else self._solution.begins(begun, self.boundary)
+        if (resting := self.task.rest) is not None:
+            data = resting.data_from(data)
+        sets = ActiveSets.all_in_contact(*data.mu_hat.shape)
+        first = Start(data, law, 0.0 * data.mu_hat, sets, iteration=0, factors=np.ones(1))
+        drift = self.moved(self.boundary)
+        spin = self.foundations.spin_at(self.boundary, state.placed)
+        return Posed(
+            self.elastic, self.rigid, self.task, first, self.foundations.placed, drift, spin
+        )
+
+    def pose_at(self, state: State, place: float, path: LoadPath | None = None) -> Posed:
+        """The same of the body with its names, on a path; None: that of the user's own loop;
+        collective.
+        """
+        self.begin = state
+        with self.timings.phase("assemble"):
+            posed = self.pose(state)
+            return replace(posed, body=self.model(path or self.path))
+
+    def accept(self, report: Report) -> None:
+        """The next step goes on from values of then."""
 
     def advance(self) -> None:
         """End a step, see ``ContactProblem.advance``."""
-        if self.outcome is None or self.status is not Status.CONVERGED:
+        if self.outcome is None or self.status is not Status.CONVERGED or self.last is None:
             raise RuntimeError("there is no solution to advance from")
-        solved = self.outcome, self.begun, self.state, self.u.copy()
-        end = StepEnd.of(self.task, *solved, self.previous_step, self.tools)
-        self.end_at(replace(end, start=replace(end.start, place=0.0)))
+        self.begin = self.last
 
-    def end_at(self, end: StepEnd) -> None:
-        """The next solves begin from the end of a step, with the foundations where they are."""
-        self._last = end
-        self.foundations.settle()
-
-    def show(self, outcome: Outcome, result: StepResult | None) -> None:
-        """Make a result the one that the user sees; None: its owner certifies and shows it;
-        collective.
-        """
-        self.outcome, self.result = outcome, result
-        shown = None if result is None else result.contact
-        self._state = (
-            ContactState.of(self.task.contact(outcome, self.begun), self.boundary)
-            if shown is None
-            else shown
+    def show(self, new: State, report: Report) -> None:
+        """Make the end of a step the one that the user sees; collective."""
+        self.outcome = report.outcome
+        self.begun = report.start
+        result = report.result
+        self.result = result
+        self.tools = result.tools
+        self.status = result.status
+        self.certificate = result.certificate
+        self._state = result.contact or ContactState.of(
+            self.task.contact(report.outcome, self.begun), self.boundary
         )
-        if result is None:
-            unknowns = outcome.displacement()
-            rest = self.task.rest
-            displacement = self.elastic.from_rest(rest, unknowns)
-            self.tools = self.rigid.moved(self.elastic.driven(unknowns, rest))
-            self.status = outcome.status
-            self.certificate = None
-        else:
-            result.displacement.name = self.u.name
-            displacement = result.displacement
-            self.tools = result.tools
-            self.status = result.status
-            self.certificate = result.certificate
-            self.fields.take(self.space, self.state)
-        self.u.x.array[:] = displacement.x.array
-        if self.status is not Status.CONVERGED:  # the next solve begins where this one has begun
-            self.task.newton.restore(self._checkpoint)
-        else:
-            self._solution = LastSolution.of(outcome, self.begun.step, self.boundary)
+        result.displacement.name = self.u.name
+        self.u.x.array[:] = result.displacement.x.array
+        self.fields.take(self.space, self.state)
+        if self.status is Status.CONVERGED:
+            self.last = new
 
     def update(self) -> tuple[RegularisedData, PointFriction | None]:
         """Assemble what has changed since the last solve, and evaluate gap and friction;
@@ -280,7 +269,7 @@ class FormSolver:
         """Contact points, stiffness and linear algebra, and the data of the points; collective."""
         space, (fixed, values) = self.space, self.prescribed
         free_unused(space.mesh)
-        boundary = self.points(shapes, fixed, values)
+        boundary = self.contact_points(shapes, fixed, values)
         counts = np.bincount(boundary.part[~boundary.points.immovable], minlength=len(shapes))
         for k, count in enumerate(parallel.global_sum(space.mesh.comm, counts)):
             if count == 0:
@@ -319,7 +308,7 @@ class FormSolver:
         )
         return data
 
-    def points(
+    def contact_points(
         self, shapes: Sequence[ShapeDistances], fixed: npt.NDArray[np.bool_], values: Array
     ) -> ContactBoundary:
         """The contact points; ``fixed``, ``values``: what is ``prescribed``; collective."""
@@ -360,23 +349,11 @@ class FormSolver:
         """How far foundations have moved at contact points since ``advance``, shape (n, d); None:
         they have not.
         """
-        return self.foundations.moved(boundary)
+        return self.foundations.moved(boundary, self.begin.placed)
 
     def _beside(self) -> Sequence[npt.NDArray[Any]]:
         """What the matrix is made of beside ``a`` and ``bcs``."""
         return ()
-
-    def _judged(self, outcome: Outcome, solves_before: int) -> StepResult | None:
-        """The last solve as the last step of a loop of the user's own; None: its owner certifies
-        it; collective.
-        """
-        number = self.begun.step
-        body = SteppedBody(self.model(), counted_path(number), Timings())
-        begun = BegunStep(
-            body, self.task, replace(self.begun, place=float(number)), self.previous_step
-        )
-        result = begun.certified(outcome).result
-        return replace(result, linear_solves=len(self.history.iterations) - solves_before)
 
     def _point_data(
         self, shapes: Sequence[ShapeDistances]
@@ -386,7 +363,7 @@ class FormSolver:
         problem = self.foundations.problem(
             self.boundary, self.data, Settings.of(self.settings), self.scales
         )
-        self.unshifted = problem[0]
+        self.unshifted, self.law = problem
         return problem
 
     def model(self, path: LoadPath | None = None, title: str = "") -> FormBody:
@@ -396,7 +373,7 @@ class FormSolver:
         if self._named is None:
             self._named = named_parts(self.forms, self.settings)
         path = path or counted_path(self.begun.step)
-        contact = (self.begun.law, self.foundations.pairs, self.rigid)
+        contact = (self.law, self.foundations.pairs, self.rigid)
         model = replace(
             model_of(self.elastic, self._named, path, title, *contact), data=self.unshifted
         )

@@ -10,72 +10,81 @@ from typing import Any
 
 from dolfinx import fem
 
-from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
 from signorini_fx.errors import FormError, SceneError
 from signorini_fx.forms.solver import FormSolver, options_applied
+from signorini_fx.mechanics.state import State
 from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.mechanics.statement.values import kind_of
-from signorini_fx.records import Status, Timings
+from signorini_fx.records import History, Status, Timings
 from signorini_fx.results.mechanics import StepResult
 from signorini_fx.results.solution import ConvergenceError, Solution
-from signorini_fx.results.step_frames import StepEnd
-from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
-from signorini_fx.solving.load_steps import BegunStep, Increments, SteppedBody, StepProgress
-from signorini_fx.solving.solve_on_mesh import contact_solution, findings_of_steps
+from signorini_fx.solving.frames import Posed
+from signorini_fx.solving.increments import Increments
+from signorini_fx.solving.load_path import run
+from signorini_fx.solving.restart import StoredStates
+from signorini_fx.solving.solve_on_mesh import contact_solution, findings_of_steps, last_solved
+from signorini_fx.solving.step import Report
 
 Clock = Callable[[float], object]  # changes a problem to what it is at a time
+Ran = tuple[LoadPath, list[Report]]  # a run, and its load steps
 
 
 @dataclass(frozen=True)
-class FormSteps(SteppedBody):
-    """The body of a ``ContactProblem``, whose solver is always at the last attempt."""
+class FormsInTime:
+    """A ``ContactProblem`` on a path; its solver is always at the last attempt."""
 
     solver: FormSolver
+    path: LoadPath
     clock: Clock
 
-    def begun(self, path_step: float, task: Task, first: Start, end: StepEnd | None) -> BegunStep:
-        """From the end of the last load step, which the solver has kept."""
-        solver = self.solver
-        with self.timings.phase("assemble"):
-            self.clock(self.path.time_at(path_step))
-            start = solver.begin_step()
-        if end is None:  # without contact nothing of the last step but its number counts
-            start = replace(start, step=first.step)
-        solver.begun = start
-        return BegunStep(
-            replace(self, model=solver.model(self.path)), solver.task, start, solver.previous_step
-        )
+    @property
+    def history(self) -> History:
+        """Of all solves so far."""
+        return self.solver.history
 
-    def show(self, outcome: Outcome, result: StepResult) -> None:
-        self.solver.show(outcome, result)
+    @property
+    def timings(self) -> Timings:
+        """Of this path."""
+        return self.solver.timings
 
-    def ended(self, end: StepEnd) -> FormSteps:
-        """The next load step begins as after ``advance``."""
-        self.solver.end_at(end)
-        return self
+    @property
+    def waits(self) -> bool:
+        """Whether it is one of several load steps."""
+        return self.path.several
+
+    def pose_at(self, state: State, place: float) -> Posed:
+        """The forms as they are at the time of a place; collective."""
+        self.clock(self.path.time_at(place))
+        return self.solver.pose_at(state, place, self.path)
+
+    def accept(self, report: Report) -> None:
+        """What the clock changes is the user's."""
 
 
 def solve_path(
     solver: FormSolver,
     path: LoadPath,
     clock: Clock,
-    stored: MeshCheckpoint | None,
+    stored: StoredStates | None,
     on_step: Callable[[StepResult], object],
-) -> StepProgress:
+) -> Ran:
     """Solve the load steps of a path, which the solver is left at the last of; collective."""
     solver.timings = Timings()
-    increments = Increments(path, solver.settings)
+
+    def shown(state: State, report: Report) -> None:
+        solver.show(state, report)
+        on_step(report.result)
+
+    problem = FormsInTime(solver, path, clock)
+    way = Increments(path, solver.settings)
     with options_applied(*solver.options):
-        clock(path.time_at(increments.next))
-        with solver.timings.phase("assemble"):
-            solver.begun = start = solver.begin_step()
-        body = FormSteps(solver.model(path), path, solver.timings, solver, clock)
-        progress = StepProgress(body, solver.task, start, increments)
-        progress.all(lambda step: on_step(step.result), stored)
-    return progress
+        ends = run(problem, solver.begin, way, shown, guess=solver.last, stored=stored)
+        if ends[-1][1].result.status is not Status.CONVERGED:
+            solver.show(*ends[-1])
+    return path, [report for _, report in ends]
 
 
-def solution_of(solver: FormSolver, progress: StepProgress | None, title: str) -> Solution:
+def solution_of(solver: FormSolver, ran: Ran | None, title: str) -> Solution:
     """The last solution, or iterate, with the values that the forms have now; of a run its load
     steps; collective.
     """
@@ -84,11 +93,10 @@ def solution_of(solver: FormSolver, progress: StepProgress | None, title: str) -
     path = None
     steps = [solver.result]
     ended = (solver.outcome, solver.outcome.problem.data)
-    if progress is not None:
-        assert progress.ended is not None
-        path = progress.path.path
-        steps = progress.results
-        ended = progress.ended
+    if ran is not None:
+        path, reports = ran
+        steps = [report.result for report in reports]
+        ended = last_solved(reports)
     # Of a load step that has failed the forms are not those of the results, which are of one before
     # it.
     settled = steps[-1].status is Status.CONVERGED or len(steps) == 1
@@ -111,7 +119,7 @@ def begun_path(
     folder: str | Path | None,
     *,
     restart: bool,
-) -> tuple[LoadPath, Clock, MeshCheckpoint | None]:
+) -> tuple[LoadPath, Clock, StoredStates | None]:
     """The load steps of a run, what goes through their times, and their checkpoint, if there is
     one; collective.
     """
@@ -151,7 +159,7 @@ def begun_path(
     comm = forms.mesh.comm
     history = solver.history
     try:
-        stored = MeshCheckpoint(comm, folder, described, history, restart=restart)
+        stored = StoredStates(comm, folder, described, history, restart=restart)
     except SceneError as error:
         raise FormError(error.problems, "run") from None
     solver.folders.append(place)

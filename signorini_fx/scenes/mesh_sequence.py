@@ -25,6 +25,7 @@ from signorini_fx.mechanics.mesh.bodies import naming
 from signorini_fx.mechanics.mesh.refinement import check_divisible, size_fields
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, curvature, generate_mesh, load_file
 from signorini_fx.mechanics.rigid.mesh_levels import MeshLevel
+from signorini_fx.mechanics.state import State
 from signorini_fx.mechanics.statement.features import divisible
 from signorini_fx.mechanics.statement.mesh_sources import MeshFile, MeshGenerator, contact_sizes
 from signorini_fx.mechanics.statement.settings import Accuracy, SolverSettings
@@ -35,10 +36,10 @@ from signorini_fx.results.certificate.law_of_method import overclosures_of
 from signorini_fx.results.solution import Solution
 from signorini_fx.scenes.mesh import load_mesh, scene_on, with_cells_alike, with_halved_bodies
 from signorini_fx.scenes.scene import Scene
-from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
-from signorini_fx.solving.load_steps import LoadStep
 from signorini_fx.solving.meshed_problem import MeshedProblem, SolvedMesh
+from signorini_fx.solving.restart import StoredStates
 from signorini_fx.solving.solve_on_mesh import solve_mesh
+from signorini_fx.solving.step import Report
 from signorini_fx.solving.to_accuracy import Meshes
 from signorini_fx.tuned import COARSER_START, SAME_LENGTH
 
@@ -278,10 +279,7 @@ class MeshedScene(MeshedProblem):
         return replace(self, scene=self.scene.model_copy(update={"solver": settings}))
 
     def solve(
-        self,
-        state: ContactState | None,
-        coarser: MeshLevel | None,
-        checkpoint: MeshCheckpoint | None,
+        self, state: ContactState | None, coarser: MeshLevel | None, checkpoint: StoredStates | None
     ) -> SolvedMesh:
         scene = self.scene
         step_errors = list[Errors]()
@@ -293,10 +291,10 @@ class MeshedScene(MeshedProblem):
             step_errors = _errors_of_nonlinear(problem, solution)
             return SolvedMesh(solution, solution.model.tagged, None, step_errors=step_errors)
 
-        def estimate(step: LoadStep) -> None:
-            model = step.body.model
-            outcome = step.outcome
-            result = step.result
+        def estimate(_: State, report: Report) -> None:
+            model = report.body
+            outcome = report.outcome
+            result = report.result
             if result.contact is None or result.strain_energy is None:
                 return
             table = contact_table(result.contact, *model.statement.sides)

@@ -16,7 +16,7 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from signorini_fx.errors import FormError, SceneError
-from signorini_fx.forms.nonlinear.linearised import State
+from signorini_fx.forms.nonlinear.linearised import Snapshot
 from signorini_fx.forms.nonlinear.moving_shapes import fitting
 from signorini_fx.forms.nonlinear.newton import Continuation
 from signorini_fx.forms.nonlinear.problem import NonlinearContactProblem, linearised_at
@@ -42,13 +42,13 @@ from signorini_fx.results.solution import ConvergenceError, Solution
 from signorini_fx.results.stresses import RawStresses
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.scene import Scene
-from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
 from signorini_fx.solving.findings import (
     facets_in_result,
     nonlinear_findings,
     refuse_beforehand,
     untouched,
 )
+from signorini_fx.solving.restart import StoredStates
 
 Array = npt.NDArray[np.float64]
 
@@ -167,7 +167,7 @@ class ProblemOfScene(NonlinearContactProblem):
 
     def solved(
         self,
-        stored: MeshCheckpoint | None = None,
+        stored: StoredStates | None = None,
         on_step: Callable[[StepResult], object] = lambda step: None,
     ) -> Solution:
         """The solution of all load steps, or of those before one that has none: of the first one
@@ -250,7 +250,7 @@ class ProblemOfScene(NonlinearContactProblem):
     def begin_at(self, path_step: float) -> None:
         """Go to a place, from which slips count; collective."""
         self.go_to(path_step)
-        self.linear.foundations.settle()
+        self.linear.begin = self.linear.initial()
 
     def forces_anew(self, statement: Statement, displacement: fem.Function) -> Array:
         """Minus the residual of the body in another scene, without states, at this place, forces
@@ -297,7 +297,7 @@ class ReachedStep:
     """A load step of a scene."""
 
     path_step: float  # its place in the lists of factors
-    end: State  # the body at its end
+    end: Snapshot  # the body at its end
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -23,7 +23,7 @@ from signorini_fx.scenes.scene import Scene
 from signorini_fx.solving.solve_on_mesh import solve_mesh
 
 if TYPE_CHECKING:
-    from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
+    from signorini_fx.solving.restart import StoredStates
 
 
 def solve(
@@ -95,7 +95,7 @@ def solve(
         solution = problem_of(scene, comm, history).solved(stored)
     else:
         solution = solve_mesh(
-            scene.statement, partial(load_mesh, scene, comm), history, None, kept=stored
+            scene.statement, partial(load_mesh, scene, comm), history, None, stored=stored
         )[0]
     if check and not solution.converged:
         raise ConvergenceError(solution)
@@ -104,7 +104,7 @@ def solve(
 
 def _checkpoint(
     scene: Scene, comm: MPI.Comm, history: History, folder: str | Path | None, *, restart: bool
-) -> MeshCheckpoint | None:
+) -> StoredStates | None:
     """The checkpoint of a run; None if there is nothing to store."""
     if folder is None and restart:
         raise SceneError([("restart", "needs the folder of the checkpoint")])
@@ -131,9 +131,9 @@ def _checkpoint(
                 ]
             )
         return None
-    from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
+    from signorini_fx.solving.restart import StoredStates
 
-    return MeshCheckpoint(comm, folder, scene, history, restart=restart)
+    return StoredStates(comm, folder, scene, history, restart=restart)
 
 
 def refuse_other_than_comm(comm: object) -> None:

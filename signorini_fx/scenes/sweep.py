@@ -31,9 +31,14 @@ from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import as_scene, changed, parse_scene
 from signorini_fx.scenes.scene import Scene
 from signorini_fx.scenes.solver import refuse_other_than_comm, solve
-from signorini_fx.solving.checkpointed_steps import described_scene
 from signorini_fx.solving.findings import refuse_beforehand
-from signorini_fx.solving.solve_on_mesh import contact_task, solve_contact, solve_mesh
+from signorini_fx.solving.restart import described_scene
+from signorini_fx.solving.solve_on_mesh import (
+    StatedProblem,
+    contact_task,
+    solve_contact,
+    solve_mesh,
+)
 from signorini_fx.tuned import ZERO_IN_SOLUTION
 
 _TABLE, _STORED = "sweep.csv", "sweep.json"
@@ -111,7 +116,7 @@ def _solved(
     model = with_gap_and_friction(earlier.model, statement)
     refuse_beforehand(model)
     task = contact_task(model, history, choose=lambda *_: (solved.system, solved.linear_algebra))
-    solution, task, _ = solve_contact(model, task, earlier.contact, Timings())
+    solution, task, _ = solve_contact(StatedProblem(model, task, Timings()), earlier.contact)
     return solution, task
 
 

@@ -9,9 +9,10 @@ Broyden, Math. Comp. 19 (1965) 577-593; for one section it is that of secants.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -19,10 +20,14 @@ import numpy.typing as npt
 from signorini_fx.algebra.algorithms.strategy import solve_task
 from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
 from signorini_fx.mechanics.effects.loads import Preload
+from signorini_fx.mechanics.model import Model
 from signorini_fx.records import Finding, Status
 from signorini_fx.results.contact_figures import section_forces
 from signorini_fx.results.mechanics import SolidBody
+from signorini_fx.solving.frames import Posed
 from signorini_fx.tuned import CERTIFICATE_TOLERANCE, LEFT_BY_SOLVES, SHORTENED_AT_MOST
+
+B = TypeVar("B", bound=Model)
 
 # Contact problems for one load step.
 _MOST_PROBLEMS = 30
@@ -99,7 +104,7 @@ def solve_tightened(
     return model, start, replace(outcome, status=Status.OUTER_MAX_ITERATIONS), None
 
 
-def _tightened(model: SolidBody, step: float) -> dict[int, Preload]:
+def _tightened(model: Model, step: float) -> dict[int, Preload]:
     """The loads that are sections which forces tighten at a place, by their numbers."""
     entries = {
         k: load.entry for k, load in enumerate(model.applied) if isinstance(load.entry, Preload)
@@ -111,17 +116,63 @@ def _tightened(model: SolidBody, step: float) -> dict[int, Preload]:
     }
 
 
-def shortenings(model: SolidBody, step: float) -> list[float]:
+def shortenings(model: Model, step: float) -> list[float]:
     """Those that forces have led to at a place, in the order of ``_tightened``, length."""
     return [model.applied[k].factor(step) for k in _tightened(model, step)]
 
 
 def with_shortenings(
-    model: SolidBody, step: float, lengths: Sequence[float] | npt.NDArray[np.float64]
-) -> SolidBody:
+    model: B, step: float, lengths: Sequence[float] | npt.NDArray[np.float64]
+) -> B:
     """The same with shortenings that were found at a place; nothing is assembled again."""
     shortened = zip(_tightened(model, step).values(), lengths, strict=True)
-    tight = {id(entry): entry.tightened(step, float(s)) for entry, s in shortened}
+    return _with(model, {id(entry): entry.tightened(step, float(s)) for entry, s in shortened})
+
+
+def tightened(posed: Posed, start: Start, found: npt.NDArray[np.float64]) -> tuple[Posed, Start]:
+    """A load step with the shortenings that its forces have led to, as ``found_in`` gives them."""
+    body = posed.body
+    place = start.place
+    assert isinstance(body, Model)
+    lengths = zip(_by_force(body), found, strict=False)
+    tight = {
+        id(at): at.tightened(place, float(s))
+        for at, s in lengths
+        if at.force_at(body.statement, place) is not None
+    }
+    if not tight:
+        return posed, start
+    body = _with(body, tight)
+    return replace(posed, body=body), replace(start, factors=body.factors(place))
+
+
+def found_in(model: Model, step: float) -> npt.NDArray[np.float64]:
+    """By how much forces have shortened each of their sections up to a place, length; nan: by
+    nothing.
+    """
+    return np.array([entry.found_at(step) for entry in _by_force(model)])
+
+
+def with_found(model: B, step: float, found: npt.NDArray[np.float64]) -> B:
+    """The same where forces have led to these shortenings before a step; itself if it has them."""
+    entries = _by_force(model)
+    if not found.size:
+        found = np.full(len(entries), np.nan)
+    begun = (
+        (entry, entry.found_before(step, float(length)))
+        for entry, length in zip(entries, found, strict=True)
+    )
+    changed = {id(entry): again for entry, again in begun if again is not entry}
+    return _with(model, changed) if changed else model
+
+
+def _by_force(model: Model) -> list[Preload]:
+    entries = [load.entry for load in model.applied if isinstance(load.entry, Preload)]
+    return [entry for entry in entries if entry.force is not None]
+
+
+def _with(model: B, tight: Mapping[int, Preload]) -> B:
+    """The same with other entries for these, by their identity."""
     changed = {
         key: tuple(tight.get(id(entry), entry) for entry in entries)
         for key, entries in model.statement.effects.items()

@@ -37,7 +37,7 @@ from signorini_fx.results.accuracy.level_results import (
 )
 from signorini_fx.results.accuracy.pressure_error import polygon_error
 from signorini_fx.results.solution import Solution
-from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
+from signorini_fx.solving.restart import StoredStates
 from signorini_fx.tuned import FEW_NODES, MIDDLE_RATIO
 
 
@@ -103,10 +103,7 @@ class MeshedProblem(ABC):
 
     @abstractmethod
     def solve(
-        self,
-        state: ContactState | None,
-        coarser: MeshLevel | None,
-        checkpoint: MeshCheckpoint | None,
+        self, state: ContactState | None, coarser: MeshLevel | None, checkpoint: StoredStates | None
     ) -> SolvedMesh:
         """Solve it from the contact state of a coarser mesh, with coarser meshes as levels of
         multigrid, and with a checkpoint, each None where there is none; ``level`` and ``errors``
@@ -149,7 +146,7 @@ class MeshedProblem(ABC):
         number: int,
         state: ContactState | None,
         coarser: MeshLevel | None,
-        stored: MeshCheckpoint | None = None,
+        stored: StoredStates | None = None,
     ) -> SolvedMesh:
         """Solve it as one of several meshes, with its errors and its cost; collective."""
         history = self.history
@@ -258,7 +255,7 @@ def solve_nested(
     count: int,
     comm: MPI.Comm,
     history: History,
-    stored: MeshCheckpoint | None = None,
+    stored: StoredStates | None = None,
 ) -> Solution:
     """Solve on one mesh after the other, each starting from the contact state of the previous one;
     collective.

@@ -8,26 +8,28 @@ from functools import cache, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 from dolfinx import fem
 
-from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
+from signorini_fx.algebra.algorithms.task import Outcome, Task
 from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.linalg import Elasticity, ElasticSystem
 from signorini_fx.algebra.linalg.choice import SystemSize, choose_system
+from signorini_fx.algebra.linalg.condensed import CondensedSystem
 from signorini_fx.machine.petsc_objects import free_unused
-from signorini_fx.mechanics.assembly.averages import from_owners
-from signorini_fx.mechanics.body.discretisation import moved_since, placed, prepare
+from signorini_fx.mechanics.body.discretisation import moved_since, placed, placements, prepare
+from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary, no_points
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.rigid.mesh_levels import MeshLevel
+from signorini_fx.mechanics.state import State
+from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import Finding, History, Status, Timings
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
-from signorini_fx.results.certificate.law_of_method import PreviousStep
 from signorini_fx.results.mechanics import SolidBody, StatedBody, StepResult
 from signorini_fx.results.solution import Solution
-from signorini_fx.results.step_frames import StepEnd, from_rest
 from signorini_fx.solving.findings import (
     facets_in_result,
     loose_at_rest,
@@ -38,32 +40,42 @@ from signorini_fx.solving.findings import (
     shapes_in_results,
     untouched,
 )
-from signorini_fx.solving.load_steps import (
-    BegunStep,
-    Increments,
-    LoadStep,
-    SteppedBody,
-    StepProgress,
-    first_start,
-)
+from signorini_fx.solving.frames import Posed, guess_of
+from signorini_fx.solving.increments import Increments
+from signorini_fx.solving.load_path import OnStep, run
+from signorini_fx.solving.step import Report
 from signorini_fx.tuned import PATH_ERROR_SHARE
 
 if TYPE_CHECKING:
-    from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
+    from signorini_fx.solving.restart import StoredStates
 
 
 def solve_mesh(
     statement: Statement,
     load: Callable[[], TaggedMesh],
     history: History,
-    state: ContactState | None,
-    on_step: Callable[[LoadStep], object] = lambda step: None,
+    contact: ContactState | None,
+    on_step: OnStep = lambda state, report: None,
     coarser: MeshLevel | None = None,
-    kept: MeshCheckpoint | None = None,
+    stored: StoredStates | None = None,
 ) -> tuple[Solution, Task, Outcome]:
-    """Solve on the mesh that ``load`` gives, from the ``state`` of a ``coarser`` one, a level of
+    """Solve on the mesh that ``load`` gives, from the contact of a ``coarser`` one, a level of
     multigrid, if any.
     """
+    problem = stated_problem(statement, load, history, coarser)
+    near = None
+    if coarser is not None and not statement.several_steps:
+        near = _displacement_of_coarser(problem.task, problem.model)
+    return solve_contact(problem, contact, on_step, stored, near)
+
+
+def stated_problem(
+    statement: Statement,
+    load: Callable[[], TaggedMesh],
+    history: History,
+    coarser: MeshLevel | None = None,
+) -> StatedProblem:
+    """The problem of a statement on the mesh that ``load`` gives; collective."""
     timings = Timings()
     with timings.phase("mesh"):
         tagged = load()
@@ -74,22 +86,20 @@ def solve_mesh(
     with timings.phase("assemble"):
         assert model.cases is not None
     refuse_beforehand(model)
-    for stated, contact in zip(statement.contact, model.statement.contact, strict=True):
-        if contact.boundary != stated.boundary:
+    for stated, moved in zip(statement.contact, model.statement.contact, strict=True):
+        if moved.boundary != stated.boundary:
             history.add(
-                f"the contact points are on {contact.boundary!r}, not on {stated.boundary!r}: see "
+                f"the contact points are on {moved.boundary!r}, not on {stated.boundary!r}: see "
                 "contact.points"
             )
     with timings.phase("condense"):
         task = contact_task(model, history, coarser)
-    if coarser is not None and not statement.several_steps:
-        _begin_at_coarser(task, model)
-    return solve_contact(model, task, state, timings, on_step, kept)
+    return StatedProblem(model, task, timings)
 
 
-def _begin_at_coarser(task: Task, model: Model) -> None:
-    """Begin with the displacement of the coarser mesh, where solves are not exact and gain by it;
-    collective.
+def _displacement_of_coarser(task: Task, model: Model) -> npt.NDArray[np.float64] | None:
+    """The displacement of the coarser mesh, shape (dofs,), where solves are not exact and gain by
+    it; collective.
     """
     from signorini_fx.algebra.linalg.krylov import KrylovSystem
 
@@ -99,39 +109,54 @@ def _begin_at_coarser(task: Task, model: Model) -> None:
         or not isinstance(level, MeshLevel)
         or model.turned is not None
     ):
-        return
+        return None
     if (start := level.start()) is None:
-        return
+        return None
+    x = task.system.start.copy()
+    free = ~model.fixed
     if task.rest is not None:
         start.getArray()[:] -= model.motions.displacement(task.rest.motion).ravel()[
             : start.getLocalSize()
         ]
-    free = ~model.fixed
-    task.newton.x.getArray()[: free.size][free] = start.getArray(readonly=True)[free]
+    x.getArray()[: free.size][free] = start.getArray(readonly=True)[free]
+    return model.from_rest(task.rest, task.system.displacement(x)).x.array.copy()
 
 
 def solve_contact(
-    model: SolidBody,
-    task: Task,
-    state: ContactState | None,
-    timings: Timings,
-    on_step: Callable[[LoadStep], object] = lambda step: None,
-    level_checkpoint: MeshCheckpoint | None = None,
+    problem: StatedProblem,
+    contact: ContactState | None,
+    on_step: OnStep = lambda state, report: None,
+    stored: StoredStates | None = None,
+    near: npt.NDArray[np.float64] | None = None,
 ) -> tuple[Solution, Task, Outcome]:
-    """All load steps from a ``state``, until one has no solution, the last task, and the last
-    solved outcome.
+    """All load steps, until one has no solution, the last task, and the last solved outcome.
+
+    The iteration begins with a ``contact`` of other points, and with the displacement ``near``,
+    shape (dofs,), if any.
     """
-    statement = model.statement
-    body = StatedSteps(model, statement.path, timings, state)
-    start = first_start(task.start, model.boundary, state)
-    progress = StepProgress(body, task, start, Increments(statement.path, statement.solver))
-    progress.all(on_step, level_checkpoint)
-    model = progress.body.model
-    task = progress.task
-    assert progress.ended is not None
-    found = partial(_findings, model, progress.results)
-    solution = contact_solution(model, progress.results, task, progress.ended, timings, found)
-    return solution, task, progress.ended[0]
+    begin = problem.initial()
+    model = problem.model
+    guess = None
+    if contact is not None and model.boundary is not None:
+        from signorini_fx.solving.meshed_problem import carry_over
+
+        guess = guess_of(*carry_over(contact, model.boundary), model.boundary, begin)
+    if near is not None:
+        guess = replace(guess or replace(begin, number=1), displacement=near)
+    way = Increments(problem.path, model.statement.solver)
+    ends = run(problem, begin, way, on_step, guess=guess, stored=stored)
+    (_, last), results = ends[-1], [report.result for _, report in ends]
+    ended = last_solved([report for _, report in ends])
+    found = partial(_findings, last.body, results)
+    solution = contact_solution(last.body, results, problem.task, ended, problem.timings, found)
+    return solution, problem.task, ended[0]
+
+
+def last_solved(reports: Sequence[Report]) -> tuple[Outcome, RegularisedData]:
+    """How the last load step with a solution has ended, or the first one, and its data."""
+    solved = (report for report in reversed(reports) if report.result.status is Status.CONVERGED)
+    report = next(solved, reports[0])
+    return report.outcome, report.data
 
 
 def contact_solution(
@@ -273,77 +298,82 @@ def _allowed(model: Model) -> Callable[[fem.Function], float] | None:
     return lambda y: share * recovery.error(y)
 
 
-@dataclass(frozen=True)
-class StatedSteps(SteppedBody):
-    """A body that a statement says all of; ``state``: from which the first load step begins."""
-
-    state: ContactState | None
-
-    def begun(self, path_step: float, task: Task, first: Start, end: StepEnd | None) -> BegunStep:
-        earlier = self.model
-        start = first
-        last = None
-        if end is not None:
-            start = end.start
-            last = end.before
-        moved = placed(earlier, path_step)
-        if moved is earlier:
-            return BegunStep(self, task, start, last)
-        stepped = replace(self, model=moved)
-        if moved.boundary is earlier.boundary:
-            assert moved.law is not None
-            bound = (
-                moved.law.given
-                if start.multipliers is None
-                else moved.law.bound(start.multipliers[0])
-            )
-            return BegunStep(
-                stepped,
-                task,
-                replace(start, law=moved.law, data=replace(start.data, bound=bound)),
-                last,
-            )
-        with self.timings.phase("condense"):
-            task = contact_task(moved, task.history)
-        if end is not None:
-            return BegunStep(stepped, task, *on_moved_foundations(earlier, moved, task, end))
-        assert moved.boundary is not None
-        start = first_start(task.start, moved.boundary, self.state)
-        drift = moved_since(moved, moved.statement.placed(-1))
-        return BegunStep(stepped, task, *from_rest(moved.space, moved.boundary, start, drift))
-
-
-def on_moved_foundations(
-    earlier: Model, moved: Model, task: Task, end: StepEnd
-) -> tuple[Start, PreviousStep]:
-    """Where a load step starts on moved foundations, and the end of the last one as it sees it;
-    collective.
+@dataclass
+class StatedProblem:
+    """A body that a statement says all of, where its last step has put it: only what is assembled
+    stays of that.
     """
-    assert earlier.boundary is not None
-    assert moved.boundary is not None
-    end.taken_up(task, moved, moved.rigid)
-    now = moved.boundary
-    before = earlier.boundary
-    spin = None
-    # across planes of symmetry, which supports make that hold from now on, there is no shear any
-    # more
-    if moved.pairs:
-        spin = np.tile(np.eye(now.x.shape[1]), (now.size, 1, 1))
-        for number, pair in moved.pairs.items():
-            spin[now.part == number] -= pair.across
-    # Contact alone may hold the body, which rests elsewhere now.
-    drift = moved_since(moved, earlier.statement)
-    begun, last = end.begins_on(now, task.start.data, moved.law, drift, task.rest, spin)
-    if not (before.paired and now.paired):
-        return begun, last
-    # With these planes the relative displacement at the points is another one for the same
-    # displacement.
-    y = last.displacement.x.array.reshape(-1, now.x.shape[1])[
-        : moved.space.dofmap.index_map.size_local
-    ]
-    seen, sees = (
-        (averages.operator @ from_owners(y, averages.nodes, now.comm).ravel()).reshape(now.x.shape)
-        for averages in (before.averages, now.averages)
-    )
-    origin = begun.data.slip_origin + np.einsum("nij,ni->nj", now.tangents, sees - seen)
-    return replace(begun, data=replace(begun.data, slip_origin=origin)), last
+
+    model: SolidBody
+    task: Task  # its contact problem
+    timings: Timings
+
+    @property
+    def path(self) -> LoadPath:
+        """Of the statement."""
+        return self.model.statement.path
+
+    @property
+    def waits(self) -> bool:
+        """Whether it is one of several load steps."""
+        return self.path.several
+
+    @property
+    def history(self) -> History:
+        """Of the contact problem."""
+        return self.task.history
+
+    def points(self) -> tuple[ContactBoundary, fem.FunctionSpace]:
+        """See ``State.save``."""
+        return self.model.boundary or no_points(self.model.space), self.model.space
+
+    def initial(self) -> State:
+        """The body before the first load step, without loads; collective."""
+        model = self.model
+        begun = placements(model.statement.placed(-1))
+        unknowns = np.zeros(model.rigid.fixed.size)
+        displacement = np.zeros_like(fem.Function(model.space).x.array)
+        return State(0, self.path.time_at(-1), displacement, unknowns, begun)
+
+    def pose_at(self, state: State, place: float) -> Posed:
+        """What the step to a place is solved with after a state; collective."""
+        model = self.model
+        if model.statement.preloads:
+            from signorini_fx.solving.bolt_preloads import with_found
+
+            model = with_found(model, place, state.found)
+        stepped = placed(model, place)
+        if stepped.boundary is not self.model.boundary:
+            system = self.task.system
+            condensed = isinstance(system, CondensedSystem) and stepped.is_assembled
+            if condensed and stepped.stiffness is system.elasticity.matrix:
+                stepped = replace(stepped, eliminated=system.schur)
+            with self.timings.phase("condense"):
+                self.task = contact_task(stepped, self.history)
+        self.model, first = stepped, self.task.start
+        if stepped.law is not None:
+            first = replace(
+                first, law=stepped.law, data=replace(first.data, bound=stepped.law.given)
+            )
+        drift = moved_since(stepped, state.placed)
+        spin = _spin(stepped)
+        return Posed(
+            stepped, stepped.rigid, self.task, first, placements(stepped.statement), drift, spin
+        )
+
+    def accept(self, report: Report) -> None:
+        """Go on with the shortenings that forces have led to."""
+        self.model = report.body
+
+
+def _spin(model: Model) -> npt.NDArray[np.float64] | None:
+    """Across planes of symmetry, which supports make that hold now, there is no shear of a pair any
+    more.
+    """
+    now = model.boundary
+    if now is None or not model.pairs:
+        return None
+    spin = np.tile(np.eye(now.x.shape[1]), (now.size, 1, 1))
+    for number, pair in model.pairs.items():
+        spin[now.part == number] -= pair.across
+    return spin

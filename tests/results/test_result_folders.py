@@ -21,7 +21,7 @@ from signorini_fx.scenes import solver
 from signorini_fx.scenes.cli import main
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
-from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
+from signorini_fx.solving.restart import StoredStates
 
 SELF = MPI.COMM_SELF
 SCENE = """
@@ -130,7 +130,7 @@ def test_what_a_killed_run_leaves(tmp_path, monkeypatch):
     (out / "checkpoint" / manifest.PART / "half").write_text("half")
     manifest.begin_part(out)
     history = History()
-    MeshCheckpoint(SELF, out, scene, history, restart=True)
+    StoredStates(SELF, out, scene, history, restart=True)
     assert "2 complete load steps" in history.events[0]
     monkeypatch.setattr(
         manifest, "remove", lambda _: 1 / 0

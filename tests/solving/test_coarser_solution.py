@@ -11,11 +11,10 @@ from scenes import example1
 
 from signorini_fx import ConvergenceError, solve_nested, solve_to_accuracy
 from signorini_fx.algebra.linalg import krylov
-from signorini_fx.forms import solver as form_solver
 from signorini_fx.mechanics.statement.settings import Accuracy
 from signorini_fx.records import Status
 from signorini_fx.scenes.solver import solve
-from signorini_fx.solving import load_steps
+from signorini_fx.solving import step
 
 # Unknowns of the meshes before the one that fails: 13 x 5 nodes, or 7 x 3 of the forms; the others
 # have more.
@@ -41,7 +40,7 @@ def ends_with(status, fails=lambda unknowns: unknowns > MOST):
     """Every contact problem of such a mesh ends so."""
 
     def fault(monkeypatch):
-        def solved(task, *args, usual=load_steps.solve_task):
+        def solved(task, *args, usual=step.solve_task):
             outcome = usual(task, *args)
             return (
                 replace(outcome, status=status)
@@ -49,8 +48,7 @@ def ends_with(status, fails=lambda unknowns: unknowns > MOST):
                 else outcome
             )
 
-        for module in (load_steps, form_solver):
-            monkeypatch.setattr(module, "solve_task", solved)
+        monkeypatch.setattr(step, "solve_task", solved)
 
     return fault
 

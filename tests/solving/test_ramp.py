@@ -12,7 +12,7 @@ from signorini_fx.records import Status
 from signorini_fx.results.files import write_results
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
-from signorini_fx.solving.load_steps import Increments
+from signorini_fx.solving.increments import Increments
 
 
 def ramp(push, steps=10, *, factors=(0.0, 1.0), nx=30, friction=None, load_steps=None, **solver):

@@ -42,7 +42,7 @@ from signorini_fx.mechanics.contact_points.contact_boundary import ContactBounda
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.model import ElasticBody
 from signorini_fx.quantities.differentiable import ContactForce, Functional
-from signorini_fx.results.step_frames import turned
+from signorini_fx.solving.frames import turned
 from signorini_fx.tuned import ROOT_OF_EPS
 
 Array = npt.NDArray[np.float64]

@@ -29,12 +29,14 @@ from signorini_fx.mechanics.body.discretisation import (
     held_at,
     law_of,
     moved_since,
+    placements,
     prepare,
 )
 from signorini_fx.mechanics.body.nonlinear_law import at_rest
 from signorini_fx.mechanics.elasticity.moduli import lame_coefficients
 from signorini_fx.mechanics.laws.protocol import FrictionLaw
 from signorini_fx.mechanics.model import Model
+from signorini_fx.mechanics.state import State
 from signorini_fx.mechanics.statement.effect import Load, Resistance
 from signorini_fx.mechanics.statement.expressions import Expression
 from signorini_fx.mechanics.statement.features import refused_by
@@ -46,8 +48,8 @@ from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.nonlinear import ProblemOfScene, ReachedStep, problem_of
 from signorini_fx.scenes.reading import PATH, as_scene, way_of
 from signorini_fx.scenes.scene import Scene
-from signorini_fx.solving.load_steps import LoadStep
 from signorini_fx.solving.solve_on_mesh import solve_mesh
+from signorini_fx.solving.step import Report
 from signorini_fx.tuned import DIFFERENCE_STEP
 
 Array = npt.NDArray[np.float64]
@@ -226,21 +228,24 @@ class _Steps:
         scene = scene.model_copy(update={"solver": scene.solver.model_copy(update={"levels": 1})})
         solved: list[_Step] = []
 
-        def keep(step: LoadStep) -> None:
-            model = step.body.model
-            state = step.result.contact
-            assert state is not None
+        def keep(_: State, report: Report) -> None:
+            model = report.body
+            contact = report.result.contact
+            start = report.start
+            assert contact is not None
             of = (
                 model,
-                step.task,
-                step.outcome,
-                step.start,
-                state,
-                step.result.displacement,
-                step.start.law,
+                report.posed.task,
+                report.outcome,
+                start,
+                contact,
+                report.result.displacement,
+                start.law,
             )
             earlier = solved[-1].solved if solved else None
-            solved.append(_Step(model, step.result.place, SolvedStep.of(*of), len(solved), earlier))
+            solved.append(
+                _Step(model, report.result.place, SolvedStep.of(*of), len(solved), earlier)
+            )
 
         solution, *_ = solve_mesh(
             scene.statement, partial(load_mesh, scene, comm), History(), None, keep
@@ -381,7 +386,7 @@ def _data(statement: Statement, steps: list[_Step], path: str) -> Callable[[int]
         if any(effect.moves for effect in statement_k.contact):
             step_model = replace(model, statement=statement_k, boundary=parts["boundary"])
             moving["drift"] = moved_since(
-                step_model, stated[k - 1] if k else statement_k.placed(-1)
+                step_model, placements(stated[k - 1] if k else statement_k.placed(-1))
             )
         return moving
 
@@ -566,8 +571,10 @@ class _ChangedScene:
         if self._model is not None and step.earlier is not None and step.preceding is not None:
             fixed = step.earlier.body.fixed
             begun[: fixed.size][fixed] = self.values(step.preceding.path_step)[fixed]
-        *_, boundary, gap, law, drift = touching.linear.data_now(problem.linear, begun)
-        spin = touching.linear.foundations.spin_at(boundary)
+        *_, boundary, gap, law, drift = touching.linear.data_now(
+            problem.linear, replace(touching.linear.begin, displacement=begun)
+        )
+        spin = touching.linear.foundations.spin_at(boundary, touching.linear.begin.placed)
         return replace(usual, boundary=boundary, gap=gap, law=law, drift=drift, spin=spin)
 
 

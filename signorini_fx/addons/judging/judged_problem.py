@@ -314,9 +314,9 @@ class SolutionOnMesh:
         law = solution.certificate.law
         last = None
         if len(steps) > 1 and steps[-2].contact is not None:
-            last = PreviousStep.of(
-                steps[-2].displacement, Tractions.of(steps[-2].contact), law, None
-            )
+            begun = Tractions.of(steps[-2].contact)
+            elastic = np.asarray(begun.shear / law.gamma_t)
+            last = PreviousStep(steps[-2].displacement, begun, elastic)
         return solution.model.certified(
             u, tractions, law=law, step=steps[-1].place, last=last, rigid=()
         )

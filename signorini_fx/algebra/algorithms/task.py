@@ -89,29 +89,6 @@ class Outcome:
         """All displacement dofs of the result, counted from the reference motion of the body."""
         return self.problem.system.displacement(self.newton.x)
 
-    def next_step(self, start: Start) -> Start:
-        """Where the next load step starts after one from ``start``: friction acts on the increment
-        of the slip, from the current shear.
-        """
-        _, u_t = self.problem.system.contact.traces(self.newton.x)
-        pressure, shear = self.newton.multipliers()
-        data = replace(self.data, slip_origin=u_t)
-        solved = self.problem.data
-        elastic = start.elastic_slip
-        if start.law is not None:
-            data = replace(data, mu_hat=shear, bound=start.law.bound(pressure))
-            kept = elastic + (shear - solved.mu_hat) / solved.gamma_t
-            elastic = np.zeros_like(shear) if self.augmented else kept
-        return Start(
-            data,
-            start.law,
-            elastic,
-            multipliers=(pressure, shear),
-            step=start.step + 1,
-            place=start.place + 1,
-            regularisation_error=self.regularisation_error,
-        )
-
 
 @dataclass(frozen=True)
 class Task:

@@ -20,6 +20,7 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
 
+from signorini_fx.algebra.algorithms.strategy import solve_task
 from signorini_fx.algebra.algorithms.task import Outcome, Start
 from signorini_fx.algebra.contact.active_sets import ActiveSets
 from signorini_fx.algebra.contact.complementarity import RegularisedData
@@ -51,12 +52,14 @@ from signorini_fx.mechanics.model import ElasticBody
 from signorini_fx.mechanics.obstacles.foundations_on_points import Foundations, ShapeDistances
 from signorini_fx.mechanics.obstacles.paired_points import MovingPair, PairedSides
 from signorini_fx.mechanics.shapes.analytic import Plane
+from signorini_fx.mechanics.state import State
 from signorini_fx.mechanics.statement.rigid_body import COMPONENTS
-from signorini_fx.mechanics.statement.rigid_shape import Distance
+from signorini_fx.mechanics.statement.rigid_shape import Distance, Placement
 from signorini_fx.records import Status
 from signorini_fx.results.certificate.certificate import Certificate
+from signorini_fx.results.certificate.law_of_method import PreviousStep
 from signorini_fx.results.solution import ConvergenceError
-from signorini_fx.results.step_frames import LastSolution, StepEnd
+from signorini_fx.solving.frames import Posed, start_of, state_of
 from signorini_fx.tuned import NO_FORCE, RETAINED_REACH, UNITS_OF_NO_LOAD
 
 Array = npt.NDArray[np.float64]
@@ -67,7 +70,7 @@ _WITHOUT_SETS = (Status.CYCLING, Status.MAX_ITERATIONS, Status.OUTER_MAX_ITERATI
 
 
 @dataclass(frozen=True)
-class State:
+class Snapshot:
     """A solution, or what there is before the first one: all that an attempt changes, and where
     shapes were placed.
     """
@@ -75,13 +78,12 @@ class State:
     displacement: Array  # values of u, ghosts included
     contact: ContactState | None
     outcome: Outcome | None  # of the contact problem of the last iteration
-    guess: LastSolution | None  # where the next solve may begin
+    last: State | None  # the end of the last linear problem, where the next solve may begin
     certificate: Certificate | None
     iterations: int
     shapes: dict[int, Any]  # by the numbers of their foundations
     tools: Array  # coordinates, see ``MovingTools``
-    before: StepEnd | None  # the end of the step before it
-    settled: dict[int, Any]  # the shapes there
+    begin: State  # the end of the step before it
 
 
 class MovingFoundations(Foundations):
@@ -89,9 +91,6 @@ class MovingFoundations(Foundations):
 
     sliding: Mapping[int, MovingPair]  # by their numbers
     coordinates: Array  # of tools where they are, see ``MovingTools``
-    settled: dict[
-        int, Any
-    ]  # the shapes at the end of the last step, by the numbers of their foundations
 
     def __init__(self, *args: Any, at: fem.Function) -> None:
         self.at = at
@@ -99,7 +98,6 @@ class MovingFoundations(Foundations):
         # Pairs that keep their partners, with what that depends on, by their numbers.
         self.undeformed = dict[int, tuple[list[bytes], PairedSides]]()
         super().__init__(*args)
-        self.settle()
         self.coordinates = np.zeros(super().rigid_bodies.fixed.size)
 
     def _shaped(self) -> dict[int, Any]:
@@ -122,9 +120,6 @@ class MovingFoundations(Foundations):
     def moving(self) -> dict[int, MovingShape]:
         """The shapes by the numbers of their foundations."""
         return self._distances  # type: ignore[return-value]
-
-    def settle(self) -> None:
-        self.settled = {number: moving.shape for number, moving in self.moving.items()}
 
     def _put(self, number: int, distance: Distance) -> None:
         moving = self.moving[number]
@@ -163,29 +158,29 @@ class MovingFoundations(Foundations):
             for part in tool.body.parts:
                 self.moving[part].carry_to(tool)
 
-    def motion_at(self, boundary: ContactBoundary, begun: Array) -> Array | None:
-        """How far shapes have moved with points since the displacements ``begun``, length, shape
-        (n, d); None: not.
-        """
-        moved = {
-            k: moving.shape for k, moving in self.moving.items() if moving.shape != self.settled[k]
-        }
+    def motion_at(self, boundary: ContactBoundary, begun: State) -> Array | None:
+        """How far shapes have moved with points since a state, length, shape (n, d); None: not."""
+        moved = self.moved_shapes(begun.placed)
+        places = begun.displacement.reshape(-1, self._dimension)
         if not moved:
             return None
         motion = np.zeros_like(boundary.x)
-        for number, shape in moved.items():
+        for number, (shape, earlier) in moved.items():
             points = np.flatnonzero(boundary.part == number)
             # Not its closest points: a node may be inside by the penalty, or away by a gap that is
             # added.
-            at = boundary.x[points] + begun[boundary.nodes[points]]
-            motion[points] = shape.carried_from(self.settled[number], at)
+            at = boundary.x[points] + places[boundary.nodes[points]]
+            motion[points] = shape.carried_from(earlier, at)
         return motion
 
-    def spin_at(self, boundary: ContactBoundary) -> Array | None:
+    def spin_at(
+        self, boundary: ContactBoundary, placed: Sequence[Placement | None]
+    ) -> Array | None:
         """Also of the other side of a pair."""
-        turned = {
-            k: moving.shape.turned_from(self.settled[k], self._dimension)
-            for k, moving in self.moving.items()
+        moved = self.moved_shapes(placed)
+        turned = dict.fromkeys(self.moving, np.eye(self._dimension))
+        turned |= {
+            k: shape.turned_from(earlier, self._dimension) for k, (shape, earlier) in moved.items()
         }
         turned |= {k: pair.rotation for k, pair in self.sliding.items()}
         if not turned:
@@ -246,6 +241,10 @@ class LinearisedProblem(FormSolver):
         None  # F at the displacement of now, less the loads; None: it has not been assembled yet
     )
     several = False  # see ``Start``
+    posed: Posed  # the last linear problem
+    previous_step: PreviousStep | None = (
+        None  # the end of the last step, as foundations of now see it
+    )
     bodies: tuple[str, ...] = ()  # see ``BodyPieces``
     _keeps = False  # whether the next solve keeps the stiffness of the last one
     _farthest = 0.0  # the largest increment of this load so far, length
@@ -349,7 +348,8 @@ class LinearisedProblem(FormSolver):
     def begin_step(self) -> Start:
         """Slips of points that stick are linearised as their tangent planes turn."""
         state = self._state
-        begun = super().begin_step()
+        self.posed = replace(self.pose(self.begin), linear=False)
+        begun, self.previous_step = start_of(self.posed, self.begin, self.last)
         boundary = self.boundary
         tools = self.foundations.rigid_bodies
         origin = begun.data.slip_origin
@@ -362,10 +362,6 @@ class LinearisedProblem(FormSolver):
             origin[rows] = np.einsum("nij,ni->nj", boundary.tangents[rows], pair.slip_origin)
         if self.task.motions.count:
             begun = replace(begun, several=self.several)
-            if self._last is None:
-                self.task.newton.begin_at(self.task.system.start)
-            else:
-                self._last.taken_up(self.task, self.elastic, self.rigid)
         places = self.places[boundary.nodes]
         way = self._way()
         if (
@@ -488,21 +484,40 @@ class LinearisedProblem(FormSolver):
         return *curvature, loads, *(where if follows else ())
 
     def moved(self, boundary: ContactBoundary) -> Array | None:
-        return self.foundations.motion_at(boundary, self._begun_places)
+        return self.foundations.motion_at(boundary, self.begin)
 
     @property
     def _begun_places(self) -> Array:
         """Displacements of the nodes at the end of the last step, shape (nodes, d)."""
-        if self._last is None:
-            return np.zeros_like(self.places)
-        return self._last.before.displacement.x.array.reshape(self.places.shape)
+        return self.begin.displacement.reshape(self.places.shape)
 
-    def _judged(self, outcome: Outcome, solves_before: int) -> None:
-        """None: the solution of the nonlinear problem gets one; points that were taken to be far
-        are where it is.
+    def attempt(self) -> str:
+        with options_applied(*self.options):
+            self.begun = self.begin_step()
+            outcome = solve_task(self.task, self.begun)
+            self.take(outcome)
+            if isinstance(system := outcome.problem.system, CondensedSystem):
+                system.find_far_points(
+                    outcome.newton.x
+                )  # those that were taken to be far are where it is
+        if outcome.status is Status.CONVERGED:
+            return ""
+        return f"{outcome.status.value}: {outcome.status.advice}"
+
+    def take(self, outcome: Outcome) -> None:
+        """Make the end of a linear problem the last result: the solution of the nonlinear one gets
+        a certificate.
         """
-        if isinstance(system := outcome.problem.system, CondensedSystem):
-            system.find_far_points(outcome.newton.x)
+        self.outcome = outcome
+        unknowns = outcome.displacement()
+        self._state = ContactState.of(self.task.contact(outcome, self.begun), self.boundary)
+        self.tools = self.rigid.moved(self.elastic.driven(unknowns, None))
+        self.status = outcome.status
+        self.certificate = None
+        displacement = self.elastic.function(unknowns)
+        self.u.x.array[:] = displacement.x.array
+        if outcome.status is Status.CONVERGED:
+            self.last = state_of(self.posed, self.begun, outcome, displacement, self.begin)
 
     @property
     def _residual_now(self) -> Array:
@@ -635,15 +650,23 @@ class LinearisedProblem(FormSolver):
         newton.pose(begun.data, sets)
         x = self.task.system.unknowns(self.elastic.unknowns(self.at))
         newton.restore((x, newton.problem.sets, newton.problem.data))
-        self.show(
-            Outcome(status, newton, begun.data, augmented=self.task.settings.algorithm == "alm"),
-            None,
+        self.take(
+            Outcome(status, newton, begun.data, augmented=self.task.settings.algorithm == "alm")
+        )
+
+    def advance(self) -> None:
+        """The displacement is that of the nonlinear problem, whose residual has been judged."""
+        super().advance()
+        displacement = self.at.x.array.copy()
+        coordinates = self.foundations.coordinates.copy()
+        self.begin = replace(
+            self.begin, displacement=displacement, rigid=coordinates, placed=self.foundations.placed
         )
 
     @property
     def step(self) -> int:
         """How many steps have ended."""
-        return 0 if self._last is None else self._last.start.step
+        return self.begin.number
 
     def begin_at_tangent(self, *, definite: bool, symmetric: bool) -> None:
         """Assemble the contact problem of now as in the last iteration of an earlier run;
@@ -662,11 +685,11 @@ class LinearisedProblem(FormSolver):
         other.foundations = copy(self.foundations)
         return other
 
-    def derivative_at(self, last: State) -> tuple[Any, ...]:
+    def derivative_at(self, last: Snapshot) -> tuple[Any, ...]:
         """The last solution with the derivative of its contact problem there, see
         ``SolvedStep.of``; collective.
         """
-        self._last, self.foundations.settled = last.before, last.settled
+        self.begin = last.begin
         outcome = self.outcome
         solved = self.state
         symmetric = self.symmetric
@@ -683,15 +706,14 @@ class LinearisedProblem(FormSolver):
         slips = np.pad(
             turned_slips(self.boundary, self._hessians, self._way()), ((0, 0), (0, 0), (1, 0))
         )
-        turning = curvature, slips, self.foundations.spin_at(self.boundary)
+        turning = curvature, slips, self.foundations.spin_at(self.boundary, self.begin.placed)
         return self.elastic, self.task, outcome, self.begun, state, self.at, self.begun.law, turning
 
     def data_now(
-        self, solved: FormSolver | None = None, begun: Array | None = None
+        self, solved: FormSolver | None = None, begun: State | None = None
     ) -> tuple[Any, ...]:
         """Minus the residual in place of the forms, with what supports prescribe, and the motion of
-        shapes at contact points in the step; ``begun``: values of the displacement at the end of
-        the last step; None: of that here.
+        shapes at contact points in the step; ``begun``: the end of the last step; None: that here.
         """
         kept = self.at.x.array.copy()
         at = self.at.x.array
@@ -699,8 +721,7 @@ class LinearisedProblem(FormSolver):
         at[fixed] = supports[fixed]
         try:
             values, boundary, gap, law = self.contact_now(solved)
-            begins = self._begun_places if begun is None else begun.reshape(self.places.shape)
-            motion = self.foundations.motion_at(boundary, begins)
+            motion = self.foundations.motion_at(boundary, self.begin if begun is None else begun)
             if (residual := self._evaluated.at(at.copy())) is None:
                 raise FormError([("F", "is not finite beside the solution")])
             return [], -residual, values, boundary, gap, law, motion
@@ -737,17 +758,16 @@ class LinearisedProblem(FormSolver):
             work,
         )
 
-    def state_now(self, certificate: Certificate | None, iterations: int) -> State:
+    def state_now(self, certificate: Certificate | None, iterations: int) -> Snapshot:
         """What there is now."""
         shapes = {k: moving.shape for k, moving in self.foundations.moving.items()}
         tools = self.foundations.coordinates
-        solution = self._state, self.outcome, self._solution
-        before = self._last, self.foundations.settled
-        return State(
-            self.at.x.array.copy(), *solution, certificate, iterations, shapes, tools, *before
+        solution = self._state, self.outcome, self.last
+        return Snapshot(
+            self.at.x.array.copy(), *solution, certificate, iterations, shapes, tools, self.begin
         )
 
-    def go_back(self, state: State) -> None:
+    def go_back(self, state: Snapshot) -> None:
         """Go back to an earlier solution; shapes stay where they are, but for those that forces
         move; collective.
         """
@@ -755,7 +775,7 @@ class LinearisedProblem(FormSolver):
         self.fields.take(self.space, state.contact)
         self._state = state.contact
         self.outcome = state.outcome
-        self._solution = state.guess
+        self.last = state.last
         self.foundations.carry_to(state.tools)
         self._last_pattern = None
         self._straighten()

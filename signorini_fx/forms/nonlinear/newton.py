@@ -22,7 +22,7 @@ from dolfinx import fem
 from signorini_fx.errors import FormError
 from signorini_fx.forms.elasticity import NOT_FINITE, MatrixError
 from signorini_fx.forms.nonlinear.crossing import crossing
-from signorini_fx.forms.nonlinear.linearised import LinearisedProblem, State
+from signorini_fx.forms.nonlinear.linearised import LinearisedProblem, Snapshot
 from signorini_fx.forms.nonlinear.residual import round_off
 from signorini_fx.forms.nonlinear.results import ResidualMechanics, SolvedBody, certified
 from signorini_fx.forms.nonlinear.verdicts import (
@@ -38,8 +38,9 @@ from signorini_fx.records import OF_THE_BODY, Status, StepRecord, Timings
 from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.mechanics import StepResult
 from signorini_fx.results.solution import ConvergenceError
-from signorini_fx.solving.checkpointed_steps import Figures, MeshCheckpoint
-from signorini_fx.solving.load_steps import Marks, PathIncrements, Stepping
+from signorini_fx.solving.frames import solution_of
+from signorini_fx.solving.increments import PathIncrements
+from signorini_fx.solving.restart import Figures, StoredStates, marks_of, recall_history
 from signorini_fx.tuned import (
     CERTIFICATE_TOLERANCE,
     ENCLOSED,
@@ -101,7 +102,7 @@ class EquilibriumSolver(Stability):
     tangent_at: tuple[Array, Array] = field(
         init=False
     )  # of the last tangent: values of u, coordinates of tools
-    last: State | None = (
+    last: Snapshot | None = (
         None  # the last solution that was taken, or what there was before; None: nothing was tried
     )
     solved: SolvedBody | None = None  # the last solution that was taken, for results
@@ -184,7 +185,7 @@ class EquilibriumSolver(Stability):
         self.go_back(last)
         return f"{self.failure}: {status.advice}"
 
-    def certify(self, begun: State) -> Status:
+    def certify(self, begun: Snapshot) -> Status:
         """The verdict, but for stability, on a displacement of an earlier run whose step has
         ``begun``; collective.
         """
@@ -242,11 +243,11 @@ class EquilibriumSolver(Stability):
         for pair in self.linear.foundations.sliding.values():
             pair.settle()
 
-    def snapshot(self) -> State:
+    def snapshot(self) -> Snapshot:
         """All that an attempt changes, and where the shapes are."""
         return self.linear.state_now(self.certificate, self.iterations)
 
-    def go_back(self, state: State) -> None:
+    def go_back(self, state: Snapshot) -> None:
         """Go back to where the body was; loads and shapes stay, but for tools that forces move;
         collective.
         """
@@ -455,10 +456,13 @@ def line_search(
 
 # --- the way through load steps -------------------------------------------------------------------
 
-_SOLUTION, _TANGENT = "solution", "tangent"
+# What is stored of a step beside the end of its last linear problem.
+_SOLUTION = "solution"
+_TANGENT = "tangent"
+_ORIGIN = "slip origin"
 
 
-class Continuation(Stepping[StepResult]):
+class Continuation:
     """Goes through the load steps of a path, each of which an ``EquilibriumSolver`` attempts.  One
     without a solution is halved, the first one from time 0; after an easy one the next is larger.
     One that cannot be shortened ends it with a ``failure`` in words or a FormError.
@@ -482,6 +486,7 @@ class Continuation(Stepping[StepResult]):
 
     @property
     def through(self) -> bool:
+        """Whether there is no further load step."""
         return self.way.ended or bool(self.failure)
 
     @property
@@ -490,6 +495,7 @@ class Continuation(Stepping[StepResult]):
         return (self.way.next - self.way.reached) / 2 >= ENCLOSED * self.way.nominal
 
     def solved(self) -> StepResult | None:
+        """The next load step; None: it has no solution, and is tried in another way."""
         begun = self.solver.snapshot()
         solver = self.solver
         way = self.way
@@ -512,7 +518,7 @@ class Continuation(Stepping[StepResult]):
         way.increment = min(max(increment, ENCLOSED * way.nominal), way.nominal)
         return self._end_step(end)
 
-    def _give_up(self, begun: State, why: Exception | str) -> None:
+    def _give_up(self, begun: Snapshot, why: Exception | str) -> None:
         """Go back to where a failed step has begun, and halve it, or end with why there is no
         solution; collective.
         """
@@ -549,7 +555,7 @@ class Continuation(Stepping[StepResult]):
             text = f"{status.value}: {last}; a step to {end} ends with: {solver.failure}"
         self.failure = f"{text}. {advice[0].upper()}{advice[1:]}"
 
-    def _begin_again(self, begun: State) -> None:
+    def _begin_again(self, begun: Snapshot) -> None:
         """Go back to where a step has begun, with its load and its shapes; collective."""
         self._apply(self.way.reached)
         for number, shape in begun.shapes.items():
@@ -572,15 +578,36 @@ class Continuation(Stepping[StepResult]):
         self.solver.advance()
         return step
 
-    def store(self, checkpoint: MeshCheckpoint, step: StepResult, marks: Marks) -> None:
-        """Its displacement, that of its last tangent, and the iterate of the contact problem of
-        that are stored.
+    def all(
+        self, on_step: Callable[[StepResult], object], stored: StoredStates | None = None
+    ) -> None:
+        """Solve one load step after the other, or take it from what is stored, until there is none;
+        collective.
+        """
+        marks = marks_of(self.history)
+        while not self.through:
+            step = None if stored is None else self.recalled(stored)
+            recalled = step is not None
+            step = step or self.solved()
+            if step is None:
+                continue
+            on_step(step)
+            if not recalled and stored is not None:
+                with self.timings.phase("checkpoint"):
+                    self.store(stored, step, marks)
+            marks = marks_of(self.history)
+
+    def store(self, stored: StoredStates, step: StepResult, marks: tuple[int, int, int]) -> None:
+        """The end of its last linear problem is stored, with its displacement and that of its last
+        tangent.
         """
         solver = self.solver
         linear = self.solver.linear
         assert linear.outcome is not None
+        assert linear.last is not None
         values, coordinates = solver.tangent_at
         figures = {
+            "place": step.place,
             "newton": solver.iterations,
             "path": self.way.stored(),
             "linear_solves": step.linear_solves,
@@ -591,69 +618,68 @@ class Continuation(Stepping[StepResult]):
             "definite": bool(linear.definite),
             "symmetric": bool(linear.symmetric),
         }
-        at = fem.Function(linear.space)
-        start = replace(linear.begun, place=step.place)
-        at.x.array[:] = values
-        beside = {_SOLUTION: step.displacement, _TANGENT: at}
-        result = replace(step, displacement=linear.u.copy())
-        solved = linear.task, start, linear.outcome, result
-        checkpoint.store(linear.elastic, solver.timings, *solved, marks, figures, beside)
+        origin = np.einsum("nij,nj->ni", linear.boundary.cotangents, linear.begun.data.slip_origin)
+        state = linear.last.with_field(_SOLUTION, "dofs", step.displacement.x.array)
+        state = state.with_field(_TANGENT, "dofs", values).with_field(_ORIGIN, "points", origin)
+        stored.store(linear.begun.step, linear.posed, linear.outcome, state, self, marks, figures)
 
-    def recalled(self, checkpoint: MeshCheckpoint) -> StepResult | None:
+    def recalled(self, stored: StoredStates) -> StepResult | None:
         """It is certified anew."""
         solver = self.solver
         number = self.solver.linear.step
         history = self.history
-        figures = checkpoint.figures(number)
+        figures = stored.figures(number)
         if figures is None:
             return None
         begun = solver.snapshot()
         end = float(figures["place"])
         with self.timings.phase("restart"):
             self._apply(end)
-            fits = self._fits(checkpoint, figures)
+            fits = self._fits(stored, figures)
         if fits and (status := solver.certify(begun)) is Status.CONVERGED:
             solver.status = status
             solver.iterations = figures["newton"]
             solver.linear_solves = figures["linear_solves"]
             solver.take()
-            checkpoint.recall_history(figures, history, self.timings)
+            recall_history(figures, history, self.timings)
             self.way.resume(figures["path"])
             return self._end_step(end)
         if fits:
             history.add(f"restart: load step {number + 1}: {status.value}: it is solved again")
-            checkpoint.forget(number)
+            stored.forget(number)
         self._begin_again(begun)
         return None
 
-    def _fits(self, checkpoint: MeshCheckpoint, figures: Figures) -> bool:
-        """Take the displacement and the contact of the next load step from a checkpoint, if they
-        fit; collective.
-        """
+    def _fits(self, stored: StoredStates, figures: Figures) -> bool:
+        """Take the displacement and the contact of the next load step, if they fit; collective."""
         linear = self.solver.linear
         residual = self.solver.residual
-        fields = checkpoint.beside(linear.step, linear.space, (_SOLUTION, _TANGENT))
-        if fields is None:
-            checkpoint.forget(linear.step)
+        number = linear.step
+        space = linear.space
+        state = stored.read(number, space)
+        if state is None:
             return False
-        solution, tangent = fields
         at_solution, at_tangent = (
             np.array(figures["coordinates"][name]) for name in (_SOLUTION, _TANGENT)
         )
         outcome = None
         with suppress(FormError, MatrixError, PairingError):
-            if residual.at(tangent.x.array.copy()) is not None:
+            if residual.at(state.fields[_TANGENT].values.copy()) is not None:
                 linear.foundations.carry_to(at_tangent)
                 linear.begin_at_tangent(
                     definite=figures["definite"], symmetric=figures["symmetric"]
                 )
-                start = replace(linear.begun, place=float(figures["place"]), factors=np.ones(1))
-                outcome = checkpoint.recall(linear.elastic, linear.scales.size, linear.task, start)
+                end = stored.read(number, space, linear.boundary)
+                boundary = linear.boundary
+                if end is not None:
+                    origin = np.einsum("nij,ni->nj", boundary.tangents, end.fields[_ORIGIN].values)
+                    linear.begun = replace(
+                        linear.begun, data=replace(linear.begun.data, slip_origin=origin)
+                    )
+                    outcome = solution_of(linear.posed, linear.begun, end, **figures["method"])
         if outcome is None:
             return False
-        data = replace(linear.begun.data, slip_origin=outcome.data.slip_origin)
-        linear.begun = replace(linear.begun, data=data)
-        linear.show(outcome, None)
+        linear.take(outcome)
         linear.foundations.carry_to(at_solution)
-        residual.u.x.array[:] = solution.x.array
+        residual.u.x.array[:] = state.fields[_SOLUTION].values
         return True

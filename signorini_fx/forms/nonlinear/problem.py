@@ -45,8 +45,8 @@ from signorini_fx.mechanics.statement.values import kind_of
 from signorini_fx.records import Finding, Status
 from signorini_fx.results.mechanics import StepResult
 from signorini_fx.results.solution import ConvergenceError, Solution
-from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
 from signorini_fx.solving.findings import loose_at_rest, loose_in, pushed_nodes
+from signorini_fx.solving.restart import StoredStates
 from signorini_fx.solving.solve_on_mesh import contact_solution
 
 
@@ -371,7 +371,7 @@ class NonlinearContactProblem(ProblemOfForms):
         self,
         path: LoadPath,
         clock: Clock,
-        stored: MeshCheckpoint | None,
+        stored: StoredStates | None,
         on_step: Callable[[StepResult], object],
     ) -> Solution:
         way = Continuation(self._solver, path, lambda place: clock(path.time_at(place)))

@@ -157,7 +157,7 @@ def _conditions(
         )
     for number in foundations.sliding:  # their distance is that of the map
         data[number] = replace(data[number], gap=foundations.given_gap(number))
-    boundary = linear.points([entry.shape for entry in data], fixed, values)
+    boundary = linear.contact_points([entry.shape for entry in data], fixed, values)
     regularised, law = foundations.problem(
         boundary, data, Settings.of(linear.settings), linear.scales
     )

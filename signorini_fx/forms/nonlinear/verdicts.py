@@ -21,7 +21,7 @@ from signorini_fx.algebra.linalg.condensed import CondensedSystem
 from signorini_fx.algebra.linalg.factorisation import enough_memory, factor_memory
 from signorini_fx.algebra.regularised import ContactTangent
 from signorini_fx.errors import FormError
-from signorini_fx.forms.nonlinear.linearised import LinearisedProblem, MovingFoundations, State
+from signorini_fx.forms.nonlinear.linearised import LinearisedProblem, MovingFoundations, Snapshot
 from signorini_fx.forms.nonlinear.moving_shapes import turning_of
 from signorini_fx.forms.nonlinear.residual import Residual, Tangents, is_derivative
 from signorini_fx.machine import parallel
@@ -248,7 +248,7 @@ def negative_directions(matrix: PETSc.Mat) -> tuple[int, Array]:
     return negative, direction
 
 
-def overlap(foundations: MovingFoundations, last: State) -> str:
+def overlap(foundations: MovingFoundations, last: Snapshot) -> str:
     """Of shapes, since the ``last`` solution, or else since they were given outside of the body;
     collective.
     """
@@ -256,11 +256,12 @@ def overlap(foundations: MovingFoundations, last: State) -> str:
     solved = last.certificate is not None
     now = cells.placed(foundations.at.x.array)
     then = cells.placed(last.displacement)
+    begun = foundations.moved_shapes(last.begin.placed)
     for number, moving in foundations.moving.items():
         added = parallel.largest(cells.space.mesh.comm, moving.added, -np.inf)
         if (deep := cells.inside(now, moving.shape, added)) is not None:
             return f"contact[{number}]: {deep}"
-        before = last.shapes[number] if solved else foundations.settled[number]
+        before = last.shapes[number] if solved else begun.get(number, (None, moving.shape))[1]
         if not solved and cells.inside(then, before, added) is not None:
             continue
         if (deep := cells.passed((then, before), (now, moving.shape), added)) is not None:
@@ -274,7 +275,7 @@ def corner_inside(foundations: MovingFoundations) -> str:
     return "" if deep is None else f"{deep.path.removesuffix('.shape')}: {deep}"
 
 
-def overlap_of_bodies(foundations: MovingFoundations, last: State) -> str:
+def overlap_of_bodies(foundations: MovingFoundations, last: Snapshot) -> str:
     """Of pairs, since the ``last`` solution, or what there is before; collective.
 
     The nodes of each side are looked for in the cells of other pieces of the mesh, at the end and

@@ -44,6 +44,7 @@ from signorini_fx.mechanics.obstacles.scene_contact import foundations_of, with_
 from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodies
 from signorini_fx.mechanics.statement.effect import InitialStrain, Resistance
 from signorini_fx.mechanics.statement.expressions import Expression, sample
+from signorini_fx.mechanics.statement.rigid_shape import Placement
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import Timings
 from signorini_fx.tuned import LARGEST_MULTIGRID_POISSON, LARGEST_NUMBER, SAME_NUMBER
@@ -291,22 +292,32 @@ def with_gap_and_friction(model: M, statement: Statement) -> M:
     return replace(changed, **_problem(changed, foundations, foundations.shapes(), model.boundary))
 
 
-def moved_since(model: Model, earlier: Statement) -> npt.NDArray[np.float64]:
-    """How far foundations have moved at the contact points since another statement, length, shape
-    (n, d).
+def placements(statement: Statement) -> tuple[Placement | None, ...]:
+    """How the foundation of each contact is shifted and turned; None: it has none that can be."""
+    return tuple(getattr(contact.foundation, "placement", None) for contact in statement.contact)
+
+
+def moved_since(
+    model: Model, earlier: Sequence[Placement | None]
+) -> npt.NDArray[np.float64] | None:
+    """How far foundations have moved at the contact points since they were placed in another way,
+    length, shape (n, d);
+    None: none moves.
     """
-    assert model.boundary is not None
-    moved = np.zeros_like(model.boundary.x)
+    boundary = model.boundary
     dimension = model.tagged.dimension
-    for number, (contact, earlier_contact) in enumerate(
-        zip(model.statement.contact, earlier.contact, strict=True)
-    ):
-        if contact.moves:
-            on_part = model.boundary.part == number
-            x = model.boundary.x[on_part, :dimension]
-            moved[on_part, :dimension] = contact.foundation.moved_from(
-                earlier_contact.foundation, x
-            )
+    moving = [k for k, contact in enumerate(model.statement.contact) if contact.moves]
+    if boundary is None or not moving:
+        return None
+    moved = np.zeros_like(boundary.x)
+    for number in moving:
+        shape = model.statement.contact[number].foundation
+        placement = earlier[number]
+        assert placement is not None
+        on_part = boundary.part == number
+        moved[on_part, :dimension] = shape.moved_from(
+            shape.placed_as(placement), boundary.x[on_part, :dimension]
+        )
     return moved
 
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from math import isnan, nan
 from pathlib import Path
 from typing import Any, ClassVar, Literal, Self, cast
 
@@ -482,9 +483,27 @@ class Preload(Load):
     def shortening_at(self, statement: Any, step: float) -> float:
         """By how much it is shortened there, length; of a force zero until it is found."""
         if self.force is not None:
-            places = [found_step for found_step in self._shortenings if found_step <= step]
-            return self._shortenings[max(places)] if places else 0.0
+            found = self.found_at(step)
+            return 0.0 if isnan(found) else found
         return self._value_at(statement, step)
+
+    def found_at(self, step: float) -> float:
+        """By how much its force has shortened it up to a place, length; nan: it has not."""
+        places = [found_step for found_step in self._shortenings if found_step <= step]
+        return self._shortenings[max(places)] if places else nan
+
+    def found_before(self, step: float, shortening: float) -> Self:
+        """The same where its force has led to a shortening before a step to a place, nan: to none;
+        itself if it is that.
+        """
+        earlier = {place: found for place, found in self._shortenings.items() if place < step}
+        if not isnan(shortening):
+            earlier[max(earlier, default=-1.0)] = shortening
+        if earlier == self._shortenings:
+            return self
+        preload = self.model_copy()
+        preload._shortenings = earlier
+        return preload
 
     def _value_at(self, statement: Any, step: float) -> float:
         """What is given, at a place in the lists of factors."""

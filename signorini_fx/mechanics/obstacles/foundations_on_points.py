@@ -40,7 +40,7 @@ from signorini_fx.mechanics.obstacles.shapes_inside import BodyCells
 from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodies
 from signorini_fx.mechanics.scales import Scales
 from signorini_fx.mechanics.statement.rigid_body import RigidMotion, driven_twice, rigid_bodies
-from signorini_fx.mechanics.statement.rigid_shape import Distance, Shape, distance_from
+from signorini_fx.mechanics.statement.rigid_shape import Distance, Placement, Shape, distance_from
 from signorini_fx.mechanics.statement.rigid_shape import fault_of as fault_of_shape
 from signorini_fx.tuned import DIGITS_OF_FILES, ROOT_OF_EPS, SAME_NUMBER
 
@@ -101,7 +101,6 @@ class Foundations:
         self._values = [NodalValues(space, boundary_facets) for boundary_facets in facets]
         self._dimension = int(space.mesh.geometry.dim)
         self._distances = self._shaped()
-        self.settled = dict(self._distances)
 
     def _shaped(self) -> dict[int, Distance]:
         """The distances from foundations that have shapes, by their numbers."""
@@ -243,29 +242,44 @@ class Foundations:
         contact[number] = replace(contact[number], **values)
         self._contact = contact
 
-    def settle(self) -> None:
-        """Count the motion of shapes from where they are."""
-        self.settled = dict(self._distances)
+    @property
+    def placed(self) -> tuple[Placement | None, ...]:
+        """How the shape of each contact is shifted and turned; None: it has none that can be."""
+        return tuple(
+            getattr(self.placed_shape(k), "placement", None) for k in range(len(self._contact))
+        )
 
-    def moved(self, boundary: ContactBoundary) -> Array | None:
-        """How far the shapes have moved at the points since they have settled, shape (n, d); None:
+    def moved_shapes(self, placed: Sequence[Placement | None]) -> dict[int, tuple[Any, Any]]:
+        """The shapes that are not placed as they were, with these as they were, by their
+        numbers.
+        """
+        shapes = map(self.placed_shape, range(len(placed)))
+        moved = dict[int, tuple[Any, Any]]()
+        for number, (shape, placement) in enumerate(zip(shapes, placed, strict=True)):
+            earlier = shape if placement is None else shape.placed_as(placement)
+            if earlier is not shape:
+                moved[number] = shape, earlier
+        return moved
+
+    def moved(self, boundary: ContactBoundary, placed: Sequence[Placement | None]) -> Array | None:
+        """How far shapes have moved at the points since they were ``placed``, shape (n, d); None:
         they have not.
         """
-        displacements = None
-        for k, distance in self._distances.items():
-            if not self.driven[k] and distance.shape != self.settled[k].shape:
-                displacements = (
-                    np.zeros_like(boundary.x) if displacements is None else displacements
-                )
-                on_part = boundary.part == k
-                displacements[on_part] = distance.shape.moved_from(
-                    self.settled[k].shape, boundary.x[on_part]
-                )
+        driven = self.driven
+        moved = {k: shapes for k, shapes in self.moved_shapes(placed).items() if not driven[k]}
+        if not moved:
+            return None
+        displacements = np.zeros_like(boundary.x)
+        for number, (shape, earlier) in moved.items():
+            on_part = boundary.part == number
+            displacements[on_part] = shape.moved_from(earlier, boundary.x[on_part])
         return displacements
 
-    def spin_at(self, boundary: ContactBoundary) -> Array | None:
-        """The rotation of the foundation of each point since it has settled, shape (n, d, d); None:
-        none counts.
+    def spin_at(
+        self, boundary: ContactBoundary, placed: Sequence[Placement | None]
+    ) -> Array | None:
+        """The rotation of the foundation of each point since they were ``placed``, shape (n, d, d);
+        None: none counts.
         """
         return None
 

@@ -42,6 +42,10 @@ from signorini_fx.removed import removal
 from signorini_fx.tuned import DIFFERENCE_STEP, SAME_LENGTH, WRONG_SLOPE, ZERO_IN_SOLUTION
 
 Array = npt.NDArray[np.float64]
+# Shift, length, rotation, degrees, and pivot, length, as numbers; None: it has none.
+Placement = tuple[
+    tuple[float, ...] | None, float | tuple[float, ...] | None, tuple[float, ...] | None
+]
 
 
 def unit(vector: Sequence[float]) -> Array:
@@ -261,6 +265,20 @@ class Shape(Placed, RigidMotion):
         signed, normal = self.initial(self.moved_back(x))
         normal = normal @ self.turn_matrix(x.shape[1]).T
         return (-signed, -normal) if self.hollow else (signed, normal)
+
+    @property
+    def placement(self) -> Placement:
+        """How it is shifted and turned."""
+        shift = None if self.shift is None else tuple(map(number, self.shift))
+        return shift, None if self.rotation is None else self.angles(), self.pivot
+
+    def placed_as(self, placement: Placement) -> Shape:
+        """The same, shifted and turned in another way; itself if it is that already."""
+        if placement == self.placement:
+            return self
+        return self.model_copy(
+            update=dict(zip(("shift", "rotation", "pivot"), placement, strict=True))
+        )
 
     def moved_from(self, earlier: Shape, x: Array) -> Array:
         """How far its closest points have moved since it was placed like ``earlier``, length, shape

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -97,23 +97,3 @@ class PreviousStep:
         None  # by how much the foundations have moved at the contact points since, the same
     )
     rigid: tuple[RigidBodyMotion, ...] = ()  # how rigid bodies had moved at its end
-
-    @classmethod
-    def of(
-        cls,
-        displacement: fem.Function,
-        tractions: Tractions,
-        law: Law,
-        previous: PreviousStep | None,
-        rigid: tuple[RigidBodyMotion, ...] = (),
-    ) -> PreviousStep:
-        """The end of a load step that kept to ``law`` and started from ``previous``."""
-        if not np.isfinite(law.gamma_t):
-            return cls(displacement, tractions, rigid=rigid)
-        elastic: Any = (
-            0.0 if previous is None or previous.elastic_slip is None else previous.elastic_slip
-        )
-        before: Any = 0.0 if previous is None else previous.tractions.shear
-        return cls(
-            displacement, tractions, elastic + (tractions.shear - before) / law.gamma_t, rigid=rigid
-        )

@@ -1,0 +1,345 @@
+"""Where a body is between two load steps: all that the next one begins from, as arrays.
+
+A state has no matrix, form, frame or shape in it, and nothing changes it.  In a file displacements
+are those of each cell in the order of the input of the mesh, and contact points have their places:
+any number of ranks can read it.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
+from pathlib import Path
+from typing import Any, Protocol, Self
+from zipfile import BadZipFile
+
+import mpi4py.MPI  # noqa: F401  # first, see signorini_fx.mechanics.body
+import numpy as np
+import numpy.typing as npt
+from dolfinx import fem
+from scipy.spatial import cKDTree
+
+from signorini_fx.errors import SceneError, cannot_be_written
+from signorini_fx.machine import parallel
+from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
+from signorini_fx.mechanics.statement.rigid_shape import Placement
+from signorini_fx.tuned import SAME_LENGTH
+
+Array = npt.NDArray[np.float64]
+_FORMAT = 12
+_OF_POINTS = ("normal", "pressure", "shear", "elastic", "contact", "direction", "turning")
+
+
+class HasPoints(Protocol):
+    """What states are of."""
+
+    def points(self) -> tuple[ContactBoundary, fem.FunctionSpace]:
+        """The contact points of this rank, and the space of displacements; collective."""
+
+
+def _frozen(record: Any) -> None:
+    """Let nobody write into the arrays of a record."""
+    for entry in fields(record):
+        values = getattr(record, entry.name)
+        if isinstance(values, np.ndarray):
+            values.flags.writeable = False
+
+
+@dataclass(frozen=True, eq=False)
+class ContactValues:
+    """Contact at the n points of this rank; vectors have components of space, shape (n, d).
+
+    Attributes:
+        nodes: local numbers of the nodes, shape (n,).
+        part: the contact that each point belongs to, shape (n,).
+        normal: outward unit normals of then, with which shears turn.
+        pressure: stress, shape (n,).
+        shear: stress.
+        elastic: the part of the slip so far that is due to the regularisation, a stress over gamma,
+        length.
+        contact: which points are in contact, shape (n,).
+        direction: unit vectors of the shear where points slip, zero where they stick.
+        turning: stiffness against slip across that direction, stress per length, shape (n,).
+    """
+
+    nodes: npt.NDArray[np.int32]
+    part: npt.NDArray[np.int32]
+    normal: Array
+    pressure: Array
+    shear: Array
+    elastic: Array
+    contact: npt.NDArray[np.bool_]
+    direction: Array
+    turning: Array
+
+    def __post_init__(self) -> None:
+        _frozen(self)
+
+
+@dataclass(frozen=True, eq=False)
+class Field:
+    """Values that an effect or a user carries along.
+
+    Attributes:
+        at: where they are: "dofs" of the displacement, its "nodes", contact "points" or "cells",
+        all of this rank, the
+            first two with ghosts, or "global", the same on all ranks.
+        values: one row for each of them.
+    """
+
+    at: str
+    values: Array
+
+    def __post_init__(self) -> None:
+        _frozen(self)
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """Where a body is at the end of a load step, or before the first one.
+
+    Attributes:
+        number: how many load steps have ended.
+        time: when the last one has ended.
+        displacement: from the initial position, ghosts included, length, shape (dofs,); of the
+        start of a solve empty
+            where it is not known.
+        rigid: coordinates of rigid bodies with unknown motion, lengths, shape (k,).
+        placed: how the shape of each contact is shifted and turned; None: it has none.
+        contact: at the contact points; None: before the first load step.
+        gammas: those of the regularisation in both directions, to which the method has come, stress
+        per length.
+        error: the error of the regularisation that path-following has estimated, in the energy
+        norm.
+        found: by how much forces have shortened each section that they tighten, length; nan: by
+        nothing so far.
+        element: unknowns of the element beside the displacement, shape (m,).
+        fields: what effects and users carry along, by name.
+    """
+
+    number: int
+    time: float
+    displacement: Array
+    rigid: Array
+    placed: tuple[Placement | None, ...]
+    contact: ContactValues | None = None
+    gammas: tuple[float, float] | None = None
+    error: float | None = None
+    found: Array = field(default_factory=lambda: np.zeros(0))
+    element: Array = field(default_factory=lambda: np.zeros(0))
+    fields: Mapping[str, Field] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        _frozen(self)
+
+    def with_field(self, name: str, at: str, values: Any) -> Self:
+        """The same with values of an effect or a user, see ``Field``."""
+        return replace(self, fields={**self.fields, name: Field(at, np.array(values, dtype=float))})
+
+    def save(self, path: str | Path, problem: HasPoints) -> None:
+        """Write it to a file, for any number of ranks; collective.
+
+        Args:
+            path: of the file.
+            problem: whose state it is.
+
+        Raises:
+            OutputError: the file cannot be written.
+            SceneError: an element has unknowns that are not stored.
+        """
+        boundary, space = problem.points()
+        table = self.table(boundary, space)
+
+        def write() -> None:
+            try:
+                write_table(Path(path), table)
+            except OSError as reason:
+                raise cannot_be_written(path, reason) from None
+
+        parallel.on_root(space.mesh.comm, write)
+
+    def table(self, boundary: ContactBoundary, space: fem.FunctionSpace) -> dict[str, Any]:
+        """What is stored of it, on the first rank; collective."""
+        if parallel.any_rank(space.mesh.comm, self.element.size > 0):
+            reason = "the pressure of a mixed element is not stored yet: solve all steps in one run"
+            raise SceneError([("element.volumetric", reason)])
+        values = self.contact
+        rows: dict[str, Any] = (
+            {} if values is None else {name: getattr(values, name) for name in _OF_POINTS}
+        )
+        moved = self.displacement.reshape(-1, boundary.x.shape[1])[boundary.nodes]
+        rows |= {"part": boundary.part, "x": boundary.x, "y": moved}
+        of_cells = {"displacement": self.displacement}
+        everywhere: dict[str, Any] = {"rigid": self.rigid, "found": self.found}
+        for name, entry in self.fields.items():
+            place = {
+                "dofs": of_cells,
+                "nodes": of_cells,
+                "cells": of_cells,
+                "points": rows,
+                "global": everywhere,
+            }
+            place[entry.at][f"field {name}"] = entry.values
+        comm = space.mesh.comm
+        topology = space.mesh.topology
+        table: dict[str, Any] = {
+            name: parallel.rows_on_root(comm, column) for name, column in rows.items()
+        }
+        order = parallel.rows_on_root(
+            comm, np.asarray(topology.original_cell_index[: _owned_cells(space)])
+        )
+        for name, column in of_cells.items():
+            at_cells = (
+                name != "displacement" and self.fields[name.removeprefix("field ")].at == "cells"
+            )
+            own = column[: _owned_cells(space)] if at_cells else _by_cell(space, column)
+            table[name] = parallel.rows_on_root(comm, own.reshape(len(own), -1))
+            if table[name] is not None:
+                table[name] = table[name][np.argsort(order)]
+        described = {
+            "format": _FORMAT,
+            "number": self.number,
+            "time": self.time,
+            "placed": self.placed,
+            "gammas": self.gammas,
+            "error": self.error,
+            "fields": {name: [one.at, one.values.shape[1:]] for name, one in self.fields.items()},
+        }
+        return {"described": np.array(json.dumps(described)), **everywhere, **table}
+
+    @classmethod
+    def load(cls, path: str | Path, problem: HasPoints) -> State:
+        """Read what ``save`` has written, on any number of ranks; collective.
+
+        Args:
+            path: of the file.
+            problem: whose state it is.
+
+        Raises:
+            SceneError: the file is none of a state, of another format, mesh or contact.
+        """
+        return cls.read(path, *problem.points())
+
+    @classmethod
+    def read(
+        cls, path: str | Path, boundary: ContactBoundary | None, space: fem.FunctionSpace
+    ) -> State:
+        """The same at contact points; None: without what is there; collective."""
+        comm = space.mesh.comm
+        wrong = ""
+        state = None
+        try:
+            with Path(path).open("rb") as stream, np.load(stream) as stored:
+                table = dict(stored)
+            described = json.loads(str(table["described"]))
+            if described["format"] != _FORMAT:
+                wrong = (
+                    f"has the format {described['format']}, and this version reads {_FORMAT}: "
+                    "solve these steps again"
+                )
+            else:
+                state = cls._from(table, described, boundary, space)
+        except (OSError, ValueError, EOFError, KeyError, TypeError, BadZipFile) as error:
+            wrong = f"is no state of this mesh and contact: {error}"
+        parallel.raise_together(comm, SceneError([(str(path), wrong)]) if wrong else None)
+        assert state is not None
+        return state
+
+    @classmethod
+    def _from(
+        cls,
+        table: dict[str, Any],
+        described: dict[str, Any],
+        boundary: ContactBoundary | None,
+        space: fem.FunctionSpace,
+    ) -> State:
+        displacement = _of_cells(space, table["displacement"])
+        kinds = described["fields"]
+        contact = None
+        taken = np.arange(0)
+        if boundary is not None and len(table["x"]):
+            taken = _rows_of(
+                table, boundary, displacement.reshape(-1, boundary.x.shape[1])[boundary.nodes]
+            )
+        if boundary is not None and "normal" in table:
+            columns = {name: table[name][taken] for name in _OF_POINTS}
+            contact = ContactValues(boundary.nodes.copy(), boundary.part.copy(), **columns)
+        values = dict[str, Field]()
+        for name, (at, shape) in kinds.items():
+            column = table[f"field {name}"]
+            if at == "points":
+                column = column[taken]
+            elif at == "cells":
+                column = column[np.asarray(space.mesh.topology.original_cell_index)]
+            elif at != "global":
+                column = _of_cells(space, column)
+            values[name] = Field(at, column.reshape(-1, *shape))
+        placed = [None if entry is None else _placement(*entry) for entry in described["placed"]]
+        return cls(
+            described["number"],
+            described["time"],
+            displacement,
+            table["rigid"],
+            tuple(placed),
+            contact,
+            described["gammas"] and tuple(described["gammas"]),
+            described["error"],
+            table["found"],
+            fields=values,
+        )
+
+
+def write_table(path: Path, table: Mapping[str, Any]) -> None:
+    """Write what ``State.table`` gives; on one rank."""
+    with path.open("wb") as stream:
+        np.savez(stream, **table)
+
+
+def _placement(*entries: Any) -> Any:
+    """As it was before JSON has made lists of it."""
+    return tuple(tuple(entry) if isinstance(entry, list) else entry for entry in entries)
+
+
+def _owned_cells(space: fem.FunctionSpace) -> int:
+    return int(space.mesh.topology.index_map(space.mesh.topology.dim).size_local)
+
+
+def _by_cell(space: fem.FunctionSpace, values: Array) -> Array:
+    """Values at nodes, ghosts included, in each owned cell: up to degree 2 the order of nodes there
+    is that of the input.
+    """
+    nodes = space.dofmap.index_map.size_local + space.dofmap.index_map.num_ghosts
+    return np.asarray(values.reshape(nodes, -1)[space.dofmap.list[: _owned_cells(space)]])
+
+
+def _of_cells(space: fem.FunctionSpace, stored: Array) -> Array:
+    """The inverse of ``_by_cell``, from the values in all cells in the order of the input."""
+    nodes = np.asarray(space.dofmap.list)
+    topology = space.mesh.topology
+    if (
+        len(stored) != topology.index_map(topology.dim).size_global
+        or stored.shape[1] % nodes.shape[1]
+    ):
+        raise ValueError("it is of another mesh")
+    size = stored.shape[1] // nodes.shape[1]
+    values = np.zeros((space.dofmap.index_map.size_local + space.dofmap.index_map.num_ghosts, size))
+    values[nodes.ravel()] = stored[np.asarray(topology.original_cell_index)].reshape(-1, size)
+    return values.ravel()
+
+
+def _rows_of(table: Mapping[str, Array], boundary: ContactBoundary, moved: Array) -> Any:
+    """Which stored row belongs to each contact point, by its place and its displacement, shape
+    (n,).
+    """
+    size = float(np.ptp(table["x"], axis=0).max()) or 1.0
+    far = float(np.abs(table["y"]).max(initial=0.0)) or 1.0
+
+    def keys(part: npt.NDArray[Any], x: Array, y: Array) -> Array:
+        return np.column_stack((part, x / size, SAME_LENGTH * y / far))
+
+    tree = cKDTree(keys(table["part"], table["x"], table["y"]))
+    distance, nearest = tree.query(keys(boundary.part, boundary.x, moved))
+    if (distance > SAME_LENGTH).any():
+        raise ValueError("its contact points are others")
+    return nearest

@@ -1,0 +1,369 @@
+"""Between a state, whose vectors have components of space, and the frames in which a step is
+solved.
+
+Foundations may have turned and moved since the last step has ended, and the normals of the state
+are those of then.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import fem
+from petsc4py import PETSc
+
+from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
+from signorini_fx.algebra.contact.active_sets import ActiveSets, release
+from signorini_fx.algebra.contact.nodal_vectors import inner, length, unit
+from signorini_fx.errors import FormError
+from signorini_fx.machine import parallel
+from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary, no_points
+from signorini_fx.mechanics.model import ElasticBody
+from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodies
+from signorini_fx.mechanics.state import ContactValues, State
+from signorini_fx.mechanics.statement.rigid_shape import Placement
+from signorini_fx.records import Status
+from signorini_fx.results.certificate.law_of_method import PreviousStep, Tractions
+from signorini_fx.tuned import ROOT_OF_EPS
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Posed:
+    """What a step is solved with.
+
+    Attributes:
+        body: with the contact points of this step.
+        rigid: the rigid bodies whose motion is unknown.
+        task: the contact problem.
+        first: where the step starts with nothing of a step before: gap, friction, and gammas of the
+        settings.
+        placed: how shapes are shifted and turned in the step.
+        drift: by how much foundations have moved at the contact points since the state, length,
+        shape (n, d); None:
+            they have not.
+        spin: see ``rotations``.
+        linear: whether the body is: the iterate of a step then begins with the last solution.
+    """
+
+    body: ElasticBody
+    rigid: RigidBodies
+    task: Task
+    first: Start
+    placed: tuple[Placement | None, ...]
+    drift: Array | None = None
+    spin: Array | None = None
+    linear: bool = True
+
+    @property
+    def boundary(self) -> ContactBoundary:
+        """The contact points, which may be none."""
+        return self.body.boundary or no_points(self.body.space)
+
+
+def start_of(
+    posed: Posed, state: State, guess: State | None = None
+) -> tuple[Start, PreviousStep | None]:
+    """Where a step starts after a state, and the state as the certificate of the step sees it,
+    None: it counts for nothing; ``guess``: of the same step, a solution for other values, or what a
+    coarser mesh says of it; collective.
+
+    Slip is relative to foundations, and friction is that of the pressure of the state.
+
+    Raises:
+        FormError: the contact points are others.
+    """
+    task = posed.task
+    boundary = posed.boundary
+    start, before = (
+        _first(posed) if state.contact is None else _following(posed, state, state.contact)
+    )
+    begins = (
+        None if state.contact is None else state
+    )  # where the iterate begins; None: with what supports prescribe
+    if guess is not None and guess.number == state.number + 1 and _fits(guess.contact, boundary):
+        if posed.linear:
+            begins = guess if guess.displacement.size else None
+        elif not task.motions.count:
+            begins = None
+        if (values := guess.contact) is not None:
+            start = start.begin_from(
+                *_in_frames(values, rotations(values.normal, boundary.normal), boundary)
+            )
+    x = (
+        task.system.start.copy()
+        if begins is None
+        else task.system.unknowns(_unknowns(posed, begins))
+    )
+    sets = start.sets or ActiveSets.all_in_contact(*start.data.mu_hat.shape)
+    task.newton.restore((x, sets, start.data))
+    return start, before
+
+
+def _fits(values: ContactValues | None, boundary: ContactBoundary) -> bool:
+    """Whether values are those of contact points; collective."""
+    return values is None or not parallel.any_rank(
+        boundary.comm, not np.array_equal(values.nodes, boundary.nodes)
+    )
+
+
+def _first(posed: Posed) -> tuple[Start, PreviousStep | None]:
+    """Before the first step slip counts from the body without loads, and the shapes as they were
+    given.
+    """
+    if posed.drift is None:
+        return posed.first, None
+    first = posed.first
+    boundary = posed.boundary
+    before = PreviousStep(
+        fem.Function(posed.body.space), Tractions.none(boundary), moved=posed.drift
+    )
+    # That of a body that contact alone holds is not zero where it has come to rest.
+    origin = first.data.slip_origin + _along(boundary, posed.drift)
+    return replace(first, data=replace(first.data, slip_origin=origin)), before
+
+
+def _following(posed: Posed, state: State, values: ContactValues) -> tuple[Start, PreviousStep]:
+    """Where a step starts after another one; collective."""
+    body = posed.body
+    first = posed.first
+    boundary = posed.boundary
+    if not _fits(values, boundary):
+        raise FormError([("contact", "its points cannot change between the steps of a loop")])
+    rotation = rotations(values.normal, boundary.normal, posed.spin)
+    sets, (pressure, mu) = _in_frames(values, rotation, boundary)
+    _, slips = body.contact.traces(_unknowns(posed, state))
+    gamma_n, gamma_t = state.gammas or (first.data.gamma_n, first.data.gamma_t)
+    data = replace(
+        first.data,
+        gamma_n=gamma_n,
+        gamma_t=gamma_t,
+        mu_hat=mu,
+        bound=None if first.law is None else first.law.bound(pressure),
+        slip_origin=slips + _along(boundary, posed.drift),
+    )
+    shear, elastic = (
+        np.einsum("nij,nj->ni", rotation, vectors) for vectors in (values.shear, values.elastic)
+    )
+    start = replace(
+        first,
+        data=data,
+        elastic_slip=_components(elastic, boundary.cotangents),
+        sets=sets,
+        iteration=1,
+        multipliers=(pressure, mu),
+        step=state.number,
+        regularisation_error=state.error,
+    )
+    displacement = _displacement(posed, state)
+    rigid = posed.rigid.moved(state.rigid) if posed.rigid.bodies else ()
+    return start, PreviousStep(
+        displacement, Tractions(values.pressure, shear), elastic, posed.drift, rigid
+    )
+
+
+def _unknowns(posed: Posed, state: State) -> PETSc.Vec:
+    """All unknowns of the body in a state, counted from the reference motion of now; collective."""
+    body = posed.body
+    rest = posed.task.rest
+    unknowns = body.unknowns(_displacement(posed, state))
+    if rest is not None:
+        unknowns.axpy(-1.0, body.vector(body.motions.displacement(rest.motion)))
+    if posed.rigid.bodies:
+        body.begin_driven(unknowns, state.rigid, rest)
+    return unknowns
+
+
+def _displacement(posed: Posed, state: State) -> fem.Function:
+    body = posed.body
+    displacement = (
+        fem.Function(body.space) if body.mixed is None else body.mixed.displacement(state.element)
+    )
+    displacement.x.array[:] = state.displacement
+    return displacement
+
+
+def state_of(
+    posed: Posed, start: Start, outcome: Outcome, displacement: fem.Function, state: State
+) -> State:
+    """The end of a step with a solution that began from a ``state``, at a displacement from the
+    initial position; all that no step changes is as it was; collective.
+    """
+    body = posed.body
+    task = posed.task
+    boundary = posed.boundary
+    sets = outcome.problem.sets
+    solved = outcome.problem.data
+    tangents = boundary.tangents
+    pressure, shear = outcome.newton.multipliers()
+    elastic = start.elastic_slip
+    if start.law is not None:
+        kept = elastic + (shear - solved.mu_hat) / solved.gamma_t
+        elastic = np.zeros_like(shear) if outcome.augmented else kept
+    unknowns = outcome.displacement()
+    element = np.zeros(0)
+    if body.mixed is not None:
+        element = np.array(
+            unknowns.getArray(readonly=True)[unknowns.getLocalSize() - body.mixed.count :]
+        )
+    return replace(
+        state,
+        number=state.number + 1,
+        displacement=displacement.x.array.copy(),
+        rigid=body.driven(unknowns, task.rest),
+        placed=posed.placed,
+        contact=contact_values(
+            boundary, sets, pressure, _vectors(shear, tangents), _vectors(elastic, tangents)
+        ),
+        gammas=(outcome.data.gamma_n, outcome.data.gamma_t),
+        error=outcome.regularisation_error,
+        element=element,
+    )
+
+
+def solution_of(
+    posed: Posed,
+    start: Start,
+    state: State,
+    *,
+    gammas: tuple[float, float],
+    monolithic: bool,
+    augmented: bool,
+) -> Outcome:
+    """How the contact problem of a step ended that led to a state, with the iterate in place.
+
+    Args:
+        posed: what the step was solved with.
+        start: where it began.
+        state: its end.
+        gammas: of the last problem of the method.
+        monolithic: see ``Outcome``.
+        augmented: see ``Outcome``.
+    """
+    task = posed.task
+    boundary = posed.boundary
+    values = state.contact
+    assert values is not None
+    sets, (pressure, shear) = _in_frames(
+        values, rotations(values.normal, boundary.normal), boundary
+    )
+    task.begin_step(start)
+    unknowns = _unknowns(posed, state)
+    u_n, u_t = posed.body.contact.traces(unknowns)
+    posed_data, solved = (
+        replace(start.data, gamma_n=gamma_n, gamma_t=gamma_t)
+        for gamma_n, gamma_t in (state.gammas or gammas, gammas)
+    )
+    if start.law is not None:
+        # The method may have ended with the bound of the pressure before.
+        along = np.where(sets.slip, inner(shear, sets.direction), start.law.bound(pressure))
+        bound = start.law.given if monolithic else along
+        solved = replace(solved, bound=bound, follows=start.law if monolithic else None)
+    if augmented:
+        # Shifts with which the iterate has the tractions of the state; see ``sliding_shear``.
+        lambda_hat = np.where(sets.contact, pressure - solved.stiffness * (u_n - solved.gap), 0.0)
+        slips = solved.gamma_t * (u_t - solved.slip_origin)
+        factor = solved.gamma_t / np.where(sets.turning > 0, sets.turning, solved.gamma_t)[:, None]
+        sliding = shear + sets.across(factor * shear - slips - shear)
+        solved = replace(
+            solved,
+            lambda_hat=lambda_hat,
+            mu_hat=np.where(sets.slip[:, None], sliding, shear - slips),
+        )
+    sets = release(sets, solved)  # in 3D points without a bound slip in no direction
+    task.newton.pose(solved, sets)
+    task.newton.restore((task.system.unknowns(unknowns), sets, solved))
+    error = state.error
+    return Outcome(Status.CONVERGED, task.newton, posed_data, monolithic, augmented, error)
+
+
+def contact_values(
+    boundary: ContactBoundary, sets: ActiveSets, pressure: Array, shear: Array, elastic: Array
+) -> ContactValues:
+    """Sets and tractions at contact points, with vectors of space."""
+    return ContactValues(
+        nodes=boundary.nodes.copy(),
+        part=boundary.part.copy(),
+        normal=boundary.normal.copy(),
+        pressure=pressure.copy(),
+        shear=shear,
+        elastic=elastic,
+        contact=sets.contact.copy(),
+        direction=_vectors(sets.direction, boundary.tangents),
+        turning=sets.turning.copy(),
+    )
+
+
+def guess_of(
+    sets: ActiveSets, multipliers: tuple[Array, Array], boundary: ContactBoundary, state: State
+) -> State:
+    """The start of the step after a state with sets and (lambda, mu) that something else says of
+    it.
+    """
+    pressure, shear = multipliers
+    vectors = _vectors(shear, boundary.tangents)
+    contact = contact_values(boundary, sets, pressure, vectors, np.zeros_like(vectors))
+    return replace(state, number=state.number + 1, displacement=np.zeros(0), contact=contact)
+
+
+def _in_frames(
+    values: ContactValues, rotation: Array, boundary: ContactBoundary
+) -> tuple[ActiveSets, tuple[Array, Array]]:
+    """Sets and (lambda, mu) in the frames of now; ``rotation``: see ``rotations``."""
+    shear, direction = (
+        _components(np.einsum("nij,nj->ni", rotation, vectors), boundary.cotangents)
+        for vectors in (values.shear, values.direction)
+    )
+    slips = (values.direction != 0.0).any(axis=1) & (length(direction) > 0)
+    direction = np.where(slips[:, None], unit(direction), 0.0)
+    return ActiveSets.of(values.contact, direction, values.turning), (values.pressure, shear)
+
+
+def _vectors(components: Array, tangents: Array) -> Array:
+    """Tangential components, shape (n, d - 1), as vectors of space, shape (n, d)."""
+    return np.asarray(np.einsum("nij,nj->ni", tangents, components))
+
+
+def _components(vectors: Array, cotangents: Array) -> Array:
+    """The inverse of ``_vectors``, with the dual basis."""
+    return np.asarray(np.einsum("nij,ni->nj", cotangents, vectors))
+
+
+def _along(boundary: ContactBoundary, moved: Array | None) -> Any:
+    """The components of motions along the boundary, shape (n, d - 1)."""
+    return 0.0 if moved is None else np.einsum("nij,ni->nj", boundary.tangents, moved)
+
+
+def rotations(earlier: Array, later: Array, spin: Array | None = None) -> Array:
+    """The least rotation that takes each normal to a later one, unit vectors of shape (n, d), shape
+    (n, d, d).
+
+    It has no part about the normal; where the foundation has one, the shear turns with it, so that
+    the motion of body and foundation as one changes nothing: ``spin`` is the rotation of the
+    foundation of each point, shape (n, d, d), less directions in which there is no shear any more;
+    None: it counts for nothing.
+    """
+    if spin is not None:
+        earlier = np.einsum("nij,nj->ni", spin, earlier)
+    identity = np.eye(later.shape[1])
+    cosine = np.einsum("ni,ni->n", earlier, later)
+    both = earlier + later
+    # A plane that has turned over has no least rotation: then directions stay as they are.
+    turns = (earlier != later).any(axis=1) & (1 + cosine > ROOT_OF_EPS)
+    across = np.einsum("ni,nj->nij", both, both) / np.where(turns, 1 + cosine, 1.0)[:, None, None]
+    rotation = identity + np.where(
+        turns[:, None, None], 2 * np.einsum("ni,nj->nij", later, earlier) - across, 0.0
+    )
+    return np.asarray(rotation if spin is None else rotation @ spin)
+
+
+def turned(earlier: ContactBoundary, later: ContactBoundary, spin: Array | None = None) -> Array:
+    """From the components of a shear in earlier frames to those in later ones, shape (n, d - 1, d -
+    1).
+    """
+    rotation = rotations(earlier.normal, later.normal, spin)
+    return np.asarray(np.einsum("nij,nil,nlk->njk", later.cotangents, rotation, earlier.tangents))

@@ -1,0 +1,307 @@
+"""Restart: the states of a run on disk, one for each complete load step on each mesh.
+
+A load step has a folder of its own, which appears under its name when it is complete: the state at
+its end, and figures that no step needs, such as its linear solves.  What is shown of a step is
+evaluated again from the state before it and that at its end; where its certificate does not hold it
+is solved again, and so are those after it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import shutil
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any, Protocol
+
+from dolfinx import fem
+from mpi4py import MPI
+from pydantic import BaseModel
+
+from signorini_fx.algebra.algorithms.task import Outcome
+from signorini_fx.errors import MeshError, SceneError, cannot_be_written
+from signorini_fx.machine import manifest, parallel
+from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
+from signorini_fx.mechanics.state import State, write_table
+from signorini_fx.records import History, IterationRecord, OuterRecord, Status, Timings
+from signorini_fx.results.files import describe
+from signorini_fx.results.folder import CHECKPOINT, refuse_foreign
+from signorini_fx.solving.bolt_preloads import tightened
+from signorini_fx.solving.frames import Posed, solution_of
+from signorini_fx.solving.increments import Increments
+from signorini_fx.solving.step import Problem, Report, begun, judged
+
+Figures = dict[str, Any]
+Marks = tuple[int, int, int]  # numbers of linear solves, regularised problems and events so far
+
+_FORMAT = 12
+_SCENE = "scene.json"
+_FIGURES = "figures.json"
+_STATE = "state.npz"
+_ABSENT = "(absent)"
+
+
+class StoredStates:
+    """The load steps of a run in its result folder, now on the mesh with the number ``level``;
+    every method is collective.  ``scene``: that of the run, or plain data that tell it from others;
+    ``restart``: whether to go on from the load steps that an earlier run has left, which the
+    history says; otherwise these are removed as soon as a new one is complete.
+
+    Raises:
+        SceneError: the checkpoint is that of another scene; all keys that differ are named.
+        OutputError: there are files in its place that no run has written.
+    """
+
+    def __init__(
+        self,
+        comm: MPI.Comm,
+        folder: str | Path,
+        scene: BaseModel | Mapping[str, Any],
+        history: History,
+        *,
+        restart: bool,
+    ) -> None:
+        self.path = Path(folder) / CHECKPOINT
+        self.level = 0
+        self._comm = comm
+        self._scene = scene
+        self._complete: dict[tuple[int, int], Figures] = {}
+        self._begun = False
+        parallel.on_root(comm, lambda: refuse_foreign(self.path.parent, [CHECKPOINT]))
+        if restart:
+            self._complete = parallel.on_root(comm, self._open)
+            count = len(self._complete)
+            self._begun = bool(self._complete)
+            history.add(f"restart: {count} complete load step{'s' * (count != 1)} in {self.path}")
+        elif parallel.on_root(comm, self.path.is_dir):
+            history.add(
+                f"restart: {self.path} of an unfinished run is replaced, as --restart is not given"
+            )
+
+    def figures(self, step: int) -> Figures | None:
+        """The figures of a load step, numbered from 0; None if it is not there, and then neither
+        are later ones.
+        """
+        figures = self._complete.get((self.level, step))
+        if figures is None:
+            self.forget(step)
+        return figures
+
+    def recalled(
+        self, problem: Problem, state: State, way: Increments
+    ) -> Iterator[tuple[State, Report]]:
+        """The load steps of an earlier run that follow a state, with which the way goes on."""
+        while not way.ended and (figures := self.figures(state.number)) is not None:
+            with problem.timings.phase("restart"):
+                posed, start, before = begun(problem, state, float(figures["place"]))
+                new = self.read(state.number, posed.body.space, posed.boundary)
+                if new is None:
+                    return
+                posed, start = tightened(posed, start, new.found)
+                outcome = solution_of(posed, start, new, **figures["method"])
+            _, report = judged(problem, posed, start, before, outcome, state)
+            if report.result.status is not Status.CONVERGED:
+                problem.history.add(
+                    f"restart: {report.result}: {report.result.status.value}: it is solved again"
+                )
+                self.forget(state.number)
+                return
+            recall_history(figures, problem.history, problem.timings)
+            way.resume(figures["path"])
+            problem.accept(report)
+            state = new
+            yield (
+                state,
+                replace(
+                    report, result=replace(report.result, linear_solves=figures["linear_solves"])
+                ),
+            )
+
+    def read(
+        self, step: int, space: fem.FunctionSpace, boundary: ContactBoundary | None = None
+    ) -> State | None:
+        """The state at the end of a load step, numbered from 0; None: it cannot be read, and is
+        solved again.
+        """
+        try:
+            return State.read(self._folder(self.level, step) / _STATE, boundary, space)
+        except SceneError:
+            self.forget(step)
+            return None
+
+    def write(
+        self, problem: Problem, new: State, report: Report, way: Increments, marks: Marks
+    ) -> None:
+        """Store a load step that has a solution; ``marks``: of where it has begun."""
+        figures = {
+            "place": report.start.place,
+            "linear_solves": report.result.linear_solves,
+            "path": way.stored(),
+        }
+        self.store(report.start.step, report.posed, report.outcome, new, problem, marks, figures)
+
+    def store(
+        self,
+        step: int,
+        posed: Posed,
+        outcome: Outcome,
+        state: State,
+        of: HasHistory,
+        marks: Marks,
+        figures: Figures,
+    ) -> None:
+        """The same of a step, numbered from 0, with figures of its kind of body."""
+        solves, problems, events = marks
+        history = of.history
+        data = outcome.problem.data
+        figures = {
+            "method": {
+                "gammas": [data.gamma_n, data.gamma_t],
+                "monolithic": outcome.monolithic,
+                "augmented": outcome.augmented,
+            },
+            "iterations": [asdict(record) for record in history.iterations[solves:]],
+            "outer": [asdict(record) for record in history.outer[problems:]],
+            "events": history.events[events:],
+            "seconds": parallel.largest_timings(self._comm, of.timings.seconds),
+            **figures,
+        }
+        table = state.table(posed.boundary, posed.body.space)
+        target = self._folder(self.level, step)
+        parallel.on_root(self._comm, lambda: self._write(target, table, figures))
+        self._begun = True
+
+    def _write(self, target: Path, table: Mapping[str, Any], figures: Figures) -> None:
+        """Write a load step; before the first one, remove what an earlier run has left; on one
+        rank.
+        """
+        part = self.path / manifest.PART
+        try:
+            if not self._begun:
+                manifest.remove(self.path.parent, f"{CHECKPOINT}/")
+                self.path.mkdir(parents=True, exist_ok=True)
+                manifest.add(
+                    self.path.parent, [f"{CHECKPOINT}/{name}" for name in (_SCENE, manifest.PART)]
+                )
+                description = {"format": _FORMAT, "scene": described_scene(self._scene)}
+                (self.path / _SCENE).write_text(json.dumps(description), encoding="utf-8")
+            manifest.begin_part(self.path)
+            write_table(part / _STATE, table)
+            (part / _FIGURES).write_text(json.dumps(figures), encoding="utf-8")
+            shutil.rmtree(target, ignore_errors=True)
+            manifest.add(
+                self.path.parent,
+                [f"{CHECKPOINT}/{target.name}/{name}" for name in manifest.files(part)],
+            )
+            part.rename(target)
+        except OSError as reason:
+            raise cannot_be_written(self.path, reason) from None
+
+    def _folder(self, level: int, step: int) -> Path:
+        return self.path / f"{level}-{step:05d}"
+
+    def forget(self, step: int) -> None:
+        """Remove a load step and all later ones: they continue from another state."""
+        later = [key for key in self._complete if key >= (self.level, step)]
+        for key in later:
+            del self._complete[key]
+
+        def remove() -> None:
+            for key in later:
+                shutil.rmtree(self._folder(*key), ignore_errors=True)
+
+        parallel.on_root(self._comm, remove)
+
+    def _open(self) -> dict[tuple[int, int], Figures]:
+        """The complete load steps on disk; on one rank."""
+        try:
+            description = json.loads((self.path / _SCENE).read_text(encoding="utf-8"))
+            if description["format"] != _FORMAT:
+                return {}
+            stored_scene = description["scene"]
+        except (OSError, ValueError, KeyError, TypeError):
+            return {}
+        differences = list(_differences(stored_scene, described_scene(self._scene)))
+        if differences:
+            remedy = f"restore it, or solve without restart, which removes {self.path}"
+            raise SceneError(
+                [
+                    (key, f"was {was} in the run to go on from, and is {current}: {remedy}")
+                    for key, was, current in differences
+                ]
+            )
+        complete = {}
+        for folder in sorted(self.path.glob("*-*")):
+            level, _, step = folder.name.partition("-")
+            if level.isdecimal() and step.isdecimal():
+                try:
+                    complete[int(level), int(step)] = json.loads(
+                        (folder / _FIGURES).read_text(encoding="utf-8")
+                    )
+                except (OSError, ValueError):  # this step and later ones are solved again
+                    continue
+        return complete
+
+
+class HasHistory(Protocol):
+    """What has a history and timings."""
+
+    @property
+    def history(self) -> History:
+        """Of all solves."""
+
+    @property
+    def timings(self) -> Timings:
+        """Of what takes time."""
+
+
+def marks_of(history: History) -> Marks:
+    """Numbers of linear solves, regularised problems and events so far."""
+    return history.linear_solves, len(history.outer), len(history.events)
+
+
+def recall_history(figures: Figures, history: History, timings: Timings) -> None:
+    """Take the linear solves, problems and events of a load step of an earlier run for those of
+    this one.
+    """
+    history.iterations += [IterationRecord(**row) for row in figures["iterations"]]
+    history.outer += [OuterRecord(**row) for row in figures["outer"]]
+    history.events += figures["events"]
+    timings.seconds.update(figures["seconds"])
+
+
+def described_scene(scene: BaseModel | Mapping[str, Any]) -> dict[str, Any]:
+    """The scene as JSON with all defaults, its files by content, without what changes no result:
+    title, remarks.
+    """
+    description: dict[str, Any] = json.loads(json.dumps(describe(scene, of_file=_with_content)))
+    if isinstance(scene, BaseModel):
+        for remark in ("title", "incomplete"):
+            description.pop(remark, None)
+    return description
+
+
+def _with_content(path: Path) -> str:
+    """The name of a file with what tells the content of all files that it needs."""
+    from signorini_fx.mechanics.mesh.files.formats import files_of
+
+    try:
+        digests = [hashlib.sha256(file.read_bytes()).hexdigest() for file in files_of(path)]
+    except (OSError, MeshError):
+        digests = ["unreadable"]
+    return " ".join((path.name, *digests))
+
+
+def _differences(stored: Any, current: Any, key: str = "") -> Iterator[tuple[str, str, str]]:
+    """Every key whose value differs, with both values."""
+    if isinstance(stored, dict) and isinstance(current, dict):
+        for name in dict.fromkeys((*stored, *current)):
+            inner = f"{key}.{name}" if key else str(name)
+            yield from _differences(stored.get(name, _ABSENT), current.get(name, _ABSENT), inner)
+    elif isinstance(stored, list) and isinstance(current, list) and len(stored) == len(current):
+        for index, (stored_entry, current_entry) in enumerate(zip(stored, current, strict=True)):
+            yield from _differences(stored_entry, current_entry, f"{key}[{index}]")
+    elif stored != current:
+        yield key, json.dumps(stored), json.dumps(current)

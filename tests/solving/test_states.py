@@ -1,0 +1,228 @@
+"""A load step depends on the state before it and on nothing else: any step again, in a fresh problem, from a file."""
+
+from functools import partial
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from test_restart import CASES, METHODS, MOVING, PUSHED, scene
+
+from signorini_fx.algebra.linalg.schur import SchurComplement
+from signorini_fx.errors import SceneError
+from signorini_fx.mechanics.state import State
+from signorini_fx.records import History
+from signorini_fx.scenes.mesh import load_mesh
+from signorini_fx.scenes.reading import read_scene
+from signorini_fx.solving.increments import Increments
+from signorini_fx.solving.load_path import run
+from signorini_fx.solving.solve_on_mesh import stated_problem
+from signorini_fx.solving.step import step
+
+# Supports that hold in some load steps only, a gap and friction that depend on the time.
+RELEASED = """
+mesh = { generator = "rectangle", parameters = { length = 3.0, nx = 12, ny = 4 } }
+material = { young = 5000.0, poisson = 0.3 }
+load_steps = { times = [1.0, 2.0, 3.0, 4.0] }
+[[displacement]]
+boundary = "left"
+x = 0.0
+holds = [true, true, false, false]
+[[traction]]
+boundary = "top"
+y = -20.0
+x = "3 * (t - 1)"
+[[contact]]
+boundary = "bottom"
+gap = "0.001 * t * x[0]"
+friction = { law = "coulomb", coefficient = "0.2 + 0.1 * t" }
+"""
+BODIES = """
+material = { young = 5000.0, poisson = 0.3 }
+[[body]]
+name = "lower"
+mesh = { generator = "rectangle", parameters = { length = 3.0, height = 1.0, nx = 9, ny = 3 } }
+[[body]]
+name = "upper"
+mesh = { generator = "rectangle", parameters = { length = 2.0, height = 1.0, nx = 8, ny = 4 } }
+shift = [0.5, 1.0]
+[[displacement]]
+boundary = "lower.bottom"
+x = 0.0
+y = 0.0
+[[displacement]]
+boundary = "upper.top"
+x = 0.004
+factors = [0.0, 0.5, 1.0, -0.5]
+[[displacement]]
+boundary = "upper.top"
+y = -0.02
+[[contact]]
+boundary = "upper.bottom"
+against = "lower.top"
+friction = { law = "coulomb", coefficient = 0.3 }
+"""
+TEXTS = {name: (text, method) for name, (text, method, _) in CASES.items() if method != "krylov"}
+TEXTS |= {"released": (RELEASED, "fp"), "bodies": (BODIES, "fp")}
+DEMOS = ("bolted_joint", "press_and_slide")
+QUICK = ("fp", "moving", "released", "bodies", "tool", "reference motion")
+NAMES = [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in TEXTS]
+
+
+def fresh(given, comm=MPI.COMM_WORLD):
+    """A problem of which nothing has been solved."""
+    return stated_problem(given.statement, partial(load_mesh, given, comm), History())
+
+
+def solved(given, comm=MPI.COMM_WORLD):
+    """Its states from before the first load step, and the reports of the steps."""
+    problem = fresh(given, comm)
+    begin = problem.initial()
+    ends = run(problem, begin, Increments(problem.path, given.statement.solver))
+    assert ends[-1][1].result.status.value == "converged"
+    return problem, [begin, *(state for state, _ in ends)], [report for _, report in ends]
+
+
+def assert_again(state, report, other, reference, tolerance=1e-9):
+    """The same displacement, sets, and linear solves."""
+    size = np.abs(other.displacement).max(initial=0.0)
+    np.testing.assert_allclose(
+        state.displacement, other.displacement, rtol=0, atol=tolerance * size
+    )
+    assert (state.contact.contact == other.contact.contact).all()
+    slips, slipped = ((one.contact.direction != 0).any(axis=1) for one in (state, other))
+    assert (slips == slipped).all()
+    assert report.result.linear_solves == reference.result.linear_solves
+    assert report.result.certificate.holds
+
+
+def again(given, tmp_path):
+    """Each step from a file with the state before it."""
+    problem, states, reports = solved(given)
+    for number, report in enumerate(reports):
+        states[number].save(tmp_path / f"{number}.npz", problem)
+        renewed = fresh(given)
+        state = State.load(tmp_path / f"{number}.npz", renewed)
+        new, found = step(renewed, state, report.start.place)
+        assert_again(new, found, states[number + 1], report)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_each_step_again(tmp_path, name):
+    """In a fresh problem, from a file."""
+    text, method = TEXTS[name]
+    again(scene(text, **METHODS[method]), tmp_path)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", DEMOS)
+def test_each_step_of_a_demo_again(tmp_path, name):
+    """In a fresh problem, from a file; forces have shortened the bolts."""
+    again(read_scene(f"demos/scenes/{name}.toml"), tmp_path)
+
+
+@pytest.mark.parametrize("name", ["moving", "released", "bodies"])
+def test_what_is_assembled_is_no_state(name):
+    """From last to first, in a problem that has solved other steps before."""
+    text, method = TEXTS[name]
+    given = scene(text, **METHODS[method])
+    problem, states, reports = solved(given)
+    for number in range(len(reports))[::-1]:
+        new, found = step(problem, states[number], reports[number].start.place)
+        assert_again(new, found, states[number + 1], reports[number])
+
+
+@pytest.mark.mpi(slow=True)
+@pytest.mark.parametrize("name", ["tool", "moving", "bodies"])
+def test_from_one_rank_to_all(tmp_path, name):
+    """A state that one rank has written is read on all of them, and the next step is the same."""
+    text, method = TEXTS[name]
+    given, comm = scene(text, **METHODS[method]), MPI.COMM_WORLD
+    folder = comm.bcast(tmp_path)
+    if comm.rank == 0:
+        problem, states, _ = solved(given, MPI.COMM_SELF)
+        states[1].save(folder / "state.npz", problem)
+    comm.barrier()
+    problem, states, reports = solved(given)
+    state = State.load(folder / "state.npz", problem)
+    new, report = step(problem, state, reports[1].start.place)
+    assert_again(new, report, states[2], reports[1], tolerance=1e-8)
+
+
+def test_a_failed_step_changes_nothing():
+    """The state before it is as it was, and the step has its solution afterwards."""
+    given = scene(PUSHED)
+    problem, states, reports = solved(given)
+    (begin, end), (report, *_) = states[3:5], reports[3:]
+    assert report.result.linear_solves > 2
+    before = begin.displacement.copy()
+    _, failed = step(problem, begin, report.start.place, budget=1)
+    assert failed.result.status.value != "converged"
+    assert (begin.displacement == before).all()
+    with pytest.raises(ValueError, match="read-only"):
+        begin.displacement[0] = 1.0
+    assert_again(*step(problem, begin, report.start.place), end, report)
+
+
+def test_fields_go_along(tmp_path):
+    """What a user adds to a state stays in it, also in a file."""
+    given = scene(PUSHED)
+    problem, states, reports = solved(given)
+    begin = states[1].with_field("wear", "points", np.arange(states[1].contact.pressure.size))
+    begin = begin.with_field(
+        "dose", "cells", np.arange(problem.model.tagged.mesh.topology.index_map(2).size_local)
+    )
+    begin = begin.with_field("clock", "global", [3.0])
+    new, _ = step(problem, begin, reports[1].start.place)
+    new.save(tmp_path / "state.npz", problem)
+    read = State.load(tmp_path / "state.npz", problem)
+    assert {name: entry.at for name, entry in read.fields.items()} == {
+        "wear": "points",
+        "dose": "cells",
+        "clock": "global",
+    }
+    for name, entry in begin.fields.items():
+        assert (read.fields[name].values == entry.values).all()
+    for name in ("displacement", "rigid"):
+        assert (getattr(read, name) == getattr(new, name)).all()
+    assert (read.placed, read.gammas, read.number, read.time) == (
+        new.placed,
+        new.gammas,
+        2,
+        new.time,
+    )
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        (lambda file: file.write_bytes(b"nothing"), "is no state of this mesh and contact"),
+        (lambda file: file.unlink(), "is no state of this mesh and contact"),
+    ],
+)
+def test_what_is_no_state(tmp_path, change, reason):
+    """One error that says so."""
+    given, file = scene(PUSHED), tmp_path / "state.npz"
+    problem = fresh(given)
+    problem.initial().save(file, problem)
+    change(file)
+    with pytest.raises(SceneError, match=reason):
+        State.load(file, problem)
+    problem.initial().save(file, problem)
+    finer = fresh(scene(PUSHED.replace("nx = 24", "nx = 25")))
+    with pytest.raises(SceneError, match="it is of another mesh"):
+        State.load(file, finer)
+
+
+def test_an_obstacle_that_moves_is_condensed_once(monkeypatch):
+    """The stiffness of the body stays the same: one Schur complement for four problems."""
+    made, begin = [], SchurComplement.__init__
+
+    def counted(self, *args, **options):
+        made.append(self)
+        begin(self, *args, **options)
+
+    monkeypatch.setattr(SchurComplement, "__init__", counted)
+    _, _, reports = solved(scene(MOVING, linear_algebra="condensed"), MPI.COMM_SELF)
+    assert len(reports) == 3
+    assert len({id(report.posed.task) for report in reports}) == 3
+    assert len(made) == 1
