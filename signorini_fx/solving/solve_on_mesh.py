@@ -345,8 +345,11 @@ class StatedProblem:
         stepped = placed(model, place)
         if stepped.boundary is not self.model.boundary:
             system = self.task.system
-            condensed = isinstance(system, CondensedSystem) and stepped.is_assembled
-            if condensed and stepped.stiffness is system.elasticity.matrix:
+            if (
+                isinstance(system, CondensedSystem)
+                and stepped.is_assembled
+                and stepped.stiffness is system.elasticity.matrix
+            ):
                 stepped = replace(stepped, eliminated=system.schur)
             with self.timings.phase("condense"):
                 self.task = contact_task(stepped, self.history)

@@ -270,7 +270,8 @@ class Shape(Placed, RigidMotion):
     def placement(self) -> Placement:
         """How it is shifted and turned."""
         shift = None if self.shift is None else tuple(map(number, self.shift))
-        return shift, None if self.rotation is None else self.angles(), self.pivot
+        pivot = None if self.pivot is None else tuple(self.pivot)
+        return shift, None if self.rotation is None else self.angles(), pivot
 
     def placed_as(self, placement: Placement) -> Shape:
         """The same, shifted and turned in another way; itself if it is that already."""
