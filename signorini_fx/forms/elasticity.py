@@ -54,16 +54,6 @@ if TYPE_CHECKING:
 Array = npt.NDArray[np.float64]
 
 
-def digest(form: fem.Form, *arrays: npt.NDArray[Any]) -> tuple[int, ...]:
-    """Hashes, by the key of this process, of what a form is assembled from on this rank, and of
-    other arrays.
-    """
-    return tuple(
-        hash(values.tobytes())
-        for values in (*compat.form_data(form), form.mesh.geometry.x, *arrays)
-    )
-
-
 def elastic_body(
     space: fem.FunctionSpace,
     a: fem.Form,

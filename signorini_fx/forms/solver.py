@@ -21,12 +21,12 @@ from signorini_fx.algebra.contact.active_sets import ActiveSets
 from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.linalg import LoadCase
+from signorini_fx.algebra.linalg.condensed import CondensedSystem
 from signorini_fx.algebra.linalg.petsc_options import defaults, refuse_exchanged, refused
 from signorini_fx.errors import FormError
 from signorini_fx.forms.elasticity import (
     Array,
     FormBody,
-    digest,
     elastic_body,
     modulus_of,
     natural_modulus,
@@ -38,9 +38,10 @@ from signorini_fx.forms.given_forms import (
     named_parts,
     settings_of,
 )
-from signorini_fx.machine import parallel
+from signorini_fx.machine import compat, parallel
 from signorini_fx.machine.petsc_objects import free_unused
-from signorini_fx.mechanics.assembly.mesh_entities import assemble
+from signorini_fx.mechanics.assembly.mesh_entities import assemble, forget_positions
+from signorini_fx.mechanics.assembly.pieces import forget_pieces
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.interfaces import Foundation, Pair
@@ -116,11 +117,9 @@ class FormSolver:
         self.coarser: MeshLevel | None = None
         self.coarser_state: ContactState | None = None  # of a coarser mesh
         self.folders = list[Path]()  # with the load steps of its runs
-        self._last_pattern: tuple[tuple[int, ...], tuple[int, ...]] | None = None
-        self._last_modulus: tuple[tuple[int, ...], float | None] = (
-            (),
-            None,
-        )  # of which coefficients of ``a``
+        self._inputs_before: dict[str, list[bytes]] | None = None  # of what is assembled
+        self._mesh_x = space.mesh.geometry.x.copy()  # with which it was, and all that is kept
+        self._modulus: float | None = None  # of the forms; None: they do not say it
         self.begin = self.initial()  # from which steps begin
         self.last: State | None = (
             None  # the last solution of the step that begins there, or of the one before
@@ -133,7 +132,7 @@ class FormSolver:
     @property
     def set_up(self) -> bool:
         """Whether all is assembled."""
-        return self._last_pattern is not None
+        return self._inputs_before is not None
 
     def points(self) -> tuple[ContactBoundary, fem.FunctionSpace]:
         """See ``State.save``."""
@@ -234,39 +233,72 @@ class FormSolver:
         collective.
         """
         space = self.space
-        comm = self.space.mesh.comm
-        self.prescribed = fixed, values = prescribed(space, conditions_of(self.bcs, space))
+        if parallel.any_rank(
+            space.mesh.comm, not np.array_equal(self._mesh_x, space.mesh.geometry.x)
+        ):
+            self._renew_mesh()
+        self.prescribed = prescribed(space, conditions_of(self.bcs, space))
         shapes = self.foundations.shapes()
-        geometry = [
-            values
-            for shape in shapes
-            for values in (shape.factor, shape.direction)
-            if values is not None
-        ]
-        at_rest = self.foundations.at_rest(fixed, values)
-        rigid = self.rigid = self.foundations.rigid_bodies
-        driven = self.driven = rigid.driven()
-        fingerprints = (
-            digest(self.forms.compiled[0], fixed, at_rest, *geometry, rigid.fixed, *self._beside()),
-            digest(self.forms.compiled[1], values, driven.forces, driven.motion, rigid.stiffness),
-        )
-        # until all that follows has gone well
-        last = self._last_pattern
-        self._last_pattern = None
-        if last is None or parallel.any_rank(comm, fingerprints[0] != last[0]):
-            data = self._set_up(shapes)
+        self.rigid = self.foundations.rigid_bodies
+        self.driven = self.rigid.driven()
+        now = self._inputs(shapes)
+        last = self._inputs_before
+        self._inputs_before = None  # until all that follows has gone well
+        changed = {
+            name: parallel.any_rank(space.mesh.comm, last is None or last[name] != values)
+            for name, values in now.items()
+        }
+        if changed["form"]:
+            forms = self.forms
+            law, a = forms.stress, forms.original[0]
+            self._modulus = natural_modulus(law, a, forms.measures, space)
+        if changed["form"] or changed["body"] or changed["points"]:
+            data = self._set_up(shapes, renewed=changed["form"] or changed["body"])
             self.outcome = None  # its iterate is that of another system
         else:
-            if parallel.any_rank(comm, fingerprints[1] != last[1]):
-                self.task.system.set_case(0, self._case(values))
+            if changed["loads"]:
+                self.task.system.set_case(0, self._case(self.prescribed[1]))
             data = self._point_data(shapes)
-        self._last_pattern = fingerprints
+        self._inputs_before = now
         return data
 
+    def _inputs(self, shapes: Sequence[ShapeDistances]) -> dict[str, list[bytes]]:
+        """All values of now that something is assembled from: the form and the rest of the
+        stiffness, the contact points, and the loads; collective.
+        """
+        a, L = self.forms.compiled
+        fixed, values = self.prescribed
+        rigid = self.rigid
+        driven = self.driven
+        axes = [shape.axes for shape in shapes if shape.axes is not None]
+        of_points: list[Any] = [self.foundations.at_rest(fixed, values)]
+        of_points += [value for shape in shapes for value in (shape.factor, shape.direction)]
+        of_points += [value for each in axes for value in (each.along, each.ratio)]
+        of_body = [fixed, rigid.fixed, rigid.stiffness, *self._beside()]
+        of_loads = [*compat.form_data(L), values, driven.forces, driven.motion]
+        return {
+            name: [np.asarray(one).tobytes() for one in arrays if one is not None]
+            for name, arrays in (
+                ("form", compat.form_data(a)),
+                ("body", of_body),
+                ("points", of_points),
+                ("loads", of_loads),
+            )
+        }
+
+    def _renew_mesh(self) -> None:
+        """Forget what was computed of coordinates that have changed; collective."""
+        self._inputs_before = None
+        self._mesh_x = self.space.mesh.geometry.x.copy()
+        forget_positions(self.space)
+        forget_pieces(self.space.mesh)
+
     def _set_up(
-        self, shapes: Sequence[ShapeDistances]
+        self, shapes: Sequence[ShapeDistances], *, renewed: bool
     ) -> tuple[RegularisedData, PointFriction | None]:
-        """Contact points, stiffness and linear algebra, and the data of the points; collective."""
+        """Contact points, stiffness, unless only points are ``renewed``, and linear algebra, and
+        the data of the points; collective.
+        """
         space, (fixed, values) = self.space, self.prescribed
         free_unused(space.mesh)
         boundary = self.contact_points(shapes, fixed, values)
@@ -279,17 +311,17 @@ class FormSolver:
                 )
                 raise FormError([(f"contact[{k}]", wrong)])
         self.boundary = boundary
-        owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
-        elastic = self.elastic = self._body(fixed[:owned], boundary)
-        forms = self.forms
-        stated = (
-            forms.stress is not None or forms.original[0] is not None
-        )  # all that a modulus is known from
-        fingerprint = digest(forms.compiled[0]) if stated else ()
-        if parallel.any_rank(space.mesh.comm, fingerprint != self._last_modulus[0]):
-            modulus = natural_modulus(forms.stress, forms.original[0], forms.measures, space)
-            self._last_modulus = fingerprint, modulus
-        if (modulus := self._last_modulus[1]) is None:
+        if renewed:
+            owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
+            self.elastic = self._body(fixed[:owned], boundary)
+        else:
+            system = self.task.system
+            schur = system.schur if isinstance(system, CondensedSystem) else None
+            points = boundary if self.contact else None
+            self.elastic = replace(self.elastic, boundary=points, eliminated=schur)
+        elastic = self.elastic
+        modulus = self._modulus
+        if modulus is None:
             modulus = modulus_of(elastic, boundary, self.foundations.facets)
         self.scales = Scales(space.mesh.topology.dim, modulus, elastic.diameter)
         case = self._case(values)
@@ -303,7 +335,8 @@ class FormSolver:
             coordinate_error=self.scales.coordinate_error,
             history=self.history,
             has_coulomb=any(
-                contact.friction and contact.friction.follows_pressure for contact in forms.contact
+                contact.friction and contact.friction.follows_pressure
+                for contact in self.forms.contact
             ),
         )
         return data

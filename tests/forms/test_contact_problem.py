@@ -140,7 +140,8 @@ def test_only_what_changes_is_assembled(monkeypatch):
         ("friction", lambda: friction.x.array.__setitem__(slice(None), 0.1), (0, 0)),
         ("the modulus", lambda: change(block.young, 500.0), (1, 1)),
         ("a condition", lambda: problem.bcs.append(left), (1, 1)),
-        ("the direction", lambda: change(direction, (0.1, -1.0)), (1, 1)),
+        # The stiffness of the body stays: only the contact points are others.
+        ("the direction", lambda: change(direction, (0.1, -1.0)), (0, 1)),
         ("the mesh", lambda: block.mesh.geometry.x.__imul__(1.1), (1, 1)),
     ]
     problem.solve()
@@ -157,6 +158,67 @@ def test_only_what_changes_is_assembled(monkeypatch):
         fresh = ContactProblem(block.a, block.L, list(problem.bcs), floor).solve().x.array
         assert np.abs(y - fresh).max() <= 1e-7 * np.abs(fresh).max(), name
         before = y
+
+
+def moved_foundation(block):
+    """A plate that a force presses onto a block, and whose spring becomes stiffer."""
+    plate = {
+        "shape": "plane",
+        "point": (0.0, 0.0),
+        "normal": (0.0, 1.0),
+        "pivot": (1.5, 0.0),
+        "force": (0.0, 5.0),
+        "prescribed": {"x": 0.0, "rotation": 0.0},
+        "spring": {"y": 100.0},
+    }
+    stiffer = plate | {"spring": {"y": 1000.0}}
+    given = [Foundation(block.bottom, shape=shape) for shape in (plate, stiffer)]
+    return given, lambda problem: problem.place(0, spring={"y": 1000.0})
+
+
+def turned_axes(block):
+    """The floor is rougher along an axis, which is turned."""
+    along = fem.Constant(block.mesh, (1.0, 0.0, 0.0))
+    floor = Foundation(block.bottom, friction=Coulomb(0.1, ratio=0.2, along=along))
+    return [floor, floor], lambda _: along.value.__setitem__(slice(None), (0.0, 1.0, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("changed", "counts"), [(moved_foundation, (12, 4)), (turned_axes, (4, 3, 2))]
+)
+def test_what_changes_has_its_effect(changed, counts):
+    """A spring of a foundation that a force moves, and axes of friction: the result is that of a
+    fresh problem.
+    """
+    block = Block(counts)
+    block.aside.value = 0.01
+    (first, then), change = changed(block)
+    problem = ContactProblem(block.a, block.L, block.bcs, first)
+    before = problem.solve().x.array.copy()
+    change(problem)
+    after = problem.solve().x.array.copy()
+    expected = ContactProblem(block.a, block.L, block.bcs, then).solve().x.array
+    assert np.abs(expected - before).max() > 1e-4
+    assert np.abs(after - expected).max() <= 1e-8 * np.abs(expected).max()
+
+
+def test_coordinates_of_the_mesh_may_change():
+    """Gaps, normals and areas are those of the moved mesh, as in a problem that is made on it."""
+    found = []
+    for solves_before in (True, False):
+        block = Block((12, 4))
+        floor = Foundation(block.bottom, gap=lambda x: 0.001 * x[0], friction=Coulomb(0.3))
+        problem = ContactProblem(block.a, block.L, block.bcs, floor)
+        if solves_before:
+            problem.solve()
+        x = block.mesh.geometry.x
+        x[:, 1] -= 0.1 * x[:, 0]
+        x[:, 0] *= 2.0
+        found.append((problem.solve().x.array.copy(), problem.state.boundary))
+    (ours, at), (expected, boundary) = found
+    assert np.abs(ours - expected).max() <= 1e-7 * np.abs(expected).max()
+    assert np.allclose(at.x, boundary.x)
+    assert np.allclose(at.normal, np.array([-0.05, -1.0]) / np.hypot(0.05, 1.0))
 
 
 @pytest.mark.one_quick

@@ -4,9 +4,11 @@ from functools import partial
 
 import numpy as np
 import pytest
+from forms import Block
 from mpi4py import MPI
 from test_restart import CASES, METHODS, MOVING, PUSHED, scene
 
+from signorini_fx import ContactProblem, Coulomb, Foundation
 from signorini_fx.algebra.linalg.schur import SchurComplement
 from signorini_fx.errors import SceneError
 from signorini_fx.mechanics.state import State
@@ -213,8 +215,9 @@ def test_what_is_no_state(tmp_path, change, reason):
         State.load(file, finer)
 
 
-def test_an_obstacle_that_moves_is_condensed_once(monkeypatch):
-    """The stiffness of the body stays the same: one Schur complement for four problems."""
+@pytest.fixture
+def schur_complements(monkeypatch):
+    """Those that are made."""
     made, begin = [], SchurComplement.__init__
 
     def counted(self, *args, **options):
@@ -222,7 +225,27 @@ def test_an_obstacle_that_moves_is_condensed_once(monkeypatch):
         begin(self, *args, **options)
 
     monkeypatch.setattr(SchurComplement, "__init__", counted)
+    return made
+
+
+def test_an_obstacle_that_moves_is_condensed_once(schur_complements):
+    """The stiffness of the body stays the same: one Schur complement for four problems."""
     _, _, reports = solved(scene(MOVING, linear_algebra="condensed"), MPI.COMM_SELF)
     assert len(reports) == 3
     assert len({id(report.posed.task) for report in reports}) == 3
-    assert len(made) == 1
+    assert len(schur_complements) == 1
+
+
+def test_a_foundation_that_is_placed_anew_is_condensed_once(schur_complements):
+    """Likewise in a loop of a user's own."""
+    block = Block((12, 4), comm=MPI.COMM_SELF)
+    circle = {"shape": "circle", "centre": (1.2, -2.0), "radius": 2.0}
+    rounded = Foundation(block.bottom, shape=circle, friction=Coulomb(0.3))
+    settings = {"linear_algebra": "condensed"}
+    problem = ContactProblem(block.a, block.L, block.bcs, rounded, **settings)
+    for shift in np.linspace(0.0, 0.01, 4):
+        problem.place(0, shift=(shift, shift))
+        problem.solve()
+        problem.advance()
+    assert problem.certificate.holds
+    assert len(schur_complements) == 1

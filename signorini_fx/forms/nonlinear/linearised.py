@@ -444,11 +444,15 @@ class LinearisedProblem(FormSolver):
             self.prescribed[0], values - at, 0.0
         )
 
+    def _renew_mesh(self) -> None:
+        reason = "the coordinates of its mesh have changed: make a new problem on this mesh"
+        raise FormError([("u", reason)])
+
     def _set_up(
-        self, shapes: Sequence[ShapeDistances]
+        self, shapes: Sequence[ShapeDistances], *, renewed: bool
     ) -> tuple[RegularisedData, PointFriction | None]:
         """Displacements are counted from the initial position, whatever holds the body."""
-        data = super()._set_up(shapes)
+        data = super()._set_up(shapes, renewed=True)
         self.task = replace(self.task, rest=None)
         return data
 
@@ -561,7 +565,7 @@ class LinearisedProblem(FormSolver):
                 self._keeps = False
             if solved:
                 return
-            self._last_pattern = None
+            self._inputs_before = None
             self.bend()
         refused = False
         try:
@@ -580,7 +584,7 @@ class LinearisedProblem(FormSolver):
         if self.definite and (
             refused or (why and self.status in (Status.SINGULAR, Status.LINEAR_SOLVER))
         ):
-            self.definite, self._last_pattern = False, None
+            self.definite, self._inputs_before = False, None
             self.history.add("the tangent is not positive definite: it is factorised as LDL^T")
             why = self.attempt()
         if why:
@@ -675,13 +679,13 @@ class LinearisedProblem(FormSolver):
         self.begin_anew()
         self.definite, self.symmetric = definite, symmetric
         self.slide()
-        self._last_pattern = None
+        self._inputs_before = None
         with options_applied(*self.options):
             self.begun = self.begin_step()
 
     def assembled_elsewhere(self) -> LinearisedProblem:
         """A copy to be assembled in its place; the next solve of this one assembles anew."""
-        self._last_pattern, other = None, copy(self)
+        self._inputs_before, other = None, copy(self)
         other.foundations = copy(self.foundations)
         return other
 
@@ -777,7 +781,7 @@ class LinearisedProblem(FormSolver):
         self.outcome = state.outcome
         self.last = state.last
         self.foundations.carry_to(state.tools)
-        self._last_pattern = None
+        self._inputs_before = None
         self._straighten()
 
     # --- what the verdict on stability asks for ---

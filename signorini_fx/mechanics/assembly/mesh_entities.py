@@ -40,6 +40,11 @@ def node_positions(space: fem.FunctionSpace) -> npt.NDArray[np.float64]:
     return positions
 
 
+def forget_positions(space: fem.FunctionSpace) -> None:
+    """The coordinates of its mesh have changed."""
+    setattr(space, _ATTRIBUTE, None)
+
+
 def compile_form(term: Any) -> Any:
     """A form, compiled, or a ``MachineError``; collective."""
     with compiling():

@@ -102,6 +102,11 @@ def find_pieces(mesh: dmesh.Mesh) -> BodyPieces:
     return _known[mesh]
 
 
+def forget_pieces(mesh: dmesh.Mesh) -> None:
+    """The coordinates of a mesh have changed."""
+    _known.pop(mesh, None)
+
+
 def _pieces_of(mesh: dmesh.Mesh) -> BodyPieces:
     """Those of a whole mesh: labels of sides between two ranks join components of each rank's own
     cells; collective.
