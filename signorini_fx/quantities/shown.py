@@ -338,7 +338,8 @@ def _contact(summary: Summary) -> list[str | TerminalLine]:
     peak = with_unit(
         figure_or_error(summary["max_pressure"], error_of(summary, "max_pressure")), "stress"
     )
-    pressed = f", largest pressure {peak}" if touching else ""
+    grows = _no_limit({"no_limit": summary.get("no_limit_of_pressure")})
+    pressed = f", largest pressure {peak}{grows}" if touching else ""
     boundaries = summary.get("contact_boundaries") or ()
     few = [
         f"; only {row['touching_nodes']} on {row['boundary']}: refine there"

@@ -423,6 +423,9 @@ class Summary(Run):
     friction_force: Vector = perhaps("The same of the tangential tractions.", "force")
     pressure_integral: Number = perhaps("Integral of the pressure.", "force")
     max_pressure: Number = perhaps("Largest nodal pressure.", "stress")
+    no_limit_of_pressure: str | None = perhaps(
+        "Why the pressure has no limit as the mesh is refined, and where, if that is known."
+    )
     max_shear: Number = perhaps("Largest nodal shear.", "stress")
     zones: ZoneRuns = perhaps("Zones on the contact boundary of a body in 2D.")
     areas: ZoneAreas = perhaps("Areas on the contact boundary of a body in 3D.", "area")

@@ -14,20 +14,21 @@ named.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import combinations
 from typing import Any
 
 import basix
 import numpy as np
 import numpy.typing as npt
 from dolfinx import mesh as dmesh
+from scipy.spatial import cKDTree
 
-from signorini_fx.machine import compat
+from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.assembly.mesh_entities import facet_entities, facet_vertices
 from signorini_fx.mechanics.loads.supports import on_axis
 from signorini_fx.mechanics.model import Model
-from signorini_fx.mechanics.statement.effect import InitialStrain
+from signorini_fx.mechanics.statement.effect import Force, InitialStrain
 from signorini_fx.tuned import CORNER_ANGLE, DIGITS_OF_FILES, ROOT_OF_EPS, SAME_ANGLE
 
 Array = npt.NDArray[np.float64]
@@ -65,30 +66,70 @@ _BOUNDED = {
 _CURVED = np.degrees(CORNER_ANGLE)
 
 
+# How many facets away from a reentrant corner the largest stress may be on a coarse mesh.
+_FACETS_BESIDE = 3
+
+
 def why_no_limit(body: Model, point: tuple[float, ...]) -> str | None:
-    """Why the stress at a place, or within one facet from it, has no limit; None if nothing is
-    known; collective.
+    """Why the stress at a place, or within one facet from it, of a reentrant corner within three,
+    has no limit; None if nothing is known; collective.
 
     Contact boundaries count as pressed, with friction as held.
     """
+    if _beside_a_node_that_is_loaded(body, point):
+        return "where a single node is loaded or held"
     facets = [
         facet
         for local_facets in body.comm.allgather(facets_near(body, np.array(point)))
         for facet in local_facets
     ]
     reasons = []
-    for facet_a, facet_b in combinations(facets, 2):
+    for facet_a, facet_b in _meeting(facets, ROOT_OF_EPS * body.tagged.size):
         if facet_a.piece != facet_b.piece:
             continue
         distance = np.linalg.norm(facet_a.vertices[:, None] - facet_b.vertices[None], axis=2)
         first, _ = np.nonzero(distance <= ROOT_OF_EPS * body.tagged.size)
         size = min(facet_a.size, facet_b.size)
-        near = (
-            np.linalg.norm(facet_a.vertices[first] - point, axis=1) <= (1 + DIGITS_OF_FILES) * size
-        )
-        if len(first) == body.tagged.dimension - 1 and near.any():
-            reasons.append(_reason(facet_a, facet_b))
+        if len(first) != body.tagged.dimension - 1:
+            continue
+        away = np.linalg.norm(facet_a.vertices[first] - point, axis=1).min() / size
+        reason = _reason(facet_a, facet_b)
+        if away <= 1 + DIGITS_OF_FILES or (reason == _REENTRANT and away <= _FACETS_BESIDE):
+            reasons.append(reason)
     return min((reason for reason in reasons if reason is not None), default=None)
+
+
+def _meeting(
+    facets: list[BoundaryFacet], same: float
+) -> Iterator[tuple[BoundaryFacet, BoundaryFacet]]:
+    """The pairs of facets that have a vertex in common, within this distance."""
+    vertices = np.concatenate([facet.vertices for facet in facets] or [np.zeros((0, 1))])
+    owners = np.repeat(np.arange(len(facets)), [len(facet.vertices) for facet in facets])
+    for a, b in sorted(
+        {(*sorted(owners[[*pair]]),) for pair in cKDTree(vertices).query_pairs(same)}
+    ):
+        yield facets[a], facets[b]
+
+
+_REENTRANT = "at a reentrant corner of the body"
+
+
+def _beside_a_node_that_is_loaded(body: Model, point: tuple[float, ...]) -> bool:
+    """Whether a force or a support acts at one node, within a cell from a place; collective."""
+    mesh = body.tagged.mesh
+    dim = body.tagged.dimension
+    statement = body.statement
+    loaded = [load.at for load in statement.of(Force) if load.nodal and load.acts]
+    loaded += [support.at for support in statement.displacement if support.at is not None]
+    x = mesh.geometry.x[compat.geometry_cells(mesh)][:, :, :dim]
+    found = False
+    for at in loaded:
+        around = np.linalg.norm(x - np.array(at), axis=2).min(axis=1, initial=np.inf)
+        cells = x[around <= ROOT_OF_EPS * body.tagged.size]
+        size = np.linalg.norm(np.ptp(cells, axis=1), axis=1).max(initial=0.0)
+        away = np.linalg.norm(np.array(at) - point)
+        found = found or bool(away <= (1 + DIGITS_OF_FILES) * size)
+    return parallel.any_rank(body.comm, found)
 
 
 def _reason(facet_a: BoundaryFacet, facet_b: BoundaryFacet) -> str | None:
@@ -104,11 +145,11 @@ def _reason(facet_a: BoundaryFacet, facet_b: BoundaryFacet) -> str | None:
     alike = len(kinds) == 1
     if facet_a.paired or facet_b.paired:
         filled = facet_a.paired == facet_b.paired == "bonded"
-        return None if filled or angle <= 180 + _CURVED else "at a reentrant corner of the body"
+        return None if filled or angle <= 180 + _CURVED else _REENTRANT
     if (alike and turn <= _CURVED) or angle <= _BOUNDED[kinds] + (_CURVED if alike else SAME_ANGLE):
         return None
     if alike and facet_a.kind != "guided":
-        return "at a reentrant corner of the body"
+        return _REENTRANT
     names = {*facet_a.names, *facet_b.names} if alike else {*facet_a.names} ^ {*facet_b.names}
     return (
         f"at the end of the boundar{'ies' if len(names) > 1 else 'y'} {' and '.join(sorted(names))}"
@@ -116,18 +157,21 @@ def _reason(facet_a: BoundaryFacet, facet_b: BoundaryFacet) -> str | None:
 
 
 def facets_near(body: Model, point: Array) -> list[BoundaryFacet]:
-    """Exterior facets of this rank with a vertex within their size from a place."""
+    """Exterior facets of this rank with a corner within three of their sizes from a place."""
     mesh = body.tagged.mesh
     dim = body.tagged.dimension
     mesh.topology.create_connectivity(dim - 1, dim)
     numbers = dmesh.exterior_facet_indices(mesh.topology)
     entities = facet_entities(mesh, numbers)
-    vertices = facet_vertices(mesh, numbers)[:, :, :dim]
-    corners = len(basix.geometry(getattr(basix.CellType, mesh.topology.cell_name())))
+    cell = getattr(basix.CellType, mesh.topology.cell_name())
+    corners = len(basix.geometry(cell))
+    # Curved ones have nodes on their sides and within, too.
+    of_facet = len(basix.topology(cell)[dim - 1][0])
+    vertices = facet_vertices(mesh, numbers)[:, :of_facet, :dim]
     size = np.linalg.norm(np.ptp(vertices, axis=1), axis=1)
     close = (
         np.linalg.norm(vertices - point, axis=2).min(axis=1, initial=np.inf)
-        <= (1 + DIGITS_OF_FILES) * size
+        <= _FACETS_BESIDE * size
     )
     facets = []
     for k in np.flatnonzero(close):

@@ -24,13 +24,15 @@ from signorini_fx.mechanics.statement.load_path import factor_at
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import ACCURACY, SHORT_OF_ACCURACY, Finding, History, Status, Timings
 from signorini_fx.results.accuracy.next_accuracy import NAMES, next_cost
+from signorini_fx.results.accuracy.pressure_error import growing_rows
 from signorini_fx.results.certificate.certificate import Certificate, another_law
 from signorini_fx.results.contact_fields import BoundaryFields, boundary_fields
 from signorini_fx.results.contact_figures import contact_figures, friction_used, section_forces
-from signorini_fx.results.mechanics import SolidBody, StepResult
+from signorini_fx.results.mechanics import SolidBody, StatedBody, StepResult
 from signorini_fx.results.resultants import Resultants
+from signorini_fx.results.singularities import why_no_limit
 from signorini_fx.results.stresses import RawStresses
-from signorini_fx.tuned import ZERO_IN_SOLUTION
+from signorini_fx.tuned import NOTABLE, ZERO_IN_SOLUTION
 
 if TYPE_CHECKING:
     from signorini_fx.quantities.proved_statements import ErrorBound, Interval
@@ -337,6 +339,30 @@ class Solution:
             if isinstance(stress, str)
             else replace(stress, strain_energy=self.last_step.strain_energy)
         )
+
+    @cached_property
+    def no_limit_of_pressure(self) -> str | None:
+        """Why the contact pressure has no limit as the mesh is refined, and where: at a corner of
+        the body, or an end of its contact boundary, towards which it is convex; None: nothing is
+        known; collective.
+        """
+        if not isinstance(self.model, StatedBody) or not self.certified:
+            return None
+        columns = self.table.columns
+        mean = np.average(
+            columns["pressure"], weights=columns["weight"] * (columns["pressure"] > 0)
+        )
+        for row in growing_rows(self.table):
+            place = tuple(float(columns[axis][row]) for axis in "xyz" if axis in columns)
+            reason = why_no_limit(self.model, place)
+            if not reason and columns.get("against", {row: ""})[row]:
+                # Each body alone is bounded there.
+                steep = columns["pressure"][row] > (1 + NOTABLE) * mean
+                reason = "at the edge of one body on another" if steep else None
+            if reason:
+                at = ", ".join(f"{round(x, 9) + 0.0:.6g}" for x in place)
+                return f"{reason}, ({at})"
+        return None
 
     @cached_property
     def resultants(self) -> Resultants:

@@ -2,6 +2,8 @@
 show.
 """
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from mpi4py import MPI
@@ -9,6 +11,7 @@ from mpi4py import MPI
 from signorini_fx.mechanics.body.discretisation import prepare
 from signorini_fx.records import Timings
 from signorini_fx.results.singularities import why_no_limit
+from signorini_fx.results.summary import short_answer, summary_of
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
@@ -87,3 +90,113 @@ def test_what_is_said_is_what_meshes_show(displacement, end):
 def test_corners_of_a_block(changes, place, expected):
     """A right angle is too much between a held and a free side only."""
     assert said(block(**changes), place) == expected
+
+
+def test_beside_a_single_node():
+    """Where a force or a support acts at a node, and within a cell from there."""
+    pushed = {"point_force": {"at": [1.0, 1.0], "y": -1.0}, "traction": []}
+    scene = block(ROLLERS, **pushed)
+    expected = "where a single node is loaded or held"
+    assert [said(scene, at) for at in ((1.0, 1.0), (1.25, 0.75))] == [expected] * 2
+    assert said(scene, (1.0, 0.5)) is None
+    pinned = block([{"at": [1.0, 0.0], "x": 0.0, "y": 0.0}, *ROLLERS])
+    assert said(pinned, (1.0, 0.0)) == expected
+    extremes = solve(scene, MPI.COMM_SELF).stress.as_dict()
+    assert extremes["von_mises"]["no_limit"] == expected
+
+
+NOTCH = """
+SetFactory("OpenCASCADE");
+Box(1) = {0, 0, 0, 2, 1, 0.5};
+Box(2) = {1, 0.5, 0, 1, 0.5, 0.5};
+BooleanDifference{ Volume{1}; Delete; }{ Volume{2}; Delete; }
+Mesh.MeshSizeMax = 0.25;
+Mesh.ElementOrder = 2;
+"""
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "found"),
+    [(1.0, 0.5, True), (1.0, 0.35, True), (0.75, 0.25, True), (1.95, 0.0, False)],
+)
+def test_beside_a_notch_of_curved_cells(tmp_path, x, y, found):
+    """Facets of degree 2 share three nodes; on coarse cells the largest stress may be two of them
+    away from the edge.
+    """
+    file = tmp_path / "notch.geo"
+    file.write_text(NOTCH, encoding="utf-8")
+    scene = parse_scene(
+        {
+            "mesh": {"file": str(file), "boundaries": {"left": "x[0] < 1e-9"}},
+            "element": {"degree": 2},
+            "material": {"young": 100.0, "poisson": 0.3},
+            "displacement": {"boundary": "left", "x": 0.0, "y": 0.0, "z": 0.0},
+        }
+    )
+    expected = "at a reentrant corner of the body" if found else None
+    assert said(scene, (x, y, 0.25), MPI.COMM_SELF) == expected
+
+
+def punched(n, *, flat):
+    """A stiff block with edges, or a crowned one, on a soft one that is broader."""
+    parameters = {"length": 1.0, "height": 1.0, "nx": n, "ny": n}
+    broad = {"length": 3.0, "height": 1.0, "nx": 3 * n, "ny": n}
+    gap = {} if flat else {"gap": "0.4*(x[0] - 1.5)**2"}
+    return {
+        "body": [
+            {
+                "name": "up",
+                "shift": [1.0, 1.0],
+                "mesh": {"generator": "rectangle", "parameters": parameters},
+            },
+            {"name": "low", "mesh": {"generator": "rectangle", "parameters": broad}},
+        ],
+        "material": [
+            {"young": 1000.0, "poisson": 0.3, "region": "up"},
+            {"young": 100.0, "poisson": 0.3, "region": "low"},
+        ],
+        "displacement": [
+            {"boundary": "low.bottom", "x": 0.0, "y": 0.0},
+            {"boundary": "up.top", "x": 0.0, "y": -0.02},
+        ],
+        "contact": {"boundary": "up.bottom", "against": "low.top", **gap},
+    }
+
+
+def rough(n, **contact):
+    """A flat block on a rough floor, with corners of 90 degrees."""
+    parameters = {"length": 2.0, "height": 1.0, "nx": 2 * n, "ny": n}
+    return {
+        "mesh": {"generator": "rectangle", "parameters": parameters},
+        "material": {"young": 100.0, "poisson": 0.3},
+        "displacement": {"boundary": "top", "x": 0.0, "y": -0.01},
+        "contact": {"boundary": "bottom", **contact},
+    }
+
+
+FRICTION = {"friction": {"law": "coulomb", "coefficient": 0.5}}
+PRESSED = {
+    "rough": (lambda n: rough(n, **FRICTION), "at the end of the boundary bottom, ("),
+    "smooth": (rough, None),
+    "crowned": (lambda n: rough(n, gap="0.05*(x[0] - 1)**2", **FRICTION), None),
+    "edges": (lambda n: punched(n, flat=True), "at the edge of one body on another, ("),
+    "crowned pair": (lambda n: punched(n, flat=False), None),
+}
+
+
+@pytest.mark.parametrize("name", PRESSED)
+def test_the_largest_pressure(name):
+    """Where it is said to have no limit it grows by a tenth and more each time the cells are
+    halved; elsewhere by less than a hundredth.
+    """
+    make, why = PRESSED[name]
+    found = [solve(parse_scene(make(n)), MPI.COMM_SELF) for n in (8, 16, 32)]
+    largest = [one.table.columns["pressure"].max() for one in found]
+    growth = np.diff(np.log(largest))
+    assert (growth > 0.1).all() if why else abs(growth[-1]) < 0.01
+    for one in found:
+        told = one.no_limit_of_pressure
+        assert told is None if why is None else told.startswith(why)
+    lines = " ".join(" ".join(map(str, short_answer(summary_of(found[0]), Path()))).split())
+    pressure = lines.partition("largest pressure")[2].partition("stress")[0]
+    assert ("singular" in pressure) is (why is not None)

@@ -155,9 +155,22 @@ class ContactSurface:
         heights = (2 if self.corners.shape[1] == 3 else 1) * self.area[:, None] / self.sides
         kinks = self.sides * heights**3 * jumps**2
         squares = KINK_SHARE / 2 * kinks.sum(axis=1)
+        return np.maximum(squares, CORNER_SHARE * self._convex(pressure, jumps, kinks))
+
+    def growing(self, pressure: Floats) -> npt.NDArray[np.bool_]:
+        """Which rows in contact are on the rim, with a pressure that is convex towards it, shape
+        (rows,).
+        """
+        jumps = self.jumps(pressure)
+        pieces = self._convex(pressure, jumps, jumps**2) > 0
+        beside = np.isin(np.arange(len(self.x)), self.corners[pieces])
+        return beside & self.rim_nodes & (pressure > 0)
+
+    def _convex(self, pressure: Floats, jumps: Floats, kinks: Floats) -> Floats:
+        """Sums of what the sides of each piece have, shape (pieces,), where the pressure is convex
+        towards the rim, and may be singular there; at a plane of symmetry it is concave.
+        """
         on_rim = (self.rim_nodes & (pressure != 0))[self.corners]
-        # A pressure that is convex towards the rim may be singular there; at a plane of symmetry it
-        # is concave.
         pressed = (pressure != 0)[self.corners].all(
             axis=1
         )  # the end of a contact zone is another matter
@@ -165,8 +178,7 @@ class ContactSurface:
             pressed[:, None] & pressed[np.maximum(self.across, 0) // self.corners.shape[1]]
         )
         inside = both_pressed & ~(on_rim | np.roll(on_rim, -1, axis=1)) & (jumps < 0)
-        convex = np.where(inside, kinks, 0.0).sum(axis=1) * on_rim.any(axis=1)
-        return np.maximum(squares, CORNER_SHARE * convex)
+        return np.asarray(np.where(inside, kinks, 0.0).sum(axis=1) * on_rim.any(axis=1))
 
     def of_rank(self, boundary: ContactBoundary, values: Floats) -> Floats:
         """Sums of what the pieces have for each facet of this rank, as in ``boundary.segments``;

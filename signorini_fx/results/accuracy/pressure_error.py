@@ -30,6 +30,7 @@ from signorini_fx.tuned import (
     GROWTH_POWER,
     KINK_SHARE,
     LASTING_SHARE,
+    NOTABLE,
     ROOT_OF_EPS,
     SMALLEST_JUMP,
 )
@@ -93,6 +94,23 @@ def _corners(table: ContactTable, rows: Ints, s: Floats) -> list[tuple[int, int]
         if pressed and bends[inside - 1] > 0:
             corners.append((interval, inside))
     return corners
+
+
+def growing_rows(table: ContactTable) -> Ints:
+    """The rows in contact at corners, ends and in 3D the rim, towards which the pressure is convex,
+    the largest one first; small pressures are left out.
+    """
+    pressure = table.columns["pressure"]
+    found = set[int]()
+    if table.facets is not None:
+        found = {*np.flatnonzero(ContactSurface.of(table).growing(pressure)).tolist()}
+    else:
+        for path in table.paths:
+            rows, s, _ = table.unrolled(path)
+            for interval, inside in _corners(table, rows, s) if len(s) > 2 else ():
+                found.add(int(rows[interval + (inside == interval)]))
+    large = [row for row in found if pressure[row] > NOTABLE * pressure.max()]
+    return np.array(sorted(large, key=lambda row: -pressure[row]), dtype=np.int64)
 
 
 def turning(x: Floats, y: Floats) -> Floats:
