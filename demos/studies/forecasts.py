@@ -236,7 +236,7 @@ def row_of(
     )  # the first one compiles forms
     words, Accuracy = cost.command.split(), sfx.Accuracy
     goal = (
-        Accuracy(target=float(words[1]))
+        Accuracy(target=words[1])
         if words[0] == "--accuracy"
         else eval(cost.command, {"Accuracy": Accuracy})
     )

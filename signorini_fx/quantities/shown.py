@@ -150,7 +150,7 @@ def percent(error: float) -> str:
 MOST_ROWS = 8
 # The errors of a convergence table that say something to somebody who has asked for none of them,
 # as they are called there.
-_ESTIMATED = ("pressure", "force", "energy")
+_ESTIMATED = {"pressure": "pressure", "force": "force", "energy": "stress"}
 
 
 def row(label: str, text: str, kind: str = "") -> TerminalLine:
@@ -573,7 +573,9 @@ def _error(summary: Summary) -> list[str | TerminalLine]:
         return [f"at most {percent(relative)} of the energy norm, guaranteed"]
     prices = solved_prices(summary)
     errors = [
-        f"{name} {percent(prices[name])}" for name in _ESTIMATED if prices.get(name) is not None
+        f"{name} {percent(prices[of])}"
+        for of, name in _ESTIMATED.items()
+        if prices.get(of) is not None
     ]
     if errors:
         return [f"{', '.join(errors)}, estimated"]

@@ -314,7 +314,7 @@ class CostOfAccuracy(Row):
     error: Number = perhaps("Estimated error of the last mesh, relative.")
     seconds: Number = perhaps("What it took, all meshes together, wall time.")
     dofs: Count | None = perhaps("Unknowns of the last mesh.")
-    next_error: Number = perhaps("A smaller error: a tenth in 2D, half in 3D, relative.")
+    next_error: Number = perhaps("A smaller error: a tenth in 2D, a third in 3D, relative.")
     next_seconds: list[Number] = described(
         "What that would take on this machine, from and to.", default_factory=list
     )

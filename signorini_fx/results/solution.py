@@ -20,6 +20,7 @@ from signorini_fx.machine.display import html_table
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable, contact_table
 from signorini_fx.mechanics.statement.effect import Load
+from signorini_fx.mechanics.statement.features import accuracy_refused
 from signorini_fx.mechanics.statement.load_path import factor_at
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import ACCURACY, SHORT_OF_ACCURACY, Finding, History, Status, Timings
@@ -411,6 +412,10 @@ class Solution:
         prices = [price for price in self.convergence_table if not price.predicted]
         error = getattr(prices[-1], asked) if prices else None
         able = True
+        if self.statement.units is not None and (why := accuracy_refused(self.statement, asked)):
+            if self.statement.contact:
+                return f"a requested accuracy {why}"
+            able = False
         if not error:
             if prices and asked != "energy":
                 return f"the error of {NAMES[asked]} is not estimated"
@@ -418,7 +423,7 @@ class Solution:
                 if isinstance(known := self.error_shares, str):
                     return known
                 error = float(np.sqrt(parallel.global_sum(self.comm, known.sum())))
-                able = self.statement.units is not None
+                able = able and self.statement.units is not None
             elif self.known_stress is None:
                 return "forms alone have no error estimate: give stress="
             elif not (error := self.known_stress.error):

@@ -28,7 +28,7 @@ from signorini_fx.scenes.mesh import coarser_scenes, load_mesh, scene_on
 from signorini_fx.scenes.scene import Scene
 from signorini_fx.solving.findings import nonlinear_findings, refuse_beforehand, scene_findings
 from signorini_fx.solving.uniqueness import uniqueness_findings
-from signorini_fx.tuned import MEMORY_SHARE, NO_FORCE
+from signorini_fx.tuned import MEMORY_SHARE, NEXT_ERROR, NO_FORCE
 
 # Entries of a list, and characters of an expression, that are shown; columns of the labels of the
 # text.
@@ -227,14 +227,14 @@ def text_of(check: Check, *, verbose: bool) -> str:
     """
     cost, (low, high) = check.cost, check.cost.linear_solves
     solves = f"{low}" if low == high else f"{low} to {high}"
-    share = {0.1: "a tenth of", 0.33: "a third of", 0.5: "half"}.get(
-        cost.next_error, f"{cost.next_error:.2g} of"
-    )
+    share = "a tenth" if cost.next_error == NEXT_ERROR[2] else "a third"
     how = "with --accuracy" if cost.next_local else "with all cells smaller"
+    smaller = f"; {share} of the error: {between(cost.next_seconds)} {how}"
+    if cost.next_refused:
+        smaller = ""
     estimate = (
         f"{cost.unknowns} unknowns, {solves} solves, {between(cost.seconds)} of linear algebra, "
-        f"{storage(cost.memory_bytes)}, estimated; {share} the error: "
-        f"{between(cost.next_seconds)} {how}"
+        f"{storage(cost.memory_bytes)}, estimated{smaller}"
     )
     count = len(check.warnings)
     verdict = "fine" if count == 0 else f"{count} warning{'s' * (count > 1)}"

@@ -152,8 +152,6 @@ class Scene(Table):
         for number, name in enumerate(names):
             if name in names[:number]:
                 yield ("body", number, "name"), f"two bodies are called {name!r}"
-        if self.accuracy is not None and not self.contact:
-            yield ("accuracy",), "needs a scene with contact"
         if len({len(load.factors) for load in stated.loads if load.factors is not None}) > 1:
             counts = [
                 f"{path} has {len(load.factors)}"

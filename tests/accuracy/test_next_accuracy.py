@@ -2,18 +2,21 @@
 is said.
 """
 
+import re
 from dataclasses import replace
 
 import pytest
 from mpi4py import MPI
 from scenes import alone, example1
 
+from signorini_fx.errors import SceneError
 from signorini_fx.mechanics.statement.settings import Accuracy
 from signorini_fx.results.accuracy import next_accuracy
-from signorini_fx.scenes.checks import check_scene
+from signorini_fx.scenes.checks import check_scene, text_of
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene
-from signorini_fx.tuned import NEXT_ERROR
+from signorini_fx.scenes.solver import solve
+from signorini_fx.tuned import MARGIN_OF_ENERGY, NEXT_ERROR
 
 
 @pytest.mark.parametrize(
@@ -45,7 +48,7 @@ def test_the_command_reaches_what_was_foretold(degree, cell):
     assert str(cost).endswith(f" with {cost.command}")
     option, target = cost.command.split()
     assert option == "--accuracy"
-    reached = alone(scene.model_copy(update={"accuracy": Accuracy(target=float(target))}))
+    reached = alone(scene.model_copy(update={"accuracy": Accuracy(target=target)}))
     assert reached.converged
     assert (
         reached.convergence_table[-2].energy <= 1.02 * cost.next_error
@@ -117,3 +120,39 @@ def test_check_foretells_what_it_costs():
     ).times[1]
     assert cost.next_seconds[1] == pytest.approx(factor * cost.seconds[1])
     assert cost.next_seconds[0] < cost.next_seconds[1]
+
+
+UNSUPPORTED = {
+    "mesh": {
+        "generator": "rectangle",
+        "parameters": {"length": 2.0, "height": 1.0, "nx": 8, "ny": 4},
+    },
+    "material": {"young": 100.0, "poisson": 0.3},
+    "displacement": {"boundary": "left", "x": 0.0, "y": 0.0},
+    "traction": {"boundary": "top", "y": -0.1},
+}
+TOUCHING = {"contact": {"boundary": "bottom"}}
+AT_A_POINT = {"point_force": {"at": [1.0, 1.0], "y": -0.1}}
+
+
+def test_no_price_for_what_is_refused():
+    """Without contact no command is printed, and with a force at a point no price."""
+    alone = parse_scene(UNSUPPORTED)
+    cost = solve(alone, MPI.COMM_SELF).cost
+    assert cost.command == ""
+    assert str(cost).endswith("all cells smaller")
+    assert "with all cells smaller" in text_of(check_scene(alone, MPI.COMM_SELF), verbose=False)
+    pointed = parse_scene(UNSUPPORTED | TOUCHING | AT_A_POINT)
+    assert solve(pointed, MPI.COMM_SELF).cost.startswith("a requested accuracy a force at a point")
+    assert "of the error:" not in text_of(check_scene(pointed, MPI.COMM_SELF), verbose=False)
+    with pytest.raises(SceneError, match="a force at a point"):
+        parse_scene(UNSUPPORTED | TOUCHING | AT_A_POINT | {"accuracy": {"target": 0.1}})
+    with pytest.raises(SceneError, match="needs a scene with contact"):
+        parse_scene(UNSUPPORTED | {"accuracy": {"target": 0.1}})
+
+
+def test_the_command_is_in_per_cent():
+    """As the errors beside it are."""
+    found = solve(parse_scene(UNSUPPORTED | TOUCHING), MPI.COMM_SELF).cost
+    share = float(re.fullmatch(r"--accuracy ([\d.]+)%", found.command)[1]) / 100
+    assert share == pytest.approx(found.next_error * MARGIN_OF_ENERGY[2], rel=0.02)

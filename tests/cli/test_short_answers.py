@@ -73,7 +73,7 @@ def test_what_is_said(summary):
 def test_a_long_forecast_is_whole(summary):
     """It goes on on a second line."""
     statement = (
-        "6.2 % error of the stress took 0.6 s; 0.6 %: 4 to 48 s with --accuracy 0.0087, "
+        "6.2 % error of the stress took 0.6 s; 0.6 %: 4 to 48 s with --accuracy 0.87%, "
         "all cells smaller"
     )
     lines = told(summary | {"cost": summary["cost"] | {"statement": statement}})

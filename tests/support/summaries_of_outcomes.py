@@ -53,8 +53,8 @@ BASE: dict[str, Any] = {
     "cost": {
         **{"of": "energy", "error": 0.08, "seconds": 0.8, "dofs": 9922},
         **{"next_error": 0.008, "next_seconds": [3.0, 12.0], "next_dofs": 14_000.0},
-        **{"command": "--accuracy 0.011", "local": True},
-        "statement": "8 % error of the stress took 0.8 s; 0.8 %: 3 to 12 s with --accuracy 0.011",
+        **{"command": "--accuracy 1.1%", "local": True},
+        "statement": "8 % error of the stress took 0.8 s; 0.8 %: 3 to 12 s with --accuracy 1.1%",
     },
 }
 

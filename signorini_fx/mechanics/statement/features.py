@@ -17,6 +17,7 @@ from pydantic import BaseModel
 from signorini_fx.mechanics.statement.effect import Contradictions, Keys
 from signorini_fx.mechanics.statement.expressions import Expression
 from signorini_fx.mechanics.statement.rigid_body import MESH_IS
+from signorini_fx.mechanics.statement.settings import Accuracy
 
 REFUSED_BY_SETTINGS: Mapping[str, Mapping[str, str]] = {
     "mixed element": {
@@ -28,6 +29,7 @@ REFUSED_BY_SETTINGS: Mapping[str, Mapping[str, str]] = {
         "with smaller cells: use "
         "'uniform'"
     },
+    "no contact": {"requested accuracy": "needs a scene with contact"},
     "mesh that no generator makes": {
         "nested iteration": "needs a mesh from a generator, which can make the coarser ones"
     },
@@ -58,6 +60,7 @@ def features(statement: Any) -> Iterator[tuple[str, Keys]]:
         ("local refinement for contact", ("accuracy", "refinement"), divides and of != "energy"),
         ("statement of an error bound", ("solver", "error_bound"), solver.error_bound),
         ("several bodies", ("body",), bool(statement.bodies)),
+        ("no contact", ("contact",), not statement.contact),
         ("mesh that no generator makes", ("mesh",), not statement.generated),
     ):
         if used:
@@ -92,6 +95,15 @@ def divisible(statement: Any, of: str) -> bool:
         else {"local refinement", "local refinement for contact"}
     )
     return not any(names & {*refused} for refused in refusals(replace(statement, bodies=())))
+
+
+def accuracy_refused(statement: Any, of: str) -> str:
+    """Why an accuracy of a quantity that nobody has asked for would be refused; "": it is not."""
+    if statement.accuracy is not None:
+        return ""
+    asked = replace(statement, accuracy=Accuracy(target=0.5, of=of))
+    reasons = (reason for path, reason in refused_features(asked) if path[:1] == ("accuracy",))
+    return next(reasons, "")
 
 
 def refused_features(statement: Any) -> Contradictions:

@@ -11,6 +11,7 @@ from signorini_fx.algebra.linalg import choice
 from signorini_fx.algebra.linalg.factorisation import factor_entries
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.model import Model
+from signorini_fx.mechanics.statement.features import accuracy_refused
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.results.accuracy.next_accuracy import next_refinement
 from signorini_fx.tuned import (
@@ -40,6 +41,7 @@ class Cost:
     next_error: float  # the share of the error that the next two are about
     next_seconds: tuple[float, float]  # that it would take, from and to
     next_local: bool  # whether cells are divided where the error is; otherwise all become smaller
+    next_refused: str  # why no accuracy can be asked for, so that none is foretold; "": it can
 
 
 def linear_solves(statement: Statement, nodes: int) -> tuple[int, int]:
@@ -103,7 +105,8 @@ def estimated_cost(model: Model) -> Cost:
         free += int(np.count_nonzero(~model.boundary.moving.fixed))
     seconds = once + solves[0] * per_solve, once + solves[1] * per_solve
     of = "energy" if model.statement.accuracy is None else model.statement.accuracy.of
-    refinement = next_refinement(model.statement, model.tagged, of, free)
+    refused = accuracy_refused(model.statement, of)
+    refinement = next_refinement(model.statement, model.tagged, of, free, able=not refused)
     paired = (
         PAIRED_BYTES[dim] * nodes
         if any(contact.against for contact in model.statement.contact)
@@ -122,5 +125,6 @@ def estimated_cost(model: Model) -> Cost:
         + paired,
         next_error=NEXT_ERROR[dim],
         next_seconds=(seconds[0] * refinement.times[0], seconds[1] * refinement.times[1]),
+        next_refused=refused if model.statement.contact else "",
         next_local=refinement.local,
     )

@@ -139,7 +139,7 @@ def next_cost(
     able: bool = True,
 ) -> CostOfAccuracy:
     """The forecast, such as: 3 % error of the stress took 0.4 s; 0.3 %: 0.5 to 2 s with --accuracy
-    0.0043; ``solved``: unknowns and seconds of each mesh; ``starting``: the part of the last
+    0.43%; ``solved``: unknowns and seconds of each mesh; ``starting``: the part of the last
     seconds that a finer mesh takes no more of, such as that of compilation; ``able``: whether an
     accuracy can be requested; collective.
     """
@@ -147,7 +147,8 @@ def next_cost(
     refinement = next_refinement(statement, tagged, of, dofs, able=able)
     margin = MARGIN_OF_ENERGY[refinement.degree] if of == "energy" else MARGIN
     target = f"{min(following * margin, 0.99):.2g}"
-    command = f"--accuracy {target}" + (f" --of {of}" if of != "energy" else "")
+    command = f"--accuracy {float(f'{100 * float(target):.2g}'):g}%"
+    command += f" --of {of}" if of != "energy" else ""
     if statement.units is None:  # of forms
         more = {"of": of} if of != "energy" else {}
         more |= {"refinement": "adaptive"} if refinement.local else {}
