@@ -17,7 +17,6 @@ from signorini_fx import (
     ConvergenceError,
     Coulomb,
     Foundation,
-    MeshError,
     NonlinearContactProblem,
     Status,
     solve,
@@ -304,21 +303,33 @@ def test_a_curved_drawing_and_a_straight_one(tmp_path):
     assert mesh.comm.allreduce(size) == pytest.approx(4.0 + segment, rel=1e-4)
 
 
-def test_faces_that_cross(tmp_path):
-    """A mid node that is on two edges was a crash of the process; it is one error that names the
-    file.
+CROSSING = {
+    "a node in the middle of two edges": ("1, 1, 2, 3, 6, 8, 7", "2, 2, 4, 3, 8, 9, 5"),
+    "an edge with two nodes in its middle": ("1, 1, 2, 3, 6, 10, 7", "2, 2, 4, 3, 8, 9, 5"),
+    "a corner in the middle of an edge": ("1, 1, 2, 3, 6, 4, 7", "2, 2, 4, 3, 8, 9, 5"),
+}
+
+
+@pytest.mark.parametrize("cells", CROSSING.values(), ids=CROSSING)
+def test_cells_that_cross(tmp_path, capsys, cells):
+    """They were a crash of the process, or taken without a word: all commands have one error that
+    names the file and the place.
     """
     x = [(0, 0), (1, 0), (0, 1), (1, 1), (0.5, 0.5), (0.5, 0), (0, 0.5), (1, 0.5), (0.5, 1)]
+    x.append((0.6, 0.6))
+    file = tmp_path / "body.inp"
     lines = ["*NODE", *(f"{k + 1}, {a}, {b}, 0" for k, (a, b) in enumerate(x))]
-    lines += ["*ELEMENT, TYPE=CPE6, ELSET=BODY", "1, 1, 2, 3, 6, 5, 7", "2, 2, 4, 3, 5, 9, 5"]
-    (tmp_path / "body.inp").write_text("\n".join(lines) + "\n")
-    given = {
-        "mesh": {"file": str(tmp_path / "body.inp")},
-        "material": STEEL,
-        "contact": {"boundary": "BODY"},
-    }
-    with pytest.raises(MeshError, match=r"body\.inp"):
-        load_mesh(parse_scene(given), MPI.COMM_SELF)
+    lines += ["*ELEMENT, TYPE=CPE6, ELSET=BODY", *cells]
+    file.write_text("\n".join(lines) + "\n")
+    scene = tmp_path / "scene.toml"
+    scene.write_text(
+        f'mesh = {{ file = "{file}" }}\nelement.degree = 2\n'
+        'material = { young = 1.0, poisson = 0.3 }\ncontact = { boundary = "BODY" }\n'
+    )
+    new = ["new", str(tmp_path / "other.toml"), "--from", str(file)]
+    for command in (["mesh-info", str(file)], new, ["check", str(scene)], ["solve", str(scene)]):
+        assert main(command) == 2
+        assert "cells cross at the node at (" in capsys.readouterr().err
 
 
 def test_a_cell_at_its_yield_strain():

@@ -200,6 +200,8 @@ def from_raw(
     points, cells, renumber = _points_of(positions, table, cell.dim, name)
     corners = cells[:, : len(cell.corners)]
     check_shape(points, cells, cell, name)
+    if cell.degree > 1:
+        _check_crossing(points, cells, cell, name)
     width = len(CELLS[cell.facet].corners)
     all_sides = sides_of(cells, cell)
     exterior = _exterior(all_sides, width, name)
@@ -258,6 +260,38 @@ def from_raw(
     return MeshArrays(
         points, cell.kind, cells, facets, names, names_of_parts, astray, len(facets) - len(exterior)
     )
+
+
+def _check_crossing(points: Floats, cells: Ints, cell: Cell, name: str) -> None:
+    """Refuse cells that cross by a ``MeshError``: a node in the middle of corners is in the middle
+    of no others, and all cells with these corners have that node.
+    """
+    keys = [np.empty(0, dtype=np.int64)]
+    nodes = [np.empty(0, dtype=np.int64)]
+    for size in sorted({len(ends) for ends in cell.nodes}):  # corners, edges, faces, cells
+        columns = [k for k, ends in enumerate(cell.nodes) if len(ends) == size]
+        ends = cells[:, [cell.nodes[k] for k in columns]].reshape(-1, size)
+        keys.append(1 + keys[-1].max(initial=-1) + row_keys(ends))
+        nodes.append(cells[:, columns].ravel())
+    key = np.concatenate(keys)
+    node = np.concatenate(nodes)
+    crossed = node[_with_several(key, node) | _with_several(node, key)]
+    if crossed.size:
+        place = ", ".join(f"{value:g}" for value in points[crossed[0]])
+        raise MeshError(
+            f"{name}: cells cross at the node at ({place}): it is in the middle of two edges or "
+            "faces, or one of these has two such nodes; mend the list of the cells, or make the "
+            "mesh again"
+        )
+
+
+def _with_several(keys: Ints, values: Ints) -> npt.NDArray[np.bool_]:
+    """Return whether the key of each row has several values, shape (rows,)."""
+    one = np.zeros(int(keys.max(initial=0)) + 1, dtype=np.int64)
+    one[keys] = values
+    several = np.zeros(len(one), dtype=bool)
+    several[keys[one[keys] != values]] = True
+    return np.asarray(several[keys])
 
 
 @dataclass(frozen=True)
