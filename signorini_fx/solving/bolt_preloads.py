@@ -25,7 +25,7 @@ from signorini_fx.records import Finding, Status
 from signorini_fx.results.contact_figures import section_forces
 from signorini_fx.results.mechanics import SolidBody
 from signorini_fx.solving.frames import Posed
-from signorini_fx.tuned import CERTIFICATE_TOLERANCE, LEFT_BY_SOLVES, SHORTENED_AT_MOST
+from signorini_fx.tuned import CERTIFICATE_TOLERANCE, LEFT_BY_SOLVES, ROOT_OF_EPS, SHORTENED_AT_MOST
 
 B = TypeVar("B", bound=Model)
 
@@ -97,7 +97,10 @@ def solve_tightened(
         else:
             ds = s - last[0]
             dn = force - last[1]
-            slope = slope + np.outer(ds - slope @ dn, ds @ slope) / (ds @ slope @ dn)
+            seen = slope @ dn
+            along = ds @ seen
+            if abs(along) > ROOT_OF_EPS * np.linalg.norm(ds) * np.linalg.norm(seen):
+                slope = slope + np.outer(ds - seen, ds @ slope) / along
         best = min(best, missing)
         last = (s, force)
         s = s + slope @ (wanted - force)

@@ -344,6 +344,9 @@ def carry_over(
     for part in np.unique(fine.part):
         on_part = fine.part == part
         coarse_rows = rows[rows[:, 0] == part]
+        if not len(coarse_rows):  # on a boundary of one facet, all of whose nodes had no points
+            contact[on_part] = True
+            continue
         # Two neighbours: a node in the middle between two sets joins the one that constrains it
         # more, contact and stick; the iteration releases superfluous nodes faster than it finds
         # missing ones.

@@ -90,7 +90,7 @@ class SemismoothNewton:
         self.lost = False
         self._symmetric = symmetric
         self._factor: PETSc.KSP | None = None
-        self._factorised_in: int | None = None
+        self.fails_in_step = False  # whether a Krylov method has failed in this load step
         # whether the usual preconditioner is of a matrix before the last that was factorised
         self._outdated = False
         self._point_count = int(parallel.global_sum(problem.points.comm, problem.points.size))
@@ -253,7 +253,7 @@ class SemismoothNewton:
         """Let SNES iterate, again where ``_improved``."""
         usual = self.snes.getKSP()
         first = self._first_iteration
-        if self._factorised_in == self.history.step:
+        if self.fails_in_step:
             self._factorise()
         try:
             status = self._iterate()
@@ -300,7 +300,7 @@ class SemismoothNewton:
         if status is not Status.LINEAR_SOLVER or not self._factorise():
             return False
         self.history.add(f"{status.value}: the matrix is factorised")
-        self._factorised_in = self.history.step
+        self.fails_in_step = True
         return True
 
     def _propose(self) -> None:

@@ -98,6 +98,7 @@ class Foundations:
         self._names = names
         self._masters = masters
         self._pairs: dict[int, PairedSides] = {}
+        self._outside: dict[int, Any] = {}  # shapes that are not inside the body, by their numbers
         self._values = [NodalValues(space, boundary_facets) for boundary_facets in facets]
         self._dimension = int(space.mesh.geometry.dim)
         self._distances = self._shaped()
@@ -483,6 +484,8 @@ class Foundations:
                     "reverse the order of the points of a line, which has the body on its left"
                 )
                 raise FormError([(f"contact[{number}]", message)])
+        if self._outside.get(number) == distance.shape:
+            return distances
         if (swallowed := self.cells.swallowed(distance.shape)) is not None:
             at = ", ".join(f"{c:.4g}" for c in swallowed.at)
             message = (
@@ -491,6 +494,7 @@ class Foundations:
                 "pressed farther"
             )
             raise FormError([(f"contact[{number}]", message)])
+        self._outside[number] = distance.shape
         return distances
 
     @property
