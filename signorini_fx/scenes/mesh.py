@@ -35,14 +35,15 @@ def load_mesh(scene: Scene, comm: MPI.Comm) -> TaggedMesh:
                 "in contact smaller"
             )
             raise SceneError([(sizes[0].path, reason)])
-        scene = with_cells_alike(scene)
+        scene = with_cells_alike(scene, comm)
         return together(scene.body, partial(_load_one, scene), comm)
     return _load_one(scene, None, comm)
 
 
-def with_cells_alike(scene: Scene) -> Scene:
+def with_cells_alike(scene: Scene, comm: MPI.Comm) -> Scene:
     """The scene with one kind of cell for all generators of several bodies: that which it gives one
-    of them, otherwise the first of their own ones that all can make.
+    of them, or that of a mesh with cells, otherwise the first of their own ones that all can make;
+    collective.
     """
     able = dict[int, tuple[str, ...]]()
     meshes = scene.meshes
@@ -53,6 +54,10 @@ def with_cells_alike(scene: Scene) -> Scene:
     given = [
         meshes[number].parameters["cell"] for number in able if "cell" in meshes[number].parameters
     ]
+    other = next((number for number in range(len(meshes)) if number not in able), None)
+    if able and not given and other is not None:
+        with naming(other, scene.body[other]):
+            given = [_load_one(scene, other, comm).mesh.topology.cell_name()]
     common = [
         cell
         for cells in able.values()

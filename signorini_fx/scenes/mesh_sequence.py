@@ -349,7 +349,7 @@ class MeshedScene(MeshedProblem):
     ) -> tuple[Self, int]:
         assert self.plan is not None
         dim = last.dimension
-        first = with_cells_alike(self.plan.scene)
+        first = with_cells_alike(self.plan.scene, last.mesh.comm)
         made = list[TaggedMesh]()
         parts = [last.cells(body.name) for body in first.body] or [
             np.arange(len(lengths), dtype=np.int32)

@@ -224,3 +224,28 @@ def test_what_cannot_be_had_is_refused_with_its_place(drawings, tmp_path):
         "bottom", "hole"
     )
     assert "Transfinite" in refused(text)
+
+
+def test_a_generator_takes_the_cells_of_a_file(tmp_path):
+    """Without ``cell`` beside a body of triangles; where it is given, the cells differ."""
+    (tmp_path / "upper.geo").write_text(
+        'SetFactory("OpenCASCADE");\nRectangle(1) = {0, 1, 0, 2, 1};\nMesh.MeshSizeMax = 0.5;\n'
+        'Physical Curve("foot") = {1};\nPhysical Surface("all") = {1};\n'
+    )
+    block = {"length": 2.0, "height": 1.0, "nx": 4, "ny": 2}
+
+    def cells(**parameters):
+        lower = {"generator": "rectangle", "parameters": block | parameters}
+        scene = {
+            "body": [
+                {"name": "lower", "mesh": lower},
+                {"name": "upper", "mesh": {"file": "upper.geo"}},
+            ],
+            "material": {"young": 1.0, "poisson": 0.3},
+            "contact": {"boundary": "upper.foot", "against": "lower.top"},
+        }
+        return load_mesh(parse_scene(scene, folder=tmp_path), MPI.COMM_WORLD).mesh.topology
+
+    assert cells().cell_name() == "triangle"
+    with pytest.raises(MeshError, match="body 'upper' has triangles, body 'lower' quadrilaterals"):
+        cells(cell="quadrilateral")
