@@ -174,16 +174,12 @@ _ADVICE = {
     ),
     Status.LIMIT: (
         "where a force acts prescribe its displacement, to follow the body beyond a limit point; "
-        "else refine the mesh, "
-        "allow a smaller step, or take a material that keeps its stiffness under compression, as "
-        "neo-Hooke does"
+        "else refine the mesh, allow a smaller step, or take a material that keeps its stiffness "
+        "under compression, as neo-Hooke does"
     ),
     Status.NOT_SOLVED: (
         "Newton's method fails, which does not prove that there is no solution: take smaller load "
-        "steps, prescribe a "
-        "displacement instead of a force, or refine the mesh; of your own forms raise max_newton, "
-        "or give the "
-        "derivative of F as J"
+        "steps, prescribe a displacement instead of a force, or refine the mesh"
     ),
     Status.NO_DIGIT: (
         "round-off of the residual is as large as what loads do: evaluate strains from grad u, "

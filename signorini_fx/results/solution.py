@@ -19,7 +19,7 @@ from signorini_fx.machine import parallel
 from signorini_fx.machine.display import html_table
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable, contact_table
-from signorini_fx.mechanics.statement.effect import Load
+from signorini_fx.mechanics.statement.effect import Load, is_zero
 from signorini_fx.mechanics.statement.features import accuracy_refused
 from signorini_fx.mechanics.statement.load_path import factor_at
 from signorini_fx.mechanics.statement.statement import Statement
@@ -42,21 +42,12 @@ if TYPE_CHECKING:
 
 # A body that moves away although nothing would let it do so without a load.
 _LEAVES = (Status.OPEN, Status.TIPS, Status.SLIDES)
-# What ``check`` says of a body that does something else.
-_ANOTHER = {Status.SLIDES: "tip it over", Status.TIPS: "make it slide"}
 # Outcomes of methods that have found no solution, which does not mean that there is none.
 _UNDECIDED = (
     Status.CYCLING,
     Status.MAX_ITERATIONS,
     Status.OUTER_MAX_ITERATIONS,
     Status.SLIDES_AT_PRESSURES,
-)
-# Cells that are turned inside out where strains are small ones.
-_RAN_AWAY = (
-    "the displacement that was tried is far beyond small strains, as where all of a section "
-    "yields and carries no "
-    "larger load: take smaller load steps, prescribe a displacement where a force acts, or take a "
-    "material that hardens"
 )
 
 
@@ -82,6 +73,7 @@ class Solution:
         levels: the meshes of a nested iteration, coarsest first; otherwise empty.
         convergence_table: errors and cost of each of them, and predictions for the next one;
             otherwise empty.
+        remedy: what to do about the outcome, where more is known of it than its status.
 
     Examples:
         >>> print(np.round(solution.contact.forces[0], 6), solution.certificate.holds)
@@ -102,6 +94,7 @@ class Solution:
     found: Callable[[], tuple[Finding, ...]] = tuple
     levels: tuple[LevelResult, ...] = ()
     convergence_table: tuple[Price, ...] = ()
+    remedy: str = ""
 
     def __repr__(self) -> str:
         """One line, because the fields contain whole meshes and matrices."""
@@ -145,6 +138,8 @@ class Solution:
         Of a body that moves away, the warning that names its motion; of a ramp, between which loads
         it ended.
         """
+        if self.remedy:
+            return self.remedy
         settings = self.statement.solver
         last = self.last_step
         failed = self.steps[-1]
@@ -152,21 +147,16 @@ class Solution:
             return failed.reason.message
         path = {Status.NOT_HELD: "displacement"} | dict.fromkeys(_LEAVES, self.statement.forces_at)
         ended_between = self.statement.load_steps.steps is not None and last is not failed
-        reached = f"there is a solution at time {last.time:.6g}{self._factors_held}, and none"
+        held = factors_held(self.statement, last.place, failed.place)
+        reached = f"there is a solution at time {last.time:.6g}{held}, and none"
         if self.status in path:
             wanted = ("warning", path[self.status])
-            # Of several load steps ``check`` may name another one than that which has failed.
-            of_step = (
-                [failed.reason] if failed.reason is not None and self.statement.steps > 1 else []
-            )
+            of_step = [] if failed.reason is None else [failed.reason]
             named = (
                 one.message for one in (*of_step, *self.findings) if (one.level, one.path) == wanted
             )
             between = f"{reached} at time {failed.time:.6g}; "
-            # What the whole load does, a part of it need not do.
-            another = _ANOTHER.get(self.status) if ended_between else None
-            fits = (message for message in named if another is None or another not in message)
-            why = next(fits, self.status.advice).removeprefix(f"{self.status.value}: ")
+            why = next(named, self.status.advice).removeprefix(f"{self.status.value}: ")
             return between * ended_between + why
         if self.status in _UNDECIDED and ended_between:
             # What regularisation leaves of slip in each load step wedges a body between several
@@ -210,10 +200,6 @@ class Solution:
                 f"the linear solver {name!r} of another package does not solve: take 'auto', "
                 "'full' or 'krylov'"
             )
-        if self.status is Status.INVERTED and not any(
-            material.finite for material in self.statement.material
-        ):
-            return _RAN_AWAY
         short = self.status in SHORT_OF_ACCURACY
         reasons = (
             [event for event in self.history.events if event.startswith(ACCURACY)] if short else []
@@ -221,23 +207,6 @@ class Solution:
         return "; ".join(
             [self.status.advice, *(reason.removeprefix(ACCURACY) for reason in reasons[-1:])]
         )
-
-    @property
-    def _factors_held(self) -> str:
-        """What the last solution bears of the loads that grow behind it, such as: (0.5 times
-        traction[1]).
-        """
-        statement = self.statement
-        ends = (self.last_step.place, self.steps[-1].place)
-        factors = {
-            path: [factor_at(statement.factors_of(load), place) for place in ends]
-            for path, load in statement.listed()
-            if isinstance(load, Load)
-        }
-        growing = [
-            f"{held:.4g} times {path}" for path, (held, failed) in factors.items() if held != failed
-        ]
-        return f" ({', '.join(growing)})" if growing else ""
 
     @cached_property
     def findings(self) -> tuple[Finding, ...]:
@@ -490,6 +459,19 @@ class Solution:
         """The ranks that share the solution."""
         comm: MPI.Comm = self.model.tagged.mesh.comm
         return comm
+
+
+def factors_held(statement: Statement, reached: float, failed: float) -> str:
+    """Return what a solution at a place on the path bears of the loads that grow towards one
+    without a solution, such as: (0.5 times traction[1]).
+    """
+    factors = {
+        path: [factor_at(statement.factors_of(load), place) for place in (reached, failed)]
+        for path, load in statement.listed()
+        if isinstance(load, Load) and not all(map(is_zero, load.given.values()))
+    }
+    growing = [f"{held:.4g} times {path}" for path, (held, end) in factors.items() if held != end]
+    return f" ({', '.join(growing)})" if growing else ""
 
 
 class ConvergenceError(SignoriniError):

@@ -34,11 +34,11 @@ from signorini_fx.mechanics.statement.effect import Force
 from signorini_fx.mechanics.statement.expressions import sample
 from signorini_fx.mechanics.statement.rigid_body import COMPONENTS
 from signorini_fx.mechanics.statement.statement import Statement
-from signorini_fx.records import Finding, History, Timings
+from signorini_fx.records import Finding, History, Status, Timings
 from signorini_fx.results.mechanics import StepResult, acting_on
 from signorini_fx.results.nonlinear_stresses import NonlinearForces, nonlinear_stresses
 from signorini_fx.results.resultants import ActingForces
-from signorini_fx.results.solution import ConvergenceError, Solution
+from signorini_fx.results.solution import ConvergenceError, Solution, factors_held
 from signorini_fx.results.stresses import RawStresses
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.scene import Scene
@@ -54,6 +54,14 @@ Array = npt.NDArray[np.float64]
 
 # Settings that a nonlinear problem has not, with the values that change nothing.
 _LEFT_OUT = {"initial_contact": "auto", "error_bound": False}
+
+
+# Cells that are turned inside out, or a displacement without end, where strains are small ones.
+_RAN_AWAY = (
+    "the displacement that was tried is far beyond small strains, as where all of a section "
+    "yields and carries no larger load: take smaller load steps, prescribe a displacement where a "
+    "force acts, or take a material that hardens"
+)
 
 
 def problem_of(scene: Scene, comm: mpi4py.MPI.Comm, history: History) -> ProblemOfScene:
@@ -158,6 +166,7 @@ class ProblemOfScene(NonlinearContactProblem):
         problem.body = body
         problem._held = held
         problem._solver.too_large = problem._too_large
+        problem._solver.cures = _cures(statement)
         problem._solver.tangents.trusted = body.tangent is not None
         problem.linear.bodies, problem.linear.history = model.pieces.bodies, history
         parts = [tagged.cells(material.region) for material in model.statement.material]
@@ -175,14 +184,15 @@ class ProblemOfScene(NonlinearContactProblem):
         """
         failures = list[Finding]()
         try:
-            way = Continuation(self._solver, self.statement.path, self.go_to)
+            held = partial(factors_held, self.statement)
+            way = Continuation(self._solver, self.statement.path, self.go_to, held)
             self._ends = way.ends
             way.all(on_step, stored)
         except FormError as error:
             raise _of_scene(error, self.statement) from None
         if why := way.failure:
             if self._solver.solved is None:  # not even the body before the first one can be shown
-                raise ConvergenceError(self, why)
+                raise ConvergenceError(self, f"{why}: {way.advice}")
             failures.append(Finding("warning", "load_steps", why))
         self.timings.seconds.update(self._solver.timings.seconds)
         solution = self._titled(self.statement.title)
@@ -200,7 +210,12 @@ class ProblemOfScene(NonlinearContactProblem):
         named = tuple(map(self._named, solution.steps))
         model = BodyOfScene(**body, forces=forces)
         return replace(
-            solution, model=model, steps=named, timings=self.timings, found=lambda: findings
+            solution,
+            model=model,
+            steps=named,
+            timings=self.timings,
+            found=lambda: findings,
+            remedy=way.advice,
         )
 
     def _named(self, step: StepResult) -> StepResult:
@@ -323,6 +338,27 @@ class BodyOfScene(ResidualBody):
         displaced = self.statement.finite_strains
         balance = replace(self.balance(y, step), supports=anew.prescribed(step))
         return acting_on(anew, balance, y, step, anew.of_followers(y, step), displaced=displaced)
+
+
+def _cures(statement: Statement) -> dict[Status, str]:
+    """Return what to do about outcomes, by the materials and loads of a scene."""
+    laws = {getattr(material, "law", "") for material in statement.material}
+    ways = ["allow smaller load steps", "refine the mesh"]
+    if any(isinstance(load, Force) for _, load in statement.listed()):
+        ways.insert(0, "prescribe a displacement where a force acts, to follow the body beyond it")
+    if "saint-venant-kirchhoff" in laws:
+        kept = "take a material that keeps its stiffness under compression, as neo-hooke does"
+        ways.append(kept)
+    cures = {
+        Status.LIMIT: ", or ".join(ways),
+        Status.NO_DIGIT: (
+            "round-off of the strains is as large as what loads do: take a linear material, which "
+            "one of such small strains is"
+        ),
+    }
+    if not statement.finite_strains:
+        cures |= dict.fromkeys((Status.INVERTED, Status.LIMIT), _RAN_AWAY)
+    return cures
 
 
 def _at_its_time(friction: Any) -> Any:

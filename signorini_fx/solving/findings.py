@@ -46,8 +46,10 @@ from signorini_fx.tuned import FAR_GAP, NO_FORCE, NOTABLE, ROOT_OF_EPS, SAME_LEN
 Array = npt.NDArray[np.float64]
 
 
-def scene_findings(body: Model) -> Iterator[Finding]:
-    """Findings about the scene and its mesh; collective, the same on every rank."""
+def scene_findings(body: Model, reached: float = np.inf) -> Iterator[Finding]:
+    """Findings about the scene and its mesh, and the equilibrium of its loads up to a place on
+    its path; collective, the same on every rank.
+    """
     statement = body.statement
     data = body.data
     prescribed, force = _largest_loads(body)
@@ -57,7 +59,7 @@ def scene_findings(body: Model) -> Iterator[Finding]:
         body, reduced=body.elastic.reduced is not None or statement.element.degree > 1
     )
     yield from _idle(body)
-    yield from equilibrium(body)
+    yield from equilibrium(body, [k for k in range(statement.steps) if k <= reached])
     yield from _units(body, prescribed, force)
     if body.boundary is not None and data is not None:
         yield from _gaps(
@@ -86,6 +88,7 @@ def nonlinear_findings(statement: Statement, body: Model) -> Iterator[Finding]:
     yield from _locking(body, reduced=volume_degree(statement, body.tagged) is not None)
     yield from _idle(body)
     yield from closed_at_once(body)
+    yield from equilibrium(body, [])
     yield from _corners(body)
 
 
@@ -384,9 +387,9 @@ def _inclined(body: Model, data: RegularisedData) -> Iterator[Finding]:
 # --- equilibrium: rigid motions that supports and contact resist, loads that they balance ---------
 
 
-def equilibrium(body: Model) -> Iterator[Finding]:
-    """Whether contact can resist motions that supports leave free, and balance the loads, assembly
-    by assembly.
+def equilibrium(body: Model, places: Sequence[float]) -> Iterator[Finding]:
+    """Whether contact can resist motions that supports leave free, and balance the loads at places
+    on the path, assembly by assembly.
     """
     motions = body.motions
     boundary = body.boundary
@@ -396,7 +399,7 @@ def equilibrium(body: Model) -> Iterator[Finding]:
     all_reactions = None
     if boundary is not None and data is not None:
         all_reactions = reactions(motions.at(boundary), body.law, data.bilateral)
-    loads = [load_on(body, step) for step in range(body.statement.steps)]
+    loads = [load_on(body, place) for place in places]
     for number in map(int, np.unique(motions.assembly)):
         columns = motions.assembly == number
         contact = None if all_reactions is None else all_reactions.of(number, columns)
@@ -606,10 +609,19 @@ def untouched(comm: MPI.Comm, steps: Sequence[StepResult]) -> Iterator[Finding]:
 # --- bodies that lie loose: nothing presses on them, and they can move without touching anything --
 
 
-def explained(body: Model, task: Task, outcome: Outcome, when: str) -> Finding | None:
-    """Which bodies lie loose where contact opens without a load that opens it, named by ``when``;
-    None: none.
+def explained(body: Model, task: Task, outcome: Outcome, place: float, when: str) -> Finding | None:
+    """Return which bodies move away under the loads at a place on the path, or lie loose where
+    contact opens without a load that opens it, named by ``when``; None: it is not known.
     """
+    moves = {Status.OPEN, Status.TIPS, Status.SLIDES, Status.NOT_HELD}
+    if outcome.status not in moves:
+        return None
+    ends = "nothing holds" if outcome.status is Status.NOT_HELD else outcome.status.value
+    for found in equilibrium(body, [place]):
+        if found.level == "warning" and found.message.startswith(ends):
+            return replace(found, message=when + found.message)
+    if outcome.status is Status.NOT_HELD:
+        return _hardly_held(body, task, when)
     if outcome.status is not Status.OPEN:
         return None
     loose = task.idle
@@ -624,6 +636,26 @@ def explained(body: Model, task: Task, outcome: Outcome, when: str) -> Finding |
         "press it on, or prescribe a displacement"
     )
     return Finding("warning", body.statement.forces_at, message)
+
+
+def _hardly_held(body: Model, task: Task, when: str) -> Finding:
+    """Return which motion contact resists least, of bodies that it holds by all of its points at
+    most.
+    """
+    motions = task.motions
+    least = (np.inf, 0, np.zeros(0))
+    for number, columns in motions.assemblies:
+        normal = parallel.gather_rows(body.comm, motions.relative[:, 0, columns])
+        _, sizes, ways = np.linalg.svd(np.linalg.qr(normal, mode="r"))
+        least = min(least, (sizes[-1] / sizes[0], number, ways[-1]), key=lambda entry: entry[0])
+    _, number, motion = least
+    free = body.motions.of_all[:, body.motions.assembly == number] @ motion[:, None]
+    members = np.flatnonzero(body.motions.pieces.assembly == number)
+    message = (
+        f"{when}neither the supports nor what presses hold "
+        f"{names_of(free, body.motions, members)}: prescribe a displacement, or add friction"
+    )
+    return Finding("warning", "displacement", message)
 
 
 def loose_in(body: ElasticBody, step: StepResult) -> list[int]:

@@ -206,7 +206,7 @@ def _shown(steps: Sequence[StepResult]) -> StepResult:
 def _findings(model: SolidBody, steps: Sequence[StepResult]) -> list[Finding]:
     """The findings of ``check`` about the scene, and those about its result; collective."""
     last = steps[-1]
-    findings = [*scene_findings(model)]
+    findings = [*scene_findings(model, last.place)]
     if _solved(steps):
         findings += facets_in_result(model, last.contact)
     return findings_of_steps(model, steps, findings)

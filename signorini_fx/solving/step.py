@@ -119,7 +119,7 @@ def step(
             outcome = solve_task(posed.task, start, budget)
     if reason is None:
         when = f"load step {start.step + 1}: " if problem.waits else ""
-        reason = explained(body, posed.task, outcome, when)
+        reason = explained(body, posed.task, outcome, place, when)
     new, report = judged(problem, posed, start, before, outcome, state)
     count = problem.history.linear_solves - solves
     result = replace(report.result, linear_solves=count, reason=reason or report.result.reason)

@@ -180,8 +180,8 @@ class Task:
     def begin_step(self, start: Start) -> None:
         """Apply the loads and prescribed displacements of a load step to the current iterate."""
         self.newton.lost = False
-        self.newton.fails_in_step = False
-        self.unsymmetric_newton.fails_in_step = False
+        for newton in (self.newton, vars(self).get("unsymmetric_newton", self.newton)):
+            newton.fails_in_step = False
         if start.factors is not None:
             self.system.set_load(start.factors)
         fixed = self.system.contact.fixed

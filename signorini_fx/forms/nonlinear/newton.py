@@ -11,7 +11,7 @@ chapter 10).
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
@@ -91,6 +91,11 @@ class EquilibriumSolver(Stability):
     too_large: Callable[[], str] = lambda: (
         ""
     )  # by how much the deformation is, in words; "": it is not; collective
+    # What to do about statuses, where that is not ``Status.advice``.
+    cures: Mapping[Status, str] = field(default_factory=dict)
+    # Why the linear contact problem of the last attempt has no solution; None: it has one, or that
+    # says nothing of the body.
+    cause: Status | None = None
     status: Status | None = (
         None  # of the last attempt; None: it has ended by an error, or there is none
     )
@@ -147,6 +152,7 @@ class EquilibriumSolver(Stability):
         self.certificate = None
         self.status = None
         self.without = ""
+        self.cause = None
         self._detail = ""
         self._tried = None
         solves = len(self.linear.history.iterations)
@@ -182,8 +188,16 @@ class EquilibriumSolver(Stability):
             else status.value
         )
         self.failure = ended + (f" ({reason})" if reason else "")
+        if status is Status.INVERTED and self.without:  # beyond any displacement of the body
+            self.failure = self.without
         self.go_back(last)
-        return f"{self.failure}: {status.advice}"
+        return f"{self.failure}: {self.advice(status)}"
+
+    def advice(self, status: Status) -> str:
+        """Return what to do about the last attempt, which has ended with this status."""
+        if self.cause is not None and status in (Status.NOT_SOLVED, Status.LIMIT):
+            return self.cause.advice
+        return self.cures.get(status, status.advice)
 
     def certify(self, begun: Snapshot) -> Status:
         """The verdict, but for stability, on a displacement of an earlier run whose step has
@@ -349,6 +363,7 @@ class EquilibriumSolver(Stability):
             return inner
         if inner in OF_LINEAR_BODIES:
             if self.leads(self.u.x.array.copy()):
+                self.cause = inner
                 self.without = f"the tangent does not hold it: {inner.value}"
             return Status.NOT_SOLVED
         if inner not in (Status.CYCLING, Status.OUTER_MAX_ITERATIONS):
@@ -465,23 +480,31 @@ _ORIGIN = "slip origin"
 class Continuation:
     """Goes through the load steps of a path, each of which an ``EquilibriumSolver`` attempts.  One
     without a solution is halved, the first one from time 0; after an easy one the next is larger.
-    One that cannot be shortened ends it with a ``failure`` in words or a FormError.
+    One that cannot be shortened ends it with a ``failure`` in words and an ``advice``, or with a
+    FormError.
 
-    ``apply`` changes the problem to what it is at a place.  ``ends`` are the load steps with a
-    solution, with what the residual says of them.
+    ``apply`` changes the problem to what it is at a place; ``held`` says in words what the place
+    that was reached bears of the loads at one without a solution.  ``ends`` are the load steps with
+    a solution, with what the residual says of them.
     """
 
     def __init__(
-        self, solver: EquilibriumSolver, path: LoadPath, apply: Callable[[float], object]
+        self,
+        solver: EquilibriumSolver,
+        path: LoadPath,
+        apply: Callable[[float], object],
+        held: Callable[[float, float], str] = lambda reached, failed: "",
     ) -> None:
         solver.begin_path(several=path.several)
         self.solver = solver
         self.way = PathIncrements(path)
         self._apply = apply
+        self._held = held
         self.history = solver.linear.history
         self.timings = solver.timings
         self.ends = list[tuple[StepResult, ResidualMechanics]]()
         self.failure = ""
+        self.advice = ""
         self._solves_before = len(self.history.iterations)
 
     @property
@@ -542,18 +565,19 @@ class Continuation:
             way.halve()
             return
         last = (
-            f"there is a solution at {reached}" if self.ends else "there is no solution before it"
+            f"there is a solution at {reached}{self._held(way.reached, way.next)}"
+            if self.ends
+            else "there is no solution before it"
         )
         if isinstance(why, FormError):
             reasons = [(key, f"{reason} (at {end}; {last})") for key, reason in why.problems]
             raise FormError(reasons, why.source) from why.__cause__
         assert status is not None
         solver.status = status
-        advice = status.advice
-        text = f"{solver.failure}: at {end}; {last}"
+        self.failure = f"{solver.failure}: at {end}; {last}"
         if status is Status.LIMIT:
-            text = f"{status.value}: {last}; a step to {end} ends with: {solver.failure}"
-        self.failure = f"{text}. {advice[0].upper()}{advice[1:]}"
+            self.failure = f"{status.value}: {last}; a step to {end} ends with: {solver.failure}"
+        self.advice = solver.advice(status)
 
     def _begin_again(self, begun: Snapshot) -> None:
         """Go back to where a step has begun, with its load and its shapes; collective."""

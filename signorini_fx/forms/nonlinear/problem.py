@@ -242,6 +242,8 @@ class NonlinearContactProblem(ProblemOfForms):
         self.slip = fields.slip
         actions = commit or (lambda: None), max_newton, stability
         self._solver = self._ended = EquilibriumSolver(self.linear, residual, tangents, *actions)
+        further = "; or raise max_newton, or give the derivative of F as J"
+        self._solver.cures = {Status.NOT_SOLVED: f"{Status.NOT_SOLVED.advice}{further}"}
         # The load steps of the last ``run`` with a solution, until the next solve.
         self._ends: list[tuple[StepResult, ResidualMechanics]] = []
 
@@ -378,7 +380,8 @@ class NonlinearContactProblem(ProblemOfForms):
         self._ends = way.ends
         way.all(on_step, stored)
         if way.failure:
-            raise ConvergenceError(self, way.failure)
+            advice = f"{way.advice[0].upper()}{way.advice[1:]}"
+            raise ConvergenceError(self, f"{way.failure}. {advice}")
         return self.solution
 
 
