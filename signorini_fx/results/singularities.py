@@ -14,7 +14,7 @@ named.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -119,7 +119,8 @@ def _beside_a_node_that_is_loaded(body: Model, point: tuple[float, ...]) -> bool
     mesh = body.tagged.mesh
     dim = body.tagged.dimension
     statement = body.statement
-    loaded = [load.at for load in statement.of(Force) if load.nodal and load.acts]
+    forces: Iterable[Any] = statement.of(Force)
+    loaded = [load.at for load in forces if load.nodal and load.acts]
     loaded += [support.at for support in statement.displacement if support.at is not None]
     x = mesh.geometry.x[compat.geometry_cells(mesh)][:, :, :dim]
     found = False

@@ -97,7 +97,7 @@ def divisible(statement: Any, of: str) -> bool:
     return not any(names & {*refused} for refused in refusals(replace(statement, bodies=())))
 
 
-def accuracy_refused(statement: Any, of: str) -> str:
+def accuracy_refused(statement: Any, of: Any) -> str:
     """Why an accuracy of a quantity that nobody has asked for would be refused; "": it is not."""
     if statement.accuracy is not None:
         return ""

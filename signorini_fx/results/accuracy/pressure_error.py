@@ -103,7 +103,7 @@ def growing_rows(table: ContactTable) -> Ints:
     pressure = table.columns["pressure"]
     found = set[int]()
     if table.facets is not None:
-        found = {*np.flatnonzero(ContactSurface.of(table).growing(pressure)).tolist()}
+        found.update(np.flatnonzero(ContactSurface.of(table).growing(pressure)))
     else:
         for path in table.paths:
             rows, s, _ = table.unrolled(path)
