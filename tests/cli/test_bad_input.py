@@ -125,7 +125,7 @@ def changed(old, new):
         (
             changed("[mesh]", "[mesh]\nboundaries = {}"),
             (),
-            "mesh.boundaries: unknown key",
+            "mesh: boundaries and regions belong to file",
         ),
         (changed("nx = 6", "comm = 1"), (), "mesh.parameters.comm: unknown key; there are: length"),
         (changed("nx = 6", "length = 9223372036854775808"), (), "the body is too thin"),

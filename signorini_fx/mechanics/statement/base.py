@@ -284,7 +284,7 @@ def _meant(key: str, model: type[BaseModel]) -> str:
         return f" here: it belongs to {' or '.join(homes)}"
     similar = difflib.get_close_matches(key, _keys(BaseModel), n=1, cutoff=0.75)
     if not similar or key in similar:
-        return ": signorini-fx new writes a scene that explains all keys"
+        return "; the file that signorini-fx new writes has all keys"
     return f": did you mean {similar[0]!r}?"
 
 

@@ -248,8 +248,12 @@ class Resistance(Effect):
 
 
 def listed(entry: Any) -> Any:
-    """A single table stands for a list of one."""
-    return [entry] if isinstance(entry, Mapping | BaseModel) else entry
+    """Return a list of tables, for which a single table may stand."""
+    if isinstance(entry, Mapping | BaseModel):
+        return [entry]
+    if not isinstance(entry, list | tuple):
+        raise ValueError("must be a table or a list of tables")
+    return entry
 
 
 def _of_package(entry: Any, info: ValidationInfo) -> Any:

@@ -155,6 +155,10 @@ def one_mesh(entry: Any) -> Any:
     if isinstance(entry, Mapping):
         if ("file" in entry) == ("generator" in entry):
             raise ValueError("give either file or generator")
+        if "generator" in entry and {"boundaries", "regions"} & entry.keys():
+            raise ValueError(
+                "boundaries and regions belong to file: a generator names its own (meshes.md)"
+            )
         return (MeshFile if "file" in entry else MeshGenerator).model_validate(entry)
     if not isinstance(entry, MeshFile | MeshGenerator | TaggedMeshBase):
         wanted = (
