@@ -174,12 +174,12 @@ def functional_of(model: Model, text: str) -> Functional:
 
 
 def _force(model: Model, boundary: str, axis: str) -> Functional:
-    """With friction, at one boundary."""
+    """Return the resultant contact force on one boundary, friction included, shape (d,)."""
     return ContactForce(_contact_of(model.statement, boundary), _axis_of(model.dimension, axis))
 
 
 def _moment(model: Model, boundary: str, axis: str = "z") -> Functional:
-    """With friction, at one boundary; in 2D too."""
+    """Return the resultant contact moment on one boundary, friction included; a scalar in 2D."""
     if model.dimension == 2 and axis != "z":
         raise ValueError(axis)
     if reason := model.kinematics.refuses.get("moment"):

@@ -36,11 +36,11 @@ class Interval(tuple[float, float]):
         return found
 
     def __getnewargs__(self) -> Any:
-        """What a copy on another rank is made of."""
+        """Return the arguments of the constructor, for copies on other ranks."""
         return (*self, self.assumed)
 
     def __str__(self) -> str:
-        """One sentence."""
+        """Return the interval as one sentence."""
         return with_assumed(f"between {self[0]:.6g} and {self[1]:.6g}", self.assumed)
 
 
@@ -80,7 +80,7 @@ class ErrorBound:
         return max(self.size - self.error, 0.0) ** 2 / 2, (self.size + self.error) ** 2 / 2
 
     def __str__(self) -> str:
-        """One sentence."""
+        """Return the bound as one sentence."""
         if not np.isfinite(self.relative):
             return with_assumed("the bound of the error is larger than the solution", self.assumed)
         low, high = self.strain_energy

@@ -27,7 +27,7 @@ Summary = dict[str, Any]
 
 
 class Validity(Enum):
-    """Of what the figures of a summary are."""
+    """The state that the figures of a summary belong to."""
 
     SOLUTION = "the solution of the scene"
     LESS_ACCURATE = "a certified solution that is less accurate than required"
@@ -36,12 +36,12 @@ class Validity(Enum):
 
     @property
     def solved(self) -> bool:
-        """Whether the figures are those of a solution, be it of an earlier load step."""
+        """Return whether the figures are those of a solution, possibly of an earlier load step."""
         return self is not Validity.NO_SOLUTION
 
 
 def validity_of(summary: dict[str, Any]) -> Validity:
-    """What the figures of a summary are of."""
+    """Return the state that the figures of a summary belong to."""
     status = Status(summary["status"])
     if status is Status.CONVERGED:
         return Validity.SOLUTION
@@ -53,7 +53,9 @@ def validity_of(summary: dict[str, Any]) -> Validity:
 
 
 def was_solved(summary: dict[str, Any]) -> bool:
-    """Whether there are figures, be they of an iterate: what statics excludes is not solved."""
+    """Return whether there are figures, possibly of an iterate; a scene that statics excludes has
+    none.
+    """
     return validity_of(summary).solved or summary["linear_solves"] > 0
 
 
@@ -70,8 +72,8 @@ def solved_prices(summary: Mapping[str, Any]) -> Mapping[str, Any]:
 
 
 def between(stress: Mapping[str, Any]) -> float | None:
-    """By how much the largest von Mises stress of ``stress`` and the recovered one differ, relative
-    to the larger one.
+    """Return the difference of the largest von Mises stress of ``stress`` and the recovered one,
+    relative to the larger one.
 
     Digits beyond that mean nothing; it says nothing about the error, least of all where the stress
     has no limit: so it is None, not known, where they differ in the fourth digit only.
@@ -129,7 +131,7 @@ def _rounded(value: float, size: float, error: float | None) -> str:
 
 
 def figure_or_error(value: Any, error: float | None) -> str:
-    """The same as ``figure``, with the error where it leaves no digit."""
+    """Return ``figure``, followed by the error where it leaves no digit."""
     return figure(value, error) + (
         f" (error {percent(error)})" if error is not None and error >= 1 else ""
     )
@@ -176,12 +178,12 @@ def in_brackets(components: Sequence[float]) -> str:
 
 
 def kinematics_of(summary: dict[str, Any]) -> Kinematics:
-    """That of the body of a summary."""
+    """Return the kinematics of the body of a summary."""
     return of_data(summary.get("scene") or {}, 3 if summary.get("dimension") == 3 else 2)
 
 
 def has_friction(summary: dict[str, Any]) -> bool:
-    """Whether a contact of the scene has a friction law."""
+    """Return whether a contact of the scene has a friction law."""
     laws = [
         (entry.get("friction") or {}).get("law")
         for entry in (summary.get("scene") or {}).get("contact", ())
@@ -222,9 +224,9 @@ def marked_stress(summary: dict[str, Any]) -> tuple[list[float], str] | None:
 
 
 def share_in_words(summary: dict[str, Any], of: str = "") -> str:
-    """How much of the yield stress, named ``of``, is used, with the digits that the stress has: a
-    share such as 41 %, far above it how many times, and above it where the stress has no limit no
-    figure, which each mesh would change.
+    """Return the share of the yield stress, named ``of``, that is used, with the digits of the
+    stress: a share such as 41 %, far above it how many times, and no figure above it where the
+    stress is singular, because each mesh would change it.
     """
     largest = summary["utilisation"]
     apart = between(summary["stress"])
@@ -238,7 +240,7 @@ def share_in_words(summary: dict[str, Any], of: str = "") -> str:
 
 @dataclass(frozen=True)
 class Shown:
-    """How a key of the summary is shown, if it is there."""
+    """The way in which the terminal and the report show a key of the summary."""
 
     key: str  # the key
     label: str  # what it is
@@ -274,8 +276,8 @@ def shown_lines(shown: Shown, summary: Summary) -> list[TerminalLine]:
 
 
 def brief_lines(summary: Summary) -> list[TerminalLine]:
-    """What is asked first of a solution, be it that of an earlier load step; without one there is
-    nothing.
+    """Return the lines of the short answer; none without a solution, and those of the last solved
+    load step if a later one failed.
     """
     if not validity_of(summary).solved:
         return []
@@ -301,9 +303,8 @@ def error_of(summary: Mapping[str, Any], key: str) -> float | None:
         return error
     # It is relative to all forces, so large where these nearly cancel, or where friction nearly
     # vanishes.
-    contact, friction = (
-        math.hypot(*summary.get(name, [0.0])) for name in ("contact_force", "friction_force")
-    )
+    contact = math.hypot(*summary.get("contact_force", [0.0]))
+    friction = math.hypot(*summary.get("friction_force", [0.0]))
     rows = summary.get("contact_boundaries", ())
     components = [
         f for row in rows for name in ("contact_force", "friction_force") for f in row.get(name, ())
@@ -328,7 +329,7 @@ def _friction(summary: Summary) -> list[str | TerminalLine]:
 
 
 def _is_bonded(boundary: Mapping[str, Any]) -> bool:
-    """Whether a boundary transmits any tangential force; a file has null for infinity."""
+    """Return whether a boundary transmits any tangential force; a file has null for infinity."""
     limit = boundary.get("friction_limit", 0.0)
     return limit is None or bool(np.isinf(limit))
 
@@ -384,7 +385,7 @@ def _forces(summary: Summary) -> list[str | TerminalLine]:
 
 
 def _max_shear(summary: Summary) -> list[str | TerminalLine]:
-    """None without friction."""
+    """Return the largest shear; nothing without friction."""
     shear = with_unit(
         figure_or_error(summary["max_shear"], error_of(summary, "max_shear")), "stress"
     )
@@ -458,13 +459,16 @@ def _tools(summary: Summary) -> list[str | TerminalLine]:
     motions = list[str | TerminalLine]()
     forces = list[str | TerminalLine]()
     for tool in summary["tools"]:
-        names = ("displacement", "rotation", "force", "moment", "reference")
-        moved, turned, force, moment, point = (figure(tool[name]) for name in names)
         error = tool["gap_error"]
         gap = "" if error is None else f"; gap error {error:.1e}"
-        name = tool["boundary"]
-        motions.append(f"{name}: displacement {moved}, rotation {turned} rad{gap}")
-        forces.append(f"{name}: contact force {force}, moment {moment} about {point}")
+        motions.append(
+            f"{tool['boundary']}: displacement {figure(tool['displacement'])}, rotation "
+            f"{figure(tool['rotation'])} rad{gap}"
+        )
+        forces.append(
+            f"{tool['boundary']}: contact force {figure(tool['force'])}, moment "
+            f"{figure(tool['moment'])} about {figure(tool['reference'])}"
+        )
     return [*motions, *forces]
 
 
@@ -477,8 +481,8 @@ def _preloads(summary: Summary) -> list[str | TerminalLine]:
 
 
 def _resultants(summary: Summary) -> list[str | TerminalLine]:
-    """What acts through the other boundaries, and where, and the torque of a section; contact too
-    if it has several.
+    """Return the forces through the other boundaries with their lines of action, and the torque of
+    a section; those of contacts only if there are several.
     """
     several = len(summary.get("contact_boundaries", ())) > 1
     kinematics = kinematics_of(summary)
@@ -553,7 +557,9 @@ def _deformation(summary: Summary) -> list[str | TerminalLine]:
 
 
 def _cost(summary: Summary) -> list[str | TerminalLine]:
-    """What the error took, and what a smaller one would take; or why that is not known."""
+    """Return the time that the error took, and the time of a smaller error, or why it is
+    unknown.
+    """
     cost = summary["cost"]
     if cost.get("error") is None:
         return [f"no forecast: {cost['statement']}"]
@@ -565,7 +571,7 @@ def _cost(summary: Summary) -> list[str | TerminalLine]:
 
 
 def _error(summary: Summary) -> list[str | TerminalLine]:
-    """How wrong the results are: proved, estimated, or how to know it."""
+    """Return the error of the results: guaranteed, estimated, or how to estimate it."""
     if not validity_of(summary).solved:
         return []
     relative = (summary.get("error_bound") or {}).get("relative_error")

@@ -21,7 +21,7 @@ SCHEMA_VERSION = 1
 
 
 def _closed(schema: dict[str, Any]) -> None:
-    """Without other keys, and without titles and the defaults that say that a key is absent."""
+    """Forbid further keys in a JSON schema, and remove titles and the defaults of absent keys."""
     schema["additionalProperties"] = False
     for entry in (schema, *schema["properties"].values()):
         entry.pop("title", None)
@@ -250,14 +250,14 @@ class StressExtremes(RecoveredExtremes):
 
 
 class LargestDeformation(Row):
-    """Of the load step with the largest one."""
+    """The deformation of the load step that deforms most."""
 
     gradient: Number = described("Mean strain and rotation.")
     displacement: Number = described("Largest displacement, relative to the size of the body.")
 
 
 class CertificateFigures(Row):
-    """Its figures, each relative."""
+    """The figures of the certificate, each relative."""
 
     equilibrium: Number = described("Forces out of balance, contact tractions included.")
     supports: Number = described("Largest difference from a prescribed displacement.")
@@ -303,8 +303,8 @@ class ErrorBoundFigures(Row):
 
 
 class CostOfAccuracy(Row):
-    """What an accuracy took, by the estimated error and the seconds of this run, and what a better
-    one would take.
+    """The cost of an accuracy: estimated error and seconds of this run, and the forecast for a
+    smaller error.
     """
 
     of: str | None = perhaps(
@@ -355,7 +355,7 @@ class RowOfSteps(Row):
 
 
 class Run(Row):
-    """Of a solve."""
+    """The keys of a summary about the solve itself."""
 
     schema_version: Literal[1] = described(
         "Version of this schema: it grows when a key goes or changes its meaning, not when one is "
@@ -481,7 +481,7 @@ class Summary(Run):
 
 @dataclass(frozen=True)
 class Results:
-    """What ``solve`` has written.
+    """The content of a result folder.
 
     Attributes:
         path: of the folder.
@@ -574,7 +574,7 @@ class Quantity:
 
 
 def own_quantities() -> tuple[Quantity, ...]:
-    """Those that are installed or registered.
+    """Return the quantities of other packages that are installed or registered.
 
     Raises:
         InstallationError: one of them cannot be used.

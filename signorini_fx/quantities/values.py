@@ -14,7 +14,7 @@ from signorini_fx.machine import parallel
 
 
 def of_results(solution: Any) -> dict[str, Any]:
-    """Those that stand with the solution; collective."""
+    """Return the values of the keys that need the solution alone; collective."""
     contact = solution.contact
     known: dict[str, Any] = {
         **({} if contact is None else _of_contact(solution)),
@@ -30,7 +30,7 @@ def of_results(solution: Any) -> dict[str, Any]:
 
 
 def _of_contact(solution: Any) -> dict[str, Any]:
-    """Those of a scene with contact; collective."""
+    """Return the values of the keys of a scene with contact; collective."""
     contact = solution.contact
     table = solution.table
     columns = table.columns
@@ -73,7 +73,7 @@ def _zones(table: Any) -> dict[str, Any]:
 
 
 def of_fields(solution: Any) -> dict[str, Any]:
-    """Those of the stress, which are known where fields are written; collective."""
+    """Return the values of the stress, for which fields must be written; collective."""
     stress = solution.known_stress
     if stress is None:
         return {}
@@ -124,7 +124,9 @@ def of_step(solution: Any) -> dict[str, Any]:
 
 
 def _of_contact_in_step(solution: Any) -> dict[str, Any]:
-    """Those of contact: by axis, and by boundary where a sum over boundaries means nothing."""
+    """Return the contact values of a load step by axis, and by boundary where a sum over boundaries
+    has no meaning.
+    """
     contact = solution.contact
     parts = solution.statement.contact
     names = _boundaries(solution.statement)
