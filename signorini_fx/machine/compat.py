@@ -34,7 +34,7 @@ def interpolation_points(element: Any) -> npt.NDArray[np.float64]:
 
 
 def _cmap(geometry: Any) -> Any:
-    """One for each kind of cell since 0.11."""
+    """Return the geometry map of a mesh; dolfinx 0.11 has one for each kind of cell."""
     return geometry.cmaps[0] if VERSION >= (0, 11) else geometry.cmap
 
 

@@ -53,7 +53,7 @@ def storage(size: float) -> str:
 
 
 def status_in_words(summary: dict[str, Any]) -> str:
-    """How a solve has ended, and whether its scene lacks something of what was meant."""
+    """Return the outcome of a solve in words, and whether its scene is incomplete."""
     return str(summary["status"]) + (", incomplete" if summary.get("incomplete") else "")
 
 
@@ -91,7 +91,7 @@ def results_of(summary: dict[str, Any]) -> str:
 
 
 def effort_in_words(summary: dict[str, Any]) -> str:
-    """How many linear solves and factorisations a solve took."""
+    """Return the numbers of linear solves and factorisations of a solve, in words."""
     counts = (
         (summary["linear_solves"], "linear solve"),
         (summary["factorisations"], "factorisation"),

@@ -46,7 +46,7 @@ def ours(folder: Path) -> set[str]:
 
 
 def foreign(folder: Path, names: Iterable[str]) -> list[str]:
-    """What is at the place of these files and folders, or in these folders, and is not listed."""
+    """Return the files and folders at these places, or in these folders, that are not listed."""
     listed = ours(folder)
     unlisted = list[str]()
     for name in names:
@@ -87,7 +87,7 @@ def files(folder: Path) -> list[str]:
 
 
 def _lines(folder: Path) -> list[str]:
-    """What the manifest lists; a link is no manifest."""
+    """Return the entries of the manifest; a link is no manifest."""
     manifest = folder / MANIFEST
     try:
         return [] if manifest.is_symlink() else manifest.read_text(encoding="utf-8").splitlines()
@@ -96,7 +96,7 @@ def _lines(folder: Path) -> list[str]:
 
 
 def _within(folder: Path, name: str) -> bool:
-    """Whether a path leads to a place in the folder, with no link and no other result folder on the
+    """Return whether a path stays within the folder, without a link or another result folder on its
     way.
     """
     parts = Path(name).parts

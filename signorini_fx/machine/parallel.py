@@ -22,7 +22,7 @@ T = TypeVar("T")
 
 
 def is_root(comm: MPI.Comm) -> bool:
-    """Whether this rank prints and writes."""
+    """Return whether this rank prints and writes."""
     return comm.rank == 0
 
 
@@ -70,7 +70,7 @@ def sums_by(
 
 
 def any_rank(comm: MPI.Comm, condition: bool) -> bool:
-    """Whether ``condition`` holds on any rank."""
+    """Return whether ``condition`` holds on any rank."""
     return bool(condition) if comm.size == 1 else bool(comm.allreduce(bool(condition), op=MPI.LOR))
 
 
@@ -189,7 +189,9 @@ def exchanged(comm: MPI.Comm, parts: list[T]) -> list[T]:
 
 
 def rows_before(comm: MPI.Comm, count: int) -> int:
-    """How many rows the ranks before this one have, where each has ``count``; collective."""
+    """Return the number of rows of the ranks before this one, where each has ``count``;
+    collective.
+    """
     return 0 if comm.size == 1 else sum(comm.allgather(count)[: comm.rank])
 
 

@@ -64,7 +64,7 @@ def serve() -> None:
 
 
 def _note(number: int, frame: FrameType | None) -> None:
-    """In place of a handler, which it still calls if a signal comes while handlers are put back."""
+    """Note a signal, and call the former handler if it comes while handlers are put back."""
     if _deferring:
         arrived.append((number, frame))
     else:

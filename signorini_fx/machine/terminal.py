@@ -46,8 +46,8 @@ def prepare() -> None:
 
 
 def is_terminal(stream: TextIO | None) -> bool:
-    """Whether somebody reads this stream on a terminal; of ranks of Open MPI that is not known, and
-    counts as no.
+    """Return whether this stream is a terminal; False for ranks of Open MPI, which have pseudo
+    terminals wherever mpirun writes.
     """
     pseudo_terminals = "OMPI_COMM_WORLD_SIZE" in os.environ  # wherever mpirun writes
     return stream is not None and stream.isatty() and not pseudo_terminals
@@ -103,13 +103,13 @@ def say(output: str | Iterable[TerminalLine], *, error: bool = False) -> None:
 
 
 def say_once(comm: MPI.Comm, output: str | Iterable[TerminalLine], *, error: bool = False) -> None:
-    """The same on the first rank alone."""
+    """Print on rank 0 alone."""
     if comm.rank == 0:
         say(output, error=error)
 
 
 def output_lost() -> bool:
-    """Whether something could not be printed although the reader is still there."""
+    """Return whether something could not be printed although its reader still exists."""
     return _lost
 
 
@@ -130,13 +130,13 @@ def _give_up(stream: TextIO, reason: OSError) -> None:
 
 
 def started_as_root() -> bool:
-    """Whether this process is the first of its ranks, or the only one."""
+    """Return whether this process is the first of its ranks, or the only one."""
     return next((os.environ[name] for name in _RANK if name in os.environ), "0") == "0"
 
 
 def limit_threads() -> None:
-    """One thread for each rank unless the environment says otherwise, as fronts of factorisations
-    are small; for a process that has not loaded BLAS.
+    """Set one thread for each rank unless the environment sets another number, because fronts of
+    factorisations are small; for a process that has not loaded BLAS.
     """
     if not any(name in os.environ for name in _THREADS):
         os.environ["OMP_NUM_THREADS"] = "1"
