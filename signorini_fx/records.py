@@ -31,7 +31,7 @@ REPORTED = ("displacement", "penetration", "complementarity", "stick_slip")
 
 
 class Status(Enum):
-    """How a solve ended.  Every member has a sentence that tells the user what to do.
+    """The outcome of a solve.  Every member has a sentence that tells the user what to do.
 
     Examples:
         >>> print(solution.status is sfx.Status.CONVERGED, solution.status.value)
@@ -73,7 +73,7 @@ class Status(Enum):
 
     @property
     def advice(self) -> str:
-        """What to do about this outcome."""
+        """Return what to do about this outcome."""
         return _ADVICE[self]
 
 
@@ -309,7 +309,7 @@ Observer = Callable[[Record], None]
 
 @dataclass(repr=False)
 class History:
-    """What happened, in order.
+    """The records of a solve, in order.
 
     Attributes:
         iterations: one record per linear solve.
@@ -339,13 +339,13 @@ class History:
         return len(self.iterations)
 
     def overdue(self) -> bool:
-        """Whether the time has passed; asked before each linear solve; collective."""
+        """Return whether the time has passed; called before each linear solve; collective."""
         self.late = self.late or self.is_late()
         return self.late
 
     @property
     def exhausted(self) -> bool:
-        """Whether neither linear solves nor time are left; collective."""
+        """Return whether neither linear solves nor time are left; collective."""
         return self.linear_solves >= self.limit or self.overdue()
 
     @contextmanager
