@@ -107,7 +107,9 @@ def _validated(scene: Scene, comm: MPI.Comm) -> Model:
 
 
 def _acting(model: Model, *, compared: bool) -> tuple[str, ...]:
-    """What acts, each in words; ``compared``: whether there are several meshes; collective."""
+    """Return the loads, supports and contacts of a scene in words; ``compared``: whether there are
+    several meshes; collective.
+    """
     statement = model.statement
     first, reduced = _body(model)
     acting = [first]
@@ -183,7 +185,7 @@ _NAMES = ("boundary", "at", "region", "section", "law", "shape", "hypothesis", "
 
 
 def given_in_words(table: Table) -> str:
-    """What has been given of an entry of a scene."""
+    """Return the given values of an entry of a scene in words."""
     keys = [
         key
         for key in type(table).model_fields
@@ -216,16 +218,19 @@ def _gaps(model: Model, index: int) -> str:
     assert model.boundary is not None
     assert model.data is not None
     gaps = model.data.gap[model.boundary.part == index]
-    low, high = (parallel.largest(model.comm, sign * gaps, -np.inf) for sign in (-1.0, 1.0))
-    extremes = (0.0 if abs(gap) < NO_FORCE * model.tagged.size else gap for gap in (-low, high))
+    smallest = -parallel.largest(model.comm, -gaps, -np.inf)
+    largest = parallel.largest(model.comm, gaps, -np.inf)
+    tiny = NO_FORCE * model.tagged.size
+    extremes = [0.0 if abs(gap) < tiny else gap for gap in (smallest, largest)]
     return " to ".join(f"{gap:.4g}" for gap in extremes)
 
 
 def text_of(check: Check, *, verbose: bool) -> str:
-    """What acts, what it will cost, and what the scene lacks, in 80 columns; ``verbose``: also the
+    """Return what acts, the cost, and the findings of a scene, in 80 columns; ``verbose``: also the
     linear algebra.
     """
-    cost, (low, high) = check.cost, check.cost.linear_solves
+    cost = check.cost
+    low, high = cost.linear_solves
     solves = f"{low}" if low == high else f"{low} to {high}"
     share = "a tenth" if cost.next_error == NEXT_ERROR[2] else "a third"
     how = "with --accuracy" if cost.next_local else "with all cells smaller"

@@ -46,7 +46,7 @@ from signorini_fx.tuned import COARSER_START, SAME_LENGTH
 
 @dataclass(frozen=True)
 class Plan:
-    """How a scene is refined."""
+    """The plan by which a scene is refined."""
 
     # with the elements that are to be used; its mesh comes from a generator, from a file all of
     # whose cells are divided, or consists of triangles or tetrahedra that are divided
@@ -174,8 +174,8 @@ def _planned_bodies(scene: Scene, goal: Accuracy) -> Plan:
 
 
 def _curved(scene: Scene, goal: Accuracy) -> Scene:
-    """In 2D with elements and cells of degree 2, if generators with arcs make all meshes; else as
-    it is.
+    """Return the scene in 2D with elements and cells of degree 2, if generators with arcs make all
+    meshes; otherwise the scene itself.
     """
     if goal.refinement != "auto" or goal.of not in LOCAL:
         return scene
@@ -189,8 +189,8 @@ def _curved(scene: Scene, goal: Accuracy) -> Scene:
 
 
 def _divides(goal: Accuracy, scene: Scene, cell: str, *, straight: bool) -> bool:
-    """Whether cells are divided where the error is: if that is asked for, or may be chosen and is
-    possible.
+    """Return whether cells are divided where the error is: if the scene requires it, or leaves the
+    choice and it is possible.
     """
     able = goal.refinement == "auto" and divides(scene.statement, goal.of, cell, straight=straight)
     return goal.refinement == "adaptive" or able

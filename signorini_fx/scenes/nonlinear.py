@@ -168,7 +168,8 @@ class ProblemOfScene(NonlinearContactProblem):
         problem._solver.too_large = problem._too_large
         problem._solver.cures = _cures(statement)
         problem._solver.tangents.trusted = body.tangent is not None
-        problem.linear.bodies, problem.linear.history = model.pieces.bodies, history
+        problem.linear.bodies = model.pieces.bodies
+        problem.linear.history = history
         parts = [tagged.cells(material.region) for material in model.statement.material]
         problem.linear.forms = replace(problem.linear.forms, parts=parts)
         problem.begin_at(-1.0)
@@ -275,7 +276,9 @@ class ProblemOfScene(NonlinearContactProblem):
         return -anew.residual(displacement, self.path_step)
 
     def _too_large(self) -> str:
-        """Where all strains are small ones, so must the deformation be."""
+        """Return why the deformation is too large for a material of small strains; "" if
+        it is not.
+        """
         if self.statement.finite_strains:
             return ""
         size = deformation_of(self.linear.elastic, self.u, self.linear.scales.size).largest
@@ -333,7 +336,9 @@ class BodyOfScene(ResidualBody):
         )
 
     def acting(self, y: fem.Function, step: float) -> ActingForces:
-        """At small strains moments balance at the undeformed points."""
+        """Return the acting forces at a place; at small strains moments balance at the undeformed
+        points.
+        """
         anew = self.forces
         displaced = self.statement.finite_strains
         balance = replace(self.balance(y, step), supports=anew.prescribed(step))
@@ -396,7 +401,8 @@ def _conditions(model: Model) -> tuple[fem.Function, list[fem.DirichletBC]]:
     space = model.space
     size = model.space.dofmap.index_map_bs
     conditions = list[fem.DirichletBC]()
-    (fixed, _), values = prescribed(space, model.bcs), fem.Function(space)
+    fixed, _ = prescribed(space, model.bcs)
+    values = fem.Function(space)
     for component in range(size):
         at = np.arange(component, fixed.size, size, dtype=np.int32)[fixed[component::size]]
         if parallel.any_rank(space.mesh.comm, at.size > 0):

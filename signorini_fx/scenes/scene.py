@@ -171,11 +171,11 @@ class Scene(Table):
 
     @property
     def meshes(self) -> list[Any]:
-        """Where its meshes come from, one for each body."""
+        """Return the sources of the meshes, one for each body."""
         return [body.mesh for body in self.body] or [self.mesh]
 
     def with_meshes(self, meshes: Iterable[Any]) -> Self:
-        """The same with other ones."""
+        """Return the scene with other sources of its meshes."""
         if not self.body:
             return self.model_copy(update={"mesh": next(iter(meshes))})
         bodies = zip(self.body, meshes, strict=True)
@@ -185,7 +185,7 @@ class Scene(Table):
 
     @cached_property
     def statement(self) -> Statement:
-        """The same without its mesh, as all that solves and judges reads it."""
+        """Return the entries without the mesh, as everything that solves and judges reads them."""
         fields = type(self).model_fields
         origin = ("mesh", "body")
         given = {key: getattr(self, key) for key in fields if key not in (*origin, *_SETTINGS)}

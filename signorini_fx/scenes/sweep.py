@@ -121,7 +121,7 @@ def _solved(
 
 
 def _same_system(scene: Scene, last: Scene) -> bool:
-    """Whether nothing differs in two scenes but gaps and friction of rigid foundations."""
+    """Return whether two scenes differ in gaps and friction of rigid foundations alone."""
     others = set(type(scene).model_fields) - {"contact"}
     if any(getattr(scene, key) != getattr(last, key) for key in others) or len(
         scene.contact
@@ -239,13 +239,10 @@ def row_of(value: Any, solution: Solution) -> dict[str, Any]:
         }
     if not solution.converged:
         figures = dict.fromkeys(figures, float("nan"))
-    history, recorded = (
-        solution.history,
-        solution.contact is not None,
-    )  # without contact there are no iterations
-    solves = (
-        history.linear_solves if recorded else sum(step.linear_solves for step in solution.steps)
-    )
+    if solution.contact is None:  # there are no iterations
+        solves = sum(step.linear_solves for step in solution.steps)
+    else:
+        solves = solution.history.linear_solves
     outcome: dict[str, Any] = {
         "value": value,
         "status": solution.status.value,

@@ -45,7 +45,9 @@ def described() -> type[BaseModel]:
 
 
 class _ForEditors(GenerateJsonSchema):
-    """In draft 7, which editors support best, and without null, which TOML does not have."""
+    """A generator of JSON schemas of draft 7, which editors support best, without null, which TOML
+    does not have.
+    """
 
     def nullable_schema(self, schema: Any) -> Any:
         return self.generate_inner(schema["schema"])

@@ -45,7 +45,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     petsc_options: list[str] = []
     if "--" in arguments:
         split = arguments.index("--")
-        arguments, petsc_options = arguments[:split], arguments[split + 1 :]
+        petsc_options = arguments[split + 1 :]
+        del arguments[split:]
     options = parser().parse_args(arguments)
     options.petsc_options = petsc_options
     command = partial(getattr(commands, options.command.replace("-", "_")), options)

@@ -124,9 +124,8 @@ def solve(options: argparse.Namespace, comm: MPI.Comm) -> int:
                 with suppress(ImportError):
                     from matplotlib.artist import Artist
 
-                    Artist._update_set_signature_and_docstring = classmethod(  # type: ignore[attr-defined]
-                        lambda _: None
-                    )
+                    hook = "_update_set_signature_and_docstring"
+                    setattr(Artist, hook, classmethod(lambda _: None))
             summary = files.write_results(
                 solution, folder, fields=fields, pictures=pictures, pdf=options.pdf
             )

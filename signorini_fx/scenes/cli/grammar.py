@@ -237,8 +237,8 @@ _RANGE = re.compile(r"\s*([-+.\deE]+)\s*:\s*([-+.\deE]+)\s*:\s*(\d{1,5})\s*")
 
 
 def several_values(entries: dict[str, Any]) -> tuple[str, list[Any]]:
-    """The one entry that has several values, its path and the values: ``0.1:0.8:8``, from, to, and
-    how many of them at equal distances, or ``0.1,0.2,0.4``.
+    """Return the path of the only entry with several values, and these values: ``0.1:0.8:8``, from,
+    to, and number of them at equal distances, or ``0.1,0.2,0.4``.
     """
     ranges = {
         path: values for path, value in entries.items() if len(values := _values(path, value)) > 1
