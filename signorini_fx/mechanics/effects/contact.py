@@ -209,17 +209,17 @@ class Contact(Effect):
 
     @property
     def opens(self) -> bool:
-        """Whether the boundary may leave the foundation."""
+        """Return whether the boundary may leave the foundation."""
         return self.kind == "unilateral"
 
     @property
     def bonded(self) -> bool:
-        """Whether both sides stay together as they lie."""
+        """Return whether both sides stay together in their initial position."""
         return self.kind == "bonded"
 
     @property
     def surface(self) -> Any:
-        """Its foundation, where gap and direction follow from that; None: they do not."""
+        """Return the foundation, if gap and direction follow from its shape; otherwise None."""
         return None if self.bonded else self.foundation
 
     def gap_in(self, dimension: int) -> Any:
@@ -230,24 +230,24 @@ class Contact(Effect):
 
     @property
     def tool(self) -> Any:
-        """Its foundation, if the motion of that is an unknown, see ``statement.rigid_body``; else
-        None.
+        """Return the foundation, if its motion is an unknown, see ``statement.rigid_body``;
+        otherwise None.
         """
         return self.foundation if getattr(self.foundation, "driven", False) else None
 
     @property
     def moves(self) -> bool:
-        """Whether its foundation moves with the time."""
+        """Return whether the foundation moves with the time."""
         return self.foundation is not None and self.foundation.timed
 
     @property
     def gap_timed(self) -> bool:
-        """Whether its gap depends on the time."""
+        """Return whether the gap depends on the time."""
         return bool(getattr(self.gap, "timed", False))
 
     @property
     def coulomb(self) -> bool:
-        """Whether its friction bound depends on the contact pressure."""
+        """Return whether the friction bound depends on the contact pressure."""
         return self.friction.follows_pressure and self.friction.acts
 
 
@@ -297,7 +297,7 @@ class BondedContact(Contact):
 
 
 def _not_with_tools(statement: Any, number: int) -> Contradictions:
-    """Why a foundation whose motion is an unknown does not go together with other entries."""
+    """Yield the entries that cannot go together with a foundation of unknown motion, and why."""
     driven = statement.contact[number].tool
     spring = driven.spring or {}
     if misfit := driven_twice([contact.tool for contact in statement.contact], number):

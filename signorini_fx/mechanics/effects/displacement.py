@@ -82,17 +82,19 @@ class PrescribedDisplacement(Load):
 
     @property
     def holding(self) -> bool:
-        """Whether it holds in the load step that its statement is placed at."""
+        """Return whether the support holds in the load step of its statement."""
         return self._holding
 
     def holds_at(self, step: float) -> bool:
-        """Whether it holds at a place in the lists of factors: on the way to a load step as in
-        that.
+        """Return whether the support holds at a place in the lists of factors: on the way to a load
+        step as in that step.
         """
         return self.holds is None or self.holds[max(0, ceil(step))]
 
     def in_step(self, step: float) -> Self:
-        """The same at a place in the lists of factors; itself if it holds there as it does now."""
+        """Return the support at a place in the lists of factors; itself if it holds there as it
+        does now.
+        """
         if self.holds_at(step) == self._holding:
             return self
         entry = self.model_copy()

@@ -481,7 +481,9 @@ class Preload(Load):
         return self._value_at(statement, step)
 
     def shortening_at(self, statement: Any, step: float) -> float:
-        """By how much it is shortened there, length; of a force zero until it is found."""
+        """Return the shortening at a place in the lists of factors, length; zero for a force until
+        it is found.
+        """
         if self.force is not None:
             found = self.found_at(step)
             return 0.0 if isnan(found) else found
@@ -506,13 +508,13 @@ class Preload(Load):
         return preload
 
     def _value_at(self, statement: Any, step: float) -> float:
-        """What is given, at a place in the lists of factors."""
+        """Return the given force or shortening at a place in the lists of factors."""
         factor, current = statement.now(self, step)
         (value,) = current.given.values()
         return factor * value_of(value)
 
     def tightened(self, step: float, shortening: float) -> Self:
-        """The same with the shortening that its force has led to at a place."""
+        """Return the preload with the shortening that its force has led to at a place."""
         preload = self.model_copy()
         preload._shortenings = {**self._shortenings, step: shortening}
         return preload
