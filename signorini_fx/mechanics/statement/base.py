@@ -88,13 +88,13 @@ class Table(BaseModel, metaclass=_OwnErrors):
 
     @property
     def timed(self) -> bool:
-        """Whether one of its values depends on the time t: an expression, a vector, a shape or a
+        """Return whether a value depends on the time t: an expression, a vector, a shape or a
         friction law.
         """
         return any(_timed(value) for key, value in self if key not in self.asked_later)
 
     def at_time(self, time: float) -> Self:
-        """The same with its values at a time; itself if none depends on it."""
+        """Return the table with its values at a time; itself if none depends on the time."""
         timed = [key for key, value in self if key not in self.asked_later and _timed(value)]
         return (
             self.model_copy(update={key: at_time(getattr(self, key), time) for key in timed})
@@ -103,7 +103,7 @@ class Table(BaseModel, metaclass=_OwnErrors):
         )
 
     def remade(self, **changes: Any) -> Self:
-        """The same with other entries of some keys, all validated anew."""
+        """Return the table with other entries of some keys, all validated again."""
         return type(self)(**{key: getattr(self, key) for key in self.model_fields_set} | changes)
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
@@ -246,8 +246,8 @@ def _problem(detail: Any, data: Mapping[str, Any], model: type[BaseModel]) -> tu
 
 
 def _removal(detail: Any, path: str, *, whole: bool) -> str:
-    """What to do instead, if the key at this path or its value has left this package; "": it has
-    not.
+    """Return the replacement of a key at this path, or of its value, that has left this package;
+    otherwise an empty string.
     """
     match detail:
         case {"type": "extra_forbidden"}:
@@ -270,7 +270,7 @@ _ELSEWHERE = {
 
 
 def _meant(key: str, model: type[BaseModel]) -> str:
-    """Where an unknown key belongs, or what was perhaps meant."""
+    """Return the place that an unknown key belongs to, or the key that was perhaps meant."""
     if key in _ELSEWHERE:
         return f": {_ELSEWHERE[key]}"
     if key in model.model_fields and model.__name__ == "Scene":

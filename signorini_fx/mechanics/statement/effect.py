@@ -49,7 +49,7 @@ class Coefficients(Protocol):
 
     @property
     def density(self) -> Any:
-        """Of the material, mass per volume."""
+        """Return the density of the material, mass per volume."""
 
     def total(self, effect: Any) -> Any:
         """The integral of ``effect.spread`` over the boundary of the effect, a number."""
@@ -66,7 +66,7 @@ class BodyCoefficients(Coefficients, Protocol):
 
     @property
     def expansion(self) -> Any:
-        """Of the material, coefficient of thermal expansion, 1 / temperature."""
+        """Return the coefficient of thermal expansion of the material, 1 / temperature."""
 
     def value_in(self, region: str | None, value: Any) -> Any:
         """A value in a region of the mesh, 0 elsewhere; None: everywhere.  A callable is asked at
@@ -95,7 +95,7 @@ class SampledPoints:
 
 
 def is_zero(*values: Any) -> bool:
-    """Whether all values are the number zero."""
+    """Return whether all values are the number zero."""
     return all(isinstance(value, float) and value == 0.0 for value in values)
 
 
@@ -118,7 +118,9 @@ class Effect(Table):
 
     @property
     def label(self) -> str:
-        """What it is, in words: its key, or the name of its class where it says none."""
+        """Return the kind of the effect in words: its key, or the name of its class where it has
+        none.
+        """
         return self.key or re.sub(r"(?<=[a-z0-9])(?=[A-Z])", " ", type(self).__name__).lower()
 
     @cached_property
@@ -128,8 +130,8 @@ class Effect(Table):
 
     @property
     def place(self) -> str:
-        """Where it acts, in words: the name of a boundary or region, or a point; "": in all of the
-        body.
+        """Return the place of the effect in words: the name of a boundary or region, or a point; an
+        empty string for all of the body.
         """
         at = getattr(self, "at", None)
         region = getattr(self, "region", None)
@@ -140,23 +142,23 @@ class Effect(Table):
 
     @property
     def name(self) -> str:
-        """What it is and where."""
+        """Return the kind of the effect and its place."""
         return f"{self.label} {self.place}".rstrip()
 
     @property
     def given(self) -> dict[str, Any]:
-        """Its values by their keys, without those that are None."""
+        """Return the values of the effect by their keys, without those that are None."""
         values = {key: getattr(self, key) for key in self.value_keys}
         return {key: value for key, value in values.items() if value is not None}
 
     @property
     def acts(self) -> bool:
-        """Whether it does anything; numbers that are zero do not."""
+        """Return whether the effect does anything; numbers that are zero do not."""
         return not is_zero(*self.given.values())
 
     @cached_property
     def varies(self) -> bool:
-        """Whether it is more than constants."""
+        """Return whether the effect has more than constants."""
         return not all(isinstance(value, float) for value in self.given.values())
 
     @property
@@ -185,7 +187,7 @@ _VARYING_DEGREE = 20
 
 
 class Load(Effect):
-    """What load steps multiply by a factor."""
+    """An effect that load steps multiply by a factor."""
 
     # Whether its forms are assembled with those of other loads that have the same factors.
     grouped: ClassVar[bool] = True

@@ -224,24 +224,24 @@ class Expression:
 
     @cached_property
     def tree(self) -> ast.expr:
-        """What Python has parsed."""
+        """Return the syntax tree of the expression."""
         return ast.parse(self.text.strip(), mode="eval").body
 
     @cached_property
     def timed(self) -> bool:
-        """Whether it depends on the time t."""
+        """Return whether the expression depends on the time t."""
         return any(isinstance(node, ast.Name) and node.id == "t" for node in ast.walk(self.tree))
 
     def at_time(self, time: float) -> Self:
-        """The same function at a time."""
+        """Return the function at a fixed time."""
         later = copy.copy(self)  # with its tree, which is not parsed and checked again
         object.__setattr__(later, "time", time)
         return later
 
     @property
     def coordinates(self) -> int:
-        """How many coordinates a point must have: the largest i of the x[i] in it, plus one; 0 if
-        there is none.
+        """Return the number of coordinates that a point must have: the largest i of the x[i] in the
+        expression plus one, or 0.
         """
         nodes = [node.slice for node in ast.walk(self.tree) if isinstance(node, ast.Subscript)]
         return max(
@@ -265,8 +265,8 @@ class Expression:
         return np.float64(math.nan if self.time is None else self.time)
 
     def ufl(self, mesh: Any, time: Any = None) -> Any:
-        """The same function as a UFL expression of ``SpatialCoordinate(mesh)``, with a ``Constant``
-        for t if it is given.
+        """Return the function as a UFL expression of ``SpatialCoordinate(mesh)``, with a
+        ``Constant`` for t if it is given.
         """
         import ufl
 

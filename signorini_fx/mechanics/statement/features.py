@@ -77,7 +77,7 @@ def refused_by(statement: Any, refuses: Mapping[str, str]) -> Contradictions:
 
 
 def refusals(statement: Any) -> list[Mapping[str, str]]:
-    """What each of the features of a scene refuses, and why."""
+    """Return what each of the features of a scene refuses, and why."""
     declared = {**REFUSED_BY_SETTINGS, statement.kinematics.words: statement.kinematics.refuses}
     for _, entry in statement.listed():
         declared |= entry.refuses

@@ -21,8 +21,8 @@ GENERATORS_PACKAGE = "signorini_fx.meshes"  # the package of this one's
 
 
 def known_generators(name: str | None = None) -> dict[str, Callable[[], Any]]:
-    """What gives the generators that a scene can name, in the order of their names; of two of one
-    name that of this package.
+    """Return functions that load the generators that a scene can name, in the order of their names;
+    of two of one name that of this package.
 
     To look through all packages takes milliseconds: if ``name`` is in this one, only its own are
     returned.
@@ -93,7 +93,7 @@ def types_of(generate: Callable[..., Any]) -> dict[str, Any]:
 
 @cache
 def _adapter(generate: Callable[..., Any], key: str) -> TypeAdapter[Any]:
-    """What checks a parameter of a generator; pydantic takes longer to make it than gmsh to make a
-    small mesh.
+    """Return the validator of a parameter of a generator; pydantic takes longer to make it than
+    gmsh to make a mesh.
     """
     return TypeAdapter(types_of(generate).get(key, Any))

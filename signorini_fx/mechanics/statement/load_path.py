@@ -121,7 +121,7 @@ class LoadPath:
 
     @property
     def several(self) -> bool:
-        """Whether there may be more than one load step."""
+        """Return whether there may be more than one load step."""
         return len(self.times) > 1 or self.steps is not None
 
     def time_at(self, step: float) -> float:

@@ -61,7 +61,7 @@ class MeshFile(Table):
 
     @property
     def drawn(self) -> bool:
-        """Whether gmsh makes its cells."""
+        """Return whether gmsh makes the cells of the file."""
         return self.file.suffix.lower() in DRAWN
 
 
@@ -86,7 +86,9 @@ class MeshGenerator(Table):
 
     @property
     def sized(self) -> bool:
-        """Whether it makes cells of several lengths, so that it may make cells of any."""
+        """Return whether the generator makes cells of several lengths, so that it may make cells of
+        any.
+        """
         return bool(getattr(self._generate(), "sized", False))
 
     @property
@@ -104,13 +106,15 @@ class MeshGenerator(Table):
 
     @property
     def of_simplices(self) -> MeshGenerator | None:
-        """That which makes triangles or tetrahedra that can be divided; None: it cannot."""
+        """Return the generator of triangles or tetrahedra that can be divided; None:
+        there is none.
+        """
         cell = getattr(self._generate(), "simplices", None)
         return None if cell is None else self.having(cell=cell)
 
     @property
     def curved(self) -> MeshGenerator | None:
-        """That which makes cells of degree 2 on its arcs; None: it has no arcs."""
+        """Return the generator of cells of degree 2 on arcs; None: it has no arcs."""
         return (
             self.having(order=2)
             if "order" in inspect.signature(self._generate()).parameters
@@ -118,11 +122,11 @@ class MeshGenerator(Table):
         )
 
     def having(self, **parameters: Any) -> MeshGenerator:
-        """That with other parameters."""
+        """Return the generator with other parameters."""
         return self.model_copy(update={"parameters": {**self.parameters, **parameters}})
 
     def coarser(self, factor: float) -> MeshGenerator:
-        """That which makes elements ``factor`` times as large.
+        """Return the generator of elements ``factor`` times as large.
 
         Raises:
             SceneError: the generator does not say how.
@@ -134,7 +138,7 @@ class MeshGenerator(Table):
         return self.model_copy(update={"parameters": coarser(self.parameters, factor)})
 
     def coarsest(self, factor: float) -> float:
-        """How many times as large elements can be to be halved to these: a power of 2 up to
+        """Return how many times as large elements can be to be halved to these: a power of 2 up to
         ``factor``.
         """
         if getattr(self._generate(), "coarser", None) is None:
@@ -218,8 +222,8 @@ class ContactSize:
 
 
 def contact_sizes(scene: Any, number: int | None = None) -> tuple[ContactSize, ...]:
-    """What a scene asks of the facets of one of its meshes, by the number of its body; None: there
-    is one mesh.
+    """Return the lengths of facets that a scene prescribes for one of its meshes, by the number of
+    its body; None: there is one mesh.
     """
     body = None if number is None else scene.body[number]
     wanted = []
@@ -236,7 +240,9 @@ def contact_sizes(scene: Any, number: int | None = None) -> tuple[ContactSize, .
 
 
 def _in_body(name: str, body: Any) -> str:
-    """What a mesh may call a boundary that the scene calls ``name``; "" for one of another body."""
+    """Return the name that a mesh may have for a boundary ``name`` of the scene; an empty string
+    for one of another body.
+    """
     if body is None:
         return name
     first, dot, rest = name.partition(".")

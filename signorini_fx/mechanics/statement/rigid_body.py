@@ -59,7 +59,8 @@ TimedAngle = Annotated[Entries[Timed], _of_length(3)] | Timed
 
 
 class RigidMotion(Table):
-    """What drives a rigid motion; without any of these there is no such unknown.
+    """The loads, springs and prescribed components of a rigid motion; without any of them the
+    motion is no unknown.
 
     Attributes:
         force: on the rigid body at its reference point, force, in 2D per thickness; numbers or
@@ -78,17 +79,17 @@ class RigidMotion(Table):
     spring: Mapping[Component, NonNegative] | None = None
 
     def prescribes(self, component: Component) -> Any:
-        """What a component of its motion is; None: it is free."""
+        """Return the prescribed value of a component of the motion; None: it is free."""
         return (self.prescribed or {}).get(component)
 
     @property
     def drives(self) -> bool:
-        """Whether it says what drives the motion."""
+        """Return whether the table has a load, a spring or a prescribed component."""
         return any(getattr(self, key) is not None for key in RigidMotion.model_fields)
 
     @property
     def driven_in_time(self) -> bool:
-        """Whether what drives it depends on the time."""
+        """Return whether a load or a prescribed component depends on the time."""
         driving = (*(self.force or ()), *entries_of(self.moment), *(self.prescribed or {}).values())
         return any(isinstance(value, Expression) for value in driving)
 
@@ -107,7 +108,7 @@ class RigidMotion(Table):
         )
 
     def stiffness(self, dimension: int) -> Array:
-        """That of its springs, for each component of its motion, shape (m,)."""
+        """Return the stiffness of the springs for each component of the motion, shape (m,)."""
         return np.array([(self.spring or {}).get(name, 0.0) for name in COMPONENTS[dimension]])
 
     def motion_contradictions(self, dimension: int) -> Iterator[tuple[str, str]]:
@@ -143,13 +144,13 @@ class RigidBody:
 
     @property
     def called(self) -> str:
-        """What messages call it."""
+        """Return the name of the rigid body in messages."""
         return f"the foundation of {' and '.join(f'contact[{part}]' for part in self.parts)}"
 
 
 def rigid_bodies(shapes: Sequence[Any], names: Sequence[str]) -> tuple[RigidBody, ...]:
-    """Those that the shapes of contacts, None where none moves, belong to, by their names, else
-    those of contacts.
+    """Return the rigid bodies that the shapes of contacts belong to, by their names or those of the
+    contacts; a shape is None where none moves.
     """
     groups: dict[Any, list[int]] = {}
     for part, shape in enumerate(shapes):
@@ -170,8 +171,8 @@ def rigid_bodies(shapes: Sequence[Any], names: Sequence[str]) -> tuple[RigidBody
 
 
 def driven_twice(shapes: Sequence[Any], number: int) -> str:
-    """Why a contact does not fit the others of its rigid body, see ``rigid_bodies``; "": it
-    does.
+    """Return why a contact does not fit the others of its rigid body, see ``rigid_bodies``;
+    otherwise an empty string.
     """
     if (name := getattr(shapes[number], "rigid", None)) is None:
         return ""

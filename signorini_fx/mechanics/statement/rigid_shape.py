@@ -114,17 +114,17 @@ class Placed(Table):
             )
 
     def moved_back(self, x: Array) -> Array:
-        """Where points of it were before it was turned and moved, shape (n, d)."""
+        """Return points before the shape was turned and moved, shape (n, d)."""
         moved, pivot = self._translations(x.shape[1])
         return np.asarray((x - moved - pivot) @ self.turn_matrix(x.shape[1]) + pivot)
 
     def moved_points(self, x: Array) -> Array:
-        """Where its points are after that, shape (n, d)."""
+        """Return points of the shape after its rotation and shift, shape (n, d)."""
         moved, pivot = self._translations(x.shape[1])
         return np.asarray((x - pivot) @ self.turn_matrix(x.shape[1]).T + pivot + moved)
 
     def _translations(self, dimension: int) -> tuple[Array, Array]:
-        """Its shift and its pivot, shapes (d,)."""
+        """Return shift and pivot, shapes (d,)."""
         zero = np.zeros(dimension)
         shift = (
             zero
@@ -138,7 +138,7 @@ class Placed(Table):
         return turning(self.angles(), dimension)
 
     def angles(self) -> float | tuple[float, ...]:
-        """Its rotation as numbers, degrees."""
+        """Return the rotation as numbers, degrees."""
         rotation = self.rotation
         return (
             tuple(map(number, rotation)) if isinstance(rotation, tuple) else number(rotation or 0.0)
@@ -165,7 +165,7 @@ class Corners:
 
     @classmethod
     def none(cls, dimension: int) -> Corners:
-        """Those of a smooth shape."""
+        """Return the corners of a smooth shape, of which there are none."""
         nothing = np.zeros((0, 2, dimension))
         return cls(nothing[:, 0], np.zeros(0), nothing, nothing)
 
@@ -206,14 +206,14 @@ class Shape(Placed, RigidMotion):
 
     @property
     def narrows(self) -> bool:
-        """Whether some part of it may be narrower than a cell of the body, and so between nodes
-        that are outside.
+        """Return whether some part of the shape may be narrower than a cell of the body, and so
+        between nodes that are outside.
         """
         return not self.hollow
 
     @property
     def driven(self) -> bool:
-        """Whether its motion is an unknown."""
+        """Return whether the motion of the shape is an unknown."""
         return self.drives or self.rigid is not None
 
     def initial(self, x: Array) -> tuple[Array, Array]:
@@ -255,7 +255,7 @@ class Shape(Placed, RigidMotion):
             yield "pivot", "give the point where the force acts, about which the foundation turns"
 
     def reference(self, dimension: int) -> Array:
-        """Where its pivot is, length, shape (d,)."""
+        """Return the place of the pivot, length, shape (d,)."""
         return np.asarray(sum(self._translations(dimension)))
 
     def distance(self, x: Array) -> tuple[Array, Array]:
@@ -282,16 +282,16 @@ class Shape(Placed, RigidMotion):
         )
 
     def moved_from(self, earlier: Shape, x: Array) -> Array:
-        """How far its closest points have moved since it was placed like ``earlier``, length, shape
-        (n, d).
+        """Return the motion of the closest points since the shape was placed like ``earlier``,
+        length, shape (n, d).
         """
         signed, normal = self.distance(x)
         closest = x - signed[:, None] * normal
         return closest - earlier.moved_points(self.moved_back(closest))
 
     def carried_from(self, earlier: Shape, x: Array) -> Array:
-        """How far points that are fixed to it have moved since they were at x, length, shape (n,
-        d).
+        """Return the motion of points that are fixed to the shape since they were at x, length,
+        shape (n, d).
         """
         return self.moved_points(earlier.moved_back(x)) - x
 
@@ -305,10 +305,9 @@ class Shape(Placed, RigidMotion):
         """
         moved, pivot = self._translations(dimension)
         begun = (earlier.moved_points(pivot[None]) - pivot)[0]
-        before, now = (
-            np.zeros(3 if dimension == 3 else 1) + np.array(shape.angles())
-            for shape in (earlier, self)
-        )
+        zero = np.zeros(3 if dimension == 3 else 1)
+        before = zero + np.array(earlier.angles())
+        now = zero + np.array(self.angles())
         shift = ((1 - share) * begun + share * moved).tolist()
         turn = ((1 - share) * before + share * now).tolist()
         return self.model_copy(
@@ -363,6 +362,11 @@ def distance_from(source: Any, dimension: int, *, turns: bool = True) -> Distanc
     return Distance(shape, 0.0, dimension)
 
 
+def _floats(values: Any) -> Array:
+    """Return values as an array of floats."""
+    return np.asarray(values, dtype=np.float64)
+
+
 def fault_of(shape: Any, x: Array, size: float) -> str:
     """What the distance of a shape of a user's own is not, at points of the boundary of a body of
     this size, lengths, shape (n, d); "": nothing was found.
@@ -378,17 +382,16 @@ def fault_of(shape: Any, x: Array, size: float) -> str:
     x = x.copy()
     x.flags.writeable = False  # a shape that changes its argument moves the points of others
     try:
-        signed, normal = (np.asarray(values, dtype=np.float64) for values in shape.distance(x))
+        signed, normal = map(_floats, shape.distance(x))
         if signed.shape != x.shape[:1] or normal.shape != x.shape:
             wanted = f"{x.shape[:1]} and {x.shape} for points of the shape {x.shape}"
             return (
                 f"distance of {name} has the shapes {signed.shape} and {normal.shape}, not {wanted}"
             )
         surface = x - signed[:, None] * normal
-        behind, at_surface, within = (
-            np.asarray(shape.distance(points)[0], dtype=np.float64)
-            for points in (x - step * normal, surface, surface - step * normal)
-        )
+        behind = _floats(shape.distance(x - step * normal)[0])
+        at_surface = _floats(shape.distance(surface)[0])
+        within = _floats(shape.distance(surface - step * normal)[0])
     except Exception as error:
         return f"distance of {name} fails: {type(error).__name__}: {error}"
     length = np.linalg.norm(normal, axis=1)

@@ -53,7 +53,7 @@ class Discretised(Table):
 
     @property
     def pressed(self) -> bool:
-        """Whether a pressure is an unknown."""
+        """Return whether a pressure is an unknown."""
         return self.volumetric == "mixed"
 
 
@@ -65,7 +65,7 @@ def _linear_algebra(kind: str) -> str:
 
 
 class SolverSettings(Table):
-    """How the scene is solved; the defaults work for every scale and unit.
+    """The settings of the solver; the defaults work for every scale and unit.
 
     Attributes:
         algorithm: how the regularisation is treated: ``ssn`` (gamma as given), ``continuation``

@@ -66,7 +66,7 @@ class Statement:
     origin: Mapping[str, Any] = field(default_factory=dict)
 
     def changed(self, **entries: tuple[Any, ...]) -> Self:
-        """The same with other entries of some keys."""
+        """Return the statement with other entries of some keys."""
         return replace(self, effects={**self.effects, **entries})
 
     @property
@@ -76,19 +76,21 @@ class Statement:
 
     @property
     def material(self) -> tuple[Any, ...]:
-        """One for the body, or one for each named region; none where only forms know it."""
+        """Return one material for the body, or one for each named region; none where only forms
+        have it.
+        """
         return self.effects.get("material", ())
 
     @property
     def nonlinear(self) -> bool:
-        """Whether some material is not linear, so that the body is solved by
-        ``scenes.nonlinear``.
+        """Return whether some material is nonlinear, so that ``scenes.nonlinear`` solves
+        the body.
         """
         return not all(material.linear for material in self.material)
 
     @property
     def finite_strains(self) -> bool:
-        """Whether some material knows strains that are not small."""
+        """Return whether some material has finite strains."""
         return any(material.finite for material in self.material)
 
     @property
@@ -98,7 +100,7 @@ class Statement:
 
     @property
     def tables(self) -> dict[str, Any]:
-        """What was given, by the keys of a scene, for the summary."""
+        """Return the given entries by the keys of a scene, for the summary."""
         entries = {
             key: next(iter(several), None) if key in self.single else several
             for key, several in self.effects.items()
@@ -156,7 +158,7 @@ class Statement:
 
     @property
     def rigid_bodies(self) -> tuple[RigidBody, ...]:
-        """Those whose motion is an unknown, with their contacts."""
+        """Return the rigid bodies whose motion is an unknown, with their contacts."""
         return rigid_bodies([contact.tool for contact in self.contact], self.sides[0])
 
     @property
@@ -171,14 +173,14 @@ class Statement:
         return tuple(entry for entry in self.effects.get("preload", ()) if entry.acts)
 
     def tightens(self, step: float) -> bool:
-        """Whether forces tighten sections at a place in the lists of factors, whose shortenings are
-        unknowns there.
+        """Return whether forces tighten sections at a place in the lists of factors, whose
+        shortenings are unknowns there.
         """
         return any(entry.force_at(self, step) is not None for entry in self.preloads)
 
     def drives(self, dimension: int, step: float) -> list[tuple[Any, Any]]:
-        """What drives each rigid body at a place in the lists of factors, see ``now``: forces and
-        moments, and the components that are prescribed, nan where they are free, shapes (m,).
+        """Return the loads of each rigid body at a place in the lists of factors, see ``now``:
+        forces and moments, and the prescribed components, nan where they are free, shapes (m,).
         """
         drives = []
         given = ~self.kinematics_in(dimension).unbalanced
@@ -191,7 +193,7 @@ class Statement:
 
     @property
     def grows_from_nothing(self) -> bool:
-        """Whether all loads grow together in a ramp, because none of them has factors."""
+        """Return whether all loads grow together in a ramp, because none of them has factors."""
         return self.load_steps.steps is not None and all(
             load.factors is None for load in self.loads
         )
@@ -206,7 +208,7 @@ class Statement:
 
     @property
     def several_steps(self) -> bool:
-        """Whether there may be more than one load step."""
+        """Return whether there may be more than one load step."""
         return self.steps > 1 or self.load_steps.steps is not None
 
     def factors_of(self, effect: Effect) -> tuple[float, ...]:
@@ -224,8 +226,8 @@ class Statement:
         return factor, effect.at_time(self.time_at(step))
 
     def placed(self, step: float) -> Self:
-        """The same with foundations, friction and supports of a place in the lists of factors;
-        itself if these are there as they are.  Friction before the first load step is that of the
+        """Return the statement with foundations, friction and supports of a place in the lists of
+        factors; itself if they do not change.  Friction before the first load step is that of the
         first one.
         """
         changed: dict[str, tuple[Any, ...]] = {}
@@ -276,7 +278,7 @@ class Statement:
         return max(material.natural_modulus for material in self.material)
 
     def kinematics_in(self, dimension: int) -> Kinematics:
-        """That of its body on a mesh of this dimension."""
+        """Return the kinematics of the body on a mesh of this dimension."""
         return self.kinematics if dimension == 2 else SPACE
 
     @cached_property
@@ -288,5 +290,5 @@ class Statement:
 
     @cached_property
     def has_coulomb(self) -> bool:
-        """Whether any friction bound depends on the contact pressure."""
+        """Return whether any friction bound depends on the contact pressure."""
         return any(effect.coulomb for effect in self.contact)

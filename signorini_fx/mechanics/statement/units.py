@@ -70,7 +70,7 @@ def unit(quantity: str) -> str:
 
 
 def bracketed(quantity: str) -> str:
-    """What a label ends with, such as `` (mm)``; empty if the unit is not known."""
+    """Return the unit that a label ends with, such as `` (mm)``; empty if the unit is not given."""
     return f" ({unit(quantity)})" if unit(quantity) else ""
 
 

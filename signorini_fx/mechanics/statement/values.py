@@ -48,7 +48,9 @@ def plain_number(entry: Any) -> Any:
 
 
 def timed(entry: Any) -> Any:
-    """The same as ``value``, for what load steps change: an expression may depend on the time t."""
+    """Return ``value`` of an entry that load steps change: an expression may depend on
+    the time t.
+    """
     return Expression(entry, allows_time=True) if isinstance(entry, str) else value(entry)
 
 
@@ -61,7 +63,7 @@ def sampled(entry: Any) -> Any:
 
 
 def not_at_points(entry: Any) -> str:
-    """Why a form is refused where values at points are needed."""
+    """Return the message of a form where values at points are needed."""
     return (
         f"{kind_of(entry)} cannot be evaluated at points: give a number, an expression of the "
         "position, or a "
