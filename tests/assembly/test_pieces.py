@@ -39,7 +39,7 @@ def test_pieces_are_the_same_on_every_rank(quadrilaterals):
 def test_a_hinge_is_refused():
     """By the place of the node that two pieces share, on all ranks alike."""
     mesh = boxes_mesh(WORLD, [BESIDE, LOWER, UPPER], joined={(2.0, 2.0)})
-    with pytest.raises(MeshError, match=r"share the node at \(2, 2\)"):
+    with pytest.raises(MeshError, match=r"share only the node at \(2, 2\)"):
         find_pieces(mesh.mesh)
 
 

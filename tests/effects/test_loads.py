@@ -399,7 +399,7 @@ SUPPORTS_REFUSED = {
     ),
     "about": (
         {"x": 0.0, "about": [0.0, 0.0], "boundary": "left"},
-        r"those of a rotation, which is missing",
+        r"about and axis need a rotation",
     ),
     "axis in 2D": (
         {"rotation": 0.0, "axis": [0.0, 0.0, 1.0], "boundary": "left"},

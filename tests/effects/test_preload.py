@@ -218,7 +218,7 @@ MISTAKES = {
     ),
     "locks": (
         {"section": "cut", "shortening": 1.0, "locked_after": 2},
-        "locked_after is that of a force",
+        "locked_after needs a force",
     ),
 }
 

@@ -54,7 +54,7 @@ def test_cattaneo_and_mindlin(push):
             {"against": None, "distance": "nominal"},
             r"contact\[0\].distance: is for contact against",
         ),
-        ({"kind": "bonded"}, r"contact\[0\].friction: a bond has none"),
+        ({"kind": "bonded"}, r"contact\[0\].friction: must be left out: a bond has no friction"),
         (
             {"kind": "bonded", "friction": None, "against": None},
             r"contact\[0\]: a bond needs the boundary",
@@ -72,7 +72,7 @@ def test_what_a_scene_cannot_say(changes, match):
     [
         ({"against": "nowhere"}, r"contact\[0\].against: the mesh has no boundary"),
         ({"against": "top"}, r"contact\[0\]: "),
-        ({"against": "bottom"}, r"contact\[0\]: none of its facets finds one"),
+        ({"against": "bottom"}, r"contact\[0\]: no facet faces the other side"),
     ],
 )
 def test_what_the_mesh_refuses(changes, match):

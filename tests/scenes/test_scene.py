@@ -137,7 +137,7 @@ def test_one_table_instead_of_a_list():
         ("material.hypothesis", "plane", "material.hypothesis", "plane strain"),
         ("element", {"degree": 3}, "element.degree", "2"),
         ("displacement.0", "left", "displacement[0]", ""),
-        ("displacement.0.x", NOTHING, "displacement[0]", "names no component"),
+        ("displacement.0.x", NOTHING, "displacement[0]", "no component is given"),
         ("displacement.1.x", "0.1*y", "displacement[1].x", "'y'"),
         ("traction.0.boundary", 3, "traction[0].boundary", "string"),
         ("traction.0.y", "1 +", "traction[0].y", "syntax error"),

@@ -211,7 +211,6 @@ def _refuse_hinges(mesh: dmesh.Mesh, of_cell: _Labels) -> None:
     if len(places):
         place = ", ".join(f"{x:g}" for x in min(places.tolist()))
         raise MeshError(
-            f"parts of the mesh that share no side share the node at ({place}), as a hinge: let "
-            "them share a side, or "
-            "give each of them a node of its own there"
+            f"parts of the mesh share only the node at ({place}), as a hinge: let them share a "
+            "side, or separate their nodes there"
         )

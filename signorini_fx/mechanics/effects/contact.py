@@ -126,9 +126,10 @@ class Contact(Effect):
     vectors: ClassVar[tuple[str, ...]] = ("direction",)
     refuses: ClassVar[Mapping[str, Mapping[str, str]]] = {
         "contact of two bodies": {
-            "local refinement for contact": "contact of two bodies shows its error on the side "
-            "with the points alone, "
-            "so that cells of the other one would not be divided: use 'uniform', or of = 'energy'",
+            "local refinement for contact": (
+                "the error of contact of two bodies is estimated on "
+                "one side only: use 'uniform', or of = 'energy'"
+            ),
         },
     }
 
@@ -168,7 +169,7 @@ class Contact(Effect):
                 f"is for unilateral contact, not for {self.kind!r}",
             )
         elif self.overclosure is not None and statement.solver.algorithm not in ("auto", "ssn"):
-            reason = f"is for 'ssn': {statement.solver.algorithm!r} makes contact harder and harder"
+            reason = f"needs algorithm = 'ssn', not {statement.solver.algorithm!r}"
             yield ("contact", number, "overclosure"), reason
         if self.bonded and self.against is None and self.tool is None:
             reason = (
@@ -185,7 +186,7 @@ class Contact(Effect):
             if self.bonded and key in ("distance", "adjust", "gap", "friction"):
                 yield (
                     ("contact", number, key),
-                    "a bond has none: both sides stay together as they lie",
+                    "must be left out: a bond has no friction",
                 )
             if self.against is None and key in ("distance", "points", "sliding", "adjust"):
                 yield ("contact", number, key), "is for contact against another boundary"
@@ -199,7 +200,7 @@ class Contact(Effect):
         if self.adjust is not None and self.distance == "nominal":
             yield (
                 ("contact", number, "adjust"),
-                "closes distances that the meshes have: with 'nominal' there are none",
+                "has no effect with distance = 'nominal': remove it",
             )
         if self.direction is not None:
             yield (

@@ -70,14 +70,14 @@ class PrescribedDisplacement(Load):
             raise ValueError("give either a boundary or at, a point")
         named = any(component is not None for component in self.components)
         if named == (self.normal is not None):
-            message = "names no component: give x, y, both, or normal"
+            message = "no component is given: give x, y, both, or normal"
             raise ValueError("give either normal or x and y" if named else message)
         if self.at is not None and self.normal is not None:
             raise ValueError("a point has no normal: give x and y")
         if self.at is None and self.region is not None:
-            raise ValueError("region is that of a point, at, which is missing")
+            raise ValueError("region needs a point: give at")
         if self.rotation is None and (self.about or self.axis):
-            raise ValueError("about and axis are those of a rotation, which is missing")
+            raise ValueError("about and axis need a rotation")
         return self
 
     @property
@@ -151,7 +151,7 @@ class PrescribedDisplacement(Load):
             elif not statement.contact:
                 yield path, "is for scenes with contact: solve the others step by step"
             elif not any(self.holds):
-                yield path, "is false in all load steps: leave the entry out"
+                yield path, "is false in all load steps: remove the entry"
         touching = self.at is None and any(
             contact.boundary == self.boundary for contact in statement.contact
         )

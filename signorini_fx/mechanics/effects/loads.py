@@ -272,8 +272,9 @@ class PointForce(VectorForce):
             "accuracy of the energy": "a force at a point does infinite work: take the 'force', "
             "'pressure' or 'zone', "
             "or spread it over a boundary, in [[force]]",
-            "local refinement": "cells at a force at a point would be divided without end: use "
-            "'uniform'",
+            "local refinement": (
+                "adaptive refinement does not end at a point force: use 'uniform'"
+            ),
         }
     }
     nodal: ClassVar[bool] = True
@@ -443,7 +444,7 @@ class Preload(Load):
         if isinstance(self.force, float) and self.force <= 0:
             raise ValueError("force must be positive: a tension; give shortening for anything else")
         if self.force is None and "locked_after" in self.model_fields_set:
-            raise ValueError("locked_after is that of a force, which is missing")
+            raise ValueError("locked_after needs a force")
         return self
 
     @property

@@ -150,7 +150,7 @@ PLANE_STRESS = Kinematics(
     "plane stress",
     2,
     ((0, 1),),
-    refuses={"mixed element": "'mixed' is of no use in plane stress: nothing locks"},
+    refuses={"mixed element": "'mixed' is not needed in plane stress, where nothing locks"},
 )
 
 
@@ -248,7 +248,7 @@ REFUSED = {
     "bending": "a section that stays in place does not bend",
     "guaranteed bound": "axisymmetric bodies have no guaranteed bound",
     "moment": "there is none on a body of revolution",
-    "motion of a tool": "an axisymmetric tool moves along its axis x[1] alone",
+    "motion of a tool": "an axisymmetric rigid body moves along its axis x[1] only",
 }
 AXISYMMETRIC = BodyOfRevolution(
     "axisymmetric",

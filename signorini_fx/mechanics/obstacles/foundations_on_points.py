@@ -211,7 +211,13 @@ class Foundations:
         if driven[number] is not None and (wrong := set(placement) - set(RigidMotion.model_fields)):
             raise FormError(
                 [
-                    (f"{path}.{key}", "stays: this foundation is moved by what drives it")
+                    (
+                        f"{path}.{key}",
+                        (
+                            "cannot be changed: its loads or prescribed components "
+                            "move this foundation"
+                        ),
+                    )
                     for key in wrong
                 ]
             )

@@ -497,8 +497,7 @@ class MovingPair:
                 [
                     (
                         name,
-                        "its sides share nodes, and slide on each other: give parts that do not "
-                        "meet",
+                        "sides that slide must not share nodes: give parts that do not meet",
                     )
                 ]
             )

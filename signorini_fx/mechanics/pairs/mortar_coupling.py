@@ -322,7 +322,7 @@ def couple(
     nodes, shares = carried(slave, tested.covered, tested.areas, slave.unable | fixed)
     if not nodes.size:
         raise PairingError(
-            "supports of both sides, or other contacts, own all nodes of its covered part"
+            "supports of both sides, or other contacts, hold all nodes of the covered part"
         )
     # Facets apart from all points, of which all nodes are constrained: nobody takes over their
     # functions.
@@ -453,9 +453,8 @@ def _check(slave: PairSurface, master: PairSurface, covered: Array, reach: float
     """Whether both sides meet, and every facet has one partner at most at each of its points."""
     if not covered.any():
         raise PairingError(
-            f"none of its facets finds one of the other side that faces it within {reach:.3g}; "
-            f"{_nearest(slave, master)}: check the facets, and that the bodies do not lie inside "
-            "each other"
+            f"no facet faces the other side within {reach:.3g}; {_nearest(slave, master)}: check "
+            "the facets, and that the bodies do not lie inside each other"
         )
     twice = np.flatnonzero(covered > (1.0 + NEGLIGIBLE) * slave.facet_areas)
     if twice.size:
