@@ -8,7 +8,7 @@ from typing import Any
 
 
 class SignoriniError(Exception):
-    """Base class: catch it to catch everything that this package raises on purpose.
+    """The base class of all errors that this package raises on purpose.
 
     Examples:
         >>> try:
@@ -45,7 +45,7 @@ class SceneError(SignoriniError):
         )
 
     def of(self, source: object) -> SceneError:
-        """The same errors for a scene that is called ``source``."""
+        """Return the same errors for a scene that is called ``source``."""
         return SceneError(self.problems, str(source))
 
     def __reduce__(self) -> tuple[type, tuple[list[tuple[str, str]], str]]:
@@ -144,7 +144,7 @@ class ResultError(SignoriniError):
 
 
 class InstallationError(SignoriniError, ImportError):
-    """What is installed lacks something, or cannot be used.
+    """An installed package is missing, or cannot be used.
 
     Examples:
         >>> from signorini_fx.extensions import register

@@ -271,8 +271,8 @@ class ProblemOfForms:
 
 
 class ContactProblem(ProblemOfForms):
-    """Find y with a(y, z) = L(z) for all z, and contact with rigid foundations on parts of the
-    boundary.
+    """A linear problem of your own forms with contact: find y with a(y, z) = L(z) for all z, and
+    contact on parts of the boundary.
 
         problem = ContactProblem(a, L, bcs, contact=[Foundation(facets, gap=0.01,
         friction=Coulomb(0.3))])
@@ -364,7 +364,7 @@ class ContactProblem(ProblemOfForms):
 
     @property
     def tools(self) -> tuple[RigidBodyMotion, ...]:
-        """How the foundations that forces move have moved in the last solution."""
+        """Return the motions of the rigid bodies in the last solution."""
         return self.assembled.tools
 
     @property

@@ -166,7 +166,7 @@ def solve_to_accuracy(
     *,
     observers: Sequence[Observer] = (),
 ) -> Solution:
-    """Solve a problem on finer and finer meshes until the estimated error is what was asked for;
+    """Solve a problem on finer and finer meshes until the estimated error meets the accuracy;
     collective.
 
         solution = solve_to_accuracy(make, mesh, Accuracy(target="1%", of="peak"))

@@ -15,8 +15,8 @@ from signorini_fx.mechanics.laws.protocol import FrictionLaw
 
 @dataclass(frozen=True)
 class Foundation:
-    """A rigid foundation: y . n <= gap, the pressure lambda >= 0 pushes the body off, friction acts
-    along it.
+    """A rigid foundation: y . n <= gap, where a pressure lambda >= 0 pushes the body off and
+    friction acts along it.
 
     Attributes:
         facets: exterior facets by their local numbers, or (meshtags, tag), with one tag or several.
@@ -118,7 +118,7 @@ class Pair:
 
     @property
     def by_geometry(self) -> bool:
-        """Whether the gap is the distance of both sides."""
+        """Return whether the gap is the distance of both sides of the mesh."""
         return not self.bonded and isinstance(self.gap, str)
 
 

@@ -539,7 +539,7 @@ def read_results(folder: str | os.PathLike[str]) -> Results:
 
 
 class Quantity:
-    """A result of one's own: a class with this as its base sets ``key`` and ``title`` and has the
+    """A result of your own: a class derived from this one sets ``key`` and ``title`` and has the
     method ``value``.
 
     It is in summary.json, on the terminal, in the report, and in steps.csv if it is a number.
@@ -565,7 +565,7 @@ class Quantity:
     unit: str = ""
 
     def value(self, solution: Any) -> float | list[float] | None:
-        """A number or a list of numbers; None: this solution has none; collective.
+        """Return a number or a list of numbers; None if the solution has none; collective.
 
         Args:
             solution: a ``Solution``, of a load step if there are several.

@@ -17,7 +17,8 @@ _ERASE = "\r\x1b[K"
 
 
 class ProgressLine(AbstractContextManager["ProgressLine"]):
-    """A line that says where a solve is: the mesh or the load step, and the last linear solve.
+    """A line that shows the progress of a solve: the mesh or the load step, and the last linear
+    solve.
 
     It is an observer::
 

@@ -53,7 +53,7 @@ _UNDECIDED = (
 
 @dataclass(frozen=True, repr=False)
 class Solution:
-    """The result of a solve; with load steps, of the last one that has a solution.
+    """The result of a solve; with load steps, that of the last load step with a solution.
 
     Attributes:
         status: how it ended; only ``Status.CONVERGED`` is a solution.
@@ -118,22 +118,22 @@ class Solution:
 
     @property
     def statement(self) -> Statement:
-        """What was solved, by name."""
+        """Return the entries of the solved problem by their names."""
         return self.model.statement
 
     @property
     def converged(self) -> bool:
-        """Whether this is a solution, certificate included."""
+        """Return whether this is a solution, certificate included."""
         return self.status is Status.CONVERGED
 
     @property
     def certified(self) -> bool:
-        """Whether this is a solution, certificate included, be it less accurate than required."""
+        """Return whether this is a certified solution, possibly less accurate than required."""
         return self.status in (Status.CONVERGED, *SHORT_OF_ACCURACY)
 
     @property
     def advice(self) -> str:
-        """What to do about the outcome: nothing that the scene has done already.
+        """Return what to do about the outcome, without what the scene has done already.
 
         Of a body that moves away, the warning that names its motion; of a ramp, between which loads
         it ended.
@@ -223,14 +223,14 @@ class Solution:
 
     @property
     def last_step(self) -> StepResult:
-        """The load step that the results are of: the last one with a solution, or the first one if
-        it has none.
+        """Return the load step of the results: the last one with a solution, or the first one if
+        there is none.
         """
         return self.shown_steps[-1]
 
     def at(self, step: StepResult) -> Solution:
-        """The solution with the results of another one of its load steps; those before it count as
-        its past.
+        """Return the solution with the results of another load step; those before it count as its
+        past.
 
         Raises:
             ValueError: it is none of ``steps``.
@@ -253,7 +253,7 @@ class Solution:
 
     @property
     def shown_steps(self) -> tuple[StepResult, ...]:
-        """The load steps with a solution, or the first one if it has none."""
+        """Return the load steps with a solution, or the first one if there is none."""
         return tuple(step for step in self.steps if step.status is Status.CONVERGED) or self.steps
 
     @cached_property
@@ -298,7 +298,7 @@ class Solution:
 
     @property
     def known_stress(self) -> RawStresses | None:
-        """The same; None: it is not known; collective."""
+        """Return the stress, or None if it is unknown; collective."""
         return None if isinstance(self._stress, str) else self._stress
 
     @cached_property
@@ -361,8 +361,8 @@ class Solution:
 
     @cached_property
     def error_bound(self) -> ErrorBound | str | None:
-        """A guaranteed bound of the error, or why there is none; None if this is no solution;
-        collective.
+        """Return a guaranteed bound of the error, or why there is none; None if this is no
+        solution; collective.
         """
         if not self.certified:
             return None
@@ -372,7 +372,7 @@ class Solution:
 
     @cached_property
     def cost(self) -> CostOfAccuracy | str:
-        """What the accuracy took and what a better one would take, or why there is no forecast;
+        """Return the cost of the accuracy and of a better one, or why there is no forecast;
         collective.
         """
         if self.last_step.status is not Status.CONVERGED:
@@ -437,16 +437,16 @@ class Solution:
 
     @cached_property
     def friction_used(self) -> float | None:
-        """The share of its friction that the loads use, with the friction bounds of this solution;
-        None without friction, where supports hold the body, or without a solution; with load steps,
-        of the last one; collective.
+        """Return the share of the friction that the loads use, with the friction bounds of this
+        solution; None without friction, where supports hold the body, or without a solution; with
+        load steps, of the last one; collective.
         """
         if self.contact is None or self.last_step.status is not Status.CONVERGED:
             return None
         return friction_used(self.model, self.contact, self._position)
 
     def plot(self, *fields: str) -> Any:
-        """Pictures that a notebook displays, see the function ``plot``; collective."""
+        """Return pictures that a notebook displays, see the function ``plot``; collective."""
         return signorini_fx.plot(self, *fields)
 
     @property
@@ -456,7 +456,7 @@ class Solution:
 
     @property
     def comm(self) -> MPI.Comm:
-        """The ranks that share the solution."""
+        """Return the ranks that share the solution."""
         comm: MPI.Comm = self.model.tagged.mesh.comm
         return comm
 

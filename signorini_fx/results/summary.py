@@ -133,8 +133,8 @@ def table_row(record: Record) -> str:
 
 
 def print_progress(record: Record) -> None:
-    """An observer for ``solve``: prints each linear solve, each regularised problem and each event
-    as one line.
+    """Print each linear solve, each regularised problem and each event as one line; an observer for
+    ``solve``.
 
     Rank 0 of all ranks prints. To be used as ``solve(scene, observers=[print_progress])``, in a
     script or a notebook.

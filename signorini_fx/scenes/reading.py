@@ -108,7 +108,7 @@ def _unquoted(text: str, message: str) -> str:
 
 
 def read_scene(path: str | Path) -> Scene:
-    """A validated scene from a TOML file.
+    """Return the validated scene of a TOML file.
 
     Raises:
         TypeError: the argument is not a path.

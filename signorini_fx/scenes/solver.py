@@ -35,7 +35,7 @@ def solve(
     checkpoint: str | Path | None = None,
     restart: bool = False,
 ) -> Solution:
-    """Solve a scene.
+    """Solve a scene; collective.
 
     On several ranks a signal may reach one of them, such as SIGTERM, whose handler raises there.
     It is served at the next Newton step, mesh or end of the solve, and what it raises is raised on

@@ -57,7 +57,7 @@ FIGURES = (
 def sweep(
     scene: Scene | str | Path, path: str, values: Iterable[Any], comm: MPI.Comm = MPI.COMM_WORLD
 ) -> Iterator[Solution]:
-    """Solve a scene for each of several values of one entry, as the iterator goes on; collective.
+    """Solve a scene for each of several values of one entry, as the iterator advances; collective.
 
     Args:
         scene: the scene, or the path of its file.

@@ -145,7 +145,7 @@ def _refuse(statement: Statement, refuses: Mapping[str, str]) -> None:
 def sensitivity(
     scene: object, of: str | Sequence[str], by: Sequence[str], comm: MPI.Comm = MPI.COMM_WORLD
 ) -> Sensitivity | list[Sensitivity]:
-    """Solve a scene, and differentiate results of it by its data; collective.
+    """Solve a scene and differentiate its results with respect to its data; collective.
 
     gamma and the choice of the contact sets do not change: derivatives are those of the discrete
     solution.

@@ -111,7 +111,7 @@ class Judgement:
 
 
 def judge(problem: object, result: object) -> Judgement:
-    """Judge another program's result.
+    """Check the displacements that another program has computed for a problem; collective.
 
     Args:
         problem: the path of an input file (.inp) of Abaqus or CalculiX, or of a scene file; or a

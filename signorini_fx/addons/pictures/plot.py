@@ -83,7 +83,7 @@ def plot(solution: Solution, *fields: str) -> Pictures:
 
 
 def pyvista_grid(solution: Solution) -> Any:
-    """The mesh of this rank with the displacement and the stresses, for PyVista; collective.
+    """Return the mesh of this rank with the displacement and the stresses, for PyVista; collective.
 
     ``pyvista_grid(solution).warp_by_vector("displacement",
     factor=50).plot(scalars="recovered_von_mises")`` opens a window, in a notebook an output, in

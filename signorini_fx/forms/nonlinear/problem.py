@@ -125,8 +125,8 @@ def checked(
 
 
 class NonlinearContactProblem(ProblemOfForms):
-    """Find u with F(u; v) = 0 for all v, and contact with rigid foundations or of two bodies on
-    parts of the boundary.
+    """A nonlinear problem of your own forms with contact: find u with F(u; v) = 0 for all v, and
+    contact with rigid foundations or of two bodies on parts of the boundary.
 
         problem = NonlinearContactProblem(F, u, bcs=[fixed], contact=Foundation(facets,
         shape=circle)) problem.run([0.5, 1.0], lambda t: problem.place(0, shift=(0.0, -0.3 * t)))
@@ -249,7 +249,7 @@ class NonlinearContactProblem(ProblemOfForms):
 
     @property
     def iterations(self) -> int:
-        """Of Newton's method in the last solve."""
+        """Return the number of Newton iterations of the last solve."""
         return self._solver.iterations
 
     def _titled(self, title: str) -> Solution:
@@ -342,9 +342,7 @@ class NonlinearContactProblem(ProblemOfForms):
 
     @property
     def tools(self) -> tuple[RigidBodyMotion, ...]:
-        """Where the foundations are that forces move: in the last solution, by how much they have
-        moved.
-        """
+        """Return the motions of the rigid bodies in the last solution."""
         return self.linear.foundations.rigid_bodies.motions
 
     def _differentiated(self) -> tuple[Any, ...]:

@@ -224,8 +224,8 @@ class Contact(Effect):
         return None if self.bonded else self.foundation
 
     def gap_in(self, dimension: int) -> Any:
-        """The gap in a space of a given dimension: a number, an expression or a callable of the
-        position, length.
+        """Return the gap in a space of a given dimension, length: a number, an expression or a
+        callable of the position.
         """
         return self.gap if self.surface is None else Distance(self.surface, self.gap, dimension)
 
@@ -265,7 +265,7 @@ class UnilateralContact(Contact):
 
 
 class BilateralContact(Contact):
-    """A ``Contact`` that cannot open.
+    """A ``Contact`` that cannot open: the body may neither enter nor leave the other surface.
 
     Examples:
         >>> pulled = sfx.SurfaceTraction(boundary="top", y=3.0)
@@ -279,7 +279,7 @@ class BilateralContact(Contact):
 
 
 class BondedContact(Contact):
-    """A ``Contact`` that is a tie.
+    """A ``Contact`` that ties both sides in their initial position.
 
     Examples:
         >>> mesh = sfx.MeshGenerator(generator="rectangle", parameters={"nx": 4, "ny": 2})

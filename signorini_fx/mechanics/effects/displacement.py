@@ -14,8 +14,8 @@ from signorini_fx.mechanics.statement.values import Direction, Entries, TimedSam
 
 
 class PrescribedDisplacement(Load):
-    """Displacement prescribed on a boundary or at a point; a component that is not named stays
-    free.
+    """A displacement that is prescribed on a boundary or at a point; components that are not listed
+    are free.
 
     Attributes:
         boundary: its name; None: it is prescribed at a point.
@@ -103,7 +103,9 @@ class PrescribedDisplacement(Load):
 
     @property
     def components(self) -> tuple[Any, Any, Any]:
-        """Along x[0], x[1] and x[2]; None where the displacement is free."""
+        """Return the prescribed values along x[0], x[1] and x[2]; None where the displacement is
+        free.
+        """
         if self.rotation is None:
             return self.x, self.y, self.z
         a = np.zeros(3)

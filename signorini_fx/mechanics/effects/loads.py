@@ -45,7 +45,7 @@ from signorini_fx.tuned import DIGITS_OF_FILES, OUTSIDE_HULL, ROOT_OF_EPS, SAME_
 
 
 class SurfaceTraction(VectorForce):
-    """Traction on a boundary, h of (1.1c); it adds to others on the same boundary.
+    """A traction on a boundary, h of (1.1c); tractions on one boundary add up.
 
     Attributes:
         boundary: its name.
@@ -110,7 +110,7 @@ class TotalForce(VectorForce):
 
 
 class BodyForce(VectorForce):
-    """Force per volume, f of (1.1a).
+    """A force per volume, f of (1.1a).
 
     Attributes:
         x: component along x[0], stress / length.
@@ -127,7 +127,7 @@ class BodyForce(VectorForce):
 
 
 class Gravity(VectorForce):
-    """Weight of the whole body, from the ``density`` of its materials.
+    """The weight of the whole body, from the ``density`` of its materials.
 
     Attributes:
         x: component of the acceleration along x[0], length / time^2.
@@ -150,8 +150,8 @@ class Gravity(VectorForce):
 
 
 class Rotation(Force):
-    """Centrifugal force rho omega^2 r of a body that rotates steadily, in the frame that rotates
-    with it; r is the displaced radius where materials know finite strains.
+    """The centrifugal force rho omega^2 r of a steady rotation, in the frame that rotates with the
+    body; r is the displaced radius if materials have finite strains.
 
     Attributes:
         speed: angular speed omega, radians / time.
@@ -198,8 +198,8 @@ class Rotation(Force):
 
 
 class Fluid(Force):
-    """Pressure of a fluid at rest on a boundary: its weight times the depth below its level, and
-    none above.
+    """The pressure of a fluid at rest on a boundary: its weight times the depth below its level,
+    and none above.
 
     Attributes:
         boundary: its name.
@@ -337,8 +337,7 @@ class TemperatureChange(InitialStrain):
 
 
 class Springs(Resistance):
-    """Springs on a boundary, which pull with the stiffness per area times the displacement, and
-    push as well.
+    """Springs between a boundary and the ground, with a stiffness per area; they pull and push.
 
     Attributes:
         boundary: its name.
@@ -384,8 +383,8 @@ class Springs(Resistance):
 
 
 class Preload(Load):
-    """A section across a bolt, whose two sides are moved towards each other along one direction,
-    and else are joined.
+    """A section across a bolt, whose two sides are moved towards each other along one direction and
+    are otherwise joined.
 
     In Abaqus and CalculiX it is a ``*PRE-TENSION SECTION``.
 
@@ -474,8 +473,8 @@ class Preload(Load):
             yield (*path, "factors"), "must be positive while the force acts"
 
     def force_at(self, statement: Any, step: float) -> float | None:
-        """The tension that determines its shortening, at a place in the lists of factors; None:
-        that is known.
+        """Return the tension that determines the shortening, at a place in the lists of factors;
+        None: the shortening is known.
         """
         if self.force is None or step > self.locked_after - 1:
             return None

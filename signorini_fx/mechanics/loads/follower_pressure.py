@@ -26,8 +26,8 @@ from signorini_fx.mechanics.statement.statement import Statement
 
 
 def follower_pressure(pressure: Any, u: fem.Function, *, axisymmetric: bool = False) -> Any:
-    """The traction of a pressure on the deformed boundary, per undeformed area, UFL, a stress,
-    shape (d,).
+    """Return the traction of a pressure on the deformed boundary, per undeformed area, UFL, a
+    stress, shape (d,).
 
         F -= ufl.inner(follower_pressure(p, u), v) * ds(1)
 

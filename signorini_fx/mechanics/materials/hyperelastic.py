@@ -23,10 +23,9 @@ from signorini_fx.tuned import EQUAL_STRETCHES
 
 
 class NeoHooke(Hyperelastic):
-    """The energy mu/2 (tr C - 3) - mu ln J + lambda/2 ln^2 J, or, ``isochoric``, mu/2 (J^(-2/3) tr
-    C - 3) +
-    kappa/2 (J - 1)^2, per undeformed volume: rubber at moderate strains (R. S. Rivlin,
-    Phil. Trans. R. Soc. A 240 (1948) 459-490).
+    """Rubber at moderate strains (R. S. Rivlin, Phil. Trans. R. Soc. A 240 (1948) 459-490): the
+    energy mu/2 (tr C - 3) - mu ln J + lambda/2 ln^2 J, or, ``isochoric``, mu/2 (J^(-2/3) tr C - 3)
+    + kappa/2 (J - 1)^2, per undeformed volume.
 
     Attributes:
         law: its name.
@@ -69,9 +68,9 @@ class NeoHooke(Hyperelastic):
 
 
 class MooneyRivlin(Hyperelastic):
-    """The energy C10 (I1 - 3) + C01 (I2 - 3) + kappa/2 (J - 1)^2, with the invariants I1 and I2 of
-    J^(-2/3) C, per undeformed volume: rubber up to about twice its length (M. Mooney, J. Appl.
-    Phys. 11 (1940) 582-592).
+    """Rubber up to about twice its length (M. Mooney, J. Appl. Phys. 11 (1940) 582-592): the energy
+    C10 (I1 - 3) + C01 (I2 - 3) + kappa/2 (J - 1)^2, with the invariants I1 and I2 of J^(-2/3) C,
+    per undeformed volume.
 
     Attributes:
         law: its name.
@@ -125,9 +124,9 @@ class MooneyRivlin(Hyperelastic):
 
 
 class Ogden(Hyperelastic):
-    """The energy sum_p mu_p / alpha_p (l_1^alpha_p + l_2^alpha_p + l_3^alpha_p - 3) + kappa/2 (J -
-    1)^2 of the stretches l_i J^(-1/3), per undeformed volume: rubber up to several times its length
-    (R. W. Ogden, Proc. R. Soc. A 326 (1972) 565-584).
+    """Rubber up to several times its length (R. W. Ogden, Proc. R. Soc. A 326 (1972) 565-584): the
+    energy sum_p mu_p / alpha_p (l_1^alpha_p + l_2^alpha_p + l_3^alpha_p - 3) + kappa/2 (J - 1)^2 of
+    the stretches l_i J^(-1/3), per undeformed volume.
 
     Abaqus and CalculiX have 2 mu_p / alpha_p^2 in place of mu_p / alpha_p: their mu_p is mu_p
     alpha_p / 2 of these.
@@ -223,9 +222,8 @@ def _beyond_mean(ratio: Any, power: float) -> Any:
 
 
 class SaintVenantKirchhoff(Hyperelastic):
-    """The energy mu E : E + lambda/2 tr^2 E, with E = (F^T F - I)/2, per undeformed volume: large
-    rotations
-    at small strains.
+    """Large rotations at small strains: the energy mu E : E + lambda/2 tr^2 E, with E = (F^T F -
+    I)/2, per undeformed volume.
 
     Under strong compression it softens, and it has no resistance to vanishing volume (A. Raoult,
     Aplikace matematiky 31 (1986) 417-419): then take ``neo-hooke``.

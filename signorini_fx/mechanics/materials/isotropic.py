@@ -48,8 +48,8 @@ class LinearElastic(Material):
 
     @property
     def lame(self) -> tuple[float, float]:
-        """Lame parameters (lambda, mu) of section 2.1, stresses, before grading; lambda is the
-        reduced one for plane stress, and infinite elsewhere for nu = 1/2.
+        """Return the Lame parameters (lambda, mu) of section 2.1, stresses, before grading; lambda
+        is the reduced one for plane stress, and infinite elsewhere for nu = 1/2.
 
         Plane strain has those of three dimensions.
         """
@@ -68,7 +68,9 @@ class LinearElastic(Material):
 
     @property
     def locks(self) -> bool:
-        """Of nonlinear materials the ratio follows from moduli, with round-off."""
+        """Return whether nu is so near 1/2 that fully integrated elements lock; the ratio of
+        nonlinear materials follows from moduli, with round-off.
+        """
         return (
             self.poisson >= LOCKING_POISSON * (1 - SAME_NUMBER)
             and self.hypothesis != "plane stress"

@@ -140,7 +140,8 @@ class NonlinearMaterial(Material):
 
 
 class Hyperelastic(NonlinearMaterial):
-    """An elastic material at finite strains, by its energy.
+    """An elastic material at finite strains, given by its energy; a material of your own derives
+    from it.
 
     Gradients F = I + grad u and stresses have the shape (3, 3), in 2D and in bodies of revolution
     with what is
@@ -159,23 +160,25 @@ class Hyperelastic(NonlinearMaterial):
     finite: ClassVar[bool] = True
 
     def shape_energy(self, gradient: Any) -> Any:
-        """The stored energy without ``volume_energy``, per undeformed volume, UFL, a number."""
+        """Return the stored energy without ``volume_energy``, per undeformed volume, UFL,
+        a number.
+        """
         raise NotImplementedError
 
     def volume_energy(self, volume: Any) -> Any:
-        """The energy of the volume J = det F, UFL, a number."""
+        """Return the energy of the volume J = det F, UFL, a number."""
         return 0 * volume
 
     def shape_energy_by_change(self, change: Any) -> Any:
-        """``shape_energy`` from grad u, UFL of shape (3, 3), so that its derivative keeps the
-        digits of that.
+        """Return ``shape_energy`` from grad u, UFL of shape (3, 3), so that its derivative keeps
+        the digits of grad u.
         """
         import ufl
 
         return self.shape_energy(ufl.Identity(3) + change)
 
     def volume_energy_by_change(self, growth: Any) -> Any:
-        """``volume_energy`` from the change of volume J - 1, UFL, a number."""
+        """Return ``volume_energy`` from the change of volume J - 1, UFL, a number."""
         return self.volume_energy(1 + growth)
 
     @property
@@ -217,7 +220,7 @@ class Hyperelastic(NonlinearMaterial):
 
 class PathDependent(NonlinearMaterial):
     """A material at small strains whose stress depends on the past, with a mean stress that follows
-    the volume.
+    the volume; a material of your own derives from it.
 
     Its state is a row of numbers at each point, zeros to begin with.  Strains and stresses have the
     shape (n, 3, 3).
@@ -239,14 +242,14 @@ class PathDependent(NonlinearMaterial):
         return (*super().features, ("material with a state", ()))
 
     def at_time(self, time: float) -> PathDependent:
-        """The material in a load step that ends at this time of the load path; itself where time is
-        nothing to it.
+        """Return the material in a load step that ends at this time of the load path; itself if it
+        does not depend on the time.
         """
         return self
 
     def respond(self, strain: Array, state: Array) -> tuple[Array, Array, Array]:
-        """The deviatoric stress, its derivative by the strain, and the new state, from the state of
-        the last load step.
+        """Return the deviatoric stress, its derivative by the strain, and the new state, from the
+        state of the last load step.
 
         Args:
             strain: less that of the temperature, shape (n, 3, 3).
@@ -259,8 +262,8 @@ class PathDependent(NonlinearMaterial):
         raise NotImplementedError
 
     def plastic_strain(self, state: Array) -> Array | None:
-        """The accumulated (equivalent) plastic strain of states, for results, shape (n,); None:
-        there is none.
+        """Return the accumulated (equivalent) plastic strain of states, for results, shape (n,);
+        None: there is none.
         """
         return None
 

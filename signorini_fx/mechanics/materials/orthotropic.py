@@ -76,7 +76,7 @@ class Axes(Table):
 
 
 class DirectedMaterial(Axes, Material):
-    """A material with axes; a user's own derives from it.
+    """A material with axes; a material of your own with axes derives from it.
 
     Attributes:
         direction, second: see ``Axes``. hypothesis, torsion, grading, density, expansion, region:
@@ -168,7 +168,7 @@ class Orthotropic(Axes):
 
 
 class OrthotropicElastic(Material):
-    """An orthotropic material.
+    """An orthotropic linear elastic material, such as wood.
 
     Attributes:
         orthotropic: its constants and the directions of its axes.

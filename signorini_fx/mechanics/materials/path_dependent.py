@@ -25,9 +25,8 @@ _Table = Annotated[tuple[tuple[Positive, Positive], ...], Field(min_length=1)]
 
 
 class J2(PathDependent):
-    """The stress E : (epsilon - epsilon_p), whose von Mises stress stays below the yield stress
-    that has been reached: metal that yields, with isotropic hardening, by radial return (boxes 3.1
-    and 3.2).
+    """Metal that yields by von Mises, with isotropic hardening: the stress E : (epsilon -
+    epsilon_p) by radial return (boxes 3.1 and 3.2).
 
     The state is the plastic strain, 9 numbers, and the accumulated one.
 
@@ -86,7 +85,9 @@ class J2(PathDependent):
         return np.append(np.diff(stresses) / np.diff(strains), last_slope)
 
     def respond(self, strain: Array, state: Array) -> tuple[Array, Array, Array]:
-        """The segment of the curve in which the return ends has a solution in closed form."""
+        """Return stress, tangent and state; the segment of the curve in which the return ends has a
+        solution in closed form.
+        """
         shear = self.constants_at_rest[0]
         plastic = state[:, :9].reshape(-1, 3, 3)
         accumulated = state[:, 9]
@@ -123,9 +124,9 @@ _Branch = tuple[Positive, Positive]
 
 
 class Maxwell(PathDependent):
-    """The deviatoric stress 2 G e + sum of q_i with dq_i/dt = 2 G_i de/dt - q_i / tau_i, e the
-    deviator of the strain; the mean stress is that of the spring alone: rubber or polymer that
-    relaxes (section 10.3).
+    """Rubber or polymer that relaxes (section 10.3): the deviatoric stress 2 G e + sum of q_i with
+    dq_i/dt = 2 G_i de/dt - q_i / tau_i, e the deviator of the strain; the mean stress is that of
+    the spring alone.
 
     A load step is integrated exactly for a strain that changes evenly in it.  Its duration is that
     between the times of the load path, which begins at time 0.  The state are the q_i and e, 9
@@ -161,7 +162,7 @@ class Maxwell(PathDependent):
 
     @property
     def constants_at_rest(self) -> tuple[float, float]:
-        """At first, with all branches."""
+        """Return the constants at first, with all branches."""
         spring, bulk = super().constants_at_rest
         return spring + sum(shear for shear, _ in self.branches), bulk
 

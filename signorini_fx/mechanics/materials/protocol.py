@@ -37,7 +37,8 @@ def _known_hypothesis(name: str) -> str:
 
 
 class Material(Effect):
-    """A material, linear elastic unless it says otherwise.
+    """A material, linear elastic unless it states otherwise; a material of your own derives from
+    it.
 
     Attributes:
         hypothesis: plane strain, plane stress, or axisymmetric, if the mesh has two dimensions, or
@@ -94,29 +95,29 @@ class Material(Effect):
     # --- what a material must say, unless it has ``stiffness`` ---
 
     def stress(self, strain: Any) -> Any:
-        """The stress of a strain, UFL, both with shape (3, 3)."""
+        """Return the stress of a strain, UFL, both with shape (3, 3)."""
         raise NotImplementedError
 
     # --- what it may say ---
 
     def axes(self, x: Array) -> Array:
-        """The unit vectors along its axes at points ``x``, shape (3, n), as the columns of (n, 3,
-        3); not finite where they have no direction.
+        """Return the unit vectors along the axes at points ``x``, shape (3, n), as the columns of
+        (n, 3, 3); not finite where they have no direction.
         """
         return np.broadcast_to(np.eye(3), (x.shape[1], 3, 3))
 
     @property
     def at_rest(self) -> Material:
-        """The linear material that it is at small strains."""
+        """Return the linear material at small strains."""
         return self
 
     @property
     def varies(self) -> bool:
-        """Whether moduli or axes vary within the material."""
+        """Return whether moduli or axes vary within the material."""
         return self.grading is not None
 
     def dimension_problems(self, dimension: int) -> Contradictions:
-        """What does not fit to a mesh of a dimension: the path of the key, and why."""
+        """Yield what does not fit to a mesh of a dimension: the path of the key, and why."""
         yield from ()
 
     # --- what follows ---
@@ -130,20 +131,20 @@ class Material(Effect):
 
     @property
     def compliance(self) -> Array:
-        """Its inverse."""
+        """Return the inverse of the stiffness, shape (6, 6)."""
         return np.asarray(np.linalg.inv(self.stiffness))
 
     @property
     def natural_modulus(self) -> float:
-        """The largest Young's modulus along its axes, which scales and settings follow, and what is
-        below.
+        """Return the largest Young's modulus along the axes, a stress, from which scales and
+        settings follow.
         """
         return float(1 / self.compliance.diagonal()[:3].min())
 
     @property
     def lame(self) -> tuple[float, float]:
-        """Lame parameters of the isotropic material whose stiffness is the mean over all directions
-        (W. Voigt, Lehrbuch der Kristallphysik, Teubner, 1910).
+        """Return the Lame parameters of the isotropic material whose stiffness is the mean over all
+        directions (W. Voigt, Lehrbuch der Kristallphysik, Teubner, 1910).
         """
         c = self.stiffness
         normal = np.trace(c[:3, :3])
@@ -153,14 +154,14 @@ class Material(Effect):
         return float((normal + 2 * lateral) / 9) - 2 * mu / 3, mu
 
     def stiffest(self, *, pressed: bool) -> float:
-        """The largest normal stress per strain, ``pressed``: without a pressure that is an unknown
-        of its own.
+        """Return the largest normal stress per strain; ``pressed``: without the part of a pressure
+        that is an unknown.
         """
         return float(self.stiffness.diagonal().max())
 
     @property
     def locks(self) -> bool:
-        """Whether fully integrated elements lock visibly."""
+        """Return whether fully integrated elements lock visibly."""
         return False
 
     @property
@@ -169,7 +170,7 @@ class Material(Effect):
 
     @property
     def kind(self) -> tuple[Any, ...]:
-        """What two regions of the same material have in common."""
+        """Return what two regions of the same material have in common."""
         apart = ("region", "density", "expansion", "yield_stress")
         return type(self), *(
             getattr(self, key) for key in type(self).model_fields if key not in apart
@@ -188,7 +189,7 @@ class Material(Effect):
 
     @property
     def words(self) -> str:
-        """What it is called."""
+        """Return the name of the material in messages."""
         return f"the material {getattr(self, 'law', '')!r}"
 
 

@@ -43,7 +43,7 @@ _Tags = dict[str, int | tuple[int, ...]]
 
 @dataclass(frozen=True, repr=False)
 class TaggedMesh(TaggedMeshBase):
-    """A mesh and the names of its boundaries.
+    """A mesh with named boundaries and regions.
 
     Attributes:
         mesh: the distributed mesh.
@@ -78,12 +78,12 @@ class TaggedMesh(TaggedMeshBase):
 
     @cached_property
     def dimension(self) -> int:
-        """D, 2 or 3, the dimension of the points and of the cells."""
+        """Return the dimension d of points and cells, 2 or 3."""
         return int(self.mesh.topology.dim)
 
     def cells(self, region: str | None) -> npt.NDArray[np.int32]:
-        """Cells of the part ``region`` on this rank, ghosts included (local numbers); None: all of
-        them.
+        """Return the cells of the region on this rank, ghosts included (local numbers); None: all
+        of them.
         """
         if region is None:
             return np.arange(len(compat.geometry_cells(self.mesh)), dtype=np.int32)
@@ -95,8 +95,8 @@ class TaggedMesh(TaggedMeshBase):
         return _tagged(self.cell_tags, self.regions[region])
 
     def facets(self, name: str) -> npt.NDArray[np.int32]:
-        """Exterior facets of the boundary ``name`` whose cell this rank owns (local numbers,
-        sorted).
+        """Return the exterior facets of the boundary ``name`` whose cell this rank owns (local
+        numbers, sorted).
 
         Raises:
             MeshError: there is no such name; the message lists the known ones.
@@ -110,8 +110,8 @@ class TaggedMesh(TaggedMeshBase):
         return tagged[self._exterior[tagged]]
 
     def inside(self, name: str) -> int:
-        """How many facets of the boundary ``name`` are inside of the body, on all ranks;
-        collective.
+        """Return the number of facets of the boundary ``name`` that are inside of the body, on all
+        ranks; collective.
         """
         tagged = _tagged(self.facet_tags, self.boundaries[name])
         owned = tagged[tagged < self.mesh.topology.index_map(self.dimension - 1).size_local]
@@ -135,8 +135,8 @@ class TaggedMesh(TaggedMeshBase):
 
     @cached_property
     def size(self) -> float:
-        """Diameter of the body, the largest distance of two of its points, a length; the same on
-        all ranks.
+        """Return the diameter of the body, the largest distance of two of its points, a length; the
+        same on all ranks.
 
         For a rectangle this is the diagonal in any orientation, so that scales that depend on it,
         such as gamma = auto, do not depend on the axes.
@@ -233,7 +233,8 @@ def check_dimension(tagged: TaggedMesh, *, section: bool = False) -> None:
 
 
 def section_in_space(mesh: dmesh.Mesh) -> dmesh.Mesh:
-    """The same mesh in 2D x[2] = 0 of space, where displacements have three components; collective.
+    """Return the plane mesh as the section x[2] = 0 in 3D, where displacements have three
+    components; collective.
 
     It shares the topology, so that its cells and facets have the same numbers, and tags of the one
     are tags of the other.  In forms of a body of revolution about x[1] whose displacement turns
@@ -287,7 +288,7 @@ def curvature(tagged: TaggedMesh) -> float:
 def generate_mesh(
     name: str, parameters: Mapping[str, Any], comm: MPI.Comm, sizes: Sizes = ()
 ) -> TaggedMesh:
-    """Run the generator ``name``, see ``signorini_fx.meshes``.
+    """Return the mesh of the generator ``name``, see ``signorini_fx.meshes``; collective.
 
     Args:
         name: of the generator.
@@ -337,7 +338,8 @@ def read_mesh(
     data: str | None = None,
     size: float | None = None,
 ) -> TaggedMesh:
-    """A mesh from a file, read on the first rank; ``formats.read_file`` has the formats.
+    """Return the mesh of a file, which the first rank reads; collective.  The formats are those of
+    ``formats.read_file``.
 
     Args:
         file: the file.

@@ -169,8 +169,8 @@ class Effect(Table):
         return ((self.label, ()),)
 
     def contradictions(self, statement: Any, number: int) -> Contradictions:
-        """Why it, with its number among those of its kind, does not go together with other entries
-        of a statement: the place of the error in the scene, and the reason.
+        """Yield the entries of a statement that do not go together with the effect, ``number``
+        among those of its kind: the place of the error in the scene, and the reason.
         """
         yield from ()
 

@@ -64,7 +64,7 @@ def time_at(times: Sequence[float], step: float) -> float:
 
 @dataclass(frozen=True)
 class LoadPath:
-    """The times that a problem is solved at one after the other, each time from the last solution.
+    """The times at which a problem is solved one after the other, each from the last solution.
 
     Without a ramp there is one load step for each time.  A ramp divides the intervals between them,
     and takes smaller increments where there is no solution and larger ones after easy load steps.
@@ -125,12 +125,12 @@ class LoadPath:
         return len(self.times) > 1 or self.steps is not None
 
     def time_at(self, step: float) -> float:
-        """The time of a place."""
+        """Return the time of a place."""
         return time_at(self.times, step)
 
     def name_at(self, step: float) -> str:
-        """The name of the load step that a place belongs to or that a ramp leads to; "" without
-        names.
+        """Return the name of the load step that a place belongs to or that a ramp leads to; an
+        empty string without names.
         """
         return self.names[ceil(step)] if self.names else ""
 

@@ -93,8 +93,8 @@ class MeshGenerator(Table):
 
     @property
     def cells(self) -> tuple[str, ...]:
-        """The kinds of cells that it can make, its own choice first; none if no parameter says
-        so.
+        """Return the kinds of cells that the generator can make, its default first; none without
+        such a parameter.
         """
         accepted = inspect.signature(generate := self._generate()).parameters
         own = self.parameters.get("cell", accepted["cell"].default) if "cell" in accepted else None
@@ -178,7 +178,7 @@ OneMesh = Annotated[
 
 
 class Body(Placed):
-    """One of several bodies, with a mesh of its own, which is turned and then moved to its place.
+    """A body with a mesh of its own, which is rotated and then shifted to its place.
 
     Attributes:
         name: of the region of all of its cells; with a dot it stands before the names of its

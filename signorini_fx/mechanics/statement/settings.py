@@ -31,7 +31,7 @@ def known_linear_algebra() -> tuple[str, ...]:
 
 
 class Discretised(Table):
-    """The finite element: Lagrange of this degree on the cells that the mesh has.
+    """The finite element: Lagrange elements of this degree on the cells of the mesh.
 
     Attributes:
         degree: polynomial degree of the displacement.
