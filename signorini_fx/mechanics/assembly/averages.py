@@ -55,13 +55,13 @@ class Averages:
     def at_nodes(
         cls, nodes: npt.NDArray[np.int64], x: _Floats, fixed: npt.NDArray[np.bool_]
     ) -> Averages:
-        """Of points that take the displacement of their nodes."""
+        """Return the averages of points that have the displacement of their nodes."""
         itself = sp.eye_array(nodes.size, format="csr")
         return cls(itself, nodes, x, fixed, lift=itself)
 
     @classmethod
     def joined(cls, parts: list[Averages]) -> Averages:
-        """Those of several contact boundaries."""
+        """Return the averages of several contact boundaries."""
         if len(parts) == 1:
             return parts[0]
         shares = sp.block_diag([part.shares for part in parts], format="csr")
@@ -87,7 +87,9 @@ class Averages:
 
     @property
     def arm(self) -> _Floats:
-        """Where the force of each point acts on the body of its node, length, shape (n, d)."""
+        """Return the vector from each node to the point where the force acts on its body, length,
+        shape (n, d).
+        """
         return np.asarray(self.shares @ self.x) if self.centre is None else self.centre
 
     @cached_property
@@ -97,8 +99,8 @@ class Averages:
 
     @cached_property
     def operator(self) -> Any:
-        """From displacements of nodes to those at the points, in the axes of space, scipy sparse,
-        shape (n d, m d).
+        """Return the matrix from displacements of nodes to those of the points, in the axes of
+        space, scipy sparse, shape (n d, m d).
         """
         if self.between is not None:
             return self.between

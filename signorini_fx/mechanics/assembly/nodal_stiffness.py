@@ -30,7 +30,9 @@ class JointStiffness:
     matrix: sp.csr_array  # force per length, shape (m d, m d)
 
     def times(self, displacement: Array, space: fem.FunctionSpace) -> Array:
-        """Its forces at the owned nodes, shape (owned nodes * d,); collective."""
+        """Return the forces of the stiffness at the owned nodes, shape (owned nodes * d,);
+        collective.
+        """
         index_map = space.dofmap.index_map
         dim = space.dofmap.index_map_bs
         owned = displacement.reshape(-1, dim)[: index_map.size_local]
@@ -83,7 +85,7 @@ class NodalStiffness:
 
     @classmethod
     def none(cls, dimension: int) -> NodalStiffness:
-        """At no node."""
+        """Return the stiffness of no node."""
         return cls(np.zeros(0, dtype=np.int64), np.zeros((0, dimension, dimension)))
 
     @classmethod

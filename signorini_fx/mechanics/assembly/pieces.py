@@ -63,7 +63,7 @@ class BodyPieces:
         return f"{number} ({cells} cell{'s' * (cells > 1)}, {extent(self.bounds[piece])})"
 
     def of_bodies(self, comm: MPI.Comm, cells: Mapping[str, npt.NDArray[np.int32]]) -> BodyPieces:
-        """The same with the names of bodies, each of which has these cells on this rank;
+        """Return the pieces with the names of bodies, each of which has these cells on this rank;
         collective.
         """
         counts = [
@@ -74,7 +74,7 @@ class BodyPieces:
         return replace(self, bodies=tuple(np.array(list(cells), dtype=object)[majority]))
 
     def as_rows(self) -> list[dict[str, Any]]:
-        """One row per piece, ready for JSON."""
+        """Return one row for each piece, ready for JSON."""
         return [
             {
                 "piece": piece + 1,
@@ -108,8 +108,8 @@ def forget_pieces(mesh: dmesh.Mesh) -> None:
 
 
 def _pieces_of(mesh: dmesh.Mesh) -> BodyPieces:
-    """Those of a whole mesh: labels of sides between two ranks join components of each rank's own
-    cells; collective.
+    """Return the pieces of a whole mesh: labels of sides between two ranks join components of the
+    cells of each rank; collective.
     """
     comm = mesh.comm
     topology = mesh.topology

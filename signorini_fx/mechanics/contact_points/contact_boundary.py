@@ -127,7 +127,7 @@ class ContactBoundary:
 
     @cached_property
     def centre(self) -> Array:
-        """Where the force of each point acts on a rigid body, length, shape (n, d)."""
+        """Return the points where the forces act on a rigid body, length, shape (n, d)."""
         return self.averages.arm
 
     @property
@@ -144,8 +144,8 @@ class ContactBoundary:
 
     @cached_property
     def cotangents(self) -> Array:
-        """Their dual basis, shape (n, d, d - 1), with which components of displacements make a
-        vector; forces are made with the tangents.
+        """Return the dual basis of the tangents, shape (n, d, d - 1), which makes vectors of
+        components of displacements; the tangents make those of forces.
         """
         return self._axes if self.friction_axes is None else self._axes / self.friction_axes.scale
 
@@ -180,12 +180,12 @@ class ContactBoundary:
 
     @property
     def coframes(self) -> Array:
-        """Their dual basis, (n, T^-T), shape (n, d, d)."""
+        """Return the dual basis of the frames, (n, T^-T), shape (n, d, d)."""
         return np.concatenate((self.normal[:, :, None], self.cotangents), axis=2)
 
     @cached_property
     def points(self) -> ContactPoints:
-        """The same without coordinates, for the core."""
+        """Return the contact points without coordinates, for the core."""
         orthonormal = np.concatenate((self.normal[:, :, None], self._axes), axis=2)
         frames = np.einsum("nji,njk->nik", self.axes, orthonormal)
         movable = np.einsum("nki,nk,nkj->nij", frames, self.free.astype(np.float64), frames)

@@ -82,8 +82,8 @@ class ContactState(PointState):
 
     @cached_property
     def mean_tangential_displacements(self) -> list[float | Array]:
-        """Of all contact boundaries together, and of each, in the order of the scene;
-        collective.
+        """Return the mean tangential displacement of all contact boundaries together, and of each,
+        in the order of the scene; collective.
         """
         boundary = self.boundary
         along = self.displaced(self.u_t)
@@ -106,7 +106,7 @@ class ContactState(PointState):
         return np.asarray(np.einsum("ijk,ik->ij", self.boundary.tangents, vectors))
 
     def displaced(self, vectors: Array) -> Array:
-        """The same for tangential displacements and slips."""
+        """Return tangential displacements or slips as in tables, see ``tangential``."""
         return (
             vectors
             if vectors.shape[1] == 1

@@ -62,7 +62,7 @@ class ElementStress:
 
     @property
     def around(self) -> Any:
-        """By what areas and lengths of the mesh are multiplied, see ``Kinematics.measure``."""
+        """Return the factor of areas and lengths of the mesh, see ``Kinematics.measure``."""
         return self.kinematics.measure(position(self.displacement))
 
     @property
@@ -73,7 +73,7 @@ class ElementStress:
 
     @property
     def components(self) -> Any:
-        """Those that the strain energy is of, shape (m,)."""
+        """Return the components of the strain that the strain energy contains, shape (m,)."""
         return ufl.as_vector([self.in_space[pair] for pair in self.kinematics.stressed])
 
     def squared(self, difference: Any, times: Any, dx: Any) -> Any:
@@ -133,12 +133,12 @@ class SceneLaw:
 
     @property
     def kinematics(self) -> Kinematics:
-        """Of the body."""
+        """Return the kinematics of the body."""
         return self.statement.kinematics_in(self.tagged.dimension)
 
     @cached_property
     def degree(self) -> int:
-        """Of the quadrature of a(., .); collective."""
+        """Return the degree of the quadrature of a(., .); collective."""
         return strain_degree(self.space, self.kinematics)
 
     def displacement(self) -> fem.Function:
@@ -176,21 +176,23 @@ class SceneLaw:
         return self._work(self.kinematics.strain(y), self.kinematics.strain(z), self.degree)
 
     def strain_terms(self, z: Any, strain: Any, degree: int) -> tuple[Any, ...]:
-        """That of an initial strain, see ``assembled``; ``degree``: of the quadrature."""
+        """Return the terms of an initial strain, see ``assembled``; ``degree``: of the
+        quadrature.
+        """
         return self._work(strain * self.uniform_strain, self.kinematics.strain(z), degree)
 
     def jump_terms(self, jump: fem.Function, z: Any) -> tuple[Any, ...]:
-        """That of a jump of the displacement, likewise."""
+        """Return the terms of a jump of the displacement, see ``assembled``."""
         return self.terms(jump, z)
 
     def force_terms(self, y: fem.Function, z: Any, moved: Any = None) -> tuple[Any, ...]:
-        """That of the stress of y on z; ``moved``: y with jumps, if any."""
+        """Return the terms of the work of the stress of y on z; ``moved``: y with jumps, if any."""
         return self.terms(y if moved is None else moved, z)
 
     def initial_terms(self, z: Any, jump: Any, strain: Any, degree: int) -> list[Any]:
-        """That of the stress that initial strains and jumps of the displacement cause where they
-        are prevented, as a load; ``degree``: of the quadrature of the strains; None: there are
-        none.
+        """Return the terms of the load by the stress of initial strains and of jumps of the
+        displacement that are prevented; ``degree``: of the quadrature of the strains; None: there
+        are none.
         """
         free = () if strain is None else self.strain_terms(z, strain, degree)
         return [*free, *(() if jump is None else (-term for term in self.terms(jump, z)))]
@@ -285,7 +287,7 @@ class IsotropicLaw(SceneLaw):
 
 @dataclass(frozen=True)
 class CellwiseLaw(SceneLaw):
-    """By the stiffness of each cell."""
+    """The elastic law with a stiffness for each cell."""
 
     stiffness: CellwiseStiffness
 
@@ -319,7 +321,7 @@ class CellwiseLaw(SceneLaw):
 def cellwise_stress(
     y: fem.Function, kinematics: Kinematics, sigma: Any, moduli: _Floats, shear_modulus: Any
 ) -> ElementStress:
-    """That of a stress in 3D with moduli which are constant in each cell: components of the stress,
+    """Return the stress in 3D by moduli that are constant in each cell: components of the stress,
     see ``Kinematics.pairs``, over those of the strain, of shear twice epsilon_ij, shape (cells, m,
     m); a LinAlgError on all ranks where some strain has no stress; collective.
     """

@@ -70,7 +70,7 @@ class MixedLaw(SceneLaw):
 
     @cached_property
     def own(self) -> fem.FunctionSpace:
-        """Of the unknowns of the pressure, m at each vertex for m materials."""
+        """Return the space of the pressure, with m unknowns at each vertex for m materials."""
         element = ("Lagrange", 1, (self._materials,)) if self._materials > 1 else ("Lagrange", 1)
         return fem.functionspace(self.tagged.mesh, element)
 
@@ -132,7 +132,7 @@ class MixedLaw(SceneLaw):
 
     @cached_property
     def unit(self) -> float:
-        """Of the unknowns of the pressure, stress."""
+        """Return the unit of the unknowns of the pressure, a stress."""
         scales = Scales(self.tagged.dimension, self.statement.young, self.tagged.size)
         return self.statement.young / float(scales.spacing(self.space.dofmap.index_map.size_global))
 
@@ -155,7 +155,7 @@ class MixedLaw(SceneLaw):
         return self.forms[:1]
 
     def parts(self, strain: Any) -> list[tuple[Any, int | None]]:
-        """Without the pressure."""
+        """Return the parts of the stress without the pressure."""
         return [(2 * self.lame[1] * strain, None)]
 
     def _constraint(self, y: Any, p: Any) -> tuple[Any, ...]:
@@ -189,7 +189,9 @@ class MixedLaw(SceneLaw):
         return *self.terms(jump, z), self._integral(-dilation, self.degree)
 
     def assembled(self, forms: Sequence[fem.Form], owned: int) -> tuple[_Floats, _Floats | None]:
-        """Of a strain on the pressure alone, of a jump on both."""
+        """Return the assembled forces: a strain acts on the pressure alone, a jump on displacement
+        and pressure.
+        """
         *of_displacement, of_pressure = forms
         return super().assembled(of_displacement, owned)[0], assemble(of_pressure)
 
@@ -198,7 +200,7 @@ class MixedLaw(SceneLaw):
         return *super().force_terms(y, z, moved), pressed
 
     def initial_terms(self, z: Any, jump: Any, strain: Any, degree: int) -> list[Any]:
-        """Of jumps alone."""
+        """Return the terms of jumps; strains act on the pressure alone."""
         return super().initial_terms(z, jump, None, degree)
 
     def prevented_terms(self, y: fem.Function, jump: Any, strain: Any, degree: int) -> list[Any]:
@@ -229,8 +231,8 @@ class MixedLaw(SceneLaw):
 
     @cached_property
     def _swelling(self) -> Any:
-        """By how much an initial strain of one changes the volume in the constraint, (1 + nu) /
-        nu.
+        """Return the change of volume that an initial strain of one causes in the constraint, (1 +
+        nu) / nu.
         """
         return self._coefficient(lambda _, nu: (1 + nu) / nu)
 
@@ -318,7 +320,7 @@ class MixedLaw(SceneLaw):
         return MixedDisplacement(self.space, pressure)
 
     def unknowns(self, displacement: fem.Function) -> _Floats:
-        """Those of the pressure of a displacement, shape (count,)."""
+        """Return the unknowns of the pressure that belong to a displacement, shape (count,)."""
         pressure = fields_of(displacement)[1]
         values = pressure.x.array[: self.count]
         if self._materials > 1:

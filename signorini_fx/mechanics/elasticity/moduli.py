@@ -101,8 +101,8 @@ def middles(tagged: TaggedMesh, cells: npt.NDArray[np.int32]) -> npt.NDArray[np.
 
 
 def graded(statement: Statement, tagged: TaggedMesh) -> fem.Function | None:
-    """By what moduli are multiplied in each cell, which must be between 0 and 1; None: by nothing;
-    collective.
+    """Return the factor of the moduli in each cell, which must be between 0 and 1; None: there is
+    none; collective.
     """
     problems = []
     mesh = tagged.mesh
@@ -159,8 +159,8 @@ class CellwiseStiffness:
 
 
 def cellwise_stiffness(statement: Statement, tagged: TaggedMesh) -> CellwiseStiffness | None:
-    """That of a scene, whose axes must have directions, and a plane body must stay plane; None: all
-    of its materials are isotropic; collective.
+    """Return the stiffness of each cell of a scene, whose axes must have directions, and a plane
+    body must stay plane; None: all of its materials are isotropic; collective.
     """
     if all(material.isotropic for material in statement.material):
         return None

@@ -47,8 +47,8 @@ def of_hypothesis(name: str) -> Kinematics:
 
 
 def of_materials(materials: Iterable[tuple[str, bool]], dimension: int = 2) -> Kinematics:
-    """That of a body with these materials, of each its hypothesis and whether it has torsion: the
-    most special one, as all must agree; ``dimension``: of the cells; those in 3D need no
+    """Return the kinematics of a body with these materials, by their hypotheses and torsion: the
+    most special one, as all must agree; ``dimension``: of the cells; materials in 3D need no
     hypothesis.
     """
     if dimension != 2:
@@ -64,7 +64,7 @@ def of_materials(materials: Iterable[tuple[str, bool]], dimension: int = 2) -> K
 
 
 def of_data(scene: Mapping[str, Any], dimension: int = 2) -> Kinematics:
-    """That of a scene as plain data, see ``of_materials``."""
+    """Return the kinematics of a scene as plain data, see ``of_materials``."""
     materials = scene.get("material") or ()
     return of_materials(
         ((entry.get("hypothesis", ""), bool(entry.get("torsion"))) for entry in materials),
@@ -73,7 +73,7 @@ def of_data(scene: Mapping[str, Any], dimension: int = 2) -> Kinematics:
 
 
 def of_components(cells: int, components: int) -> Kinematics:
-    """That of forms of one's own, by the dimension of the cells and the components of the
+    """Return the kinematics of forms, by the dimension of the cells and the components of the
     displacement.
     """
     return TORSION if components > cells else CARTESIAN[cells]

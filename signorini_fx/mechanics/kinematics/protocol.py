@@ -76,8 +76,8 @@ class Kinematics:
 
     @property
     def uniform_strain(self) -> Any:
-        """The same strain in all directions, in plane stress without that across the mesh, UFL,
-        shape (3, 3).
+        """Return the unit strain in all directions, in plane stress without that across the mesh,
+        UFL, shape (3, 3).
         """
         import ufl
 
@@ -133,8 +133,8 @@ class Kinematics:
         return padded(ufl.grad(y), self.dimension)
 
     def measure(self, x: Any) -> Any:
-        """By what areas and lengths of the mesh are multiplied at x, UFL of shape (d,) or numbers
-        of shape (d, n).
+        """Return the factor of areas and lengths of the mesh at x, UFL of shape (d,) or numbers of
+        shape (d, n).
         """
         return 1
 
@@ -227,7 +227,9 @@ class BodyOfRevolution(Kinematics):
         return math.pi * size
 
     def gradient(self, y: Any, *, on_axis: bool = False) -> Any:
-        """With the stretch of the circumference, whose limit on the axis is the radial strain."""
+        """Return the gradient with the stretch of the circumference, whose limit on the axis is the
+        radial strain.
+        """
         import ufl
 
         stretch = y[0] / position(y)[0]

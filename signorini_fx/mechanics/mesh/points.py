@@ -200,7 +200,7 @@ def _sizes(nodes: Array) -> Array:
 
 
 def determinants(matrices: Array) -> Array:
-    """Of many matrices, shape (d, d, ...), d = 2 or 3, by hand: shape (...)."""
+    """Return the determinants of many matrices, shape (d, d, ...) -> (...), d = 2 or 3, by hand."""
     if len(matrices) == 2:
         (a, b), (c, d) = matrices
         return np.asarray(a * d - b * c)

@@ -657,8 +657,8 @@ def tagged_mesh(mesh: dmesh.Mesh, boundaries: Mapping[str, npt.NDArray[np.int32]
 def _combined(
     comm: MPI.Comm, groups: Mapping[str, npt.NDArray[Any]]
 ) -> tuple[Ints, npt.NDArray[np.int32], _Tags]:
-    """One tag for each combination of groups that overlap: members, the tag of each, those of
-    groups; collective.
+    """Return one tag for each combination of groups that overlap: members, the tag of each, the
+    tags of groups; collective.
     """
     members = np.unique(np.concatenate([np.empty(0, dtype=np.int64), *groups.values()]))
     holds = np.zeros((len(members), len(groups)), dtype=bool)

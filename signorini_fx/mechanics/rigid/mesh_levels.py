@@ -60,7 +60,7 @@ class MeshLevel:
 
     @property
     def positions(self) -> npt.NDArray[np.float64]:
-        """Of the unknowns of this rank, shape (n, 3)."""
+        """Return the positions of the unknowns of this rank, shape (n, 3)."""
         return np.repeat(self.motions.x[: self.owned], self.block, axis=0)
 
     @property
@@ -92,15 +92,15 @@ class MeshLevel:
         return PETSc.Vec().createMPI((self.owned * self.block, None), comm=self.space.mesh.comm)
 
     def free_components(self) -> PETSc.Vec:
-        """One where an unknown is not prescribed, else zero."""
+        """Return a vector with one where an unknown is free and zero where it is prescribed."""
         vector = self.vector()
         vector.getArray()[:] = ~self.fixed
         return vector
 
     @cached_property
     def interpolation(self) -> PETSc.Mat | None:
-        """From the unknowns on the coarser mesh to those on this one, prescribed ones left out;
-        collective.
+        """Return the matrix from the unknowns on the coarser mesh to those on this one, without
+        prescribed ones; collective. None: there is no coarser mesh, or it does not cover this one.
 
         None: there is no coarser mesh, or it does not cover this one.
         """

@@ -103,7 +103,7 @@ class RigidBodies:
         return moving
 
     def places(self, boundary: ContactBoundary) -> _Floats:
-        """Where the points are that they move, length, shape (n, d): in the undeformed body."""
+        """Return the places of the points in the undeformed body, length, shape (n, d)."""
         return boundary.centre
 
     def drives(self, time: float = 0.0) -> list[Drive]:
@@ -120,7 +120,7 @@ class RigidBodies:
 
     @property
     def stiffness(self) -> _Floats:
-        """Of the springs at their pivots, force / length, shape (k,)."""
+        """Return the stiffness of the springs at the pivots, force / length, shape (k,)."""
         dim = self.kinematics.dimension
         of_bodies = [
             body.motion.stiffness(dim)[: self.units.size] / self.units**2 for body in self.bodies
@@ -180,9 +180,9 @@ class RigidBodyMotion:
         return np.asarray(rigid_modes(x, self.reference, np.array(1.0)) @ motion)
 
     def gap_error(self, contact: ContactState, shapes: Mapping[int, Any]) -> float:
-        """By how much the gap of the rigid body where it ends up differs at most from the
-        linearised one, where it presses, length; ``shapes``: where it is given, by the places of
-        its contacts; collective.
+        """Return the largest difference of the gap in the final position of the rigid body from the
+        linearised one, where it presses, length; ``shapes``: in the initial position, by the places
+        of its contacts; collective.
         """
         if not np.isfinite(self.translation).all():
             return np.nan
@@ -200,12 +200,12 @@ class RigidBodyMotion:
         return parallel.largest(boundary.comm, np.concatenate(off))
 
     def arms(self, contact: ContactState, touching: npt.NDArray[np.bool_]) -> _Floats:
-        """From its pivot to some of the contact points, length, shape (m, d)."""
+        """Return the vectors from the pivot to some of the contact points, length, shape (m, d)."""
         return np.asarray(contact.boundary.centre[touching] - self.reference)
 
     def lever(self, x: _Floats, displacements: _Floats) -> _Floats:
-        """From its pivot to points at x that have been displaced, length, shapes (n, d): where they
-        were.
+        """Return the vectors from the pivot to displaced points that were at x, length, shape (n,
+        d).
         """
         return np.asarray(x - self.reference)
 

@@ -99,8 +99,8 @@ class RigidMotions:
         )
 
     def joined(self, boundary: ContactBoundary) -> RigidMotions:
-        """The same with the free motions of foundations, and with all that can come into contact as
-        one assembly; collective.
+        """Return the motions together with the free motions of foundations, and with everything
+        that may touch as one assembly; collective.
         """
         moving = boundary.moving
         of = self.pieces.assembly

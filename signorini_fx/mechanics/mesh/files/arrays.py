@@ -41,7 +41,7 @@ def bounds(points: Floats) -> list[list[float]]:
 
 
 def extent(ends: list[list[float]]) -> str:
-    """The same in words."""
+    """Return the ends of a box in words."""
     return ", ".join(
         f"x[{k}] {low:g} to {high:g}" for k, (low, high) in enumerate(zip(*ends, strict=True))
     )
@@ -85,8 +85,8 @@ class Numbering:
 
 
 def row_keys(rows: Ints) -> Ints:
-    """One number for each row: two rows have the same if they hold the same numbers, -1 or more, in
-    any order.
+    """Return one number for each row: equal for rows with the same numbers, -1 or more, in any
+    order.
     """
     ordered = 1 + np.sort(rows, axis=1)
     largest = int(ordered.max(initial=0)) + 1
@@ -99,8 +99,8 @@ def row_keys(rows: Ints) -> Ints:
 
 
 def rows_of(wanted: Ints, table: Ints) -> Ints:
-    """Where each row of nodes is in a table of distinct rows, in any order of nodes; -1:
-    nowhere.
+    """Return the position of each row of nodes in a table of distinct rows, in any order of nodes;
+    -1: it has none.
     """
     keys = row_keys(np.concatenate((table, wanted)))
     row_numbers = np.full(int(keys.max(initial=0)) + 1, -1)
@@ -155,7 +155,7 @@ class MeshArrays:
 
     @property
     def diagonal(self) -> float:
-        """That of the box around the nodes, length."""
+        """Return the diagonal of the box around the nodes, length."""
         return float(np.linalg.norm(np.ptp(self.points, axis=0)))
 
 

@@ -45,7 +45,7 @@ class Cell:
 
     @cached_property
     def corners(self) -> Floats:
-        """Their places on the reference cell, shape (corners, dim)."""
+        """Return the corners on the reference cell, shape (corners, dim)."""
         return np.asarray(basix.geometry(self.basix_type))
 
     @cached_property
@@ -55,9 +55,7 @@ class Cell:
 
     @cached_property
     def nodes(self) -> list[Corners]:
-        """For each node the corners that it is in the middle of; a corner is in the middle of
-        itself.
-        """
+        """Return for each node the corners whose middle it is; a corner is its own middle."""
         entities = enumerate(basix.topology(self.basix_type))
         middles = [
             tuple(corners)
@@ -76,7 +74,7 @@ class Cell:
 
     @property
     def places(self) -> Floats:
-        """Its nodes on the reference cell, shape (nodes, dim)."""
+        """Return the nodes on the reference cell, shape (nodes, dim)."""
         return np.asarray(self._element.points)
 
     @cached_property
@@ -93,7 +91,9 @@ class Cell:
         return np.asarray(self._element.tabulate(0, x)[0, :, :, 0].round(_DIGITS))
 
     def gradient(self, x: Floats) -> Floats:
-        """Their derivatives, shape (places, dim) -> (dim, places, nodes)."""
+        """Return the derivatives of the basis functions at places, shape (places, dim) -> (dim,
+        places, nodes).
+        """
         return np.asarray(self._element.tabulate(1, x)[1:, :, :, 0])
 
 
@@ -172,8 +172,8 @@ def family(kind: str) -> str:
 
 
 def dimension(kind: str) -> int:
-    """Of an element of a file, also one that is no kind of cell here; what is not known is a
-    solid.
+    """Return the dimension of an element of a file, also of one that is no kind of cell here;
+    unknown ones are solids.
     """
     return _DIMENSIONS.get(family(kind), 3)
 
