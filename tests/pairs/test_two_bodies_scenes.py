@@ -49,7 +49,10 @@ def test_cattaneo_and_mindlin(push):
     ("changes", "match"),
     [
         ({"against": "upper"}, r"contact\[0\].against: is the boundary itself"),
-        ({"direction": [0.0, -1.0]}, r"contact\[0\].direction: is that of the normal"),
+        (
+            {"direction": [0.0, -1.0]},
+            r"contact\[0\].direction: between two bodies it is the normal",
+        ),
         (
             {"against": None, "distance": "nominal"},
             r"contact\[0\].distance: is for contact against",
