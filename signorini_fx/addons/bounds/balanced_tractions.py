@@ -25,7 +25,7 @@ from signorini_fx.tuned import MANY_STEPS, NOTHING_LEFT
 
 @dataclass(frozen=True)
 class AdmissibleTractions:
-    """Those of one contact, at k vertices of each of its m facets."""
+    """The admissible tractions of one contact, at k vertices of each of its m facets."""
 
     pressure: Array  # p, stress, shape (m, k)
     shear: Array  # mu, stress, shape (m, k, d)
@@ -41,7 +41,7 @@ class AdmissibleTractions:
         return pressure, onto_disc(self.shear - self.across @ y / unit[:, :, None], self.least)
 
     def work(self, pressure: Array, shear: Array) -> Array:
-        """On the free motions, shape (n,)."""
+        """Return the work of the tractions on the free motions, shape (n,)."""
         return np.asarray(
             np.einsum("fak,fa->k", self.normal, pressure)
             + np.einsum("fadk,fad->k", self.across, shear)

@@ -35,7 +35,7 @@ BOUNDED = (
 
 
 def refused(*names: str) -> Refused:
-    """That there is no bound of a scene with these parts."""
+    """Return the error of a scene with these parts, for which there is no bound."""
     return Refused(f"{BOUNDED}; this scene has {', '.join(dict.fromkeys(names))}")
 
 

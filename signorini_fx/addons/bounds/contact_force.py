@@ -59,7 +59,7 @@ def force(
 
 
 def _interval(problem: Bounded, boundary: str, direction: Array) -> Interval:
-    """Of a boundary in contact."""
+    """Return the interval of the force at a boundary in contact."""
     t = problem.t
     given = _given(problem, boundary, direction)
     projectors = np.zeros_like(problem.held)

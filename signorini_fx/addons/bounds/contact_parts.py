@@ -64,8 +64,8 @@ class ContactParts:
 
     @classmethod
     def between(cls, t: Simplices, slave: Ints, master: Ints) -> ContactParts:
-        """Of two sides, that with the contact points first: those of flat parallel ones along their
-        normal; of others facets at the same places.
+        """Return the parts of two sides, that with the contact points first: the overlaps of flat
+        parallel sides along their normal; for others facets at the same places.
         """
         along = t.normal[slave[0]]
         tiny = SAME_LENGTH * float(np.ptp(t.x, axis=0).max())
@@ -136,7 +136,7 @@ class ContactParts:
 
     @property
     def sides(self) -> range:
-        """Their numbers."""
+        """Return the numbers of the sides."""
         return range(len(self.facets))
 
     def facet(self, side: int) -> Ints:
@@ -204,8 +204,8 @@ class ContactParts:
     def projected_on_pieces(
         self, traction: Array, side: int, rows: Ints, pieces: Array, areas: Array
     ) -> tuple[Array, Array]:
-        """As ``projected`` on pieces of some facets, at the vertices of these, shape (n, p, d, d),
-        and the integrals of the squares of the difference over each facet, shape (n,).
+        """Return ``projected`` on pieces of some facets, at the vertices of these, shape (n, p, d,
+        d), and the integrals of the squares of the difference over each facet, shape (n,).
 
         Args:
             traction: at the vertices of the parts, stress, shape (m, d, d).
@@ -315,8 +315,8 @@ def bernstein(local: Array) -> Array:
 
 
 def coefficients(nodal: Array) -> Array:
-    """Of these polynomials, from values at vertices and at the middles of edges, shape (m, 3 or 6,
-    ...).
+    """Return the coefficients of the polynomials with these values at vertices and at the middles
+    of edges, shape (m, 3 or 6, ...).
     """
     d = 2 if nodal.shape[1] == 3 else 3
     ends = nodal[:, :d]

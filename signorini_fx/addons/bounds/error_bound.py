@@ -129,8 +129,8 @@ class Bounded(PlainProblem):
 
     @cached_property
     def stress(self) -> EquilibratedStress:
-        """In equilibrium with the loads and the tractions of the contacts, but for what is
-        ``lifted``.
+        """Return the stress in equilibrium with the loads and the tractions of the contacts, but
+        for ``lifted``.
         """
         t = self.t
         d = self.t.dimension
@@ -198,7 +198,9 @@ class Bounded(PlainProblem):
 
     @cached_property
     def strain(self) -> Array:
-        """Of the computed displacement at the corners, shape (n, d + 1, 3 or 6)."""
+        """Return the strain of the computed displacement at the corners, shape (n, d + 1,
+        3 or 6).
+        """
         return self.t.strain_at_corners(self.y)
 
     def between(self, strain: Array) -> Array:
@@ -235,7 +237,7 @@ class Bounded(PlainProblem):
 
     @cached_property
     def gap(self) -> float:
-        """Of the functionals of v and the stress, twice, an energy."""
+        """Return twice the gap of the functionals of v and the stress, an energy."""
         return float((self.admissible.contact + self.between(self.admissible.strain)).sum())
 
     @property

@@ -114,8 +114,8 @@ class LocalStress:
         self._alone[chunk] = opposite - root_of_compliance @ (q.transpose(0, 2, 1) @ beside)
 
     def _root_of_energy(self, chunk: slice) -> Array:
-        """From stresses of reference cells to vectors whose squares are the energy, shape (n, 3 or
-        6, 3 or 6).
+        """Return the matrices from stresses of reference cells to vectors whose squares are the
+        energy, shape (n, 3 or 6, 3 or 6).
         """
         t = self._t
         d = self._t.dimension
@@ -175,8 +175,8 @@ class LocalStress:
 
 
 def turn_of(f: Array) -> Array:
-    """From the components of symmetric tensors s to those of F s F^T, shape (n, 3, 3) or (n, 6,
-    6).
+    """Return the matrices from the components of symmetric tensors s to those of F s F^T, shape (n,
+    3, 3) or (n, 6, 6).
     """
     rows = ROWS[f.shape[1]]
     columns = COLUMNS[f.shape[1]]
@@ -201,7 +201,9 @@ def slopes_of_parts(d: int) -> Array:
 
 
 def tensor_times(vector: Array) -> Array:
-    """From the components of a symmetric tensor to its product with a vector, shape (d, 3 or 6)."""
+    """Return the matrix from the components of a symmetric tensor to its product with a vector,
+    shape (d, 3 or 6).
+    """
     rows = ROWS[len(vector)]
     columns = COLUMNS[len(vector)]
     product = np.zeros((len(vector), len(rows)))
@@ -268,7 +270,9 @@ def reference(d: int) -> tuple[Array, Array]:
 
 
 def forces_of_parts(d: int) -> Array:
-    """From integrals times barycentric coordinates, over the volume, to constants on the parts."""
+    """Return the matrix from integrals times barycentric coordinates, over the volume, to constants
+    on the parts.
+    """
     share = (np.full((d + 1, d + 1), d + 2.0) - (d + 1) * np.eye(d + 1)) / (
         d + 1
     ) ** 3  # int of l_j over the i-th part

@@ -84,7 +84,9 @@ class DividedFacet:
 
 @cache
 def divided_facet(d: int, m: int) -> DividedFacet:
-    """Of cells in d dimensions, into so many parts along each edge."""
+    """Return the division of a facet of cells in d dimensions, into so many parts along
+    each edge.
+    """
     places = [np.array(counts) for counts in product(range(m + 2), repeat=d)]
     straight = [counts + np.eye(d) for counts in places if counts.sum() == m - 1]
     turned = [
@@ -117,7 +119,7 @@ def _mass(d: int) -> Array:
 
 @dataclass(frozen=True)
 class Liftings:
-    """Of tractions on a facet of each of n cells."""
+    """The liftings of tractions on one facet of each of n cells."""
 
     facet: DividedFacet  # how facets are divided
     # squares of the norms of liftings in K of tractions that are linear on the parts, from values
@@ -127,8 +129,8 @@ class Liftings:
 
     @classmethod
     def of(cls, corners: Array, moduli: Moduli, m: int) -> Liftings:
-        """Of cells with corners, that opposite the facet last, shape (n, d + 1, d), and m parts
-        along each edge.
+        """Return the liftings of cells with corners, that opposite the facet last, shape (n, d + 1,
+        d), and m parts along each edge.
         """
         n = len(corners)
         d = corners.shape[2]
@@ -171,7 +173,7 @@ class Liftings:
 
 
 def _areas(corners: Array) -> Array:
-    """Of the facets opposite the last corners, shape (n, d + 1, d) to (n,)."""
+    """Return the areas of the facets opposite the last corners, shape (n, d + 1, d) to (n,)."""
     d = corners.shape[2]
     along = corners[:, 1:d] - corners[:, :1]
     return np.asarray(np.sqrt(np.linalg.det(along @ along.transpose(0, 2, 1))) / factorial(d - 1))

@@ -74,7 +74,9 @@ def free_basis(turn: Array, fixed: npt.NDArray[np.bool_]) -> sp.csr_matrix:
 
 
 def _stiffness(t: Simplices) -> sp.csr_matrix:
-    """Of displacements linear on the cells, force per length, shape (d v, d v)."""
+    """Return the stiffness of displacements that are linear on the cells, force per length, shape
+    (d v, d v).
+    """
     d = t.x.shape[1]
     rows = ROWS[d]
     columns = COLUMNS[d]

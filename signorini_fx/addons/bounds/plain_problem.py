@@ -162,7 +162,7 @@ def _of_cells(model: Model, y: fem.Function) -> Rows:
 
 
 def _values_of(part: Any, cells: Ints) -> npt.NDArray[np.float64]:
-    """Of a coefficient in cells, shape (n,)."""
+    """Return the values of a coefficient in cells, shape (n,)."""
     if isinstance(part, fem.Function):
         return np.asarray(part.x.array[part.function_space.dofmap.list[cells, 0]])
     return np.full(len(cells), float(part.value))
@@ -180,7 +180,7 @@ _ON_HALVES: Array = np.array([[[2, 0], [1, 1]], [[0, 2], [1, 1]]]) / 2
 
 @dataclass
 class FacetsInContact:
-    """One contact."""
+    """The facets of one contact."""
 
     parts: ContactParts  # where it is, m of them, on f facets with contact points
     gap: Array  # coefficients of Bernstein on the parts, length, shape (m, 3 or 6)
@@ -196,7 +196,9 @@ class FacetsInContact:
 
     @property
     def traction(self) -> Array:
-        """On the first body at the vertices of the parts, stress, shape (m, d, d)."""
+        """Return the traction on the first body at the vertices of the parts, stress, shape (m, d,
+        d).
+        """
         pressure = self.parts.on_parts(self.pressure)
         shear = self.parts.on_parts(self.shear)
         return np.asarray(-pressure[:, :, None] * self.parts.normal[:, None] - shear)
@@ -208,9 +210,9 @@ class FacetsInContact:
         return np.einsum("fcd,fd->fc", displacement, self.parts.normal) - self.gap
 
     def work(self, motions: Array) -> tuple[Array, Array]:
-        """Of unit pressures and shears at the vertices of the facets, shapes (f, d, k) and (f, d,
-        d, k); ``motions``: linear displacements at the vertices of the parts, relative to the other
-        side, length, shape (m, d, d, k).
+        """Return the work of unit pressures and shears at the vertices of the facets, shapes (f, d,
+        k) and (f, d, d, k); ``motions``: linear displacements at the vertices of the parts,
+        relative to the other side, length, shape (m, d, d, k).
         """
         parts = self.parts
         moments = with_hats(motions, parts.area)
@@ -274,8 +276,8 @@ class PlainProblem:
         return with_hats(self.body, self.t.volume)
 
     def work(self, y: Array) -> float:
-        """Of the loads on a displacement that is linear on the cells, at the vertices, shape (v,
-        d), an energy.
+        """Return the work of the loads on a displacement that is linear on the cells, at the
+        vertices, shape (v, d), an energy.
         """
         t = self.t
         on_facets = np.einsum("fad,fad->", with_hats(self.traction, t.area), y[t.facets])
@@ -301,7 +303,7 @@ class PlainProblem:
         )
 
     def _facets(self, name: str) -> Ints:
-        """Those of the cells, the halves of each one together."""
+        """Return the facets of a boundary, the halves of each one together."""
         return np.asarray(self._halves[self._undivided(name)].ravel())
 
     def _loads(self) -> tuple[Array, Array]:
@@ -362,7 +364,7 @@ class PlainProblem:
         )
 
     def _contact(self, number: int, effect: Contact) -> FacetsInContact:
-        """With admissible tractions near the nodal ones."""
+        """Return the facets of a contact with admissible tractions near the nodal ones."""
         t = self.t
         rows = self._rows
         d = self.t.dimension
@@ -472,8 +474,8 @@ def _from_inside(values: Array) -> Array:
 
 
 def _density(load: Force, x: Array, normal: Array, mass: Array, area: float) -> Array:
-    """Of a load at vertices x of m cells or facets, seen from inside, (m, k, d); ``area``: of the
-    boundary.
+    """Return the density of a load at vertices x of m cells or facets, seen from inside, (m, k, d);
+    ``area``: of the boundary.
     """
     for value in load.given.values():
         refuse_jumps(value, x, load.label)
@@ -487,7 +489,7 @@ def _density(load: Force, x: Array, normal: Array, mass: Array, area: float) -> 
 
 
 def _moduli(rows: Rows, d: int) -> Moduli:
-    """Of the cells of the mesh."""
+    """Return the moduli of the cells of the mesh."""
     if "stiffness" not in rows:
         return Moduli.isotropic(rows["lame"], rows["mu"], d)
     stiffness = rows["stiffness"]

@@ -61,7 +61,7 @@ class Moduli:
 
     @classmethod
     def isotropic(cls, lame: Array, mu: Array, dimension: int) -> Moduli:
-        """Those of lambda and mu, stresses, shape (n,)."""
+        """Return the moduli of lambda and mu, stresses, shape (n,)."""
         unit = np.eye(len(ROWS[dimension]))
         normal = (ROWS[dimension] == COLUMNS[dimension]).astype(np.float64)
         mean = np.outer(normal, normal)
@@ -78,15 +78,15 @@ class Moduli:
         return np.asarray(np.trace(self.stiffness, axis1=1, axis2=2))
 
     def stress(self, strain: Array) -> Array:
-        """Of strains, shape (n, ..., m)."""
+        """Return the stresses of strains, shape (n, ..., m)."""
         return _times(self.stiffness, strain)
 
     def strain(self, stress: Array) -> Array:
-        """Of stresses, shape (n, ..., m)."""
+        """Return the strains of stresses, shape (n, ..., m)."""
         return _times(self.compliance, stress)
 
     def of(self, cells: Ints | slice) -> Moduli:
-        """Of some of the cells."""
+        """Return the moduli of some of the cells."""
         return Moduli(self.stiffness[cells], self.compliance[cells])
 
 
@@ -140,7 +140,9 @@ class Simplices:
 
     @cached_property
     def nodes_of_facets(self) -> Ints:
-        """The same of each facet, edges in the order of ``EDGES_OF_FACET``, shape (f, 3 or 6)."""
+        """Return the nodes of each facet, edges in the order of ``EDGES_OF_FACET``, shape (f, 3 or
+        6).
+        """
         edges = np.searchsorted(
             self.keys(self.edges), self.keys(self.facets[:, EDGES_OF_FACET[self.dimension]])
         )
@@ -203,13 +205,13 @@ class Simplices:
 
     @cached_property
     def area(self) -> Array:
-        """Of each facet, shape (f,)."""
+        """Return the area of each facet, shape (f,)."""
         return np.asarray(np.linalg.norm(self._scaled_normals, axis=1))
 
     @cached_property
     def normal(self) -> Array:
-        """Of each facet, out of its first cell, on the boundary out of the body, unit, shape (f,
-        d).
+        """Return the unit normal of each facet, out of its first cell, on the boundary out of the
+        body, shape (f, d).
         """
         return self._scaled_normals / self.area[:, None]
 
@@ -221,12 +223,12 @@ class Simplices:
 
     @cached_property
     def volume(self) -> Array:
-        """Of each cell, shape (n,)."""
+        """Return the volume of each cell, shape (n,)."""
         return np.linalg.det(self.jacobian) / factorial(self.dimension)
 
     @cached_property
     def gradients(self) -> Array:
-        """Of the barycentric coordinates, 1 / length, shape (n, d + 1, d)."""
+        """Return the gradients of the barycentric coordinates, 1 / length, shape (n, d + 1, d)."""
         inverse = np.linalg.inv(self.jacobian)
         return np.concatenate((-inverse.sum(axis=1, keepdims=True), inverse), axis=1)
 
@@ -251,7 +253,7 @@ class Simplices:
 
 
 def _times(matrix: Array, components: Array) -> Array:
-    """Of each cell, shape (n, ..., m)."""
+    """Return the products of the matrix of each cell with components, shape (n, ..., m)."""
     count = components.shape[0]
     m = components.shape[-1]
     return np.asarray(
@@ -287,7 +289,7 @@ def closest_linear(moments: Array) -> Array:
 
 
 def lagrange(d: int, degree: int, points: Array) -> tuple[Array, Array]:
-    """Of the functions of a degree of vertices, and of edges, at points of the reference cell:
+    """Return the functions of vertices, and of edges, of a degree at points of the reference cell:
     values, and derivatives by its axes, shapes (points, nodes) and (d, points, nodes).
     """
     element = basix.create_element(

@@ -198,7 +198,9 @@ class _Step:
 
     @cached_property
     def data(self) -> ChangedStep:
-        """Its data, without forms, whose forces no datum changes at the solution; collective."""
+        """Return the data of the step, without forms, whose forces no datum changes at the
+        solution; collective.
+        """
         model = self.model
         assert model.boundary is not None
         assert model.data is not None
@@ -256,11 +258,11 @@ class _Steps:
 
     @property
     def models(self) -> list[Model]:
-        """Of the load steps."""
+        """Return the models of the load steps."""
         return [step.model for step in self.steps]
 
     def at(self, number: int) -> _Step:
-        """One of them."""
+        """Return a load step."""
         return self.steps[number]
 
     def by(self, path: str, change: float) -> By:
@@ -455,7 +457,7 @@ class _NonlinearSteps:
 
     @property
     def models(self) -> list[Model]:
-        """Of the load steps, which is the same."""
+        """Return the model of the load steps, which is the same for all."""
         return [self.problem.model] * len(self.reached)
 
     @property
@@ -485,7 +487,7 @@ class _LinearisedStep:
 
     @cached_property
     def usual(self) -> ChangedStep:
-        """Its data; collective."""
+        """Return the data of the step; collective."""
         problem = self.problem
         forces = problem.forces_anew(problem.statement, self.solved.displacement)
         return replace(ChangedStep(*problem.linear.data_now()), forces=forces)

@@ -135,7 +135,7 @@ class DrawnBody:
 
     @property
     def size(self) -> float:
-        """Its diagonal, length."""
+        """Return the diagonal of the body, length."""
         return float(np.linalg.norm(np.ptp(self.points, axis=0))) if len(self.points) else 0.0
 
     def moved(self, factor: float) -> Floats:

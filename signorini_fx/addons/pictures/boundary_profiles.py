@@ -128,7 +128,7 @@ def by_boundary(table: Mapping[str, Any], polygons: Rows) -> Iterator[tuple[Cont
 
 @dataclass(frozen=True)
 class PlaneBoundary(ContactColumns):
-    """One of the plane: the coordinate to draw against, its label, and where its connected pieces
+    """A boundary in 2D: the coordinate to draw against, its label, and where its connected pieces
     start.
     """
 
@@ -190,7 +190,7 @@ class Panel:
     least: float = 0.0  # what the axis shows at least, so that round-off looks like zero
 
     def draw(self, axes: Axes, boundary: PlaneBoundary, name: str) -> None:
-        """With the name of the boundary above; "": it has none."""
+        """Draw the profiles, with the name of the boundary above them if it has one."""
         power = decimal_power(
             max(min(largest_of(*(curve[1] for curve in self.curves)), self.reach), self.least)
         )

@@ -281,7 +281,7 @@ def _state_panel(
 
 
 def _rim(side: VisibleSide) -> LineCollection:
-    """Where the boundary ends."""
+    """Return the lines where the boundary ends."""
     edges = side.nodes[view.outline(side.nodes, side.polygons)]
     return LineCollection(list(edges), colors=MUTED, linewidths=0.8, zorder=3)
 

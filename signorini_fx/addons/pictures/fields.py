@@ -22,7 +22,7 @@ class Field:
         return self.label.replace("$", "").replace("_", "")
 
     def labelled(self, *, recovered: bool) -> Field:
-        """With a label that says which stress is seen."""
+        """Return the field with a label that names the stress that is drawn."""
         kind = ", recovered" if recovered else ", raw"
         return replace(self, label=self.label + kind * bool(self.of))
 

@@ -63,8 +63,8 @@ class Foundation:
         )
 
     def mirrored(self) -> list[Foundation]:
-        """In 2D with that on the other side of the axis, which is x[0] = 0, in one line if it
-        begins or ends there.
+        """Return the foundation in 2D with its image on the other side of the axis x[0] = 0, as one
+        line if it begins or ends there.
         """
         own = {name: getattr(self, name) for name in ("nodes", "normals", "gap", "touching")}
         # In the other order, so that the body is on the left.

@@ -99,7 +99,9 @@ class Largest:
         return int(points[np.argmax(np.where(next_to, sizes, -1.0))])
 
     def moved(self, body: DrawnBody, field: str, factor: float) -> Floats:
-        """Its place where the displacement is times a factor, shape (d,)."""
+        """Return the place of the largest value where the displacement is multiplied by a factor,
+        shape (d,).
+        """
         point = self.nearest(body, field)
         return np.asarray(self.place + body.moved(factor)[point] - body.points[point])
 
@@ -161,7 +163,7 @@ class Tones:
 
     @property
     def norm(self) -> Normalize:
-        """From values times the power of ten to [0, 1]."""
+        """Return the norm from values times the power of ten to [0, 1]."""
         return Normalize(self.low * 10.0**self.power, self.high * 10.0**self.power)
 
     def bar(self, figure: Figure, axes: Any) -> Colorbar:

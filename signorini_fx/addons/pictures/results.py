@@ -30,9 +30,9 @@ if TYPE_CHECKING:
 def gather_pictures(
     solution: Solution, asked: Sequence[str] = (), *, pdf: bool = False
 ) -> ResultPictures:
-    """Of a solution, with fields beside the von Mises stress, or the displacement where that is not
-    known, and out of a section ``around``; collective.  Fields that follow from a stress that is
-    not known are left out, which is said.
+    """Return the pictures of a solution, with fields beside the von Mises stress, or the
+    displacement if there is no stress, and with torsion ``around``; collective. Fields that need a
+    missing stress are left out, with a message.
     """
     suffixes = (".png", ".pdf") if pdf else (".png",)
     if solution.history.linear_solves == 0 and not solution.certified:  # excluded by statics
@@ -117,7 +117,7 @@ class ResultPictures:
         contact: ContactTable | None,
         largest: tuple[Sequence[float], str] | None,
     ) -> None:
-        """With each field on its foundation."""
+        """Draw the body with each field on its foundation."""
         from signorini_fx.addons.pictures.foundation import foundations_of
         from signorini_fx.addons.pictures.marks import Largest
 

@@ -64,8 +64,8 @@ def triangles_of(distance: Distance, tagged: TaggedMesh) -> Triangles:
 
 
 def tools_of(solution: Solution) -> dict[str, Callable[[Floats], Floats]]:
-    """Of each boundary that a rigid tool may touch, how the tool has moved at points of shape (n,
-    d).
+    """Return for each boundary that a rigid body may touch the motion of the rigid body at points
+    of shape (n, d).
     """
     contacts = solution.statement.contact
     return {
@@ -76,8 +76,9 @@ def tools_of(solution: Solution) -> dict[str, Callable[[Floats], Floats]]:
 
 
 def drawn_shapes(solution: Solution) -> dict[str, Any]:
-    """Of each contact boundary whose foundation is a shape what is drawn of that where it has moved
-    to; collective.
+    """Return for each contact boundary whose foundation is a shape the drawing of the moved shape;
+    collective. In 2D these are lines, see ``lines_of``; in 3D points and triangles, see
+    ``triangles_of``, if PyVista is installed.
 
     In 2D these are lines, see ``lines_of``; in 3D points and triangles, see ``triangles_of``, where
     PyVista is there.

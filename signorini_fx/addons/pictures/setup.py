@@ -82,12 +82,14 @@ class NamedBoundary:
 
     @property
     def middles(self) -> Floats:
-        """Of its facets, shape (f, d)."""
+        """Return the middles of the facets, shape (f, d)."""
         return np.asarray(self.corners.mean(axis=1))
 
     @property
     def label(self) -> str:
-        """Its name, and what acts on it, as in ``left: displacement (x, y)``."""
+        """Return the name and the loads and supports of the boundary, as in ``left: displacement
+        (x, y)``.
+        """
         acting = [
             f"{kind} ({', '.join(self.held)})" if kind == "displacement" else kind
             for kind in self.kinds
@@ -272,8 +274,8 @@ class Setup:
         vectors: Floats,
         **style: Any,
     ) -> None:
-        """Of vectors of length 1 at most; those into the body end at it, and the others begin
-        there.
+        """Draw arrows of vectors of length 1 at most; those into the body end at it, the others
+        begin there.
         """
         lengths = np.linalg.norm(vectors, axis=1)
         outwards = np.einsum("ij,ij->i", vectors, normals)

@@ -171,8 +171,9 @@ def _plane_of(points: Floats) -> Floats | None:
 
 
 def telling_view(body: DrawnBody, name: str) -> View:
-    """Of the views from above onto the four corners the one that shows most of a field: the cut of
-    a symmetric body rather than its back; from the front and the right if that makes no difference.
+    """Return the view, of those from above onto the four corners, that shows most of a field: the
+    cut of a symmetric body rather than its back; from the front and the right if that makes no
+    difference.
     """
     area = normals_of(body.points[body.triangles])
     size = np.abs(np.nan_to_num(body.at_corners(name))).mean(axis=1)

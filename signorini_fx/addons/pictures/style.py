@@ -129,7 +129,9 @@ def number(value: float) -> str:
 
 
 def _power_of_ten(power: int) -> str:
-    """In letters: the first formula that matplotlib sets takes a tenth of a second."""
+    """Return a power of ten in letters: the first formula that matplotlib sets takes a tenth of a
+    second.
+    """
     return "10" + str(power).translate(_RAISED)
 
 

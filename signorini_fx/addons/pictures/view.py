@@ -48,7 +48,7 @@ class Camera:
 
     @classmethod
     def on(cls, view: View, points: Floats) -> Camera:
-        """One that sees all points, shape (n, 3)."""
+        """Return a camera that sees all points, shape (n, 3)."""
         axes = np.stack((view.right, view.up, view.toward))
         low = (points @ axes.T).min(axis=0)
         high = (points @ axes.T).max(axis=0)
@@ -74,7 +74,7 @@ def along(direction: Floats) -> View:
 
 
 def oblique(azimuth: float = -58.0, elevation: float = 24.0) -> View:
-    """From the front, the right and above; degrees."""
+    """Return the view from the front, the right and above; degrees."""
     turn, lift = np.radians((azimuth, elevation))
     sight = -np.array([np.cos(lift) * np.cos(turn), np.cos(lift) * np.sin(turn), np.sin(lift)])
     return View.against(sight, np.eye(3)[2])

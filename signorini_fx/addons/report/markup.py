@@ -59,7 +59,7 @@ def part(name: str, *values: Any) -> Markup:
 
 
 def joined(parts: Iterable[Markup]) -> Markup:
-    """One after the other."""
+    """Return the parts one after the other."""
     return Markup("").join(parts)
 
 

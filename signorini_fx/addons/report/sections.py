@@ -91,7 +91,9 @@ def done(summary: dict[str, Any]) -> str:
 
 
 def no_result(summary: dict[str, Any]) -> str:
-    """Of what figures and pictures are that are none of a solution; "": they are of one."""
+    """Return the state that figures and pictures belong to if it is no solution; an empty string if
+    it is one.
+    """
     if validity_of(summary).solved:
         return ""
     holds = summary["certificate"]["holds"]

@@ -108,7 +108,7 @@ class RegularisedData:
         return self.gamma_n if self.share is None else self.gamma_n * self.share
 
     def softer(self, stiffness: float) -> RegularisedData:
-        """The same with neither gamma above this stiffness, stress per length."""
+        """Return the data with neither gamma above this stiffness, stress per length."""
         gamma_n = min(self.gamma_n, stiffness)
         share = None if self.share is None else np.minimum(self.stiffness, stiffness) / gamma_n
         return replace(self, gamma_n=gamma_n, gamma_t=min(self.gamma_t, stiffness), share=share)

@@ -184,8 +184,8 @@ def reference_motion(
     motions: FreeMotions,
     resultant: npt.NDArray[np.float64],
 ) -> ReferenceMotion | None:
-    """Where the load moves the rigid body; None if nothing stops it without friction, or if
-    supports hold it; collective.
+    """Return the place to which the load moves the rigid body; None if nothing stops it without
+    friction, or if supports hold it; collective.
 
     The work of the load is largest over the rigid motions that do not enter the foundation: a
     linear programme with as many unknowns as motions that the contact resists.  Pieces that are not

@@ -21,8 +21,8 @@ from signorini_fx.tuned import NO_FORCE, ROOT_OF_EPS, SAME_LENGTH, ZERO_IN_SOLUT
 
 
 def pushed(depth: Nodal, size: float) -> npt.NDArray[np.bool_]:
-    """Where supports push the body of this size into its foundation, and not round-off, shape (n,);
-    ``depth``: see ``PointState.held_inside``, length.
+    """Return where supports push the body of this size into its foundation by more than round-off,
+    shape (n,); ``depth``: see ``PointState.held_inside``, length.
     """
     return np.asarray(depth > SAME_LENGTH * size)
 

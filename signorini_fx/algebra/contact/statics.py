@@ -146,7 +146,9 @@ class Reactions:
         return np.asarray((self.given > 0) | (self.coefficient > 0))
 
     def unlimited(self, where: npt.NDArray[np.bool_]) -> Reactions:
-        """The same with unlimited given friction at some nodes, and none at the others."""
+        """Return the reactions with unlimited given friction at some nodes, and none at
+        the others.
+        """
         bound = np.where(where, np.inf, 0.0)
         return replace(self, given=bound, cap=np.full_like(bound, np.inf))
 

@@ -60,11 +60,13 @@ class Level(Protocol):
 
     @property
     def interpolation(self) -> PETSc.Mat | None:
-        """From the unknowns on the coarser level, prescribed ones left out; None: there is none."""
+        """Return the matrix from the unknowns on the coarser level, without prescribed ones; None:
+        there is no coarser level.
+        """
 
     @property
     def positions(self) -> npt.NDArray[np.float64]:
-        """Of the unknowns of this rank, shape (n, 3)."""
+        """Return the positions of the unknowns of this rank, shape (n, 3)."""
 
     @property
     def stiffness(self) -> PETSc.Mat | None:
@@ -117,7 +119,9 @@ class Elasticity:
 
     @property
     def positions(self) -> npt.NDArray[np.float64] | None:
-        """Of the displacements of this rank, its first unknowns; None: not known."""
+        """Return the positions of the displacements of this rank, its first unknowns; None:
+        unknown.
+        """
         return None if self.level is None else self.level.positions
 
 
@@ -213,7 +217,7 @@ class ElasticSystem:
         self.cases[number] = case
 
     def with_load(self, load: PETSc.Vec) -> Self:
-        """The same matrix with this load of all unknowns of the stiffness alone."""
+        """Return the same matrix with a load of all unknowns of the stiffness alone."""
         system = copy(self)
         system.load = load.copy()
         return system

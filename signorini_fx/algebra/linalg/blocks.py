@@ -60,7 +60,7 @@ class BlockRows:
 
     @property
     def size(self) -> int:
-        """Of blocks, d."""
+        """Return the size of the blocks, the spatial dimension d."""
         return int(self.blocks.shape[1])
 
     def rows_at(self, unknowns: npt.NDArray[np.int64]) -> tuple[Any, Any, Any]:

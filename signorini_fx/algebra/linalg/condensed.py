@@ -108,7 +108,7 @@ class CondensedSystem(ElasticSystem):
         self.condensed[number], self.recovered = self.schur.condense(case.load), None
 
     def with_load(self, load: PETSc.Vec) -> Self:
-        """The same with this load alone, condensed: one back substitution."""
+        """Return the condensed system with a load alone, by one back substitution."""
         system = copy(self)
         system.cases = [replace(self.cases[0], load=load)]
         system.condensed = [self.schur.condense(load)]
@@ -132,7 +132,7 @@ class CondensedSystem(ElasticSystem):
         )
 
     def unknowns(self, displacement: PETSc.Vec) -> PETSc.Vec:
-        """Those of the nodes that contact reaches."""
+        """Return the unknowns of the nodes that contact reaches."""
         x = self.load.duplicate()
         x.getArray()[:] = displacement.getArray(readonly=True)[self.schur.retained]
         return x

@@ -73,7 +73,8 @@ class KrylovSystem(ElasticSystem):
 
     @cached_property
     def hierarchy(self) -> Hierarchy:
-        """Of A, set up when it is first asked for; collective.
+        """Return the hierarchy of A, set up at its first use; collective. It has no room for
+        contact: aggregates follow the pattern, and would mix what only contact joins.
 
         Without the room for contact: aggregates follow the pattern, and would mix what only contact
         joins.
@@ -96,7 +97,7 @@ class KrylovSystem(ElasticSystem):
 
     @cached_property
     def levels(self) -> ContactLevels:
-        """Of the hierarchy, as contact truncates them; collective."""
+        """Return the levels of the hierarchy, truncated by contact; collective."""
         rigid = int(
             np.count_nonzero(~self.contact.fixed[self.contact.fixed.size - self.elasticity.rigid :])
         )
@@ -140,8 +141,8 @@ class KrylovSystem(ElasticSystem):
         call("KSPConvergedDefaultSetUIRNorm", ksp)
 
     def factorise(self, ksp: PETSc.KSP, *, symmetric: bool) -> bool:
-        """Where the user has chosen no solver, and a factor, without symmetry two of them, fits
-        into the memory.
+        """Factorise, and return True, if the user has chosen no solver and the factor, without
+        symmetry two of them, fits into the memory.
         """
         if petsc_options.user_sets("ksp_", "pc_") or not can_factorise(self.comm):
             return False
@@ -195,7 +196,9 @@ class KrylovSystem(ElasticSystem):
     def keep_factor(
         self, ksp: PETSc.KSP, unchanged: bool, forces: float, *, exact: bool = False
     ) -> bool:
-        """For the same matrix; where it is another one, a solve by multigrid need not be exact."""
+        """Return whether the factor is kept, as for the same matrix; for another one a solve by
+        multigrid need not be exact.
+        """
         if ksp.getType() == PETSc.KSP.Type.PREONLY:
             self.inexact = False
         elif not petsc_options.user_sets("ksp_"):

@@ -84,8 +84,9 @@ class Hierarchy:
     def with_rigid_bodies(
         self, free: npt.NDArray[np.bool_], stiffness: npt.NDArray[np.float64]
     ) -> Hierarchy:
-        """The same with the unknowns of rigid bodies on each level, see ``rigid_unknowns``, on
-        coarse ones those that are free; ``stiffness``: of the springs that hold these; collective.
+        """Return the hierarchy with the unknowns of rigid bodies on each level, see
+        ``rigid_unknowns``, on coarse levels the free ones; ``stiffness``: of their springs;
+        collective.
         """
         springs = stiffness[free]
         ones = np.ones(np.count_nonzero(free))

@@ -303,8 +303,8 @@ def _nested_dissection(graph: sp.csr_array, positions: Array) -> Numbers:
 
 
 def _paths(positions: Array, piece: npt.NDArray[np.int32]) -> npt.NDArray[np.int64]:
-    """For each node its piece, and a bit for each halving of it, on which side the node is, shape
-    (n,).
+    """Return for each node its piece, and a bit for each halving of the piece, on which side the
+    node is, shape (n,).
     """
     # Round-off must not divide nodes that are in one plane, which would make of a separating layer
     # two.

@@ -216,7 +216,7 @@ def _own_columns_first(matrix: PETSc.Mat) -> tuple[sp.csr_array, Indices]:
 
 
 def _places_in(names: Indices, wanted: Indices) -> Indices:
-    """Where each of some names is among others, -1: nowhere."""
+    """Return the position of each of some names among others, -1: it has none."""
     order = np.argsort(names)
     places = order[np.minimum(np.searchsorted(names[order], wanted), names.size - 1)]
     places[names[places] != wanted] = -1

@@ -103,7 +103,7 @@ class NodalBlocks:
         return into
 
     def _blocks(self, matrix: PETSc.Mat) -> Array:
-        """Those of a matrix like A_cc."""
+        """Return the blocks of a matrix like A_cc."""
         starts, columns, values = matrix.getValuesCSR()
         row = np.repeat(np.arange(self._node.size), np.diff(starts[: self._node.size + 1]))
         column = columns[: row.size] - self._first
@@ -144,8 +144,8 @@ class NodalBlocks:
         return stiff_and_soft(added, self.scale)
 
     def inverse(self, held: Array) -> Array:
-        """Of the diagonal of A, on the directions that are not held; what contact adds softly takes
-        no fewer steps.
+        """Return the inverse of the diagonal of A on the directions that are not held; the soft
+        part of contact in it saves no steps.
         """
         size = self.shape[1]
         present = self._components()

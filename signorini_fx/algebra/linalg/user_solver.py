@@ -78,7 +78,9 @@ class UserSystem(ElasticSystem):
     def keep_factor(
         self, ksp: PETSc.KSP, unchanged: bool, forces: float, *, exact: bool = False
     ) -> bool:
-        """For the same matrix; the residual is measured against the forces."""
+        """Return whether the factor is kept, as for the same matrix; the residual is measured
+        against the forces.
+        """
         if not petsc_options.user_sets("ksp_"):
             ksp.setTolerances(rtol=ZERO_COMPONENT, atol=LEFT_BY_SOLVES * forces)
         return unchanged
