@@ -95,7 +95,7 @@ class ContactFields:
 
 @dataclass(frozen=True, kw_only=True)
 class BoundaryFields(ContactFields):
-    """The same Functions on a mesh of the contact boundary.
+    """The Functions of ``ContactFields`` on a mesh of the contact boundary.
 
     Attributes:
         mesh: of the facets, of one dimension less than the body, in the same space; shared by the

@@ -74,7 +74,7 @@ class NonlinearForces(NodalForces):
         return np.asarray((self._sum(forms) - self.external(step)).ravel())
 
     def of_followers(self, displacement: fem.Function, step: float) -> list[NamedForces]:
-        """Those of loads that follow the body, with their names; collective."""
+        """Return the forces of loads that follow the body, with their names; collective."""
         self._move_to(displacement, step)
         followers = self._body.followers
         loads = list[NamedForces]()

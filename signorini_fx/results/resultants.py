@@ -137,18 +137,18 @@ class Resultants:
         return self._sum(boundary, self._through(boundary), about)
 
     def body_force(self, about: npt.ArrayLike | None = None) -> Resultant:
-        """That of the body force; collective."""
+        """Return the resultant of the body force; collective."""
         return self._sum(None, self._at_nodes(None), about)
 
     def every(self) -> list[Resultant]:
-        """Those of all boundaries with loads, supports or contact, and of the body force;
-        collective.
+        """Return the resultants of all boundaries with loads, supports or contact, and of the body
+        force; collective.
         """
         resultants = [self.of(name) for name in self._names]
         return [*resultants, *([self.body_force()] if self._at_nodes(None) else [])]
 
     def as_rows(self) -> list[dict[str, object]]:
-        """Those of ``every`` for the summary; none if the displacement is not a number;
+        """Return the rows of ``every`` for the summary; none if the displacement is not a number;
         collective.
         """
         if parallel.any_rank(
@@ -183,8 +183,8 @@ class Resultants:
 
     @cached_property
     def _moved(self) -> Array:
-        """By how much nodes are moved to where forces act on a body with large displacements, shape
-        (nodes, d).
+        """Return the motion of the nodes to where forces act on a body with large displacements,
+        shape (nodes, d).
         """
         y = self.displacement.x.array.reshape(-1, self.tagged.mesh.geometry.dim)
         return np.asarray(y if self.acting.displaced else np.zeros_like(y))
@@ -261,8 +261,8 @@ class Resultants:
         return by_cause
 
     def _at_nodes(self, boundary: str | None) -> ByCause:
-        """Those of supports, loads and what resists the displacement; None: in the body;
-        collective.
+        """Return the nodal forces of supports, loads and everything that resists the displacement,
+        at a boundary; None: in the body; collective.
         """
         held = [
             number
@@ -306,7 +306,7 @@ class Resultants:
 
     @property
     def _kinematics(self) -> Kinematics:
-        """Of the body, by which some moments cancel."""
+        """Return the kinematics of the body, by which some moments cancel."""
         return self.statement.kinematics_in(self.tagged.dimension)
 
     def _middle(self, boundary: str) -> tuple[Array, Array | None]:
@@ -336,9 +336,9 @@ def moments(arms: Array, forces: Array) -> Array:
 
 
 def arm(moment: Array, force: Array, normal: Array | None) -> Array:
-    """From a point to where a force with this moment about it acts, shape (d,): n x M / (n . F)
-    across a normal, where no moment is left but that along it; without, or if the force lies in
-    that plane, the nearest place F x M / F^2.
+    """Return the vector from a point to where a force with this moment about it acts, shape (d,): n
+    x M / (n . F) across a normal, where no moment is left but that along it; without, or if the
+    force lies in that plane, the nearest place F x M / F^2.
     """
     axis = force
     if normal is not None and abs(normal @ force) > ZERO_IN_SOLUTION * np.linalg.norm(force):

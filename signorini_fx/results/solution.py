@@ -97,7 +97,7 @@ class Solution:
     remedy: str = ""
 
     def __repr__(self) -> str:
-        """One line, because the fields contain whole meshes and matrices."""
+        """Return one line, because the fields contain whole meshes and matrices."""
         title = self.statement.title or "scene"
         return (
             f"<Solution of {title!r}: {self.status.value}, {self.algorithm}, {self.model.dofs} "
@@ -410,8 +410,8 @@ class Solution:
 
     @cached_property
     def error_shares(self) -> npt.NDArray[np.float64] | str:
-        """Of a nonlinear body: what each owned cell has of the squared relative error of the
-        stress, shape (cells,), or why it is not known; collective.
+        """Return the part of each owned cell in the squared relative error of the stress of a
+        nonlinear body, shape (cells,), or why it is unknown; collective.
         """
         body: Any = self.model  # its residual says all of it
         known = body.errors_now(False)

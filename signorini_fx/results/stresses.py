@@ -136,7 +136,7 @@ class StressFields:
         return self._function(f"stress_{name}", self._nodal()[:, i, j])
 
     def largest(self, field: str = "von_mises", component: int = 0) -> Extreme:
-        """Where a field is largest at the nodes; collective.
+        """Return the largest value of a field at the nodes and its place; collective.
 
         Args:
             field: ``von_mises``, ``principal``, or a component of the tensor such as ``zz``.
@@ -148,7 +148,9 @@ class StressFields:
         return self._extreme(field, component, sign=1.0)
 
     def smallest(self, field: str = "principal", component: int = 2) -> Extreme:
-        """Where a field is smallest, see ``largest``: by default the largest compression."""
+        """Return the smallest value of a field and its place, see ``largest``: by default the
+        largest compression.
+        """
         return self._extreme(field, component, sign=-1.0)
 
     def _extremes(self) -> dict[str, Extreme]:
@@ -207,8 +209,8 @@ class StressFields:
         return Extreme(sign * best, *self.comm.bcast(where, root=-rank))
 
     def utilised(self, limit: fem.Function) -> Extreme:
-        """Where the von Mises stress is the largest share of a limit; ``limit``: a stress of each
-        cell, a function of degree 0, infinite where there is none; collective.
+        """Return the place where the von Mises stress is the largest share of a limit; ``limit``: a
+        stress of each cell, a function of degree 0, infinite where there is none; collective.
         """
         cells = self.von_mises.function_space.dofmap
         share = self.von_mises.x.array.copy()
@@ -443,8 +445,8 @@ def principal_of(sigma: Nodal) -> Nodal:
 
 
 def part_of(model: Model, cell: int, parts: Sequence[str | None]) -> str | None:
-    """The one of some regions that a cell is in, by its global number; None: in none of them;
-    collective.
+    """Return the one of some regions that a cell is in, by its global number; None: it is in none
+    of them; collective.
     """
     cells = model.tagged.mesh.topology.index_map(model.tagged.dimension)
     local_cell = cell - cells.local_range[0]

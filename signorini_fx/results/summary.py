@@ -109,7 +109,7 @@ _HEADER = "solve  outer  iter  contact   slip+   slip-  changed   residual   sec
 
 
 def table_row(record: Record) -> str:
-    """One line of the iteration table, the first with its header; an outer record closes its
+    """Return one line of the iteration table, the first with its header; an outer record closes its
     regularised problem.
     """
     if isinstance(record, str):
@@ -212,7 +212,7 @@ def _figures(summary: dict[str, Any]) -> list[TerminalLine]:
 
 
 def _outcome(summary: dict[str, Any]) -> list[TerminalLine]:
-    """Of which load step the results are, and what to do unless it is a solution."""
+    """Return the load step of the results, and what to do unless it is a solution."""
     lines = [row("results of", results_of(summary))] if "results_of" in summary else []
     return (
         lines if summary["converged"] else [*lines, row("what to do", summary["advice"], "advice")]
@@ -247,7 +247,7 @@ def _warnings(summary: dict[str, Any]) -> list[TerminalLine]:
 
 
 def _pieces(pieces: list[dict[str, Any]], limit: int = 4) -> list[TerminalLine]:
-    """Where the first few are of a body that is not connected."""
+    """Return the places of the first few pieces of a body that is not connected."""
     shown = []
     for piece in pieces[:limit]:
         name = "" if piece["body"] is None else f"{piece['body']}, "

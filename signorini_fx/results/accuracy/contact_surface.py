@@ -67,7 +67,7 @@ class ContactSurface:
 
     @cached_property
     def area(self) -> Floats:
-        """Of each piece, shape (pieces,)."""
+        """Return the area of each piece, shape (pieces,)."""
         return np.asarray(np.linalg.norm(self._normal_area, axis=1))
 
     @cached_property
@@ -97,8 +97,8 @@ class ContactSurface:
 
     @cached_property
     def across(self) -> Ints:
-        """The same side of the neighbour, as piece times k plus side; -1 at the rim; shape (pieces,
-        k).
+        """Return the side of the neighbour across each side, as piece times k plus side; -1 at the
+        rim; shape (pieces, k).
         """
         ends = np.sort(
             np.stack((self.corners, np.roll(self.corners, -1, axis=1)), axis=2).reshape(-1, 2),

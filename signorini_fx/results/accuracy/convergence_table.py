@@ -152,8 +152,8 @@ def border_of(table: ContactTable) -> float | None:
 
 
 def ends_of_zones(table: ContactTable) -> float | None:
-    """In 2D: the longest interval in which the contact ends, relative to its length; None if it has
-    no ends.
+    """Return, in 2D, the longest interval in which the contact ends, relative to its length; None
+    if it has no ends.
     """
     length = longest = 0.0
     pressed = table.columns["pressure"] > 0

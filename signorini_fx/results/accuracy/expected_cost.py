@@ -62,7 +62,7 @@ def linear_solves(statement: Statement, nodes: int) -> tuple[int, int]:
 
 
 def factorisation_seconds(unknowns: float, dimension: int) -> float:
-    """Of one sparse factorisation."""
+    """Return the seconds of one sparse factorisation."""
     return SOLVE_SECONDS * unknowns + FACTOR_SECONDS[dimension] * unknowns ** (
         1.5 if dimension == 2 else 2.0
     )

@@ -50,7 +50,7 @@ class LevelResult(Price):
 
     @property
     def dimension(self) -> int:
-        """Of the body, 2 or 3."""
+        """Return the dimension of the body, 2 or 3."""
         return 2 if self.table.facets is None else 3
 
 

@@ -286,7 +286,7 @@ class _Place:
 
     @property
     def error_by_last_changes(self) -> float:
-        """The same by the rate of the last two changes; 0 where that cannot be told."""
+        """Return the error by the rate of the last two changes; 0 where there is no rate."""
         changes = np.diff(self.pressure)[-2:]
         steps = -np.diff(np.log(self.spacing))[-2:]
         if len(changes) < 2 or not changes.prod() > 0:

@@ -83,7 +83,7 @@ class StressRecovery:
 
     @classmethod
     def of(cls, model: Model) -> StressRecovery:
-        """That of a scene."""
+        """Return the recovery of the stress of a scene."""
         stress = element_stress(model, model.elastic.displacement())
         # Without the radius, and expressions in the stress, all is a product of two polynomials
         # like the strain.
@@ -136,7 +136,7 @@ class StressRecovery:
         return float(np.sqrt(parallel.global_sum(self._comm, self.squares(y, step).sum())))
 
     def squares(self, y: fem.Function, step: float = 0) -> npt.NDArray[np.float64]:
-        """Its square for each owned cell, shape (cells,); collective."""
+        """Return the squared error of each owned cell, shape (cells,); collective."""
         self._fill(y, step)
         total: npt.NDArray[np.float64] = np.zeros(1)
         for cells in self._parts:
@@ -250,8 +250,8 @@ def _free(effect: PrescribedDisplacement, vector: Any, on: FormCoefficients) -> 
 
 
 def _away(effect: PrescribedDisplacement, y: Any, factor: Any, on: FormCoefficients) -> list[Any]:
-    """By how much the displacement misses prescribed expressions between the nodes, lengths,
-    UFL.
+    """Return the difference of the displacement from prescribed expressions between the nodes,
+    lengths, UFL.
     """
     pairs = [*zip(effect.components, y, strict=False), (effect.normal, ufl.inner(y, on.normal))]
     given = [
@@ -304,7 +304,9 @@ def squared_residual(
 
 
 def element_stress(body: Model, displacement: fem.Function, step: float = 0.0) -> ElementStress:
-    """That of a scene with the initial strains of a place in the lists of factors; collective."""
+    """Return the stress of a scene with the initial strains of a place in the lists of factors;
+    collective.
+    """
     initial, jump, move = given_strains(body.statement, body.tagged, body.space)
     of_law = body.elastic.stress(
         displacement, displacement if jump is None else displacement + jump, initial

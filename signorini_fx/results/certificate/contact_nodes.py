@@ -129,8 +129,8 @@ class ContactNodes(ContactConditions):
         return of_node[self.boundary.nodes], opposite
 
     def resultant(self, motion: RigidBodyMotion, y: Nodal) -> tuple[Nodal, float, float]:
-        """What its contact tractions do to a rigid body: force and moment about its pivot, shape
-        (m,), the sum of the magnitudes of forces, and how far from the pivot they act.
+        """Return the resultant of the contact tractions on a rigid body: force and moment about its
+        pivot, shape (m,), the sum of the magnitudes of forces, and their distance from the pivot.
         """
         part = self.part(*motion.body.parts)
         averages = self.boundary.averages

@@ -58,7 +58,9 @@ class NodalForces:
 
     @classmethod
     def on(cls, model: Model) -> NodalForces:
-        """Those of a model; statements on a mesh that differ in contact alone share their forms."""
+        """Return the forces of a model; statements on a mesh that differ in contact alone share
+        their forms.
+        """
         statement, (stated, kept) = model.statement, model.of_mesh.get("nodal_forces", (None, None))
         entries = [id(entry) for at, entry in statement.listed() if not at.startswith("contact[")]
         stating = statement.kinematics, statement.element, statement.path, entries
@@ -71,7 +73,7 @@ class NodalForces:
 
     @shared_in("_of_forms")
     def pieces(self) -> RigidPart:
-        """Those of the body."""
+        """Return the pieces of the body."""
         return RigidPart(self.space)
 
     @shared_in("_of_forms")

@@ -43,7 +43,7 @@ class PairPoints:
 
     @classmethod
     def of(cls, pair: PairedSides | MovingPair) -> PairPoints:
-        """Those of a pair where it is now."""
+        """Return the contact points of a pair in its current position."""
         if isinstance(pair, PairedSides):
             return cls(
                 pair.sides, pair.coupling.slave, pair.coupling.master, pair.across, kept=pair
