@@ -101,8 +101,8 @@ class CellSlopes:
         return np.array_equal(self._mesh.geometry.x, self._seen)
 
     def along_reference(self, displacement: fem.Function) -> Iterator[tuple[Array, Array]]:
-        """Of each point the derivatives of places, and of displacements likewise, shape (d, d,
-        cells), the direction in the reference cell last.
+        """Yield for each point the derivatives of places and of displacements, shape (d, d, cells),
+        the direction in the reference cell last.
         """
         dim = self._dimension
         components = self._mesh.geometry.dim
@@ -114,7 +114,7 @@ class CellSlopes:
 
 
 def _by_function(values: Array) -> Array:
-    """Of nodal values, shape (cells, functions, d): shape (functions, d cells), the cells next to
+    """Return nodal values of shape (cells, functions, d) as (functions, d cells), the cells next to
     each other.
     """
     return np.ascontiguousarray(values.transpose(1, 2, 0)).reshape(values.shape[1], -1)

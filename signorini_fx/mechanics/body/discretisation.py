@@ -283,8 +283,8 @@ def law_of(model: Model, statement: Statement) -> PointFriction | None:
 
 
 def with_gap_and_friction(model: M, statement: Statement) -> M:
-    """The same contact points with gap and friction, without axes, of another statement;
-    collective.
+    """Return the model with gap and friction, without axes, of another statement at the same
+    contact points; collective.
     """
     assert model.boundary is not None
     foundations = _foundations(model, statement)

@@ -45,7 +45,9 @@ Cells = npt.NDArray[np.int32]
 
 
 def at_rest(statement: Statement) -> Statement:
-    """The same with materials of small strains, and without loads that follow the body."""
+    """Return the statement with materials of small strains, and without loads that follow
+    the body.
+    """
     return without_followers(statement).changed(
         material=tuple(material.at_rest for material in statement.material)
     )
@@ -149,7 +151,7 @@ class BodyResidual:
 
 
 def body_residual(statement: Statement, tagged: TaggedMesh, u: fem.Function) -> BodyResidual:
-    """That of the materials of a statement at the displacement ``u``; errors: see
+    """Return the residual of the materials of a statement at the displacement ``u``; errors: see
     ``volume_degree``; collective.
     """
     space = u.function_space

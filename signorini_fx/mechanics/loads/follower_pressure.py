@@ -87,7 +87,7 @@ class _DisplacedCoefficients(FormCoefficients):
 
 
 def without_followers(statement: Statement) -> Statement:
-    """The same without pressures and centrifugal forces that follow the body."""
+    """Return the statement without pressures and centrifugal forces that follow the body."""
     leaving, pressed = ([*map(id, of(statement))] for of in (carried_loads, following))
 
     def kept(entries: tuple[Any, ...]) -> tuple[Any, ...]:
@@ -113,8 +113,8 @@ class Followers:
     def of(
         cls, statement: Statement, tagged: TaggedMesh, u: fem.Function, ds: Any, dx: Any
     ) -> Followers:
-        """Those of a statement at ``u``; ``ds(1)`` and so on integrate over the boundaries of
-        pressures.
+        """Return the loads of a statement that follow the body, at ``u``; ``ds(1)`` and so on
+        integrate over the boundaries of pressures.
         """
         pressures = following(statement)
         carried = carried_loads(statement)

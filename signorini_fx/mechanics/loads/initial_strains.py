@@ -167,7 +167,7 @@ def _plane(
 
 
 def jumps_in(statement: Statement, tagged: TaggedMesh, space: fem.FunctionSpace) -> list[Jump]:
-    """Those of a scene; collective."""
+    """Return the jumps of the displacement of a scene; collective."""
     if not statement.preloads:
         return []
     acting = [(path, entry) for path, entry in statement.listed() if entry in statement.preloads]

@@ -74,7 +74,9 @@ class AppliedLoad:
     pressure_load: npt.NDArray[np.float64] | None = None
 
     def at(self, step: float) -> AppliedLoad:
-        """The same at the time of a place; itself if it does not depend on it; collective."""
+        """Return the load at the time of a place; itself if it does not depend on it;
+        collective.
+        """
         return self if self.again is None else self.again(step)
 
     @property
@@ -174,12 +176,12 @@ class FormCoefficients:
 
     @property
     def around(self) -> Any:
-        """By what areas and lengths of the mesh are multiplied, see ``Kinematics.measure``."""
+        """Return the factor of areas and lengths of the mesh, see ``Kinematics.measure``."""
         return self.kinematics.measure(self.position)
 
     @property
     def kinematics(self) -> Kinematics:
-        """Of the body."""
+        """Return the kinematics of the body."""
         return self.statement.kinematics_in(self.tagged.dimension)
 
     def total(self, effect: Any) -> Any:
@@ -206,7 +208,7 @@ class FormCoefficients:
         return self._totals[boundary, spread]
 
     def path(self, effect: Effect) -> str:
-        """Where the scene has an effect."""
+        """Return the path of an effect in the scene."""
         return next(
             (path for path, entry in self.statement.listed() if entry is effect), effect.label
         )

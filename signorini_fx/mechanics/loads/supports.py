@@ -56,7 +56,7 @@ class Supports:
         facets: dict[str, npt.NDArray[np.int32]],
         tagged: TaggedMesh,
     ) -> Supports:
-        """Those of a scene; collective."""
+        """Return the Dirichlet conditions of a statement; collective."""
         from signorini_fx.mechanics.contact_points.turned_supports import TurnedNodes
 
         place = (statement, space, facets, tagged)

@@ -64,7 +64,9 @@ class Axes(Table):
             yield ("second",), "the mesh is plane: direction determines the axes, leave it out"
 
     def axes(self, x: Array) -> Array:
-        """They are not finite where the vectors of the scene are not, are zero, or are parallel."""
+        """Return the axes as ``Material.axes``; not finite where the vectors of the scene are not,
+        are zero, or are parallel.
+        """
         first = _vectors(self.direction or (1.0,), x)
         second = _vectors(self.second or (0.0, 1.0), x)
         if self.direction is not None and len(self.direction) == 2:
@@ -158,7 +160,9 @@ class Orthotropic(Axes):
 
     @property
     def compliance(self) -> Array:
-        """In the order 11, 22, 33 and the shears, 1 / stress, shape (6, 6)."""
+        """Return the compliance in the order 11, 22, 33 and the shears, 1 / stress, shape
+        (6, 6).
+        """
         matrix = np.diag(
             [*(1 / modulus for modulus in self.young), *(1 / modulus for modulus in self.shear)]
         )

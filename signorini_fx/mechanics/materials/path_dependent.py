@@ -79,7 +79,7 @@ class J2(PathDependent):
 
     @property
     def _slopes(self) -> Array:
-        """Of the segments that begin at the points of ``_curve``, stresses."""
+        """Return the slopes of the segments that begin at the points of ``_curve``, stresses."""
         strains, stresses = self._curve
         last_slope = self.hardening if isinstance(self.hardening, float) else 0.0
         return np.append(np.diff(stresses) / np.diff(strains), last_slope)

@@ -195,7 +195,7 @@ class Material(Effect):
 
 @cache
 def stiffness_of(material: Material) -> Array:
-    """From ``Material.stress``, by one strain after the other."""
+    """Return the stiffness by ``Material.stress``, from one unit strain after the other."""
     return np.column_stack([stress_of(material, strain) for strain in np.eye(len(PAIRS))])
 
 

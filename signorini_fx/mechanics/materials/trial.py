@@ -56,7 +56,9 @@ def fault_of(material: Any) -> str:
 
 
 def _fault_of_linear(material: Any, name: str) -> str:
-    """Its stress is taken from unit strains, by a matrix that must have an energy."""
+    """Return the fault of a linear material: its stress at unit strains must be a matrix that has
+    an energy; an empty string: there is none.
+    """
     stiffness = material.stiffness
     together = stress_of(material, np.ones(len(PAIRS)))
     if not np.isfinite(stiffness).all():

@@ -68,7 +68,7 @@ class BodySurface:
 
     @classmethod
     def of(cls, space: fem.FunctionSpace) -> BodySurface:
-        """That of a space of displacements; nodes between vertices divide a facet."""
+        """Return the surface of a space of displacements; nodes between vertices divide a facet."""
         mesh = space.mesh
         dim = space.mesh.topology.dim
         mesh.topology.create_connectivity(dim - 1, dim)

@@ -160,7 +160,7 @@ class Foundations:
 
     @property
     def rigid_bodies(self) -> RigidBodies:
-        """Those that forces move."""
+        """Return the rigid bodies that forces move."""
         bodies = rigid_bodies(self.driven, self._names)
         return RigidBodies(bodies, CARTESIAN[self._dimension], self._length if bodies else 1.0)
 
@@ -431,7 +431,7 @@ class Foundations:
         turned: TurnedNodes | None,
         at_rest: npt.NDArray[np.bool_],
     ) -> FacingSides:
-        """Both sides of a pair before they are paired, with the factor of its measure, see
+        """Return both sides of a pair before they are paired, with the factor of its measure, see
         ``boundary``.
         """
         from signorini_fx.mechanics.obstacles.paired_points import FacingSides
@@ -505,8 +505,8 @@ class Foundations:
 
     @property
     def pairs(self) -> dict[int, PairedSides]:
-        """Both sides of each pair by its number among the contacts, since ``boundary`` was asked
-        for.
+        """Return both sides of each pair by its number among the contacts, once ``boundary`` has
+        paired them.
         """
         return dict(self._pairs)
 

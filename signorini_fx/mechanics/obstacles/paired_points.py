@@ -63,9 +63,9 @@ class PairedSide:
 
     @classmethod
     def of(cls, space: fem.FunctionSpace, facets: Indices, factor: Array | None) -> PairedSide:
-        """Those facets of all ranks, with a factor of the measure at all nodes of this rank, shape
-        (nodes,), None: 1; collective.  Positions interpolate those of the nodes of the
-        displacement.
+        """Return the side of these facets of all ranks, with a factor of the measure at all nodes
+        of this rank, shape (nodes,), None: 1; collective. Positions interpolate those of the nodes
+        of the displacement.
         """
         mesh = space.mesh
         dim = space.mesh.topology.dim
@@ -214,8 +214,8 @@ def mirrored(
 
 @dataclass(frozen=True)
 class FacingSides:
-    """Both sides of a pair, undeformed and the same on every rank, and what supports prescribe
-    there.
+    """Both sides of a pair, undeformed and the same on every rank, and the displacements that
+    supports prescribe there.
 
     Attributes:
         space: the displacements.
@@ -301,7 +301,7 @@ class FacingSides:
 
     @cached_property
     def x(self) -> Array:
-        """Their undeformed positions, length, shape (m, d)."""
+        """Return the undeformed positions of both sides, length, shape (m, d)."""
         return np.concatenate((self.slave.surface.x, self.master.surface.x))
 
     def gathered(self, owned: Array) -> Array:
@@ -367,9 +367,9 @@ class PairedSides:
         return cls(facing, coupling)
 
     def deformed(self, displacement: Array) -> PairedSides:
-        """The same points and partners as those of undeformed sides, with normals that turn as
-        those of the master do at the partners; collective.  ``displacement``: of the owned nodes,
-        length, shape (owned nodes, d).
+        """Return the same points and partners as those of undeformed sides, with normals that
+        rotate as those of the master do at the partners; collective. ``displacement``: of the owned
+        nodes, length, shape (owned nodes, d).
         """
         normal = self.coupling.normal
         moved = self.sides.displaced_master(displacement)
@@ -617,7 +617,7 @@ class MovingPair:
 
     @property
     def slip_origin(self) -> Array:
-        """Where the slip of the points counts from, length, shape (n, d)."""
+        """Return the place from which the slip of the points counts, length, shape (n, d)."""
         slip = self.slip
         return self.sliding_along(
             (self.coupling.tangent_rows @ self.displacement.ravel()).reshape(slip.shape) - slip
@@ -652,8 +652,8 @@ class MovingPair:
 
     @property
     def rotation(self) -> Array:
-        """That of the frames of the points of this rank since the step began, shape (n, d, d); in
-        2D none counts.
+        """Return the rotation of the frames of the points of this rank since the step began, shape
+        (n, d, d); in 2D none counts.
         """
         if self.displacement.shape[1] == 2:
             return np.eye(2)

@@ -113,8 +113,8 @@ class _ShapeOfSection:
         return away, np.pad(normal, ((0, 0), (0, 1)))
 
     def corners(self, dimension: int) -> Any:
-        """Those in the plane of the section, see ``Shape.corners``; a shape of a user's own may
-        have none.
+        """Return the corners in the plane of the section, see ``Shape.corners``; a shape of a
+        user's own may have none.
         """
         return self.shape.corners(dimension) if hasattr(self.shape, "corners") else None
 
@@ -136,8 +136,8 @@ class SideFigures:
 
     @classmethod
     def of(cls, name: str, tagged: TaggedMesh, shear_modulus: Any) -> SideFigures:
-        """Those of a boundary; ``shear_modulus``: a constant or a cell-wise function, stress;
-        collective.
+        """Return the figures of a boundary; ``shear_modulus``: a constant or a cell-wise function,
+        stress; collective.
         """
         mesh = tagged.mesh
         facets = tagged.facets(name)

@@ -48,8 +48,8 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class InsideBody:
-    """Where a shape lies deep inside the body, or has on its way: the ``depth`` of the point ``at``
-    of the displaced body below the surface of the shape, lengths.
+    """A place where a shape lies deep inside the body, or has been on its way: the ``depth`` of the
+    point ``at`` of the displaced body below the surface of the shape, lengths.
     """
 
     depth: float
@@ -73,7 +73,7 @@ class BodyCells:
 
     @classmethod
     def of(cls, space: fem.FunctionSpace) -> BodyCells:
-        """Those of a space of displacements."""
+        """Return the cells of a space of displacements."""
         mesh = space.mesh
         owned = mesh.topology.index_map(mesh.topology.dim).size_local
         x = node_positions(space)[:, : mesh.geometry.dim].astype(np.float64)
@@ -139,26 +139,25 @@ class BodyCells:
         return at[:, :, 0], np.divide(normal, size, out=np.zeros_like(normal), where=size > 0)
 
     def inside(self, places: Array, shape: Any, added: float = 0.0) -> InsideBody | None:
-        """Where a shape, an object with ``distance``, lies inside the body, None: nowhere;
-        ``places``: see ``placed``;
-        ``added``: to the distance, length; what is hollow and what is flat is not looked at;
-        collective.
+        """Return the place where a shape, an object with ``distance``, lies inside the body, None:
+        nowhere; ``places``: see ``placed``; ``added``: to the distance, length; hollow and flat
+        shapes are left out; collective.
         """
         of_cell = 1.0 if _inradius(shape) == math.inf else SHAPE_INSIDE
         return self._too_deep(places, shape, added, SHAPE_INSIDE, of_cell)
 
     def swallowed(self, shape: Any) -> InsideBody | None:
-        """Where the middle of the shape lies inside the undeformed body, whose surface does not see
-        it, or from behind;
-        None: nowhere; collective.
+        """Return the place where the middle of the shape lies inside the undeformed body, without
+        or behind its contact boundary; None: nowhere; collective.
         """
         return self._too_deep(self.x, shape, 0.0, SHAPE_MIDDLE, math.inf)
 
     def passed(
         self, before: tuple[Array, Any], now: tuple[Array, Any], added: float = 0.0
     ) -> InsideBody | None:
-        """Where the shape has been inside the body on the straight way between two states, places
-        of the nodes and the shape; None: nowhere; ``added``: see ``inside``; collective.
+        """Return the place where the shape has been inside the body on the straight way between two
+        states, places of the nodes and the shape; None: nowhere; ``added``: see ``inside``;
+        collective.
         """
         (begun, earlier), (ended, shape), comm = before, now, self.space.mesh.comm
         radius = _inradius(shape)
@@ -257,8 +256,8 @@ def _inradius(shape: Any) -> float:
 
 
 def _reach(corners: Array) -> Array:
-    """From the middles of cells to their vertices at most, shape (c,); ``corners``: shape (c, v,
-    d).
+    """Return the largest distance from the middle of each cell to its vertices, shape (c,);
+    ``corners``: shape (c, v, d).
     """
     return np.asarray(
         np.linalg.norm(corners - corners.mean(axis=1, keepdims=True), axis=2).max(axis=1)

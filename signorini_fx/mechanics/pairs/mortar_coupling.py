@@ -145,7 +145,7 @@ class Tested:
     bonded: bool = False
 
     def chosen(self, pieces: npt.NDArray[np.bool_]) -> Tested:
-        """The same with some of the pieces, shape (p,)."""
+        """Return the tested functions on some of the pieces, shape (p,)."""
         if pieces.all():
             return self
         return replace(
@@ -156,8 +156,8 @@ class Tested:
         )
 
     def within(self, reach: float) -> Tested:
-        """With the pieces of the pairs of facets whose mean distance, of all pieces, is at most
-        ``reach``, length.
+        """Return the tested functions on the pieces of those pairs of facets whose mean distance,
+        of all pieces, is at most ``reach``, length.
         """
         overlap = self.overlap
         weight = self.overlap.weight
@@ -173,8 +173,8 @@ class Tested:
 
     @property
     def moving(self) -> Tested:
-        """Where one side can move: without facets over each other of which supports hold all
-        nodes.
+        """Return the pieces where one side can move: without facets over each other of which
+        supports hold all nodes.
         """
         sides = (self.slave, self.overlap.slave), (self.master, self.overlap.master)
         on_slave, on_master = (
@@ -189,14 +189,16 @@ class Tested:
 
     @cached_property
     def coefficients(self) -> Array:
-        """Of the functions of the points on each facet of the slave, shape (f, t, t)."""
+        """Return the coefficients of the functions of the points on each facet of the slave, shape
+        (f, t, t).
+        """
         if self.bonded and self.tests.shape[2] < self.slave.nodes.shape[1]:
             return np.tile(np.eye(self.tests.shape[2]), (len(self.slave.nodes), 1, 1))
         return dual_coefficients(self.tests, self.overlap, len(self.slave.nodes))
 
     @cached_property
     def area(self) -> Array:
-        """Of each facet of the slave that is covered, shape (f,)."""
+        """Return the covered area of each facet of the slave, shape (f,)."""
         areas = self.overlap.weight.sum(axis=1)
         return np.bincount(self.overlap.slave, areas, minlength=len(self.slave.nodes)).astype(
             np.float64
@@ -229,14 +231,16 @@ class Tested:
 
     @cached_property
     def distance(self) -> Array:
-        """From each slave point to the master point over it, length, shape (p, q, d)."""
+        """Return the vector from each slave point to the master point over it, length, shape (p, q,
+        d).
+        """
         on_slave = self.slave.corners[self.overlap.slave]
         on_master = self.master.corners[self.overlap.master]
         return np.asarray(self.shapes[1] @ on_master - self.shapes[0] @ on_slave)
 
     def mean(self, shares: sp.csr_array) -> sp.csr_array:
-        """From integrals of the functions on all pieces to means of points with such shares of
-        them, shape (n, N): sparse, shape (n, p t).
+        """Return the matrix from integrals of the functions on all pieces to means of points with
+        such shares of them, shape (n, N): sparse, shape (n, p t).
         """
         mean = shares[:, self.slave.points[self.overlap.slave].ravel()]
         mean.data /= np.repeat(shares @ self.areas, np.diff(mean.indptr))
@@ -259,7 +263,8 @@ class Tested:
 
     @property
     def movable(self) -> Array:
-        """By which share nodes of the slave are what can move, or see that, shape (N,).
+        """Return the share by which nodes of the slave can move, or are opposite a node that can,
+        shape (N,).
 
         A held node of the slave carries a point as any other, as its function moves the master.
         Where most of the master that it sees is held, too, nothing can move it, and its neighbours
@@ -466,8 +471,8 @@ def _check(slave: PairSurface, master: PairSurface, covered: Array, reach: float
 
 
 def _nearest(slave: PairSurface, master: PairSurface) -> str:
-    """Where both sides are nearest to each other, how far apart, and which way they face there, in
-    words.
+    """Return the place where both sides are nearest to each other, their distance, and the angle of
+    their normals there, in words.
     """
     first, second = (Parts.of(side, np.arange(len(side.nodes))) for side in (slave, master))
     away, partners = cKDTree(second.centre).query(first.centre)

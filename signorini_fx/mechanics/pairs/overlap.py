@@ -133,8 +133,8 @@ def _affine(side: PairSurface, facets: Indices) -> bool:
 
 
 def _degree(functions: tuple[Lagrange, Lagrange], *, affine: bool) -> int:
-    """Of the quadrature on each triangle; ``affine``: whether the maps of the facets of both sides
-    are.
+    """Return the degree of the quadrature on each triangle; ``affine``: whether the maps of the
+    facets of both sides are.
     """
     highest = max(lagrange.degree for lagrange in functions)
     simplices = all(lagrange.simplex for lagrange in functions)
@@ -155,8 +155,8 @@ def projected_places(
 
 
 def _places_of(functions: Lagrange, nodes: Array, p: Array, at: Array) -> Array:
-    """Where what functions interpolate between nodes of the plane, shape (m, k, 2), is at points,
-    shape (m, q, 2).
+    """Return the interpolation of nodes in the plane, shape (m, k, 2), at points, shape
+    (m, q, 2).
     """
     at, moving = at.copy(), np.arange(len(at))
     for _ in range(1 if functions.degree == 1 and functions.simplex else MANY_STEPS):
@@ -248,8 +248,8 @@ def _fan(polygon: Array, count: Indices) -> tuple[Array, Indices]:
 
 
 def _back(functions: Lagrange, flat: Array, reference: Array, p: Array) -> tuple[Array, Array]:
-    """Where points of the plane are in the reference facet, and the area that a unit of it has in
-    the plane.
+    """Return the places of points of the plane in the reference facet, and the area that a unit of
+    it has in the plane.
     """
     at = _places_of(functions, flat, p, np.full(p.shape, 0.5))
     slopes = functions.slopes(at)
@@ -320,7 +320,7 @@ def place_under(functions: Lagrange, corners: Array, ways: Array, x: Array) -> A
 
 
 def _crossing(factors: Array) -> Array:
-    """Where polynomials that are positive at 0 and negative at 1 are zero (quadratic formula,
+    """Return the zeros of polynomials that are positive at 0 and negative at 1 (quadratic formula,
     Newton, bisections).
     """
     if len(factors) == 3:

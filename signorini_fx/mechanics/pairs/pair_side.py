@@ -46,7 +46,7 @@ class Lagrange:
 
     @cached_property
     def degree(self) -> int:
-        """Of the functions along a side, 1 or 2."""
+        """Return the degree of the functions along a side, 1 or 2."""
         return 2 if (self.places.shape[1], len(self.places)) in ((1, 3), (2, 6), (2, 9)) else 1
 
     @cached_property
@@ -74,11 +74,11 @@ class Lagrange:
         return factors[0] if len(factors) == 1 else factors[0] * factors[1]
 
     def values(self, at: Array) -> Array:
-        """At points of shape (..., d - 1), shape (..., k)."""
+        """Return the values at points of shape (..., d - 1), shape (..., k)."""
         return np.asarray(self._monomials(at) @ self._coefficients)
 
     def slopes(self, at: Array) -> Array:
-        """Their derivatives along the d - 1 directions, shape (d - 1, ..., k)."""
+        """Return the derivatives along the d - 1 directions, shape (d - 1, ..., k)."""
         return np.array(
             [self._monomials(at, axis) @ self._coefficients for axis in range(self.places.shape[1])]
         )
@@ -91,7 +91,7 @@ class Lagrange:
 
     @property
     def curvatures(self) -> Array:
-        """Their second derivatives in an interval, where they are the same everywhere, shape
+        """Return the second derivatives in an interval, where they are the same everywhere, shape
         (k,).
         """
         coefficients = self._coefficients
@@ -113,15 +113,15 @@ class Lagrange:
 
     @cached_property
     def tested_slopes(self) -> tuple[Array, Array]:
-        """For the integrals of test functions times normals: values with weights, and slopes, at
-        the points of a rule, shapes (q, t) and (d - 1, q, k).
+        """Return the data of integrals of test functions times normals: values with weights, and
+        slopes, at the points of a rule, shapes (q, t) and (d - 1, q, k).
         """
         points, weights = self.rule(2 * self.degree + 2)
         return self.tests.values(points) * weights[:, None], self.slopes(points)
 
     @cached_property
     def linear(self) -> Lagrange:
-        """Those of the corners."""
+        """Return the functions of the corners."""
         return Lagrange(self.corners)
 
     @cached_property
@@ -141,7 +141,7 @@ class Lagrange:
 
     @cached_property
     def corners(self) -> Array:
-        """Of the reference facet, in order around it, shape (corners, d - 1)."""
+        """Return the corners of the reference facet, in order around it, shape (corners, d - 1)."""
         if self.places.shape[1] == 1:
             return np.array([[0.0], [1.0]])
         square = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
@@ -192,8 +192,8 @@ class PairSurface:
         return cls(nodes, x, functions, sign, np.zeros((*x.shape, x.shape[1])), none, none, measure)
 
     def displaced(self, displacement: Array) -> PairSurface:
-        """The same nodes elsewhere, with the areas of the undeformed surface; ``displacement``:
-        shape (N, d).
+        """Return the surface with displaced nodes and the areas of the undeformed surface;
+        ``displacement``: shape (N, d).
         """
         start = self if self.undeformed is None else self.undeformed
         return replace(start, x=start.x + displacement, undeformed=start)
@@ -325,8 +325,9 @@ class PairSurface:
 
     @cached_property
     def turning_places(self) -> tuple[Indices, Indices, Indices]:
-        """Of the sparse matrix that sums ``turning``, shape (d N, d N): which entry each value adds
-        to, the columns of the entries, and how many there are in each row.
+        """Return the pattern of the sparse matrix that sums ``turning``, shape (d N, d N): the
+        entry to which each value is added, the columns of the entries, and their number in each
+        row.
         """
         if self.undeformed is not None:
             return self.undeformed.turning_places
@@ -388,7 +389,7 @@ class Overlap:
     weight: Array
 
     def over_ranks(self, comm: MPI.Comm) -> Overlap:
-        """Those of all ranks; collective."""
+        """Return the overlaps of all ranks; collective."""
         return Overlap(
             *(parallel.gather_rows(comm, getattr(self, entry.name)) for entry in fields(self))
         )
@@ -454,7 +455,7 @@ def along_vectors(vectors: Array, blocks: sp.bsr_array) -> sp.csr_array:
 
 
 def without_round_off(matrix: sp.csr_array) -> sp.csr_array:
-    """Without the round-off of what is zero; entries have no unit."""
+    """Return the matrix without the round-off of zeros; entries have no unit."""
     matrix.data[np.abs(matrix.data) < ZERO_COMPONENT] = 0.0
     matrix.eliminate_zeros()
     return matrix

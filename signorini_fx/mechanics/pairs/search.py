@@ -40,12 +40,12 @@ class Patches:
 
     @cached_property
     def radius(self) -> Array:
-        """Of a ball around the centre, shape (p,)."""
+        """Return the radius of a ball around the centre of each patch, shape (p,)."""
         return np.asarray(np.linalg.norm(self.corners - self.centre[:, None], axis=2).max(axis=1))
 
     @cached_property
     def tree(self) -> cKDTree:
-        """Of the centres."""
+        """Return the search tree of the centres."""
         return cKDTree(self.centre)
 
 
@@ -61,7 +61,7 @@ class Parts(Patches):
 
     @classmethod
     def of(cls, side: PairSurface, facets: Indices) -> Parts:
-        """Those of some facets."""
+        """Return the parts of some facets."""
         parts = side.functions.parts
         facet = np.repeat(facets, len(parts))
         reference = np.tile(parts, (len(facets), 1, 1))

@@ -101,8 +101,8 @@ class SlidingPieces:
 
     @classmethod
     def of(cls, tested: Tested, directions: Array, mean: sp.csr_array) -> SlidingPieces:
-        """Those of two sides; ``directions``: of projection at the nodes of the slave, of length
-        one, shape (N, d).
+        """Return the pieces of two sides; ``directions``: of projection at the nodes of the slave,
+        of length one, shape (N, d).
         """
         slave = tested.slave
         master = tested.master
@@ -140,19 +140,19 @@ class SlidingPieces:
 
     @cached_property
     def kinks(self) -> Kinks:
-        """Where the normal of the master turns at once."""
+        """Return the places where the normal of the master jumps."""
         return Kinks.of(self.tested, self.projection)
 
     @property
     def gap(self) -> Array:
-        """At the points, length, shape (n,)."""
+        """Return the gap at the points, length, shape (n,)."""
         return np.asarray(
             self.mean @ np.einsum("pqt,pq->pt", self.tested.weighted, self.distance).ravel()
         )
 
     @property
     def rows(self) -> sp.csr_array:
-        """Of the derivative of the gap, sparse, shape (n, d m)."""
+        """Return the derivative of the gap, sparse, shape (n, d m)."""
         entries = np.matmul(
             self.tested.weighted.swapaxes(1, 2), self._rows(self.share, self.facing, self.across)
         )
@@ -269,7 +269,9 @@ class Projection:
 
     @classmethod
     def of(cls, slave: PairSurface, directions: Array) -> Projection:
-        """From those at the nodes of the slave, of length one, shape (N, d)."""
+        """Return the directions of projection between the nodes of the slave, where they have
+        length one, shape (N, d).
+        """
         if slave.dimension == 2:
             turns = np.einsum("ni,nj->nij", _turned(directions), _turned(slave.nodal_normals))
             return cls(directions, slave.nodes, turned_normals(slave, turned_too=turns))
@@ -298,8 +300,8 @@ class Projection:
 
 @dataclass(frozen=True)
 class Kinks:
-    """Where points of the slave see vertices of the master, in 3D its edges, at which its normal
-    turns, v of them.
+    """Points of the slave opposite the v vertices of the master, in 3D its edges, at which its
+    normal jumps.
 
     There the derivative of the distance jumps as they pass by.
 
@@ -320,7 +322,7 @@ class Kinks:
 
     @classmethod
     def of(cls, tested: Tested, projection: Projection) -> Kinks:
-        """Those between two facets of the master that one facet of the slave sees."""
+        """Return the kinks between two facets of the master opposite one facet of the slave."""
         slave = tested.slave
         master = tested.master
         overlap = tested.overlap
@@ -413,8 +415,8 @@ def _at_vertices(
 def _on_edges(
     slave: PairSurface, projection: Projection, facet: Indices, x: Array
 ) -> tuple[Indices, Array, Array, Array]:
-    """Of points where facets of the slave see edges: edge, place on the facet, shares of its ends,
-    and length.
+    """Return points where facets of the slave are opposite edges: edge, place on the facet, shares
+    of its ends, and length.
     """
     corners = slave.corners[facet][:, slave.functions.vertices]
     ways = projection.vectors[facet]
