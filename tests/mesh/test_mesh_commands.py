@@ -53,8 +53,20 @@ def test_mesh_info(capsys, squares):
         assert text in out, text
     code, out, _ = run(capsys, "mesh-info", squares, "--json")
     info = json.loads(out)
-    assert (info["pieces"], info["coincident"]) == (2, 2)
+    assert (info["pieces"], info["coincident"], info["touching"]) == (2, 2, 0)
     assert info["unnamed"]["length"] == pytest.approx(5.0)
+
+
+def test_parts_that_touch(capsys, tmp_path):
+    """Points of two regions at one place are no fault; round-off of a zero is zero."""
+    file = tmp_path / "parts.inp"
+    text = SQUARES.replace("1, 0, 0", "1, -1e-17, 0") + "*ELSET, ELSET=a\n1\n*ELSET, ELSET=b\n2\n"
+    file.write_text(text)
+    code, out, _ = run(capsys, "mesh-info", file)
+    assert code == 0
+    assert "touching      2 points of different regions have the same place" in out
+    assert "coincide" not in out
+    assert "x[0] 0 to 2" in out
 
 
 @pytest.mark.parametrize(

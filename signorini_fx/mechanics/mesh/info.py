@@ -27,11 +27,14 @@ def mesh_info(file: MeshFile) -> dict[str, Any]:
         ``cells``, ``kind``, ``degree`` (of the geometry), ``points``, ``bounds`` ([low, high], one
         pair of coordinates each), ``area``, in 3D ``volume``, with curved sides where they are;
         ``pieces`` (parts of the body that share no facet), ``coincident`` (points at the place of
-        another one); ``boundaries`` and ``unnamed`` (exterior facets without a name) with
+        another one of the same region), ``touching`` (likewise, of another region);
+        ``boundaries`` and ``unnamed`` (exterior facets without a name) with
         ``facets``, ``bounds`` and ``length``, in 3D ``area``; ``regions`` with ``cells`` and
         ``area``, in 3D ``volume``.
     """
     mesh = read_file(file)
+    tiny = NOTHING_LEFT * mesh.diagonal
+    places = np.where(np.abs(mesh.points) < tiny, 0.0, mesh.points)  # without round-off of zeros
     size = measures(mesh.points, mesh.cells, mesh.cell)
     areas = measures(mesh.points, mesh.facets, mesh.facet)
     measure, of_facets = _MEASURES[mesh.dim]
@@ -39,22 +42,25 @@ def mesh_info(file: MeshFile) -> dict[str, Any]:
     def facets(rows: Ints) -> dict[str, Any]:
         figures: dict[str, Any] = {"facets": len(rows), of_facets: float(areas[rows].sum())}
         return figures | (
-            {"bounds": bounds(mesh.points[mesh.facet_corners[rows].ravel()])} if len(rows) else {}
+            {"bounds": bounds(places[mesh.facet_corners[rows].ravel()])} if len(rows) else {}
         )
 
-    coincident = cKDTree(mesh.points).query_pairs(
-        NOTHING_LEFT * mesh.diagonal, output_type="ndarray"
-    )
+    pairs = cKDTree(mesh.points).query_pairs(tiny, output_type="ndarray")
+    region = np.full(len(mesh.points), -1)
+    for number, rows in enumerate(mesh.regions.values()):
+        region[mesh.cells[rows].ravel()] = number
+    apart = region[pairs[:, 0]] != region[pairs[:, 1]]
     named = np.concatenate([np.empty(0, dtype=np.int64), *mesh.boundaries.values()])
     return {
         "cells": len(mesh.cells),
         "kind": mesh.cell.word,
         "degree": mesh.degree,
         "points": len(mesh.points),
-        "bounds": bounds(mesh.points),
+        "bounds": bounds(places),
         measure: float(size.sum()),
         "pieces": _pieces(mesh),
-        "coincident": len(np.unique(coincident)),
+        "coincident": len(np.unique(pairs[~apart])),
+        "touching": len(np.unique(pairs[apart])),
         "boundaries": {name: facets(rows) for name, rows in mesh.boundaries.items()},
         "unnamed": facets(np.setdiff1d(np.arange(len(mesh.facets)), named)),
         "regions": {
@@ -98,6 +104,8 @@ def render(info: Mapping[str, Any], name: str) -> str:
             f"{info['coincident']} points coincide with another one: the cells there are not "
             "connected",
         )
+    if info["touching"]:
+        row("touching", f"{info['touching']} points of different regions have the same place")
     for title, entries in (("boundaries", info["boundaries"]), ("regions", info["regions"])):
         for label, entry in entries.items():
             row(title, f"{label:16s} {_amount(entry)}")
