@@ -71,8 +71,8 @@ def solve_tightened(
             return model, start, outcome, None
         missing = float(np.abs(wanted - force).max() / wanted.max())
         task.history.add(
-            f"sections shortened by {', '.join(f'{entry:.6g}' for entry in s)}: forces miss "
-            f"{missing:.1e}"
+            f"sections shortened by {', '.join(f'{entry:.6g}' for entry in s)}: error of "
+            f"the forces {missing:.1e}"
         )
         if missing <= LEFT_BY_SOLVES or best / 2 <= missing <= CERTIFICATE_TOLERANCE:
             return model, start, outcome, None

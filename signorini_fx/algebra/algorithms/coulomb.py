@@ -74,7 +74,7 @@ def proved(task: Task, problem: RegularisedProblem, law: PointFriction, status: 
     if lost is not None:
         return lost.status
     task.history.add(
-        f"{status.value}: with the friction bound of the pressure before, not by the law itself"
+        f"{status.value}: with the friction bound of the previous pressure, not with the law"
     )
     # A multiple of the loads above which no pressures, and no shears up to the given bound, carry
     # them.

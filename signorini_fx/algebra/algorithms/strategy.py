@@ -78,13 +78,13 @@ def solve_task(task: Task, start: Start, solve_budget: int | None = None) -> Out
         if max(gammas) > largest:  # its round-off would hide the limit
             gamma_n, gamma_t = (min(gamma, largest) for gamma in gammas)
             task.history.add(
-                f"gamma lowered to {gamma_n:.3g} and {gamma_t:.3g}: augmentation needs no more"
+                f"gamma lowered to {gamma_n:.3g} and {gamma_t:.3g}, which suffices for alm"
             )
             start = replace(start, data=replace(start.data, gamma_n=gamma_n, gamma_t=gamma_t))
     if _nothing_acts(task, start):
         task.newton.x.set(0.0)  # it is the solution; no linear system is solved
         history = task.history
-        history.add("nothing loads the body: it stays where it is")
+        history.add("no load acts: the body stays in its position")
         history.add(
             OuterRecord(
                 history.step,
@@ -113,9 +113,7 @@ def solve_task(task: Task, start: Start, solve_budget: int | None = None) -> Out
                 outcome.status is not Status.CONVERGED
                 and task.history.linear_solves >= task.history.limit
             ):
-                task.history.add(
-                    "all methods together have taken as many linear solves as they may"
-                )
+                task.history.add("the limit of linear solves of all methods is reached")
     loose = outcome.status not in _EXPLAINED and task.idle
     return _left_loose(task, start, begin, outcome, waits=waits) if loose else outcome
 
