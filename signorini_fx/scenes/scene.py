@@ -193,14 +193,20 @@ class Scene(Table):
             key: entries if isinstance(entries, tuple) else () if entries is None else (entries,)
             for key, entries in given.items()
         }
+        kinematics = of_materials(
+            (material.hypothesis, material.torsion) for material in self.material
+        )
+        if kinematics.axis is not None:
+            effects["rotation"] = tuple(
+                entry.model_copy(update={"axis": kinematics.axis}) if entry.axis is None else entry
+                for entry in effects["rotation"]
+            )
         meshes = self.meshes
         return Statement(
             title=self.title,
             incomplete=self.incomplete,
             effects=effects,
-            kinematics=of_materials(
-                (material.hypothesis, material.torsion) for material in self.material
-            ),
+            kinematics=kinematics,
             element=self.element,
             load_steps=self.load_steps,
             steps=_count(effects, self.load_steps),

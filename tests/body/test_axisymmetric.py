@@ -372,6 +372,19 @@ def test_only_motion_along_the_axis_is_free(held, free):
     assert report.acts[0] == "elasticity (axisymmetric)"
 
 
+def test_a_rotation_is_about_the_only_axis():
+    """It need not be given."""
+    data = {
+        "mesh": {"generator": "rectangle", "parameters": {"nx": 2, "ny": 2}},
+        "material": {"young": 1.0, "poisson": 0.3, "density": 1.0, "hypothesis": "axisymmetric"},
+    }
+    (own,), (given,) = (
+        parse_scene({**data, "rotation": {"speed": 1.0, **axis}}).statement.effects["rotation"]
+        for axis in ({}, {"axis": [0.0, 1.0]})
+    )
+    assert own == given
+
+
 REFUSED = {
     "negative radius": (
         {"mesh": (-1.0, 1.0)},
@@ -386,8 +399,8 @@ REFUSED = {
         r"fluid\.up: must be along the axis of the body: y",
     ),
     "axis": (
-        {"material": {"density": 1.0}, "rotation": {"speed": 1.0}},
-        r"rotation: must be that of the body: axis",
+        {"material": {"density": 1.0}, "rotation": {"speed": 1.0, "axis": [1.0, 0.0]}},
+        r"rotation.axis: must be that of the body: axis",
     ),
 }
 

@@ -156,7 +156,8 @@ class Rotation(Force):
     Attributes:
         speed: angular speed omega, radians / time.
         about: a point of the axis, length; None: the origin.
-        axis: its direction, any length; None: perpendicular to the plane, in 3D along x[2].
+        axis: its direction, any length; None: that of a body of revolution, else perpendicular to
+            the plane, in 3D along x[2].
         factors: one number per load step, which multiplies the force; None: 1 in every step.
 
     Examples:

@@ -48,6 +48,7 @@ class Kinematics:
     motions_without_strain: tuple[bool, ...] | None = None
     zero_on_axis: tuple[int, ...] = ()  # components of the displacement that vanish where x[0] = 0
     least_x: float = -np.inf  # the smallest x[0] that a mesh may have
+    axis: tuple[float, ...] | None = None  # the only one of rotations; None: there are others
     refuses: Mapping[str, str] = field(
         default_factory=dict
     )  # what does not go together with it, by its name, and why
@@ -214,6 +215,7 @@ class BodyOfRevolution(Kinematics):
     uniform: bool = False
     further_degrees: int = 2
     least_x: float = 0.0
+    axis: tuple[float, ...] | None = (0.0, 1.0)
 
     def refused_axis(
         self, axis: tuple[float, ...] | None, about: tuple[float, ...] | None = None
