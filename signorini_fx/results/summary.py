@@ -29,6 +29,9 @@ from signorini_fx.records import Finding, OuterRecord, Record, StepRecord
 from signorini_fx.results.solution import Solution
 from signorini_fx.tuned import ERROR_PATIENCE
 
+# So many warnings are printed without --verbose.
+_MOST_WARNINGS = 3
+
 
 def summary_of(solution: Solution) -> dict[str, Any]:
     """All figures of a solve that stand, JSON-safe; collective, the same on every rank."""
@@ -154,13 +157,14 @@ def lines_of(summary: dict[str, Any], folder: Path) -> list[TerminalLine]:
 
 
 def short_answer(summary: dict[str, Any], folder: Path) -> list[TerminalLine]:
-    """What ``solve`` prints without ``--verbose``, in 80 columns: the outcome, the first warning,
+    """What ``solve`` prints without ``--verbose``, in 80 columns: the outcome, the first warnings,
     what to do unless it is a solution, the figures that are asked for first, and where the results
     are.
     """
     warnings = _warnings(summary)
-    if len(warnings) > 1:
-        warnings = [row("warning", f"(1 of {len(warnings)}) {warnings[0].text}", "warning")]
+    if (more := len(warnings) - _MOST_WARNINGS) > 0:
+        rest = row("warning", f"{more} more with --verbose, and in summary.json", "warning")
+        warnings = [*warnings[:_MOST_WARNINGS], rest]
     lines = [*warnings, *_outcome(summary), *brief_lines(summary), row("results", f"{folder}/")]
     return [_heading(summary), *(narrow for line in lines for narrow in _narrow(line))]
 
@@ -239,10 +243,15 @@ def _events(events: list[str]) -> list[TerminalLine]:
 
 
 def _warnings(summary: dict[str, Any]) -> list[TerminalLine]:
-    return [
-        row("warning", f"{finding['path']}: {finding['message']}", "warning")
+    """The warnings, those of a certain entry before those of the whole scene."""
+    found = [
+        finding
         for finding in summary["findings"]
         if finding["level"] == "warning" and finding["message"] not in summary["advice"]
+    ]
+    found.sort(key=lambda finding: "[" not in finding["path"])
+    return [
+        row("warning", f"{finding['path']}: {finding['message']}", "warning") for finding in found
     ]
 
 

@@ -89,8 +89,19 @@ def parse_scene_text(text: str, path: Path, changes: Changes = MappingProxyType(
         ValueError,
         RecursionError,
     ) as error:  # TOMLDecodeError, a number with thousands of digits, deep nesting
-        raise SceneError([("syntax", f"{error}{_unquoted(text, str(error))}")], str(path)) from None
+        raise SceneError([("syntax", _syntax(text, str(error)))], str(path)) from None
     return parse_scene(changed(data, changes), str(path), path.parent)
+
+
+def _syntax(text: str, message: str) -> str:
+    """Return the message of a syntax error, with what to do where that is known."""
+    if complete := re.match(r"Cannot mutate immutable namespace \('(.*)',?\)(.*)", message):
+        name = complete[1].replace("', '", ".")
+        return (
+            f"{name} is complete with its braces: write all of its keys into them, or begin a "
+            f"table [{name}] with a line for each{complete[2]}"
+        )
+    return f"{message}{_unquoted(text, message)}"
 
 
 def _unquoted(text: str, message: str) -> str:

@@ -200,7 +200,9 @@ def test_the_limit_is_an_end(monkeypatch):
     solution = alone(square(coulomb="fp"), check=False)
     assert not solution.converged
     assert solution.history.linear_solves <= 200
-    assert any("limit of linear solves of all methods" in event for event in solution.history.events)
+    assert any(
+        "limit of linear solves of all methods" in event for event in solution.history.events
+    )
     assert time.process_time() - begin < 20
 
 

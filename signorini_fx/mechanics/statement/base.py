@@ -173,6 +173,8 @@ def plain_message(detail: Any) -> str:
         case {"type": "model_type" | "model_attributes_type", "loc": place}:
             friction = "friction" in place
             return "must be a table" + friction * ', such as { law = "coulomb", coefficient = 0.3 }'
+        case {"type": "string_type", "loc": (*_, "boundary"), "input": list()}:
+            return "must be one name: write a table for each boundary"
         case {"type": "tuple_type"}:
             return "must be a list in brackets, such as [0.5, 1.0]"
         case {"type": "too_short", "ctx": {"min_length": least, "actual_length": count}}:
@@ -229,6 +231,14 @@ def _problem(detail: Any, data: Mapping[str, Any], model: type[BaseModel]) -> tu
             path += f".{name}" if path else name
             node = node[part] if isinstance(node, Mapping) and part in node else node
     message = plain_message(detail)
+    if detail["type"] == "tuple_type" and path == "material":
+        message = "must be a table, such as { young = 210e3, poisson = 0.3 }"
+    elif (
+        detail["type"] == "tuple_type"
+        and path in model.model_fields
+        and _own_tables(model.model_fields[path].annotation)
+    ):
+        message = "must be a table, or several of them in a list"
     entry = detail.get("input")
     if detail["type"].startswith("union_tag"):
         path += ".law"

@@ -46,7 +46,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     if "--" in arguments:
         split = arguments.index("--")
         petsc_options = arguments[split + 1 :]
-        del arguments[split:]
+        arguments = arguments[:split]
+    if not arguments:
+        parser().print_help()
+        return EXIT_BAD_INPUT
+    if arguments[0].endswith(".toml"):  # a scene without a command is solved
+        arguments.insert(0, "solve")
     options = parser().parse_args(arguments)
     options.petsc_options = petsc_options
     command = partial(getattr(commands, options.command.replace("-", "_")), options)

@@ -5,6 +5,7 @@ override.
 from __future__ import annotations
 
 import argparse
+import difflib
 import re
 import sys
 from pathlib import Path
@@ -35,6 +36,9 @@ class _Parser(argparse.ArgumentParser):
             super()._check_value(action, value)
         except argparse.ArgumentError:
             self._refuse_removed(*action.option_strings[-1:], str(value))
+            if similar := difflib.get_close_matches(str(value), [*(action.choices or ())], n=1):
+                meant = f"invalid choice: {value!r}: did you mean {similar[0]!r}?"
+                raise argparse.ArgumentError(action, meant) from None
             raise
 
     def parse_args(self, args: Any = None, namespace: Any = None) -> Any:

@@ -228,7 +228,12 @@ def check_shape(points: Floats, cells: Ints, cell: Cell, name: str) -> None:
     """
     parts = [_spoilt(points, cells[k : k + _CHUNK], cell) for k in range(0, len(cells), _CHUNK)]
     flat, folded = (np.concatenate(flags) for flags in zip(*parts, strict=True))
+    spoilt = np.flatnonzero(flat | folded)
+    repeated = np.zeros(len(cells), dtype=bool)
+    corners = np.sort(cells[spoilt, : len(cell.corners)], axis=1)
+    repeated[spoilt] = (np.diff(corners, axis=1) == 0).any(axis=1)
     for bad, defect in (
+        (repeated, "have a node twice, as wedges in place of hexahedra: make tetrahedra of them"),
         (flat, "have a corner without an angle (nodes that coincide or are in line)"),
         (folded, "are folded"),
     ):
