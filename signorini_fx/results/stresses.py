@@ -27,6 +27,7 @@ from signorini_fx.mechanics.elasticity.moduli import of_materials
 from signorini_fx.mechanics.kinematics.protocol import tensors
 from signorini_fx.mechanics.model import Model
 from signorini_fx.results.singularities import why_no_limit
+from signorini_fx.tuned import DIGITS_OF_FILES, SAME_LENGTH
 
 Nodal = npt.NDArray[np.float64]
 
@@ -195,18 +196,26 @@ class StressFields:
         """The largest of finite values at the same points, or with ``sign`` -1 the smallest, and
         where; collective.
         """
-        (_, x, cell_of), topology = self._samples(), self.tensor.function_space.mesh.topology
+        topology = self.tensor.function_space.mesh.topology
+        _, x, cell_of = self._samples()
         values = np.where(np.isfinite(values), sign * values, -np.inf)
-        at = int(values.argmax()) if values.size else 0
-        local_extreme = float(values[at]) if values.size else -np.inf
-        best, rank = self.comm.allreduce((local_extreme, -self.comm.rank), op=MPI.MAX)
-        where: tuple[tuple[float, ...], int] = (), -1
-        if -rank == self.comm.rank and values.size:
+        best = parallel.largest(self.comm, values, -np.inf)
+        # Where several are as large to six digits, the place with the smallest coordinates: it is
+        # the same on any number of ranks.
+        size = parallel.largest(self.comm, np.abs(x), 0.0) or 1.0
+        largest = np.flatnonzero(values >= best - DIGITS_OF_FILES * abs(best))
+        places = np.round(x[largest] / (SAME_LENGTH * size))
+        found: list[tuple[tuple[float, ...], tuple[float, ...], int]] = []
+        if largest.size:
+            first = int(np.lexsort(places.T[::-1])[0])
+            at = int(largest[first])
             cell = topology.index_map(topology.dim).local_to_global(
                 np.array([cell_of(at)], dtype=np.int32)
             )
-            where = tuple(map(float, x[at])), int(cell[0])
-        return Extreme(sign * best, *self.comm.bcast(where, root=-rank))
+            found = [(tuple(map(float, places[first])), tuple(map(float, x[at])), int(cell[0]))]
+        every = [candidate for of_rank in self.comm.allgather(found) for candidate in of_rank]
+        _, place, number = min(every, default=((), (), -1))
+        return Extreme(sign * best, place, number)
 
     def utilised(self, limit: fem.Function) -> Extreme:
         """Return the place where the von Mises stress is the largest share of a limit; ``limit``: a

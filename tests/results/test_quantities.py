@@ -227,3 +227,19 @@ def test_zones_of_a_closed_boundary():
     table = ContactTable({"x": np.arange(4), "y": np.zeros(4), "to_next": np.ones(4)}, [range(4)])
     assert table.zones(np.array([True, False, True, True])) == [[[2.0, 0.0], [0.0, 0.0]]]
     assert table.zones(np.ones(4, dtype=bool)) == [[[0.0, 0.0], [3.0, 0.0]]]
+
+
+@pytest.mark.mpi
+def test_the_place_of_a_stress_that_is_the_same_everywhere():
+    """That with the smallest coordinates, on any number of ranks, raw and recovered."""
+    scene = parse_scene(
+        {
+            "mesh": {"generator": "rectangle", "parameters": {"nx": 8, "ny": 4}},
+            "material": {"young": YOUNG, "poisson": POISSON},
+            "displacement": [{"boundary": "left", "x": 0.0}, {"boundary": "top", "y": -0.01}],
+            "contact": {"boundary": "bottom"},
+        }
+    )
+    stress = solve(scene, MPI.COMM_WORLD).stress
+    for extreme in (stress.largest(), stress.smallest(), stress.recovered.largest()):
+        np.testing.assert_allclose(extreme.place, 0.0, rtol=0, atol=1e-12)
