@@ -59,7 +59,8 @@ def volume_degree(statement: Statement, tagged: TaggedMesh) -> int | None:
     """
     if not all(material.splits for material in statement.material):
         return None
-    return reduced_degree(at_rest(statement), tagged.mesh)
+    flows = any(material.flows for material in statement.material)
+    return reduced_degree(at_rest(statement), tagged.mesh, nearly=flows)
 
 
 def cells_of(material: Any, tagged: TaggedMesh) -> Cells:

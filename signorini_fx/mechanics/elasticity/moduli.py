@@ -127,9 +127,9 @@ def graded(statement: Statement, tagged: TaggedMesh) -> fem.Function | None:
     return grading
 
 
-def reduced_degree(statement: Statement, mesh: dmesh.Mesh) -> int | None:
+def reduced_degree(statement: Statement, mesh: dmesh.Mesh, *, nearly: bool = False) -> int | None:
     """Quadrature degree of the volumetric term where it is reduced: Q1/P0, P2/P0, Q2 with two
-    points per axis.
+    points per axis; ``nearly``: whether a material keeps its volume otherwise than by its ratio.
     """
     degree = statement.element.degree
     kind = mesh.topology.cell_name()
@@ -140,7 +140,7 @@ def reduced_degree(statement: Statement, mesh: dmesh.Mesh) -> int | None:
         cure = "use degree = 2, or quadrilaterals" if plane else "use hexahedra"
         message = f"linear {'triangles' if plane else 'tetrahedra'} have no reduced form: {cure}"
         raise SceneError([("element.volumetric", message)])
-    nearly = any(material.locks for material in statement.material)
+    nearly = nearly or any(material.locks for material in statement.material)
     apart = all(material.isotropic for material in statement.material)
     asked = volumetric == "reduced" or (volumetric == "auto" and nearly)
     if not (asked and has_form and apart):

@@ -47,6 +47,7 @@ class J2(PathDependent):
     """
 
     state_size: ClassVar[int] = 10
+    flows: ClassVar[bool] = True
 
     law: Literal["j2"]
     young: Positive

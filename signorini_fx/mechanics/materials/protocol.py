@@ -79,6 +79,8 @@ class Material(Effect):
     finite: ClassVar[bool] = False
     # Whether a part of it follows the volume alone, and may be integrated with fewer points.
     splits: ClassVar[bool] = True
+    # Whether it keeps its volume where it flows, as if it were nearly incompressible.
+    flows: ClassVar[bool] = False
     # Whether the stress is a epsilon + b tr(epsilon) I, whose terms may be integrated apart or have
     # a pressure.
     isotropic: ClassVar[bool] = False
