@@ -27,6 +27,9 @@ JUDGED = (
     "coupling",
 )
 # The others give the regularisation error, and how far the body moves.
+# What a note says of load steps whose error in time is not estimated.
+STEPS_UNESTIMATED = "the error of the load steps is not estimated"
+
 REPORTED = ("displacement", "penetration", "complementarity", "stick_slip")
 
 

@@ -19,7 +19,7 @@ from signorini_fx.mechanics.kinematics import of_data
 from signorini_fx.mechanics.kinematics.protocol import Kinematics
 from signorini_fx.mechanics.statement.units import with_unit
 from signorini_fx.quantities.summary import own_quantities
-from signorini_fx.records import JUDGED, SHORT_OF_ACCURACY, Status
+from signorini_fx.records import JUDGED, SHORT_OF_ACCURACY, STEPS_UNESTIMATED, Status
 from signorini_fx.tuned import CERTIFICATE_TOLERANCE, FAR_GAP, FEW_NODES, NEGLIGIBLE
 
 # Figures of a summary.
@@ -571,12 +571,20 @@ def _cost(summary: Summary) -> list[str | TerminalLine]:
 
 
 def _error(summary: Summary) -> list[str | TerminalLine]:
-    """Return the error of the results: guaranteed, estimated, or how to estimate it."""
+    """Return the error of the results, guaranteed, estimated, or how to estimate it, and whether
+    that of load steps is beside it.
+    """
     if not validity_of(summary).solved:
         return []
+    steps = any(STEPS_UNESTIMATED in row["message"] for row in summary.get("findings", ()))
+    return [_error_of_mesh(summary) + f"; {STEPS_UNESTIMATED}" * steps]
+
+
+def _error_of_mesh(summary: Summary) -> str:
+    """What the mesh leaves, in words."""
     relative = (summary.get("error_bound") or {}).get("relative_error")
     if relative is not None:
-        return [f"at most {percent(relative)} of the energy norm, guaranteed"]
+        return f"at most {percent(relative)} of the energy norm, guaranteed"
     prices = solved_prices(summary)
     errors = [
         f"{name} {percent(prices[of])}"
@@ -584,7 +592,7 @@ def _error(summary: Summary) -> list[str | TerminalLine]:
         if prices.get(of) is not None
     ]
     if errors:
-        return [f"{', '.join(errors)}, estimated"]
+        return f"{', '.join(errors)}, estimated"
     of_stress = (summary.get("stress") or {}).get("error")
     cost = summary.get("cost") or {}
     if (
@@ -592,11 +600,11 @@ def _error(summary: Summary) -> list[str | TerminalLine]:
     ):  # without fields the stress itself is not told
         of_stress = cost.get("error")
     if of_stress is not None:
-        return [f"of the stress {percent(of_stress)} in the mean, estimated"]
+        return f"of the stress {percent(of_stress)} in the mean, estimated"
     scene = summary.get("scene") or {}
     asks = scene.get("contact") and "forms" not in scene and "strain_energy" in summary
     how = "run with --accuracy 5%" if asks else "solve on a finer mesh as well, and compare"
-    return [f"no estimate: {how}"]
+    return f"no estimate: {how}"
 
 
 def _certificate(summary: Summary) -> list[str | TerminalLine]:

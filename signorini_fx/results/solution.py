@@ -23,7 +23,15 @@ from signorini_fx.mechanics.statement.effect import Load, is_zero
 from signorini_fx.mechanics.statement.features import accuracy_refused
 from signorini_fx.mechanics.statement.load_path import factor_at
 from signorini_fx.mechanics.statement.statement import Statement
-from signorini_fx.records import ACCURACY, SHORT_OF_ACCURACY, Finding, History, Status, Timings
+from signorini_fx.records import (
+    ACCURACY,
+    SHORT_OF_ACCURACY,
+    STEPS_UNESTIMATED,
+    Finding,
+    History,
+    Status,
+    Timings,
+)
 from signorini_fx.results.accuracy.next_accuracy import NAMES, next_cost
 from signorini_fx.results.accuracy.pressure_error import growing_rows
 from signorini_fx.results.certificate.certificate import Certificate, another_law
@@ -398,6 +406,8 @@ class Solution:
             elif not (error := self.known_stress.error):
                 return "there is no stress, or no error of it"
         if error < ZERO_IN_SOLUTION:
+            if any(STEPS_UNESTIMATED in finding.message for finding in self.findings):
+                return STEPS_UNESTIMATED
             return "this mesh is exact for this load"
         seconds = parallel.largest_timings(self.comm, self.timings.seconds)
         starting = seconds.get("compile", 0.0) + seconds.get("mesh", 0.0)

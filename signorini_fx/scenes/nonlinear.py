@@ -46,6 +46,7 @@ from signorini_fx.solving.findings import (
     facets_in_result,
     nonlinear_findings,
     refuse_beforehand,
+    steps_without_estimate,
     untouched,
 )
 from signorini_fx.solving.restart import StoredStates
@@ -207,6 +208,7 @@ class ProblemOfScene(NonlinearContactProblem):
         if not failures:
             of_result += facets_in_result(self.model, solution.contact)
             of_result += untouched(self.model.comm, solution.steps)
+        of_result += steps_without_estimate(self.model.comm, self.statement, solution.shown_steps)
         findings = (*failures, *known, *self.findings, *of_result)
         named = tuple(map(self._named, solution.steps))
         model = BodyOfScene(**body, forces=forces)

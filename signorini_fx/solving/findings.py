@@ -38,7 +38,7 @@ from signorini_fx.mechanics.rigid.rigid_motions import MOST_LISTED, names_of, ro
 from signorini_fx.mechanics.statement.effect import Force, Resistance, is_zero
 from signorini_fx.mechanics.statement.expressions import Expression, sample
 from signorini_fx.mechanics.statement.statement import Statement
-from signorini_fx.records import Finding, Status
+from signorini_fx.records import STEPS_UNESTIMATED, Finding, Status
 from signorini_fx.results.contact_figures import load_on
 from signorini_fx.results.mechanics import StepResult
 from signorini_fx.tuned import FAR_GAP, NO_FORCE, NOTABLE, ROOT_OF_EPS, SAME_LENGTH
@@ -593,6 +593,59 @@ def result_findings(
             "unit of lengths"
         )
         yield Finding("warning", "contact.gap, displacement", message)
+
+
+def steps_without_estimate(
+    comm: MPI.Comm, statement: Statement, steps: Sequence[StepResult]
+) -> Iterator[Finding]:
+    """Load steps whose error in time is not small by itself: that close or open contact of a body
+    with memory, or turn a shape with friction far; collective.
+    """
+    advice = f"{STEPS_UNESTIMATED}: take twice as many load steps, and compare"
+    # Those that relax are others at another time.
+    memory = [one for one in statement.material if getattr(one, "state_size", 0)]
+    if any(one.at_time(0.5) is not one for one in memory):
+        changed = list[int]()
+        before: npt.NDArray[np.bool_] | None = None
+        for step in steps:
+            if step.contact is None:
+                continue
+            now = step.contact.in_contact
+            known = np.zeros_like(now) if before is None or before.size != now.size else before
+            if parallel.any_rank(comm, bool((now != known).any())):
+                changed.append(step.step)
+            before = now
+        if changed:
+            listed = ", ".join(map(str, changed[:MOST_LISTED]))
+            message = (
+                f"contact of a body with memory closes or opens in load step {listed}: {advice}"
+            )
+            yield Finding("note", "load_steps", message)
+    for number, effect in enumerate(statement.contact):
+        if effect.foundation is None or not effect.friction.acts:
+            continue
+        turned = {step.step: _turned(statement, number, step) for step in steps}
+        last = _turned(statement.placed(-1), number, None)
+        angles = dict[int, float]()
+        for step, angle in turned.items():
+            angles[step] = float(np.linalg.norm(angle - last))
+            last = angle
+        farthest = max(angles, key=lambda step: angles[step], default=0)
+        if angles and angles[farthest] > NOTABLE:
+            message = (
+                f"load step {farthest} turns it by {angles[farthest]:.2g} rad, and slip is along "
+                f"the chord: {advice}"
+            )
+            yield Finding("note", f"contact[{number}].foundation", message)
+
+
+def _turned(statement: Statement, number: int, step: StepResult | None) -> Array:
+    """The rotation of a foundation at the end of a load step, radians, shape (1,) or (3,)."""
+    placed = statement if step is None else statement.placed(step.place)
+    angle = np.atleast_1d(np.radians(placed.contact[number].foundation.angles()))
+    tools = () if step is None else step.tools
+    driven = [tool.rotation for tool in tools if number in tool.body.parts]
+    return angle + (driven[0] if driven else 0.0)
 
 
 def untouched(comm: MPI.Comm, steps: Sequence[StepResult]) -> Iterator[Finding]:

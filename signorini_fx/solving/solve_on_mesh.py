@@ -38,6 +38,7 @@ from signorini_fx.solving.findings import (
     result_findings,
     scene_findings,
     shapes_in_results,
+    steps_without_estimate,
     untouched,
 )
 from signorini_fx.solving.frames import Posed, guess_of
@@ -229,6 +230,7 @@ def findings_of_steps(
         *further,
         *result_findings([step.deformation for step in steps], names),
         *untouched(model.comm, steps),
+        *steps_without_estimate(model.comm, model.statement, steps),
     ]
 
 

@@ -3,6 +3,7 @@ refused.
 """
 
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,6 +11,8 @@ from mpi4py import MPI
 from scipy.integrate import solve_ivp
 
 from signorini_fx import SceneError, solve
+from signorini_fx.records import STEPS_UNESTIMATED
+from signorini_fx.results.summary import short_answer, summary_of
 from signorini_fx.scenes.reading import parse_scene
 
 COMM = MPI.COMM_WORLD
@@ -118,3 +121,65 @@ def test_wrong_constants_are_refused(change, why):
 def test_times_before_zero_are_refused():
     with pytest.raises(SceneError, match=r"load_steps.times: must be positive"):
         confined("0", [-1.0, 1.0])
+
+
+def told(scene):
+    """The lines error and cost of a solution, and its notes about load steps."""
+    found = solve(parse_scene(scene), MPI.COMM_SELF)
+    lines = " ".join(" ".join(map(str, short_answer(summary_of(found), Path()))).split())
+    notes = [one.message for one in found.findings if STEPS_UNESTIMATED in one.message]
+    return lines.partition(" error ")[2].partition(" certificate ")[0], notes
+
+
+def pad(**more):
+    """A pad under a plane that presses and lets go."""
+    down = "-0.02*min(t/0.001, 1) + 0.01*min(max(t - 3, 0)/0.001, 1)"
+    plane = {"shape": "plane", "point": [0.0, 1.0], "normal": [0.0, -1.0], "shift": ["0", down]}
+    sides = [("bottom", "y"), ("left", "x"), ("right", "x")]
+    return {
+        "mesh": {
+            "generator": "rectangle",
+            "parameters": {"length": 2.0, "height": 1.0, "nx": 4, "ny": 2},
+        },
+        "material": {"law": "maxwell", "young": 10.0, "poisson": 0.3, "branches": [[30.0, 1.0]]},
+        "displacement": [{"boundary": name, key: 0.0} for name, key in sides],
+        "load_steps": {"times": [0.001, 3.0, 3.001, 5.0]},
+        "contact": {"boundary": "top", "foundation": plane},
+    } | more
+
+
+def test_no_word_of_exactness_where_time_is_not_estimated():
+    """A mesh that leaves no error says nothing of load steps, which are wrong by 41 % here."""
+    lines, notes = told(pad())
+    assert len(notes) == 1
+    assert notes[0].startswith("contact of a body with memory closes or opens in load step 1")
+    assert STEPS_UNESTIMATED in lines
+    assert "exact" not in lines
+    rubber = {"law": "neo-hooke", "young": 10.0, "poisson": 0.3}
+    assert told(pad(material=rubber))[1] == []
+
+
+@pytest.mark.parametrize(("coefficient", "steps", "warned"), [(0.5, 2, True), (0.5, 12, False)])
+def test_a_shape_that_turns_far_in_a_step(coefficient, steps, warned):
+    """Its slip is a chord: a note says which step turns it how far."""
+    circle = {
+        "shape": "circle",
+        "centre": [1.0, 1.95],
+        "radius": 1.0,
+        "pivot": [1.0, 1.95],
+        "rotation": "45*t",
+    }
+    scene = pad(
+        material={"law": "neo-hooke", "young": 10.0, "poisson": 0.3},
+        load_steps={"times": [(step + 1) / steps for step in range(steps)]},
+        contact={
+            "boundary": "top",
+            "foundation": circle,
+            "friction": {"law": "coulomb", "coefficient": coefficient},
+        },
+    )
+    lines, notes = told(scene)
+    assert (STEPS_UNESTIMATED in lines) is warned
+    assert len(notes) == warned
+    if warned:
+        assert notes[0].startswith("load step 1 turns it by 0.39 rad")
