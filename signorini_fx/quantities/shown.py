@@ -336,9 +336,10 @@ def _is_bonded(boundary: Mapping[str, Any]) -> bool:
 
 def _contact(summary: Summary) -> list[str | TerminalLine]:
     touching = summary["touching_nodes"]
-    peak = with_unit(
-        figure_or_error(summary["max_pressure"], error_of(summary, "max_pressure")), "stress"
-    )
+    present = summary.get("present_pressure")
+    largest = summary["max_pressure"] if present is None else present
+    peak = with_unit(figure_or_error(largest, error_of(summary, "max_pressure")), "stress")
+    peak += "" if present is None else " per present area"
     grows = _no_limit({"no_limit": summary.get("no_limit_of_pressure")})
     pressed = f", largest pressure {peak}{grows}" if touching else ""
     boundaries = summary.get("contact_boundaries") or ()

@@ -422,7 +422,13 @@ class Summary(Run):
     )
     friction_force: Vector = perhaps("The same of the tangential tractions.", "force")
     pressure_integral: Number = perhaps("Integral of the pressure.", "force")
-    max_pressure: Number = perhaps("Largest nodal pressure.", "stress")
+    max_pressure: Number = perhaps(
+        "Largest nodal pressure, of bodies at finite strains per area of the undeformed boundary.",
+        "stress",
+    )
+    present_pressure: Number = perhaps(
+        "The same per area of the displaced boundary, of scenes at finite strains.", "stress"
+    )
     no_limit_of_pressure: str | None = perhaps(
         "Why the pressure has no limit as the mesh is refined, and where, if that is known."
     )

@@ -44,6 +44,9 @@ def _of_contact(solution: Any) -> dict[str, Any]:
         "friction_force": (contact.forces[1] + 0.0).tolist(),
         "pressure_integral": float(np.dot(columns["weight"], columns["pressure"])),
         "max_pressure": float(columns["pressure"].max()),
+        "present_pressure": float(columns["present_pressure"].max())
+        if "present_pressure" in columns
+        else None,
         "no_limit_of_pressure": solution.no_limit_of_pressure,
         "max_shear": float(np.abs(columns["shear"]).max()),
         "zones": _zones(table) if "s" in columns else None,

@@ -38,6 +38,7 @@ from signorini_fx.results.certificate.certificate import Certificate, another_la
 from signorini_fx.results.contact_fields import BoundaryFields, boundary_fields
 from signorini_fx.results.contact_figures import contact_figures, friction_used, section_forces
 from signorini_fx.results.mechanics import SolidBody, StatedBody, StepResult
+from signorini_fx.results.present_area import present_pressure
 from signorini_fx.results.resultants import Resultants
 from signorini_fx.results.singularities import why_no_limit
 from signorini_fx.results.stresses import RawStresses
@@ -273,7 +274,12 @@ class Solution:
         """
         if self.contact is None:
             raise ValueError("the scene has no contact, hence no contact table")
-        return contact_table(self.contact, *self.statement.sides)
+        table = contact_table(self.contact, *self.statement.sides)
+        if not self.statement.finite_strains:
+            return table
+        revolved = not self.statement.kinematics_in(self.model.tagged.dimension).uniform
+        present = present_pressure(table, self.contact, self.displacement, revolved=revolved)
+        return replace(table, columns=table.columns | {"present_pressure": present})
 
     def boundary_fields(self, number: int | None = None) -> BoundaryFields:
         """Pressure, shear, gap and slip on a mesh of the contact boundary, in new Functions;

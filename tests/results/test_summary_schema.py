@@ -160,6 +160,14 @@ SCENES = {
     "preload": preloaded,
     "metal": dented,
     "slides": lambda: standing(0.5, COULOMB),
+    "rubber": lambda: parse_scene(
+        {
+            "mesh": {"generator": "rectangle", "parameters": {"nx": 2, "ny": 1}},
+            "material": {"law": "neo-hooke", "young": 2.0, "poisson": 0.3},
+            "displacement": {"boundary": "top", "x": 0.0, "y": -0.1},
+            "contact": {"boundary": "bottom", "gap": 0.0},
+        }
+    ),
     "opens": lambda: standing(0.0, COULOMB, press=-1.0),
     "stopped": lambda: example1(coefficient=0.3, nx=12, ny=4, max_iterations=1, fallbacks=False),
 }

@@ -1,0 +1,62 @@
+"""The contact pressure of bodies at finite strains per area of their displaced boundary.
+
+Tractions are unknowns per area of the undeformed boundary; a gauge between two bodies measures what
+acts on the area that there is.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import fem
+
+from signorini_fx.machine import parallel
+from signorini_fx.mechanics.contact_points.contact_state import ContactState
+from signorini_fx.mechanics.contact_points.contact_table import ContactTable
+from signorini_fx.results.accuracy.contact_surface import ContactSurface, places
+
+Floats = npt.NDArray[np.float64]
+
+
+def present_pressure(
+    table: ContactTable, contact: ContactState, displacement: fem.Function, *, revolved: bool
+) -> Floats:
+    """The pressure at each row of a table per present area, which is that between the displaced
+    nodes, shape (rows,); ``revolved``: whether areas are those of rings; collective.
+    """
+    boundary = contact.boundary
+    size = displacement.function_space.dofmap.index_map_bs
+    moved = displacement.x.array.reshape(-1, size)[boundary.nodes]
+    rows = np.column_stack((boundary.part, boundary.global_nodes, moved))
+    gathered = parallel.gather_rows(boundary.comm, rows)
+    assert table.nodes is not None
+    order = np.lexsort(gathered[:, 1::-1].T)
+    at = np.empty(len(order), dtype=np.int64)
+    at[np.lexsort(table.nodes[:, ::-1].T)] = order
+    u = gathered[at, 2:]
+    stretch = np.ones(len(u))
+    before = np.zeros(len(u))
+    after = np.zeros(len(u))
+    if table.facets is not None:
+        surface = ContactSurface.of(table)
+        corners = surface.corners
+        areas = surface.area, replace(surface, x=surface.x + u).area
+    else:
+        corners = np.concatenate([np.column_stack((path[:-1], path[1:])) for path in table.paths])
+        x = places(table)
+        areas = _lengths(x, corners), _lengths(x + u[:, :2], corners)
+        if revolved:
+            around = x[corners, 0].sum(axis=1)
+            turned = (x + u[:, :2])[corners, 0].sum(axis=1)
+            areas = areas[0] * around, areas[1] * turned
+    for total, area in zip((before, after), areas, strict=True):
+        np.add.at(total, corners, area[:, None])
+    np.divide(after, before, out=stretch, where=(before > 0) & (after > 0))
+    return np.asarray(table.columns["pressure"] / stretch)
+
+
+def _lengths(x: Floats, corners: npt.NDArray[np.int64]) -> Floats:
+    """The length of each interval, shape (intervals,)."""
+    return np.asarray(np.linalg.norm(x[corners[:, 1]] - x[corners[:, 0]], axis=1))
