@@ -333,9 +333,10 @@ class Solution:
         if not isinstance(self.model, StatedBody) or not self.certified:
             return None
         columns = self.table.columns
-        mean = np.average(
-            columns["pressure"], weights=columns["weight"] * (columns["pressure"] > 0)
-        )
+        pressed = columns["weight"] * (columns["pressure"] > 0)
+        if not pressed.any():
+            return None
+        mean = np.average(columns["pressure"], weights=pressed)
         for row in growing_rows(self.table):
             place = tuple(float(columns[axis][row]) for axis in "xyz" if axis in columns)
             reason = why_no_limit(self.model, place)

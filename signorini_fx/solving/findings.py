@@ -627,10 +627,10 @@ def steps_without_estimate(
         turned = {step.step: _turned(statement, number, step) for step in steps}
         last = _turned(statement.placed(-1), number, None)
         angles = dict[int, float]()
-        for step, angle in turned.items():
-            angles[step] = float(np.linalg.norm(angle - last))
+        for count, angle in turned.items():
+            angles[count] = float(np.linalg.norm(angle - last))
             last = angle
-        farthest = max(angles, key=lambda step: angles[step], default=0)
+        farthest = max(angles, key=lambda count: angles[count], default=0)
         if angles and angles[farthest] > NOTABLE:
             message = (
                 f"load step {farthest} turns it by {angles[farthest]:.2g} rad, and slip is along "

@@ -52,9 +52,9 @@ def test_a_command_that_is_misspelt(capsys):
         (
             "material = 210e3",
             "material",
-            "must be a table, such as { young = 210e3, poisson = 0.3 }",
+            "must be a table or a list of tables",
         ),
-        ("traction = 3", "traction", "must be a table, or several of them in a list"),
+        ("traction = 3", "traction", "must be a table or a list of tables"),
         (
             'displacement = { boundary = ["left", "right"], x = 0.0 }',
             "displacement.boundary",

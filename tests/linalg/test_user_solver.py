@@ -97,7 +97,8 @@ def test_names(register, tmp_path, monkeypatch):
     """
     register("mine", Diagonal)
     with pytest.raises(
-        SceneError, match=r"linear_algebra.*'auto', 'full', 'krylov', 'condensed', 'mine' are known"
+        SceneError,
+        match=r"linear_algebra.*must be one of 'auto', 'full', 'krylov', 'condensed', 'mine'",
     ):
         example1(linear_algebra="yours")
     assert (

@@ -30,7 +30,7 @@ def test_wrong_arguments_are_named():
     for arguments, wrong in (
         ({"J": z[0] * ufl.dx}, "J: must have 2 arguments, not 1"),
         ({"J": "K"}, "J: must be a UFL form"),
-        ({"J": ufl.Form([])}, "J: is zero"),
+        ({"J": ufl.Form([])}, "J: the form is identically zero"),
         (
             {"J": ufl.inner(other, ufl.TestFunction(other.ufl_function_space())) * ufl.dx},
             "J: its arguments are on",

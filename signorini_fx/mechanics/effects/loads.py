@@ -229,7 +229,7 @@ class Fluid(Force):
         if statement.kinematics.out_of_section and self.up is None:
             yield (
                 ("fluid", number, "up"),
-                "must be 'y' with torsion, the axis along which the level rises",
+                "must have up = 'y' with torsion, the axis along which the level rises",
             )
 
     @property

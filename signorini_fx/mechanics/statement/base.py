@@ -231,14 +231,6 @@ def _problem(detail: Any, data: Mapping[str, Any], model: type[BaseModel]) -> tu
             path += f".{name}" if path else name
             node = node[part] if isinstance(node, Mapping) and part in node else node
     message = plain_message(detail)
-    if detail["type"] == "tuple_type" and path == "material":
-        message = "must be a table, such as { young = 210e3, poisson = 0.3 }"
-    elif (
-        detail["type"] == "tuple_type"
-        and path in model.model_fields
-        and _own_tables(model.model_fields[path].annotation)
-    ):
-        message = "must be a table, or several of them in a list"
     entry = detail.get("input")
     if detail["type"].startswith("union_tag"):
         path += ".law"
