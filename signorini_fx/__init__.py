@@ -52,9 +52,6 @@ def __getattr__(name: str) -> Any:
 
         check_fenicsx()
         raise failure
-    removal = "" if name.startswith("_") else import_module("signorini_fx.removed").removal(name)
-    if removal:  # an AttributeError has no message after "from ... import"
-        raise ImportError(f"{__name__}.{name} {removal}")
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 

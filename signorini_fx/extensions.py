@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import Any
 
 from signorini_fx.errors import InstallationError, MissingPackageError
-from signorini_fx.removed import removal
 
 ADD_ONS = "signorini_fx.add_ons"
 EFFECTS = "signorini_fx.effects"
@@ -57,8 +56,8 @@ def register(group: str, name: str, extension: Any) -> None:
         InstallationError: there is no such group.
     """
     if group not in GROUPS:
-        reason = removal(group) or f"is no group of extensions; these are: {', '.join(GROUPS)}"
-        raise InstallationError(f"{group!r} {reason}")
+        known = ", ".join(GROUPS)
+        raise InstallationError(f"{group!r} is no group of extensions; these are: {known}")
     _registered.setdefault(group, {})[name] = extension
     for listener in _listeners.get(group, ()):
         listener(name)
@@ -112,9 +111,7 @@ def add_on(name: str) -> Any:
     """
     entry = _installed(tuple(sys.path))[ADD_ONS].get(name)
     if entry is None:
-        raise InstallationError(
-            f"{name!r} {removal(name) or 'is an add-on of signorini_fx that is not installed'}"
-        )
+        raise InstallationError(f"{name!r} is an add-on of signorini_fx that is not installed")
     try:
         return entry.load()
     except ModuleNotFoundError as error:

@@ -254,10 +254,3 @@ def test_mistakes_are_named(change, words):
     of_first["foundation"] = {key: value for key, value in shape.items() if value is not None}
     with pytest.raises(SceneError, match=words):
         check_scene(parse_scene(scene))
-
-
-def test_a_table_of_rigid_bodies_has_left():
-    with pytest.raises(
-        SceneError, match="rigid: was removed: give its shape as foundation of each of its contacts"
-    ):
-        parse_scene(roller(upper=(0.0, -0.04)) | {"rigid": [{"name": "roller"}]})

@@ -493,7 +493,7 @@ def test_a_scene():
         ),
         (
             {"shape": "spline", "points": ((9, 0), (6, 0))},
-            "foundation.shape: 'spline' was removed: use a 'polyline'",
+            "shape must be one of circle, cone, cylinder, plane, polyline, sphere, surface, got 'spline'",
         ),
         (
             {"shape": "cone", "tip": (0, 0), "axis": (0, 1), "angle": 90},

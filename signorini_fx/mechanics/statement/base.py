@@ -24,7 +24,6 @@ from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from signorini_fx.errors import SceneError
 from signorini_fx.mechanics.statement.values import shown
-from signorini_fx.removed import removal
 
 if TYPE_CHECKING:
     from pydantic._internal._model_construction import ModelMetaclass as _ModelMetaclass
@@ -234,8 +233,6 @@ def _problem(detail: Any, data: Mapping[str, Any], model: type[BaseModel]) -> tu
     entry = detail.get("input")
     if detail["type"].startswith("union_tag"):
         path += ".law"
-    if removal := _removal(detail, path, whole=model.__name__ == "Scene"):
-        return path, removal
     if detail["type"] == "extra_forbidden":
         message += _meant(str(detail["loc"][-1]), model)
     if (
@@ -245,22 +242,6 @@ def _problem(detail: Any, data: Mapping[str, Any], model: type[BaseModel]) -> tu
     ):
         message += f", got {shown(entry)}"
     return path or "scene", message
-
-
-def _removal(detail: Any, path: str, *, whole: bool) -> str:
-    """Return the replacement of a key at this path, or of its value, that has left this package;
-    otherwise an empty string.
-    """
-    match detail:
-        case {"type": "extra_forbidden"}:
-            return removal(path, whole=whole)
-        case {"type": "union_tag_invalid", "ctx": {"tag": value}} | {
-            "type": "literal_error",
-            "input": str(value),
-        }:
-            advice = removal(f"{path} = {value}", whole=whole)
-            return f"{value!r} {advice}" if advice else ""
-    return ""
 
 
 _ELSEWHERE = {

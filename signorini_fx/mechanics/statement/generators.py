@@ -15,7 +15,6 @@ from pydantic import TypeAdapter, ValidationError
 from signorini_fx.errors import SceneError
 from signorini_fx.extensions import GENERATORS, load, names_of
 from signorini_fx.mechanics.statement.base import plain_message
-from signorini_fx.removed import removal
 
 GENERATORS_PACKAGE = "signorini_fx.meshes"  # the package of this one's
 
@@ -57,8 +56,6 @@ def found_generator(
     generators = known_generators(name)
     if name not in generators:
         message = f"no generator {name!r}; there are: {', '.join(generators) or 'none'}"
-        if advice := removal(f"mesh.generator = {name}"):
-            message = f"{name!r} {advice}"
         raise SceneError([("mesh.generator", message)])
     try:
         generate: Callable[..., Any] = generators[name]()

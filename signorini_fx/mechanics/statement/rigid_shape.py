@@ -28,7 +28,7 @@ from pydantic import BeforeValidator, TypeAdapter, ValidationError, WithJsonSche
 
 from signorini_fx.errors import SceneError
 from signorini_fx.extensions import SHAPES, is_of_package, load_class, names_of
-from signorini_fx.mechanics.statement.base import Table, problems_of, refused
+from signorini_fx.mechanics.statement.base import Table, problems_of
 from signorini_fx.mechanics.statement.expressions import number, sample
 from signorini_fx.mechanics.statement.rigid_body import (
     COMPONENTS,
@@ -38,7 +38,6 @@ from signorini_fx.mechanics.statement.rigid_body import (
     TimedVector,
 )
 from signorini_fx.mechanics.statement.values import Vector, kind_of, shown
-from signorini_fx.removed import removal
 from signorini_fx.tuned import DIFFERENCE_STEP, SAME_LENGTH, WRONG_SLOPE, ZERO_IN_SOLUTION
 
 Array = npt.NDArray[np.float64]
@@ -457,8 +456,6 @@ def read_shape(entry: Any) -> Any:
         )
     name = entry.get("shape")
     if name not in [*_SHAPES] and name not in names():
-        if advice := removal(f"shape = {name}"):
-            raise refused("Shape", [(("shape",), f"{shown(name)} {advice}")])
         raise ValueError(f"shape must be one of {', '.join(names())}, got {shown(name)}")
     return TypeAdapter(shape_class(name)).validate_python(entry)
 

@@ -14,7 +14,6 @@ from typing import Any, NoReturn
 from signorini_fx import __version__
 from signorini_fx.errors import SceneError
 from signorini_fx.machine import terminal
-from signorini_fx.removed import removal
 
 EXIT_OK = 0
 EXIT_NO_SOLUTION = 1
@@ -35,28 +34,10 @@ class _Parser(argparse.ArgumentParser):
         try:
             super()._check_value(action, value)
         except argparse.ArgumentError:
-            self._refuse_removed(*action.option_strings[-1:], str(value))
             if similar := difflib.get_close_matches(str(value), [*(action.choices or ())], n=1):
                 meant = f"invalid choice: {value!r}: did you mean {similar[0]!r}?"
                 raise argparse.ArgumentError(action, meant) from None
             raise
-
-    def parse_args(self, args: Any = None, namespace: Any = None) -> Any:
-        """The options; what no command knows is an error."""
-        options, unknown = self.parse_known_args(args, namespace)
-        for argument in unknown:
-            self._refuse_removed(options.command, argument.partition("=")[0])
-        if unknown:
-            self.error(f"unrecognized arguments: {' '.join(unknown)}")
-        return options
-
-    def _refuse_removed(self, *words: str) -> None:
-        """End with what to do instead, if a command, an option or its value has left this
-        package.
-        """
-        name = " ".join((self.prog, *words))
-        if advice := removal(name):
-            self.error(f"{name} {advice}")
 
     def error(self, message: str) -> NoReturn:
         if terminal.started_as_root():
