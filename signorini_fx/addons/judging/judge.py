@@ -345,7 +345,7 @@ class _Judging:
             u = ours.with_entries({"load_steps": scene.load_steps.remade(steps=JUDGED_INCREMENTS)})
         except NotJudgedError:
             return False
-        away = {"distance": ours.norm(self.v - u) / self.error[0], **self._away_from(u)}
+        away = {"distance": ours.norm(self.v - u) / self.error[0], **self._away(self.v, u)}
         limits = {"distance": self.figures["distance"]["threshold"], **self.own}
         if any(value > limits[name] for name, value in away.items()):
             return False
@@ -372,13 +372,13 @@ class _Judging:
         self.lines["other"] = f"{other.text}, with which it is {share:.2g} of its distance away"
         if other.distance <= enough:
             return other.text
-        # What is not explained in energy, as of other elements, may be so in what was too far away.
-        excess = self._excess({})
+        # What is not explained in energy, as of other elements, may be so in what is too far away.
+        excess = self._excess(self.own)
         away = self._away_from(other.displacement)
-        explained = bool(excess) and share < 1
+        explained = bool(excess) and (share < 1 if self._excess({}) else share**2 <= JUDGED_LEFT)
         for name, value in away.items():
-            limit = self.figures[name]["threshold"]
-            explained &= value <= (limit if name in excess else _COARSER * limit)
+            far = _COARSER * self.figures[name]["threshold"]
+            explained &= value <= (self.own[name] if name in excess else far)
         return other.text if explained else ""
 
     def _certify(self, size: float, allowed: float) -> None:
@@ -449,7 +449,8 @@ class _Judging:
                 values["force"] = min(values["force"], farther)
         round_off = NEGLIGIBLE + self.theirs.half_unit / size
         # Elements with fewer points or nodes are nearly as far from ours as the mesh is.
-        other_elements = 0.0 if self.problem.alike else _HALF * self.error[1] / self.error[0]
+        error = self.error[1] / self.error[0]
+        other_elements = 0.0 if self.problem.alike else error + round_off
         for name, value in values.items():
             self.own[name] = MARGIN * own[name] + round_off
             self._figure(name, value, max(self.own[name], other_elements))
