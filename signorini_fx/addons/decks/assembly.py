@@ -57,7 +57,7 @@ _Motion = Callable[[Floats], Floats]
 
 @dataclass
 class _Scope:
-    """An instance, or the assembly with all else."""
+    """An instance, or the assembly with everything that is outside of instances."""
 
     name: str  # as it is written; empty: that of the assembly
     blocks: list[DeckBlock] = field(default_factory=list)  # its keywords
@@ -69,8 +69,8 @@ class _Scope:
 
 
 def assembled(blocks: list[DeckBlock]) -> list[DeckBlock]:
-    """The keywords of parts where instances have them; those of a file without instances as they
-    are.
+    """Return the keywords with those of each part in the place of its instances; a file without
+    instances stays as it is.
     """
     if not any(block.keyword == "INSTANCE" for block in blocks):
         return blocks
@@ -127,7 +127,7 @@ def _required(block: DeckBlock, key: str) -> str:
 
 
 def _instance(block: DeckBlock, parts: dict[str, list[DeckBlock]]) -> _Scope:
-    """An instance of a part, which the rows may shift and then turn about an axis."""
+    """Return an instance of a part; its data lines may shift it and then turn it about an axis."""
     part = _required(block, "PART")
     if part.upper() not in parts:
         raise DeckError(block, f"there is no part {part!r} before it")
@@ -147,7 +147,9 @@ def _instance(block: DeckBlock, parts: dict[str, list[DeckBlock]]) -> _Scope:
 
 
 def _motion(shift: Floats, turn: Floats | None = None) -> _Motion:
-    """A shift, and then a rotation about an axis: two of its points and an angle in degrees."""
+    """Return a shift followed by a rotation; ``turn``: two points of its axis and an angle,
+    degrees.
+    """
     if turn is None:
         return lambda x: x + shift
     pivot = turn[:3]
@@ -159,18 +161,18 @@ def _motion(shift: Floats, turn: Floats | None = None) -> _Motion:
 
 
 def _defined(block: DeckBlock) -> list[str]:
-    """The names that a keyword defines."""
+    """Return the names that a keyword defines."""
     key = _DEFINING.get(block.keyword)
     return [block.parameters[key]] if key in block.parameters else []
 
 
 def _names(key: str, value: str) -> bool:
-    """Whether the value of a parameter is a name; of ADJUST it may be a length."""
+    """Return whether the value of a parameter is a name; the value of ADJUST may be a length."""
     return key in _NAMING or (key == "ADJUST" and real_or_none(value) is None)
 
 
 def _largest_number(block: DeckBlock) -> int:
-    """Of the nodes or elements that a keyword defines; those of its nodes count too."""
+    """Return the largest number in the definitions of nodes or elements of a keyword."""
     rows = block.rows if block.keyword in ("NODE", "ELEMENT") else []
     words = (word for row in rows for word in (row[:1] if block.keyword == "NODE" else row))
     return max((int(word) for word in words if word.isdecimal()), default=0)
@@ -178,14 +180,14 @@ def _largest_number(block: DeckBlock) -> int:
 
 @dataclass(frozen=True)
 class _Names:
-    """How names and numbers of instances are written in the whole."""
+    """The names and numbers of instances in the whole file."""
 
     whole: _Scope  # all that is outside of instances
     instances: dict[str, _Scope]  # by their names in capitals
     counts: Counter[str]  # how many of them have a name
 
     def word(self, word: str, scope: _Scope) -> str:
-        """A set, a surface, or a node or element of a scope as it is called in the whole."""
+        """Return the name in the whole file of a set, surface, node or element of a scope."""
         prefix, dot, suffix = word.partition(".")
         if dot and (candidate := self.instances.get(prefix.strip().upper())) is not None:
             return self.word(suffix.strip(), candidate)
@@ -196,7 +198,7 @@ class _Names:
         return word if self.counts[word.upper()] == 1 else f"{scope.name}.{word}"
 
     def written(self, block: DeckBlock, scope: _Scope) -> DeckBlock:
-        """A keyword of a scope as one of the whole."""
+        """Return a keyword of a scope with the names and numbers of the whole file."""
         inside = self.instances.get(block.parameters.get("INSTANCE", "").upper(), scope)
         defined_names = _defined(block)
         parameters = {
@@ -218,7 +220,7 @@ class _Names:
 
 
 def _moved(block: DeckBlock, move: _Motion) -> Sequence[list[str]]:
-    """The rows of a keyword of a part where its instance is."""
+    """Return the data lines of a keyword of a part at the place of its instance."""
     rows = block.rows
     if block.keyword == "NODE" and rows:
         _, x = coordinates(block)

@@ -20,8 +20,8 @@ _ALONG = 1 - DIGITS_OF_FILES
 
 
 def read_bolt(deck: Deck, block: DeckBlock) -> None:
-    """The section of a reference node."""
-    node = deck.single(block.parameters["NODE"])
+    """Read *PRE-TENSION SECTION: the surface of a reference node."""
+    node = deck.single_node(block.parameters["NODE"])
     name = block.parameters.get("SURFACE", "")
     surface = deck.label("surface", name)
     if node is None or surface is None:
@@ -38,7 +38,7 @@ def read_bolt(deck: Deck, block: DeckBlock) -> None:
 
 
 def _normal(deck: Deck, name: str) -> Floats | None:
-    """The normal of a surface that is in a plane, shape (3,); None: it is in none."""
+    """Return the normal of a plane surface, shape (3,); None: the surface is not plane."""
     raw = deck.model.raw
     dim = deck.mesh.dim
     nodes = [
@@ -54,9 +54,9 @@ def _normal(deck: Deck, name: str) -> Floats | None:
 
 
 def hold(deck: Deck, block: DeckBlock) -> None:
-    """*BOUNDARY, FIXED: sections keep the length that has been reached."""
+    """Read *BOUNDARY, FIXED: sections keep the length that has been reached."""
     for name, *words in block.rows:
-        node = deck.mover(name)
+        node = deck.reference_node(name)
         if node in deck.bolts:
             drive(deck, block, "fixed", node, min(components(words)), 1.0)
         else:
@@ -64,9 +64,7 @@ def hold(deck: Deck, block: DeckBlock) -> None:
 
 
 def drive(deck: Deck, block: DeckBlock, kind: str, node: int, component: int, value: float) -> None:
-    """What a reference node is given: force, shortening (``prescribed``), or that it is
-    ``fixed``.
-    """
+    """Record the load of a reference node: a force, a shortening (``prescribed``) or ``fixed``."""
     if component != 1:
         deck.lose(
             block, f"component {component} of node {node}: that of a preload has the first one only"
@@ -79,17 +77,17 @@ def drive(deck: Deck, block: DeckBlock, kind: str, node: int, component: int, va
 
 
 def bolt_tables(deck: Deck, steps: int) -> list[tuple[str, dict[str, Any]]]:
-    """The tables of preloads."""
+    """Return the tables [[preload]]."""
     courses: dict[int, dict[str, DeckLoad]] = {}
     for load in deck.loads.values():
         if load.table == "bolt":
             courses.setdefault(int(load.target), {})[load.keys[0]] = load
     tables = []
     for node, course in courses.items():
-        force, fixed, moved = (
-            course[key].by_step(steps) if key in course else [None] * steps
-            for key in ("force", "fixed", "prescribed")
-        )
+        given = {key: load.by_step(steps) for key, load in course.items()}
+        force = given.get("force", [None] * steps)
+        fixed = given.get("fixed", [None] * steps)
+        moved = given.get("prescribed", [None] * steps)
         block = next(iter(course.values())).block
         key = "shortening"
         values = moved

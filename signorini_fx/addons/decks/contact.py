@@ -29,7 +29,7 @@ _WITH_FRICTION = ("GAP", "CONNECTORFRICTION")
 
 
 def read_interaction(deck: Deck, block: DeckBlock) -> None:
-    """*SURFACE INTERACTION."""
+    """Read *SURFACE INTERACTION: its name."""
     if block.rows and deck.mesh.dim == 3:  # in 2D it is a thickness
         raise ValueError(
             f"data line 1, {', '.join(block.rows[0])!r}, is one too many: of which keyword is it?"
@@ -47,7 +47,7 @@ def _interaction(deck: Deck) -> Interaction:
 
 
 def read_friction(deck: Deck, block: DeckBlock) -> None:
-    """*FRICTION: a coefficient and, of CalculiX, the stiffness of sticking after it."""
+    """Read *FRICTION: a coefficient, followed in CalculiX by the stiffness of sticking."""
     if deck.model.blocks[block.number - 1].keyword in _WITH_FRICTION:
         return
     interaction = _interaction(deck)
@@ -71,7 +71,7 @@ def read_friction(deck: Deck, block: DeckBlock) -> None:
 
 
 def read_behaviour(deck: Deck, block: DeckBlock) -> None:
-    """*SURFACE BEHAVIOR: hard contact, soft contact with a constant stiffness, or a bond."""
+    """Read *SURFACE BEHAVIOR: hard contact, soft contact of constant stiffness, or a bond."""
     interaction = _interaction(deck)
     rows = block.rows
     kind = block.parameters.get("PRESSURE-OVERCLOSURE", "HARD").upper()
@@ -103,7 +103,7 @@ def _stiffness_of(word: str) -> float:
 
 
 def read_pairs(deck: Deck, block: DeckBlock) -> None:
-    """*CONTACT PAIR: surfaces, and what it refers to must be there."""
+    """Read *CONTACT PAIR: its surfaces, its interaction and what it does to their distance."""
     parameters = block.parameters
     kind = parameters.get("TYPE", "NODE TO SURFACE")
     if kind.upper().replace(" ", "") not in _KINDS_OF_PAIRS:
@@ -132,7 +132,7 @@ def read_pairs(deck: Deck, block: DeckBlock) -> None:
 
 
 def read_ties(deck: Deck, block: DeckBlock) -> None:
-    """*TIE: a bond, but for that of sectors."""
+    """Read *TIE: bonds; ties of cyclic symmetry are lost."""
     if "CYCLICSYMMETRY" in block.parameters:
         deck.lose(block, CONSTRAINT)
         return
@@ -143,7 +143,7 @@ def read_ties(deck: Deck, block: DeckBlock) -> None:
 
 
 def contact_tables(deck: Deck) -> tuple[list[dict[str, Any]], dict[str, Any]]:
-    """The tables [[contact]], and [solver] with their stiffness."""
+    """Return the tables [[contact]], and [solver] with their stiffness."""
     tables: list[dict[str, Any]] = []
     interactions: list[Interaction | None] = []
     taken: dict[str, Ints] = {}  # facets with contact points: they are in one contact only
@@ -223,8 +223,8 @@ def _distance(deck: Deck, boundary: str, opposite: str) -> float:
 
 
 def _oriented(deck: Deck) -> list[SurfacePair]:
-    """The pairs; where one dependent surface is in several, the other surfaces get the contact
-    points.
+    """Return the pairs; where one dependent surface is in several pairs, the other surfaces get the
+    contact points.
     """
     counts = Counter(filter(None, (deck.boundary(pair.slave) for pair in deck.pairs)))
     return [
@@ -237,13 +237,13 @@ def _oriented(deck: Deck) -> list[SurfacePair]:
 
 
 def _adjust(deck: Deck, pair: SurfacePair, label: str) -> float | None:
-    """How far points are moved onto the other side, length: ADJUST of *CONTACT PAIR, a length or a
-    set of nodes.
+    """Return the length by which contact points are moved onto the other side, ADJUST of *CONTACT
+    PAIR: a length, or a set of nodes.
     """
     length = None if pair.adjust is None else real_or_none(pair.adjust)
     if pair.adjust is None or length is not None:
         return length
-    if np.isin(deck.held(str(deck.boundary(pair.slave))), deck.nodes(pair.adjust)).all():
+    if np.isin(deck.boundary_nodes(str(deck.boundary(pair.slave))), deck.nodes(pair.adjust)).all():
         return deck.mesh.diagonal
     deck.lose(
         pair.block,
@@ -255,8 +255,8 @@ def _adjust(deck: Deck, pair: SurfacePair, label: str) -> float | None:
 def _stiffness(
     deck: Deck, interactions: list[Interaction | None], tables: list[dict[str, Any]]
 ) -> dict[str, Any]:
-    """The stiffness of contact and of sticking as keys of [solver]; where contacts differ each has
-    an overclosure.
+    """Return the stiffness of contact and of sticking as keys of [solver]; where contacts differ,
+    each gets an overclosure.
     """
     contacts = [used for used in interactions if used is not None]
     slopes = {used.stiffness for used in contacts}
@@ -293,14 +293,14 @@ def _stiffness(
 
 
 def _hard(deck: Deck) -> float:
-    """The stiffness, stress per length, from which contact is hard."""
+    """Return the stiffness, stress per length, from which contact is hard."""
     moduli = (properties.get("young", 0.0) for properties in deck.materials.values())
     return HARD_CONTACT * max(moduli, default=0.0) / deck.mesh.diagonal
 
 
-def say_partners(deck: Deck, contacts: list[dict[str, Any]]) -> None:
-    """Say of contacts of nonlinear bodies how they slide: what is tied or adjusted keeps its
-    partners, and so do sides of degree 2 in 3D.
+def set_sliding(deck: Deck, contacts: list[dict[str, Any]]) -> None:
+    """Set the sliding of contacts of nonlinear bodies: small for what is tied or adjusted, and for
+    sides of degree 2 in 3D.
     """
     for table in contacts:
         bonded = table.get("kind") == "bonded"

@@ -39,8 +39,8 @@ class DeckLoad:
     )  # step -> value; None: it ends with this step
 
     def by_step(self, steps: int) -> list[float | None]:
-        """Its value in each step, None where there is none; a value before the first step holds in
-        all.
+        """Return the value in each step, None where there is none; a value before the first step
+        holds in all of them.
         """
         current = self.values.get(-1)
         values = []
@@ -61,7 +61,7 @@ class DeckSection:
 
 @dataclass
 class Interaction:
-    """A *SURFACE INTERACTION."""
+    """The friction and stiffness of a *SURFACE INTERACTION."""
 
     coefficient: float = 0.0  # of friction
     cap: float | None = None  # the largest shear, stress; None: there is none
@@ -88,7 +88,7 @@ class SurfacePair:
 
 @dataclass
 class Deck:
-    """What has been read, and remarks on what is not."""
+    """Everything that has been read, with remarks on what has not."""
 
     mesh: MeshArrays  # the mesh as the scene has it, its boundaries outside alone
     model: DeckModel  # the mesh and the keywords of the file
@@ -121,27 +121,27 @@ class Deck:
 
     @property
     def kinematics(self) -> Kinematics:
-        """That of its cells."""
+        """The kinematics of the cells."""
         return of_materials([(self.hypothesis, False)])
 
     @property
     def step(self) -> int:
-        """The current one, from 0; -1 before the first."""
+        """The number of the current step, from 0; -1 before the first one."""
         return len(self.steps) - 1
 
     @property
     def axes(self) -> str:
-        """Of the mesh."""
+        """The names of the axes of the mesh."""
         return "xyz"[: self.mesh.dim]
 
     # --- remarks ----------------------------------------------------------------------------------
 
     def lose(self, block: DeckBlock, why: str) -> None:
-        """Say that something is not in the scene that changes its solution."""
+        """Record something that is not in the scene and changes its solution."""
         self._say(block, why, lost=True)
 
     def note(self, block: DeckBlock, why: str) -> None:
-        """Say that something is put in another way, or does not change the solution."""
+        """Record something that is put in another way, or does not change the solution."""
         self._say(block, why, lost=False)
 
     def _say(self, block: DeckBlock, why: str, *, lost: bool) -> None:
@@ -150,7 +150,7 @@ class Deck:
             places.append(block.place)
 
     def remarks(self, *, lost: bool) -> list[str]:
-        """The remarks of a grade; what is so for the same reason several times is one line."""
+        """Return the remarks of a grade; the same remark on several lines is given once."""
         lines = []
         for (name, why, changes), places in self.remark_places.items():
             repeats = f" and {len(places) - 1} more" if len(places) > 1 else ""
@@ -161,7 +161,9 @@ class Deck:
     # --- names ------------------------------------------------------------------------------------
 
     def label(self, kind: str, name: str) -> str | None:
-        """The name of a boundary, surface, region or set of nodes, whatever its case."""
+        """Return the spelling of the name of a boundary, surface, region or set of nodes, whatever
+        its case; None: the file has no such name.
+        """
         of_body = {"boundary": self.mesh.boundaries, "region": self.mesh.regions}
         names: dict[str, Any] = {
             "surface": self.model.surfaces,
@@ -174,17 +176,21 @@ class Deck:
         return None if empty or spelt not in named else spelt
 
     def boundary(self, name: str) -> str | None:
-        """The boundary of the mesh that a set or surface of the file is."""
+        """Return the name of the boundary of the mesh that a set or surface of the file is; None:
+        it is no boundary.
+        """
         return self.label("boundary", name)
 
     def elements(self, name: str) -> Ints:
-        """The numbers of the elements of a set, also of masses; none where there is no such set."""
+        """Return the numbers of the elements of a set, also of masses; none where there is no such
+        set.
+        """
         spelt = self.model.spelt.get(name.upper(), name)
         return self.model.elements.get(spelt, np.empty(0, np.int64))
 
     def check_nodes(self, name: str) -> None:
-        """Refuse names of sets that the file does not define; CalculiX takes numbers that it has
-        not, too.
+        """Refuse names of sets that the file does not define; unknown numbers are allowed, as in
+        CalculiX.
         """
         if number_of(name) is None and not any(
             self.label(kind, name) for kind in ("nodes", "boundary", "surface")
@@ -195,8 +201,8 @@ class Deck:
 
     @cached_property
     def numbers(self) -> Ints:
-        """Row of the file of each node of the body, ascending; nodes that complete its cells have
-        none.
+        """The rows in the file of the nodes of the body, ascending; nodes that complete its cells
+        have none.
         """
         raw = self.model.raw
         used = np.zeros(len(raw.points), dtype=bool)
@@ -207,13 +213,13 @@ class Deck:
 
     @cached_property
     def names(self) -> Ints:
-        """The number in the file of each node of the body, in the order of ``numbers``."""
+        """The numbers in the file of the nodes of the body, in the order of ``numbers``."""
         return np.asarray(self.model.places.numbers[self.numbers])
 
     @cached_property
     def bodies(self) -> dict[str, Ints]:
-        """The name of each body and where its nodes are in ``numbers``; the name of the only one is
-        empty.
+        """The name of each body -> the places of its nodes in ``numbers``; the name of the only one
+        is empty.
         """
         if not self.model.bodies:
             return {"": np.arange(len(self.numbers))}
@@ -224,23 +230,23 @@ class Deck:
 
     @cached_property
     def _body_of(self) -> dict[int, str]:
-        """The name of the body of each node; empty, if it is the only one."""
+        """The name of the body of each node; empty if there is only one body."""
         return {node: name for name, nodes in self.bodies.items() for node in plain(nodes)}
 
     def at_point(self, row: int) -> Place:
-        """The place of a node by its row in the file: another body may have a node at the same
-        place.
+        """Return the keys of a table for a node by its row in the file; they name its body, since
+        another one may have a node at the same place.
         """
         node = int(np.searchsorted(self.numbers, row))
         return (("at", tuple(plain(self.mesh.points[node]))), ("region", self._body_of[node]))
 
     def rows(self, nodes: Iterable[int]) -> Ints:
-        """Rows of the file of those of some nodes that the body has, in their order."""
+        """Return the rows in the file of those nodes that the body has, in their order."""
         rows = self.model.places.rows(np.array(list(nodes), dtype=np.int64))
         return rows[np.isin(rows, self.numbers)]
 
     def nodes(self, name: str) -> Ints:
-        """Rows of the file of the nodes of a set that the body has."""
+        """Return the rows in the file of the nodes of a set that the body has."""
         label = self.label("nodes", name)
         return (
             np.empty(0, np.int64)
@@ -248,14 +254,14 @@ class Deck:
             else np.intersect1d(self.model.raw.node_sets[label], self.numbers)
         )
 
-    def held(self, boundary: str) -> Ints:
-        """Rows of the file of the nodes of a boundary."""
+    def boundary_nodes(self, boundary: str) -> Ints:
+        """Return the rows in the file of the nodes of a boundary."""
         nodes = np.unique(self.mesh.facets[self.mesh.boundaries[boundary]])
         return self.numbers[nodes[nodes < len(self.numbers)]]
 
-    def single(self, name: str) -> int | None:
-        """The number of a node, or of the only one of a set, also if the body has it not; None: it
-        is none.
+    def single_node(self, name: str) -> int | None:
+        """Return the number of a node, or of the only one of a set, also outside of the body; None:
+        there is not exactly one.
         """
         if (number := number_of(name)) is not None:
             return number
@@ -263,14 +269,14 @@ class Deck:
         rows = np.empty(0, np.int64) if label is None else self.model.raw.node_sets[label]
         return int(self.model.places.numbers[rows[0]]) if len(rows) == 1 else None
 
-    def mover(self, name: str) -> int | None:
-        """The node that tightens a bolt, if a set or a node is one; None: it is none."""
-        return node if self.bolts and (node := self.single(name)) in self.bolts else None
+    def reference_node(self, name: str) -> int | None:
+        """Return the reference node of a bolt that a set or a node is; None: it is none."""
+        return node if self.bolts and (node := self.single_node(name)) in self.bolts else None
 
     @cached_property
     def given_singly(self) -> set[int]:
-        """The components of which one keyword changes some forces of another one: by boundaries
-        they would add up.
+        """The components of which one keyword changes only some forces of another one: as tractions
+        on boundaries both would add up.
         """
         single_components = set[int]()
         seen = dict[tuple[int, int], frozenset[int]]()

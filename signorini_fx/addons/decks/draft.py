@@ -11,15 +11,15 @@ from typing import Any
 
 from signorini_fx.addons.decks import loads, material
 from signorini_fx.addons.decks.bolts import bolt_tables
-from signorini_fx.addons.decks.contact import contact_tables, say_partners
+from signorini_fx.addons.decks.contact import contact_tables, set_sliding
 from signorini_fx.addons.decks.content import Deck
 from signorini_fx.addons.decks.reading import read_deck
 from signorini_fx.addons.decks.text import (
     DeckBlock,
     factors_of,
     lines_of,
+    mesh_errors,
     origins_of,
-    placed,
     written,
 )
 
@@ -37,15 +37,16 @@ class Draft:
 
 
 def draft(file: Path, target: Path) -> Draft:
-    """The scene that an input file describes; ``target``: where it will be, from which it refers to
-    the file.
+    """Return the scene that an input file describes; ``target``: the place of the scene, from which
+    it refers to the file.
     """
     deck = read_deck(file)
-    with placed(file):
+    with mesh_errors(file):
         tables = _tables(deck)
     present = {block.keyword for block in deck.model.blocks}
     touching = any(heading == "[[contact]]" for heading, _ in tables)
-    lost, noted = (deck.remarks(lost=lost) for lost in (True, False))
+    lost = deck.remarks(lost=True)
+    noted = deck.remarks(lost=False)
     if not touching and (deck.pairs or present & {"CONTACT", "GAP"}):
         lost.append("all of its contact: bodies do not touch in the scene")
     lines = [f"# From {file.name}: read it, and complete what it lacks."]
@@ -64,7 +65,7 @@ def draft(file: Path, target: Path) -> Draft:
 
 
 def _tables(deck: Deck) -> list[tuple[str, dict[str, Any]]]:
-    """All tables of the scene but its mesh."""
+    """Return all tables of the scene but its mesh."""
     steps = max(1, len(deck.steps))
     element: dict[str, Any] = {"degree": 2} if deck.mesh.degree == 2 else {}
     element |= {"volumetric": "auto"} if material.has_rubber(deck) else {}
@@ -72,7 +73,7 @@ def _tables(deck: Deck) -> list[tuple[str, dict[str, Any]]]:
     contacts, stiffness = contact_tables(deck)
     obstacle = material.obstacle_of(deck, contacts, heated=bool(heat))
     if material.is_nonlinear(deck, obstacle):
-        say_partners(deck, contacts)
+        set_sliding(deck, contacts)
     tables = [
         *([("[element]", element)] if element else []),
         *material.material_tables(deck, obstacle, heated=bool(heat)),
@@ -89,8 +90,8 @@ def _tables(deck: Deck) -> list[tuple[str, dict[str, Any]]]:
 
 
 def _load_tables(deck: Deck, steps: int, *, releases: bool) -> list[tuple[str, dict[str, Any]]]:
-    """Supports and loads, in one table what has the same course on a boundary; ``releases``:
-    supports may end.
+    """Return the tables of supports and loads, in one table what has the same course on a boundary;
+    ``releases``: whether supports may end.
     """
     merged: dict[tuple[Any, ...], dict[str, float]] = {}
     origins: dict[tuple[Any, ...], list[DeckBlock]] = {}

@@ -71,7 +71,7 @@ def is_parameter(keyword: str, word: str) -> bool:
 
 
 def unread_parameters(keyword: str, parameters: Mapping[str, str]) -> list[str]:
-    """Return those of the parameters of a keyword, as ``NAME`` or ``NAME=VALUE``, not read."""
+    """Return the parameters of a keyword that are not read, as ``NAME`` or ``NAME=VALUE``."""
     if keyword not in KNOWN:
         return []
     known = _values_of(keyword)

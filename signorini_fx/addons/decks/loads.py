@@ -35,10 +35,10 @@ _BODY_FORCE = re.compile(r"GRAV|CENTRIF|B[XYZ]|P\d", re.IGNORECASE)
 
 
 def read_boundary(deck: Deck, block: DeckBlock) -> None:
-    """*BOUNDARY: displacements of sets and of single nodes, on whole facets and at the nodes that
-    fill none.
+    """Read *BOUNDARY: displacements of sets and of single nodes, on whole facets and at the nodes
+    that do not fill any.
     """
-    _forget(deck, block)
+    _end_earlier(deck, block)
     if "FIXED" in block.parameters:
         bolts.hold(deck, block)
         return
@@ -46,13 +46,13 @@ def read_boundary(deck: Deck, block: DeckBlock) -> None:
     if kind != "DISPLACEMENT" or block.parameters.keys() & {"SUBMODEL", "USER"}:
         deck.lose(block, "what is prescribed is no displacement that the file gives")
         return
-    factor = share_now(deck, block)
+    factor = amplitude_share(deck, block)
     prescribed: dict[str, dict[int, float]] = {}
     for name, *words in block.rows:
         deck.check_nodes(name)
-        if (mover := deck.mover(name)) is not None:
+        if (reference_node := deck.reference_node(name)) is not None:
             for component, value in components(words).items():
-                bolts.drive(deck, block, "prescribed", mover, component, value * factor)
+                bolts.drive(deck, block, "prescribed", reference_node, component, value * factor)
         elif number_of(name) is None:
             prescribed.setdefault(name, {}).update(components(words))
     nodes: dict[str, tuple[int, ...]] = {}
@@ -78,10 +78,10 @@ def read_boundary(deck: Deck, block: DeckBlock) -> None:
             )
             deck.note(block, f"support of {many if name in nodes else repr(name)}: {NO_BODY_PART}")
         where = deck.boundary(name)
-        if where is not None and np.setdiff1d(deck.held(where), held).size:
+        if where is not None and np.setdiff1d(deck.boundary_nodes(where), held).size:
             where = None  # facets have nodes in the middle of their sides that stay free
         places: list[tuple[str, Place]] = [] if where is None else [(where, ())]
-        alone = held if where is None else np.setdiff1d(held, deck.held(where))
+        alone = held if where is None else np.setdiff1d(held, deck.boundary_nodes(where))
         places += [("", deck.at_point(row)) for row in plain(alone)]
         for axis, value in along.items():
             for target, place in places:
@@ -91,9 +91,9 @@ def read_boundary(deck: Deck, block: DeckBlock) -> None:
 
 
 def read_surface_loads(deck: Deck, block: DeckBlock) -> None:
-    """Tractions and pressures on surfaces, *DSLOAD."""
-    _forget(deck, block)
-    factor = share_now(deck, block)
+    """Read *DSLOAD: tractions and pressures on surfaces."""
+    _end_earlier(deck, block)
+    factor = amplitude_share(deck, block)
     for name, kind, *words in block.rows:
         where = deck.boundary(name)
         if where is None:
@@ -136,9 +136,9 @@ def _press(deck: Deck, block: DeckBlock, where: str, value: float) -> None:
 
 
 def read_body_forces(deck: Deck, block: DeckBlock) -> None:
-    """Pressures on faces of elements, and forces in the whole body, *DLOAD."""
-    _forget(deck, block)
-    factor = share_now(deck, block)
+    """Read *DLOAD: pressures on faces of elements, and forces in the whole body."""
+    _end_earlier(deck, block)
+    factor = amplitude_share(deck, block)
     for group in deck.model.groups.get(block.number, []):
         if (where := deck.boundary(group.name)) is None:
             deck.lose(
@@ -193,15 +193,15 @@ def read_body_forces(deck: Deck, block: DeckBlock) -> None:
 
 
 def read_forces(deck: Deck, block: DeckBlock) -> None:
-    """Forces at nodes: on whole facets a traction, if they are those of a uniform one; else one by
-    one.
-    """
-    _forget(deck, block)
-    factor = share_now(deck, block)
+    """Read *CLOAD: a traction on whole facets if it has these nodal forces, else single forces."""
+    _end_earlier(deck, block)
+    factor = amplitude_share(deck, block)
     drives: dict[tuple[int, int], float] = {}
     for name, *words in block.rows:
-        if (mover := deck.mover(name)) is not None:  # several forces at a node in one block add up
-            key = (mover, int(words[0]))
+        if (
+            reference_node := deck.reference_node(name)
+        ) is not None:  # several forces at a node in one block add up
+            key = (reference_node, int(words[0]))
             drives[key] = drives.get(key, 0.0) + factor * real((*words, "0")[1])
     for (node, component), value in drives.items():
         bolts.drive(deck, block, "force", node, component, value)
@@ -235,7 +235,7 @@ def read_forces(deck: Deck, block: DeckBlock) -> None:
 
 
 def _push_singly(deck: Deck, block: DeckBlock, group: Group, axis: str, factor: float) -> None:
-    """Forces at the nodes of a group, one by one."""
+    """Add the forces of a group at its nodes, one by one."""
     share = deck.thickness if deck.mesh.dim == 2 and deck.kinematics.uniform else 1.0
     for node, value in zip(group.nodes, group.values, strict=True):
         for row in plain(deck.rows([node])) if node not in deck.bolts else []:
@@ -244,10 +244,10 @@ def _push_singly(deck: Deck, block: DeckBlock, group: Group, axis: str, factor: 
 
 
 def _uniform(deck: Deck, where: str, rows: Ints, values: Floats) -> float | None:
-    """The traction times thickness that forces at nodes are equivalent to, stress; None: they are
-    not.
+    """Return the traction times the thickness that nodal forces are equivalent to, stress times
+    length; None: there is none.
     """
-    if not np.isin(rows, deck.held(where)).all():
+    if not np.isin(rows, deck.boundary_nodes(where)).all():
         return None
     areas = _areas(deck, where)
     forces = np.zeros(len(areas))
@@ -259,7 +259,9 @@ def _uniform(deck: Deck, where: str, rows: Ints, values: Floats) -> float | None
 
 
 def _areas(deck: Deck, where: str) -> Floats:
-    """The share of each node of the mesh in the area (in 2D: length) of a boundary."""
+    """Return the share of each node of the mesh in the area of a boundary, in 2D its length, shape
+    (n,).
+    """
     facets = deck.mesh.facets[deck.mesh.boundaries[where]]
     shares = nodal_measures(deck.mesh.points, facets, deck.mesh.facet)
     kinds = {kind for kind, _ in deck.model.raw.blocks}
@@ -281,8 +283,8 @@ def _unit(vector: list[float]) -> tuple[float, ...]:
 # --- amplitudes and steps -------------------------------------------------------------------------
 
 
-def share_now(deck: Deck, block: DeckBlock) -> float:
-    """The share of the values of a load that acts at the end of the step, by its amplitude.
+def amplitude_share(deck: Deck, block: DeckBlock) -> float:
+    """Return the share of the values of a load that acts at the end of the step, by its amplitude.
 
     A load keeps in later steps what it has reached: CalculiX 2.20 does so, and Abaqus.
     """
@@ -328,7 +330,7 @@ def share_now(deck: Deck, block: DeckBlock) -> float:
 
 
 def _course_of(amplitude: DeckBlock) -> tuple[Floats, Floats]:
-    """The times and values of an amplitude."""
+    """Return the times and values of an amplitude."""
     try:
         words = np.array([real(word) for row in amplitude.rows for word in row])
     except ValueError as error:
@@ -346,8 +348,8 @@ def _course_of(amplitude: DeckBlock) -> tuple[Floats, Floats]:
 
 
 def _set_load(deck: Deck, load: DeckLoad, value: float) -> None:
-    """Loads that a step gives several times add up; what earlier steps gave is replaced, as are
-    displacements.
+    """Record a load: what a step gives several times adds up, what earlier steps gave is replaced,
+    and so are displacements.
     """
     block = load.block
     key = (load.table, load.target, load.keys, load.direction, block.keyword, load.place)
@@ -356,8 +358,8 @@ def _set_load(deck: Deck, load: DeckLoad, value: float) -> None:
     load_of_key.values[deck.step] = value + (earlier or 0.0)
 
 
-def _forget(deck: Deck, block: DeckBlock) -> None:
-    """With OP=NEW, all that steps have given so far by a keyword ends with this one."""
+def _end_earlier(deck: Deck, block: DeckBlock) -> None:
+    """End all that a keyword has given in earlier steps, if it has OP=NEW."""
     if (
         block.parameters.get("OP", "MOD").upper() != "NEW"
         or (deck.step, block.keyword) in deck.ended
@@ -376,7 +378,7 @@ def _forget(deck: Deck, block: DeckBlock) -> None:
 
 
 def read_temperatures(deck: Deck, block: DeckBlock) -> None:
-    """Temperatures of sets of nodes: *TEMPERATURE of a step, or *INITIAL CONDITIONS,
+    """Read the temperatures of sets of nodes: *TEMPERATURE of a step, or *INITIAL CONDITIONS,
     TYPE=TEMPERATURE.
     """
     parameters = block.parameters
@@ -393,8 +395,8 @@ def read_temperatures(deck: Deck, block: DeckBlock) -> None:
         deck.lose(block, _NODES_DIFFER)
         return
     anew = parameters.get("OP", "MOD").upper() == "NEW" and deck.step not in deck.temperatures
-    temperatures = _at(deck, -1 if anew else deck.step).copy()
-    share = share_now(deck, block)
+    temperatures = _temperatures_at(deck, -1 if anew else deck.step).copy()
+    share = amplitude_share(deck, block)
     for name, value, *_ in block.rows:
         deck.check_nodes(name)
         rows = deck.rows([int(name)]) if number_of(name) is not None else deck.nodes(name)
@@ -405,21 +407,24 @@ def read_temperatures(deck: Deck, block: DeckBlock) -> None:
     deck.heating.append(block)
 
 
-def _at(deck: Deck, step: int) -> Floats:
-    """Of the nodes of the file at the end of a step, shape (n,)."""
+def _temperatures_at(deck: Deck, step: int) -> Floats:
+    """Return the temperatures of the nodes of the body at the end of a step, shape (n,)."""
     steps = [earlier for earlier in deck.temperatures if earlier <= step]
     return deck.temperatures[max(steps)] if steps else np.zeros(len(deck.numbers))
 
 
 def temperature_tables(deck: Deck, steps: int) -> list[tuple[str, dict[str, Any]]]:
-    """The change of the temperature of each body since the beginning, with its course over the
-    steps.
+    """Return the tables [[temperature]]: the change in each body since the beginning, with its
+    course over the steps.
     """
     if not any(properties.get("expansion") for properties in deck.materials.values()):
         return []  # nothing expands
     courses: dict[str, tuple[float, ...]] = {}
     for name, nodes in deck.bodies.items():
-        changes = [(_at(deck, step) - _at(deck, -1))[nodes] for step in range(steps)]
+        changes = [
+            (_temperatures_at(deck, step) - _temperatures_at(deck, -1))[nodes]
+            for step in range(steps)
+        ]
         if any(
             np.ptp(change) > ZERO_IN_SOLUTION * np.abs(change).max(initial=0.0)
             for change in changes

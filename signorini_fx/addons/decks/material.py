@@ -28,7 +28,7 @@ _FIRST_TERM = ("POLYNOMIAL", "REDUCEDPOLYNOMIAL")
 
 
 def read_section(deck: Deck, block: DeckBlock) -> None:
-    """*SOLID SECTION and others: the material of a part, and the thickness of a plane one."""
+    """Read *SOLID SECTION and others: the material of a part, and the thickness of a plane one."""
     region = deck.label("region", block.parameters["ELSET"])
     if block.keyword != "SOLIDSECTION":
         if deck.mesh.dim == 3 or region is None:
@@ -52,7 +52,7 @@ def read_section(deck: Deck, block: DeckBlock) -> None:
 
 
 def read_material(deck: Deck, block: DeckBlock) -> None:
-    """*MATERIAL."""
+    """Read *MATERIAL: its name."""
     deck.material = block.parameters["NAME"].upper()
     deck.materials.setdefault(deck.material, {})
 
@@ -64,14 +64,16 @@ def _properties(deck: Deck) -> dict[str, Any]:
 
 
 def read_density(deck: Deck, block: DeckBlock) -> None:
-    """*DENSITY."""
+    """Read *DENSITY: mass per volume."""
     _properties(deck)["density"] = real(block.rows[0][0])
     if len(block.rows) > 1:
         deck.lose(block, _FIRST_LINE)
 
 
 def read_expansion(deck: Deck, block: DeckBlock) -> None:
-    """*EXPANSION; ZERO, a temperature of reference, matters for a coefficient that varies only."""
+    """Read *EXPANSION: a constant coefficient, for which the temperature of reference, ZERO, does
+    not matter.
+    """
     properties = _properties(deck)
     if block.parameters.get("TYPE", "ISO").upper() not in ("ISO", "ISOTROPIC"):
         deck.lose(block, "expansion that depends on the direction is not read")
@@ -82,20 +84,22 @@ def read_expansion(deck: Deck, block: DeckBlock) -> None:
 
 
 def read_elastic(deck: Deck, block: DeckBlock) -> None:
-    """*ELASTIC."""
+    """Read *ELASTIC: the isotropic modulus and ratio of Poisson."""
     properties = _properties(deck)
     if block.parameters.get("TYPE", "ISOTROPIC").upper() not in ("ISOTROPIC", "ISO"):
         raise DeckError(
             block,
             "only isotropic elasticity is read: state others in a scene, with material.orthotropic",
         )
-    properties["young"], properties["poisson"] = (real(word) for word in (*block.rows[0], "0")[:2])
+    words = (*block.rows[0], "0")
+    properties["young"] = real(words[0])
+    properties["poisson"] = real(words[1])
     if len(block.rows) > 1:
         deck.lose(block, _FIRST_LINE)
 
 
 def read_rubber(deck: Deck, block: DeckBlock) -> None:
-    """*HYPERELASTIC: its energy, with kappa = 2 / D1 and, of Ogden, 2 mu / alpha for its mu."""
+    """Read *HYPERELASTIC: an energy, with kappa = 2 / D1 and for Ogden 2 mu / alpha as its mu."""
     properties = _properties(deck)
     parameters = block.parameters
     named = [key for key in _ENERGIES if key in parameters] or ["POLYNOMIAL"]
@@ -127,7 +131,7 @@ def read_rubber(deck: Deck, block: DeckBlock) -> None:
 
 
 def read_hardening(deck: Deck, block: DeckBlock) -> None:
-    """*PLASTIC: rows of yield stresses and plastic strains, which begin at 0, of one
+    """Read *PLASTIC: rows of yield stresses and plastic strains, which begin at 0, of one
     temperature.
     """
     properties = _properties(deck)
@@ -153,7 +157,7 @@ def read_hardening(deck: Deck, block: DeckBlock) -> None:
 
 
 def material_tables(deck: Deck, obstacle: str, *, heated: bool) -> list[tuple[str, dict[str, Any]]]:
-    """The tables of materials, of which each part of the body has one; ``obstacle``: see
+    """Return the tables of materials; each part of the body has one; ``obstacle``: see
     ``obstacle_of``.
     """
     weighs = any(load.table in ("gravity", "rotation") for load in deck.loads.values())
@@ -194,12 +198,12 @@ def material_tables(deck: Deck, obstacle: str, *, heated: bool) -> list[tuple[st
 
 
 def has_rubber(deck: Deck) -> bool:
-    """Whether a part of the body is rubber."""
+    """Return whether a part of the body is rubber."""
     return any("rubber" in deck.materials.get(section.material, {}) for section in deck.sections)
 
 
 def obstacle_of(deck: Deck, contacts: Sequence[Mapping[str, Any]], *, heated: bool) -> str:
-    """The part of a scene that excludes nonlinear materials; "": there is none."""
+    """Return the part of a scene that excludes nonlinear materials; "": there is none."""
     finite = deck.nonlinear is not None or has_rubber(deck)
     obstacles = {
         "with soft contact": any("overclosure" in contact for contact in contacts),
@@ -213,7 +217,7 @@ def obstacle_of(deck: Deck, contacts: Sequence[Mapping[str, Any]], *, heated: bo
 
 
 def is_nonlinear(deck: Deck, obstacle: str) -> bool:
-    """Whether the scene has nonlinear materials."""
+    """Return whether the scene has nonlinear materials."""
     if obstacle:
         return False
     made = [deck.materials.get(section.material, {}) for section in deck.sections]
@@ -223,8 +227,8 @@ def is_nonlinear(deck: Deck, obstacle: str) -> bool:
 
 
 def _nonlinear_law(deck: Deck, section: DeckSection, obstacle: str) -> dict[str, Any] | None:
-    """The keys of a material that is not linear, as one with two constants beside rubber; None: it
-    is linear here.
+    """Return the keys of a nonlinear material, also of one with two constants beside rubber; None:
+    it is linear here.
     """
     properties = deck.materials[section.material]
     curve, yielding = properties.get("plastic", (None, None))

@@ -25,8 +25,8 @@ from signorini_fx.addons.decks.text import (
     check_rows,
     components,
     coordinates,
+    mesh_errors,
     number_of,
-    placed,
     read_keywords,
     real,
 )
@@ -77,7 +77,7 @@ Words = tuple[str, ...]
 
 
 def _kind(element: str) -> tuple[str, int]:
-    """The shape of an element type and its number of nodes."""
+    """Return the shape of an element type and its number of nodes."""
     if match := _SOLID.match(element):
         if (count := int(match[1])) not in _SOLID_KINDS:
             raise ValueError(
@@ -97,15 +97,15 @@ def _kind(element: str) -> tuple[str, int]:
 
 
 def _faces_of(kind: str) -> tuple[tuple[int, ...], ...]:
-    """Corners of the faces S1, S2 ... of a kind of cell; of a plane one its sides; of a line
-    none.
+    """Return the corners of the faces S1, S2 ... of a kind of cell, of a plane one its sides; a
+    line has none.
     """
     return _FACES.get(kind.rstrip("0123456789"), ())
 
 
 @dataclass(frozen=True)
 class Group:
-    """Nodes or faces to which a keyword gives the same, one by one."""
+    """Nodes or faces to which a keyword gives the same kind of value, one by one."""
 
     name: str  # of the set that they make
     words: Words  # what is given, as in a row for a set
@@ -115,7 +115,7 @@ class Group:
 
 @dataclass(frozen=True)
 class DeckModel:
-    """An Abaqus input file."""
+    """The mesh and the keywords of an Abaqus input file."""
 
     raw: RawMesh  # its mesh
     blocks: list[DeckBlock]  # its keywords
@@ -136,7 +136,7 @@ class DeckModel:
 
 @dataclass
 class _Reader:
-    """What has been read so far."""
+    """The mesh as far as it has been read."""
 
     node_parts: list[tuple[DeckBlock, Ints, Floats]] = field(default_factory=list)
     element_parts: list[tuple[DeckBlock, str, Ints]] = field(default_factory=list)
@@ -153,7 +153,7 @@ class _Reader:
     )  # names in capitals -> as they are written first
 
     def read(self, block: DeckBlock) -> None:
-        """Take what a keyword says of the mesh."""
+        """Take the nodes, elements, sets and single values of a keyword."""
         parameters = block.parameters
         if block.keyword != "NODE":
             check_rows(block)
@@ -195,7 +195,7 @@ class _Reader:
         return self.spelt.setdefault(name.upper(), name)
 
     def _free(self, word: str) -> Iterator[str]:
-        """Names that the file does not have: a word and a number."""
+        """Yield names that the file does not have: a word and a number."""
         for n in itertools.count(1):
             if (name := word.format(n)).upper() not in self.spelt:
                 yield self._name(name)
@@ -248,7 +248,7 @@ class _Reader:
         self._extend(sets, name, _distinct(parts))
 
     def _member(self, sets: dict[str, Ints], word: str) -> Ints:
-        """A number, or the members of a set."""
+        """Return the numbers of the members of a set, or a single number, shape (n,)."""
         if (number := number_of(word)) is not None:
             return np.array([number], dtype=np.int64)
         if (members := sets.get(self._name(word))) is None:
@@ -256,8 +256,8 @@ class _Reader:
         return members
 
     def _given_alike(self, block: DeckBlock) -> list[tuple[Words, dict[Any, float]]]:
-        """The single nodes of *BOUNDARY, all nodes of *CLOAD and the faces of *DLOAD, by what they
-        are given.
+        """Return the single nodes of *BOUNDARY, all nodes of *CLOAD and the faces of *DLOAD,
+        grouped by what they are given.
         """
         groups: dict[Words, dict[Any, float]] = {}
         pressures: dict[Any, float] = {}  # of a face that is given several, their sum
@@ -306,7 +306,7 @@ class _Reader:
 
     @cached_property
     def nodes(self) -> tuple[Numbering, Floats]:
-        """All nodes and their positions, shape (n, 2) or (n, 3)."""
+        """All nodes and their positions, length, shape (n, 2) or (n, 3)."""
         rows = _numbering("node", [(block, numbers) for block, numbers, _ in self.node_parts])
         dim = max((2, *(x.shape[1] for _, _, x in self.node_parts)))
         points = [np.pad(x, ((0, 0), (0, dim - x.shape[1]))) for _, _, x in self.node_parts]
@@ -318,8 +318,9 @@ class _Reader:
         return _Elements([part for part in self.element_parts if len(part[2])])
 
     def result(self, blocks: list[DeckBlock]) -> DeckModel:
-        """Everything with the numbering of arrays."""
-        elements, (node_rows, points) = self.elements, self.nodes
+        """Return the mesh, with rows of arrays in place of the numbers of the file."""
+        elements = self.elements
+        node_rows, points = self.nodes
         tables = [(kind, self._table(number)) for number, (kind, _) in enumerate(elements.parts)]
         of_node = _body_of_nodes(tables, len(points))
         groups = self._named_groups(of_node)
@@ -370,8 +371,8 @@ class _Reader:
         )
 
     def _named_groups(self, of_node: Ints) -> dict[int, list[Group]]:
-        """The groups by the numbers of their keywords; each is a set that the file names, or one
-        that is added.  Forces on several bodies are several groups.
+        """Return the groups by the numbers of their keywords; each is a set that the file names, or
+        one that is added. Forces on several bodies are several groups.
         """
         names = {label: self._free(f"{label}_{{}}") for label in _LABELS.values()}
         set_names: dict[frozenset[Any], str] = {
@@ -400,7 +401,7 @@ class _Reader:
         return groups
 
     def _by_body(self, of_node: Ints) -> Iterator[tuple[DeckBlock, Words, dict[Any, float]]]:
-        """What keywords give to nodes and faces; the forces of *CLOAD for each body."""
+        """Yield what keywords give to nodes and faces, the forces of *CLOAD for each body."""
         for block, words, nodal_values in self.nodal_values:
             if block.keyword != "CLOAD":
                 yield block, words, nodal_values
@@ -412,7 +413,7 @@ class _Reader:
                 yield block, words, dict(item for item, inside in chosen if inside)
 
     def _table(self, number: int) -> Ints:
-        """The rows of the nodes of each element of a part."""
+        """Return the rows of the nodes of each element of a part, shape (m, k)."""
         elements = self.elements
         nodes = self.elements.parts[number][1]
         table = self.nodes[0].rows(nodes.ravel()).reshape(nodes.shape)
@@ -430,8 +431,8 @@ class _Reader:
     def _sides(
         self, tables: list[tuple[str, Ints]], name: str, faces: Sequence[tuple[int, int]]
     ) -> Iterator[Ints]:
-        """The corners of the faces of a surface that are sides of the body, by their number, shape
-        (n, corners).
+        """Yield the corners of the faces of a surface that are sides of the body, by the number of
+        corners, shape (n, corners).
         """
         elements = self.elements
         listed = np.array(faces, dtype=np.int64).reshape(-1, 2)
@@ -476,13 +477,13 @@ class _Elements:
         ]
 
     def by_part(self, rows: Ints) -> list[Ints]:
-        """Rows of all elements as rows of those of each keyword; those below 0 are none."""
+        """Return rows of all elements as rows of each keyword; rows below 0 are left out."""
         rows = rows[rows >= 0]
         return [rows[self.part[rows] == k] - self.first[k] for k in range(len(self.parts))]
 
 
 def _numbering(name: str, parts: Sequence[tuple[DeckBlock, Ints]]) -> Numbering:
-    """The numbers of nodes or elements that keywords define, each of them once."""
+    """Return the numbering of nodes or elements, each of which keywords must define once."""
     rows = Numbering(np.concatenate([_NO_NUMBERS, *(numbers for _, numbers in parts)]))
     if rows.again.size:
         row = int(rows.again.min())
@@ -494,25 +495,25 @@ def _numbering(name: str, parts: Sequence[tuple[DeckBlock, Ints]]) -> Numbering:
 
 
 def _distinct(parts: Sequence[Ints]) -> Ints:
-    """Numbers, each where it occurs first."""
+    """Return numbers without repetition, in the order in which they occur first."""
     numbers = np.concatenate(parts)
     return numbers[np.sort(np.unique(numbers, return_index=True)[1])]
 
 
 def read_model(file: Path) -> DeckModel:
-    """The mesh of an Abaqus input file, and all of its keywords.
+    """Return the mesh of an Abaqus input file, and all of its keywords.
 
     Element sets name regions (and boundaries, if they hold lines, or in 3D shells and membranes),
     node sets and surfaces name boundaries.
     """
-    with placed(file):
+    with mesh_errors(file):
         blocks = assembled(read_keywords(file)[0])
     reader = _Reader()
     for number, block in enumerate(blocks):
         block.number = number
-        with placed(file, block):
+        with mesh_errors(file, block):
             reader.read(block)
-    with placed(file):
+    with mesh_errors(file):
         model = reader.result(blocks)
         if (reader.passed_over or reader.elements.parts) and not reader.elements.solid.any():
             raise ValueError(
@@ -554,8 +555,8 @@ def _bodies(
     sets: dict[str, list[Ints]],
     free: Iterator[str],
 ) -> dict[str, list[Ints]]:
-    """The elements of each of several bodies, which share no node, by the name of a set with these,
-    or a free one; ``of_node``: number of the body of each node.
+    """Return the elements of each of several bodies, which share no node, by the name of a set with
+    these elements, or a free one; ``of_node``: number of the body of each node.
     """
     solid = _solid(blocks)
     labels = plain(_distinct([of_node[table[:, 0]] for table in solid.values()]))
@@ -572,5 +573,5 @@ def _bodies(
 
 
 def _key(rows: Sequence[Ints]) -> tuple[bytes, ...]:
-    """The same for the same rows, in any order."""
+    """Return a key that is equal for equal rows, in any order."""
     return tuple(np.sort(part).tobytes() for part in rows)

@@ -23,7 +23,7 @@ from signorini_fx.addons.decks.contact import (
 )
 from signorini_fx.addons.decks.content import Deck
 from signorini_fx.addons.decks.mesh import NO_BODY, POINTS, read_model
-from signorini_fx.addons.decks.text import DeckBlock, placed, real
+from signorini_fx.addons.decks.text import DeckBlock, mesh_errors, real
 from signorini_fx.errors import MeshError
 from signorini_fx.mechanics.mesh.files.arrays import from_raw
 
@@ -41,7 +41,7 @@ _PROCEDURES = {
 
 
 def read_deck(file: Path) -> Deck:
-    """An input file: its mesh, and what acts on the body."""
+    """Return an input file as its mesh and what acts on the body."""
     model = read_model(file)
     mesh = from_raw(model.raw, str(file))
     outside = {
@@ -51,10 +51,10 @@ def read_deck(file: Path) -> Deck:
     deck = Deck(replace(mesh, boundaries=outside), model, inside)
     for block in model.blocks:
         if block.keyword in _DEFINITIONS:
-            with placed(file, block):
+            with mesh_errors(file, block):
                 _DEFINITIONS[block.keyword](deck, block)
     for block in _used_keywords(file, deck):
-        with placed(file, block):
+        with mesh_errors(file, block):
             for written in block.unread:
                 deck.lose(block, f"{written} is not read")
             if deck.steps and block.keyword in _BEFORE_STEPS:
@@ -69,7 +69,7 @@ def read_deck(file: Path) -> Deck:
 
 
 def _used_keywords(file: Path, deck: Deck) -> Iterator[DeckBlock]:
-    """The keywords without those of steps that are not static."""
+    """Yield the keywords without those of steps that are not static."""
     step: list[DeckBlock] | None = None
     seen = False
     static = False
@@ -116,7 +116,7 @@ def _used_keywords(file: Path, deck: Deck) -> Iterator[DeckBlock]:
 
 
 def _read_surface(deck: Deck, block: DeckBlock) -> None:
-    """Faces that are no part of the body; all else of a surface has been read."""
+    """Read *SURFACE: lose the faces that are no part of the body; the others have been read."""
     name = block.parameters["NAME"]
     if missing := deck.model.undefined.pop(name, 0):
         deck.lose(
@@ -129,9 +129,7 @@ def _read_heading(deck: Deck, block: DeckBlock) -> None:
 
 
 def _read_element(deck: Deck, block: DeckBlock) -> None:
-    """The assumption of elements of the plane, one for all; elements that are no part of the
-    body.
-    """
+    """Read *ELEMENT: the assumption of plane elements; lose those that are no part of the body."""
     kind = block.parameters["TYPE"].upper()
     if NO_BODY.match(kind):
         if not POINTS.match(kind):
@@ -171,13 +169,13 @@ def _read_static(deck: Deck, block: DeckBlock) -> None:
 
 
 def _read_level(deck: Deck, block: DeckBlock) -> None:
-    """*PART, *ASSEMBLY and the like, without which a file of instances would be another one."""
+    """Read *PART, *ASSEMBLY and the like, which are lost in a file without instances."""
     if not any(other.keyword == "INSTANCE" for other in deck.model.blocks):
         deck.lose(block, unread_keywords.UNKNOWN)
 
 
 def _read_mass(deck: Deck, block: DeckBlock) -> None:
-    """*MASS: masses at nodes, which matter where weight or rotation acts on them."""
+    """Read *MASS: masses at nodes, which matter where weight or rotation acts on them."""
     masses = deck.elements(block.parameters["ELSET"])
     for other in deck.model.blocks:
         for row in other.rows if other.keyword == "DLOAD" else ():

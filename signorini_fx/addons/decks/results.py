@@ -42,8 +42,8 @@ class ForeignResult:
 
     @property
     def half_unit(self) -> float:
-        """Half a unit of the last digit of the largest component, length; 0: there are all
-        digits.
+        """Half a unit of the last printed digit of the largest component, length; 0: all digits are
+        there.
         """
         largest = float(np.abs(np.nan_to_num(self.displacement)).max())
         if self.digits is None or not largest > 0:
@@ -56,7 +56,9 @@ _Rows = dict[int, tuple[int, list[str]]]
 
 
 def _numbers(file: Path, rows: Iterable[tuple[int, Sequence[str]]]) -> tuple[Floats, int]:
-    """The numbers of lines with their words, and how many digits the longest has."""
+    """Return the numbers of lines with their words, shape (lines, words), and the digits of the
+    longest.
+    """
     values = []
     digits = 0
     for line, words in rows:
@@ -80,7 +82,7 @@ def _add_node(file: Path, line: int, rows: _Rows, node: str, words: list[str]) -
 
 
 def read_dat(file: Path) -> ForeignResult:
-    """The displacements of the last increment of a .dat file of CalculiX."""
+    """Return the displacements of the last increment of a .dat file of CalculiX."""
     last: float | None = None
     rows: _Rows = {}
     within, apart = (
@@ -106,7 +108,7 @@ def read_dat(file: Path) -> ForeignResult:
 
 
 def read_frd(file: Path) -> ForeignResult:
-    """The displacements of the last increment of a .frd file of CalculiX."""
+    """Return the displacements of the last increment of a .frd file of CalculiX."""
     displacements: _Rows = {}
     positions: _Rows = {}
     rows: _Rows | None = None
@@ -159,7 +161,7 @@ def _of_nodes(
 
 
 def read_csv(file: Path) -> ForeignResult:
-    """A table with a heading."""
+    """Return the displacements of a table with a heading."""
     numbered = [
         (number, line) for number, line in _lines(file) if line.strip() and not line.startswith("#")
     ]
@@ -194,7 +196,7 @@ def read_csv(file: Path) -> ForeignResult:
 
 
 def read_vtu(file: Path) -> ForeignResult:
-    """A field of vectors at the points of a .vtu file."""
+    """Return the vector field ``displacement`` or ``u`` at the points of a .vtu file."""
     import meshio.vtu
 
     try:

@@ -68,7 +68,7 @@ class DeckBlock:
         ]
 
     def numbers(self, kind: type[np.float64 | np.int64]) -> tuple[Any, int] | None:
-        """All numbers of the data lines at once, and how many each line has, 0 if lines differ;
+        """Return all numbers of the data lines, and how many each line has, 0 if lines differ;
         None: a word is empty, too large or no number.
         """
         text = re.sub(r",[, \t]*\n", "\n", "\n".join(self.texts).rstrip(", \t\n"))
@@ -99,17 +99,17 @@ class DeckBlock:
 
     @property
     def place(self) -> str:
-        """Its line and, if it is an included one, its file."""
+        """The line of the keyword and, if it is an included one, its file."""
         return f"line {self.line}" + (f" of {self.file}" if self.file else "")
 
     @property
     def origin(self) -> str:
-        """Its place and its name."""
+        """The place and the name of the keyword."""
         return f"{self.place}, *{self.name}"
 
 
 def origins_of(blocks: Iterable[DeckBlock]) -> str:
-    """Those of several keywords, each once."""
+    """Return the origins of several keywords, each once."""
     return " and ".join(dict.fromkeys(block.origin for block in blocks))
 
 
@@ -122,7 +122,7 @@ class DeckError(ValueError):
 
 
 @contextmanager
-def placed(file: Path, block: DeckBlock | None = None) -> Iterator[None]:
+def mesh_errors(file: Path, block: DeckBlock | None = None) -> Iterator[None]:
     """Turn what goes wrong with a keyword into a ``MeshError`` that names its line."""
     try:
         yield
@@ -139,14 +139,14 @@ def placed(file: Path, block: DeckBlock | None = None) -> Iterator[None]:
 
 
 def split_words(line: str) -> list[str]:
-    """The words of a data line; empty ones at its end are none."""
+    """Return the words of a data line without empty ones at its end."""
     words = [word.strip().strip('"') for word in line.rstrip(", \t").split(",")]
     return words if any(words) else []
 
 
 def read_keywords(file: Path) -> tuple[list[DeckBlock], list[Path]]:
-    """All keywords of an input file and of the files in its folder that it includes, and these
-    files.
+    """Return all keywords of an input file and of the files in its folder that it includes, and
+    these files.
     """
     blocks: list[DeckBlock] = []
     files: list[Path] = []
@@ -185,19 +185,19 @@ def _read(
             # Data lines at the beginning of an included file belong to the keyword before it.
             blocks.insert(max(len(blocks) - 1, 0) if included else len(blocks), block)
             if included or "INPUT" in parameters:
-                with placed(deck, block):
-                    inner = _beside(deck, parameters["INPUT"], depth)
+                with mesh_errors(deck, block):
+                    inner = _included_path(deck, parameters["INPUT"], depth)
                 _read(deck, inner, parameters["INPUT"], blocks, files, depth + 1)
         if blocks and data.strip():
             blocks[-1].texts.append(data.strip("\n"))
 
 
 def _heading(line: str) -> tuple[str, dict[str, str]]:
-    """A keyword as it is written, in capitals, and its parameters."""
-    first, *words = (word.strip() for word in line[1:].split(","))
-    pairs = (word.partition("=") for word in words if word)
+    """Return the name of a keyword, in capitals, and its parameters."""
+    words = [word.strip() for word in line[1:].split(",")]
+    pairs = (word.partition("=") for word in words[1:] if word)
     parameters = {squeezed(key): value.strip().strip('"') for key, _, value in pairs}
-    return " ".join(first.upper().split()), parameters
+    return " ".join(words[0].upper().split()), parameters
 
 
 def _continues(heading: str, data: str) -> bool:
@@ -206,8 +206,8 @@ def _continues(heading: str, data: str) -> bool:
     return "=" in word or is_parameter(squeezed(heading.partition(",")[0])[1:], squeezed(word))
 
 
-def _beside(deck: Path, name: str, depth: int) -> Path:
-    """The included file with a name."""
+def _included_path(deck: Path, name: str, depth: int) -> Path:
+    """Return the path of an included file."""
     if depth >= _DEEPEST:
         raise ValueError(f"files include each other more than {_DEEPEST} times deep")
     folder = deck.parent.resolve()
@@ -243,7 +243,9 @@ def check_rows(block: DeckBlock) -> None:
 
 
 def real(word: str) -> float:
-    """A finite number, perhaps as Fortran writes it; an empty word is zero, as in both programs."""
+    """Return a finite number, perhaps as Fortran writes it; an empty word is zero, as in both
+    programs.
+    """
     if not word:
         return 0.0
     try:
@@ -256,7 +258,7 @@ def real(word: str) -> float:
 
 
 def real_or_none(word: str) -> float | None:
-    """The same; None: it is no number."""
+    """Return a finite number as ``real`` does; None: the word is no number."""
     try:
         return real(word)
     except ValueError:
@@ -264,20 +266,20 @@ def real_or_none(word: str) -> float | None:
 
 
 def parameter(block: DeckBlock, key: str) -> float:
-    """The number that a parameter of a keyword has."""
+    """Return the number that a parameter of a keyword has."""
     if not (word := block.parameters[key]):
         raise ValueError(f"{key} has no value")
     return real(word)
 
 
 def number_of(word: str) -> int | None:
-    """The number of a node or element; None: the word is a name."""
+    """Return the number of a node or element; None: the word is a name."""
     return int(word) if word.isascii() and word.isdigit() else None
 
 
 def components(words: Sequence[str]) -> dict[int, float]:
-    """What a row of *BOUNDARY after its node or set prescribes: 1 to 3 are displacements, 4 to 6
-    rotations.
+    """Return the values that a row of *BOUNDARY prescribes after its node or set, by component: 1
+    to 3 are displacements, 4 to 6 rotations.
     """
     if (held := _LABELS.get(words[0].upper())) is not None:
         return {int(component): 0.0 for component in held}
@@ -286,7 +288,9 @@ def components(words: Sequence[str]) -> dict[int, float]:
 
 
 def coordinates(block: DeckBlock) -> tuple[Ints, Floats]:
-    """The numbers of the nodes of *NODE and their coordinates; those that a line lacks are zero."""
+    """Return the numbers of the nodes of *NODE and their coordinates; those that a line lacks are
+    zero.
+    """
     if (number_table := block.numbers(np.float64)) is not None and number_table[1]:
         table = number_table[0].reshape(-1, number_table[1])
         if np.all(table[:, 0] % 1 == 0) and np.abs(table[:, 0]).max() < _LARGEST:
@@ -301,8 +305,8 @@ def coordinates(block: DeckBlock) -> tuple[Ints, Floats]:
 
 
 def lines_of(table: Mapping[str, Any]) -> list[str]:
-    """The lines of a table of a scene, without keys of no value; that of the key "#" is a
-    comment.
+    """Return the lines of a table of a scene, without keys of no value; the value of the key "#"
+    becomes a comment.
     """
     given = {key: value for key, value in table.items() if value not in (None, "", ())}
     return [
@@ -311,7 +315,7 @@ def lines_of(table: Mapping[str, Any]) -> list[str]:
 
 
 def written(value: Any) -> str:
-    """A value as a scene has it."""
+    """Return a value in the notation of a scene."""
     match value:
         case str():
             return json.dumps(value, ensure_ascii=False)
@@ -325,8 +329,8 @@ def written(value: Any) -> str:
 
 
 def factors_of(values: Sequence[float]) -> tuple[float, tuple[float, ...]]:
-    """The largest of the values of some steps, and of each its share of it; none where all have the
-    same.
+    """Return the largest of the values of some steps, and the share of each step in it; no shares
+    where all steps have the same value.
     """
     largest = max(values, key=abs)
     shares = tuple(value / largest for value in values) if largest else ()

@@ -15,7 +15,7 @@ NO_BODY_PART = "no part of the body"
 
 
 def _each(effect: str, *names: str) -> dict[str, str]:
-    """The same for several keywords, without blanks, which the programs ignore."""
+    """Return one reason for several keywords, without blanks, which the programs ignore."""
     return dict.fromkeys((name.replace(" ", "") for name in names), effect)
 
 
