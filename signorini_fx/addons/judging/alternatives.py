@@ -21,7 +21,7 @@ from signorini_fx.tuned import JUDGED_INCREMENTS, NOTABLE
 
 @dataclass(frozen=True)
 class Alternative:
-    """A number of the problem that may be another one."""
+    """A number of the problem that may have another value."""
 
     text: Callable[[float, float], str]  # what to say of a value and its inverse
     start: float  # its value in the problem
@@ -53,9 +53,7 @@ def nearest_alternative(on_mesh: SolutionOnMesh, v: Floats, enough: float) -> Ot
 def _values(
     on_mesh: SolutionOnMesh, v: Floats, tried: Alternative, enough: float
 ) -> Iterator[OtherProblem]:
-    """Values found by secants, each with its solution; they end where one has no effect, or no
-    solution.
-    """
+    """Yield the solutions of values found by secants, until one has no effect or no solution."""
     value = tried.trial
     before = tried.start
     u_before = on_mesh.displacement
@@ -78,7 +76,7 @@ def _values(
 
 
 def _alternatives(scene: Scene, size: float) -> Iterator[Alternative]:
-    """All of a scene; ``size``: of the displacement, length."""
+    """Yield all alternatives of a scene; ``size``: the largest displacement, length."""
     loads = [
         (key, number)
         for key, entries in scene.statement.effects.items()
@@ -112,7 +110,7 @@ def _alternatives(scene: Scene, size: float) -> Iterator[Alternative]:
 
 
 def _of_friction(scene: Scene, number: int, contact: Any) -> Iterator[Alternative]:
-    """Another coefficient or bound of friction, or any, where there is none."""
+    """Yield another coefficient or bound of friction; without friction a coefficient."""
     friction = contact.friction
     law: dict[str, Any] = friction.model_dump()
     if isinstance(friction, NoFriction):
@@ -141,7 +139,7 @@ def _named(key: str, number: int, scene: Scene) -> str:
 
 
 def _loaded(scene: Scene, loads: Sequence[tuple[str, int]], value: float) -> dict[str, Any]:
-    """Entries with some loads that are so many times as large."""
+    """Return the entries of a scene in which some loads are ``value`` times as large."""
     entries: dict[str, Any] = {}
     for key, number in loads:
         several = list(entries.get(key, scene.statement.effects[key]))
@@ -157,15 +155,15 @@ def _loaded(scene: Scene, loads: Sequence[tuple[str, int]], value: float) -> dic
 
 
 def _changed(scene: Scene, key: str, number: int, **values: Any) -> dict[str, Any]:
-    """The list of one key with other values of one entry."""
+    """Return the list of one key of a scene with other values in one of its entries."""
     entries = list(getattr(scene, key))
     entries[number] = entries[number].remade(**values)
     return {key: entries}
 
 
 def _softer(scene: Scene, number: int, compliance: float) -> dict[str, Any]:
-    """With a compliance, of which the displacement is nearly linear, that is so many times as
-    large.
+    """Return the materials with a compliance, of which the displacement is nearly linear, that is
+    so many times as large.
     """
     material: Any = scene.material[number]
     return _changed(scene, "material", number, young=material.young / compliance)

@@ -17,7 +17,7 @@ from signorini_fx.tuned import DIGITS_OF_FILES, JUDGED_SAME_PLACE
 
 
 def read_result(result: object, problem: JudgedProblem) -> ForeignResult:
-    """A result, as ``judge`` takes it, at the nodes of a problem."""
+    """Return a result, in any form that ``judge`` takes, at the nodes of a problem."""
     if isinstance(result, str | Path):
         return _read(Path(result), problem)
     nodes, dim = problem.points.shape
@@ -30,7 +30,7 @@ def read_result(result: object, problem: JudgedProblem) -> ForeignResult:
 
 
 def _read(file: Path, problem: JudgedProblem) -> ForeignResult:
-    """By the numbers of nodes where there are some, else by their positions."""
+    """Return the result of a file: it tells nodes by their numbers, else by their positions."""
     kind = file.suffix.lower()
     if kind not in READERS:
         raise MeshError(f"{file}: results are read from {', '.join(READERS)}")
@@ -57,12 +57,12 @@ def _read(file: Path, problem: JudgedProblem) -> ForeignResult:
 
 
 def _finite(values: Floats) -> Floats:
-    """Values of which those that are no numbers are infinite: NaN is where there are none."""
+    """Return values with infinity in place of what is no number: NaN stands for missing values."""
     return np.where(np.isnan(values), np.inf, values)
 
 
 def _rows_of(file: Path, table: ForeignResult, problem: JudgedProblem) -> Ints:
-    """The row of the table with the number of each node; -1: there is none."""
+    """Return the row of the table with the number of each node, shape (n,); -1: there is none."""
     assert table.numbers is not None
     numbering = Numbering(table.numbers)
     again = numbering.again
@@ -84,8 +84,8 @@ def _rows_of(file: Path, table: ForeignResult, problem: JudgedProblem) -> Ints:
 
 
 def _rows_at(file: Path, table: ForeignResult, problem: JudgedProblem) -> Ints:
-    """The row of the table at each node, those at one place told apart by the middles of their
-    cells; -1: none.
+    """Return the row of the table at the position of each node, shape (n,); -1: there is none. The
+    middles of their cells tell nodes at one position apart.
     """
     near = JUDGED_SAME_PLACE * problem.arrays.diagonal
     if table.points is None:
@@ -118,8 +118,8 @@ def _rows_at(file: Path, table: ForeignResult, problem: JudgedProblem) -> Ints:
 
 
 def _in_cells(x: Floats, tables: Sequence[Ints]) -> tuple[Ints, Floats]:
-    """Of each point of each cell its number, shape (n,), and its place with the cell's middle,
-    shape (n, 2 d).
+    """Return the number of each point of each cell, shape (k,), and its position with the middle of
+    its cell, length, shape (k, 2 d).
     """
     middles = [np.broadcast_to(x[cells].mean(axis=1)[:, None], x[cells].shape) for cells in tables]
     numbers = np.concatenate([cells.ravel() for cells in tables])

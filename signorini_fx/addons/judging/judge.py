@@ -89,13 +89,13 @@ class Judgement:
 
     @property
     def exit_code(self) -> int:
-        """With which the command ends: 0 it agrees, 4 it does with what was read of the input file,
-        5 it solves another problem, 6 it violates the problem, 7 it cannot be told.
+        """The exit code of the command: 0 it agrees, 4 it does with what was read of the input
+        file, 5 it solves another problem, 6 it violates the problem, 7 it cannot be told.
         """
         return {AGREES: 4 if self.lost else 0, ANOTHER: 5, NOT_TOLD: 7}.get(self.word, 6)
 
     def as_dict(self) -> dict[str, Any]:
-        """As plain data for JSON."""
+        """Return the judgement as plain data for JSON."""
         names = ("word", "reason", "agrees", "exit_code", "theirs", "figures", "lost")
         return dict(for_json({name: getattr(self, name) for name in names}))
 
@@ -144,8 +144,9 @@ def judge(problem: object, result: object) -> Judgement:
 
 
 def _of_another_time(problem: JudgedProblem, theirs: ForeignResult) -> tuple[str, str] | None:
-    """The word for a result of another time, and why; a result that is none raises
-    ``NotJudgedError``.
+    """Return the word for a result of another time, and why; None: it is of the same time.
+
+    A result that cannot be judged raises ``NotJudgedError``.
     """
     values = theirs.displacement
     if problem.unjudged:
@@ -172,10 +173,19 @@ def _of_another_time(problem: JudgedProblem, theirs: ForeignResult) -> tuple[str
     return ANOTHER, f"it ends at time {ends[0]:g}, and the problem at {ends[1]:g}"
 
 
+@dataclass(frozen=True)
+class EnergyNorms:
+    """Energy norms of displacements on the mesh of a result."""
+
+    size: float  # of our solution
+    error: float  # of its error, with the margin
+    distance: float  # from the result to ours, on this mesh or on the finer one
+
+
 @dataclass
 class _Judging:
-    """The way to a verdict; ``violated``: of each condition what to say if it is, in the order of
-    their lines.
+    """The figures and lines that lead to a verdict; ``violated``: the words for each condition if
+    it is violated, in the order of their lines.
     """
 
     problem: JudgedProblem
@@ -209,7 +219,7 @@ class _Judging:
 
     @cached_property
     def v(self) -> Floats:
-        """Their displacement at all nodes of the mesh, length, shape (n, d)."""
+        """The displacement of the result at all nodes of the mesh, length, shape (n, d)."""
         v = np.full(self.problem.arrays.points.shape, np.nan)
         v[: len(self.theirs.displacement)] = self.theirs.displacement
         fixed = self.ours.held.all(axis=1) & np.isnan(v).any(
@@ -223,29 +233,29 @@ class _Judging:
         return self.ours.completed(v)
 
     @cached_property
-    def error(self) -> tuple[float, float, float]:
-        """Energy norms: of our solution, of its error with the margin, and of their distance to
-        ours on the mesh or on the finer one.
-        """
+    def norms(self) -> EnergyNorms:
+        """The energy norms of our solution, of its error, and of the distance of the result."""
         ours = self.ours
         finer = self.finer
-        v = self.v
-        distance = ours.norm(v - ours.displacement)
+        distance = ours.norm(self.v - ours.displacement)
         if finer is None:
             size = ours.norm(ours.displacement)
             stress = ours.solution.known_stress
             if stress is None or not stress.error:
                 raise NotJudgedError("the error of our own solution is not known")
-            return size, MARGIN * float(stress.error) * size, distance
-        on_finer = finer.norm(ours.on_finer(ours.displacement) - finer.displacement)
-        theirs = finer.norm(ours.on_finer(v) - finer.displacement)
-        return finer.norm(finer.displacement), MARGIN * on_finer, min(distance, theirs)
+            return EnergyNorms(size, MARGIN * float(stress.error) * size, distance)
+        size = finer.norm(finer.displacement)
+        error = MARGIN * finer.norm(ours.on_finer(ours.displacement) - finer.displacement)
+        on_finer = finer.norm(ours.on_finer(self.v) - finer.displacement)
+        return EnergyNorms(size, error, min(distance, on_finer))
 
     def verdict(self) -> tuple[str, str]:
-        """The word and its reason."""
+        """Return the word and its reason."""
         ours = self.ours
         v = self.v
-        size, error, distance = self.error
+        size = self.norms.size
+        error = self.norms.error
+        distance = self.norms.distance
         if not size > 0:
             raise NotJudgedError("in our own solution nothing is strained")
         printed = ours.round_off(self.theirs.half_unit)
@@ -307,8 +317,9 @@ class _Judging:
         )
 
     def _strained_alike(self) -> tuple[str, str]:
-        """The word where strains are ours within the error: a rigid motion, which they do not show,
-        may yet violate contact, and displacement or contact force may be farther from ours.
+        """Return the word where strains are ours within the error: a rigid motion, which they do
+        not show, may yet violate contact, and displacement or contact force may be farther from
+        ours.
         """
         worst = max(("penetration", "complementarity"), key=self._value)
         if self._value(worst) > _HALF:
@@ -337,15 +348,18 @@ class _Judging:
         ]
 
     def _in_increments(self) -> bool:
-        """Whether it agrees with our solution in increments, as programs solve with friction."""
-        scene, ours = self.problem.scene, self.ours
+        """Return whether the result agrees with our solution in increments, in which programs solve
+        problems with friction.
+        """
+        scene = self.problem.scene
+        ours = self.ours
         if not any(contact.friction.acts for contact in scene.contact):
             return False
         try:
             u = ours.with_entries({"load_steps": scene.load_steps.remade(steps=JUDGED_INCREMENTS)})
         except NotJudgedError:
             return False
-        away = {"distance": ours.norm(self.v - u) / self.error[0], **self._away(self.v, u)}
+        away = {"distance": ours.norm(self.v - u) / self.norms.size, **self._away(self.v, u)}
         limits = {"distance": self.figures["distance"]["threshold"], **self.own}
         if any(value > limits[name] for name, value in away.items()):
             return False
@@ -357,7 +371,7 @@ class _Judging:
         return True
 
     def _other_problem(self, on_mesh: float, enough: float, printed: float) -> str:
-        """The other problem that the result solves, in words; "": there is none."""
+        """Return the other problem that the result solves, in words; "": there is none."""
         ours = self.ours
         v = self.v
         names = [step.name for step in ours.solution.shown_steps]
@@ -382,7 +396,7 @@ class _Judging:
         return other.text if explained else ""
 
     def _certify(self, size: float, allowed: float) -> None:
-        """Take the figures of the certificate, and for each condition what to say if it is
+        """Record the figures of the certificate, and the words for each condition if it is
         violated.
         """
         ours = self.ours
@@ -429,14 +443,16 @@ class _Judging:
         self.lines["friction"] = f"off by {_percent(friction)} of the largest pressure"
 
     def _compare(self) -> None:
-        """Take displacement and contact force beside ours, and what our own meshes let differ."""
+        """Record how far displacement and contact force are from ours, and how far ours may be on
+        such meshes.
+        """
         ours = self.ours
         finer = self.finer
         u = ours.displacement
         size = _largest(u)
         values = self._away(self.v, u)
         if finer is None:
-            own = dict.fromkeys(values, self.error[1] / self.error[0] / MARGIN)
+            own = dict.fromkeys(values, self.norms.error / self.norms.size / MARGIN)
         else:
             # A result is read at the nodes of this mesh, and so is our finer solution.
             own = self._away(self.read_finer, u)
@@ -449,7 +465,7 @@ class _Judging:
                 values["force"] = min(values["force"], farther)
         round_off = NEGLIGIBLE + self.theirs.half_unit / size
         # Elements with fewer points or nodes are nearly as far from ours as the mesh is.
-        error = self.error[1] / self.error[0]
+        error = self.norms.error / self.norms.size
         other_elements = 0.0 if self.problem.alike else error + round_off
         for name, value in values.items():
             self.own[name] = MARGIN * own[name] + round_off

@@ -43,7 +43,7 @@ Ints = npt.NDArray[np.int64]
 
 @dataclass(frozen=True)
 class JudgedProblem:
-    """A problem: what is stated, on a mesh with the nodes of its elements."""
+    """A scene on a mesh with the nodes of its elements."""
 
     scene: Scene
     arrays: MeshArrays
@@ -55,7 +55,7 @@ class JudgedProblem:
 
     @property
     def unjudged(self) -> str:
-        """What of it cannot be judged, in words; "": nothing."""
+        """The features of the problem that cannot be judged, in words; "": there are none."""
         scene = self.scene
         element = self.scene.element
         reasons = {
@@ -81,13 +81,13 @@ class JudgedProblem:
 
     @property
     def cells(self) -> Ints:
-        """Of each cell the nodes that a result has, shape (m, k)."""
+        """The nodes of each cell that a result has, shape (m, k)."""
         cells = self.arrays.cells
         return cells[:, (cells < len(self.names)).all(axis=0)]
 
 
 def judged_problem(problem: object) -> JudgedProblem:
-    """The problem of an input file or of a scene, as ``judge`` takes it."""
+    """Return the problem of an input file or of a scene, in any form that ``judge`` takes."""
     if isinstance(problem, str | Path) and Path(problem).suffix.lower() == ".inp":
         file = Path(problem)
         drafted = draft(file, file)
@@ -119,12 +119,12 @@ def judged_problem(problem: object) -> JudgedProblem:
 
 
 class NotJudgedError(Exception):
-    """Why a result cannot be judged."""
+    """A result cannot be judged; the message says why."""
 
 
 @dataclass(frozen=True)
 class SolutionOnMesh:
-    """Our solution on a mesh.  Displacements have the order of its nodes, shape (n, d)."""
+    """Our solution on a mesh.  Displacements have the order of its nodes, shape (n, d), length."""
 
     problem: JudgedProblem
     arrays: MeshArrays
@@ -134,7 +134,7 @@ class SolutionOnMesh:
 
     @classmethod
     def of(cls, problem: JudgedProblem, arrays: MeshArrays) -> SolutionOnMesh:
-        """That on a mesh in arrays."""
+        """Solve a problem on a mesh given as arrays."""
         mesh = from_arrays(MPI.COMM_SELF, lambda: arrays)
         solution = _solved(problem, mesh)
         space = solution.displacement.function_space
@@ -146,7 +146,7 @@ class SolutionOnMesh:
         return cls(problem, arrays, mesh, solution, block)
 
     def on_finer(self, u: Floats) -> Floats:
-        """The same displacement at the nodes of the mesh with all sides halved."""
+        """Return a displacement at the nodes of the mesh with all sides halved, shape (n, d)."""
         # What is done to positions, which the shape functions of the cells interpolate, is done to
         # displacements, too.
         return halved(replace(self.arrays, points=u)).points
@@ -158,17 +158,17 @@ class SolutionOnMesh:
         return finer.displacement[cKDTree(self.on_finer(marks)).query(marks)[1]]
 
     def with_entries(self, entries: Mapping[str, Any]) -> Floats:
-        """The displacement that solves the problem with other entries of its scene."""
+        """Return the displacement that solves the problem with other entries of its scene."""
         return self._at_nodes(_solved(self.problem, self.mesh, **entries).displacement)
 
     @cached_property
     def displacement(self) -> Floats:
-        """Ours."""
+        """Our displacement at the end of the last load step."""
         return self._at_nodes(self.solution.displacement)
 
     @cached_property
     def steps(self) -> list[Floats]:
-        """Ours at the ends of the load steps before the last one."""
+        """Our displacements at the ends of the load steps before the last one."""
         return [self._at_nodes(step.displacement) for step in self.solution.shown_steps[:-1]]
 
     def _at_nodes(self, u: fem.Function) -> Floats:
@@ -181,7 +181,7 @@ class SolutionOnMesh:
 
     @cached_property
     def stiffness(self) -> sp.csr_array:
-        """Of the components of the nodes, force per length, shape (n d, n d)."""
+        """The stiffness of the components of the nodes, force per length, shape (n d, n d)."""
         model = self.solution.model
         matrix = sum_of(model.forms, [])
         if model.beside is not None:
@@ -192,24 +192,22 @@ class SolutionOnMesh:
         return sp.csr_array(of_unknowns[order][:, order])
 
     def product(self, a: Floats, b: Floats) -> float:
-        """a(., .) of two displacements, energy."""
+        """Return the energy product a(a, b) of two displacements."""
         return float(a.ravel() @ (self.stiffness @ b.ravel()))
 
     def norm(self, u: Floats) -> float:
-        """The energy norm of a displacement."""
+        """Return the energy norm of a displacement."""
         return float(np.sqrt(max(self.product(u, u), 0.0)))
 
     def round_off(self, half_unit: float) -> float:
-        """The energy norm that the last printed digits of a displacement have, each of them at
-        random.
-        """
+        """Return the energy norm of random errors in the last printed digit of a displacement."""
         return half_unit * float(
             np.sqrt(self.stiffness.diagonal()[: self.problem.points.size].sum() / 3)
         )
 
     def completed(self, v: Floats) -> Floats:
-        """A displacement of some nodes, the others NaN, with the least distance to ours that others
-        permit.
+        """Return a displacement that is NaN at some nodes with values there that make its distance
+        to ours smallest, shape (n, d).
         """
         v = np.where(self.held & np.isnan(v), self.displacement, v)
         missing = np.isnan(v).ravel()
@@ -229,8 +227,8 @@ class SolutionOnMesh:
 
     @cached_property
     def points_of_contact(self) -> sp.csr_array:
-        """From displacements of the nodes to relative ones at the contact points, shape (points d,
-        n d).
+        """The matrix from displacements of the nodes to relative displacements of the contact
+        points, shape (points d, n d).
         """
         if self.solution.contact is None:
             return sp.csr_array((0, self.unknowns.size))
@@ -243,8 +241,8 @@ class SolutionOnMesh:
         return of_unknowns[:, self.unknowns.ravel()]
 
     def tractions(self, v: Floats) -> tuple[Tractions | None, Floats]:
-        """Of a displacement the tractions at the contact points, None without any, and the forces
-        at nodes that they leave unbalanced, shape (n, d).
+        """Return the tractions at the contact points of a displacement, None without contact, and
+        the forces at nodes that they leave unbalanced, shape (n, d).
         """
         left = -(self.stiffness @ (v - self.displacement).ravel())
         state = self.solution.contact
@@ -265,7 +263,7 @@ class SolutionOnMesh:
         return tractions, np.where(self.held, 0.0, left.reshape(v.shape))
 
     def unbalanced(self, left: Floats) -> tuple[float, int]:
-        """How far a displacement that leaves forces at nodes unbalanced, shape (n, d), is from
+        """Return how far a displacement with unbalanced forces at nodes, shape (n, d), is from
         equilibrium in the energy norm where nothing touches, and the worst node.
         """
         inside = ~self.held.ravel()
@@ -281,8 +279,8 @@ class SolutionOnMesh:
         return float(np.sqrt(works.sum())), int(np.bincount(rows // left.shape[1], works).argmax())
 
     def moved_alone(self, v: Floats, enough: float) -> list[int]:
-        """One node or two without which another displacement is at most so far from ours; none:
-        there are not.
+        """Return one or two nodes without which a displacement is at most ``enough`` from ours;
+        none: there are no such nodes.
         """
         dim = v.shape[1]
         nodes = list[int]()
@@ -304,9 +302,7 @@ class SolutionOnMesh:
         return []
 
     def certificate(self, v: Floats, tractions: Tractions) -> Certificate:
-        """The certificate of a displacement of the last load step with tractions at the contact
-        points.
-        """
+        """Return the certificate of a displacement of the last load step with its tractions."""
         solution = self.solution
         u = fem.Function(self.solution.displacement.function_space)
         u.x.array[self.unknowns] = v
@@ -322,14 +318,14 @@ class SolutionOnMesh:
         )
 
     def force(self, tractions: Tractions | None = None) -> float:
-        """The sum of what presses at the contact points, of ours without tractions, force."""
+        """Return the sum of the pressures at the contact points, force; ours without tractions."""
         contact = self.solution.contact
         assert contact is not None
         return float(contact.boundary.weight @ (tractions or Tractions.of(contact)).pressure)
 
 
 def _solved(problem: JudgedProblem, mesh: TaggedMesh, **entries: Any) -> Solution:
-    """The solution on a mesh with other entries of the scene."""
+    """Return the solution on a mesh with other entries of the scene."""
     scene = problem.scene.remade(mesh=mesh, body=(), accuracy=None, **entries)
     solution = solve(scene, MPI.COMM_SELF, check=False)
     if not solution.converged:
