@@ -96,3 +96,21 @@ def test_all_of_a_few_warnings(tmp_path, capsys):
     said = [line for line in capsys.readouterr().out.splitlines() if line.startswith("  warning ")]
     assert len(said) == len(warnings) == 2
     assert "contact[0].foundation" in said[0]
+
+
+def test_pieces_are_called_by_their_regions(tmp_path, capsys):
+    """Each piece that is a whole region; its extent says less."""
+    (tmp_path / "two.geo").write_text(
+        'SetFactory("OpenCASCADE");\nRectangle(1) = {0, 0, 0, 2, 1};\n'
+        "Rectangle(2) = {0, 1.01, 0, 2, 1};\nMesh.MeshSizeMax = 0.5;\n"
+        'Physical Curve("foot") = {1};\nPhysical Surface("lower") = {1};\n'
+        'Physical Surface("upper") = {2};\n'
+    )
+    (tmp_path / "s.toml").write_text(
+        'mesh = { file = "two.geo" }\nmaterial = { young = 1.0, poisson = 0.3 }\n'
+        'displacement = { boundary = "foot", x = 0.0, y = 0.0 }\n'
+    )
+    assert cli.main(["check", str(tmp_path / "s.toml")]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "nothing holds body 'upper'" in said
+    assert "each must be held: body 'lower'; body 'upper'" in said

@@ -73,6 +73,23 @@ class BodyPieces:
         majority = parallel.global_sum(comm, np.array(counts)).argmax(axis=0)
         return replace(self, bodies=tuple(np.array(list(cells), dtype=object)[majority]))
 
+    def of_regions(self, comm: MPI.Comm, cells: Mapping[str, npt.NDArray[np.int32]]) -> BodyPieces:
+        """Return the same with the names of regions, if each piece is a whole region; ``cells``:
+        of each region those that this rank owns; collective.
+        """
+        counts = parallel.global_sum(
+            comm,
+            np.array(
+                [np.bincount(self.of_cell[own], minlength=self.count) for own in cells.values()]
+            ),
+        )
+        whole = (counts == self.cells) & (counts.sum(axis=1)[:, None] == self.cells)
+        if not whole.any(axis=0).all():
+            return self
+        return replace(
+            self, bodies=tuple(np.array(list(cells), dtype=object)[whole.argmax(axis=0)])
+        )
+
     def as_rows(self) -> list[dict[str, Any]]:
         """Return one row for each piece, ready for JSON."""
         return [

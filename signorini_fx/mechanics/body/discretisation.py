@@ -126,6 +126,12 @@ def _prepared(
         pieces = pieces.of_bodies(
             tagged.mesh.comm, {name: tagged.cells(name) for name in statement.bodies}
         )
+    elif pieces.count > 1 and tagged.regions:
+        owned = tagged.mesh.topology.index_map(tagged.dimension).size_local
+        regions = {name: tagged.cells(name) for name in tagged.regions}
+        pieces = pieces.of_regions(
+            tagged.mesh.comm, {name: own[own < owned] for name, own in regions.items()}
+        )
     with timings.phase("compile"):
         acting = [effect for effect in statement.of(Resistance) if effect.acts]
         resistance = compile_resistance(
