@@ -62,7 +62,8 @@ class LinearisedLaw:
         tied = self.spread * (self.gamma * self.tied)[:, None, :]
         slopes = self.turning
         if not self.exact:
-            tied, slopes = np.zeros_like(tied), slopes + tied
+            slopes = slopes + tied
+            tied = np.zeros_like(tied)
         return (slopes if self.slips is None else slopes + slopes[:, :, 1:] @ self.slips) + tied
 
     def by_slips(self, owed: Nodal) -> Nodal:
@@ -91,7 +92,8 @@ def linearised(
     regularisation unless there is none (``exact``); ``before``: the shear at the beginning of the
     load step, stress, shape (n, d - 1); collective.
     """
-    contact, (count, tangents) = state.in_contact, state.shear.shape
+    contact = state.in_contact
+    count, tangents = state.shear.shape
     law = law if state.has_friction else None
     coefficient = np.zeros(count) if law is None else law.derivative(state.pressure)
     moves = np.any(state.direction != 0, axis=1) | ~(state.bound > 0)
@@ -262,7 +264,8 @@ class TransposedTangent:
             tractions = np.where(law.tied, np.einsum("nji,nj->ni", law.spread, untied), 0.0)
             step = law.gamma * np.where(unmoved, 0.0, tractions)
             chi = chi + step
-            change, size = (parallel.largest(right.comm, np.abs(values)) for values in (step, chi))
+            change = parallel.largest(right.comm, np.abs(step))
+            size = parallel.largest(right.comm, np.abs(chi))
             # Where statics alone determines the quantity chi is zero, and steps are the round-off
             # of their terms.
             terms = law.gamma * (np.abs(moved) + np.abs(by_traction))

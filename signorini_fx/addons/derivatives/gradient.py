@@ -146,7 +146,7 @@ class SolvedStep:
         return vector, of.by_traction(boundary, self.state.pressure, self.state.shear)
 
     def value(self, of: Functional) -> float:
-        """That of a quantity; collective."""
+        """Return the value of a quantity; collective."""
         return of.value(
             self.displacement, self.state.boundary, self.state.pressure, self.state.shear
         )

@@ -285,21 +285,16 @@ def _by_difference(
     before: Sequence[Callable[[Any], ChangedStep]],
     change: float,
 ) -> By:
-    """From what gives the data of a load step, and those of the step before, with a larger and a
-    smaller number.
+    """Return the derivatives from functions that give the data of a load step, and of the step
+    before, with a larger and a smaller number.
     """
 
     def evaluated(step: _Step | _LinearisedStep, quantities: Sequence[Functional]) -> Explicit:
-        high, low = (
-            explicit(
-                step.solved,
-                now(step),
-                quantities,
-                None if step.earlier is None else (step.earlier, last(step)),
-            )
-            for now, last in zip(at, before, strict=True)
-        )
-        return difference(high, low, change)
+        found = []
+        for now, last in zip(at, before, strict=True):
+            preceding = None if step.earlier is None else (step.earlier, last(step))
+            found.append(explicit(step.solved, now(step), quantities, preceding))
+        return difference(*found, change)
 
     return evaluated
 
@@ -342,7 +337,9 @@ def _by_modulus(model: Model, statements: Sequence[Statement], change: float) ->
     """The derivatives by a modulus: differences of forces would be wrong by 1e-4 where a body is
     slender.
     """
-    high, low = (lame_coefficients(statement, model.tagged) for statement in statements)
+    larger, smaller = statements
+    high = lame_coefficients(larger, model.tagged)
+    low = lame_coefficients(smaller, model.tagged)
     for upper, lower in zip(high, low, strict=True):
         values = upper.x.array if isinstance(upper, fem.Function) else upper.value
         values -= lower.x.array if isinstance(lower, fem.Function) else lower.value
@@ -360,8 +357,9 @@ def _by_modulus(model: Model, statements: Sequence[Statement], change: float) ->
         body = step.model
         residual = elastic_forces(body, forms, step.solved.displacement)
         if prepared:
-            above, below = (_loads(changed, step.place)["forces"] for changed in prepared)
-            residual.axpy(-0.5 / change, body.vector(above - below))
+            above, below = prepared
+            forces = _loads(above, step.place)["forces"] - _loads(below, step.place)["forces"]
+            residual.axpy(-0.5 / change, body.vector(forces))
         residual.getArray()[body.prescribed] = 0.0
         nothing = np.zeros(step.solved.law.tied.shape)
         return Explicit([0.0] * len(quantities), residual, nothing, nothing[:, 0])
