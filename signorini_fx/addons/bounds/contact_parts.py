@@ -82,7 +82,8 @@ class ContactParts:
         axes = np.linalg.svd(along[None])[2][1:]
         places = [t.x[t.facets[side]] @ axes.T for side in (slave, master)]
         apart = abs(float((t.x[t.facets[master[0], 0]] - t.x[t.facets[slave[0], 0]]) @ along))
-        one, other = (Patches(t.x[t.facets[side]], t.normal[side]) for side in (slave, master))
+        one = Patches(t.x[t.facets[slave]], t.normal[slave])
+        other = Patches(t.x[t.facets[master]], t.normal[master])
         pairs = np.column_stack(candidates(one, other, apart, np.zeros(len(slave))))
         corners, number = _shared(places[0][pairs[:, 0]], places[1][pairs[:, 1]])
         of = pairs[number]
@@ -237,18 +238,19 @@ class ContactParts:
         local = _barycentric(flat[piece], corners)
         numbers = owner * count + piece
         sizes = np.repeat(areas / count, count)
-        closest, *of_pieces = _closest(values, area, local, numbers, sizes)
-        missed, squares = (squares.reshape(-1, count).sum(axis=1) for squares in of_pieces)
+        closest, missed, squares = _closest(values, area, local, numbers, sizes)
+        missed = missed.reshape(-1, count).sum(axis=1)
+        squares = squares.reshape(-1, count).sum(axis=1)
         return closest.reshape(-1, count, d, d), missed.clip(min=0.0) + 64 * EPS * squares
 
 
 def _closest(
     values: Array, area: Array, local: Array, owner: Ints, areas: Array
 ) -> tuple[Array, Array, Array]:
-    """Of functions that are linear on parts, given at their vertices, the closest ones that are
-    linear on their owners, at the vertices of these, and integrals over them of the squares of the
-    difference and of the functions; ``area``: of the parts; ``local``: barycentric coordinates of
-    their vertices in the owners; ``areas``: of the owners.
+    """Return the functions linear on their owners that are closest to functions linear on parts, at
+    the vertices of the owners, and the integrals over the owners of the squares of the difference
+    and of the functions; ``values``: at the vertices of the parts; ``area``: of the parts;
+    ``local``: barycentric coordinates of their vertices in the owners; ``areas``: of the owners.
     """
     hats = with_hats(values, area)
     shape = (len(areas), *values.shape[1:])
@@ -269,15 +271,16 @@ def _shared(first: Array, second: Array) -> tuple[Array, Ints]:
         highest = np.minimum(first.max(axis=1), second.max(axis=1))
         numbers = np.flatnonzero((highest > lowest)[:, 0])
         return np.stack((lowest, highest), axis=1)[numbers], numbers
-    first, second = (
-        np.where((_sizes(corners) < 0)[:, None, None], corners[:, ::-1], corners)
-        for corners in (first, second)
-    )
-    polygon, count = clip(first, second)
+    polygon, count = clip(_counterclockwise(first), _counterclockwise(second))
     number, corner = np.nonzero(np.arange(2, polygon.shape[1]) < count[:, None])
     return polygon[
         number[:, None], np.column_stack((np.zeros_like(corner), corner + 1, corner + 2))
     ], number
+
+
+def _counterclockwise(corners: Array) -> Array:
+    """Return triangles with their corners in counterclockwise order, shape (n, 3, 2)."""
+    return np.where((_sizes(corners) < 0)[:, None, None], corners[:, ::-1], corners)
 
 
 def _sizes(corners: Array) -> Array:

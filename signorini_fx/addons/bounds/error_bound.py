@@ -261,7 +261,8 @@ class Bounded(PlainProblem):
         """The bound of the error."""
         of_duality = self.admissible.contact + self.between(self.strain)
         of_moved = self.admissible.moved
-        duality, moved = (float(np.sqrt(squares.sum())) for squares in (of_duality, of_moved))
+        duality = float(np.sqrt(of_duality.sum()))
+        moved = float(np.sqrt(of_moved.sum()))
         squares = (of_duality + of_moved).reshape(-1, self.cells).sum(axis=0)
         total = float(np.hypot(duality, moved)) + self.round_off
         return ErrorBound(total, self.size, duality, moved, self.round_off, squares, self.assumed)
@@ -275,10 +276,13 @@ class Bounded(PlainProblem):
         tangential = displacement - normal[:, :, None] * parts.normal[:, None]
         values = bernstein(POINTS[d])
         linear = POINTS[d]
-        pressure, bound, shear = (
-            np.einsum("qc,fc...->fq...", linear, parts.on_parts(at_vertices))
-            for at_vertices in (surface.pressure, surface.bound, surface.shear)
-        )
+
+        def at_points(at_vertices: Array) -> Array:
+            return np.einsum("qc,fc...->fq...", linear, parts.on_parts(at_vertices))
+
+        pressure = at_points(surface.pressure)
+        bound = at_points(surface.bound)
+        shear = at_points(surface.shear)
         work = pressure * ((surface.gap - normal) @ values.T).clip(min=0.0)
         size = np.linalg.norm(tangential, axis=2) @ values.T
         work += (bound * size - (shear * (values @ tangential)).sum(axis=2)).clip(min=0.0)

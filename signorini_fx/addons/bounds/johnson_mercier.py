@@ -129,7 +129,8 @@ class LocalStress:
         """Vectors whose squares are the energy, (n, rows, k), of stresses of reference cells at
         corners of parts.
         """
-        count, (n, _, _, k) = self._t.dimension + 1, stress.shape
+        count = self._t.dimension + 1
+        n, _, _, k = stress.shape
         at = (root[:, None] @ stress).reshape(n, count, count, -1, k)
         # The root of the mass matrix 1 + ones.
         return np.asarray(
@@ -208,14 +209,15 @@ def tensor_times(vector: Array) -> Array:
     columns = COLUMNS[len(vector)]
     product = np.zeros((len(vector), len(rows)))
     components = np.arange(len(rows))
-    product[rows, components], product[columns, components] = vector[columns], vector[rows]
+    product[rows, components] = vector[columns]
+    product[columns, components] = vector[rows]
     return product
 
 
 def equations(d: int, degree: int) -> tuple[Array, Array, Array]:
-    """Of stresses of degree 1 or 2 on the parts of the reference cell, from values at the vertices
-    of the parts, and at the middles of their edges: tractions on the facets at these nodes, times
-    the area; by how much tractions of both parts at a facet between them differ; divergences, of
+    """Return the equations of stresses of degree 1 or 2 on the parts of the reference cell, from
+    values at the vertices of the parts and at the middles of their edges: tractions on the facets
+    at these nodes, times the area; the jumps of tractions at facets between parts; divergences, of
     degree 2 at the corners of the parts.
     """
     count = d + 1
@@ -255,9 +257,9 @@ def equations(d: int, degree: int) -> tuple[Array, Array, Array]:
 
 @cache
 def reference(d: int) -> tuple[Array, Array]:
-    """From tractions at the vertices of the facets and the divergences of the parts to the stress
-    of the reference cell, shape (27, 18) or (96, 48), and the conditions with their right-hand
-    sides, shape (30, 27 + 18) or (102, 96 + 48).
+    """Return the matrix from tractions at the vertices of the facets and divergences of the parts
+    to the stress of the reference cell, shape (27, 18) or (96, 48), and the conditions with their
+    right-hand sides, shape (30, 27 + 18) or (102, 96 + 48).
 
     The conditions determine the stress; they are compatible if the cell is in equilibrium.
     """

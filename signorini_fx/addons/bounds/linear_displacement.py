@@ -124,7 +124,8 @@ def solved(symmetric: sp.csr_matrix, right: Array) -> Array:
     """
     upper = sp.triu(symmetric, format="csr")
     upper.sort_indices()
-    rows, columns = (array.astype(PETSc.IntType) for array in (upper.indptr, upper.indices))
+    rows = upper.indptr.astype(PETSc.IntType)
+    columns = upper.indices.astype(PETSc.IntType)
     matrix = PETSc.Mat().createSBAIJ(
         upper.shape, 1, csr=(rows, columns, upper.data), comm=MPI.COMM_SELF
     )

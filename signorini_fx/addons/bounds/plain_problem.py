@@ -246,7 +246,8 @@ class PlainProblem:
         corners = corners.reshape(-1, d + 1)
         self._numbers = numbers
         x = np.zeros((len(numbers), d))
-        x[corners], ends = rows["x"], np.sort(corners[:, EDGES[d]], axis=2)
+        x[corners] = rows["x"]
+        ends = np.sort(corners[:, EDGES[d]], axis=2)
         turned = np.linalg.det(x[corners][:, 1:] - x[corners][:, :1]) < 0
         order = np.where(turned[:, None], [*range(d - 1), d, d - 1], np.arange(d + 1))
         t = Simplices(x, np.take_along_axis(corners, order, axis=1), _moduli(rows, d))
@@ -390,9 +391,9 @@ class PlainProblem:
             parts = ContactParts.on_foundation(t, facets, towards)
         points = np.flatnonzero(rows["contact of point"] == number)
         undivided = self._undivided(f"slave {number}")
-        at, pressure, shear = (rows[name][points] for name in ("point", "pressure", "shear"))
-        pressure = self._linear(undivided, at, pressure, positive=True)
-        shear = self._linear(undivided, at, shear)
+        at = rows["point"][points]
+        pressure = self._linear(undivided, at, rows["pressure"][points], positive=True)
+        shear = self._linear(undivided, at, rows["shear"][points])
         order = np.argsort(facets)
         of_facets = order[np.searchsorted(facets, parts.facets[SLAVE], sorter=order)]
         normal = np.zeros((len(of_facets), d))

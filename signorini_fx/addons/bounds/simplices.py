@@ -162,7 +162,8 @@ class Simplices:
         cell = order // (self.dimension + 1)
         second = np.append(False, facet[1:] == facet[:-1])
         sides = np.full((len(self.facets), 2), -1)
-        sides[facet[~second], 0], sides[facet[second], 1] = cell[~second], cell[second]
+        sides[facet[~second], 0] = cell[~second]
+        sides[facet[second], 1] = cell[second]
         return sides
 
     @cached_property
