@@ -303,6 +303,25 @@ def test_a_curved_drawing_and_a_straight_one(tmp_path):
     assert mesh.comm.allreduce(size) == pytest.approx(4.0 + segment, rel=1e-4)
 
 
+@pytest.mark.parametrize("friction", [{}, {"friction": {"law": "coulomb", "coefficient": 0.3}}])
+def test_a_step_in_which_nothing_presses_has_no_other_law(friction):
+    """A body that is let go after it was pressed and dragged: augmentation is said to be what
+    solved it.
+    """
+    parameters = {"length": 2.21, "height": 0.714, "nx": 9, "ny": 5}
+    scene = {
+        "mesh": {"generator": "rectangle", "parameters": parameters},
+        "solver": {"algorithm": "alm"},
+        "material": {"young": 248.0, "poisson": 0.2},
+        "contact": {"boundary": "bottom", "gap": "0.00096*(x[0]-1.1)**2"} | friction,
+        "displacement": {"boundary": "left", "x": 0.00064, "factors": [0.0, 0.8, 0.2]},
+        "traction": {"boundary": "top", "y": -0.879, "factors": [1.0, 1.0, 0.0]},
+    }
+    solution = solve(parse_scene(scene))
+    assert solution.table.columns["pressure"].max() == 0.0
+    assert not [finding for finding in solution.findings if "fall-back" in finding.message]
+
+
 CROSSING = {
     "a node in the middle of two edges": ("1, 1, 2, 3, 6, 8, 7", "2, 2, 4, 3, 8, 9, 5"),
     "an edge with two nodes in its middle": ("1, 1, 2, 3, 6, 10, 7", "2, 2, 4, 3, 8, 9, 5"),

@@ -211,7 +211,10 @@ def _near_the_last_place(task: Task, start: Start) -> Outcome | None:
     ):  # round-off of the way back
         x.set(0.0)
     newton.restore((x, replace(sets, contact=sets.contact & ~(loose & ~data.bilateral)), data))
-    return replace(outcome, status=Status.CONVERGED, newton=newton)
+    # Without tractions the law without regularisation holds, too.
+    exact = task.settings.algorithm == "alm"
+    exact = exact and not parallel.any_rank(comm, bool((pressed & ~loose).any()))
+    return replace(outcome, status=Status.CONVERGED, newton=newton, augmented=exact)
 
 
 def _solve(task: Task, start: Start) -> Outcome:
