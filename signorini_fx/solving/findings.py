@@ -87,6 +87,9 @@ def nonlinear_findings(statement: Statement, body: Model) -> Iterator[Finding]:
             yield Finding("note", f"contact[{number}]", text)
     yield from _locking(body, reduced=volume_degree(statement, body.tagged) is not None)
     yield from _idle(body)
+    if body.data is not None:
+        yield from _gaps(body, body.data, np.inf)
+    yield from _inwards(body)
     yield from closed_at_once(body)
     yield from equilibrium(body, [])
     yield from _corners(body)
@@ -186,7 +189,7 @@ def _inwards(body: Model) -> Iterator[Finding]:
     """
     mesh = body.tagged.mesh
     dim = body.tagged.dimension
-    for index, effect in enumerate(body.statement.contact):
+    for index, effect in enumerate(body.statement.placed(0).contact):
         if effect.direction is None and effect.surface is None:
             continue
         facets = body.tagged.facets(effect.boundary)
@@ -197,8 +200,9 @@ def _inwards(body: Model) -> Iterator[Finding]:
             facing = np.any(np.einsum("id,id->i", (middles - cells)[:, :dim], normals) < 0)
             if not parallel.any_rank(body.comm, bool(facing)):
                 message = (
-                    "no facet of the boundary faces the plane: name another boundary, or turn "
-                    "the normal of the plane towards the body"
+                    "no facet of the boundary faces the foundation: name another boundary, turn "
+                    "the normal of a plane towards the body, or reverse the points of a line, "
+                    "which has the body on its left"
                 )
                 yield Finding("warning", f"contact[{index}].foundation", message)
             continue

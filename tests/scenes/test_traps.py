@@ -231,4 +231,4 @@ def test_a_plane_that_faces_away(normal, warns):
         "foundation": {"shape": "plane", "point": [0.0, 0.0], "normal": normal},
     }
     found = warned(check(tall(contact=plane)).findings).get("contact[0].foundation", "")
-    assert ("no facet of the boundary faces the plane" in found) == warns
+    assert ("no facet of the boundary faces the foundation" in found) == warns

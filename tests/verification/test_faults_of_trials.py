@@ -22,6 +22,7 @@ from signorini_fx import (
     solve,
 )
 from signorini_fx.results.summary import short_answer, summary_of
+from signorini_fx.scenes.checks import check_scene
 from signorini_fx.scenes.cli import main
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene
@@ -320,6 +321,24 @@ def test_a_step_in_which_nothing_presses_has_no_other_law(friction):
     solution = solve(parse_scene(scene))
     assert solution.table.columns["pressure"].max() == 0.0
     assert not [finding for finding in solution.findings if "fall-back" in finding.message]
+
+
+@pytest.mark.parametrize("law", [{}, {"law": "neo-hooke"}])
+def test_lines_that_are_drawn_the_wrong_way_round(law):
+    """Half inside the body, so that it is not wholly inside the foundation: check says it."""
+    line = [[3.0, 0.5], [1.0, 0.3], [-1.0, 0.5]]
+    scene = {
+        "mesh": {"generator": "rectangle", "parameters": {"length": 2.0, "nx": 8, "ny": 4}},
+        "material": STEEL | law,
+        "displacement": {"boundary": "top", "x": 0.0, "y": -0.05},
+        "contact": {"boundary": "bottom", "foundation": {"shape": "polyline", "points": line}},
+    }
+    found = [finding.message for finding in check_scene(parse_scene(scene), MPI.COMM_SELF).findings]
+    assert any("reverse the points of a line" in message for message in found)
+    line.reverse()
+    found = [finding.message for finding in check_scene(parse_scene(scene), MPI.COMM_SELF).findings]
+    assert not any("reverse the points of a line" in message for message in found)
+    assert any("the gap is negative" in message for message in found)
 
 
 CROSSING = {
