@@ -69,6 +69,7 @@ def scene_findings(body: Model, reached: float = np.inf) -> Iterator[Finding]:
         yield from _inclined(body, data)
         yield from closed_at_once(body)
     yield from _corners(body)
+    yield from _coarse_surfaces(body)
 
 
 def nonlinear_findings(statement: Statement, body: Model) -> Iterator[Finding]:
@@ -93,6 +94,7 @@ def nonlinear_findings(statement: Statement, body: Model) -> Iterator[Finding]:
     yield from closed_at_once(body)
     yield from equilibrium(body, [])
     yield from _corners(body)
+    yield from _coarse_surfaces(body)
 
 
 def _incomplete(statement: Statement) -> Iterator[Finding]:
@@ -217,6 +219,24 @@ def _inwards(body: Model) -> Iterator[Finding]:
                 f"the body to the foundation it is the opposite, direction = [{turned}]"
             )
             yield Finding("warning", f"contact[{index}].direction", message)
+
+
+def _coarse_surfaces(body: Model) -> Iterator[Finding]:
+    """Surfaces of files whose flat facets are wider than those of the body."""
+    for foundation in hard_foundations(body.statement, body.kinematics):
+        width, off = getattr(foundation.shape, "facets", (0.0, 0.0))
+        where = body.statement.contact[foundation.contact].boundary
+        corners = facet_vertices(body.tagged.mesh, body.tagged.facets(where))
+        lengths = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
+        total, count = parallel.global_sum(body.comm, np.array([lengths.sum(), lengths.size]))
+        if width * count > total:
+            message = (
+                f"the surface has flat facets about {width:.2g} wide, {off:.1g} off the curved "
+                f"one, and those of the body are {total / count:.2g} long: it presses with its "
+                "facets and their edges; write the file with smaller ones, or take a shape such "
+                "as a sphere or a cylinder"
+            )
+            yield Finding("note", foundation.path, message)
 
 
 def _corners(body: Model) -> Iterator[Finding]:

@@ -647,3 +647,26 @@ def test_bad_motions(more, message):
         solve(moving(tool=True, **({"shift": ["0.01*t", 0.0]} | more)))
     assert message in str(error.value)
     assert len(error.value.problems) == 1
+
+
+@pytest.mark.parametrize(("cells", "coarse"), [(16, True), (2, False)])
+def test_surfaces_that_are_coarser_than_the_body(files, cells, coarse):
+    """The ball presses with its facets: a note has their size, and that of the body's."""
+    scene = {
+        "mesh": {
+            "generator": "box",
+            "parameters": {"length": 1, "nx": cells, "ny": cells, "nz": 1, "height": 0.5},
+        },
+        "material": {"young": 1.0, "poisson": 0.3},
+        "displacement": {"boundary": "bottom", "x": 0.0, "y": 0.0, "z": 0.0},
+        "contact": {
+            "boundary": "top",
+            "foundation": {
+                "shape": "surface",
+                "file": str(files / "ball.stl"),
+                "shift": [0.5, 0.5, 1.5],
+            },
+        },
+    }
+    found = [str(finding) for finding in check_scene(parse_scene(scene), MPI.COMM_SELF).findings]
+    assert any("the surface has flat facets about" in text for text in found) == coarse

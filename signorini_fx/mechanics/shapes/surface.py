@@ -17,7 +17,7 @@ from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.mechanics.shapes.analytic import Rows, StraightPieces
 from signorini_fx.mechanics.statement.rigid_shape import Array, Corners, Shape
 from signorini_fx.mechanics.statement.values import Positive
-from signorini_fx.tuned import INRADIUS_GRID, SAME_NUMBER, SMOOTH_EDGE
+from signorini_fx.tuned import INRADIUS_GRID, ROOT_OF_EPS, SAME_NUMBER, SMOOTH_EDGE
 
 
 class ClosedSurface(Shape):
@@ -60,6 +60,12 @@ class ClosedSurface(Shape):
         return replace(found, places=self.scale * found.places, edges=self.scale * found.edges)
 
     @property
+    def facets(self) -> tuple[float, float]:
+        """How wide facets of a curved part are, and how far off it, lengths; zero in 2D."""
+        width, off = self._surface.facets
+        return self.scale * width, self.scale * off
+
+    @property
     def inradius(self) -> float:
         return math.inf if self.hollow else self.scale * self._surface.inradius
 
@@ -100,6 +106,11 @@ class CachedSurface:
         if hollow not in self._corners:
             self._corners[hollow] = self._surface.convex_corners(hollow=hollow)
         return self._corners[hollow]
+
+    @property
+    def facets(self) -> tuple[float, float]:
+        """See ``InSpace``."""
+        return getattr(self._surface, "facets", (0.0, 0.0))
 
     @cached_property
     def inradius(self) -> float:
@@ -219,16 +230,19 @@ class InSpace:
         self._points = np.asarray(faced.points)
         self._triangles = order
 
-    def convex_corners(self, *, hollow: bool) -> Corners:
-        """The edges that turn by more than facets of a curved surface do, and the points where
-        three of them meet, for the solid that is convex there, or if ``hollow`` for that around it.
+    @cached_property
+    def _edges(self) -> tuple[Rows, Array, Array, Array, Array]:
+        """The edges: their ends, shape (e, 2), normals of both triangles, shape (e, 3) each, the
+        sines by which these turn, positive where the solid is convex, and the mean height of both
+        triangles over the edge, length, shape (e,) each.
         """
         x = self._points
         triangles = self._triangles
         normals = np.cross(
             x[triangles[:, 1]] - x[triangles[:, 0]], x[triangles[:, 2]] - x[triangles[:, 0]]
         )
-        normals /= np.maximum(np.linalg.norm(normals, axis=1), 1e-300)[:, None]
+        areas = np.maximum(np.linalg.norm(normals, axis=1), 1e-300)  # twice
+        normals /= areas[:, None]
         ends = np.stack((triangles, np.roll(triangles, -1, axis=1)), axis=2).reshape(-1, 2)
         order = np.lexsort(np.sort(ends, axis=1).T)  # each edge twice, one after the other
         first = order[::2]
@@ -236,10 +250,32 @@ class InSpace:
         one = normals[first // 3]
         other = normals[second // 3]
         along = x[ends[first, 1]] - x[ends[first, 0]]
-        along /= np.linalg.norm(along, axis=1)[:, None]
-        turned = np.einsum("ed,ed->e", np.cross(one, other), along) * (-1.0 if hollow else 1.0)
+        length = np.linalg.norm(along, axis=1)
+        turned = np.einsum("ed,ed->e", np.cross(one, other), along) / length
+        height = (areas[first // 3] + areas[second // 3]) / (2 * length)
+        return ends[first], one, other, turned, height
+
+    @cached_property
+    def facets(self) -> tuple[float, float]:
+        """Return how wide facets of a curved part are, and how far off it: medians, lengths; zero
+        where all parts are flat.
+        """
+        *_, turned, height = self._edges
+        smooth = (np.abs(turned) > ROOT_OF_EPS) & (np.abs(turned) <= SMOOTH_EDGE)
+        if not smooth.any():
+            return 0.0, 0.0
+        off = np.abs(turned[smooth]) * height[smooth] / 8
+        return float(np.median(height[smooth])), float(np.median(off))
+
+    def convex_corners(self, *, hollow: bool) -> Corners:
+        """The edges that turn by more than facets of a curved surface do, and the points where
+        three of them meet, for the solid that is convex there, or if ``hollow`` for that around it.
+        """
+        x = self._points
+        edges, one, other, turned, _ = self._edges
+        turned = turned * (-1.0 if hollow else 1.0)
         sharp = (turned > SMOOTH_EDGE) | (np.einsum("ed,ed->e", one, other) < 0) & (turned >= 0)
-        edges = ends[first[sharp]]
+        edges = edges[sharp]
         at = np.flatnonzero(np.bincount(edges.ravel(), minlength=len(x)) > 2)
         of_edge = np.stack((one[sharp], other[sharp]), axis=1)
         sides = of_edge[[(edges == k).any(axis=1).argmax() for k in at]].reshape(-1, 2, 3)
