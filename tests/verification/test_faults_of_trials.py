@@ -18,6 +18,7 @@ from signorini_fx import (
     Coulomb,
     Foundation,
     NonlinearContactProblem,
+    SceneError,
     Status,
     solve,
 )
@@ -339,6 +340,33 @@ def test_lines_that_are_drawn_the_wrong_way_round(law):
     found = [finding.message for finding in check_scene(parse_scene(scene), MPI.COMM_SELF).findings]
     assert not any("reverse the points of a line" in message for message in found)
     assert any("the gap is negative" in message for message in found)
+
+
+@pytest.mark.parametrize("law", [{}, {"law": "neo-hooke"}])
+def test_bodies_that_begin_beside_each_other(law):
+    """They cannot be paired there, and the message says from where they can be brought together."""
+    size = {"length": 1.0, "height": 1.0, "nx": 4, "ny": 4}
+    mesh = {"generator": "rectangle", "parameters": size}
+    scene = {
+        "material": STEEL | law,
+        "body": [
+            {"name": "low", "mesh": mesh},
+            {"name": "up", "mesh": mesh, "shift": [2.5, 1.0]},
+        ],
+        "displacement": [
+            {"boundary": "low.bottom", "x": 0.0, "y": 0.0},
+            {"boundary": "up.top", "x": "-2.5*min(t, 1)", "y": "-0.05*max(t - 1, 0)"},
+        ],
+        "contact": {"boundary": "up.bottom", "against": "low.top"},
+        "load_steps": {"times": [0.5, 1.0, 2.0]},
+    }
+    with pytest.raises(SceneError, match=r"move one of them there \(in a scene by its shift\)"):
+        solve(parse_scene(scene))
+    scene["body"][1]["shift"] = [0.1, 1.2]
+    scene["displacement"][1] |= {"x": "-0.1*min(t, 1)", "y": "-0.25*max(t - 1, 0)"}
+    scene["solver"] = {"largest_deformation": 1.0}
+    pressed = solve(parse_scene(scene)).contact.pressure
+    assert pressed.max() > 0.0
 
 
 CROSSING = {

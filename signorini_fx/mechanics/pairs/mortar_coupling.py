@@ -459,7 +459,9 @@ def _check(slave: PairSurface, master: PairSurface, covered: Array, reach: float
     if not covered.any():
         raise PairingError(
             f"no facet faces the other side within {reach:.3g}; {_nearest(slave, master)}: check "
-            "the facets, and that the bodies do not lie inside each other"
+            "the facets, and that the bodies do not lie inside each other; bodies that meet later "
+            "begin where these sides face each other, above a gap if need be: move one of them "
+            "there (in a scene by its shift)"
         )
     twice = np.flatnonzero(covered > (1.0 + NEGLIGIBLE) * slave.facet_areas)
     if twice.size:
