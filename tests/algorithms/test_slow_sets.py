@@ -2,11 +2,17 @@
 a time.
 """
 
+import gc
+import inspect
+
 import numpy as np
 import pytest
 from mpi4py import MPI
+from petsc4py import PETSc
 from scenes import alone
 
+from signorini_fx.algebra.linalg import petsc_calls
+from signorini_fx.extensions import register
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
 
@@ -72,3 +78,30 @@ def test_ranks(system):
     np.testing.assert_allclose(
         ours.contact.forces[0], single.contact.forces[0], rtol=1e-8, atol=1e-10
     )
+
+
+class Broken(Exception):
+    """Raised by a test."""
+
+
+class BreaksInside:
+    """A direct solver that fails within an interior point."""
+
+    def set_up(self, matrix):
+        self.factor = PETSc.PC().create(matrix.comm)
+        self.factor.setOperators(matrix)
+        self.factor.setType(PETSc.PC.Type.LU)
+
+    def solve(self, b, x):
+        if any(frame.function == "_moves" for frame in inspect.stack()):
+            raise Broken
+        self.factor.apply(b, x)
+
+
+def test_an_exception_of_a_preconditioner_within_an_interior_point():
+    """Reaches the caller, and garbage is collected afterwards."""
+    register("signorini_fx.linear_solvers", "breaks_inside", BreaksInside)
+    with pytest.raises(Broken):
+        solve(heavy_beam(0.1, linear_algebra="breaks_inside"))
+    assert gc.isenabled()
+    assert not petsc_calls._raised

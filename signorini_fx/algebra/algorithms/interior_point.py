@@ -47,7 +47,7 @@ from signorini_fx.algebra.contact.complementarity import (
     trial_shear,
 )
 from signorini_fx.algebra.contact.nodal_vectors import Nodal, inner, length
-from signorini_fx.algebra.linalg import finite, petsc_options
+from signorini_fx.algebra.linalg import finite, petsc_calls, petsc_options
 from signorini_fx.algebra.linalg.petsc_calls import factor_lacks_memory, unprinted
 from signorini_fx.machine import parallel
 from signorini_fx.records import Status
@@ -406,7 +406,7 @@ class _Programme:
         ksp.getPC().setReusePreconditioner(False)
         change.set(0.0)
         with petsc_options.defaults(), unprinted():
-            ksp.solve(self._force, change)
+            petsc_calls.solve(ksp.solve, self._force, change)
         problem.factorised(jacobian)
         change.scale(-1.0)
         newton.x.axpy(1.0, change)
