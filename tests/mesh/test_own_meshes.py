@@ -1,5 +1,7 @@
 """Meshes of one's own: their boundaries, gmsh that is open already, drawings, what is no mesh."""
 
+from pathlib import Path
+
 import gmsh
 import numpy as np
 import pytest
@@ -10,11 +12,12 @@ from scenes import alone
 
 from signorini_fx.errors import MeshError
 from signorini_fx.machine.compat import geometry_degree
-from signorini_fx.mechanics.mesh.tagged import generate_mesh, tag_boundaries
+from signorini_fx.mechanics.mesh.tagged import generate_mesh, gmsh_mesh, read_mesh, tag_boundaries
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene
 
 COMM, SELF = MPI.COMM_WORLD, MPI.COMM_SELF
+DEMOS = Path(__file__).parents[2] / "demos" / "scenes"
 
 
 @pytest.mark.mpi
@@ -61,12 +64,32 @@ def test_forces_on_boundaries_that_overlap():
 
 
 def test_gmsh_that_is_open_already():
-    """Its options would change the mesh: it is left open, and the error says what to call."""
+    """Meshes are the same within a session of the caller, whose models and options stay."""
+
+    def points():
+        made = generate_mesh("punch", {}, SELF)
+        drawn = read_mesh(DEMOS / "bolted_joint.geo", SELF)
+        cad = read_mesh(DEMOS / "lug_and_pin.step", SELF, size=6.0)
+        return [tagged.mesh.geometry.x for tagged in (made, drawn, cad)]
+
+    alone_in_gmsh = points()
     gmsh.initialize(readConfigFiles=False)
     try:
-        with pytest.raises(MeshError, match=r"call gmsh\.finalize\(\)"):
-            generate_mesh("punch", {}, SELF)
-        assert gmsh.isInitialized()
+        own = {"Mesh.MeshSizeMax": 0.3, "Mesh.ElementOrder": 2.0, "General.Terminal": 0.0}
+        for name, value in own.items():
+            gmsh.option.setNumber(name, value)
+        gmsh.model.add("mine")
+        gmsh.model.occ.addBox(0, 0, 0, 1, 1, 1)
+        gmsh.model.occ.synchronize()
+        gmsh.model.mesh.generate(3)
+        models, nodes = gmsh.model.list(), gmsh.model.mesh.getNodes()[0]
+        for ours, beside in zip(alone_in_gmsh, points(), strict=True):
+            np.testing.assert_array_equal(ours, beside)
+        with pytest.raises(MeshError, match="gmsh cannot make the mesh"):
+            gmsh_mesh(SELF, lambda session: session.model.mesh.generate("nothing"), "broken")
+        assert (gmsh.model.getCurrent(), gmsh.model.list()) == ("mine", models)
+        np.testing.assert_array_equal(gmsh.model.mesh.getNodes()[0], nodes)
+        assert {name: gmsh.option.getNumber(name) for name in own} == own
     finally:
         gmsh.finalize()
 

@@ -37,6 +37,8 @@ _LAST = {
 _CELLS_ALONG = 25
 # Where the surface is curved, so many cells are a full turn.
 _TO_A_TURN = 16
+# The model in which meshes are made within a session of the caller.
+_OURS = "signorini_fx"
 # Elements by gmsh's number, in meshio's words.
 _TYPES = {cell.gmsh: kind for kind, cell in CELLS.items()} | {
     15: "vertex",
@@ -65,8 +67,7 @@ def gmsh_session(failure: str) -> Iterator[Any]:
 
     Raises:
         InstallationError: it is not installed, or its wheel lacks a library of the system.
-        MeshError: the caller has gmsh open, whose options would change the mesh; or ``failure`` and
-            what gmsh raised.
+        MeshError: ``failure`` and what gmsh raised.
     """
     try:
         import gmsh
@@ -76,24 +77,49 @@ def gmsh_session(failure: str) -> Iterator[Any]:
             "apt install "
             "python3-gmsh; its wheel needs libgl1 libglu1-mesa libxcursor1 libxft2 libxinerama1"
         ) from None
-    if gmsh.isInitialized():
-        raise MeshError(
-            "gmsh is open in this process: call gmsh.finalize() before a mesh is made or read by "
-            "it here"
-        )
-    gmsh.initialize(readConfigFiles=False, interruptible=False)
     try:
-        gmsh.option.setNumber("General.Terminal", 0)
-        gmsh.option.setNumber("Mesh.RandomSeed", 1)
-        yield gmsh
+        with _opened(gmsh):
+            gmsh.option.setNumber("General.Terminal", 0)
+            gmsh.option.setNumber("Mesh.RandomSeed", 1)
+            yield gmsh
     except SignoriniError:
         raise
     except Exception as error:  # gmsh has no exceptions of its own
         reason = _PLACE.sub("", str(error))
         raise MeshError(f"{failure}: {reason or type(error).__name__}") from None
-    finally:
-        if gmsh.isInitialized():  # what is drawn is written by others
-            gmsh.finalize()
+
+
+@contextlib.contextmanager
+def _opened(gmsh: Any) -> Iterator[None]:
+    """A session of gmsh with its default options, or within one that the caller has open, whose
+    models and options are left as they were.
+    """
+    if not gmsh.isInitialized():
+        gmsh.initialize(readConfigFiles=False, interruptible=False)
+        try:
+            yield
+        finally:
+            if gmsh.isInitialized():  # what is drawn is written by others
+                gmsh.finalize()
+        return
+    earlier = gmsh.model.getCurrent()
+    prints = gmsh.option.getNumber("General.Terminal")
+    gmsh.option.setNumber("General.Terminal", 0)
+    with tempfile.TemporaryDirectory() as folder:
+        options = f"{folder}/session.opt"
+        gmsh.write(options)
+        gmsh.option.restoreDefaults()
+        gmsh.model.add(_OURS)
+        try:
+            yield
+        finally:
+            if gmsh.isInitialized():
+                gmsh.option.setNumber("General.Terminal", 0)
+                gmsh.model.setCurrent(_OURS)
+                gmsh.model.remove()
+                gmsh.model.setCurrent(earlier)
+                gmsh.merge(options)
+                gmsh.option.setNumber("General.Terminal", prints)
 
 
 def read_gmsh(
