@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import cache
 from typing import Any
 
@@ -20,11 +22,23 @@ if VERSION < (0, 9):
     raise needs_fenicsx(f"dolfinx is {__version__}")
 
 
-# basix makes a new cell whenever an element is asked for its own, as UFL does hundreds of times for
-# a form: 150 objects for a hexahedron.  All elements of one kind share theirs.
+@contextmanager
+def shared_cells() -> Iterator[None]:
+    """Let all elements of one kind share their cell inside the ``with`` block.
+
+    basix makes a new one whenever an element is asked for its own, as UFL does hundreds of times
+    for a form: 150 objects for a hexahedron.
+    """
+    elements: Any = basix.ufl._ElementBase
+    own = elements.cell
+    elements.cell = property(lambda element: _cell(element._cellname))
+    try:
+        yield
+    finally:
+        elements.cell = own
+
+
 _cell = cache(ufl.Cell)
-_elements: Any = basix.ufl._ElementBase
-_elements.cell = property(lambda element: _cell(element._cellname))
 
 
 def interpolation_points(element: Any) -> npt.NDArray[np.float64]:

@@ -40,10 +40,12 @@ def compiling(failed: str = "a form cannot be compiled") -> Iterator[None]:
     """
     from cffi import VerificationError
 
+    from signorini_fx.machine.compat import shared_cells
+
     try:
         # What a handler raises in the middle of a compilation would be taken for a mistake in the
         # form.
-        with signals.deferred(), _locks():
+        with signals.deferred(), _locks(), shared_cells():
             yield
     except (
         OSError,

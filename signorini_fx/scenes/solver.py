@@ -13,6 +13,7 @@ from mpi4py import MPI
 
 from signorini_fx.algebra.linalg import petsc_options
 from signorini_fx.errors import SceneError
+from signorini_fx.machine.compat import shared_cells
 from signorini_fx.mechanics.statement.values import kind_of
 from signorini_fx.quantities.summary import own_quantities
 from signorini_fx.records import History
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     from signorini_fx.solving.restart import StoredStates
 
 
+@shared_cells()
 def solve(
     scene: Scene | str | Path,
     comm: MPI.Comm = MPI.COMM_WORLD,

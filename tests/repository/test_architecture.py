@@ -353,6 +353,21 @@ def test_import_is_light():
     assert (ended.stdout.strip(), ended.stderr) == ("[]", "")
 
 
+def test_the_elements_of_others_stay_as_they_are():
+    """Cells of elements are shared within a solve alone, where they save most of what is made."""
+    code = (
+        "import basix.ufl, ufl; elements = basix.ufl._ElementBase; before = elements.cell; "
+        "made, begun = [], ufl.Cell.__init__\n"
+        "def counted(cell, *args):\n    made.append(cell)\n    begun(cell, *args)\n"
+        "ufl.Cell.__init__ = counted\n"
+        "import signorini_fx as sfx; sfx.ContactProblem; "
+        "sfx.solve(sfx.read_scene('demos/scenes/example1_coulomb.toml')); "
+        "print(elements.cell is before, len(made) < 100)"
+    )
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert ended.stdout.splitlines()[-1] == "True True"
+
+
 def test_only_named_materials_are_imported():
     """A scene imports the files of its materials alone, and no UFL."""
     read = "import sys; from signorini_fx.scenes.reading import parse_scene; "
