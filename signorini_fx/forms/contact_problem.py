@@ -49,6 +49,7 @@ class ProblemOfForms:
     # The solution of a run with a path, clock and checkpoint of ``begun_path`` and ``on_step``;
     # collective.
     _through: Callable[..., Solution]
+    _shared: Solution | None = None  # of several ranks, see ``_share``
 
     def __repr__(self) -> str:
         dofmap = self.assembled.space.dofmap
@@ -96,13 +97,22 @@ class ProblemOfForms:
 
     @property
     def solution(self) -> Solution:
-        """The last solution, or of a ``ContactProblem`` the last iterate, with the values that the
-        forms have now; after ``run`` with all load steps; collective.
+        """The last solution, or of a ``ContactProblem`` the last iterate; after ``run`` with all
+        load steps.  It has the values that the forms have now, on several ranks, where one rank may
+        read it alone, those of its solve.
 
         Raises:
             RuntimeError: there is none so far.
         """
-        return self._titled("")
+        return self._titled("") if self._shared is None else self._shared
+
+    def _share(self) -> None:
+        """Make ``solution`` where several ranks have parts of it, so that one of them may read it
+        alone; collective.
+        """
+        self._shared = None
+        if self.assembled.space.mesh.comm.size > 1:
+            self._shared = self._titled("")
 
     @property
     def errors(self) -> Errors:
@@ -419,7 +429,9 @@ class ContactProblem(ProblemOfForms):
             FormError: a value is not finite, or cannot be evaluated.
         """
         self._ran = None
-        if why := self.assembled.attempt():
+        why = self.assembled.attempt()
+        self._share()
+        if why:
             from signorini_fx.results.solution import ConvergenceError
 
             raise ConvergenceError(self, why)
@@ -429,6 +441,7 @@ class ContactProblem(ProblemOfForms):
         from signorini_fx.forms.steps import converged, solve_path
 
         self._ran = solve_path(self.assembled, *run)
+        self._share()
         return converged(self.solution)
 
     def _differentiated(self) -> tuple[Any, ...]:

@@ -4,7 +4,7 @@ facets, and what it knows by name: parts of its boundary, and its contact as the
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any
 
@@ -333,14 +333,23 @@ def settings_of(options: dict[str, Any]) -> SolverSettings:
 
 def foundations_of(contact: Any) -> tuple[Foundation | Pair, ...]:
     """The foundations and pairs, their own arguments checked as far as they need no mesh."""
-    contacts = [contact] if isinstance(contact, Foundation | Pair) else list(contact or [])
     problems = list[tuple[str, str]]()
+    if isinstance(contact, Foundation | Pair):
+        contacts = [contact]
+    elif isinstance(contact, str | np.ndarray) or not isinstance(contact, Iterable | None):
+        reason = f"must be Foundations and Pairs, not {kind_of(contact)}: Foundation(facets)"
+        raise FormError([("contact", reason)])
+    else:
+        contacts = list(contact or [])
     for k, entry in enumerate(contacts):
         if not isinstance(entry, Foundation | Pair):
             problems.append(
                 (f"contact[{k}]", f"must be a Foundation or a Pair, not {kind_of(entry)}")
             )
             continue
+        if isinstance(entry, Foundation) and isinstance(entry.gap, str):
+            reason = "is text, as scenes have it: give a number, a callable f(x), or UFL"
+            problems.append((f"contact[{k}].gap", f"{reason}, not {entry.gap!r}"))
         if isinstance(entry, Pair) and isinstance(entry.gap, str) and entry.gap != "geometry":
             problems.append(
                 (f"contact[{k}].gap", f'must be "geometry" or values, not {entry.gap!r}')

@@ -12,6 +12,7 @@ from dolfinx import fem
 
 from signorini_fx.errors import FormError, SceneError
 from signorini_fx.forms.solver import FormSolver, options_applied
+from signorini_fx.machine.result_files import folder_path
 from signorini_fx.mechanics.state import State
 from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.mechanics.statement.values import kind_of
@@ -123,6 +124,8 @@ def begun_path(
     """The load steps of a run, what goes through their times, and their checkpoint, if there is
     one; collective.
     """
+    if not isinstance(path, LoadPath | Iterable):
+        raise FormError([("path", f"must be times, or a LoadPath, not {kind_of(path)}")], "run")
     path = path if isinstance(path, LoadPath) else LoadPath(tuple(path))
     scalar = isinstance(at, fem.Constant) and at.value.ndim == 0
     clock: Any = partial(setattr, at, "value") if scalar else at
@@ -140,7 +143,7 @@ def begun_path(
         if restart:
             raise FormError([("restart", "needs the folder of the checkpoint")])
         return path, clock, None
-    if (place := Path(folder).resolve()) in solver.folders:
+    if (place := folder_path(folder).resolve()) in solver.folders:
         reason = (
             f"{folder} has the load steps of another run of this problem: give each run a "
             "folder of its own"

@@ -25,6 +25,17 @@ _TEXT_COLUMNS = frozenset({"against", "boundary", "friction", "name", "state", "
 Table = Mapping[str, Any]
 
 
+def folder_path(folder: object) -> Path:
+    """Return the path of a result folder.
+
+    Raises:
+        TypeError: it is no path.
+    """
+    if isinstance(folder, str | os.PathLike):
+        return Path(folder)
+    raise TypeError(f"the path of a folder is expected, not {type(folder).__name__}")
+
+
 def write_csv(path: Path, rows: Iterable[Mapping[str, Any]]) -> None:
     """Rows with a header; see ``write_columns``."""
     rows = list(rows)

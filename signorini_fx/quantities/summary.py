@@ -15,7 +15,7 @@ from typing_extensions import TypeAliasType
 
 from signorini_fx.errors import InstallationError, ResultError
 from signorini_fx.extensions import QUANTITIES, load, names_of
-from signorini_fx.machine.result_files import read_csv, read_summary
+from signorini_fx.machine.result_files import folder_path, read_csv, read_summary
 
 SCHEMA_VERSION = 1
 
@@ -532,7 +532,7 @@ def read_results(folder: str | os.PathLike[str]) -> Results:
         >>> print(np.round(sfx.read_results(folder).summary.contact_force, 6))
         [0. 4.]
     """
-    path = Path(folder)
+    path = folder_path(folder)
     summary = read_summary(path)
     try:
         return Results(path, Summary.model_validate(summary))

@@ -20,6 +20,7 @@ from mpi4py import MPI
 
 from signorini_fx.errors import OutputError, SignoriniError, cannot_be_written
 from signorini_fx.machine import manifest, parallel, signals
+from signorini_fx.machine.result_files import folder_path
 
 SUMMARY = "summary.json"
 # The complete load steps of a run that has not ended.
@@ -48,7 +49,7 @@ class ResultFolder:
         self._comm = comm
         self._names = (SUMMARY, *names)
         self._made = self.committed = False
-        self.path = Path(path)
+        self.path = folder_path(path)
         self.part = self.path / manifest.PART
         self._lock: int | None = None
         parallel.on_root(comm, self._claim)

@@ -500,3 +500,51 @@ def test_bad_arguments_are_named(changes, message):
 def test_random_forms(seed):
     """Tensors, springs, supports, moduli and contacts at random, judged from a dense matrix."""
     assert forms.verdict(seed) == {}
+
+
+# --- one rank, and input that is none -------------------------------------------------------------
+
+
+@pytest.mark.mpi
+def test_one_rank_reads_the_solution_alone():
+    """After a solve and after load steps; the other ranks go on without it."""
+    block = Block((6, 3), friction=Coulomb(0.3))
+    for at in (block.problem.solve, lambda: block.problem.run([1.0], lambda time: None)):
+        at()
+        if COMM.rank == 0:
+            assert block.problem.solution.converged
+            assert block.problem.solution.findings == ()
+    assert COMM.allreduce(1) == COMM.size
+
+
+@pytest.mark.parametrize("contact", [np.arange(3), 5, "bottom"], ids=str)
+def test_contact_that_is_no_foundation(contact):
+    """Facets alone are not."""
+    with pytest.raises(FormError, match=r"contact: must be Foundations and Pairs, .*Foundation\("):
+        ContactProblem(*nothing(), contact=contact)
+
+
+def nothing():
+    """The forms of a block without a load."""
+    mesh = forms.box((1.0, 1.0), (2, 2))
+    V = fem.functionspace(mesh, ("Lagrange", 1, (2,)))
+    u, v = ufl.TrialFunction(V), ufl.TestFunction(V)
+    return forms.hooke(u, v), ufl.inner(fem.Constant(mesh, (0.0, 0.0)), v) * ufl.dx
+
+
+def test_a_gap_as_scenes_have_it():
+    """Is text."""
+    with pytest.raises(FormError, match=r"contact\[0\].gap: is text, .* give a number, a callable"):
+        ContactProblem(*nothing(), contact=Foundation(np.arange(1), gap="0.001*x[0]"))
+
+
+def test_paths_and_times_that_are_none():
+    """One error that names what is expected."""
+    problem = Block((4, 2)).problem
+    problem.solve()
+    with pytest.raises(TypeError, match="the path of a folder is expected, not int"):
+        problem.write(5)
+    with pytest.raises(TypeError, match="the path of a folder is expected, not int"):
+        problem.run([1.0], lambda time: None, folder=5)
+    with pytest.raises(FormError, match="path: must be times, or a LoadPath, not int"):
+        problem.run(5, lambda time: None)

@@ -365,6 +365,7 @@ class NonlinearContactProblem(ProblemOfForms):
         if why := self._solver.attempt():
             raise ConvergenceError(self, why)
         self._solver.take()
+        self._share()
         return self.u
 
     def _through(
@@ -377,6 +378,8 @@ class NonlinearContactProblem(ProblemOfForms):
         way = Continuation(self._solver, path, lambda place: clock(path.time_at(place)))
         self._ends = way.ends
         way.all(on_step, stored)
+        if self._solver.solved is not None:
+            self._share()
         if way.failure:
             advice = f"{way.advice[0].upper()}{way.advice[1:]}"
             raise ConvergenceError(self, f"{way.failure}. {advice}")
