@@ -57,6 +57,8 @@ from signorini_fx.mechanics.mesh.tagged import generate_mesh as generate_mesh
 from signorini_fx.mechanics.mesh.tagged import read_mesh as read_mesh
 from signorini_fx.mechanics.mesh.tagged import section_in_space as section_in_space
 from signorini_fx.mechanics.mesh.tagged import tag_boundaries as tag_boundaries
+from signorini_fx.mechanics.state import State as State
+from signorini_fx.mechanics.step_effect import StepEffect as StepEffect
 from signorini_fx.mechanics.statement.load_path import LoadPath as LoadPath
 from signorini_fx.mechanics.statement.load_path import LoadSteps as LoadSteps
 from signorini_fx.mechanics.statement.mesh_sources import Body as Body
@@ -76,6 +78,7 @@ from signorini_fx.results.solution import Solution as Solution
 from signorini_fx.results.summary import print_progress as print_progress
 from signorini_fx.scenes.reading import read_scene as read_scene
 from signorini_fx.scenes.scene import Scene as Scene
+from signorini_fx.scenes.solver import problem_of as problem_of
 from signorini_fx.scenes.solver import solve as solve
 from signorini_fx.scenes.sweep import sweep as sweep
 

@@ -26,6 +26,7 @@ LINEAR_SOLVERS = "signorini_fx.linear_solvers"
 MATERIALS = "signorini_fx.materials"
 QUANTITIES = "signorini_fx.quantities"
 SHAPES = "signorini_fx.shapes"
+STEP_EFFECTS = "signorini_fx.step_effects"
 GROUPS = (
     ADD_ONS,
     EFFECTS,
@@ -36,6 +37,7 @@ GROUPS = (
     MATERIALS,
     QUANTITIES,
     SHAPES,
+    STEP_EFFECTS,
 )
 _CHECKOUT = Path(__file__).parents[1] / "pyproject.toml"
 _registered: dict[str, dict[str, Any]] = {}

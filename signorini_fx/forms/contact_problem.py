@@ -27,6 +27,9 @@ from signorini_fx.results.certificate.certificate import Certificate
 
 if TYPE_CHECKING:
     from signorini_fx.forms.steps import Ran
+    from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
+    from signorini_fx.mechanics.state import State
+    from signorini_fx.mechanics.step_effect import StepEffect
     from signorini_fx.quantities.differentiable import Gradient
     from signorini_fx.results.accuracy.error_estimates import Errors
     from signorini_fx.results.mechanics import StepResult
@@ -309,6 +312,7 @@ class ContactProblem(ProblemOfForms):
             jump.
         boundaries: names of parts of the boundary for results, each with its facets, as a
             ``Foundation`` takes them.
+        effects: what else happens from load step to load step, see ``StepEffect``.
         settings: algorithm, coulomb, gamma_n, ..., see ``SolverSettings``.
 
     Attributes:
@@ -347,6 +351,7 @@ class ContactProblem(ProblemOfForms):
         stress: Any = None,
         materials: MeshTags | None = None,
         boundaries: Mapping[str, Any] | None = None,
+        effects: Sequence[StepEffect] = (),
         **settings: Any,
     ) -> None:
         forms, self.u = given_forms(
@@ -362,6 +367,7 @@ class ContactProblem(ProblemOfForms):
         )
         options_of_petsc = petsc_options_prefix, dict(petsc_options or {})
         self.assembled = self._ended = FormSolver(forms, self.u, bcs, settings, options_of_petsc)
+        self.assembled.effects = tuple(effects)
         fields = self.assembled.fields
         self.pressure = fields.pressure
         self.shear = fields.shear
@@ -371,6 +377,39 @@ class ContactProblem(ProblemOfForms):
             None  # of the last solution that was asked for them
         )
         self._ran: Ran | None = None  # the last ``run``, until the next solve
+
+    def initial(self) -> State:
+        """Return the body before the first load step, with foundations where they are."""
+        return self.assembled.initial()
+
+    def points(self) -> tuple[ContactBoundary, fem.FunctionSpace]:
+        """See ``State.save``."""
+        return self.assembled.points()
+
+    def step(self, state: State, time: float) -> tuple[State, StepResult]:
+        """Solve the load step from a state with the values of now; collective.
+
+            state = problem.initial()
+            for time in (1.0, 2.0):
+                load.value = 10.0 * time
+                state, result = problem.step(state, time)
+
+        ``u``, ``pressure`` and all others are those of this step.
+
+        Args:
+            state: the end of the load step before, or ``initial()``; it stays as it is.
+            time: of the end of the load step.
+
+        Returns:
+            The state at its end and the result, whose ``status`` says whether it is a solution.
+
+        Raises:
+            FormError: see ``solve``.
+        """
+        from signorini_fx.forms.steps import solve_step
+
+        self._ran = None
+        return solve_step(self.assembled, state, time)
 
     @property
     def tools(self) -> tuple[RigidBodyMotion, ...]:

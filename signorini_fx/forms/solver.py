@@ -58,6 +58,7 @@ from signorini_fx.mechanics.rigid.rigid_bodies import Driven, RigidBodies, Rigid
 from signorini_fx.mechanics.scales import Scales
 from signorini_fx.mechanics.state import State
 from signorini_fx.mechanics.statement.load_path import LoadPath, counted_path
+from signorini_fx.mechanics.step_effect import StepEffect
 from signorini_fx.records import History, Status, Timings
 from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.contact_fields import ContactFields
@@ -120,6 +121,7 @@ class FormSolver:
         self._inputs_before: dict[str, list[bytes]] | None = None  # of what is assembled
         self._mesh_x = space.mesh.geometry.x.copy()  # with which it was, and all that is kept
         self._modulus: float | None = None  # of the forms; None: they do not say it
+        self.effects: Sequence[StepEffect] = ()
         self.begin = self.initial()  # from which steps begin
         self.last: State | None = (
             None  # the last solution of the step that begins there, or of the one before

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -16,6 +16,7 @@ from signorini_fx.machine.result_files import folder_path
 from signorini_fx.mechanics.state import State
 from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.mechanics.statement.values import kind_of
+from signorini_fx.mechanics.step_effect import StepEffect
 from signorini_fx.records import History, Status, Timings
 from signorini_fx.results.mechanics import StepResult
 from signorini_fx.results.solution import ConvergenceError, Solution
@@ -24,7 +25,7 @@ from signorini_fx.solving.increments import Increments
 from signorini_fx.solving.load_path import run
 from signorini_fx.solving.restart import StoredStates
 from signorini_fx.solving.solve_on_mesh import contact_solution, findings_of_steps, last_solved
-from signorini_fx.solving.step import Report
+from signorini_fx.solving.step import Report, step
 
 Clock = Callable[[float], object]  # changes a problem to what it is at a time
 Ran = tuple[LoadPath, list[Report]]  # a run, and its load steps
@@ -47,6 +48,11 @@ class FormsInTime:
     def timings(self) -> Timings:
         """Of this path."""
         return self.solver.timings
+
+    @property
+    def effects(self) -> Sequence[StepEffect]:
+        """Of the problem."""
+        return self.solver.effects
 
     @property
     def waits(self) -> bool:
@@ -85,6 +91,16 @@ def solve_path(
     return path, [report for _, report in ends]
 
 
+def solve_step(solver: FormSolver, state: State, time: float) -> tuple[State, StepResult]:
+    """The step from a state to a time with the values of now, which is shown; collective."""
+    problem = FormsInTime(solver, LoadPath((time,)), lambda time: None)
+    solver.timings = Timings()
+    with options_applied(*solver.options):
+        new, report = step(problem, state, 0.0)
+    solver.show(new, report)
+    return new, report.result
+
+
 def solution_of(solver: FormSolver, ran: Ran | None, title: str) -> Solution:
     """The last solution, or iterate, with the values that the forms have now; of a run its load
     steps; collective.
@@ -103,7 +119,8 @@ def solution_of(solver: FormSolver, ran: Ran | None, title: str) -> Solution:
     settled = steps[-1].status is Status.CONVERGED or len(steps) == 1
     body = replace(solver.model(path, title), settled=settled)
     found = partial(findings_of_steps, body, steps, [])
-    return contact_solution(body, steps, solver.task, ended, solver.timings, found)
+    solution = contact_solution(body, steps, solver.task, ended, solver.timings, found)
+    return replace(solution, state=solver.last)
 
 
 def converged(solution: Solution) -> Solution:

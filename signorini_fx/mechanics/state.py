@@ -116,6 +116,14 @@ class State:
         nothing so far.
         element: unknowns of the element beside the displacement, shape (m,).
         fields: what effects and users carry along, by name.
+
+    Examples:
+        >>> problem = sfx.problem_of(scene)
+        >>> state, result = problem.step(problem.initial(), time=1.0)
+        >>> state.save("state.npz", problem)
+        >>> again = sfx.State.load("state.npz", problem)
+        >>> print(again.number, bool((again.displacement == state.displacement).all()))
+        1 True
     """
 
     number: int
@@ -134,7 +142,20 @@ class State:
         _frozen(self)
 
     def with_field(self, name: str, at: str, values: Any) -> Self:
-        """The same with values of an effect or a user, see ``Field``."""
+        """Return the same with values of an effect or a user, see ``Field``.
+
+        Raises:
+            SceneError: there is no such place, or another number of rows.
+        """
+        points = 0 if self.contact is None else self.contact.nodes.size
+        counts = {"dofs": self.displacement.size, "points": points, "nodes": None, "cells": None}
+        wrong = ""
+        if at not in (*counts, "global"):
+            wrong = f"must be at one of {', '.join((*counts, 'global'))}, not at {at!r}"
+        elif counts.get(at) is not None and len(values) != counts[at]:
+            wrong = f"has {len(values)} rows, and there are {counts[at]} {at} on this rank"
+        if wrong:
+            raise SceneError([(f"field {name!r}", wrong)])
         return replace(self, fields={**self.fields, name: Field(at, np.array(values, dtype=float))})
 
     def save(self, path: str | Path, problem: HasPoints) -> None:

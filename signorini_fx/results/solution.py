@@ -19,6 +19,7 @@ from signorini_fx.machine import parallel
 from signorini_fx.machine.display import html_table
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable, contact_table
+from signorini_fx.mechanics.state import State
 from signorini_fx.mechanics.statement.effect import Load, is_zero
 from signorini_fx.mechanics.statement.features import accuracy_refused
 from signorini_fx.mechanics.statement.load_path import factor_at
@@ -79,6 +80,8 @@ class Solution:
         timings: wall seconds by phase, on this rank.
         linear_algebra: which kind of elastic system was used, and why.
         found: gives what ``findings`` begins without; collective on several ranks.
+        state: the end of the last load step that has a solution, from which another solve goes on;
+            None: there is none, or the body is nonlinear.
         levels: the meshes of a nested iteration, coarsest first; otherwise empty.
         convergence_table: errors and cost of each of them, and predictions for the next one;
             otherwise empty.
@@ -101,6 +104,7 @@ class Solution:
     timings: Timings = field(default_factory=Timings)
     linear_algebra: str = "full"
     found: Callable[[], tuple[Finding, ...]] = tuple
+    state: State | None = None
     levels: tuple[LevelResult, ...] = ()
     convergence_table: tuple[Price, ...] = ()
     remedy: str = ""

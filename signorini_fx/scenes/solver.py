@@ -5,6 +5,7 @@ rank.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,15 +14,18 @@ from mpi4py import MPI
 
 from signorini_fx.algebra.linalg import petsc_options
 from signorini_fx.errors import SceneError
+from signorini_fx.extensions import STEP_EFFECTS, load_class
 from signorini_fx.machine.compat import shared_cells
+from signorini_fx.mechanics.state import State
 from signorini_fx.mechanics.statement.values import kind_of
+from signorini_fx.mechanics.step_effect import StepEffect
 from signorini_fx.quantities.summary import own_quantities
 from signorini_fx.records import History
 from signorini_fx.results.solution import ConvergenceError, Solution
 from signorini_fx.scenes.mesh import coarser_scenes, load_mesh
 from signorini_fx.scenes.reading import as_scene
 from signorini_fx.scenes.scene import Scene
-from signorini_fx.solving.solve_on_mesh import solve_mesh
+from signorini_fx.solving.solve_on_mesh import StatedProblem, solve_mesh, stated_problem
 
 if TYPE_CHECKING:
     from signorini_fx.solving.restart import StoredStates
@@ -36,6 +40,8 @@ def solve(
     observers: Sequence[Callable[[Any], None]] = (),
     checkpoint: str | Path | None = None,
     restart: bool = False,
+    state: State | None = None,
+    effects: Sequence[StepEffect | str] = (),
 ) -> Solution:
     """Solve a scene; collective.
 
@@ -55,6 +61,9 @@ def solve(
             scene with contact and several load steps or levels, without a requested accuracy;
             otherwise nothing is stored.
         restart: go on from what is stored there, on any number of ranks.
+        state: the ``state`` of an earlier solution on the same mesh, after which load steps begin;
+            None: the body before the first one.
+        effects: what else happens from load step to load step, or its name among the entry points.
 
     Raises:
         SceneError: the scene is wrong, does not fit its mesh, or is another one than that of the
@@ -78,6 +87,9 @@ def solve(
     if callable(observers) or not all(map(callable, observers)):
         raise TypeError("observers: a list of functions is expected, such as [print_progress]")
     history = History(observers=list(observers))
+    in_time = _effects_of(effects)
+    if state is not None or in_time:
+        _refuse_state(scene)
     stored = _checkpoint(scene, comm, history, checkpoint, restart=restart)
     if scene.accuracy is not None:
         from signorini_fx.scenes.mesh_sequence import meshes_of
@@ -92,16 +104,71 @@ def solve(
         meshes = [MeshedScene(comm=comm, history=history, scene=each) for each in (*coarse, scene)]
         solution = solve_nested(meshes, len(meshes), comm, history, stored)
     elif scene.statement.nonlinear:
-        from signorini_fx.scenes.nonlinear import problem_of
+        from signorini_fx.scenes.nonlinear import problem_of as nonlinear_problem
 
-        solution = problem_of(scene, comm, history).solved(stored)
+        solution = nonlinear_problem(scene, comm, history).solved(stored)
     else:
-        solution = solve_mesh(
-            scene.statement, partial(load_mesh, scene, comm), history, None, stored=stored
-        )[0]
+        load = partial(load_mesh, scene, comm)
+        more: dict[str, Any] = {"stored": stored, "begin": state, "effects": in_time}
+        solution = solve_mesh(scene.statement, load, history, None, **more)[0]
     if check and not solution.converged:
         raise ConvergenceError(solution)
     return solution
+
+
+def problem_of(
+    scene: Scene | str | Path,
+    comm: MPI.Comm = MPI.COMM_WORLD,
+    *,
+    effects: Sequence[StepEffect | str] = (),
+) -> StatedProblem:
+    """Return the problem of a scene whose load steps a program solves itself; collective.
+
+    Args:
+        scene: see ``solve``; its body is linear, and solved on one mesh.
+        comm: the ranks that share the work.
+        effects: see ``solve``.
+
+    Raises:
+        SceneError: the scene is wrong, does not fit its mesh, or needs several meshes.
+
+    Examples:
+        >>> problem = sfx.problem_of(scene)
+        >>> state = problem.initial()
+        >>> for time in problem.path.times:
+        ...     state, result = problem.step(state, time)
+        >>> print(result.status.value, np.round(result.contact.pressure.max(), 6))
+        converged 2.0
+    """
+    scene = as_scene(scene)
+    refuse_other_than_comm(comm)
+    petsc_options.refuse_exchanged()
+    _refuse_state(scene)
+    problem = stated_problem(scene.statement, partial(load_mesh, scene, comm), History())
+    return replace(problem, effects=_effects_of(effects))
+
+
+def _refuse_state(scene: Scene) -> None:
+    """Refuse what has no state that a program can take."""
+    several = scene.accuracy is not None or scene.solver.levels > 1
+    for key, wrong, reason in (
+        ("accuracy", several, "takes several meshes: leave out accuracy and solver.levels"),
+        ("material", scene.statement.nonlinear, "is not linear: no state has its history yet"),
+    ):
+        if wrong:
+            what = "state and effects are for a linear body on one mesh"
+            raise SceneError([(key, f"{reason}; {what}")])
+
+
+def _effects_of(effects: Sequence[StepEffect | str]) -> list[StepEffect]:
+    """Those that are named by an entry point, and others as they are."""
+    named = [
+        load_class(STEP_EFFECTS, effect, StepEffect)() if isinstance(effect, str) else effect
+        for effect in effects
+    ]
+    if wrong := [effect for effect in named if not isinstance(effect, StepEffect)]:
+        raise TypeError(f"effects: objects of StepEffect are expected, not {kind_of(wrong[0])}")
+    return named
 
 
 def _checkpoint(
@@ -118,8 +185,6 @@ def _checkpoint(
         and scene.solver.levels == 1
     ):
         without = "a scene with one load step on one mesh"
-    elif not scene.statement.nonlinear and any(effect.friction.timed for effect in scene.contact):
-        without = "a scene with friction that depends on the time"
     elif scene.element.pressed:  # which is not stored
         without = "a scene with a mixed element"
     if folder is None or without is not None:

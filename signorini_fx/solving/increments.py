@@ -7,6 +7,8 @@ from math import floor
 from typing import ClassVar
 
 from signorini_fx.algebra import step_limit
+from signorini_fx.errors import SceneError
+from signorini_fx.mechanics.state import State
 from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.mechanics.statement.settings import SolverSettings
 from signorini_fx.records import Status
@@ -49,6 +51,11 @@ class PathIncrements:
         station = floor(self.reached + SAME_LENGTH) + 1.0
         end = round(self.reached + self.increment, _DIGITS)
         return station if end > station - SAME_LENGTH else end
+
+    def begin_at(self, place: float) -> None:
+        """Go on from a place with steps as large as they begin."""
+        self.reached = place
+        self.increment = self.nominal if self.path.steps is not None else 1.0
 
     def halve(self) -> None:
         """The next load step has no solution."""
@@ -151,3 +158,15 @@ class Increments(PathIncrements):
         self.halve()
         self.easy = 0
         return True
+
+
+def place_after(path: LoadPath, state: State, time: float) -> float:
+    """The place of a load step from a state to a time.
+
+    Raises:
+        SceneError: the time is not after that of the state, or no load step ends at it.
+    """
+    if state.number and time <= state.time:
+        reason = f"must be after that of the state, {state.time:g}, got {time:g}"
+        raise SceneError([("time", reason)])
+    return path.place_of(time)

@@ -16,6 +16,8 @@ from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.linalg import Elasticity, ElasticSystem
 from signorini_fx.algebra.linalg.choice import SystemSize, choose_system
 from signorini_fx.algebra.linalg.condensed import CondensedSystem
+from signorini_fx.errors import SceneError
+from signorini_fx.machine import parallel
 from signorini_fx.machine.petsc_objects import free_unused
 from signorini_fx.mechanics.body.discretisation import moved_since, placed, placements, prepare
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary, no_points
@@ -26,6 +28,7 @@ from signorini_fx.mechanics.rigid.mesh_levels import MeshLevel
 from signorini_fx.mechanics.state import State
 from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.mechanics.statement.statement import Statement
+from signorini_fx.mechanics.step_effect import StepEffect
 from signorini_fx.records import Finding, History, Status, Timings
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
 from signorini_fx.results.mechanics import SolidBody, StatedBody, StepResult
@@ -42,9 +45,9 @@ from signorini_fx.solving.findings import (
     untouched,
 )
 from signorini_fx.solving.frames import Posed, guess_of
-from signorini_fx.solving.increments import Increments
+from signorini_fx.solving.increments import Increments, place_after
 from signorini_fx.solving.load_path import OnStep, run
-from signorini_fx.solving.step import Report
+from signorini_fx.solving.step import Report, step
 from signorini_fx.tuned import PATH_ERROR_SHARE
 
 if TYPE_CHECKING:
@@ -59,15 +62,17 @@ def solve_mesh(
     on_step: OnStep = lambda state, report: None,
     coarser: MeshLevel | None = None,
     stored: StoredStates | None = None,
+    begin: State | None = None,
+    effects: Sequence[StepEffect] = (),
 ) -> tuple[Solution, Task, Outcome]:
     """Solve on the mesh that ``load`` gives, from the contact of a ``coarser`` one, a level of
     multigrid, if any.
     """
-    problem = stated_problem(statement, load, history, coarser)
+    problem = replace(stated_problem(statement, load, history, coarser), effects=effects)
     near = None
     if coarser is not None and not statement.several_steps:
         near = _displacement_of_coarser(problem.task, problem.model)
-    return solve_contact(problem, contact, on_step, stored, near)
+    return solve_contact(problem, contact, on_step, stored, near, begin)
 
 
 def stated_problem(
@@ -129,13 +134,15 @@ def solve_contact(
     on_step: OnStep = lambda state, report: None,
     stored: StoredStates | None = None,
     near: npt.NDArray[np.float64] | None = None,
+    begin: State | None = None,
 ) -> tuple[Solution, Task, Outcome]:
-    """All load steps, until one has no solution, the last task, and the last solved outcome.
+    """All load steps after a state, None: all, until one has no solution, the last task, and the
+    last solved outcome.
 
     The iteration begins with a ``contact`` of other points, and with the displacement ``near``,
     shape (dofs,), if any.
     """
-    begin = problem.initial()
+    begin = problem.initial() if begin is None else begin
     model = problem.model
     guess = None
     if contact is not None and model.boundary is not None:
@@ -145,12 +152,32 @@ def solve_contact(
     if near is not None:
         guess = replace(guess or replace(begin, number=1), displacement=near)
     way = Increments(problem.path, model.statement.solver)
+    if begin.number:
+        _check_state(begin, problem)
+        way.begin_at(problem.path.place_of(begin.time))
     ends = run(problem, begin, way, on_step, guess=guess, stored=stored)
     (_, last), results = ends[-1], [report.result for _, report in ends]
     ended = last_solved([report for _, report in ends])
     found = partial(_findings, last.body, results)
     solution = contact_solution(last.body, results, problem.task, ended, problem.timings, found)
-    return solution, problem.task, ended[0]
+    return replace(solution, state=last_state(ends)), problem.task, ended[0]
+
+
+def _check_state(state: State, problem: StatedProblem) -> None:
+    """Refuse a state from which no load step of a problem can begin; collective."""
+    wrong = ""
+    if state.displacement.size != fem.Function(problem.model.space).x.array.size:
+        wrong = "is of another mesh, or of another number of ranks: save and load it"
+    elif state.time >= problem.path.times[-1]:
+        wrong = f"is at time {state.time:g}, and no load step ends later: add factors or times"
+    error = SceneError([("state", wrong)]) if wrong else None
+    parallel.raise_together(problem.model.comm, error)
+
+
+def last_state(ends: Sequence[tuple[State, Report]]) -> State | None:
+    """The end of the last load step that has a solution; None: none has one."""
+    solved = (new for new, report in reversed(ends) if report.result.status is Status.CONVERGED)
+    return next(solved, None)
 
 
 def last_solved(reports: Sequence[Report]) -> tuple[Outcome, RegularisedData]:
@@ -309,6 +336,7 @@ class StatedProblem:
     model: SolidBody
     task: Task  # its contact problem
     timings: Timings
+    effects: Sequence[StepEffect] = ()
 
     @property
     def path(self) -> LoadPath:
@@ -368,7 +396,26 @@ class StatedProblem:
 
     def accept(self, report: Report) -> None:
         """Go on with the shortenings that forces have led to."""
-        self.model = report.body
+        found = report.body
+        self.model = replace(self.model, statement=found.statement, applied=found.applied)
+
+    def step(self, state: State, time: float) -> tuple[State, StepResult]:
+        """Solve the load step from a state to a time; collective.
+
+        Args:
+            state: the end of the load step before, or ``initial()``; it stays as it is.
+            time: of the end of the load step, after that of the state.
+
+        Returns:
+            The state at its end and the result, whose ``status`` says whether it is a solution.
+
+        Raises:
+            SceneError: there is no load step at this time.
+        """
+        new, report = step(self, state, place_after(self.path, state, time))
+        if report.result.status is Status.CONVERGED:
+            self.accept(report)
+        return new, report.result
 
 
 def _spin(model: Model) -> npt.NDArray[np.float64] | None:

@@ -4,10 +4,12 @@ ended.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
+import numpy.typing as npt
 
 from signorini_fx.algebra.algorithms.strategy import solve_task
 from signorini_fx.algebra.algorithms.task import Outcome, Start
@@ -17,6 +19,7 @@ from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.obstacles.corner_depths import deepest_corner
 from signorini_fx.mechanics.state import State
 from signorini_fx.mechanics.statement.load_path import LoadPath
+from signorini_fx.mechanics.step_effect import StepEffect
 from signorini_fx.records import Finding, History, Status, Timings
 from signorini_fx.results.certificate.law_of_method import (
     Law,
@@ -43,6 +46,10 @@ class Problem(Protocol):
     @property
     def timings(self) -> Timings:
         """Of what takes time."""
+
+    @property
+    def effects(self) -> Sequence[StepEffect]:
+        """What else happens from load step to load step."""
 
     @property
     def waits(self) -> bool:
@@ -123,6 +130,9 @@ def step(
     new, report = judged(problem, posed, start, before, outcome, state)
     count = problem.history.linear_solves - solves
     result = replace(report.result, linear_solves=count, reason=reason or report.result.reason)
+    if result.status is Status.CONVERGED and result.contact is not None:
+        for effect in problem.effects:
+            new = effect.after(state, new, result.contact)
     return new, replace(report, result=result)
 
 
@@ -133,6 +143,10 @@ def begun(
     sees it.
     """
     posed = problem.pose_at(state, place)
+    for effect in problem.effects:
+        posed = _with_gap(
+            posed, effect.added_gap(state, posed.boundary, problem.path.time_at(place))
+        )
     body = posed.body
     assert isinstance(body, SolidBody)
     start, before = start_of(posed, state, guess)
@@ -146,6 +160,18 @@ def begun(
         start = replace(start, data=replace(start.data, share=share))
     factors = body.load(posed.task.system, place)
     return posed, replace(start, place=place, factors=factors, several=problem.waits), before
+
+
+def _with_gap(posed: Posed, added: npt.NDArray[np.float64] | None) -> Posed:
+    """What a step is solved with where the gap is another one; None: it is not."""
+    body, data = posed.body, posed.first.data
+    if added is None or body.boundary is None:
+        return posed
+    assert isinstance(body, SolidBody)
+    assert body.data is not None
+    first = replace(posed.first, data=replace(data, gap=data.gap + added))
+    body = replace(body, data=replace(body.data, gap=body.data.gap + added))
+    return replace(posed, body=body, first=first)
 
 
 def judged(

@@ -647,6 +647,8 @@ def test_returned_classes():
     }
     inner = {
         "FormSolver",
+        "ContactBoundary",
+        "Posed",
         "SolidBody",
         "Model",
         "Statement",

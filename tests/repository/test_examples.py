@@ -23,8 +23,9 @@ def beginning():
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_example(name, beginning, capsys):
-    """It has ten lines at most, and prints a number or a word."""
+def test_example(name, beginning, capsys, tmp_path, monkeypatch):
+    """It has ten lines at most, and prints a number or a word; files are written elsewhere."""
+    monkeypatch.chdir(tmp_path)
     thing = getattr(sfx, name)
     examples = doctest.DocTestParser().get_examples(inspect.cleandoc(thing.__doc__))
     assert examples, f"{name} has no example"

@@ -21,6 +21,7 @@ DEMOS = ROOT / "demos" / "extensions"
 # Of each file what is changed to what, and what the refusal says.
 SPOILED = {
     "body": ("J=tangent", "J=-tangent", "give the derivative of F as J"),
+    "dissipated_energy": ('"points"', '"point"', "must be at one of dofs, points, nodes, cells"),
     "effect": (
         "* on.vector((0.0, -1.0, 0.0))",
         "",

@@ -226,7 +226,9 @@ ELLIPSE = IN_SPACE.replace(
     "coefficient = 0.3", "coefficient = 0.3, ratio = 0.4, along = [0.8, 0.6, 0.0]"
 )
 # A scene, its method, and the step that is not begun any more.
+IN_TIME = PUSHED.replace("coefficient = 0.3", 'coefficient = "0.3 + 0.01 * t"')
 CASES = {
+    "friction in time": (IN_TIME, "fp", 4),
     **{method: (PUSHED, method, 4) for method in METHODS},
     # Displacements are kept from the initial position, not from where the body came to rest.
     "reference motion": (SLANTED, "fp", 4),
@@ -400,12 +402,6 @@ def test_another_scene(tmp_path):
             "a scene with one load step on one mesh has no",
         ),
         (PUSHED + "[accuracy]\ntarget = 0.1\n", "requested accuracy"),
-        (
-            PUSHED.replace("0.3 }\n", '"0.3 + 0.01 * t" }\n').replace(
-                'poisson = "0.3 + 0.01 * t"', "poisson = 0.3"
-            ),
-            "friction that",
-        ),
         (
             PUSHED + '[element]\ndegree = 2\nvolumetric = "mixed"\n',
             "a scene with a mixed element has no checkpoint",

@@ -6,9 +6,17 @@ import numpy as np
 import pytest
 from forms import Block
 from mpi4py import MPI
-from test_restart import CASES, METHODS, MOVING, PUSHED, scene
+from test_restart import CASES, METHODS, MOVING, PUSHED, Killed, scene, until
 
-from signorini_fx import ContactProblem, Coulomb, Foundation
+from signorini_fx import (
+    ContactProblem,
+    Coulomb,
+    Foundation,
+    StepEffect,
+    extensions,
+    problem_of,
+    solve,
+)
 from signorini_fx.algebra.linalg.schur import SchurComplement
 from signorini_fx.errors import SceneError
 from signorini_fx.mechanics.state import State
@@ -249,3 +257,130 @@ def test_a_foundation_that_is_placed_anew_is_condensed_once(schur_complements):
         problem.advance()
     assert problem.certificate.holds
     assert len(schur_complements) == 1
+
+
+# --- what a user calls ----------------------------------------------------------------------------
+
+
+class Counted(StepEffect):
+    """Counts load steps, and adds up pressures."""
+
+    def after(self, state, new, contact):
+        new = self.added(new, "impulse", "points", contact.pressure * (new.time - state.time))
+        return self.added(new, "steps", "global", [1.0])
+
+
+class Wear(StepEffect):
+    """The gap grows by a share of the pressure of each load step."""
+
+    def added_gap(self, state, boundary, time):
+        worn = state.fields.get("worn")
+        return None if worn is None else worn.values
+
+    def after(self, state, new, contact):
+        return self.added(new, "worn", "points", 1e-5 * contact.pressure)
+
+
+@pytest.mark.mpi
+def test_a_solve_goes_on_from_a_state():
+    """The steps after a state are those of one run."""
+    given = scene(PUSHED)
+    whole = solve(given, effects=[Counted()])
+    problem = problem_of(given, effects=[Counted()])
+    state = problem.initial()
+    for time in (1.0, 2.0, 3.0):
+        state, result = problem.step(state, time)
+        assert result.status.value == "converged"
+    rest = solve(given, state=state, effects=[Counted()])
+    assert [step.step for step in rest.steps] == [4, 5, 6]
+    assert rest.state.number == whole.state.number == 6
+    for ours, theirs in zip(rest.steps, whole.steps[3:], strict=True):
+        assert (ours.displacement.x.array == theirs.displacement.x.array).all()
+        assert (ours.linear_solves, ours.time) == (theirs.linear_solves, theirs.time)
+    for name, field in whole.state.fields.items():
+        np.testing.assert_allclose(rest.state.fields[name].values, field.values, rtol=1e-13)
+    assert whole.state.fields["steps"].values == [6.0]
+
+
+@pytest.mark.mpi(slow=True)
+def test_fields_survive_a_restart(tmp_path):
+    """Those of an effect, on any number of ranks."""
+    folder, given = MPI.COMM_WORLD.bcast(tmp_path), scene(PUSHED)
+    if MPI.COMM_WORLD.rank == 0:
+        how = {"effects": [Counted()], "observers": [until(4)], "checkpoint": folder}
+        with pytest.raises(Killed):
+            solve(given, MPI.COMM_SELF, **how)
+    MPI.COMM_WORLD.barrier()
+    ended = solve(given, checkpoint=folder, restart=True, effects=[Counted()])
+    whole = solve(given, effects=[Counted()])
+    assert ended.state.fields["steps"].values == [6.0]
+    for name, field in whole.state.fields.items():
+        np.testing.assert_allclose(ended.state.fields[name].values, field.values, rtol=1e-7)
+
+
+def test_wear_in_scenes_and_forms():
+    """A plate that is pressed by a prescribed displacement wears off: its pressure falls by the
+    same share in each step, and the certificate holds at the worn gap.
+    """
+    text = """
+    mesh = { generator = "rectangle", parameters = { nx = 4, ny = 4 } }
+    material = { young = 1000.0, poisson = 0.0 }
+    [[displacement]]
+    boundary = "top"
+    x = 0.0
+    y = -0.01
+    factors = [1.0, 1.0, 1.0, 1.0]
+    [[contact]]
+    boundary = "bottom"
+    """
+    solution = solve(scene(text), effects=[Wear()])
+    found = [step.contact.pressure.mean() for step in solution.steps]
+    # E / H times what is left of the displacement; gamma is 1e3 of it.
+    np.testing.assert_allclose(found, 10.0 * 0.99 ** np.arange(4), rtol=2e-3)
+    assert all(step.certificate.holds for step in solution.steps)
+    block = Block((4, 4))
+    problem = ContactProblem(block.a, block.L, block.bcs, block.foundation, effects=[Wear()])
+    state, pressures = problem.initial(), []
+    for time in range(3):
+        state, result = problem.step(state, float(time))
+        pressures.append(result.contact.pressure.mean())
+        assert result.certificate.holds
+    ratio = np.array(pressures[1:]) / pressures[:-1]
+    assert (ratio < 0.995).all()
+    assert ratio[0] == pytest.approx(ratio[1], rel=1e-3)
+
+
+def test_an_effect_by_its_name(monkeypatch):
+    """As another package adds it."""
+    monkeypatch.setattr(extensions, "_registered", {})
+    extensions.register("signorini_fx.step_effects", "count", Counted)
+    assert solve(scene(PUSHED), effects=["count"]).state.fields["steps"].values == [6.0]
+    with pytest.raises(TypeError, match="objects of StepEffect are expected"):
+        solve(scene(PUSHED), effects=[3])
+
+
+@pytest.mark.parametrize(
+    ("use", "reason"),
+    [
+        (lambda problem, state: problem.step(state, 2.0), "must be after that of the state, 2"),
+        (lambda problem, state: problem.step(state, 2.5), "no load step ends at time 2.5"),
+        (lambda problem, state: solve(FINER, state=state), "is of another mesh"),
+        (lambda problem, state: solve(SHORTER, state=state), "no load step ends later"),
+        (lambda problem, state: solve(NEO_HOOKE, state=state), "its history"),
+        (lambda problem, state: state.with_field("a", "point", [1.0]), "must be at one of dofs"),
+        (lambda problem, state: state.with_field("a", "points", [1.0]), "has 1 rows"),
+    ],
+)
+def test_what_a_state_is_not_for(use, reason):
+    """One error that says so."""
+    problem = problem_of(scene(PUSHED))
+    state = problem.initial()
+    for time in (1.0, 2.0):
+        state, _ = problem.step(state, time)
+    with pytest.raises(SceneError, match=reason):
+        use(problem, state)
+
+
+FINER = scene(PUSHED.replace("nx = 24", "nx = 25"))
+SHORTER = scene(PUSHED.replace("[0.0, 0.4, 0.8, 1.0, 0.5, -0.4]", "[0.0, 0.4]"))
+NEO_HOOKE = scene(PUSHED.replace("{ young", '{ law = "neo-hooke", young'))

@@ -68,7 +68,7 @@ BESIDE = {
     "mechanics.body": ("mechanics.model",),
     "mechanics.obstacles": ("mechanics.interfaces",),
     "mechanics.assembly": ("mechanics.scales",),
-    "mechanics.contact_points": ("mechanics.state",),
+    "mechanics.contact_points": ("mechanics.state", "mechanics.step_effect"),
     "records": ("records", "machine.display"),
     "ground": ("errors", "extensions", "removed", "tuned"),
 }

@@ -67,14 +67,19 @@ class PointState:
         depth = np.where(self.bilateral, np.abs(overlap), np.maximum(overlap, 0.0))
         return np.where(self.points.immovable, depth, 0.0)
 
-    @cached_property
-    def friction_work(self) -> float:
-        """Energy dissipated by slip in this load step, (mu, xi) with xi of (3.3c), never negative;
-        collective.
+    @property
+    def friction_energy(self) -> Nodal:
+        """Energy dissipated by slip in this load step at each point per area, mu . xi with xi of
+        (3.3c), force per length, shape (n,).
 
         xi is the slip without the elastic part that the regularisation adds, zero at stick nodes.
         """
-        work = np.dot(self.points.weight, inner(self.shear, self.xi))
+        return inner(self.shear, self.xi)
+
+    @cached_property
+    def friction_work(self) -> float:
+        """Energy dissipated by slip in this load step, (mu, xi), never negative; collective."""
+        work = np.dot(self.points.weight, self.friction_energy)
         return float(parallel.global_sum(self.points.comm, work))
 
     def sliding_side(self) -> npt.NDArray[np.int8]:

@@ -14,9 +14,10 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from signorini_fx.errors import FormError
+from signorini_fx.errors import FormError, SceneError
 from signorini_fx.mechanics.statement.base import Table
 from signorini_fx.mechanics.statement.values import Count, Entries, Finite
+from signorini_fx.tuned import SAME_NUMBER
 
 
 class LoadSteps(Table):
@@ -127,6 +128,26 @@ class LoadPath:
     def time_at(self, step: float) -> float:
         """Return the time of a place."""
         return time_at(self.times, step)
+
+    def place_of(self, time: float) -> float:
+        """The place of a time: the inverse of ``time_at``.
+
+        Raises:
+            SceneError: no load step ends at this time.
+        """
+        stations = self.times if self.times[0] <= 0.0 else (0.0, *self.times)
+        first = len(self.times) - len(stations)
+        if self.steps is None:  # a load step for each time, and no other one
+            place = float(np.argmin(np.abs(np.array(self.times) - time)))
+            size = max(map(abs, self.times))
+            within = abs(self.times[int(place)] - time) <= SAME_NUMBER * size
+        else:
+            place = float(np.interp(time, stations, range(first, len(self.times))))
+            within = stations[0] <= time <= stations[-1]
+        if not within:
+            ends = ", ".join(f"{each:g}" for each in self.times)
+            raise SceneError([("time", f"no load step ends at time {time:g}: they end at {ends}")])
+        return place
 
     def name_at(self, step: float) -> str:
         """Return the name of the load step that a place belongs to or that a ramp leads to; an
