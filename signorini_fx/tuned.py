@@ -489,10 +489,11 @@ UNITS_OF_DIFFERENCE = 500.0
 SHAPE_INSIDE = 0.5
 # Places on its way at most.  Choice: a search of all cells for each of them.
 MOST_PLACES = 400
-# Sines of the angles by which a line in 2D, and the facets of a surface in 3D, turn where they
-# stand for a curve.  Choice: 1 and 20 degrees; facets of a ball of some hundred triangles turn by
-# less.
-SMOOTH_CORNER, SMOOTH_EDGE = 0.0175, 0.342
+# Cosines of angles at a corner of a foundation: a node of the facet that it presses on has a
+# contact point of its own if its direction is within the first one of that of its facets, and a
+# facet goes on behind a vertex that turns by less than the second one.  Choice: 30 and 45 degrees;
+# of a hook that slides over a corner 45 and 30 give the same, 60 a false wall.
+ALONG_FACET, BEYOND_FACET = 0.866, 0.707
 # Points along each axis of the grid on which the middle of the largest ball is sought: an odd
 # number.  Choice.
 INRADIUS_GRID = 9

@@ -216,7 +216,7 @@ class FormBody(SolidBody):
         """Forms state no materials."""
         return self.form_scales
 
-    def shapes(self, step: float) -> Sequence[PlacedShape]:
+    def shapes(self, step: float | None = None) -> Sequence[PlacedShape]:
         return self.placed
 
     def load(self, system: ElasticSystem, step: float) -> Array:

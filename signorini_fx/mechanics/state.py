@@ -27,7 +27,7 @@ from signorini_fx.mechanics.statement.rigid_shape import Placement
 from signorini_fx.tuned import SAME_LENGTH
 
 Array = npt.NDArray[np.float64]
-_FORMAT = 12
+_FORMAT = 13
 _OF_POINTS = ("normal", "pressure", "shear", "elastic", "contact", "direction", "turning")
 
 
@@ -190,7 +190,7 @@ class State:
             {} if values is None else {name: getattr(values, name) for name in _OF_POINTS}
         )
         moved = self.displacement.reshape(-1, boundary.x.shape[1])[boundary.nodes]
-        rows |= {"part": boundary.part, "x": boundary.x, "y": moved}
+        rows |= {"part": boundary.part, "corner": boundary.number, "x": boundary.x, "y": moved}
         of_cells = {"displacement": self.displacement}
         everywhere: dict[str, Any] = {"rigid": self.rigid, "found": self.found}
         for name, entry in self.fields.items():
@@ -356,11 +356,12 @@ def _rows_of(table: Mapping[str, Array], boundary: ContactBoundary, moved: Array
     size = float(np.ptp(table["x"], axis=0).max()) or 1.0
     far = float(np.abs(table["y"]).max(initial=0.0)) or 1.0
 
-    def keys(part: npt.NDArray[Any], x: Array, y: Array) -> Array:
-        return np.column_stack((part, x / size, SAME_LENGTH * y / far))
+    def keys(part: npt.NDArray[Any], corner: npt.NDArray[Any], x: Array, y: Array) -> Array:
+        x, y = (np.where(corner[:, None] < 0, values, 0.0) for values in (x, y))  # feet move
+        return np.column_stack((part, corner, x / size, SAME_LENGTH * y / far))
 
-    tree = cKDTree(keys(table["part"], table["x"], table["y"]))
-    distance, nearest = tree.query(keys(boundary.part, boundary.x, moved))
+    tree = cKDTree(keys(*(table[name] for name in ("part", "corner", "x", "y"))))
+    distance, nearest = tree.query(keys(boundary.part, boundary.number, boundary.x, moved))
     if (distance > SAME_LENGTH).any():
         raise ValueError("its contact points are others")
     return nearest

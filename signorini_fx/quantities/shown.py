@@ -316,6 +316,24 @@ def error_of(summary: Mapping[str, Any], key: str) -> float | None:
     )
 
 
+def _corners(summary: Summary) -> list[str | TerminalLine]:
+    """The forces of corners, and whether the mesh resolves their contact."""
+    lines = list[str | TerminalLine]()
+    for entry in summary["corners"][:MOST_ROWS]:
+        sums = [a + b for a, b in zip(entry["contact_force"], entry["friction_force"], strict=True)]
+        force = with_unit(in_brackets(clean(sums, math.hypot(*sums))), "force")
+        facet, width = entry["facet"], entry["contact_width"]
+        resolved = facet <= width
+        left = (
+            ""
+            if resolved
+            else f", not resolved by facets of {facet:.3g}: it falls as they are refined, until "
+            f"they are about {width:.2g}"
+        )
+        lines.append(f"at {point_in_words(entry['place'])}: force {force}{left}")
+    return lines
+
+
 def _friction(summary: Summary) -> list[str | TerminalLine]:
     """Return how much of its friction the body uses; nothing if a later load step has none left."""
     if validity_of(summary) is Validity.EARLIER_STEP:
@@ -647,6 +665,7 @@ _TABLE = (
     Shown("tools", "foundation", _tools, brief=True),
     Shown("preloads", "preload", _preloads, brief=True),
     Shown("contact_nodes", "contact", _contact, brief=True),
+    Shown("corners", "corner", _corners, brief=True),
     Shown("stress", "stress", _stress, brief=True),
     Shown("friction_used", "friction", _friction, brief=True),
     Shown("status", "error", _error, brief=True),

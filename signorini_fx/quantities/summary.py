@@ -124,6 +124,22 @@ class StepOfResults(Row):
     status: str
 
 
+class CornerFigures(Row):
+    """A corner of a foundation that presses between nodes: its force has no area."""
+
+    boundary: str = described("Name of the contact boundary.")
+    place: Vector = described("Of the corner.")
+    contact_force: Vector = described("Normal to the facet under it, on the body.")
+    friction_force: Vector = described("Along it, on the body.")
+    state: Literal["stick", "slip"] = described("Of the body there.")
+    slip: Number = described("Along the facet, since the load step began.")
+    facet: Number = described("Length of the facet under it.")
+    contact_width: Number = described(
+        "About the width of the contact around it; facets that are longer do not resolve it, and "
+        "the force falls as they are refined."
+    )
+
+
 class ContactFigures(Row):
     """A contact boundary, in 2D per unit thickness, with lengths for areas."""
 
@@ -446,6 +462,7 @@ class Summary(Run):
     contact_boundaries: list[ContactFigures] = perhaps(
         "Each contact boundary; areas are lengths in 2D."
     )
+    corners: list[CornerFigures] = perhaps("Corners of foundations in contact between nodes.")
     tools: list[Tool] = perhaps(
         "Foundations that forces move: how they have moved, and what the body does to them."
     )

@@ -42,7 +42,11 @@ def _of_contact(solution: Any) -> dict[str, Any]:
         "touching_nodes": table.touching,
         "contact_force": (contact.forces[0] + 0.0).tolist(),
         "friction_force": (contact.forces[1] + 0.0).tolist(),
-        "pressure_integral": float(np.dot(columns["weight"], columns["pressure"])),
+        "pressure_integral": float(
+            np.dot(columns["weight"], columns["pressure"])
+            if contact.boundary.corners is None
+            else sum(figures.pressure_integral or 0.0 for figures in solution.contact_figures)
+        ),
         "max_pressure": float(columns["pressure"].max()),
         "present_pressure": float(columns["present_pressure"].max())
         if "present_pressure" in columns
@@ -55,6 +59,7 @@ def _of_contact(solution: Any) -> dict[str, Any]:
         "friction_moment": (contact.moments[1] + 0.0).tolist() if solid else None,
         "contact_boundaries": [figures.model_dump() for figures in solution.contact_figures]
         or None,
+        "corners": [figures.model_dump() for figures in solution.corner_figures] or None,
         "tools": [
             motion.as_dict(contact, solution.statement.contact, kinematics) for motion in tools
         ]
@@ -150,7 +155,9 @@ def _of_contact_in_step(solution: Any) -> dict[str, Any]:
         columns |= _by_axis("pressure_integral", [boundary.pressure_integral], [name])
     # A rank without contact nodes has none, and where contact only pulls the largest pressure is
     # below zero.
-    columns["max_pressure"] = parallel.largest(contact.boundary.comm, contact.pressure, -np.inf)
+    columns["max_pressure"] = parallel.largest(
+        contact.boundary.comm, contact.pressure[contact.boundary.at_nodes], -np.inf
+    )
     for name, boundary in closed:
         columns |= _by_axis("friction_moment", [boundary.friction_moment], [name])
     if contact.boundary.kinematics.out_of_section:

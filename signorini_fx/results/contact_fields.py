@@ -66,7 +66,7 @@ class ContactFields:
             for field in (self.pressure, self.shear, self.gap, self.slip):
                 field.x.array[:] = 0.0
             return
-        where = slice(None) if selected is None else selected
+        where = state.boundary.at_nodes & (True if selected is None else selected)
         tangents = state.boundary.tangents
         cotangents = state.boundary.cotangents
         values = {

@@ -22,7 +22,7 @@ from signorini_fx.mechanics.kinematics import CARTESIAN
 from signorini_fx.mechanics.loads.initial_strains import jumps_in
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.statement import Statement
-from signorini_fx.quantities.summary import ContactFigures, SectionForce
+from signorini_fx.quantities.summary import ContactFigures, CornerFigures, SectionForce
 from signorini_fx.tuned import CLOSED_BOUNDARY, ZERO_IN_SOLUTION
 
 Array = npt.NDArray[np.float64]
@@ -37,19 +37,21 @@ def contact_figures(statement: Statement, contact: ContactState) -> list[Contact
     for part, effect in enumerate(statement.contact):
         moment, moment_limit = _moment_about_middle(contact, part) if uniform else (None, None)
         on_part = boundary.part == part
+        nodes = boundary.at_nodes[on_part]
         weight = boundary.weight[on_part]
         pressure = contact.pressure[on_part]
-        closed = contact.in_contact[on_part]
+        closed = contact.in_contact[on_part] & nodes
         sums = np.array(
             [
-                weight.sum(),
+                weight @ nodes,
                 weight @ closed,
                 closed.sum(),
                 weight @ pressure,
                 weight @ contact.bound[on_part],
+                weight @ (pressure * nodes),
             ]
         )
-        area, touching, count, normal, limit = map(float, parallel.global_sum(comm, sums))
+        area, touching, count, normal, limit, spread = map(float, parallel.global_sum(comm, sums))
         reaction, resultant = contact.forces_of_each[part]
         tangential = float(np.linalg.norm(resultant))
         if tangential <= ZERO_IN_SOLUTION * max(abs(normal), limit if np.isfinite(limit) else 0.0):
@@ -66,14 +68,64 @@ def contact_figures(statement: Statement, contact: ContactState) -> list[Contact
                 contact_area=touching,
                 touching_nodes=round(count),
                 pressure_integral=normal,
-                mean_pressure=normal / touching if touching > 0 else None,
+                mean_pressure=spread / touching if touching > 0 else None,
                 contact_force=(reaction + 0.0).tolist(),
                 friction_force=(resultant + 0.0).tolist(),
-                max_pressure=parallel.largest(comm, pressure, -np.inf),
+                max_pressure=parallel.largest(comm, pressure[nodes], -np.inf),
                 tangential_force=tangential,
                 friction_limit=limit,
                 friction_moment=moment,
                 moment_limit=moment_limit,
+            )
+        )
+    return figures
+
+
+def corner_figures(model: Model, contact: ContactState) -> list[CornerFigures]:
+    """Return the figures of each corner of a foundation in contact, in the order of the scene;
+    collective.
+
+    A force P makes a contact of the width P / (E tan b), with the angle b between the facet and the
+    nearer side of the corner; on the axis of a body of revolution the root of 2 P / (pi E tan b).
+    """
+    boundary, corners = contact.boundary, contact.boundary.corners
+    if corners is None:
+        return []
+    points = np.flatnonzero(contact.in_contact & ~boundary.at_nodes)
+    none_n, none_t = np.zeros_like(contact.pressure), np.zeros_like(contact.shear)
+    forces = [
+        -boundary.nodal_forces(contact.pressure, none_t),
+        -boundary.nodal_forces(none_n, contact.shear),
+    ]
+    columns = (
+        boundary.part,
+        corners.number // 2,
+        corners.place[:, :2],
+        *(force[:, :2] for force in forces),
+        contact.displaced(contact.slip_length)[:, :1],
+        (contact.direction != 0.0).any(axis=1),
+        corners.facet,
+        corners.slope,
+    )
+    rows = parallel.gather_rows(boundary.comm, np.column_stack(columns)[points])
+    figures = []
+    for part, number in np.unique(rows[:, :2], axis=0):
+        of_corner = rows[(rows[:, :2] == (part, number)).all(axis=1)]
+        first = of_corner[np.linalg.norm(of_corner[:, 4:6], axis=1).argmax()]
+        normal, tangential = of_corner[:, 4:6].sum(axis=0), of_corner[:, 6:8].sum(axis=0)
+        depth = float(np.broadcast_to(model.kinematics.measure(first[2:4, None]), 1)[0])
+        size = float(np.linalg.norm(normal)) / max(model.scales.modulus * float(first[11]), 1e-300)
+        width = size / depth if depth > 0 else np.sqrt(2 * size / np.pi)
+        figures.append(
+            CornerFigures(
+                boundary=model.statement.contact[int(part)].boundary,
+                place=first[2:4].tolist(),
+                contact_force=(normal + 0.0).tolist(),
+                friction_force=(tangential + 0.0).tolist(),
+                state="slip" if first[9] else "stick",
+                slip=float(first[8]),
+                facet=float(first[10]),
+                contact_width=float(width),
             )
         )
     return figures

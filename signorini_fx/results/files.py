@@ -223,6 +223,7 @@ class _Written:
             except OSError as error:
                 raise cannot_be_written(self.folder.path, error) from None
             summary |= of_fields(solution)
+        corners = [_flat(figures.model_dump()) for figures in solution.corner_figures]
 
         def write() -> None:
             for name, records in (
@@ -239,6 +240,8 @@ class _Written:
                 write_csv(part / "steps.csv", steps)
             if table is not None:
                 write_columns(part / "contact.csv", table.columns)
+            if corners:
+                write_csv(part / "corners.csv", corners)
 
         self._on_root(write)
         return summary
@@ -371,3 +374,14 @@ def describe(
     if isinstance(value, TaggedMesh) and value.origin:
         return {**describe(value.origin), "refined": True}
     return getattr(value, "text", f"<{type(value).__name__}>")
+
+
+def _flat(row: dict[str, Any]) -> dict[str, Any]:
+    """Return a row of a table in which each component of a vector has a column."""
+    columns: dict[str, Any] = {}
+    for name, value in row.items():
+        one = isinstance(value, list)
+        columns |= (
+            {f"{name}_{a}": v for a, v in zip("xyz", value, strict=False)} if one else {name: value}
+        )
+    return columns

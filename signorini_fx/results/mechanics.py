@@ -22,6 +22,7 @@ from signorini_fx.mechanics.statement.effect import Force, Resistance
 from signorini_fx.records import Finding, Status, StepRecord
 from signorini_fx.results.certificate.certificate import Certificate, balance_of, judged
 from signorini_fx.results.certificate.contact_nodes import ContactConditions
+from signorini_fx.results.certificate.corner_feet import judged_corners
 from signorini_fx.results.certificate.equilibrium import Balance
 from signorini_fx.results.certificate.law_of_method import (
     Law,
@@ -67,10 +68,11 @@ class SolidBody(Model, ABC):
             from signorini_fx.results.certificate.pair_points import PairPoints
 
             pairs = {number: PairPoints.of(pair) for number, pair in self.pairs.items()}
-        return ContactConditions(self.boundary, self.data.gap, self.law, self.data.bilateral, pairs)
+        points = judged_corners(self.boundary, self.data.gap, self.shapes())
+        return ContactConditions(*points, self.law, self.data.bilateral, pairs)
 
-    def shapes(self, step: float) -> Sequence[PlacedShape]:
-        """The shapes of hard foundations at a place in the lists of factors."""
+    def shapes(self, step: float | None = None) -> Sequence[PlacedShape]:
+        """The shapes of hard foundations at a place in the lists of factors; None: the present."""
         return ()
 
     @abstractmethod
@@ -127,8 +129,9 @@ class StatedBody(SolidBody):
     def drives(self, step: float) -> list[Drive]:
         return self.statement.drives(self.tagged.dimension, step)
 
-    def shapes(self, step: float) -> Sequence[PlacedShape]:
-        return hard_foundations(self.statement.placed(step), self.kinematics)
+    def shapes(self, step: float | None = None) -> Sequence[PlacedShape]:
+        placed = self.statement if step is None else self.statement.placed(step)
+        return hard_foundations(placed, self.kinematics)
 
     def stress(self, y: fem.Function, step: float) -> RawStresses:
         from signorini_fx.results.accuracy.stress_recovery import element_stress

@@ -37,7 +37,12 @@ from signorini_fx.results.accuracy.next_accuracy import NAMES, next_cost
 from signorini_fx.results.accuracy.pressure_error import growing_rows
 from signorini_fx.results.certificate.certificate import Certificate, another_law
 from signorini_fx.results.contact_fields import BoundaryFields, boundary_fields
-from signorini_fx.results.contact_figures import contact_figures, friction_used, section_forces
+from signorini_fx.results.contact_figures import (
+    contact_figures,
+    corner_figures,
+    friction_used,
+    section_forces,
+)
 from signorini_fx.results.mechanics import SolidBody, StatedBody, StepResult
 from signorini_fx.results.present_area import present_pressure
 from signorini_fx.results.resultants import Resultants
@@ -47,7 +52,13 @@ from signorini_fx.tuned import NOTABLE, ZERO_IN_SOLUTION
 
 if TYPE_CHECKING:
     from signorini_fx.quantities.proved_statements import ErrorBound, Interval
-    from signorini_fx.quantities.summary import ContactFigures, CostOfAccuracy, Price, SectionForce
+    from signorini_fx.quantities.summary import (
+        ContactFigures,
+        CornerFigures,
+        CostOfAccuracy,
+        Price,
+        SectionForce,
+    )
     from signorini_fx.results.accuracy.level_results import LevelResult
 
 # A body that moves away although nothing would let it do so without a load.
@@ -370,6 +381,13 @@ class Solution:
         collective.
         """
         return section_forces(self.model, self.displacement, self._position)
+
+    @cached_property
+    def corner_figures(self) -> list[CornerFigures]:
+        """The corners of foundations that are in contact between nodes; with load steps, in the
+        last one; collective.
+        """
+        return [] if self.contact is None else corner_figures(self.model, self.contact)
 
     @cached_property
     def contact_figures(self) -> list[ContactFigures]:

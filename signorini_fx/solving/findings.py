@@ -672,6 +672,23 @@ def _turned(statement: Statement, number: int, step: StepResult | None) -> Array
     return angle + (driven[0] if driven else 0.0)
 
 
+def slid_at_corners(contact: ContactState | None) -> Iterator[Finding]:
+    """Corners of foundations under which a linear body has moved along its facets, collective: the
+    point that they press on stays.
+    """
+    if contact is None or (corners := contact.boundary.corners) is None:
+        return
+    far = np.abs(contact.displaced(contact.slip_length)[:, 0]) / corners.facet
+    worst = np.where(contact.in_contact & ~contact.boundary.at_nodes, far, 0.0)
+    share = parallel.largest(contact.boundary.comm, np.nan_to_num(worst), 0.0)
+    if share > NOTABLE:
+        message = (
+            f"the body has moved by {share:.2g} of a facet along a corner of its foundation, which "
+            "presses on the same point of a linear body: take a nonlinear one"
+        )
+        yield Finding("warning", "contact.foundation", message)
+
+
 def untouched(comm: MPI.Comm, steps: Sequence[StepResult]) -> Iterator[Finding]:
     """A finding where contact touches nothing in any load step; collective."""
     contacts = [step.contact.in_contact.any() for step in steps if step.contact is not None]

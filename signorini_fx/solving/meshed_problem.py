@@ -333,7 +333,7 @@ def carry_over(
         boundary.normal,
     ]
     dim = boundary.x.shape[1]
-    rows = parallel.gather_rows(boundary.comm, np.column_stack(state))
+    rows = parallel.gather_rows(boundary.comm, np.column_stack(state)[boundary.at_nodes])
     # Of neighbours at the same distance the search takes those that come first: in no order of the
     # ranks.
     rows = rows[np.lexsort(rows[:, dim::-1].T)]

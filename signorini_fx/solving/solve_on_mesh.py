@@ -41,6 +41,7 @@ from signorini_fx.solving.findings import (
     result_findings,
     scene_findings,
     shapes_in_results,
+    slid_at_corners,
     steps_without_estimate,
     untouched,
 )
@@ -254,6 +255,7 @@ def findings_of_steps(
         *pushed_nodes([step.contact for step in steps], model.tagged.size),
         *loose_at_rest(model, steps, model.statement.forces_at),
         *shapes_in_results(model.shapes(_shown(steps).place), _shown(steps).displacement),
+        *slid_at_corners(_shown(steps).contact),
         *further,
         *result_findings([step.deformation for step in steps], names),
         *untouched(model.comm, steps),

@@ -214,7 +214,7 @@ def judged(
             elif status is Status.CONVERGED and not certificate.holds:
                 status = Status.NOT_CERTIFIED
             elif status is Status.CONVERGED:
-                deep = deepest_corner(body.shapes(place), displacement, rigid)
+                deep = deepest_corner(body.shapes(place), displacement, rigid, body.boundary)
                 if deep is not None:
                     status = Status.CORNER
                     reason = Finding("warning", deep.path, str(deep))

@@ -219,6 +219,10 @@ class MovingFoundations(Foundations):
             alone[boundary.part == number] = pair.alone
         return alone
 
+    def corners_of(self, number: int) -> None:
+        """None yet: the outcome of a load step names corners between nodes."""
+        return None
+
     def _gap_of(self, number: int) -> Array:
         gap = super()._gap_of(number)
         if (pair := self.sliding.get(number)) is not None:

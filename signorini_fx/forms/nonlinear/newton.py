@@ -396,7 +396,7 @@ class EquilibriumSolver(Stability):
         for status, said in (
             (Status.TOO_LARGE, self.too_large),
             (Status.INSIDE, lambda: overlap(foundations, last)),
-            (Status.CORNER, lambda: corner_inside(foundations)),
+            (Status.CORNER, lambda: corner_inside(foundations, linear.boundary)),
             (Status.PASSED, lambda: overlap_of_bodies(foundations, last)),
         ):
             self._detail = said()

@@ -27,7 +27,7 @@ from signorini_fx.forms.nonlinear.residual import Residual, Tangents, is_derivat
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import node_positions
 from signorini_fx.mechanics.assembly.pieces import find_pieces
-from signorini_fx.mechanics.contact_points.contact_boundary import block_diagonal
+from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary, block_diagonal
 from signorini_fx.mechanics.obstacles.corner_depths import deepest_corner
 from signorini_fx.mechanics.obstacles.paired_points import FacingSides
 from signorini_fx.mechanics.obstacles.shapes_inside import BodyCells, InsideBody
@@ -269,9 +269,9 @@ def overlap(foundations: MovingFoundations, last: Snapshot) -> str:
     return ""
 
 
-def corner_inside(foundations: MovingFoundations) -> str:
+def corner_inside(foundations: MovingFoundations, boundary: ContactBoundary) -> str:
     """Of a shape between the nodes of the displaced body; collective."""
-    deep = deepest_corner(foundations.placed_shapes, foundations.at)
+    deep = deepest_corner(foundations.placed_shapes, foundations.at, (), boundary)
     return "" if deep is None else f"{deep.path.removesuffix('.shape')}: {deep}"
 
 

@@ -10,7 +10,7 @@ have no such rule the contact points are the vertices, at which z_i is an averag
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from itertools import permutations
 from typing import TYPE_CHECKING, Any
@@ -26,7 +26,7 @@ from petsc4py import PETSc
 from signorini_fx.algebra.contact.contact_map import ContactMap
 from signorini_fx.algebra.contact.points import ContactPoints, SharedNodes, onto_range
 from signorini_fx.machine import compat, parallel
-from signorini_fx.mechanics.assembly.averages import Averages, averaging
+from signorini_fx.mechanics.assembly.averages import Averages, averaging, from_owners
 from signorini_fx.mechanics.assembly.mesh_entities import (
     assemble,
     compile_form,
@@ -73,6 +73,50 @@ class MovingFoundation:
 
 
 @dataclass(frozen=True)
+class CornerPoints:
+    """Which of n contact points are those of corners of foundations, see
+    ``obstacles.corner_points``.
+
+    Attributes:
+        number: of the point among those of the corners of its foundation, two of each, -1 at
+            nodes, shape (n,).
+        opening: the gap without what is given, of a node that of its place: nan, length, shape
+            (n,).
+        alone: which points see no foundation, with a gap beyond any reach, shape (n,).
+        place: of the corner, nan at nodes, length, shape (n, d).
+        facet: length of the facet under it, nan at nodes, shape (n,).
+        slope: tangent of the angle between the facet and the nearer side, nan at nodes, shape (n,).
+    """
+
+    number: npt.NDArray[np.int64]
+    opening: Array
+    alone: npt.NDArray[np.bool_]
+    place: Array
+    facet: Array
+    slope: Array
+
+    @classmethod
+    def at_nodes(cls, alone: npt.NDArray[np.bool_], reach: float, dimension: int) -> CornerPoints:
+        """Return those of points that are all at nodes, some of them alone."""
+        unknown = np.full(alone.size, np.nan)
+        return cls(
+            np.full(alone.size, -1, dtype=np.int64),
+            np.where(alone, reach, np.nan),
+            alone,
+            np.full((alone.size, dimension), np.nan),
+            unknown,
+            unknown,
+        )
+
+    @classmethod
+    def joined(cls, parts: Sequence[CornerPoints]) -> CornerPoints:
+        """Return those of several lists of points."""
+        return cls(
+            *(np.concatenate([getattr(part, one.name) for part in parts]) for one in fields(cls))
+        )
+
+
+@dataclass(frozen=True)
 class ContactBoundary:
     """The contact nodes of this rank, n of them.
 
@@ -95,6 +139,7 @@ class ContactBoundary:
         kinematics: of displacements with these components on these cells, whatever the scene is.
         pushing: the force of a unit pressure on the body of its node, per area and negative, shape
             (n, d), where that acts along derivatives of the gap; None: ``normal``.
+        corners: which points are those of corners of foundations; None: all are those of nodes.
     """
 
     comm: MPI.Comm
@@ -112,6 +157,27 @@ class ContactBoundary:
     moving: MovingFoundation | None = None
     friction_axes: FrictionAxes | None = None
     pushing: Array | None = None
+    corners: CornerPoints | None = None
+
+    @cached_property
+    def at_nodes(self) -> npt.NDArray[np.bool_]:
+        """Which points are those of nodes, shape (n,): a force at a corner is no pressure."""
+        return np.asarray(self.number < 0)
+
+    @property
+    def number(self) -> npt.NDArray[np.int64]:
+        """The number of each point among those of corners, -1 at nodes, shape (n,)."""
+        return np.full(self.size, -1) if self.corners is None else self.corners.number
+
+    def interpolated(self, values: Array) -> Array:
+        """Return values at the nodes of this rank, shape (nodes,), at the points, shape (n,);
+        collective where there are corners.
+        """
+        if self.corners is None:
+            return np.asarray(values[self.nodes])
+        owned = np.nan_to_num(values[: self.surface[0][0].dofmap.index_map.size_local, None])
+        at_nodes = from_owners(owned, self.averages.nodes, self.comm)
+        return np.where(self.at_nodes, values[self.nodes], (self.averages.shares @ at_nodes)[:, 0])
 
     @property
     def size(self) -> int:
@@ -243,7 +309,7 @@ def tangents_of(normal: Array) -> Array:
 def join(parts: list[ContactBoundary]) -> ContactBoundary:
     """Several contact boundaries as one list of nodes."""
     names = ("nodes", "x", "weight", "normal", "part", "free", "global_nodes", "axes")
-    fields: dict[str, Any] = {
+    joined_fields: dict[str, Any] = {
         name: np.concatenate([getattr(part, name) for part in parts]) for name in names
     }
     pushing = None
@@ -253,7 +319,7 @@ def join(parts: list[ContactBoundary]) -> ContactBoundary:
         )
     return ContactBoundary(
         parts[0].comm,
-        **fields,
+        **joined_fields,
         surface=tuple(surface for part in parts for surface in part.surface),
         averages=Averages.joined([part.averages for part in parts]),
         friction_axes=FrictionAxes.joined(
@@ -261,6 +327,15 @@ def join(parts: list[ContactBoundary]) -> ContactBoundary:
         ),
         kinematics=parts[0].kinematics,
         pushing=pushing,
+        corners=None
+        if all(part.corners is None for part in parts)
+        else CornerPoints.joined(
+            [
+                part.corners
+                or CornerPoints.at_nodes(np.zeros(part.size, dtype=bool), 0.0, part.x.shape[1])
+                for part in parts
+            ]
+        ),
     )
 
 

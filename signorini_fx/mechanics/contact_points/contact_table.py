@@ -147,8 +147,9 @@ def contact_table(
     """
     boundary = contact.boundary
     dim = boundary.x.shape[1] - boundary.kinematics.out_of_section
+    nodes = boundary.at_nodes
     numbers = parallel.gather_rows(
-        boundary.comm, np.column_stack((boundary.part, boundary.global_nodes))
+        boundary.comm, np.column_stack((boundary.part, boundary.global_nodes))[nodes]
     )
     values = {
         "x": boundary.x[:, :dim],
@@ -165,7 +166,7 @@ def contact_table(
         "weight": boundary.weight,
     }
     widths = [value.shape[1] if value.ndim == 2 else 1 for value in values.values()]
-    rows = parallel.gather_rows(boundary.comm, np.column_stack([*values.values()]))
+    rows = parallel.gather_rows(boundary.comm, np.column_stack([*values.values()])[nodes])
     segments = parallel.gather_rows(boundary.comm, boundary.segments)
     if dim == 2:
         (pieces, order, closed), facets = _chains(numbers, segments, rows[:, :dim]), None

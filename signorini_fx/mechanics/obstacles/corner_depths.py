@@ -9,7 +9,7 @@ are looked at in points.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import basix
 import numpy as np
@@ -23,6 +23,7 @@ from signorini_fx.mechanics.assembly.mesh_entities import (
     facet_nodes,
     node_positions,
 )
+from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.interfaces import PlacedShape
 from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodyMotion
 from signorini_fx.mechanics.statement.rigid_shape import Corners
@@ -124,12 +125,17 @@ class BodySurface:
 def deepest_corner(
     foundations: Iterable[PlacedShape],
     displacement: fem.Function,
-    rigid: Iterable[RigidBodyMotion] = (),
+    rigid: Iterable[RigidBodyMotion],
+    boundary: ContactBoundary | None,
 ) -> DeepCorner | None:
-    """The corner of the foundations that is most below the deformed boundary of the body, if that
-    is a notable share of the deformation; ``rigid``: how forces have moved foundations; None: there
-    is none; collective.
+    """The corner of the foundations without contact points of its own that is most below the
+    deformed boundary of the body, if that is a notable share of the deformation; ``rigid``: how
+    forces have moved foundations; None: there is none; collective.
     """
+    felt: npt.NDArray[np.int64] = np.zeros((0, 2), dtype=np.int64)
+    if boundary is not None and (at := boundary.corners) is not None:
+        rows = np.column_stack((boundary.part, at.number // 2))
+        felt = parallel.gather_rows(boundary.comm, rows[~boundary.at_nodes & ~at.alone])
     space = displacement.function_space
     surface = None
     deepest = None
@@ -141,6 +147,10 @@ def deepest_corner(
         corners: Corners | None = None
         if hasattr(foundation.shape, "corners") and isinstance(foundation.added, int | float):
             corners = foundation.shape.corners(dim)
+        if corners is not None and len(felt):
+            numbers = felt[felt[:, 0] == foundation.contact, 1]
+            unfelt = ~np.isin(np.arange(len(corners.places)), numbers)
+            corners = replace(corners, places=corners.places[unfelt], radius=corners.radius[unfelt])
         if corners is None or not corners.places.size + corners.edges.size:
             continue
         surface = surface or BodySurface.of(space)

@@ -21,8 +21,9 @@ from signorini_fx.errors import FormError, SceneError
 from signorini_fx.extensions import is_of_package
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.averages import Averages, averaging, from_owners
-from signorini_fx.mechanics.assembly.mesh_entities import node_positions
+from signorini_fx.mechanics.assembly.mesh_entities import facet_entities, node_positions
 from signorini_fx.mechanics.assembly.nodal_values import NodalValues
+from signorini_fx.mechanics.assembly.pieces import find_pieces
 from signorini_fx.mechanics.contact_points.contact_boundary import (
     ContactBoundary,
     contact_part,
@@ -34,13 +35,25 @@ from signorini_fx.mechanics.contact_points.contact_boundary import (
 from signorini_fx.mechanics.interfaces import Foundation, Pair, PlacedShape
 from signorini_fx.mechanics.kinematics import CARTESIAN
 from signorini_fx.mechanics.laws.at_points import fault_of, friction_of, joined
+from signorini_fx.mechanics.laws.coulomb import Coulomb
 from signorini_fx.mechanics.laws.directed import DirectedLaw, FrictionAxes
 from signorini_fx.mechanics.laws.protocol import FrictionLaw
+from signorini_fx.mechanics.obstacles.corner_points import (
+    BoundaryLine,
+    CornerFeet,
+    with_corners,
+)
 from signorini_fx.mechanics.obstacles.shapes_inside import BodyCells
 from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodies
 from signorini_fx.mechanics.scales import Scales
 from signorini_fx.mechanics.statement.rigid_body import RigidMotion, driven_twice, rigid_bodies
-from signorini_fx.mechanics.statement.rigid_shape import Distance, Placement, Shape, distance_from
+from signorini_fx.mechanics.statement.rigid_shape import (
+    Corners,
+    Distance,
+    Placement,
+    Shape,
+    distance_from,
+)
 from signorini_fx.mechanics.statement.rigid_shape import fault_of as fault_of_shape
 from signorini_fx.tuned import DIGITS_OF_FILES, ROOT_OF_EPS, SAME_NUMBER
 
@@ -396,7 +409,8 @@ class Foundations:
             averages = Averages.at_nodes(names, x, held)
         part = contact_part(space, points, averages, facets, number, turned)
         if shape.direction is not None:
-            return replace(part, normal=shape.direction[part.nodes])
+            part = replace(part, normal=shape.direction[part.nodes])
+            return self._with_corners(number, part, shape.factor, fixed, turned)
         if shape.factor is not None:
             on_axis = (
                 shape.factor[part.nodes, None] == 0
@@ -406,6 +420,59 @@ class Foundations:
             along = np.where(size > ROOT_OF_EPS, axial / np.maximum(size, ROOT_OF_EPS), part.normal)
             return replace(part, normal=along)
         return part
+
+    def _with_corners(
+        self,
+        number: int,
+        part: ContactBoundary,
+        factor: Array | None,
+        fixed: npt.NDArray[np.bool_],
+        turned: TurnedNodes | None,
+    ) -> ContactBoundary:
+        """Return the points of a rigid foundation with those of its corners; collective."""
+        corners = self.corners_of(number)
+        if corners is None or turned is not None:
+            return part
+        line = BoundaryLine.of(self._space, self.facets[number], self.displacement)
+        feet = CornerFeet.of(line, corners)
+        return with_corners(part, corners, line, feet, fixed, factor, self._length)
+
+    @property
+    def displacement(self) -> Array | None:
+        """Of the nodes of this rank at which corners see the body, length, shape (nodes, d); None:
+        the body is not displaced.
+        """
+        return None
+
+    def corners_of(self, number: int) -> Corners | None:
+        """Return the corners of a foundation in the plane that have contact points; None: there
+        are none, as where a bound of friction is a stress, which a corner has no area for, or where
+        forces move the foundation; collective.
+        """
+        contact, shape = self._contact[number], self.placed_shape(number)
+        if self._space.mesh.topology.dim != 2 or not hasattr(shape, "corners"):
+            return None
+        law = contact.friction
+        by_pressure = law is None or (type(law) is Coulomb and len(law.parameters) == 1)
+        if (
+            contact.bonded
+            or contact.bilateral
+            or self.driven[number] is not None
+            or not by_pressure
+        ):
+            return None
+        corners: Corners | None = shape.corners(2)
+        if corners is None or not corners.places.size or self._on_pieces[number] > 1:
+            return None
+        return corners
+
+    @cached_property
+    def _on_pieces(self) -> list[int]:
+        """On how many pieces of the mesh each contact boundary is; collective."""
+        mesh = self._space.mesh
+        of_cell = find_pieces(mesh).of_cell
+        found = [of_cell[facet_entities(mesh, facets)[:, 0], None] for facets in self.facets]
+        return [np.unique(parallel.gather_rows(mesh.comm, pieces)).size for pieces in found]
 
     def at_rest(self, fixed: npt.NDArray[np.bool_], values: Array) -> npt.NDArray[np.bool_]:
         """Which dofs are prescribed to be zero, if pairs are there, which alone take notice of
@@ -562,16 +629,22 @@ class Foundations:
                 owned = np.nan_to_num(entry.gap[: self._space.dofmap.index_map.size_local, None])
                 around = from_owners(owned, averages.nodes, boundary.comm)[:, 0]
                 gap[on_part] = averages.of_gap(gap[on_part], around)
+        if (corners := boundary.corners) is not None:
+            for k in range(len(data)):
+                given = np.where(corners.alone, 0.0, boundary.interpolated(self.given_gap(k)))
+                own = (boundary.part == k) & ~np.isnan(corners.opening)
+                gap[own] = (corners.opening + given)[own]
         points = law, bilateral, boundary.points.immovable
         return RegularisedData.unshifted(
             gap, self._dimension - 1, settings, scales.gamma, *points
         ), law
 
     def alone(self, boundary: ContactBoundary) -> npt.NDArray[np.bool_]:
-        """Which points do not see the other side of their pair, shape (n,): nothing holds them,
-        without pressure or with.
+        """Which points do not see the other side, shape (n,): nothing holds them, without pressure
+        or with.
         """
-        return np.zeros(boundary.size, dtype=bool)
+        corners = boundary.corners
+        return np.zeros(boundary.size, dtype=bool) if corners is None else corners.alone.copy()
 
     def law(
         self,
@@ -593,7 +666,11 @@ class Foundations:
         for k, (of_all, at) in enumerate(
             zip(self.friction() if friction is None else friction, points, strict=True)
         ):
-            law = None if of_all is None else of_all.at(boundary.nodes[at])
+
+            def at_points(_: str, values: Array, at: npt.NDArray[np.int64] = at) -> Array:
+                return boundary.interpolated(values)[at]
+
+            law = None if of_all is None else of_all.with_values(at_points)
             if law is not None and not is_of_package(type(law)):
                 self._refuse(f"contact[{k}].friction", fault_of(law, at.size, modulus))
             parts.append(friction_of(law, at.size))

@@ -22,7 +22,7 @@ from signorini_fx.mechanics.statement.rigid_shape import (
     unit,
 )
 from signorini_fx.mechanics.statement.values import Accepts, Direction, Finite, Positive, Vector
-from signorini_fx.tuned import SAME_NUMBER, SMOOTH_CORNER
+from signorini_fx.tuned import SAME_ANGLE, SAME_NUMBER
 
 # Numbers that are compared at a time.
 _AT_A_TIME = 1_000_000
@@ -277,9 +277,9 @@ class StraightPieces:
         turned = first[:, 1] * second[:, 0] - first[:, 0] * second[:, 1]  # clockwise
         side = -1.0 if hollow else 1.0
         # A line that turns back upon itself is as convex as it is concave.
-        convex = (side * turned > SMOOTH_CORNER) | (np.einsum("kd,kd->k", first, second) < 0) & (
-            side * turned >= 0
-        )
+        convex = (side * turned > math.sin(math.radians(SAME_ANGLE))) | (
+            np.einsum("kd,kd->k", first, second) < 0
+        ) & (side * turned >= 0)
         at = at[convex]
         sides = side * np.stack((self._normals[before[at]], self._normals[after[at]]), axis=1)
         return replace(

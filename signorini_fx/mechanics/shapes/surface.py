@@ -17,7 +17,7 @@ from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.mechanics.shapes.analytic import Rows, StraightPieces
 from signorini_fx.mechanics.statement.rigid_shape import Array, Corners, Shape
 from signorini_fx.mechanics.statement.values import Positive
-from signorini_fx.tuned import INRADIUS_GRID, ROOT_OF_EPS, SAME_NUMBER, SMOOTH_EDGE
+from signorini_fx.tuned import CORNER_ANGLE, INRADIUS_GRID, ROOT_OF_EPS, SAME_NUMBER
 
 
 class ClosedSurface(Shape):
@@ -261,7 +261,7 @@ class InSpace:
         where all parts are flat.
         """
         *_, turned, height = self._edges
-        smooth = (np.abs(turned) > ROOT_OF_EPS) & (np.abs(turned) <= SMOOTH_EDGE)
+        smooth = (np.abs(turned) > ROOT_OF_EPS) & (np.abs(turned) <= math.sin(CORNER_ANGLE))
         if not smooth.any():
             return 0.0, 0.0
         off = np.abs(turned[smooth]) * height[smooth] / 8
@@ -274,7 +274,9 @@ class InSpace:
         x = self._points
         edges, one, other, turned, _ = self._edges
         turned = turned * (-1.0 if hollow else 1.0)
-        sharp = (turned > SMOOTH_EDGE) | (np.einsum("ed,ed->e", one, other) < 0) & (turned >= 0)
+        sharp = (turned > math.sin(CORNER_ANGLE)) | (np.einsum("ed,ed->e", one, other) < 0) & (
+            turned >= 0
+        )
         edges = edges[sharp]
         at = np.flatnonzero(np.bincount(edges.ravel(), minlength=len(x)) > 2)
         of_edge = np.stack((one[sharp], other[sharp]), axis=1)

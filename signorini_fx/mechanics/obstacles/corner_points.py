@@ -1,0 +1,310 @@
+"""Contact points at the convex corners of rigid foundations in the plane, between the nodes of a
+body.
+
+A corner c, rounded by rho, is felt by the facet of the contact boundary that is closest to it: with
+its foot xi there, (c - x(xi)) . x'(xi) = 0, the outward normal n and the functions phi of the
+nodes,
+
+    n . sum phi_k(xi) u_k <= n . (c - x(xi)) + gap - rho.
+
+Each corner has two points, of that facet and of the one behind the nearer vertex where the body is
+concave there: the outside of a dent is the intersection of two half-planes.  Nodes beside
+the foot whose direction is not that of the facet would see the side of the foundation prolonged
+into the body: their points are left out.  Points that are left out, and those of corners without a
+foot, are alone: nothing acts at them, so that the number of points is that of the corners.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+import scipy.sparse as sp
+from dolfinx import fem
+
+from signorini_fx.machine import parallel
+from signorini_fx.mechanics.assembly.averages import Averages, from_owners
+from signorini_fx.mechanics.assembly.mesh_entities import (
+    facet_entities,
+    facet_nodes,
+    node_positions,
+)
+from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary, CornerPoints
+from signorini_fx.mechanics.statement.rigid_shape import Corners
+from signorini_fx.tuned import (
+    ALONG_FACET,
+    BEYOND_FACET,
+    DIGITS_OF_FILES,
+    MANY_STEPS,
+    SAME_LENGTH,
+    ZERO_COMPONENT,
+)
+
+Array = npt.NDArray[np.float64]
+Numbers = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class BoundaryLine:
+    """The m facets of a contact boundary in the plane, of all ranks, in order along it with the
+    body on their left: the p + 1 nodes of each, global numbers, shape (m, p + 1), and their
+    positions, length, shape (m, p + 1, 2).
+    """
+
+    nodes: Numbers
+    x: Array
+
+    @classmethod
+    def of(
+        cls, space: fem.FunctionSpace, facets: npt.NDArray[np.int32], displacement: Array | None
+    ) -> BoundaryLine:
+        """Return the line of owned facets of this rank and those of the others; ``displacement``:
+        of the nodes of this rank, ghosts included, length, shape (nodes, d); None: none;
+        collective.
+        """
+        comm, dim = space.mesh.comm, space.mesh.geometry.dim
+        nodes = facet_nodes(space, facets)
+        nodes = nodes[:, [0, *range(2, nodes.shape[1]), 1]]
+        x = node_positions(space)[:, :2]
+        middle = x[space.dofmap.list[facet_entities(space.mesh, facets)[:, 0]]].mean(axis=1)
+        along, inwards = x[nodes[:, -1]] - x[nodes[:, 0]], middle - x[nodes[:, 0]]
+        clockwise = along[:, 0] * inwards[:, 1] < along[:, 1] * inwards[:, 0]
+        nodes[clockwise] = nodes[clockwise, ::-1]
+        places = x if displacement is None else x + displacement[:, : min(dim, 2)]
+        names = space.dofmap.index_map.local_to_global(nodes.ravel()).reshape(nodes.shape)
+        every = parallel.gather_rows(comm, names)
+        rows = parallel.gather_rows(comm, places[nodes].reshape(len(nodes), -1))
+        order = _in_order(every, rows)
+        return cls(every[order], rows.reshape(*every.shape, 2)[order])
+
+    @property
+    def lengths(self) -> Array:
+        """The distance between both ends of each facet, length, shape (m,)."""
+        return np.asarray(np.linalg.norm(self.x[:, -1] - self.x[:, 0], axis=1))
+
+    def behind(self, facet: int, *, last: bool) -> int | None:
+        """The facet behind the last vertex of a facet, or before the first; None: there is none."""
+        begins, at = (0, -1) if last else (-1, 0)
+        found = np.flatnonzero(self.nodes[:, begins] == self.nodes[facet, at])
+        return int(found[0]) if found.size else None
+
+    def place(self, facet: int, xi: float) -> tuple[Array, Array, Array]:
+        """The functions of the nodes at a place along a facet, 0 to 1, shape (p + 1,), and position
+        and derivative by it, length, shape (2,).
+        """
+        phi, slope, _ = _functions(self.nodes.shape[1] - 1, xi)
+        return phi, phi @ self.x[facet], slope @ self.x[facet]
+
+    def normal(self, facet: int, xi: float) -> Array:
+        """The outward unit normal, shape (2,)."""
+        _, _, along = self.place(facet, xi)
+        return np.array([along[1], -along[0]]) / np.linalg.norm(along)
+
+    def foot(self, facet: int, c: Array, xi: float) -> float:
+        """The place along a facet, or on its tangent beyond it, where c is straight above it;
+        ``xi``: near.
+        """
+        for _ in range(MANY_STEPS):
+            _, _, bend = _functions(self.nodes.shape[1] - 1, xi)
+            _, at, along = self.place(facet, xi)
+            curved = along @ along - (c - at) @ (bend @ self.x[facet])
+            step = (c - at) @ along / (curved if curved > 0 else along @ along)
+            xi += float(np.clip(step, -1.0, 1.0))
+            if abs(step) <= ZERO_COMPONENT:
+                break
+        return xi
+
+    def nearest(self, c: Array) -> tuple[int, float]:
+        """The facet that is closest to c, the first of several, and a place along it near that."""
+        begin, along = self.x[:, :-1], np.diff(self.x, axis=1)
+        share = np.einsum("mpd,mpd->mp", c - begin, along) / np.einsum("mpd,mpd->mp", along, along)
+        share = np.clip(share, 0.0, 1.0)
+        distance = np.linalg.norm(begin + share[..., None] * along - c, axis=2)
+        tied = distance.min(axis=1) <= distance.min() + SAME_LENGTH * self.lengths
+        facet = int(np.flatnonzero(tied)[0])
+        piece = int(distance[facet].argmin())
+        return facet, (piece + float(share[facet, piece])) / share.shape[1]
+
+
+@dataclass(frozen=True)
+class CornerFeet:
+    """Where the k corners of a foundation are felt: of two points each the ``facet`` of the line,
+    the place ``xi`` along it, and whether it is ``alone``, shapes (k, 2); the global numbers of the
+    nodes ``beside`` feet, and of those that feet are ``on``.
+    """
+
+    facet: Numbers
+    xi: Array
+    alone: npt.NDArray[np.bool_]
+    beside: Numbers
+    on: Numbers
+
+    @classmethod
+    def of(cls, line: BoundaryLine, corners: Corners) -> CornerFeet:
+        """Return the feet of the corners on a line."""
+        count = len(corners.places)
+        facets, xis = np.zeros((count, 2), dtype=np.int64), np.full((count, 2), 0.5)
+        alone = np.ones((count, 2), dtype=bool)
+        beside, on = list[int](), list[int]()
+        for k in range(count):
+            c: Array = corners.places[k]
+            facet, near = line.nearest(c)
+            xi = line.foot(facet, c, near)
+            last = xi > 0.5
+            other = line.behind(facet, last=last)
+            turn = cosine = 0.0
+            if other is not None:
+                one, two = line.normal(facet, float(last)), line.normal(other, float(not last))
+                turn = (one[0] * two[1] - one[1] * two[0]) * (1.0 if last else -1.0)
+                cosine = float(one @ two)
+            within = -SAME_LENGTH <= xi <= 1.0 + SAME_LENGTH
+            if not within and (other is None or cosine < BEYOND_FACET):
+                continue  # c is beside the boundary, or a vertex of the body sees it
+            slot = facet % 2
+            facets[k, slot], xis[k, slot], alone[k, slot] = facet, xi, False
+            if other is not None and turn < -SAME_LENGTH and other != facet:
+                beyond = np.clip(line.foot(other, c, float(not last)), -0.6, 1.6)
+                facets[k, 1 - slot], xis[k, 1 - slot] = other, float(beyond)
+                alone[k, 1 - slot] = False
+            beside += line.nodes[facet].tolist()
+            degree = line.nodes.shape[1] - 1
+            node = int(np.clip(round(degree * xi), 0, degree))
+            if abs(xi - node / degree) <= DIGITS_OF_FILES:
+                on.append(int(line.nodes[facet, node]))
+        return cls(
+            facets,
+            xis,
+            alone,
+            np.unique(np.array(beside, dtype=np.int64)),
+            np.unique(np.array(on, dtype=np.int64)),
+        )
+
+    def rows(
+        self, line: BoundaryLine, corners: Corners
+    ) -> tuple[Array, Numbers, Array, Array, Array, Array]:
+        """Return of each of the 2 k points the functions of the nodes and these, shapes (2 k, p +
+        1), the place of the foot and the normal there, shapes (2 k, 2), the gap without what is
+        given, and the tangent of the angle between the facet and the nearer side, shapes (2 k,).
+        """
+        facet, xi = self.facet.ravel(), self.xi.ravel()
+        both = [*zip(facet.tolist(), xi.tolist(), strict=True)]
+        phi = np.array([line.place(*at)[0] for at in both])
+        x = np.array([line.place(*at)[1] for at in both])
+        normal = np.array([line.normal(*at) for at in both])
+        c, radius = np.repeat(corners.places, 2, axis=0), np.repeat(corners.radius, 2)
+        opening = np.einsum("nd,nd->n", normal, c - x) - radius
+        cosine = -np.einsum("nd,nsd->ns", normal, np.repeat(corners.sides, 2, axis=0)).max(axis=1)
+        nearer = np.clip(cosine, ZERO_COMPONENT, 1.0)
+        return phi, line.nodes[facet], x, normal, opening, np.sqrt(1.0 - nearer**2) / nearer
+
+    def left_out(
+        self, line: BoundaryLine, nodes: Numbers, direction: Array
+    ) -> npt.NDArray[np.bool_]:
+        """Which nodes, global numbers, lose their points, whose direction of contact is given,
+        shapes (n,) and (n, 2).
+        """
+        out = np.isin(nodes, self.on)
+        for k in np.flatnonzero(np.isin(nodes, self.beside) & ~out):
+            facets, at = np.nonzero(line.nodes == nodes[k])
+            degree = line.nodes.shape[1] - 1
+            normals = [
+                line.normal(int(f), float(j) / degree) for f, j in zip(facets, at, strict=True)
+            ]
+            out[k] = max(normal @ direction[k] for normal in normals) < ALONG_FACET
+        return out
+
+
+def with_corners(
+    part: ContactBoundary,
+    corners: Corners,
+    line: BoundaryLine,
+    feet: CornerFeet,
+    fixed: npt.NDArray[np.bool_],
+    factor: Array | None,
+    reach: float,
+) -> ContactBoundary:
+    """The points of a foundation with those of its corners, which one rank has; ``fixed``: which
+    owned dofs are prescribed, shape (owned dofs,); ``factor``: of the surface measure at the nodes
+    of this rank; ``reach``: the gap of points that are alone, length; collective.
+    """
+    comm, dim = part.comm, part.x.shape[1]
+    first = parallel.gather_rows(comm, np.array([[part.size]]))[:, 0] > 0
+    here = bool(first.any()) and comm.rank == int(first.argmax())
+    count = feet.xi.size if here else 0
+    alone, facet = feet.alone.ravel()[:count], feet.facet.ravel()[:count]
+    rows = feet.rows(line, corners)
+    phi, names, at_feet = rows[0][:count], rows[1][:count], rows[2][:count]
+    along, opening, slope = rows[3][:count], rows[4][:count], rows[5][:count]
+    nodes, at = np.unique(names, return_inverse=True)
+    entries = phi.ravel(), at.ravel(), np.arange(count + 1) * phi.shape[1]
+    shares = sp.csr_array(entries, shape=(count, nodes.size))
+    x, normal = np.zeros((2, count, dim))
+    x[:, :2], normal[:, :2] = at_feet, along
+    weight = line.lengths[facet]
+    held = from_owners(fixed.reshape(-1, dim).astype(np.float64), nodes, comm) > 0
+    known = np.zeros((nodes.size, dim))
+    known[:, :2][at.ravel()] = line.x[facet].reshape(-1, 2)
+    averages = Averages(shares, nodes, known, held)
+    if factor is not None:
+        owned = np.nan_to_num(factor[: fixed.size // dim, None])
+        at_nodes = from_owners(owned, nodes, comm)[:, 0]
+        weight = weight * (abs(shares.astype(bool)) @ at_nodes) / phi.shape[1]
+    named = feet.left_out(line, part.global_nodes, part.normal[:, :2])
+    place = np.full((count, dim), np.nan)
+    place[:, :2] = np.repeat(corners.places, 2, axis=0)[:count]
+    of_corners = CornerPoints(
+        np.arange(count),
+        np.where(alone, reach, opening),
+        alone,
+        place,
+        line.lengths[facet],
+        slope,
+    )
+    points = CornerPoints.joined([CornerPoints.at_nodes(named, reach, dim), of_corners])
+    free = np.concatenate((part.free, averages.any_of(~held)))
+    free[points.alone] = False
+    home = part.nodes[:1] if here else part.nodes[:0]
+    beyond = int(parallel.largest(comm, part.global_nodes, -1)) + 1 + np.arange(count)
+    return replace(
+        part,
+        nodes=np.concatenate((part.nodes, np.repeat(home, count))),
+        x=np.concatenate((part.x, x)),
+        weight=np.concatenate((part.weight, weight)),
+        normal=np.concatenate((part.normal, normal)),
+        part=np.concatenate((part.part, np.full(count, part.surface[0][2], dtype=np.int32))),
+        free=free,
+        global_nodes=np.concatenate((part.global_nodes, beyond)),
+        averages=Averages.joined([part.averages, averages]),
+        axes=np.concatenate((part.axes, np.tile(np.eye(dim), (count, 1, 1)))),
+        corners=points,
+    )
+
+
+def _functions(degree: int, xi: float) -> tuple[Array, Array, Array]:
+    """The Lagrange functions of a facet at a place from 0 to 1 and their first two derivatives,
+    nodes in order along it, shapes (p + 1,); beyond both ends they go on along their tangents.
+    """
+    if degree == 1:
+        return np.array([1.0 - xi, xi]), np.array([-1.0, 1.0]), np.zeros(2)
+    at = min(max(xi, 0.0), 1.0)
+    values = np.array([(1 - at) * (1 - 2 * at), 4 * at * (1 - at), at * (2 * at - 1)])
+    slopes = np.array([4 * at - 3, 4 - 8 * at, 4 * at - 1])
+    bends = np.array([4.0, -8.0, 4.0]) * (at == xi)
+    return values + (xi - at) * slopes, slopes, bends
+
+
+def _in_order(nodes: Numbers, rows: Array) -> Sequence[int]:
+    """Facets one behind the other, the pieces of the boundary in the order of their places."""
+    behind = {int(first): k for k, first in enumerate(nodes[:, 0])}
+    follows = np.isin(nodes[:, 0], nodes[:, -1])
+    begins = np.lexsort((*rows.T[::-1], follows)).tolist()
+    order, seen = list[int](), set[int]()
+    for begin in begins:
+        facet: int | None = begin
+        while facet is not None and facet not in seen:
+            order.append(facet)
+            seen.add(facet)
+            facet = behind.get(int(nodes[facet, -1]))
+    return order
