@@ -294,7 +294,8 @@ def _by_difference(
         for now, last in zip(at, before, strict=True):
             preceding = None if step.earlier is None else (step.earlier, last(step))
             found.append(explicit(step.solved, now(step), quantities, preceding))
-        return difference(*found, change)
+        larger, smaller = found
+        return difference(larger, smaller, change)
 
     return evaluated
 
