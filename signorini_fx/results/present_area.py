@@ -30,7 +30,7 @@ def present_pressure(
     size = displacement.function_space.dofmap.index_map_bs
     moved = displacement.x.array.reshape(-1, size)[boundary.nodes]
     rows = np.column_stack((boundary.part, boundary.global_nodes, moved))
-    gathered = parallel.gather_rows(boundary.comm, rows)
+    gathered = parallel.gather_rows(boundary.comm, rows[boundary.at_nodes])
     assert table.nodes is not None
     order = np.lexsort(gathered[:, 1::-1].T)
     at = np.empty(len(order), dtype=np.int64)

@@ -15,7 +15,8 @@ from mpi4py import MPI
 from test_corners import OVERLAP, block, edge
 
 from signorini_fx import ContactProblem, Coulomb, Foundation, solve
-from signorini_fx.mechanics.obstacles.corner_points import CornerFeet
+from signorini_fx.mechanics.obstacles.corner_points import BoundaryLine, CornerFeet
+from signorini_fx.mechanics.statement.rigid_shape import read_shape
 from signorini_fx.quantities.shown import brief_lines
 from signorini_fx.results.certificate import corner_feet
 from signorini_fx.results.files import write_results
@@ -190,6 +191,101 @@ def test_forms_as_scenes():
     assert problem.state.forces[0] == pytest.approx(scene.contact.forces[0], abs=1e-9)
 
 
+# --- nonlinear bodies ---
+
+
+NEO_HOOKE = {"material": {"law": "neo-hooke", "young": 1000.0, "poisson": 0.3}}
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize(
+    ("x", "expected"),
+    [
+        (1.0, (0.0, 9.012)),
+        (1.001, (0.319, 9.013)),
+        (1.025, (0.830, 11.152)),
+        (1.05, (0.005, 12.409)),
+    ],
+)
+def test_force_on_a_nonlinear_body(x, expected):
+    """It was 0, or (-3.71, 3.71) on a node; mirrored places have mirrored forces."""
+    right = solve(block(edge(x), **NEO_HOOKE))
+    left = solve(block(edge(2.0 - x), **NEO_HOOKE))
+    assert right.contact.forces[0] == pytest.approx(expected, abs=1e-3)
+    assert left.contact.forces[0] == pytest.approx([-expected[0], expected[1]], abs=1e-3)
+    assert right.history.linear_solves <= 10
+
+
+def dragged(steps, **moves):
+    """A rough body that is pressed on a blunt edge and dragged along it over three facets."""
+    way = {"x": f"{0.3 if 'shift' not in moves else 0.0}*max(t-1,0)", "y": "-0.03*min(t,1)"}
+    times = [1.0, *(1 + (k + 1) / steps for k in range(steps))]
+    return block(
+        edge(1.02, 20.0) | moves,
+        contact=ROUGH,
+        displacement={"boundary": "top"} | way,
+        load_steps={"times": times},
+        **NEO_HOOKE,
+    )
+
+
+@pytest.mark.slow
+def test_corner_slides_over_facets():
+    """The force depends on the way, not on its steps, nor on which of both has moved."""
+    forces = [
+        np.array(solve(scene).contact.forces)
+        for scene in (dragged(3), dragged(6), dragged(3, shift=("-0.3*max(t-1,0)", "0")))
+    ]
+    assert forces[0] == pytest.approx(np.array([[1.4676, 17.0431], [-5.1129, 0.4403]]), abs=1e-3)
+    assert forces[1] == pytest.approx(forces[0], abs=1e-5)
+    assert forces[2] == pytest.approx(forces[0], abs=1e-5)
+
+
+def test_restart_of_a_nonlinear_body(tmp_path):
+    """A killed run goes on with the slip of the body that was under the corner."""
+    scene = dragged(3)
+    scene["load_steps"] = {"times": [1.0, 1.1, 1.2]}
+    whole = solve(scene)
+
+    def stop(record):
+        if getattr(record, "step", 0) == 3:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        solve(scene, checkpoint=tmp_path, observers=[stop])
+    again = solve(scene, checkpoint=tmp_path, restart=True)
+    assert np.array(again.contact.forces) == pytest.approx(np.array(whole.contact.forces), abs=1e-6)
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_second_variation_of_the_gap(degree):
+    """Of a bent facet under a corner, against differences."""
+    corners = read_shape(edge(0.4) | {"shift": (0.0, -0.03)}).corners(2)
+    rng = np.random.default_rng(1)
+    x = np.column_stack((np.linspace(0, 1, degree + 1), np.zeros(degree + 1)))
+    x += 0.05 * rng.standard_normal(x.shape)
+    nodes = np.arange(degree + 1)[None]
+
+    def seen(u):
+        line = BoundaryLine(nodes, (x + u.reshape(x.shape))[None], x[None])
+        return line, CornerFeet.of(line, corners)
+
+    def gap_and_slope(u):
+        line, feet = seen(u)
+        phi, _, normal, gap, _ = feet.rows(line, corners)
+        k = int(np.flatnonzero(~feet.alone.ravel())[0])
+        return gap[k], -np.outer(phi[k], normal[k]).ravel()
+
+    steps = 1e-6 * np.eye(x.size)
+    ahead, behind = ([gap_and_slope(sign * step) for step in steps] for sign in (1, -1))
+    slopes = [(a[0] - b[0]) / 2e-6 for a, b in zip(ahead, behind, strict=True)]
+    second = [(a[1] - b[1]) / 2e-6 for a, b in zip(ahead, behind, strict=True)]
+    line, feet = seen(np.zeros(x.size))
+    assert slopes == pytest.approx(gap_and_slope(np.zeros(x.size))[1], abs=1e-9)
+    matrix = feet.stiffness(line, corners, np.where(feet.alone.ravel(), 0.0, 1.0)).matrix
+    assert -matrix.toarray() == pytest.approx(np.array(second), abs=1e-8)
+
+
 # --- what is said of it ---------------------------------------------------------------------------
 
 
@@ -230,6 +326,14 @@ def test_results(tmp_path):
     assert "not resolved by facets of 0.1: it falls as they are refined" in line
 
 
+def test_results_of_a_nonlinear_body(tmp_path):
+    """The same, with pressures per present area."""
+    solution = solve(block(edge(1.05), **NEO_HOOKE))
+    summary = write_results(solution, tmp_path, fields=False, pictures=False)
+    assert summary["max_pressure"] == 0.0
+    assert summary["corners"][0]["contact_force"] == pytest.approx([0.005, 12.409], abs=1e-3)
+
+
 @pytest.mark.parametrize("fault", ["foot moved", "dropped node kept", "side's normal", "left out"])
 def test_certificate_finds_feet_itself(monkeypatch, fault):
     """The solver's points are changed; the certificate does not take them from it."""
@@ -252,7 +356,7 @@ def test_certificate_finds_feet_itself(monkeypatch, fault):
 
         def askew(self, line, corners):
             known = list(rows(self, line, corners))
-            known[3] = np.tile(side, (len(known[3]), 1))
+            known[2] = np.tile(side, (len(known[2]), 1))
             return tuple(known)
 
         monkeypatch.setattr(CornerFeet, "rows", askew)

@@ -60,7 +60,11 @@ TRESCA = {"friction": {"law": "tresca", "bound": 1.0}}
 NEO_HOOKE = {"material": {"law": "neo-hooke", "young": 1000.0, "poisson": 0.3}}
 
 
-@pytest.mark.parametrize("keys", [{"contact": TRESCA}, NEO_HOOKE], ids=["tresca", "neo-hooke"])
+@pytest.mark.parametrize(
+    "keys",
+    [{"contact": TRESCA}, {"contact": TRESCA} | NEO_HOOKE],
+    ids=["linear", "neo-hooke"],
+)
 @pytest.mark.parametrize("x", [1.025, 1.05])
 def test_edge_without_contact_points(x, keys):
     """The force was 0, or beside a node (-3.64, 3.64), *converged*."""

@@ -44,11 +44,12 @@ from signorini_fx.forms.solver import FormSolver, options_applied
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.averages import averaging
 from signorini_fx.mechanics.assembly.mesh_entities import node_positions
-from signorini_fx.mechanics.assembly.nodal_stiffness import NodalStiffness
+from signorini_fx.mechanics.assembly.nodal_stiffness import JointStiffness, NodalStiffness
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.loads.supports import prescribed
 from signorini_fx.mechanics.model import ElasticBody
+from signorini_fx.mechanics.obstacles.corner_points import BoundaryLine, CornerFeet
 from signorini_fx.mechanics.obstacles.foundations_on_points import Foundations, ShapeDistances
 from signorini_fx.mechanics.obstacles.paired_points import MovingPair, PairedSides
 from signorini_fx.mechanics.shapes.analytic import Plane
@@ -171,6 +172,10 @@ class MovingFoundations(Foundations):
             # added.
             at = boundary.x[points] + places[boundary.nodes[points]]
             motion[points] = shape.carried_from(earlier, at)
+            if (corners := boundary.corners) is not None:  # these move with the shape
+                points = points[~boundary.at_nodes[points]]
+                now = corners.place[points]
+                motion[points] = now - earlier.moved_points(shape.moved_back(now))
         return motion
 
     def spin_at(
@@ -219,9 +224,50 @@ class MovingFoundations(Foundations):
             alone[boundary.part == number] = pair.alone
         return alone
 
-    def corners_of(self, number: int) -> None:
-        """None yet: the outcome of a load step names corners between nodes."""
-        return None
+    @property
+    def displacement(self) -> Array:
+        """Where corners see the body now."""
+        return self.at.x.array.reshape(-1, self._dimension)
+
+    def stiffness_at_corners(self, state: ContactState) -> tuple[JointStiffness, ...]:
+        """Return what facets that turn under corners add to the tangent; collective."""
+        boundary = state.boundary
+        if boundary.corners is None:
+            return ()
+        columns = np.column_stack(
+            (boundary.part, boundary.number, boundary.weight * state.pressure)
+        )
+        rows = parallel.gather_rows(boundary.comm, columns[~boundary.at_nodes])
+        joint = list[JointStiffness]()
+        for number in map(int, np.unique(rows[:, 0])):
+            corners = self.corners_of(number)
+            of_part = rows[rows[:, 0] == number]
+            if corners is not None and of_part[:, 2].any():
+                line = BoundaryLine.of(self._space, self.facets[number], self.displacement)
+                forces = of_part[np.argsort(of_part[:, 1]), 2]
+                joint.append(CornerFeet.of(line, corners).stiffness(line, corners, forces))
+        return tuple(joint)
+
+    def slips_at_corners(self, boundary: ContactBoundary, begun: State) -> Array:
+        """How far the points of the body that were under corners when a step began have moved from
+        there, length, shape (n, d), zero at nodes; collective.
+        """
+        slips = np.zeros_like(boundary.x)
+        moved = self.moved_shapes(begun.placed)
+        for number in range(len(self._contact)):
+            if (corners := self.corners_of(number)) is None:
+                continue
+            before = begun.displacement.reshape(-1, self._dimension)
+            lines = [
+                BoundaryLine.of(self._space, self.facets[number], places)
+                for places in (before, self.displacement)
+            ]
+            shape = self.placed_shape(number)
+            earlier = moved.get(number, (shape, shape))[1]
+            feet = CornerFeet.of(lines[0], earlier.corners(2))
+            rows = np.flatnonzero((boundary.part == number) & ~boundary.at_nodes)
+            slips[rows, :2] = feet.slips(lines[1], corners.places)[: rows.size]
+        return slips
 
     def _gap_of(self, number: int) -> Array:
         gap = super()._gap_of(number)
@@ -345,6 +391,7 @@ class LinearisedProblem(FormSolver):
         for number, (_, paired) in self.foundations.undeformed.items():
             if not self.contact[number].bonded:
                 joint = *joint, paired.stiffness(state, places)
+        joint = *joint, *self.foundations.stiffness_at_corners(state)
         self.curvature = NodalStiffness.summed(state.boundary.nodes, blocks, joint)
 
     # --- what a FormSolver asks for ---
@@ -366,6 +413,11 @@ class LinearisedProblem(FormSolver):
             origin[rows] = np.einsum("nij,ni->nj", boundary.tangents[rows], pair.slip_origin)
         if self.task.motions.count:
             begun = replace(begun, several=self.several)
+        if boundary.corners is not None:
+            slips = self.foundations.slips_at_corners(boundary, self.begin)
+            moved = boundary.moved(self.places)
+            count = np.einsum("nij,ni->nj", boundary.tangents, moved - slips)
+            origin = np.where(boundary.at_nodes[:, None], origin, count)
         places = self.places[boundary.nodes]
         way = self._way()
         if (
@@ -487,6 +539,7 @@ class LinearisedProblem(FormSolver):
         follows = (
             any(entry.against is not None and not entry.bonded for entry in self.contact)
             or self.rigid.bodies
+            or any(self.foundations.corners_of(k) for k in range(len(self.contact)))
         )
         curvature = self.curvature.nodes, self.curvature.blocks
         return *curvature, loads, *(where if follows else ())
@@ -706,7 +759,8 @@ class LinearisedProblem(FormSolver):
         curvature = curvature_of(self._hessians, solved, symmetric=False)
         sheared = bool((curvature != curvature.transpose(0, 2, 1)).any())
         if parallel.any_rank(self.space.mesh.comm, sheared):
-            self.curvature = NodalStiffness.summed(solved.boundary.nodes, curvature, ())
+            joint = self.foundations.stiffness_at_corners(solved)
+            self.curvature = NodalStiffness.summed(solved.boundary.nodes, curvature, joint)
             symmetric = False
         self.begin_at_tangent(definite=self.definite, symmetric=symmetric)
         state = replace(solved, boundary=self.boundary)

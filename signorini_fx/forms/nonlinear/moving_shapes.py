@@ -123,7 +123,7 @@ def hessians_at(
     step = DIFFERENCE_STEP * size
     hessians = np.zeros((boundary.size, dimension, dimension))
     for number, moving in shapes.items():
-        points = np.flatnonzero(boundary.part == number)
+        points = np.flatnonzero((boundary.part == number) & boundary.at_nodes)
         at = boundary.x[points] + places[boundary.nodes[points]]
         for k, axis in enumerate(step * np.eye(dimension)):
             ahead, behind = (moving.shape.distance(at + sign * axis)[1] for sign in (1, -1))

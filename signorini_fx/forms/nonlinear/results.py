@@ -28,6 +28,7 @@ from signorini_fx.machine import parallel
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.assembly.mesh_entities import assemble, compile_form, facet_nodes
 from signorini_fx.mechanics.body.deformation import deformation_of
+from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.obstacles.paired_points import MovingPair, PairedSides
 from signorini_fx.mechanics.statement.load_path import counted_path
 from signorini_fx.records import Finding, Status
@@ -35,8 +36,9 @@ from signorini_fx.results.accuracy.stress_recovery import StressRecovery, square
 from signorini_fx.results.certificate.body_nodes import RigidPart
 from signorini_fx.results.certificate.certificate import Certificate, judged
 from signorini_fx.results.certificate.contact_nodes import ContactConditions
+from signorini_fx.results.certificate.corner_feet import judged_corners
 from signorini_fx.results.certificate.equilibrium import Balance
-from signorini_fx.results.certificate.law_of_method import Law, Tractions
+from signorini_fx.results.certificate.law_of_method import Law, PreviousStep, Tractions
 from signorini_fx.results.certificate.pair_points import PairPoints
 from signorini_fx.results.mechanics import SolidBody, StepResult
 from signorini_fx.results.resultants import ActingForces
@@ -129,12 +131,28 @@ def certified(
                 touching = np.isin(boundary.part, tool.body.parts)
                 moved[touching] += sign * tool.at(boundary.x[touching])
         before = replace(before, moved=moved)
+    if contact is not None and contact.law is not None and contact.boundary.corners is not None:
+        before = before or PreviousStep(fem.Function(space), Tractions.none(contact.boundary))
+        before = replace(before, moved=_moved_with_corners(linear, contact.boundary, before))
     rigid = [*zip(tools.motions, tools.drives(), strict=True)]
     tractions = tractions or Tractions.of(linear.state)
     assert linear.outcome is not None
     law = Law(*linear.task.promised(linear.outcome))
     certificate = judged(u, balance, contact, tractions, law=law, before=before, rigid=rigid)
     return certificate, ResidualMechanics(balance, contact, fixed)
+
+
+def _moved_with_corners(
+    linear: LinearisedProblem, boundary: ContactBoundary, before: PreviousStep
+) -> Array:
+    """Return how far foundations have moved at contact points in the step, length, shape (n, d), at
+    corners by so much that the slip is that of the body that was under them; collective.
+    """
+    slips = linear.foundations.slips_at_corners(boundary, linear.begin)
+    begun = before.displacement.x.array.reshape(linear.places.shape)
+    way = boundary.moved(linear.places) - boundary.moved(begun)
+    moved = np.zeros_like(way) if before.moved is None else before.moved
+    return np.where(boundary.at_nodes[:, None], moved, way - slips)
 
 
 def _conditions(
@@ -163,7 +181,9 @@ def _conditions(
     )
     both: Mapping[int, PairedSides | MovingPair] = {**foundations.pairs, **foundations.sliding}
     pairs = {number: PairPoints.of(pair) for number, pair in both.items()}
-    return ContactConditions(boundary, regularised.gap, law, regularised.bilateral, pairs)
+    shapes = foundations.placed_shapes
+    points = judged_corners(boundary, regularised.gap, shapes, foundations.displacement)
+    return ContactConditions(*points, law, regularised.bilateral, pairs)
 
 
 @dataclass(frozen=True)

@@ -179,6 +179,16 @@ class ContactBoundary:
         at_nodes = from_owners(owned, self.averages.nodes, self.comm)
         return np.where(self.at_nodes, values[self.nodes], (self.averages.shares @ at_nodes)[:, 0])
 
+    def moved(self, displacement: Array | None) -> Array:
+        """Return the displacements of the points, length, shape (n, d), from those of the nodes of
+        this rank, shape (nodes, d), None: none; collective.
+        """
+        if displacement is None:
+            return np.zeros_like(self.x)
+        owned = displacement[: self.surface[0][0].dofmap.index_map.size_local]
+        at_nodes = from_owners(owned, self.averages.nodes, self.comm)
+        return np.asarray((self.averages.operator @ at_nodes.ravel()).reshape(self.x.shape))
+
     @property
     def size(self) -> int:
         """Number of contact nodes on this rank."""

@@ -31,6 +31,7 @@ from signorini_fx.mechanics.assembly.mesh_entities import (
     facet_nodes,
     node_positions,
 )
+from signorini_fx.mechanics.assembly.nodal_stiffness import JointStiffness
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary, CornerPoints
 from signorini_fx.mechanics.statement.rigid_shape import Corners
 from signorini_fx.tuned import (
@@ -50,11 +51,12 @@ Numbers = npt.NDArray[np.int64]
 class BoundaryLine:
     """The m facets of a contact boundary in the plane, of all ranks, in order along it with the
     body on their left: the p + 1 nodes of each, global numbers, shape (m, p + 1), and their
-    positions, length, shape (m, p + 1, 2).
+    positions ``x``, and those of the undeformed body, lengths, shape (m, p + 1, 2).
     """
 
     nodes: Numbers
     x: Array
+    initial: Array
 
     @classmethod
     def of(
@@ -75,9 +77,10 @@ class BoundaryLine:
         places = x if displacement is None else x + displacement[:, : min(dim, 2)]
         names = space.dofmap.index_map.local_to_global(nodes.ravel()).reshape(nodes.shape)
         every = parallel.gather_rows(comm, names)
-        rows = parallel.gather_rows(comm, places[nodes].reshape(len(nodes), -1))
-        order = _in_order(every, rows)
-        return cls(every[order], rows.reshape(*every.shape, 2)[order])
+        both = np.concatenate((x[nodes], places[nodes]), axis=2).reshape(len(nodes), -1)
+        rows = parallel.gather_rows(comm, both).reshape(*every.shape, 4)
+        order = _in_order(every, rows[..., :2].reshape(len(every), -1))
+        return cls(every[order], rows[order][..., 2:], rows[order][..., :2])
 
     @property
     def lengths(self) -> Array:
@@ -132,7 +135,8 @@ class BoundaryLine:
 class CornerFeet:
     """Where the k corners of a foundation are felt: of two points each the ``facet`` of the line,
     the place ``xi`` along it, and whether it is ``alone``, shapes (k, 2); the global numbers of the
-    nodes ``beside`` feet, and of those that feet are ``on``.
+    nodes ``beside`` feet, and of those that feet are ``on``; the ``first`` point of each corner, 0
+    or 1, that of the closest facet, -1: it has no foot, shape (k,).
     """
 
     facet: Numbers
@@ -140,13 +144,14 @@ class CornerFeet:
     alone: npt.NDArray[np.bool_]
     beside: Numbers
     on: Numbers
+    first: Numbers
 
     @classmethod
     def of(cls, line: BoundaryLine, corners: Corners) -> CornerFeet:
         """Return the feet of the corners on a line."""
         count = len(corners.places)
         facets, xis = np.zeros((count, 2), dtype=np.int64), np.full((count, 2), 0.5)
-        alone = np.ones((count, 2), dtype=bool)
+        alone, nearest = np.ones((count, 2), dtype=bool), np.full(count, -1)
         beside, on = list[int](), list[int]()
         for k in range(count):
             c: Array = corners.places[k]
@@ -162,7 +167,7 @@ class CornerFeet:
             within = -SAME_LENGTH <= xi <= 1.0 + SAME_LENGTH
             if not within and (other is None or cosine < BEYOND_FACET):
                 continue  # c is beside the boundary, or a vertex of the body sees it
-            slot = facet % 2
+            nearest[k] = slot = facet % 2
             facets[k, slot], xis[k, slot], alone[k, slot] = facet, xi, False
             if other is not None and turn < -SAME_LENGTH and other != facet:
                 beyond = np.clip(line.foot(other, c, float(not last)), -0.6, 1.6)
@@ -179,14 +184,15 @@ class CornerFeet:
             alone,
             np.unique(np.array(beside, dtype=np.int64)),
             np.unique(np.array(on, dtype=np.int64)),
+            nearest,
         )
 
     def rows(
         self, line: BoundaryLine, corners: Corners
-    ) -> tuple[Array, Numbers, Array, Array, Array, Array]:
+    ) -> tuple[Array, Numbers, Array, Array, Array]:
         """Return of each of the 2 k points the functions of the nodes and these, shapes (2 k, p +
-        1), the place of the foot and the normal there, shapes (2 k, 2), the gap without what is
-        given, and the tangent of the angle between the facet and the nearer side, shapes (2 k,).
+        1), the normal at the foot, shape (2 k, 2), the gap without what is given, and the tangent
+        of the angle between the facet and the nearer side, shapes (2 k,).
         """
         facet, xi = self.facet.ravel(), self.xi.ravel()
         both = [*zip(facet.tolist(), xi.tolist(), strict=True)]
@@ -197,7 +203,45 @@ class CornerFeet:
         opening = np.einsum("nd,nd->n", normal, c - x) - radius
         cosine = -np.einsum("nd,nsd->ns", normal, np.repeat(corners.sides, 2, axis=0)).max(axis=1)
         nearer = np.clip(cosine, ZERO_COMPONENT, 1.0)
-        return phi, line.nodes[facet], x, normal, opening, np.sqrt(1.0 - nearer**2) / nearer
+        return phi, line.nodes[facet], normal, opening, np.sqrt(1.0 - nearer**2) / nearer
+
+    def stiffness(self, line: BoundaryLine, corners: Corners, forces: Array) -> JointStiffness:
+        """Return what normal forces at the points, shape (2 k,), add to the tangent as facets turn
+        under the corners: minus the force times the second variation of the gap g, which is (a .
+        x)(n . x' + kappa xi) / m^2 - (n . x') xi with the variation of the foot xi = (g n . x' - a
+        . x) / (m^2 - g kappa), the derivative a of the facet, m = |a|, and kappa = n . x''.
+        """
+        nodes, pieces = list[Numbers](), list[Array]()
+        for point in np.flatnonzero((forces != 0.0) & ~self.alone.ravel()):
+            facet, xi = int(self.facet.ravel()[point]), float(self.xi.ravel()[point])
+            phi, slopes, bends = _functions(line.nodes.shape[1] - 1, xi)
+            at, a = phi @ line.x[facet], slopes @ line.x[facet]
+            n = line.normal(facet, xi)
+            g, kappa = n @ (corners.places[point // 2] - at), n @ (bends @ line.x[facet])
+            along, turn = np.outer(phi, a).ravel(), np.outer(slopes, n).ravel()
+            foot = (g * turn - along) / (a @ a - g * kappa)
+            second = np.outer(along, turn + kappa * foot) / (a @ a) - np.outer(turn, foot)
+            nodes.append(line.nodes[facet])
+            pieces.append(-forces[point] * (second + second.T) / 2)
+        every, place = np.unique(np.array(nodes, dtype=np.int64), return_inverse=True)
+        size = 2 * every.size
+        matrix = np.zeros((size, size))
+        for piece, rows in zip(pieces, place.reshape(-1, line.nodes.shape[1]), strict=True):
+            both = (2 * rows[:, None] + np.arange(2)).ravel()
+            matrix[np.ix_(both, both)] += piece
+        return JointStiffness(every, sp.csr_array(matrix))
+
+    def slips(self, line: BoundaryLine, places: Array) -> Array:
+        """Return how far the points of the body that these feet are on have moved from under the
+        corners, which are at ``places`` now, shape (k, 2), length, shape (2 k, 2); zero of corners
+        without a foot; ``line``: of now.
+        """
+        moved = np.zeros((len(places), 2))
+        for k, slot in enumerate(self.first):
+            if slot >= 0:
+                at = int(self.facet[k, slot]), float(self.xi[k, slot])
+                moved[k] = line.place(*at)[1] - places[k]
+        return np.repeat(moved, 2, axis=0)
 
     def left_out(
         self, line: BoundaryLine, nodes: Numbers, direction: Array
@@ -235,17 +279,18 @@ def with_corners(
     count = feet.xi.size if here else 0
     alone, facet = feet.alone.ravel()[:count], feet.facet.ravel()[:count]
     rows = feet.rows(line, corners)
-    phi, names, at_feet = rows[0][:count], rows[1][:count], rows[2][:count]
-    along, opening, slope = rows[3][:count], rows[4][:count], rows[5][:count]
+    phi, names = rows[0][:count], rows[1][:count]
+    along, opening, slope = rows[2][:count], rows[3][:count], rows[4][:count]
     nodes, at = np.unique(names, return_inverse=True)
     entries = phi.ravel(), at.ravel(), np.arange(count + 1) * phi.shape[1]
     shares = sp.csr_array(entries, shape=(count, nodes.size))
     x, normal = np.zeros((2, count, dim))
-    x[:, :2], normal[:, :2] = at_feet, along
-    weight = line.lengths[facet]
+    normal[:, :2] = along
+    x[:, :2] = np.einsum("np,npd->nd", phi, line.initial[facet])
+    weight = np.linalg.norm(line.initial[facet, -1] - line.initial[facet, 0], axis=1)
     held = from_owners(fixed.reshape(-1, dim).astype(np.float64), nodes, comm) > 0
     known = np.zeros((nodes.size, dim))
-    known[:, :2][at.ravel()] = line.x[facet].reshape(-1, 2)
+    known[:, :2][at.ravel()] = line.initial[facet].reshape(-1, 2)
     averages = Averages(shares, nodes, known, held)
     if factor is not None:
         owned = np.nan_to_num(factor[: fixed.size // dim, None])

@@ -630,10 +630,12 @@ class Foundations:
                 around = from_owners(owned, averages.nodes, boundary.comm)[:, 0]
                 gap[on_part] = averages.of_gap(gap[on_part], around)
         if (corners := boundary.corners) is not None:
+            moved = boundary.moved(self.displacement)
+            ahead = np.einsum("nd,nd->n", boundary.normal, moved)
             for k in range(len(data)):
                 given = np.where(corners.alone, 0.0, boundary.interpolated(self.given_gap(k)))
                 own = (boundary.part == k) & ~np.isnan(corners.opening)
-                gap[own] = (corners.opening + given)[own]
+                gap[own] = (corners.opening + given + ahead)[own]
         points = law, bilateral, boundary.points.immovable
         return RegularisedData.unshifted(
             gap, self._dimension - 1, settings, scales.gamma, *points

@@ -37,6 +37,7 @@ def judged_corners(
         return boundary, gap
     gap, alone, normal = gap.copy(), known.alone.copy(), boundary.normal.copy()
     shares, nodes = boundary.averages.shares.tolil(copy=True), boundary.averages.nodes
+    moved = boundary.moved(displacement)
     added: list[tuple[int, int, float]] = []  # row, global node, share
     for foundation in shapes:
         part = boundary.part == foundation.contact
@@ -55,15 +56,18 @@ def judged_corners(
         at = np.flatnonzero(part & boundary.at_nodes)
         out = _left_out(line, feet, boundary.global_nodes[at], boundary.normal[at, :2])
         added_gap = foundation.added if isinstance(foundation.added, int | float) else 0.0
-        distance = foundation.shape.distance(boundary.x[at])[0] + added_gap
-        gap[at] = np.where(out, far, np.where(alone[at], distance, gap[at]))
+        distance = foundation.shape.distance(boundary.x[at] + moved[at])[0] + added_gap
+        ahead = np.einsum("nd,nd->n", normal[at], moved[at])
+        gap[at] = np.where(out, far, np.where(alone[at], distance, gap[at] - ahead)) + ahead
         alone[at] = out
         if not rows.size:
             continue
-        phi, names, _, along, opening, _ = feet.rows(line, corners)
-        given = np.where(known.alone[rows], 0.0, gap[rows] - known.opening[rows])
+        phi, names, along, opening, _ = feet.rows(line, corners)
+        given = gap[rows] - known.opening[rows] - np.einsum("nd,nd->n", normal[rows], moved[rows])
+        given = np.where(known.alone[rows], 0.0, given)
         alone[rows] = feet.alone.ravel()
-        gap[rows] = np.where(alone[rows], far, opening + given)
+        ahead = np.einsum("nd,np,npd->n", along, phi, (line.x - line.initial)[feet.facet.ravel()])
+        gap[rows] = np.where(alone[rows], far, opening + given) + ahead
         normal[rows, :2] = along
         for k, point in enumerate(map(int, rows)):
             shares[point] = 0.0
@@ -114,6 +118,7 @@ def feet_of(line: BoundaryLine, corners: Corners) -> CornerFeet:
         np.array(alone),
         np.unique(np.concatenate(beside)).astype(np.int64),
         np.unique(np.concatenate(on)).astype(np.int64),
+        np.full(len(found), -1),
     )
 
 
