@@ -216,6 +216,32 @@ def test_force_on_a_nonlinear_body(x, expected):
     assert right.history.linear_solves <= 10
 
 
+@pytest.mark.parametrize("body", [{}, NEO_HOOKE], ids=["linear", "neo-hooke"])
+def test_beside_a_pair(body):
+    """A block that another one presses on the edge: the pair transmits the same force."""
+    meshes = [
+        {"generator": "rectangle", "parameters": {"length": x, "height": 1.0, "nx": n, "ny": 10}}
+        for x, n in ((2.0, 20), (1.0, 10))
+    ]
+    scene = block(edge(1.0), **body)
+    scene["body"] = [
+        {"name": "lower", "mesh": meshes[0]},
+        {"name": "upper", "mesh": meshes[1], "shift": [0.5, 1.0]},
+    ]
+    del scene["mesh"]
+    scene["displacement"] = [
+        {"boundary": "upper.top", "x": 0.0, "y": -OVERLAP},
+        {"boundary": "lower.left", "x": 0.0},
+    ]
+    below = scene["contact"] | {"boundary": "lower.bottom"}
+    scene["contact"] = [{"boundary": "lower.top", "against": "upper.bottom"}, below]
+    solution = solve(scene)
+    between, on_edge = solution.contact.forces_of_each[:, 0, 1]
+    assert on_edge > 5.0
+    assert abs(between) == pytest.approx(on_edge, rel=1e-6)
+    assert len(solution.corner_figures) == 1
+
+
 def dragged(steps, **moves):
     """A rough body that is pressed on a blunt edge and dragged along it over three facets."""
     way = {"x": f"{0.3 if 'shift' not in moves else 0.0}*max(t-1,0)", "y": "-0.03*min(t,1)"}

@@ -91,6 +91,16 @@ def test_rounded_as_the_advice_says():
     assert [up for _, up in forces] == pytest.approx([8.93, 8.52], rel=0.05)
 
 
+def test_edge_that_a_force_moves():
+    """It sank between two nodes until its sides met them."""
+    driven = edge(1.05) | {"pivot": (1.05, 0.0), "force": (0.0, 5.0)}
+    driven |= {"prescribed": {"x": 0.0, "rotation": 0.0}}
+    held = {"boundary": "top", "x": 0.0, "y": 0.0}
+    solution, advice = failed(block(driven, displacement=held))
+    assert solution.status is Status.CORNER
+    assert "its corner at (1.05, 0.05" in advice
+
+
 @pytest.mark.mpi
 def test_each_load_step():
     """The first load step ends before the edge is reached."""

@@ -153,12 +153,17 @@ def deepest_corner(
             corners = replace(corners, places=corners.places[unfelt], radius=corners.radius[unfelt])
         if corners is None or not corners.places.size + corners.edges.size:
             continue
+        for motion in rigid:
+            if foundation.contact in motion.body.parts:
+                ends = corners.edges.reshape(-1, dim)
+                corners = replace(
+                    corners,
+                    places=corners.places + motion.at(corners.places),
+                    edges=(ends + motion.at(ends)).reshape(corners.edges.shape),
+                )
         surface = surface or BodySurface.of(space)
         low, high = parallel.global_bounds(comm, places)
         points, radius = _points_of(corners, low, high, surface, places)
-        for motion in rigid:
-            if foundation.contact in motion.body.parts:
-                points = points + motion.at(points)
         if not len(points):
             continue
         below, facets, _ = surface.below(points, places)

@@ -83,8 +83,17 @@ def judged_corners(
     places = dict(zip(map(int, nodes), averages.x, strict=True))
     for k, name in enumerate(map(int, further)):
         unknown[k] = places.get(name, unknown[k])
+    between = None
+    if averages.paired:  # beside pairs
+        dim = boundary.x.shape[1]
+        kept = np.ones(boundary.size)
+        kept[row] = 0.0
+        others = sp.diags_array(np.repeat(kept, dim)) @ averages.between
+        here = sp.kron(own, sp.eye_array(dim))
+        between = sp.csr_array(sp.hstack([others, here], format="csr"))
     averages = replace(
         averages,
+        between=between,
         shares=sp.hstack([sp.csr_array(shares), own], format="csr"),
         nodes=np.concatenate((nodes, further)),
         x=np.concatenate((averages.x, unknown)),
