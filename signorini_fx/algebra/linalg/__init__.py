@@ -154,7 +154,8 @@ class ElasticSystem:
     inexact = False
 
     def __post_init__(self) -> None:
-        self.load, self.start = self.matrix.createVecRight(), self.matrix.createVecRight()
+        self.load = self.matrix.createVecRight()
+        self.start = self.matrix.createVecRight()
         self.set_load(np.ones(len(self.cases)))
 
     @classmethod

@@ -92,7 +92,8 @@ class CondensedSystem(ElasticSystem):
 
     def set_load(self, factors: Array) -> None:
         """The condensed loads and the prescribed displacements times their factors."""
-        self.factors, self.recovered = factors, None
+        self.factors = factors
+        self.recovered = None
         self._set_resultant(factors)
         shape = (len(self.cases), self.contact.fixed.size)
         here = slice(*self.matrix.getOwnershipRange())
@@ -105,7 +106,8 @@ class CondensedSystem(ElasticSystem):
     def set_case(self, number: int, case: LoadCase) -> None:
         """Condense another right-hand side: one back substitution."""
         super().set_case(number, case)
-        self.condensed[number], self.recovered = self.schur.condense(case.load), None
+        self.condensed[number] = self.schur.condense(case.load)
+        self.recovered = None
 
     def with_load(self, load: PETSc.Vec) -> Self:
         """Return the condensed system with a load alone, by one back substitution."""

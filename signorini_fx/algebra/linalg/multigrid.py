@@ -203,7 +203,8 @@ class ContactLevels:
         rigid: int = 0,
     ) -> None:
         self._comm = matrix.comm.tompi4py()
-        self.hierarchy, self.unknowns = hierarchy, unknowns
+        self.hierarchy = hierarchy
+        self.unknowns = unknowns
         first = matrix.getOwnershipRange()[0]
         self.places = PETSc.IS().createGeneral(
             (first + unknowns).astype(PETSc.IntType), comm=matrix.comm
@@ -354,12 +355,11 @@ class ContactPreconditioner:
         finest.setOptionsPrefix(f"{petsc_options.PREFIX}mg_finest_")
         finest.setType(PETSc.KSP.Type.CHEBYSHEV)
         finest.getPC().setType(PETSc.PC.Type.MAT)
-        low, high = (
-            0.1 * hierarchy.largest,
-            1.1 * hierarchy.largest,
-        )  # the part of the spectrum that PETSc damps
-        call("KSPChebyshevSetEigenvalues", finest, ctypes.c_double(high), ctypes.c_double(low))
-        self._finest, self._cycle = finest, cycle
+        low = ctypes.c_double(0.1 * hierarchy.largest)  # the part of the spectrum that PETSc damps
+        high = ctypes.c_double(1.1 * hierarchy.largest)
+        call("KSPChebyshevSetEigenvalues", finest, high, low)
+        self._finest = finest
+        self._cycle = cycle
 
     @called_back
     def setUp(self, pc: PETSc.PC) -> None:

@@ -64,7 +64,8 @@ class PartialFactor:
         definite: bool,
     ) -> None:
         self.inner = np.flatnonzero(places[: rows.shape[0]] < 0)
-        self._count, inside = count, self.inner.size
+        self._count = count
+        inside = self.inner.size
         # Of an indefinite matrix, with a pressure, minimum degree takes fewer operations.
         self._in_order = positions is not None and definite and _order_is_taken()
         stay = places >= 0
@@ -74,7 +75,8 @@ class PartialFactor:
             order = _dissected(rows, self.inner, positions)
         # First the inner unknowns in their order, then those that stay, then the loads.
         numbers = np.full(places.size, -1, dtype=rows.indices.dtype)
-        numbers[order], numbers[stay] = np.arange(inside), inside + places[stay]
+        numbers[order] = np.arange(inside)
+        numbers[stay] = inside + places[stay]
         self._order = numbers[self.inner]
         row = np.repeat(self._order, np.diff(rows.indptr))
         column = numbers[rows.indices]
@@ -173,7 +175,7 @@ def _order_is_taken() -> bool:
 
 
 def _infog(factor: ctypes.c_void_p, number: int) -> int:
-    """What MUMPS says of a factorisation."""
+    """Return an entry of the information that MUMPS gives about a factorisation, INFOG."""
     said = ctypes.c_int()
     call("MatMumpsGetInfog", factor, number, ctypes.byref(said))
     return said.value

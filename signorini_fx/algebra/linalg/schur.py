@@ -55,9 +55,11 @@ class SchurComplement:
         *,
         definite: bool = True,
     ) -> None:
-        self.matrix, self.retained = matrix, retained
+        self.matrix = matrix
+        self.retained = retained
         self._comm: MPI.Comm = matrix.comm.tompi4py()
-        (first, last), (rows, foreign) = matrix.getOwnershipRange(), _own_columns_first(matrix)
+        first, last = matrix.getOwnershipRange()
+        rows, foreign = _own_columns_first(matrix)
         owned = last - first
         stay = parallel.gather_rows(self._comm, first + retained)
         self._border: Indices = np.zeros(0, dtype=np.int64)

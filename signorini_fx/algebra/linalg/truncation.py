@@ -120,17 +120,20 @@ class NodalBlocks:
         return blocks
 
     def split(self, contact: PETSc.Mat, rows: PETSc.Mat | None = None) -> tuple[Array, Array]:
-        """What contact adds to A at each node: projections E onto the directions that it holds, and
-        the rest of it;
-        ``contact``: (A + C)_cc, where the row and column of a constraint are empty but for the
-        diagonal; ``rows``: of A
-        + C at the contact unknowns, None: there are no constraints.
+        """Return what contact adds to A at each node: projections E onto the directions that it
+        holds, and the rest of it, shapes (n, d, d).
+
+        Args:
+            contact: (A + C)_cc, where the row and column of a constraint are empty but for the
+                diagonal.
+            rows: those of A + C at the contact unknowns; None: there are no constraints.
         """
         added = (self._blocks(contact) - self._elastic) / self.scale[:, None, None]
         if rows is None:
             return stiff_and_soft(added, self.scale)
         starts, _, values = rows.getValuesCSR()
-        starts, values = starts[: self._node.size + 1], values[: starts[self._node.size]]
+        starts = starts[: self._node.size + 1]
+        values = values[: starts[-1]]
         constrained = np.zeros(self.shape[:2], dtype=bool)
         entries = (
             np.add.reduceat(np.append(values != 0, False), starts[:-1])

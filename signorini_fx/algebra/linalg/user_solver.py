@@ -34,8 +34,8 @@ class LinearSolver(Protocol):
 
 @called_back
 def _judge(ksp: PETSc.KSP, b: PETSc.Vec, x: PETSc.Vec) -> None:
-    """Where a solver returns nothing new FGMRES breaks down, and believes its own estimate of the
-    residual.
+    """Call a solve diverged if its residual is not as small as FGMRES believes: where a solver
+    returns nothing new that breaks down, and takes its own estimate.
     """
     allowed = NO_FORCE * b.norm() + 10 * ksp.getTolerances()[1]
     if ksp.getConvergedReason() > 0 and not (b - ksp.getOperators()[0] * x).norm() <= allowed:
