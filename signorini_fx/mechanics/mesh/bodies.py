@@ -95,8 +95,8 @@ def _joined(bodies: Sequence[Body], meshes: Sequence[MeshArrays]) -> MeshArrays:
 def _named(
     bodies: Sequence[str], named: Sequence[Mapping[str, Any]], firsts: Sequence[int]
 ) -> dict[str, Any]:
-    """What the names of all bodies have, its numbers shifted; those that are the name of a body are
-    left to it.
+    """Return the rows of each name of the bodies, their numbers shifted, as body.name, and as the
+    name alone where one body has it and none is called so.
     """
     count = Counter(name for names in named for name in names)
     result: dict[str, Any] = {}
@@ -109,7 +109,7 @@ def _named(
 
 
 def _origin(mesh: Any) -> dict[str, Any]:
-    """What a scene calls the source of a mesh; see ``TaggedMesh``."""
+    """Return the source of a mesh as a scene states it, see ``TaggedMesh``."""
     match mesh:
         case MeshFile():
             return {"file": mesh.file.name}

@@ -117,8 +117,8 @@ def _numbered(mesh: MeshArrays, degree: int) -> tuple[Ints, Floats, Floats]:
 
 
 def _places(kind: Cell, corners: Floats, lattice: Floats) -> Ints:
-    """Which nodes of the reference cell are those of cells or facets of a kind between corners,
-    shape (..., k).
+    """Return the numbers of the nodes on the ``lattice`` that cells or facets of a kind between
+    such corners have, shape (..., k).
     """
     nodes = straight(kind).shape(kind.places) @ corners
     places = cdist(nodes.reshape(-1, nodes.shape[-1]), lattice).argmin(axis=1)

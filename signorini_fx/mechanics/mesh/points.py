@@ -37,7 +37,7 @@ def at_points(
     evaluate: Callable[[Cells, Array], Array],
     pieces: tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]] | None = None,
 ) -> Array | None:
-    """What the ranks that have the nearest cells of points know there; collective.
+    """Return the values at points that the ranks with the nearest cells evaluate; collective.
 
     Args:
         mesh: the mesh.
@@ -83,7 +83,8 @@ def at_points(
         numbers = points[hits]
         nearer = gap < least[numbers]
         if nearer.any():
-            least[numbers[nearer]], rows[numbers[nearer]] = gap[nearer], values[nearer]
+            least[numbers[nearer]] = gap[nearer]
+            rows[numbers[nearer]] = values[nearer]
     return None if parallel.any_rank(comm, bool(np.isinf(least).any())) else rows
 
 
@@ -177,11 +178,9 @@ def cells_of_points(
                 best = order[np.unique(point[order], return_index=True)[1]]
                 best = best[far[best] < gap[point[best]]]
                 best_points = point[best]
-                cells[best_points], reference[best_points], gap[best_points] = (
-                    cell[best],
-                    trial[best],
-                    far[best],
-                )
+                cells[best_points] = cell[best]
+                reference[best_points] = trial[best]
+                gap[best_points] = far[best]
     return cells, reference, gap
 
 

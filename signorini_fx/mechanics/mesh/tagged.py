@@ -122,9 +122,7 @@ class TaggedMesh(TaggedMeshBase):
 
     @cached_property
     def _exterior(self) -> npt.NDArray[np.bool_]:
-        """Which facets of this rank are exterior ones whose cell it owns; a topology does not
-        change.
-        """
+        """Return which facets of this rank, shape (facets,), are exterior and have a cell here."""
         topology = self.mesh.topology
         across = self.dimension - 1
         topology.create_connectivity(across, across + 1)

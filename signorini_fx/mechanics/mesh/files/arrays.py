@@ -316,7 +316,7 @@ class _Entities:
 def _entities(
     raw: RawMesh, key: str, word: str, nodes: Ints, blocks: list[int], number: Ints
 ) -> _Entities:
-    """What the elements of some blocks are, one block after the other."""
+    """Return the entities that the elements of some blocks are, one block after the other."""
     firsts = np.cumsum([0, *(len(raw.blocks[n][1]) for n in blocks)])[:-1]
     placed = list(zip(blocks, firsts, strict=True))
     none: Ints = np.empty(0, dtype=np.int64)
@@ -344,7 +344,7 @@ def _by_number(elements: list[Ints], numbers: list[Ints]) -> dict[int, Ints]:
 def _no_number(
     entities: _Entities, numbers: Mapping[int, Ints] | None, value: int, name: str
 ) -> str:
-    """What to say of a number that no entity has."""
+    """Return the message about a number that no entity has."""
     if numbers is not None:
         known_numbers = ", ".join(map(str, numbers)) or "none"
         return (

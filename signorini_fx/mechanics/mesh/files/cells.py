@@ -148,9 +148,9 @@ _DIMENSIONS = {"vertex": 0, "line": 1, "triangle": 2, "quad": 2, "polygon": 2}
 
 
 def completed(kind: str) -> tuple[Cell, Floats] | None:
-    """How to complete an element without nodes in the middle of its faces: the kind with exactly
-    the same shape, and the weights of the existing nodes in each of its nodes, shape (nodes,
-    existing nodes); None for any other kind.
+    """Return the kind of the same shape that completes an element without nodes in the middle of
+    its faces, and the weights of the existing nodes in each of its nodes, shape (nodes, existing
+    nodes); None for any other kind.
     """
     if kind not in _COMPLETE:
         return None
@@ -246,7 +246,7 @@ def check_shape(points: Floats, cells: Ints, cell: Cell, name: str) -> None:
 
 
 def _spoilt(points: Floats, cells: Ints, cell: Cell) -> tuple[_Truths, _Truths]:
-    """Which cells are flat at a corner, and which are inverted between two of their nodes."""
+    """Return which cells are flat at a corner, and which are inverted between two nodes."""
     jacobian = _jacobian(points, cells, cell, cell.places)
     size = np.linalg.det(jacobian)
     spanned = np.sqrt(np.einsum("mqdj,mqdj->mqj", jacobian, jacobian).prod(axis=2))
