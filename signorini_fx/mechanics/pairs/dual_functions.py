@@ -47,10 +47,14 @@ def dual_coefficients(tests: Array, overlap: Overlap, count: int) -> Array:
 def carried(
     side: PairSurface, covered: Indices, weight: Array, unable: npt.NDArray[np.bool_]
 ) -> tuple[Indices, sp.csr_array]:
-    """Which nodes of the slave, of which some are ``unable``, shape (N,), carry a point, shape
-    (n,), and the share of the function of each node in each point, columns with the sum one,
-    sparse, shape (n, N), from the facets that are ``covered`` and the integral of the function of
-    each node, shape (N,).
+    """Return the nodes of the slave that carry a point, shape (n,), and the share of the function
+    of each node in each point, sparse, shape (n, N), with columns whose sum is one.
+
+    Args:
+        side: the slave.
+        covered: the facets that see the other side.
+        weight: the integral of the function of each node, shape (N,).
+        unable: which nodes cannot carry a point, shape (N,).
     """
     pairs, tested_nodes = _together(side, covered)
     unable = unable | side.without_area
@@ -98,17 +102,20 @@ def carried_evenly(
 
 
 def _absorbed(pairs: Pairs, portion: Array, nodes: Indices) -> sp.csr_array:
-    """How nodes take over functions: each keeps a share, nodes beside it get the rest; columns of
-    sum one, (n, N).
+    """Return the shares of functions that ``nodes`` take over, shape (n, N), columns of sum one:
+    each keeps its portion, and nodes beside it get the rest.
     """
-    (to, of), takes, reached = pairs, portion + NEGLIGIBLE, portion > 0
+    to, of = pairs
+    takes = portion + NEGLIGIBLE
+    reached = portion > 0
     sums = np.bincount(of, takes[to], portion.size)
     while (further := ~reached & (np.bincount(of, reached[to], portion.size) > 0)).any():
         reached = reached | further
     chain = np.flatnonzero(reached & (portion < 1) & (sums > 0))
     number = np.full(portion.size, -1)
     point = np.full(portion.size, -1)
-    number[chain], point[nodes] = np.arange(chain.size), np.arange(nodes.size)
+    number[chain] = np.arange(chain.size)
+    point[nodes] = np.arange(nodes.size)
     on_chain = number[of] >= 0
     to = to[on_chain]
     of = of[on_chain]
@@ -120,7 +127,8 @@ def _absorbed(pairs: Pairs, portion: Array, nodes: Indices) -> sp.csr_array:
     values = np.linalg.solve((np.eye(chain.size) - steps[chain]).T, handed[nodes].T).T
     values[values <= SAME_NUMBER**2] = 0.0
     values /= values.sum(axis=0)
-    (of_keeping, of_chain), alone = np.nonzero(values), nodes[number[nodes] < 0]
+    of_keeping, of_chain = np.nonzero(values)
+    alone = nodes[number[nodes] < 0]
     rows = np.concatenate((point[alone], of_keeping))
     columns = np.concatenate((alone, chain[of_chain]))
     entries = np.concatenate((np.ones(alone.size), values[of_keeping, of_chain]))
@@ -163,10 +171,12 @@ def _mixed(
     added = ((1.0 - portion[weak]) * weights[1][weak])[:, None] * mean
     added *= np.divide(1.0, sizes, out=np.zeros_like(sizes), where=sizes > 0)
     added /= np.maximum(1.0, 2.0 * added.sum(axis=0))
-    kept, (row, column) = np.arange(nodes.size), np.nonzero(added)
-    places = np.concatenate((kept, weak[row])), np.concatenate((kept, column))
+    kept = np.arange(nodes.size)
+    row, column = np.nonzero(added)
+    rows = np.concatenate((kept, weak[row]))
+    columns = np.concatenate((kept, column))
     entries = np.concatenate((1.0 - added.sum(axis=0), added[row, column]))
-    return _by_rows(entries, *places, (nodes.size, nodes.size)) @ shares
+    return _by_rows(entries, rows, columns, (nodes.size, nodes.size)) @ shares
 
 
 def extended(side: PairSurface, nodes: Indices, values: Array) -> Array:
@@ -176,7 +186,8 @@ def extended(side: PairSurface, nodes: Indices, values: Array) -> Array:
     (to, of), _ = _together(side, np.arange(len(side.nodes)))
     extension: Array = np.zeros((len(side.x), values.shape[1]))
     known: Flags = np.zeros(len(side.x), dtype=bool)
-    extension[nodes], known[nodes] = values, True
+    extension[nodes] = values
+    known[nodes] = True
     while (into := known[of] & ~known[to]).any():
         number = np.bincount(to[into], minlength=known.size)
         np.add.at(extension, to[into], extension[of[into]] / number[to[into], None])
@@ -199,7 +210,9 @@ def _together(side: PairSurface, facets: Indices) -> tuple[Pairs, Flags]:
 
 def _taken_over(pairs: Pairs, able: Flags) -> tuple[Indices, sp.csr_array]:
     """Nodes that carry a point, and how they take over the functions of others, ring by ring."""
-    (to, of), nodes, done = pairs, np.flatnonzero(able), able
+    to, of = pairs
+    nodes = np.flatnonzero(able)
+    done = able
     shares = sp.csr_array(
         (np.ones(nodes.size), nodes, np.arange(nodes.size + 1)), shape=(nodes.size, able.size)
     )

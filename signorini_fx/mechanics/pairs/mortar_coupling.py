@@ -184,7 +184,9 @@ class Tested:
 
     @cached_property
     def tests(self) -> Array:
-        """What the functions are made of at the points of the overlap, shape (p, q, t)."""
+        """Return the test functions, of which those of the points are sums, at the points of the
+        overlap, shape (p, q, t).
+        """
         return self.slave.functions.tests.values(self.overlap.at)
 
     @cached_property
@@ -336,7 +338,9 @@ def couple(
     tested = tested.chosen(~nobody[tested.overlap.slave])
     _refuse_bare(tested, shares)
     if mine is not None:
-        nodes, shares = nodes[mine[nodes]], sp.csr_array(shares[mine[nodes]])
+        here = mine[nodes]
+        nodes = nodes[here]
+        shares = sp.csr_array(shares[here])
     coupling = coupled(tested, nodes, shares, nominal=nominal)
     size = min(float(np.linalg.norm(np.ptp(x, axis=0))) for x in (slave.x, master.x))
     if (deepest := parallel.largest(comm, -coupling.gap, -np.inf)) > DEEPEST_OVERLAP * size:

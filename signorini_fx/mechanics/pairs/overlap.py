@@ -101,8 +101,8 @@ def space_overlap(
 
 
 def turned(slave: PairSurface, directions: Array) -> float:
-    """How far directions of projection at the nodes are at most from those that a first projection
-    takes: in 2D a distance of unit vectors, in 3D the tangent of an angle.
+    """Return the largest difference between directions of projection at the nodes and those of a
+    first projection: in 2D a distance of unit vectors, in 3D the tangent of an angle.
     """
     if slave.dimension == 2:
         return float(np.abs(directions - slave.nodal_normals)[slave.points].max())
@@ -158,7 +158,8 @@ def _places_of(functions: Lagrange, nodes: Array, p: Array, at: Array) -> Array:
     """Return the interpolation of nodes in the plane, shape (m, k, 2), at points, shape
     (m, q, 2).
     """
-    at, moving = at.copy(), np.arange(len(at))
+    at = at.copy()
+    moving = np.arange(len(at))
     for _ in range(1 if functions.degree == 1 and functions.simplex else MANY_STEPS):
         place = at[moving]
         flat = nodes[moving]

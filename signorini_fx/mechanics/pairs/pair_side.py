@@ -84,8 +84,8 @@ class Lagrange:
         )
 
     def polynomials(self, values: Array) -> Array:
-        """What interpolates nodal values in an interval, shape (..., k, d): factors of the powers
-        of the place, in ascending order, likewise.
+        """Return the factors of the powers of the place, ascending, of the polynomials that
+        interpolate nodal values in an interval, shape (..., k, d) as theirs.
         """
         return np.asarray(self._coefficients @ values)
 
@@ -284,7 +284,8 @@ class PairSurface:
         """The integrals of the outward normal times the test function of each node, shape (N,
         d).
         """
-        (tests, slopes), moments = self.functions.tested_slopes, np.zeros(self.x.shape)
+        tests, slopes = self.functions.tested_slopes
+        moments = np.zeros(self.x.shape)
         normals = across(slopes[:, None] @ self.corners) * self.sign[:, None, None]
         np.add.at(moments, self.points, tests.T @ normals)
         return moments
@@ -299,10 +300,11 @@ class PairSurface:
 
     @cached_property
     def turning(self) -> Array:
-        """How displacements of the nodes of each facet turn ``nodal_normals`` there, shape (f, t,
-        k, d, d).
+        """Return the derivatives of ``nodal_normals`` by displacements of the nodes of each facet,
+        shape (f, t, k, d, d).
         """
-        (tests, slopes), dim = self.functions.tested_slopes, self.dimension
+        tests, slopes = self.functions.tested_slopes
+        dim = self.dimension
         if dim == 2:
             turning = (tests.T @ slopes[0])[None, :, :, None, None] * np.array(
                 [[0.0, 1.0], [-1.0, 0.0]]
@@ -331,10 +333,9 @@ class PairSurface:
         """
         if self.undeformed is not None:
             return self.undeformed.turning_places
-        width, (rows, columns) = (
-            self.x.size,
-            (components(nodes, self.dimension) for nodes in (self.points, self.nodes)),
-        )
+        width = self.x.size
+        rows = components(self.points, self.dimension)
+        columns = components(self.nodes, self.dimension)
         entries, place = np.unique(rows[:, :, None] * width + columns[:, None], return_inverse=True)
         row, columns = np.divmod(entries, width)
         return place.ravel(), columns, np.bincount(row, minlength=width)
@@ -408,7 +409,8 @@ def in_rows(values: Array, columns: Indices, width: int) -> sp.csr_array:
     """A sparse matrix with i rows for each of p pieces: values of shape (p, i, c), in columns that
     all rows of a piece have, shape (p, c).
     """
-    (count, rows, entries), indices = values.shape, np.repeat(columns, values.shape[1], axis=0)
+    count, rows, entries = values.shape
+    indices = np.repeat(columns, rows, axis=0)
     ends = np.arange(0, values.size + 1, entries)
     return sp.csr_array((values.ravel(), indices.ravel(), ends), shape=(count * rows, width))
 
@@ -431,8 +433,8 @@ def in_blocks(matrix: sp.csr_array, count: int) -> sp.bsr_array:
 
 
 def means_along(vectors: Array, matrix: sp.csr_array) -> sp.csr_array:
-    """What vectors at points, shape (n, d), have of the means that a matrix of nodes makes of
-    vectors there: sparse, shape (n, d m).
+    """Return the map from vectors at m nodes to the products of ``vectors``, shape (n, d), and the
+    means that a matrix makes of them, sparse, shape (n, d m).
     """
     dim = vectors.shape[1]
     values = matrix.data[:, None] * np.repeat(vectors, np.diff(matrix.indptr), axis=0)
@@ -443,8 +445,9 @@ def means_along(vectors: Array, matrix: sp.csr_array) -> sp.csr_array:
 
 
 def along_vectors(vectors: Array, blocks: sp.bsr_array) -> sp.csr_array:
-    """What vectors at points with k others, one per column, shape (n, d, k), have of those that
-    blocks make, which have the shape (n d, d m): sparse, shape (n k, d m).
+    """Return the map from vectors at m nodes to the products of k ``vectors`` at each point, one
+    per column, shape (n, d, k), and those that ``blocks``, shape (n d, d m), make of them: sparse,
+    shape (n k, d m).
     """
     row = np.repeat(np.arange(len(vectors)), np.diff(blocks.indptr))
     values = vectors.swapaxes(1, 2)[row] @ blocks.data
@@ -498,13 +501,14 @@ def turning_of(
 
 
 def turned_normals(*sides: PairSurface, turned_too: Array | None = None) -> sp.csr_array:
-    """How displacements of the nodes of sides turn ``nodal_normals``, sparse, shape (d m, d m);
-    ``turned_too``: what makes these turns into those of other vectors, shape (m, d, d).
+    """Return the derivative of ``nodal_normals`` by displacements of the nodes of sides, sparse,
+    shape (d m, d m); ``turned_too``: maps these turns to those of other vectors, shape (m, d, d).
     """
     parts = list[tuple[Array, Indices, Indices]]()
     first = 0
     for side in sides:
-        values, (place, columns, counts) = side.turning, side.turning_places
+        values = side.turning
+        place, columns, counts = side.turning_places
         if turned_too is not None:
             values = turned_too[side.points][:, :, None] @ values
         sums = np.bincount(place, values.swapaxes(2, 3).ravel(), minlength=columns.size)
@@ -531,5 +535,7 @@ def _crossing(vectors: Array) -> Array:
         return np.stack((-vectors[:, 1], vectors[:, 0]), axis=1)[:, None]
     matrices = np.zeros((len(vectors), 3, 3))
     x, y, z = vectors.T
-    matrices[:, 0, 1], matrices[:, 0, 2], matrices[:, 1, 2] = -z, y, -x
+    matrices[:, 0, 1] = -z
+    matrices[:, 0, 2] = y
+    matrices[:, 1, 2] = -x
     return matrices - matrices.transpose(0, 2, 1)

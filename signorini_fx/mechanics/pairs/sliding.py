@@ -96,7 +96,7 @@ class SlidingCoupling:
     pieces: SlidingPieces = field(repr=False)
 
     def slip(self, begun: SlidingCoupling) -> Array:
-        """How far the points have slid since a step has begun with another map, along T_i, length,
+        """Return the slip of the points along T_i since a step has begun with another map, length,
         shape (n, d - 1): of points that had no partner then with the nodes that they meet now.
         """
         tangents = self.frames.tangents
@@ -109,8 +109,8 @@ class SlidingCoupling:
         return np.where(begun.frames.partnered[:, None], ways[0], ways[1])
 
     def stiffness(self, pressure: Array, shear: Array, *, symmetric: bool) -> sp.csr_array:
-        """What tractions add to the tangent as the frames of the points turn and their partners
-        shift, force / length, sparse, shape (d m, d m).
+        """Return the stiffness that tractions add to the tangent as the frames of the points turn
+        and their partners shift, force / length, sparse, shape (d m, d m).
 
         The stiffness of pressures is the second derivative of the gaps.  Shears turn with the
         normals, which is made symmetric by its transpose: that acts along the normals alone, where
@@ -131,8 +131,8 @@ class SlidingCoupling:
         )
 
     def _turning(self, along: Array) -> sp.csr_array:
-        """What displacements of both sides turn n_i along vectors, shape (n, d): sparse, shape (n,
-        d m).
+        """Return the derivative of n_i along vectors, shape (n, d), by displacements of both sides,
+        sparse, shape (n, d m).
         """
         sums = self.frames.both @ np.concatenate((self.slave.directions, self.master.directions))
         along = along / np.linalg.norm(sums, axis=1)[:, None]

@@ -159,8 +159,8 @@ class SlidingPieces:
         return self._at_points(self.mean, entries)
 
     def passing(self, along: Array) -> sp.csr_array:
-        """What the places that shift change of the normal of the master along vectors at the
-        points, shape (n, d), sparse, shape (n, d m).
+        """Return the change of the normal of the master along vectors at the points, shape (n, d),
+        by the places that shift with displacements, sparse, shape (n, d m).
         """
         total = np.zeros(1)
         master = self.tested.master
@@ -177,7 +177,8 @@ class SlidingPieces:
         shears there, shape (n, d), change of the forces on the master as places shift, and
         ``more``, see ``summed``; sparse, shape (d m, d m).
         """
-        (count, _, tests), dim = self.tested.weighted.shape, self.facing.shape[2]
+        count, _, tests = self.tested.weighted.shape
+        dim = self.facing.shape[2]
         nodal = (self.mean.T @ np.column_stack((pressing, shears))).reshape(count, tests, 1 + dim)
         acting = self.tested.weighted @ nodal
         forces = acting[..., 0]
@@ -212,10 +213,8 @@ class SlidingPieces:
         dim = facing.shape[2]
         size = facing.shape[2] * self.blocks.shape[1]
         last = size - dim * self.turns.shape[2]
-        first, half = (
-            last - dim * self.slope.shape[3],
-            np.zeros((pieces.size, size, size)),
-        )  # of vectors of the master
+        first = last - dim * self.slope.shape[3]  # of vectors of the master
+        half = np.zeros((pieces.size, size, size))
         shifts = [-self._rows(share, dual[pieces], dual[pieces]) for dual in self.dual]
         turning = _along(self.turns[pieces] * forces[..., None], across)
         half[:, :, last:] = np.matmul(self._rows(share, facing, across).swapaxes(1, 2), turning)
@@ -403,8 +402,8 @@ def _turned(vectors: Array) -> Array:
 def _at_vertices(
     slave: PairSurface, projection: Projection, facet: Indices, x: Array
 ) -> tuple[Indices, Array, Array, Array]:
-    """Which vertices facets of the slave see, their places there, shares of the vertex, and lengths
-    (one).
+    """Return the vertices that facets of the slave see, their places there, the shares of the
+    vertex, and lengths (one).
     """
     ways = slave.functions.polynomials(projection.vectors[slave.nodes[facet]])[:, :, None]
     place = place_under(slave.functions, slave.corners[facet], ways, x)[:, 0]
@@ -449,8 +448,8 @@ def _on_edges(
 
 
 def rotations_at_nodes(side: PairSurface, nodes: Indices) -> Array:
-    """How far the facets around some nodes have turned since the side was undeformed, by least
-    squares with areas, shape (n, 3, 3).
+    """Return the mean rotation of the facets around some nodes since the side was undeformed, by
+    least squares with areas, shape (n, 3, 3).
     """
     assert side.undeformed is not None
     around = sp.csr_array(side.around[nodes])
