@@ -4,14 +4,18 @@ linear solve.
 
 from itertools import groupby
 
+import forms
 import numpy as np
 import pytest
+import ufl
+from dolfinx import fem
 from mpi4py import MPI
 from petsc4py import PETSc
 from ranks import same_on_all_ranks
 from scenes import alone, example1, same_answer, table_of
 from spaces import LAWS, block, friction_of, pushed_brick
 
+from signorini_fx import ContactProblem, Foundation
 from signorini_fx.algebra.linalg import choice, factorisation, krylov, multigrid
 from signorini_fx.mechanics.body.discretisation import prepare
 from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
@@ -277,6 +281,41 @@ def test_what_fails_is_factorised(coulomb, kind, enough, monkeypatch):
     assert kinds == [kind, PETSc.KSP.Type.PREONLY, kind]
     assert len(found.history.outer) > 2
     same_answer(found, alone(two_steps("full")))
+
+
+def test_own_loops_try_again_after_a_failure(monkeypatch):
+    """What fails in one solve of forms is factorised there, and not in the solves after it."""
+    usual, used = krylov.KrylovSystem.keep_factor, []
+
+    def keep(self, ksp, *arguments, **how):
+        kept = usual(self, ksp, *arguments, **how)
+        used.append(ksp.getType())
+        ksp.setTolerances(max_it=1 if len(used) == 1 else krylov.KRYLOV_STEPS)
+        return kept
+
+    monkeypatch.setattr(krylov.KrylovSystem, "keep_factor", keep)
+    monkeypatch.setattr(krylov, "enough_memory", lambda comm, needed: True)
+    mesh = forms.box([1.0, 1.0], [8, 8], comm=MPI.COMM_SELF)
+    space = fem.functionspace(mesh, ("Lagrange", 1, (2,)))
+    u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
+    top = fem.locate_dofs_topological(space, 1, forms.side(mesh, 1, 1.0))
+    press = fem.Function(space)
+    press.x.array[1::2] = -0.01
+    contact = Foundation(forms.side(mesh, 1, 0.0))
+    load = fem.Constant(mesh, [0.0, 0.0])
+    problem = ContactProblem(
+        forms.hooke(u, v),
+        ufl.inner(load, v) * ufl.dx,
+        [fem.dirichletbc(press, top)],
+        contact,
+        linear_algebra="krylov",
+    )
+    kinds = []
+    for _ in range(3):
+        problem.solve()
+        kinds.append(used[-1])
+        press.x.array[1::2] *= 1.5
+    assert kinds == [PETSc.KSP.Type.PREONLY, PETSc.KSP.Type.CG, PETSc.KSP.Type.CG]
 
 
 def test_chosen_for_large_bodies_in_space(monkeypatch):
