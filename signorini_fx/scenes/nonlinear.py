@@ -169,6 +169,7 @@ class ProblemOfScene(NonlinearContactProblem):
         problem._solver.too_large = problem._too_large
         problem._solver.cures = _cures(statement)
         problem._solver.tangents.trusted = body.tangent is not None
+        problem.linear.names = {name: tagged.facets(name) for name in tagged.boundaries}
         problem.linear.bodies = model.pieces.bodies
         problem.linear.history = history
         parts = [tagged.cells(material.region) for material in model.statement.material]

@@ -119,3 +119,35 @@ def test_scenes_name_the_boundary():
     solution = raised.value.solution
     assert solution.status is Status.PASSED
     assert solution.steps[0].time == 0.01
+
+
+@pytest.mark.one_quick
+@pytest.mark.parametrize("sides", [False, True])
+def test_a_side_that_rolls_onto_a_plate(sides):
+    """A free side of rubber that bulges beyond the edge of a rough plate passes its surface, which
+    is said by name, unless it may touch the plate, too.
+    """
+    plate = {"shape": "plane", "point": [0.0, 0.5], "normal": [0.0, -1.0], "shift": [0.0, "-t"]}
+    names = ["top", "right"] if sides else ["top"]
+    scene = Scene(
+        mesh={
+            "generator": "rectangle",
+            "parameters": {"length": 0.5, "height": 0.5, "nx": 12, "ny": 12},
+        },
+        material={"law": "neo-hooke", "young": 1.0, "poisson": 0.45},
+        displacement=[{"boundary": "left", "x": 0.0}, {"boundary": "bottom", "y": 0.0}],
+        contact=[
+            {
+                "boundary": name,
+                "foundation": plate,
+                "friction": {"law": "coulomb", "coefficient": 0.8},
+            }
+            for name in names
+        ],
+        element={"volumetric": "auto"},
+        load_steps={"times": [0.05, 0.1, 0.14, 0.16]},
+    )
+    solution = solve(scene, MPI.COMM_SELF)
+    warned = [found for found in solution.findings if "behind the surface" in found.message]
+    assert [found.path for found in warned] == ([] if sides else ["contact[0]"])
+    assert all(found.message.startswith("'right' is behind") for found in warned)

@@ -19,10 +19,11 @@ import numpy.typing as npt
 from dolfinx import mesh as dmesh
 from scipy.spatial import cKDTree
 
-from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
+from signorini_fx.forms.nonlinear.linearised import LinearisedProblem, Snapshot
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import facet_entities, facet_nodes, marked_nodes
 from signorini_fx.mechanics.assembly.pieces import find_pieces
+from signorini_fx.mechanics.obstacles.shapes_inside import BodyCells
 from signorini_fx.tuned import DIGITS_OF_FILES, NOTABLE
 
 Array = npt.NDArray[np.float64]
@@ -68,13 +69,9 @@ class InnerPoints:
         space, forms, cells = linear.space, linear.forms, linear.foundations.cells
         facets = dmesh.exterior_facet_indices(space.mesh.topology)
         entities = facet_entities(space.mesh, facets)
-        corners = cells.corners(places)[entities[:, 0]]
-        on_facets = np.array(basix.topology(cells.kind)[-2])[entities[:, 1]]
-        middles = np.take_along_axis(corners, on_facets[:, :, None], axis=1).mean(axis=1)
-        x = middles + NOTABLE * (corners.mean(axis=1) - middles)
-        named = np.full(facets.size, -1)
-        for number, part in enumerate(forms.boundaries.values()):
-            named[np.isin(facets, part)] = number
+        middles = _corners_of(cells, entities, places).mean(axis=1)
+        x = middles + NOTABLE * (cells.corners(places)[entities[:, 0]].mean(axis=1) - middles)
+        named = _named(linear, facets)
         nodes = facet_nodes(space, facets)
         touching = np.zeros((facets.size, len(forms.masters), 2), dtype=bool)
         for pair, (number, master) in enumerate(forms.masters.items()):
@@ -124,9 +121,61 @@ def crossing(linear: LinearisedProblem) -> Crossing | None:
     # Places that differ by round-off have the same order on any number of ranks.
     rounded = np.round(rows[:, :-2] / (DIGITS_OF_FILES * linear.scales.size))
     *place, named, within = rows[np.lexsort(rounded.T[::-1])[-1]].tolist()
-    names = [f"{name!r} " for name in linear.forms.boundaries]
+    names = [f"{name!r} " for name in linear.names]
     at_place = f"at ({', '.join(f'{component:.4g}' for component in place)})"
     return Crossing(bool(within), [*names, ""][int(named)] + at_place)
+
+
+def behind(linear: LinearisedProblem, last: Snapshot) -> dict[int, str]:
+    """Return which boundaries have passed the surface of a foundation that they do not touch since
+    the last solution, by the number of its contact: name, place and depth of the deepest facet in
+    words; collective.
+    """
+    foundations = linear.foundations
+    cells = foundations.cells
+    mesh = linear.space.mesh
+    facets = dmesh.exterior_facet_indices(mesh.topology)
+    entities = facet_entities(mesh, facets)
+    now = _corners_of(cells, entities, cells.placed(linear.at.x.array))
+    then = _corners_of(cells, entities, cells.placed(last.displacement)).mean(axis=1)
+    allowed = NOTABLE * np.linalg.norm(np.ptp(now, axis=1), axis=1)
+    names = list(map(repr, linear.names))
+    passed = dict[int, str]()
+    for number, moving in foundations.moving.items():
+        others = foundations.moving.items()
+        same = [k for k, other in others if other.shape == moving.shape]
+        touching = np.isin(facets, np.concatenate([linear.forms.facets[k] for k in same]))
+        middles = now.mean(axis=1)
+        depth = -moving.shape.distance(middles)[0]
+        was_outside = -last.shapes[number].distance(then)[0] <= allowed
+        found = np.flatnonzero(~touching & (depth > allowed) & was_outside)
+        named = _named(linear, facets[found])
+        rows = np.column_stack((depth[found], middles[found], named))
+        rows = parallel.gather_rows(mesh.comm, rows)
+        if len(rows):
+            deepest, *place, name = max(map(tuple, rows))
+            who = [*names, "a boundary without a name"][int(name)]
+            at_place = ", ".join(f"{component:.4g}" for component in place)
+            passed[number] = (
+                f"{who} is behind the surface of contact[{number}], by {deepest:.3g} at "
+                f"({at_place}), where nothing holds it"
+            )
+    return passed
+
+
+def _corners_of(cells: BodyCells, entities: npt.NDArray[np.int32], places: Array) -> Array:
+    """Return the vertices of facets, given by cell and facet of the cell, shape (n, v, d)."""
+    corners = cells.corners(places)[entities[:, 0]]
+    on_facets = np.array(basix.topology(cells.kind)[-2])[entities[:, 1]]
+    return np.asarray(np.take_along_axis(corners, on_facets[:, :, None], axis=1))
+
+
+def _named(linear: LinearisedProblem, facets: npt.NDArray[np.int32]) -> Indices:
+    """Return the numbers of the names of facets, -1 without one, shape (n,)."""
+    named = np.full(facets.size, -1)
+    for number, part in enumerate(linear.names.values()):
+        named[np.isin(facets, part)] = number
+    return named
 
 
 def _allowed(linear: LinearisedProblem, points: InnerPoints) -> Flags:

@@ -319,6 +319,8 @@ class LinearisedProblem(FormSolver):
             tangents.leading, evaluated.form, contact, increment, boundaries=boundaries
         )
         forms = replace(forms, original=(tangents.bilinear, evaluated.form))
+        # Facets of parts of the boundary by their names, for messages.
+        self.names: Mapping[str, npt.NDArray[np.int32]] = forms.boundaries
         super().__init__(forms, increment, bcs, settings, options)
         self._evaluated = evaluated
         self._straighten()

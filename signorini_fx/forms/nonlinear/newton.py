@@ -21,7 +21,7 @@ from dolfinx import fem
 
 from signorini_fx.errors import FormError
 from signorini_fx.forms.elasticity import NOT_FINITE, MatrixError
-from signorini_fx.forms.nonlinear.crossing import crossing
+from signorini_fx.forms.nonlinear.crossing import behind, crossing
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem, Snapshot
 from signorini_fx.forms.nonlinear.residual import round_off
 from signorini_fx.forms.nonlinear.results import ResidualMechanics, SolvedBody, certified
@@ -43,7 +43,9 @@ from signorini_fx.solving.increments import PathIncrements
 from signorini_fx.solving.restart import Figures, StoredStates, marks_of, recall_history
 from signorini_fx.tuned import (
     CERTIFICATE_TOLERANCE,
+    EASY_STEP,
     ENCLOSED,
+    FAILED_STEP,
     FEW_NEWTON_ITERATIONS,
     KEPT_TANGENT,
     LINE_SEARCH_STEPS,
@@ -91,6 +93,8 @@ class EquilibriumSolver(Stability):
     too_large: Callable[[], str] = lambda: (
         ""
     )  # by how much the deformation is, in words; "": it is not; collective
+    # See ``behind``, of the solutions since the path began.
+    passed: dict[int, str] = field(default_factory=dict)
     # What to do about statuses, where that is not ``Status.advice``.
     cures: Mapping[Status, str] = field(default_factory=dict)
     # Why the linear contact problem of the last attempt has no solution; None: it has one, or that
@@ -139,6 +143,7 @@ class EquilibriumSolver(Stability):
         ``Start``.
         """
         self.timings, self.linear.several = Timings(), several
+        self.passed = {}
         if self.solved is not None and self.solved.step.status is not Status.CONVERGED:
             self.solved = None
 
@@ -166,6 +171,8 @@ class EquilibriumSolver(Stability):
                 final
                 and status not in (Status.CONVERGED, *FINAL, *NOT_BY_STIFFNESS)
                 and not self.without
+                # The last iterate of a contact problem without sets is no equilibrium.
+                and not self._detail
             ):
                 self.without = self.reason_for_none(last.displacement, self._tried)
         except Exception:
@@ -190,6 +197,9 @@ class EquilibriumSolver(Stability):
         self.failure = ended + (f" ({reason})" if reason else "")
         if status is Status.INVERTED and self.without:  # beyond any displacement of the body
             self.failure = self.without
+        if final and status in (Status.NOT_SOLVED, Status.NOT_CERTIFIED, Status.UNSTABLE):
+            passed = self.passed | behind(self.linear, last)
+            self.failure += "".join(f"; {text}" for text in passed.values())
         self.go_back(last)
         return f"{self.failure}: {self.advice(status)}"
 
@@ -224,6 +234,8 @@ class EquilibriumSolver(Stability):
     def take(self) -> None:
         """Make what there is now the last solution; collective."""
         assert self.certificate is not None
+        if self.last is not None:
+            self.passed |= behind(self.linear, self.last)
         self.last, self.farthest = (
             self.snapshot(),
             max(self.farthest, self.certificate.displacement),
@@ -517,6 +529,13 @@ class Continuation:
         """Whether a smaller step than the next one may be tried."""
         return (self.way.next - self.way.reached) / 2 >= ENCLOSED * self.way.nominal
 
+    @property
+    def _allowed(self) -> float:
+        """Linear solves that the next step may take, before a smaller one is tried."""
+        if not (self.ends and self._may_halve):
+            return np.inf
+        return FAILED_STEP**2 * max(self.ends[-1][0].linear_solves, EASY_STEP)
+
     def solved(self) -> StepResult | None:
         """The next load step; None: it has no solution, and is tried in another way."""
         begun = self.solver.snapshot()
@@ -529,7 +548,9 @@ class Continuation:
         why: Exception | str
         try:
             self._apply(way.next)
-            if not (why := solver.attempt(final=not self._may_halve)):
+            with self.history.at_most(self._allowed):
+                why = solver.attempt(final=not self._may_halve)
+            if not why:
                 solver.take()
         except Exception as error:
             why = error

@@ -338,7 +338,11 @@ class NonlinearContactProblem(ProblemOfForms):
             return tuple(digits)
         inside = pushed_nodes([linear.state], linear.scales.size)
         loose = loose_at_rest(linear.elastic, steps, "contact", linear.bodies)
-        return (*inside, *slid_past_partners(linear), *loose, *digits)
+        passed = [
+            Finding("warning", f"contact[{number}]", f"{text}: let this boundary touch it, too")
+            for number, text in self._solver.passed.items()
+        ]
+        return (*inside, *passed, *slid_past_partners(linear), *loose, *digits)
 
     @property
     def tools(self) -> tuple[RigidBodyMotion, ...]:
