@@ -6,7 +6,9 @@ from dolfinx import mesh
 from mpi4py import MPI
 
 from signorini_fx import solve, tag_boundaries
+from signorini_fx.mechanics.contact_points.contact_table import ContactTable
 from signorini_fx.records import Status
+from signorini_fx.results.accuracy.pressure_error import diverging_row
 from signorini_fx.scenes.reading import parse_scene
 
 
@@ -110,3 +112,21 @@ def test_corners_in_contact(name, degree, target, refinement):
     else:
         assert solution.converged
         assert largest == pytest.approx(expected, rel=target)
+
+
+@pytest.mark.parametrize(("kink", "grows"), [(0.1, True), (0.0, False)])
+def test_a_kink_of_the_gap(kink, grows):
+    """Towards it the pressure grows like a logarithm, slower than any power, and has no limit; at a
+    smooth top it ends to grow.
+    """
+    tables = []
+    for number in range(4):
+        s = np.linspace(-1.0, 1.0, 20 * 2**number + 1)
+        top = 1.0 + 0.3 * number if grows else 2.0 - 4.0**-number
+        pressure = np.maximum(top - 3 * np.abs(s), 0.0)
+        gap = kink * np.abs(s) + 0.1 * s**2
+        columns = {"s": s, "x": s, "y": 0 * s, "pressure": pressure, "gap": gap}
+        columns |= {"weight": np.gradient(s), "state": np.where(pressure > 0, "stick", "open")}
+        tables.append(ContactTable(columns, [range(s.size)]))
+    row = diverging_row(tables)
+    assert (row == 80) if grows else (row is None)

@@ -19,7 +19,9 @@ from signorini_fx.mechanics.kinematics.protocol import Kinematics
 from signorini_fx.mechanics.loads.load_vectors import measures
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.effect import Force
+from signorini_fx.mechanics.statement.expressions import Expression, sample
 from signorini_fx.results.accuracy.contact_surface import ContactSurface, places
+from signorini_fx.results.accuracy.long_cells import under_long_cells
 from signorini_fx.results.accuracy.pressure_error import (
     bends,
     beside,
@@ -28,7 +30,7 @@ from signorini_fx.results.accuracy.pressure_error import (
     on_facets,
     pressure_square,
 )
-from signorini_fx.tuned import POLLUTION
+from signorini_fx.tuned import NOTABLE, POLLUTION
 
 Floats = npt.NDArray[np.float64]
 
@@ -69,7 +71,7 @@ def estimate_errors(
     """Estimate the errors on a mesh of a ``SolidBody``; ``energy``: strain energy of the solution;
     collective.
     """
-    missed = missed_loads(model, step)
+    missed = missed_loads(model, step) + missed_gaps(model, table, step)
     squares = np.zeros(missed.shape)
     if energy > 0:
         squares = model.recovery.squares(displacement, step)
@@ -136,6 +138,14 @@ def combined(
             cells,
             surface.of_rank(boundary, surface.squares(table.columns["pressure"])) / pressed,
         )
+    if pressed > 0:
+        assert table.nodes is not None
+        base = int(table.nodes.max(initial=0)) + 1
+        acting = table.nodes[table.columns["pressure"] != 0] @ [base, 1]
+        nodes = boundary.segments[:, :1] * base + boundary.segments[:, 1:]
+        touching = facets[np.isin(nodes, acting).any(axis=1)]
+        stress = body * size * model.scales.modulus
+        contact += under_long_cells(model.tagged, touching, stress) / pressed
     return Errors(
         energy=error + loads,
         pressure=float(np.hypot(np.sqrt(total(contact)), error**2)) + loads
@@ -155,6 +165,44 @@ def combined(
             "peak": contact + top + (POLLUTION * error) ** 2 * body + loads * missed,
         },
     )
+
+
+def missed_gaps(model: Model, table: ContactTable, step: float) -> Floats:
+    """The force that acts on facets where a gap is another one between the nodes than there, by a
+    notable share of the displacements, and opens or closes the contact: as where it jumps within a
+    facet; of each owned cell, shape (cells,); collective.
+    """
+    boundary = model.boundary
+    missed = np.zeros(model.tagged.mesh.topology.index_map(model.tagged.dimension).size_local)
+    assert boundary is not None
+    assert table.nodes is not None
+    columns = table.columns
+    x = np.column_stack([columns[axis] for axis in "xyz" if axis in columns])
+    beyond = NOTABLE * float(np.abs(columns["u_n"]).max(initial=0.0))
+    row_of = {(int(part), int(node)): row for row, (part, node) in enumerate(table.nodes)}
+    for number, effect in enumerate(model.statement.placed(step).contact):
+        if not isinstance(effect.gap, Expression) or effect.against is not None:
+            continue
+        segments = boundary.segments[boundary.segments[:, 0] == number]
+        facets = np.concatenate([at for _, at, part in boundary.surface if part == number])
+        cells = facet_entities(model.tagged.mesh, facets)[:, 0]
+        shares = _inside(segments.shape[1] - 1, x.shape[1])
+        for cell, nodes in zip(cells, segments[:, 1:][:, list(shares)], strict=True):
+            rows = [row_of.get((number, int(node)), -1) for node in nodes]
+            pressure = float(columns["pressure"][rows].max())
+            if min(rows) < 0 or not pressure > 0:
+                continue
+            weights = np.stack(list(shares.values()))
+            points = np.zeros((3, weights.shape[1]))
+            points[: x.shape[1]] = (weights.T @ x[rows]).T
+            linear = weights.T @ columns["gap"][rows]
+            moved = weights.T @ columns["u_n"][rows]
+            there = np.broadcast_to(sample(effect.gap, points), linear.shape)
+            other = (np.abs(there - linear) > beyond) & (
+                (moved >= there - beyond) != (moved >= linear - beyond)
+            )
+            missed[cell] += pressure * np.mean(other) * _area(x[rows])
+    return missed
 
 
 def missed_by_points(
@@ -242,6 +290,35 @@ def worst_of(steps: Sequence[Errors]) -> Errors:
         pressed=pressed,
         squares={name: added(name, weights) for name, weights in shares.items()},
     )
+
+
+def _inside(nodes: int, dimension: int) -> dict[int, Floats]:
+    """The corners of a facet with so many nodes, by their places among them, and their shares at
+    points within it, shape (points,) each.
+    """
+    at = (np.arange(16) + 0.5) / 16
+    if dimension == 2:
+        return {0: 1 - at, nodes - 1: at}
+    first, second = (part.ravel() for part in np.meshgrid(at, at))
+    if nodes in (4, 9):
+        return {
+            0: (1 - first) * (1 - second),
+            1: first * (1 - second),
+            2: (1 - first) * second,
+            3: first * second,
+        }
+    inside = first + second < 1
+    first = first[inside]
+    second = second[inside]
+    return {0: 1 - first - second, 1: first, 2: second}
+
+
+def _area(corners: Floats) -> float:
+    """Of a facet with these corners, in 2D a length."""
+    sides = corners[1:] - corners[0]
+    if len(sides) == 1:
+        return float(np.linalg.norm(sides[0]))
+    return float(np.linalg.norm(np.cross(sides[0], sides[1]))) / (2 if len(sides) == 2 else 1)
 
 
 # Quadrature to compare with, by dimension: 31 points along a facet and 100 in a cell; in 3D 441 and

@@ -323,7 +323,39 @@ def diverging_row(tables: Sequence[ContactTable]) -> int | None:
     touching = [table.touching for table in tables[-1 - GROWING_MESHES :]]
     if touching[-1] == 0 or (touching[0] < touching[-1] and min(touching[-2:]) < FEW_NODES):
         return None
-    return next((place.row for place in _followed(tables) if place.grows), None)
+    grows = next((place.row for place in _followed(tables) if place.grows), None)
+    return _kinked_row(tables) if grows is None else grows
+
+
+def _kinked_row(tables: Sequence[ContactTable]) -> int | None:
+    """The row of the largest pressure of the last table, if the gap has a kink there in 2D, towards
+    which the pressure grows like a logarithm: the change of slope stays as cells become smaller,
+    and so does what each mesh adds; None: it has none.
+    """
+    if len(tables) <= GROWING_MESHES or tables[-1].facets is not None:
+        return None
+    kinks, spacing, largest = list[float](), list[float](), list[float]()
+    row = 0
+    for table in tables[-1 - GROWING_MESHES :]:
+        row = int(np.argmax(table.columns["pressure"]))
+        largest.append(float(table.columns["pressure"][row]))
+        spacing.append(float(_spacing(table)[row]))
+        kinks.append(0.0)
+        for path in table.paths:
+            inside = np.flatnonzero(path == row)
+            if 0 < inside[:1].sum() < len(path) - 1:
+                beside = path[inside[0] - 1 : inside[0] + 2]
+                slopes = (
+                    np.diff(table.columns["gap"][beside])
+                    / np.diff(table.arc(path))[inside[0] - 1 : inside[0] + 1]
+                )
+                kinks[-1] = float(slopes[1] - slopes[0])
+    finer = -np.diff(np.log(spacing))
+    if not (finer >= np.log(SMALLEST_JUMP)).all():
+        return None
+    added = np.diff(largest) / finer
+    lasting = kinks[-1] > LASTING_SHARE * kinks[0] > 0 and added[-1] > LASTING_SHARE * added[0] > 0
+    return row if lasting else None
 
 
 def _followed(tables: Sequence[ContactTable]) -> list[_Place]:
