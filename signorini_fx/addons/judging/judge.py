@@ -276,7 +276,7 @@ class _Judging:
             return self._strained_alike()
         agrees = not self._excess(self.own)
         if not agrees and self._in_increments():
-            return self._strained_alike()
+            return self._strained_alike("friction")  # that of other load steps
         # So far elements with fewer points may be away.
         farthest = _COARSER * error + printed
         left = (NOTABLE if agrees else JUDGED_LEFT) * on_mesh
@@ -299,11 +299,9 @@ class _Judging:
                 NOT_TOLD,
                 "it is not a result of the problem as read, which lacks what is listed below",
             )
-        worst = max(
-            (condition for condition in self.violated if condition != "supports"), key=self._value
-        )
         if distance <= allowed:
             return self._strained_alike()
+        worst = self._worst()
         if distance <= farthest and self._value(worst) <= _HALF:
             return (
                 NOT_TOLD,
@@ -316,18 +314,23 @@ class _Judging:
             "no single load, modulus, gap or friction explains it, and it violates no condition",
         )
 
-    def _strained_alike(self) -> tuple[str, str]:
+    def _strained_alike(self, *but: str) -> tuple[str, str]:
         """Return the word where strains are ours within the error: a rigid motion, which they do
         not show, may yet violate contact, and displacement or contact force may be farther from
         ours.
         """
-        worst = max(("penetration", "complementarity"), key=self._value)
+        worst = self._worst(*but)
         if self._value(worst) > _HALF:
             return self._violates(worst)
         if excess := self._excess({}):
             cause = "no single load, modulus, gap or friction explains it"
             return NOT_TOLD, f"strains are ours, but not the {self._said(excess)}: {cause}"
         return AGREES, ""
+
+    def _worst(self, *but: str) -> str:
+        """Return the condition that is violated most; not of the supports, nor one of ``but``."""
+        considered = [name for name in self.violated if name not in ("supports", *but)]
+        return max(considered, key=self._value)
 
     def _violates(self, condition: str) -> tuple[str, str]:
         return VIOLATES + condition, self.violated[condition]
