@@ -179,7 +179,7 @@ def missed_gaps(model: Model, table: ContactTable, step: float) -> Floats:
     columns = table.columns
     x = np.column_stack([columns[axis] for axis in "xyz" if axis in columns])
     beyond = NOTABLE * float(np.abs(columns["u_n"]).max(initial=0.0))
-    row_of = {(int(part), int(node)): row for row, (part, node) in enumerate(table.nodes)}
+    row_of = {(part, node): row for row, (part, node) in enumerate(table.nodes.tolist())}
     for number, effect in enumerate(model.statement.placed(step).contact):
         if not isinstance(effect.gap, Expression) or effect.against is not None:
             continue
