@@ -6,9 +6,10 @@
 #
 # $$|\mu| \le g(\lambda) = k \bigl(1 - e^{-F \lambda / k}\bigr) .$$
 #
-# A law is a class: its parameters, the bound, and its derivative. `concave` says that $g$ is below
-# its tangent at zero and below its limit, which is what statics uses. All that a law says is tried
-# at pressures up to the modulus of the body before anything is solved.
+# A law is a class: its parameters, and one method, which returns the bound and its derivatives by
+# pressure and slip. This one does not follow the slip. `concave` says that $g$ is below its tangent
+# at zero and below its limit, which is what statics uses. All that a law says is tried at pressures
+# up to the modulus of the body before anything is solved.
 
 # %%
 import os
@@ -27,11 +28,9 @@ class Saturating(FrictionLaw):
     largest: Parameter
     concave = True
 
-    def limit(self, pressure):
-        return self.largest * (1 - np.exp(-self.coefficient * pressure / self.largest))
-
-    def derivative(self, pressure):
-        return self.coefficient * np.exp(-self.coefficient * pressure / self.largest)
+    def evaluate(self, pressure, slip, dt):
+        left = np.exp(-self.coefficient * pressure / self.largest)
+        return self.largest * (1 - left), self.coefficient * left, 0.0
 
 
 # %% [markdown]

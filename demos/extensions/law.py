@@ -15,14 +15,10 @@ class Smooth(FrictionLaw):
     largest: Parameter  # the shear k at large pressures
     concave = True
 
-    def limit(self, pressure):
-        return self.largest * np.tanh(self.coefficient * pressure / self.largest)
-
-    def derivative(self, pressure):
-        return (
-            self.coefficient
-            / np.cosh(np.minimum(self.coefficient * pressure / self.largest, 300.0)) ** 2
-        )
+    def evaluate(self, pressure, slip, dt):
+        share = self.coefficient * pressure / self.largest
+        by_pressure = self.coefficient / np.cosh(np.minimum(share, 300.0)) ** 2
+        return self.largest * np.tanh(share), by_pressure, 0.0
 
 
 register("signorini_fx.laws", "smooth", Smooth)

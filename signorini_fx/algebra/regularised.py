@@ -28,11 +28,11 @@ from signorini_fx.algebra.contact.active_sets import (
     release,
     tangent,
 )
-from signorini_fx.algebra.contact.complementarity import RegularisedData, trial_pressure
+from signorini_fx.algebra.contact.complementarity import RegularisedData, slip_of, trial_pressure
 from signorini_fx.algebra.contact.contact_map import ContactMap
 from signorini_fx.algebra.contact.friction import as_given
 from signorini_fx.algebra.contact.motions import FreeMotions
-from signorini_fx.algebra.contact.nodal_vectors import Nodal, length
+from signorini_fx.algebra.contact.nodal_vectors import Nodal, inner, length
 from signorini_fx.algebra.contact.points import ContactPoints, shares
 from signorini_fx.algebra.contact.statics import Escape, no_balance
 from signorini_fx.algebra.linalg import SAME_PATTERN, SUBSET_PATTERN, ElasticSystem, is_by_blocks
@@ -174,10 +174,10 @@ class RegularisedProblem:
 
     def friction_bounds(self, x: PETSc.Vec) -> tuple[Nodal, Nodal]:
         """The friction bounds of the current and the next sets."""
-        trial = trial_pressure(self.system.contact.traces(x)[0], self.data)
-        return self.data.friction_bound(
-            np.where(self.sets.contact, trial, 0.0)
-        ), self.data.friction_bound(trial)
+        u_n, u_t = self.system.contact.traces(x)
+        trial = trial_pressure(u_n, self.data)
+        present = self.data.friction_bound(np.where(self.sets.contact, trial, 0.0), u_t)
+        return present, self.data.friction_bound(trial, u_t)
 
     @called_back
     def residual(self, snes: PETSc.SNES | None, x: PETSc.Vec, f: PETSc.Vec) -> None:
@@ -185,11 +185,13 @@ class RegularisedProblem:
         u_n, u_t = self.system.contact.traces(x)
         trial = self.next.trial if self._forced_first else classify(self.sets, u_n, u_t, self.data)
         if self.data.follows is not None:
-            trial = replace(
-                trial,
-                line=self.data.follows.line(trial_pressure(u_n, self.data), self.data.bilateral),
+            pressure, slip = trial_pressure(u_n, self.data), slip_of(u_t, self.data)
+            where = pressure, self.data.bilateral, length(slip), inner(trial.direction, slip)
+            changing = self.data.follows.follows_slip and parallel.any_rank(
+                self.points.comm, bool(trial.changed(self.sets).any())
             )
-        self._hold(trial, lambda: multipliers(self.sets, u_n, u_t, self.data))
+            trial = replace(trial, line=self.data.follows.line(*where, careful=changing))
+        self._hold(trial, u_t, lambda: multipliers(self.sets, u_n, u_t, self.data))
         self.imbalance(x, *multipliers(self.next.sets, u_n, u_t, self.data), f)
 
     def imbalance(self, x: PETSc.Vec, pressure: Nodal, shear: Nodal, f: PETSc.Vec) -> None:
@@ -350,9 +352,11 @@ class RegularisedProblem:
             self._definite.add(jacobian.handle)
         return jacobian
 
-    def _hold(self, trial: ActiveSets, multipliers: Callable[[], tuple[Nodal, Nodal]]) -> None:
-        """Choose next sets that hold the body, or note that it moves away; ``multipliers``: see
-        ``hold``.
+    def _hold(
+        self, trial: ActiveSets, u_t: Nodal, multipliers: Callable[[], tuple[Nodal, Nodal]]
+    ) -> None:
+        """Choose next sets that hold the body, or note that it moves away; ``u_t``,
+        ``multipliers``: see ``hold``.
         """
         points = self.points
         motions = self._motions
@@ -371,7 +375,8 @@ class RegularisedProblem:
             (verdict,) = self._escaping
             return None if verdict is None else verdict.status
 
-        sets, escapes, repaired = hold(trial, self.sets, multipliers, self.data, motions, escaping)
+        iterate = self.sets, u_t, multipliers
+        sets, escapes, repaired = hold(trial, *iterate, self.data, motions, escaping)
         self.next = NextSets(sets, trial, repaired, escapes)
 
     def _acting(self, forces: PETSc.Vec) -> float:

@@ -158,6 +158,7 @@ class FormSolver:
         collective.
         """
         self.timings, guess = Timings(), self.last
+        self.foundations.without_times()
         with options_applied(*self.options):
             if self.last is None and self.coarser_state is not None:
                 from signorini_fx.solving.meshed_problem import carry_over

@@ -143,7 +143,7 @@ def _following(posed: Posed, state: State, values: ContactValues) -> tuple[Start
         gamma_n=gamma_n,
         gamma_t=gamma_t,
         mu_hat=mu,
-        bound=None if first.law is None else first.law.bound(pressure),
+        bound=None if first.law is None else first.law.evaluate(pressure, 0.0)[0],
         slip_origin=slips + _along(boundary, posed.drift),
     )
     shear, elastic = (
@@ -260,8 +260,13 @@ def solution_of(
     )
     if start.law is not None:
         # The method may have ended with the bound of the pressure before.
-        along = np.where(sets.slip, inner(shear, sets.direction), start.law.bound(pressure))
-        bound = start.law.given if monolithic else along
+        slip = u_t - start.data.slip_origin
+        bound, _, _ = start.law.evaluate(pressure, length(slip))
+        bound = np.where(sets.slip, inner(shear, sets.direction), bound)
+        if monolithic:
+            where = pressure, start.data.bilateral, length(slip), inner(sets.direction, slip)
+            sets = replace(sets, line=start.law.line(*where))
+            bound, _, _ = start.law.evaluate(0.0 * pressure, 0.0)
         solved = replace(solved, bound=bound, follows=start.law if monolithic else None)
     if augmented:
         # Shifts with which the iterate has the tractions of the state; see ``sliding_shear``.

@@ -14,6 +14,7 @@ import numpy.typing as npt
 from signorini_fx.algebra.algorithms.strategy import solve_task
 from signorini_fx.algebra.algorithms.task import Outcome, Start
 from signorini_fx.algebra.contact.complementarity import RegularisedData
+from signorini_fx.errors import FormError
 from signorini_fx.mechanics.body.deformation import deformation_of
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.obstacles.corner_depths import deepest_corner
@@ -143,6 +144,7 @@ def begun(
     sees it.
     """
     posed = problem.pose_at(state, place)
+    posed = _lasting(posed, problem.path.time_at(place) - state.time)
     for effect in problem.effects:
         posed = _with_gap(
             posed, effect.added_gap(state, posed.boundary, problem.path.time_at(place))
@@ -160,6 +162,24 @@ def begun(
         start = replace(start, data=replace(start.data, share=share))
     factors = body.load(posed.task.system, place)
     return posed, replace(start, place=place, factors=factors, several=problem.waits), before
+
+
+def _lasting(posed: Posed, dt: float) -> Posed:
+    """What a step is solved with where laws that follow the slip count it over its duration, time.
+
+    Raises:
+        FormError: it is no duration.
+    """
+    law = posed.first.law
+    if law is None or not law.follows_slip:
+        return posed
+    if not dt > 0:
+        reason = f"must go on from the last load step, the next one would last {dt:g}"
+        raise FormError([("times", f"{reason}: friction follows the speed of slip")])
+    law = replace(law, dt=dt)
+    body = posed.body
+    assert isinstance(body, SolidBody)
+    return replace(posed, first=replace(posed.first, law=law), body=replace(body, law=law))
 
 
 def _with_gap(posed: Posed, added: npt.NDArray[np.float64] | None) -> Posed:

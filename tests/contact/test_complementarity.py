@@ -86,8 +86,13 @@ def test_friction_law_where_the_foundation_pulls():
     law = PointFriction(
         given=np.array([1.5, 0.0]), coefficient=np.array([0.0, 0.25]), cap=np.array([9.0, 1.75])
     )
-    assert law.bound(np.array([-8.0, -4.0])).tolist() == [1.5, 1.0]
-    assert law.bound(np.array([-8.0, -8.0])).tolist() == [1.5, 1.75]
+    bound, by_pressure, by_slip = law.evaluate(np.array([-8.0, -4.0]), 1.0)
+    assert bound.tolist() == [1.5, 1.0]
+    assert by_pressure.tolist() == [0.0, -0.25]
+    assert by_slip.tolist() == [0.0, 0.0]
+    bound, by_pressure, _ = law.evaluate(np.array([-8.0, -8.0]), 0.0)
+    assert bound.tolist() == [1.5, 1.75]
+    assert by_pressure.tolist() == [0.0, 0.0]
 
 
 # Multiples of 1/16 of moderate size: sums and products with gamma are exact, a difference is zero

@@ -2,8 +2,9 @@
 refuses it.
 """
 
+import re
 from pathlib import Path
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 import numpy as np
 import pytest
@@ -16,11 +17,13 @@ from signorini_fx import (
     ContactProblem,
     Coulomb,
     FormError,
+    NoFriction,
     Pair,
     SceneError,
+    Tresca,
 )
 from signorini_fx.mechanics.laws.at_points import fault_of
-from signorini_fx.mechanics.laws.protocol import FrictionLaw
+from signorini_fx.mechanics.laws.protocol import FrictionLaw, Parameter
 from signorini_fx.records import Status
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
@@ -156,27 +159,50 @@ def test_by_name():
 class Quotient(Saturating):
     """F lambda / (1 + F lambda / k), which is no number at a pressure without limit."""
 
-    def limit(self, pressure):
-        return self.coefficient * pressure / (1 + self.coefficient * pressure / self.largest)
-
-    def derivative(self, pressure):
-        return self.coefficient / (1 + self.coefficient * pressure / self.largest) ** 2
+    def evaluate(self, pressure, slip, dt):
+        share = 1 + self.coefficient * pressure / self.largest
+        return self.coefficient * pressure / share, self.coefficient / share**2, 0.0
 
 
 class Root(Saturating):
     """k sqrt(lambda), with a vertical tangent where contact opens."""
 
-    def limit(self, pressure):
-        return self.largest * np.sqrt(pressure)
-
-    def derivative(self, pressure):
+    def evaluate(self, pressure, slip, dt):
         with np.errstate(divide="ignore"):
-            return self.largest / 2 / np.sqrt(pressure)
+            return self.largest * np.sqrt(pressure), self.largest / 2 / np.sqrt(pressure), 0.0
 
 
-def lying(**methods):
-    """A law with other methods."""
-    return type("Lying", (Saturating,), {"__module__": __name__, **methods})(F, K)
+class Weakening(FrictionLaw):
+    """F lambda (1 + exp(-v / k)) / 2, which falls with the speed."""
+
+    law: Literal["weakening"] = "weakening"
+    coefficient: Parameter
+    largest: Parameter
+    follows_slip = True
+
+    def evaluate(self, pressure, slip, dt):
+        falls = np.exp(-slip / dt / self.largest)
+        by_pressure = self.coefficient * (1 + falls) / 2
+        by_slip = -self.coefficient * pressure * falls / 2 / self.largest / dt
+        return by_pressure * pressure, by_pressure, by_slip
+
+
+def lying(limit=None, derivative=None, kind=Saturating, **methods):
+    """A law with other functions of the pressure, or other methods."""
+
+    def changed(law, pressure, slip, dt):
+        found, by_pressure, by_slip = kind.evaluate(law, pressure, slip, dt)
+        found = found if limit is None else limit(law, pressure)
+        by_pressure = by_pressure if derivative is None else derivative(law, pressure)
+        return found, by_pressure, by_slip
+
+    methods = {"evaluate": changed} | methods
+    return type("Lying", (kind,), {"__module__": __name__, **methods})(F, K)
+
+
+def of_slip(of):
+    """A bound whose value or derivative by the slip ``of`` changes."""
+    return {"kind": Weakening, "evaluate": lambda *at: of(*Weakening.evaluate(*at), at[2])}
 
 
 @pytest.mark.parametrize(
@@ -187,34 +213,39 @@ def lying(**methods):
             "exceeds.* not concave",
         ),
         ({"limit": lambda law, p: -bound(p)}, "negative"),
-        ({"limit": lambda _, p: np.ones((p.size, 1))}, r"limit of Lying has the shape \(\d+, 1\)"),
-        ({"derivative": lambda *_: 0.3}, r"derivative of Lying has the shape \(\)"),
-        ({"follows_pressure": False}, "follows_pressure is False, but limit"),
-        ({"limit": lambda _, p: p + np.nan}, "limit of Lying is not finite at the pressure 0"),
+        ({"limit": lambda _, p: np.ones((p.size, 1))}, r"bound of Lying has the shape \(\d+, 1\)"),
+        ({"derivative": lambda _, p: p[:1]}, r"by_pressure of Lying has the shape \(1,\)"),
+        ({"follows_pressure": False}, "follows_pressure is False, but bound"),
+        ({"limit": lambda _, p: p + np.nan}, "bound of Lying is not finite at the pressure 0"),
         (
             {"limit": lambda law, p: np.where(p > 20, np.nan, bound(p))},
-            "limit of Lying is not finite at .* 2",
+            "bound of Lying is not finite at .* 2",
         ),
-        ({"limit": lambda _, p: p // 0}, "limit of Lying is not finite"),
+        ({"limit": lambda _, p: p // 0}, "bound of Lying is not finite"),
         (
             {"limit": lambda law, p: np.multiply(p, law.coefficient, out=p)},
-            "limit of Lying fails: .* read-only",
+            "evaluate of Lying fails: .* read-only",
         ),
         (
             {"limit": lambda law, p: bound(p) + law.steepness},
-            "limit of Lying fails: AttributeError",
+            "evaluate of Lying fails: AttributeError",
         ),
         (
             {"derivative": lambda _, p: p + np.nan},
-            "derivative of Lying is not finite at the pressure 0",
+            "by_pressure of Lying is not finite at the pressure 0",
         ),
         (
             {"derivative": lambda law, p: law.coefficient + 0 * p},
-            "derivative of Lying is not that of its limit",
+            "by_pressure of Lying is not the derivative",
         ),
         (
             {"derivative": lambda law, p: F * np.sign(0.5 - p)},
-            "derivative of Lying is not that of its limit",
+            "by_pressure of Lying is not the derivative",
+        ),
+        ({"evaluate": lambda law, p, s, dt: bound(p)}, "evaluate of Lying must return three"),
+        (
+            {"evaluate": lambda law, p, s, dt: (F * p / (1 + s), F / (1 + s), 0.0)},
+            "set its follows_slip",
         ),
         (
             {
@@ -232,7 +263,57 @@ def test_laws_that_are_not_what_they_say(methods, message):
         solved(lying(**methods))
 
 
-@pytest.mark.parametrize("kind", [Saturating, Quotient, Root])
+@pytest.mark.parametrize(
+    ("methods", "message"),
+    [
+        (
+            of_slip(lambda found, by_p, by_s, s: (found, by_p, 0.9 * by_s)),
+            "by_slip of Lying at the pressure .* and the speed .* is not the derivative",
+        ),
+        (
+            of_slip(lambda found, by_p, by_s, s: (found - s, by_p, by_s - 1)),
+            "is negative or not finite",
+        ),
+        ({"follows_slip": True, "follows_pressure": False}, "leave its follows_pressure out"),
+        (
+            {"kind": Weakening, "envelope": lambda law, zero: (zero, 0.2 + zero, None)},
+            "exceeds, at the pressure .*, its envelope",
+        ),
+    ],
+)
+def test_laws_of_the_slip_that_are_not_what_they_say(methods, message):
+    """Are tried at speeds of all sizes."""
+    law = lying(**methods).with_values(lambda _, value: np.full(2, value))
+    assert re.search(message, fault_of(law, 2, 1e3))
+
+
+@pytest.mark.parametrize("settings", [{}, {"algorithm": "alm"}], ids=str)
+def test_a_law_of_the_slip_without_times(settings):
+    """A loop of a user's own has none, and says which call has."""
+    with pytest.raises(
+        FormError, match=r"contact\[0\].friction: follows the slip, .* solve by run"
+    ):
+        solved(Weakening(F, K), **settings)
+
+
+def test_laws_answer():
+    """Every law says its bound, and what it is without slip, at numbers and at points."""
+    pressure = np.array([0.0, 2.0, 9.0])
+    np.testing.assert_array_equal(Coulomb(0.3).limit(pressure), 0.3 * pressure)
+    capped = Coulomb(0.5, cap=2.0, cohesion=0.25)
+    bounds, by_pressure, by_slip = capped.evaluate(pressure, np.ones(3), 0.1)
+    np.testing.assert_array_equal(bounds, [0.25, 1.25, 2.0])
+    np.testing.assert_array_equal(by_pressure, [0.5, 0.5, 0.0])
+    np.testing.assert_array_equal(by_slip, 0.0)
+    np.testing.assert_array_equal(Tresca(3.0).limit(pressure), 3.0)
+    np.testing.assert_array_equal(Tresca(3.0).evaluate(pressure, pressure, 1.0)[1], 0.0)
+    np.testing.assert_array_equal(NoFriction().evaluate(pressure, pressure, 0.0)[0], 0.0)
+    np.testing.assert_allclose(Saturating(F, K).limit(pressure), bound(pressure))
+    with pytest.raises(NotImplementedError):
+        type("Silent", (FrictionLaw,), {"__module__": __name__})(law="silent").limit(pressure)
+
+
+@pytest.mark.parametrize("kind", [Saturating, Quotient, Root, Weakening])
 @pytest.mark.parametrize("modulus", [1.0, 1e6])
 def test_honest_laws(kind, modulus):
     """Are not refused, however far their bounds bend from the modulus of the body."""
@@ -240,13 +321,13 @@ def test_honest_laws(kind, modulus):
     assert not fault_of(law, 2, modulus)
 
 
-def test_a_law_that_does_not_say_its_limit():
+def test_a_law_that_does_not_say_its_bound():
     """Is refused, also where the pressure leaves its bound as it is."""
     keys = {"law": "silent", "__annotations__": {"law": str, "follows_pressure": ClassVar[bool]}}
     silent = type(
         "Silent", (FrictionLaw,), {"__module__": __name__, "follows_pressure": False, **keys}
     )
-    with pytest.raises(FormError, match=r"Silent must define limit\(\)"):
+    with pytest.raises(FormError, match=r"Silent must define evaluate\(\)"):
         solved(silent())
 
 
@@ -254,3 +335,28 @@ def test_a_law_derived_from_coulomb():
     """Its bound is its envelope, so that it need not say it again."""
     kind = type("Worn", (Coulomb,), {"__module__": __name__})
     assert solved(kind(F)).problem.certificate.holds
+
+
+CAPPED = Coulomb(F, cap=1.5)
+
+
+@pytest.mark.parametrize("algorithm", ["ssn", "alm"])
+def test_a_cap_by_newton(algorithm):
+    """The monolithic method solves it where it is wanted: the shear of the fixed point."""
+    by = {
+        coulomb: solved(CAPPED, coulomb=coulomb, algorithm=algorithm, tolerance=1e-10).problem
+        for coulomb in ("fp", "newton")
+    }
+    for coulomb, problem in by.items():
+        assert problem.certificate.holds
+        assert ("newton" in problem.solution.algorithm) == (coulomb == "newton")
+    shears = [problem.state.shear for problem in by.values()]
+    np.testing.assert_allclose(*shears, rtol=1e-6, atol=1e-6)
+    assert np.isclose(np.abs(shears[1]), 1.5).any()
+
+
+def test_a_cohesion_by_newton():
+    """Its bound jumps where contact opens: the fixed point takes its place, and this is said."""
+    problem = solved(Coulomb(F, cohesion=0.2), coulomb="newton").problem
+    assert "newton" not in problem.solution.algorithm
+    assert any("a cohesion ends with a jump" in event for event in problem.history.events)

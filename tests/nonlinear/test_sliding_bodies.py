@@ -453,11 +453,8 @@ class Sticky(FrictionLaw):
     given: Parameter
     coefficient: Parameter
 
-    def limit(self, pressure):
-        return self.given + self.coefficient * pressure
-
-    def derivative(self, pressure):
-        return self.coefficient + 0.0 * pressure
+    def evaluate(self, pressure, slip, dt):
+        return self.given + self.coefficient * pressure, self.coefficient, 0.0
 
     def envelope(self, zero):
         return Envelope(zero + self.given, zero + self.coefficient)

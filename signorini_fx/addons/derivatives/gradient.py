@@ -34,6 +34,7 @@ from signorini_fx.addons.derivatives.adjoint import (
 from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
 from signorini_fx.algebra.contact.contact_map import ContactMap
 from signorini_fx.algebra.contact.friction import PointFriction
+from signorini_fx.algebra.contact.nodal_vectors import length
 from signorini_fx.algebra.linalg import ElasticSystem
 from signorini_fx.errors import FormError
 from signorini_fx.machine import parallel
@@ -262,7 +263,9 @@ def explicit(
     values = [
         quantity.value(y, data.boundary, state.pressure, state.shear) for quantity in quantities
     ]
-    bound = np.zeros_like(state.pressure) if data.law is None else data.law.bound(state.pressure)
+    bound = np.zeros_like(state.pressure)
+    if data.law is not None:
+        bound, _, _ = data.law.evaluate(state.pressure, length(state.slip_length))
     bound = np.where(np.isfinite(bound), bound, 0.0)
     return Explicit(values, _residual(solved, data), _relative(solved, data, previous), bound)
 

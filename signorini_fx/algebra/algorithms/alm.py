@@ -109,7 +109,7 @@ class Augmentation:
             np.where(movement > 0, movement, 1.0)[groups.number] for movement in (length, stress)
         )
         # At its bound, that of the problem just solved, the shear gives no information about slip.
-        sticks = length_of(new_shifts[1]) < data.friction_bound(newton.multipliers()[0])
+        sticks = length_of(new_shifts[1]) < data.friction_bound(newton.multipliers()[0], u_t)
         open_at = np.abs(differences[0]), length_of(differences[1]) * sticks
         slip = slip_of(u_t, data)
         shear = new_shifts[1]

@@ -108,7 +108,8 @@ def coulomb_newton(
     is as semi-smooth as (3.4); its derivative has d mu / d tau_N y = +-F gamma_1 at slip nodes in
     contact.  It converges locally: from a poor start its sets may cycle.
     """
-    coupled = replace(data, bound=law.given, follows=law)
+    without_pressure, _, _ = law.evaluate(np.zeros_like(data.gap), 0.0)
+    coupled = replace(data, bound=without_pressure, follows=law)
     newton = task.unsymmetric_newton
     if not augmented:
         return newton.solve(coupled, first_sets)

@@ -12,9 +12,9 @@ import numpy as np
 from signorini_fx.algebra.algorithms.alm import Augmentation
 from signorini_fx.algebra.algorithms.ssn import SemismoothNewton
 from signorini_fx.algebra.contact.active_sets import ActiveSets
-from signorini_fx.algebra.contact.complementarity import RegularisedData
+from signorini_fx.algebra.contact.complementarity import RegularisedData, slip_of
 from signorini_fx.algebra.contact.friction import PointFriction
-from signorini_fx.algebra.contact.nodal_vectors import Nodal
+from signorini_fx.algebra.contact.nodal_vectors import Nodal, length
 from signorini_fx.algebra.contact.points import shares
 from signorini_fx.records import Status
 from signorini_fx.tuned import CERTIFICATE_TOLERANCE, NEGLIGIBLE
@@ -51,7 +51,9 @@ def fixed_point(
     if augmentation is not None:
         data = replace(data, lambda_hat=start[0], mu_hat=start[1])
     for _ in range(max_outer):
-        data = replace(data, bound=law.bound(g))
+        data = replace(data, bound=law.evaluate(g, 0.0)[0])
+        if law.follows_slip:  # the pressure alone is that of the last problem
+            data = replace(data, follows=replace(law, pressure=np.abs(g)))
         status = newton.solve(
             data, first_sets, measure=partial(_change, newton, data, g, augmentation)
         )
@@ -112,8 +114,9 @@ def _missed(newton: SemismoothNewton, data: RegularisedData, law: PointFriction)
     pressure, shear = newton.multipliers()
     points = newton.problem.points
     groups = newton.problem.groups
-    following = law.bound(pressure)
-    bound = data.friction_bound(pressure)
+    _, u_t = newton.problem.system.contact.traces(newton.x)
+    following, _, _ = law.evaluate(pressure, length(slip_of(u_t, data)))
+    bound = data.friction_bound(pressure, u_t)
     # The bound of a bond is infinite.
     away = np.abs(
         np.subtract(following, bound, out=np.zeros_like(bound), where=np.isfinite(following))

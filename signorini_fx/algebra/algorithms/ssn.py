@@ -203,6 +203,7 @@ class SemismoothNewton:
         self._first_iteration = first_iteration
         self._solves_before = self.history.linear_solves
         self._seen: dict[int, float] = {}
+        self._returns = 0  # how often sets have come back
         self._changes: list[tuple[int, int]] = []
         self._stalls: list[float] = []
         self._status: Status | None = None
@@ -372,10 +373,10 @@ class SemismoothNewton:
         """
         problem = self.problem
         points = self.problem.points
-        pressure, shear = project(*self.multipliers(), data)
         u_n, u_t = problem.system.contact.traces(self.x)
+        pressure, shear = project(*self.multipliers(), u_t, data)
         still, entered = points.closed(problem.sets.contact, u_n - data.gap)
-        bound = data.friction_bound(pressure)
+        bound = data.friction_bound(pressure, u_t)
         slip = slip_of(u_t - entered, data)
         slips = problem.sets.slip | (
             problem.sets.contact & points.dragged(slip, np.column_stack((u_n, u_t)))
@@ -447,7 +448,12 @@ class SemismoothNewton:
             sound = k > 0 and not problem.next.repaired and problem.next.escapes is None
             if sound and residual <= snes.getTolerances()[0] and self._settled(residual, law):
                 return int(_SNES.CONVERGED_FNORM_RELATIVE)
-            if problem.affine or max(law, snes.getTolerances()[0]) > 0.5 * self._seen[fingerprint]:
+            nearer = max(law, snes.getTolerances()[0]) <= 0.5 * self._seen[fingerprint]
+            # Where the bound follows the slip the same sets have another tangent when they return.
+            self._returns += 1
+            follows = problem.data.follows
+            curved = follows is not None and follows.follows_slip and self._returns <= _TURNS
+            if problem.affine or not (nearer or curved):
                 return self._stop(Status.CYCLING)
         self._changes.append((changed, active))
         if self._may_propose and self._is_slow(k):

@@ -283,7 +283,7 @@ def _released(task: Task, failed: Outcome, law: PointFriction, moved: float) -> 
     points = task.motions.points
     history = task.history
     nothing = np.zeros(points.size)
-    kept = failed.data.bilateral | (law.bound(nothing) != 0)
+    kept = failed.data.bilateral | (law.evaluate(nothing, 0.0)[0] != 0)
     if parallel.any_rank(points.comm, bool(kept.any())) or task.motions.count:
         return None
     if history.exhausted:
@@ -400,7 +400,8 @@ def _coulomb(task: Task, start: Start, law: PointFriction) -> Outcome:
 
     def fixed() -> Status:
         return fixed_point(
-            newton,
+            # Where friction falls with the slip the tangent may be indefinite.
+            task.unsymmetric_newton if law.follows_slip else newton,
             data,
             law,
             multipliers,
@@ -413,9 +414,9 @@ def _coulomb(task: Task, start: Start, law: PointFriction) -> Outcome:
     def monolithic() -> Status:
         return coulomb_newton(task, data, law, first_sets, augmented=s.algorithm == "alm")
 
-    near = (
-        start.multipliers is not None
-    )  # of a coarser mesh, of an earlier load step, or of another load
+    # From a coarser mesh, an earlier load step or another load; and speeds change from one pressure
+    # to the next more than pressures do.
+    near = start.multipliers is not None or law.follows_slip
     first = s.coulomb == "newton" or (s.coulomb == "auto" and near and s.algorithm != "alm")
     return _either_way(task, start, law, first_outcome, fixed, monolithic, monolithic_first=first)
 
@@ -439,11 +440,12 @@ def _either_way(
 
     ways = {FIXED_POINT: fixed, MONOLITHIC: monolithic}
     names = [MONOLITHIC, FIXED_POINT] if monolithic_first else [FIXED_POINT, MONOLITHIC]
-    capped = law.cap is not None and not law.laws
-    if (
-        capped or law.ends_open is not None
-    ):  # a cap is left to the fixed point, and a jump has no derivative
-        names = [FIXED_POINT]
+    capped = law.cap is not None and not law.laws and s.coulomb != "newton"
+    if capped or law.ends_open is not None:
+        names = [FIXED_POINT]  # a cap is left to it unless Newton's method is wanted
+        if s.coulomb == "newton":
+            reason = "a cohesion ends with a jump where contact opens, which has no derivative"
+            task.history.add(f"{reason}: {FIXED_POINT} in place of {MONOLITHIC}")
     elif not s.fallbacks:
         names = (
             names if monolithic_first else names[:1]

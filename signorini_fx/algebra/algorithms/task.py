@@ -19,7 +19,7 @@ from signorini_fx.algebra.contact.active_sets import ActiveSets, slip_multiplier
 from signorini_fx.algebra.contact.complementarity import RegularisedData, slip_of
 from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.contact.motions import FreeMotions, ReferenceMotion, reference_motion
-from signorini_fx.algebra.contact.nodal_vectors import Nodal
+from signorini_fx.algebra.contact.nodal_vectors import Nodal, length
 from signorini_fx.algebra.contact.state import PointState
 from signorini_fx.algebra.linalg import ElasticSystem
 from signorini_fx.algebra.regularised import RegularisedProblem
@@ -198,6 +198,11 @@ class Task:
         u_n, u_t = problem.system.contact.traces(outcome.newton.x)
         rest_n, rest_t = (0.0, 0.0) if self.rest is None else (self.rest.u_n, self.rest.u_t)
         pressure, shear = outcome.newton.multipliers()
+        slip, bound = slip_of(u_t, start.data), np.zeros_like(pressure)
+        if data.bound is not None and law is not None:
+            # Of the law itself: the iteration may have stopped with the bound of the previous
+            # pressure.
+            bound, _, _ = law.evaluate(pressure, length(slip))
         return PointState(
             points=self.system.contact.points,
             gap=data.gap + rest_n,
@@ -205,16 +210,12 @@ class Task:
             u_t=u_t + rest_t,
             pressure=pressure,
             shear=shear,
-            # Of the law itself: the iteration may have stopped with the bound of the previous
-            # pressure.
-            bound=np.zeros_like(pressure)
-            if data.bound is None or law is None
-            else law.bound(pressure),
+            bound=bound,
             in_contact=sets.contact,
             direction=sets.direction,
             has_friction=data.bound is not None,
             bilateral=data.bilateral,
-            slip_length=slip_of(u_t, start.data),
+            slip_length=slip,
             xi=slip_multiplier(sets, shear, u_t, data)
             if data.bound is not None
             else slip_of(u_t, data),

@@ -27,6 +27,7 @@ from signorini_fx.algebra.contact.complementarity import (
     trial_pressure,
     trial_shear,
 )
+from signorini_fx.algebra.contact.friction import Evaluated
 from signorini_fx.algebra.contact.motions import FreeMotions
 from signorini_fx.algebra.contact.nodal_vectors import Nodal, inner, length, unit
 from signorini_fx.algebra.contact.points import ContactPoints
@@ -45,15 +46,15 @@ class ActiveSets:
             A_f,+ and -1 on A_f,-.
         turning: k, stress per length: stiffness of the shear against slip perpendicular to its
             direction, shape (n,); without effect in 2D.
-        line: where a friction bound follows the pressure, value at zero, stress, and slope of its
-            tangent at the iterate, shapes (n,); None: that of no pressure.
+        line: where a friction bound follows pressure and slip, its tangent at the iterate, see
+            ``PointFriction.line``; None: that of no pressure and no slip.
     """
 
     contact: npt.NDArray[np.bool_]
     slip: npt.NDArray[np.bool_]
     direction: Nodal
     turning: Nodal
-    line: tuple[Nodal, Nodal] | None = None
+    line: Evaluated | None = None
 
     @classmethod
     def of(
@@ -109,16 +110,16 @@ class ActiveSets:
         return vectors - inner(self.direction, vectors)[:, None] * self.direction
 
 
-def line_of_bound(sets: ActiveSets, data: RegularisedData) -> tuple[Nodal, Nodal]:
-    """The friction bound for fixed sets, affine in the pressure: its value at zero, stress, and
-    slope, shapes (n,).
+def line_of_bound(sets: ActiveSets, data: RegularisedData) -> Evaluated:
+    """Return the friction bound for fixed sets, affine in pressure and slip, see
+    ``PointFriction.line``.
 
     A point that is about to open has a negative pressure for one step, and then its bound may be
     negative.
     """
     assert data.bound is not None
     if data.follows is None:
-        return data.bound, np.zeros_like(data.bound)
+        return data.bound, np.zeros_like(data.bound), np.zeros_like(data.bound)
     return sets.line or data.follows.line(np.zeros_like(data.bound), data.bilateral)
 
 
@@ -134,8 +135,9 @@ def multipliers(
     pressure = np.where(sets.contact, trial_pressure(u_n, data), 0.0)
     if data.bound is None:
         return pressure, np.zeros_like(u_t)
-    at_zero, slope = line_of_bound(sets, data)
-    bound = at_zero + slope * pressure
+    at_zero, by_pressure, by_slip = line_of_bound(sets, data)
+    along = inner(sets.direction, slip_of(u_t, data))
+    bound = at_zero + by_pressure * pressure + by_slip * along
     trial = trial_shear(u_t, data)
     return pressure, np.where(
         sets.slip[:, None], sliding_shear(sets, bound, trial, data.gamma_t), trial
@@ -172,7 +174,7 @@ def next_sets(u_n: Nodal, u_t: Nodal, xi: Nodal, mu: Nodal, data: RegularisedDat
     contact = (trial > 0) | data.bilateral
     if data.bound is None:
         return ActiveSets.of(contact, np.zeros_like(u_t))
-    bound = data.friction_bound(trial)
+    bound = data.friction_bound(trial, u_t)
     motion = slip_of(u_t, data)
     along_shear = np.where(slips(xi, mu, bound, data)[:, None], unit(mu + xi / data.sigma), 0.0)
     direction = np.where((bound > 0)[:, None], along_shear, unit(motion))
@@ -188,7 +190,7 @@ def classify(sets: ActiveSets, u_n: Nodal, u_t: Nodal, data: RegularisedData) ->
     trial = trial_shear(u_t, data)
     if data.bound is None:
         return next_sets(u_n, u_t, trial, trial, data)
-    bound = data.friction_bound(trial_pressure(u_n, data))
+    bound = data.friction_bound(trial_pressure(u_n, data), u_t)
     # At slip points mu is at its bound by construction, also where the pressure has changed sign,
     # or mu its direction.
     shear = sliding_shear(sets, bound, trial, data.gamma_t)
@@ -220,7 +222,7 @@ def tangent(sets: ActiveSets, data: RegularisedData) -> Nodal:
     """Derivative (1.5) of (lambda, mu) by (tau_N y, tau_T y) for fixed sets, stress per length,
     shape (n, d, d).
 
-    Symmetric unless the bound depends on the pressure.
+    Symmetric unless the bound depends on the pressure; not definite where it falls with the slip.
     """
     count, tangents = sets.direction.shape
     blocks = np.zeros((count, 1 + tangents, 1 + tangents))
@@ -234,8 +236,10 @@ def tangent(sets: ActiveSets, data: RegularisedData) -> Nodal:
         sets.slip[:, None, None], sets.turning[:, None, None] * across, data.gamma_t * identity
     )
     if data.follows is not None:
-        _, slope = line_of_bound(sets, data)
-        blocks[:, 1:, 0] = sets.direction * (slope * blocks[:, 0, 0])[:, None]
+        _, by_pressure, by_slip = line_of_bound(sets, data)
+        blocks[:, 1:, 0] = sets.direction * (by_pressure * blocks[:, 0, 0])[:, None]
+        along = sets.direction[:, :, None] * sets.direction[:, None, :]
+        blocks[:, 1:, 1:] += by_slip[:, None, None] * along
     return blocks
 
 
@@ -246,21 +250,22 @@ def law_residual(sets: ActiveSets, u_n: Nodal, u_t: Nodal, data: RegularisedData
     same.
     """
     pressure, mu = multipliers(sets, u_n, u_t, data)
-    return length(mu - onto_disc(trial_shear(u_t, data), data.friction_bound(pressure)))
+    return length(mu - onto_disc(trial_shear(u_t, data), data.friction_bound(pressure, u_t)))
 
 
 def hold(
     following: ActiveSets,
     sets: ActiveSets,
+    u_t: Nodal,
     multipliers: Callable[[], tuple[Nodal, Nodal]],
     data: RegularisedData,
     motions: FreeMotions,
     escaping: Callable[[], Status | None],
 ) -> tuple[ActiveSets, Status | None, bool]:
     """Sets near ``following`` that hold the body, the status if it moves away, and whether they
-    differ from ``following``; ``sets``: with which the iterate was computed, whose ``multipliers``
-    are asked for; ``escaping``: how the body moves away whatever the sets are, see
-    ``statics.no_balance``, None: it may stay; collective.
+    differ from ``following``; ``sets``: with which the iterate, with tau_T y = ``u_t``, was
+    computed, whose ``multipliers`` are asked for; ``escaping``: how the body moves away whatever
+    the sets are, see ``statics.no_balance``, None: it may stay; collective.
     """
     unresisted = motions.unheld(following.contact, _stick(following, data))
     if not unresisted.any():
@@ -271,7 +276,7 @@ def hold(
         motions.points.comm, not (np.isfinite(pressure).all() and np.isfinite(shear).all())
     ):
         return following, None, False
-    bound = data.friction_bound(pressure)
+    bound = data.friction_bound(pressure, u_t)
     points = motions.points
     everywhere = motions.points.everywhere
     able = (bound > 0) if data.bound is not None else ~everywhere
@@ -319,7 +324,12 @@ def holds(sets: ActiveSets, data: RegularisedData, motions: FreeMotions) -> bool
 
 
 def _stick(sets: ActiveSets, data: RegularisedData) -> npt.NDArray[np.bool_]:
-    return ~sets.slip if data.bound is not None else np.zeros_like(sets.contact)
+    """Return which points resist tangential motion: those that stick, and those whose friction
+    grows with the slip.
+    """
+    if data.bound is None:
+        return np.zeros_like(sets.contact)
+    return ~sets.slip if sets.line is None else ~sets.slip | (sets.line[2] > 0)
 
 
 def _ranked(

@@ -113,15 +113,16 @@ class RegularisedData:
         share = None if self.share is None else np.minimum(self.stiffness, stiffness) / gamma_n
         return replace(self, gamma_n=gamma_n, gamma_t=min(self.gamma_t, stiffness), share=share)
 
-    def friction_bound(self, pressure: Nodal) -> Nodal:
-        """The bound of |mu| at the contact pressure lambda, stress, shape (n,); zero without
-        friction.
+    def friction_bound(self, pressure: Nodal, u_t: Nodal) -> Nodal:
+        """Return the bound of |mu| at the contact pressure lambda and the displacement tau_T y,
+        stress, shape (n,); zero without friction.
         """
         if self.bound is None:
             return np.zeros_like(pressure)
         if self.follows is None:
             return self.bound
-        return self.follows.bound(np.where(self.bilateral, pressure, np.maximum(pressure, 0.0)))
+        pushing = np.where(self.bilateral, pressure, np.maximum(pressure, 0.0))
+        return self.follows.evaluate(pushing, length(slip_of(u_t, self)))[0]
 
 
 def slip_of(u_t: Nodal, data: RegularisedData) -> Nodal:
@@ -169,9 +170,11 @@ def onto_disc(shear: Nodal, bound: Nodal) -> Nodal:
     return np.where(beyond[:, None], np.where(beyond, bound, 0.0)[:, None] * unit(shear), shear)
 
 
-def project(pressure: Nodal, shear: Nodal, data: RegularisedData) -> tuple[Nodal, Nodal]:
+def project(
+    pressure: Nodal, shear: Nodal, u_t: Nodal, data: RegularisedData
+) -> tuple[Nodal, Nodal]:
     """(lambda, mu) made feasible, lambda >= 0 and |mu| <= F g, as section 7 does before the update
     of inexact ALM.
     """
     pressure = np.where(data.bilateral, pressure, np.maximum(pressure, 0.0))
-    return pressure, onto_disc(shear, data.friction_bound(pressure))
+    return pressure, onto_disc(shear, data.friction_bound(pressure, u_t))

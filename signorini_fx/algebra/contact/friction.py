@@ -1,4 +1,4 @@
-"""Friction at the contact points: the bound of the shear as a function of the contact pressure.  No
+"""Friction at the contact points: the bound of the shear as a function of pressure and slip.  No
 finite elements.
 
 Statics needs sets of tractions that are convex and have a closed form.  So the friction of n points
@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -18,19 +18,33 @@ import numpy.typing as npt
 Nodal = npt.NDArray[np.float64]
 
 
-class BoundOfPressure(Protocol):
-    """The bound of a friction law at m points, and its derivative; ``laws.protocol.FrictionLaw`` is
-    one.
+Evaluated = tuple[Nodal, Nodal, Nodal]  # a bound, stress; its derivatives by pressure and by slip
+
+
+class FrictionBound(Protocol):
+    """The bound of a friction law at m points; ``laws.protocol.FrictionLaw`` is one."""
+
+    follows_slip: ClassVar[bool]
+
+    def evaluate(
+        self, pressure: Nodal, slip: Nodal, dt: float
+    ) -> tuple[Nodal, Nodal | float, Nodal | float]:
+        """Return the largest shear and its derivatives, see ``PointFriction.evaluate``."""
+
+    def at(self, points: npt.NDArray[np.int64]) -> FrictionBound:
+        """Return the law at some of the points, by their numbers."""
+
+
+def envelope_at(given: Nodal, coefficient: Nodal, cap: Nodal | None, pressure: Nodal) -> Evaluated:
+    """Return min(given + coefficient lambda, cap) and its derivatives at pressures that are not
+    negative; arrays of shape (n,).
     """
-
-    def limit(self, pressure: Nodal) -> Nodal:
-        """The largest shear at a pressure that is not negative, stress, shape (m,)."""
-
-    def derivative(self, pressure: Nodal) -> Nodal:
-        """Derivative of the bound by the pressure, at zero that towards larger ones, shape (m,)."""
-
-    def at(self, points: npt.NDArray[np.int64]) -> BoundOfPressure:
-        """The same at some of the points, by their numbers."""
+    bound = given + coefficient * pressure
+    by_pressure = np.broadcast_to(coefficient, bound.shape).copy()
+    if cap is not None:
+        by_pressure = np.where(bound < cap, by_pressure, 0.0)
+        bound = np.minimum(bound, cap)
+    return bound, by_pressure, np.zeros_like(by_pressure)
 
 
 @dataclass(frozen=True)
@@ -39,7 +53,7 @@ class LawAtPoints:
     of it, in words.
     """
 
-    law: BoundOfPressure
+    law: FrictionBound
     points: npt.NDArray[np.int64]
     unknown: str
 
@@ -56,6 +70,9 @@ class PointFriction:
         ends_open: points whose bound is zero where there is no pressure, shape (n,); None: there
             are none.
         laws: those whose bound is less than this envelope, the same on all ranks.
+        dt: duration of the slip, for laws that follow its speed, time; 0: nothing slips.
+        pressure: at which the bound is taken whatever the pressure is, stress, shape (n,), not
+            negative; None: the pressure decides.
     """
 
     given: Nodal
@@ -63,31 +80,39 @@ class PointFriction:
     cap: Nodal | None = None
     ends_open: npt.NDArray[np.bool_] | None = None
     laws: tuple[LawAtPoints, ...] = ()
+    dt: float = 0.0
+    pressure: Nodal | None = None
 
-    def bound(self, pressure: Nodal) -> Nodal:
-        """F g with g = lambda at Coulomb points (6.1), stress; |lambda| where contact is
-        bilateral.
+    def evaluate(self, pressure: Nodal, slip: Nodal | float) -> Evaluated:
+        """Return the bound of the shear at the n points, F g with g = lambda at Coulomb points
+        (6.1), and its derivatives by pressure and by slip.
+
+        Args:
+            pressure: stress, shape (n,); negative only where contact is bilateral, where its
+                magnitude counts.
+            slip: length of the slip of the load step, not negative, shape (n,).
+
+        Returns:
+            bound, stress; d/dpressure, without unit, at zero that towards larger pressures;
+            d/dslip, stress per length; all of shape (n,).
         """
+        if self.pressure is not None:
+            given = replace(self, pressure=None).evaluate(self.pressure, slip)
+            return given[0], np.zeros_like(pressure), given[2]
         size = np.abs(pressure)
-        bound = self.given + self.coefficient * size
-        bound = bound if self.cap is None else np.minimum(bound, self.cap)
+        bound, by_pressure, by_slip = envelope_at(self.given, self.coefficient, self.cap, size)
+        slips = np.broadcast_to(slip, size.shape)
+        dt = self.dt
+        if dt == 0.0:
+            slips = np.zeros_like(size)
+            dt = 1.0
         for entry in self.laws:
-            bound[entry.points] = entry.law.limit(size[entry.points])
-        return (
-            bound
-            if self.ends_open is None
-            else np.where(self.ends_open & (pressure == 0), 0.0, bound)
-        )
-
-    def derivative(self, pressure: Nodal) -> Nodal:
-        """Derivative of the bound by the pressure, at zero that towards larger ones, shape (n,)."""
-        size = np.abs(pressure)
-        slope = self.coefficient.copy()
-        if self.cap is not None:
-            slope = np.where(self.given + self.coefficient * size < self.cap, slope, 0.0)
-        for entry in self.laws:
-            slope[entry.points] = entry.law.derivative(size[entry.points])
-        return np.where(pressure < 0, -slope, slope)
+            at = entry.points
+            values = entry.law.evaluate(size[at], slips[at], dt)
+            bound[at], by_pressure[at], by_slip[at] = values
+        if self.ends_open is not None:
+            bound = np.where(self.ends_open & (pressure == 0), 0.0, bound)
+        return bound, np.where(pressure < 0, -by_pressure, by_pressure), by_slip
 
     @property
     def unknown(self) -> str:
@@ -107,6 +132,11 @@ class PointFriction:
         return bool(self.laws) or self.ends_open is not None or bool((self.coefficient > 0).any())
 
     @property
+    def follows_slip(self) -> bool:
+        """Whether the bound depends on the slip; the same on all ranks."""
+        return any(entry.law.follows_slip for entry in self.laws)
+
+    @property
     def acts(self) -> npt.NDArray[np.bool_]:
         """Points that can transmit shear, shape (n,)."""
         return np.asarray((self.given > 0) | (self.coefficient > 0))
@@ -115,7 +145,7 @@ class PointFriction:
         """The same where no pressure can act at some points, shape (n,): what the bound there is
         without one.
         """
-        given = np.where(where, self.bound(np.zeros_like(self.given)), self.given)
+        given = np.where(where, self.evaluate(np.zeros_like(self.given), 0.0)[0], self.given)
         return replace(self, given=given, coefficient=np.where(where, 0.0, self.coefficient))
 
     def without_points(self, where: npt.NDArray[np.bool_]) -> PointFriction:
@@ -137,14 +167,40 @@ class PointFriction:
             weight * self.given, self.coefficient, None if self.cap is None else weight * self.cap
         )
 
-    def line(self, pressure: Nodal, bilateral: npt.NDArray[np.bool_]) -> tuple[Nodal, Nodal]:
-        """Value at zero and slope of the tangent of the bound at a pressure, stress and number,
-        shapes (n,); a negative pressure counts as zero but where contact cannot open.
+    def line(
+        self,
+        pressure: Nodal,
+        bilateral: npt.NDArray[np.bool_],
+        slip: Nodal | float = 0.0,
+        along: Nodal | float = 0.0,
+        careful: bool = False,
+    ) -> Evaluated:
+        """Return the tangent of the bound, at_zero + by_pressure lambda + by_slip s.
+
+        Args:
+            pressure: where it touches, stress, shape (n,); a negative one counts as zero but where
+                contact cannot open.
+            bilateral: where contact cannot open, shape (n,).
+            slip: where it touches, length, shape (n,).
+            along: s there, the part of the slip along the direction of the shear, length, shape
+                (n,).
+            careful: whether by_slip is at least that of the chord from no slip to this one.
+
+        Returns:
+            at_zero, stress; by_pressure; by_slip, stress per length; all of shape (n,).
         """
         pushing = np.where(bilateral, pressure, np.maximum(pressure, 0.0))
-        slope = self.derivative(pushing)
-        slope = np.where(np.isinf(slope), 0.0, slope)  # a root at zero has a vertical tangent
-        return self.bound(pushing) - slope * pushing, slope
+        bound, by_pressure, by_slip = self.evaluate(pushing, slip)
+        # A root at zero has a vertical tangent.
+        by_pressure = np.where(np.isinf(by_pressure), 0.0, by_pressure)
+        if self.follows_slip:
+            # Where a slip begins, the tangent of a bound that falls leads too far.
+            by_slip = np.where(np.greater(along, 0.0), by_slip, np.maximum(by_slip, 0.0))
+            if careful:
+                risen = bound - self.evaluate(pushing, 0.0)[0]
+                steepness = np.divide(risen, slip, out=np.zeros_like(risen), where=slip > 0)
+                by_slip = np.maximum(by_slip, steepness)
+        return bound - by_pressure * pushing - by_slip * along, by_pressure, by_slip
 
 
 def as_given(bound: Any) -> PointFriction:

@@ -546,6 +546,8 @@ class Continuation:
                 StepRecord(len(self.ends) + 1, path.name_at(way.next), path.time_at(way.next))
             )
         why: Exception | str
+        duration = path.time_at(way.next) - path.time_at(way.reached)
+        solver.linear.foundations.dt = duration
         try:
             self._apply(way.next)
             with self.history.at_most(self._allowed):

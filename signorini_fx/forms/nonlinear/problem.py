@@ -366,6 +366,7 @@ class NonlinearContactProblem(ProblemOfForms):
         """
         self._ends = []
         self._solver.begin_path(several=False)
+        self.linear.foundations.without_times()
         if why := self._solver.attempt():
             raise ConvergenceError(self, why)
         self._solver.take()

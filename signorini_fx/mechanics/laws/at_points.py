@@ -15,6 +15,7 @@ from signorini_fx.mechanics.laws.protocol import Array, FrictionLaw
 from signorini_fx.tuned import (
     NEGLIGIBLE,
     PRESSURES_PER_DECADE,
+    ROOT_OF_EPS,
     SMALLEST_PRESSURE,
     TRIED_POINTS,
     WRONG_SLOPE,
@@ -60,49 +61,106 @@ def joined(
 def fault_of(law: FrictionLaw, count: int, modulus: float) -> str:
     """What a law of a user's own says of itself and does not keep, at ``count`` points, for which
     its parameters are arrays; "": nothing was found; ``modulus``: of the body, stress: pressures up
-    to it are tried.
+    to it are tried, and speeds of all sizes.
     """
     kind = type(law)
-    if (
-        kind.limit is FrictionLaw.limit
-        and kind.envelope is not FrictionLaw.envelope
-        and not law.unknown
-    ):
+    own_envelope = kind.envelope is not FrictionLaw.envelope
+    if kind.evaluate is FrictionLaw.evaluate and own_envelope and not law.unknown:
         return ""  # its envelope is its bound
+    if law.follows_slip and not law.follows_pressure:
+        return f"{kind.__name__} follows the slip: leave its follows_pressure out"
     points = np.arange(0, count, 1 + count // TRIED_POINTS)
     exponents = np.arange(PRESSURES_PER_DECADE * SMALLEST_PRESSURE, 1) / PRESSURES_PER_DECADE
     pressure = np.append(0.0, modulus * 10.0**exponents)[:, None]
-    name = type(law).__name__
-    shape = (len(pressure), points.size)
-    tried = law.at(np.tile(points, shape[0]))
-    at_pressures = np.broadcast_to(pressure, shape).ravel()
-    at_pressures.flags.writeable = (
-        False  # a law that changes its argument changes the solver's pressures
-    )
-    values = []
-    with np.errstate(all="ignore"):
-        for statement in ("limit", "derivative"):
-            try:
-                value = getattr(tried, statement)(at_pressures)
-            except NotImplementedError:
-                return f"{name} must define {statement}()"
-            except Exception as error:
-                return f"{statement} of {name} fails: {type(error).__name__}: {error}"
-            if np.shape(value) != at_pressures.shape:
-                shapes = f"{np.shape(value)} for pressures of the shape {at_pressures.shape}"
-                return f"{statement} of {name} has the shape {shapes}"
-            values.append(np.asarray(value, dtype=np.float64).reshape(shape))
-        limit, derivative = values
+
+    def envelope(at: Array) -> Array:
         given, coefficient, cap = law.at(points).envelope(np.zeros(points.size))
-        envelope = given + coefficient * pressure
-        envelope = np.broadcast_to(envelope if cap is None else np.minimum(envelope, cap), shape)
-        round_off = (
-            4 * np.finfo(np.float64).eps * limit[-1]
-        )  # the bound may be a difference of numbers as large
-        for reason, wrong in _faults(law, pressure, limit, derivative, envelope, round_off):
-            if wrong.any():
-                return reason.format(law=name, pressure=np.broadcast_to(pressure, shape)[wrong][0])
+        bound = given + coefficient * at
+        return np.asarray(bound if cap is None else np.minimum(bound, cap))
+
+    def faults() -> Iterator[tuple[Array, str, npt.NDArray[np.bool_]]]:
+        limit, derivative, _ = _values(law, points, pressure, 0.0)
+        # The bound may be a difference of numbers as large.
+        round_off = 4 * np.finfo(np.float64).eps * limit[-1]
+        most = np.broadcast_to(envelope(pressure), limit.shape)
+        for reason, wrong in _faults(law, pressure, limit, derivative, most, round_off):
+            yield pressure, reason, wrong
+        # A speed that is no round number is no corner of a table.
+        speeds = 1.2345 * 10.0 ** np.arange(SMALLEST_PRESSURE, 1 - SMALLEST_PRESSURE)
+        few = pressure[::PRESSURES_PER_DECADE]
+        for speed in speeds if law.follows_slip else (1.0,):
+            for reason, wrong in _faults_at(speed, law, points, few, envelope(few), round_off):
+                yield few, reason, wrong
+
+    try:
+        with np.errstate(all="ignore"):
+            for at, reason, wrong in faults():
+                if wrong.any():
+                    where = np.broadcast_to(at, wrong.shape)[wrong][0]
+                    return reason.format(law=kind.__name__, pressure=where)
+    except _Fault as fault:
+        return str(fault)
     return ""
+
+
+class _Fault(Exception):
+    """What is wrong with a law, in words."""
+
+
+def _faults_at(
+    speed: float,
+    law: FrictionLaw,
+    points: npt.NDArray[np.int64],
+    pressure: Array,
+    envelope: Array,
+    round_off: Array,
+) -> Iterator[tuple[str, npt.NDArray[np.bool_]]]:
+    """What is wrong at a speed, see ``_faults``."""
+    bound, _, by_slip = _values(law, points, pressure, speed)
+    if not law.follows_slip:
+        still, _, _ = _values(law, points, pressure, 0.0)
+        yield (
+            "bound of {law} follows the slip: set its follows_slip",
+            (bound != still) | (by_slip != 0),
+        )
+        return
+    where = f"of {{law}} at the pressure {{pressure:g}} and the speed {speed:g}"
+    yield f"bound {where} is negative or not finite", ~((bound >= 0) & np.isfinite(bound))
+    yield f"bound {where} exceeds its envelope", bound > envelope * (1 + NEGLIGIBLE) + round_off
+    near = np.sqrt(ROOT_OF_EPS) * speed
+    slower, faster = (_values(law, points, pressure, at)[0] for at in (speed - near, speed + near))
+    slope = (faster - slower) / (2 * near)
+    within = WRONG_SLOPE * np.maximum(np.abs(slope), np.abs(by_slip)) + round_off / near
+    yield f"by_slip {where} is not the derivative of its bound", ~(abs(slope - by_slip) <= within)
+
+
+def _values(
+    law: FrictionLaw, points: npt.NDArray[np.int64], pressure: Array, speed: float
+) -> list[Array]:
+    """Return what a law says at m points, k pressures of shape (k, 1) and one speed: the bound and
+    its derivatives by pressure and slip, each of shape (k, m).
+    """
+    name, shape = type(law).__name__, (len(pressure), points.size)
+    pressures = np.broadcast_to(pressure, shape).ravel()
+    slips = np.full(pressures.size, speed)
+    for argument in (pressures, slips):
+        argument.flags.writeable = False  # a law that changes it changes that of the solver
+    try:
+        values = law.at(np.tile(points, shape[0])).evaluate(pressures, slips, 1.0)
+    except NotImplementedError:
+        raise _Fault(f"{name} must define evaluate()") from None
+    except Exception as error:
+        raise _Fault(f"evaluate of {name} fails: {type(error).__name__}: {error}") from None
+    if not isinstance(values, tuple) or len(values) != 3:
+        raise _Fault(f"evaluate of {name} must return three: bound, by_pressure, by_slip")
+    found = list[Array]()
+    for value, part in zip(values, ("bound", "by_pressure", "by_slip"), strict=True):
+        if np.shape(value) != pressures.shape and (part == "bound" or np.shape(value) != ()):
+            shapes = f"{np.shape(value)} for pressures of the shape {pressures.shape}"
+            raise _Fault(f"{part} of {name} has the shape {shapes}")
+        values_at = np.broadcast_to(np.asarray(value, dtype=np.float64), pressures.shape)
+        found.append(values_at.reshape(shape))
+    return found
 
 
 def _faults(
@@ -116,26 +174,26 @@ def _faults(
     """What is wrong in words, with places for law and pressure, and where: k ascending pressures, m
     points, (k, m).
     """
-    yield "limit of {law} is not finite at the pressure {pressure:g}", ~np.isfinite(limit)
-    yield "limit of {law} is negative at the pressure {pressure:g}", limit < 0
+    yield "bound of {law} is not finite at the pressure {pressure:g}", ~np.isfinite(limit)
+    yield "bound of {law} is negative at the pressure {pressure:g}", limit < 0
     infinite = ~(
         np.isfinite(derivative) | ((pressure == 0) & np.isposinf(derivative))
     )  # such as that of a root
-    yield "derivative of {law} is not finite at the pressure {pressure:g}", infinite
+    yield "by_pressure of {law} is not finite at the pressure {pressure:g}", infinite
     if not law.follows_pressure:
         yield (
-            "{law}.follows_pressure is False, but limit() depends on the pressure",
+            "{law}.follows_pressure is False, but bound() depends on the pressure",
             limit != limit[:1],
         )
     within = NEGLIGIBLE * limit + round_off
     what = "its tangent at zero, or its limit: it is not concave" if law.concave else "its envelope"
     yield (
-        f"limit of {{law}} exceeds, at the pressure {{pressure:g}}, {what}",
+        f"bound of {{law}} exceeds, at the pressure {{pressure:g}}, {what}",
         limit > envelope + within,
     )
     if not law.unknown:
         yield (
-            "limit of {law} is less than its envelope, which leaves nothing unknown",
+            "bound of {law} is less than its envelope, which leaves nothing unknown",
             limit < envelope - within,
         )
     # The slope at a pressure is between those of the chords to its neighbours.
@@ -148,7 +206,7 @@ def _faults(
     within = WRONG_SLOPE * np.max(np.abs([before, behind, slope]), axis=0) + round_off / step[:-1]
     if law.concave:
         reason = (
-            "limit of {law} is not concave: it grows faster beyond the pressure {pressure:g} "
+            "bound of {law} is not concave: it grows faster beyond the pressure {pressure:g} "
             "than before"
         )
         yield reason, np.pad(behind > before + within, ends)
@@ -156,6 +214,6 @@ def _faults(
         slope > np.maximum(before, behind) + within
     )
     yield (
-        "derivative of {law} is not that of its limit at the pressure {pressure:g}",
+        "by_pressure of {law} is not the derivative of its bound at the pressure {pressure:g}",
         np.pad(outside, ends),
     )

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 from typing import ClassVar, Literal
 
-import numpy as np
 from pydantic import Field
 
 from signorini_fx.mechanics.laws.directed import DirectedLaw
@@ -26,8 +25,8 @@ class NoFriction(FrictionLaw):
     follows_pressure: ClassVar[bool] = False
     law: Literal["none"] = "none"
 
-    def limit(self, pressure: Array) -> Array:
-        return np.zeros_like(pressure)
+    def envelope(self, zero: Array) -> Envelope:
+        return Envelope(zero, zero)
 
     @property
     def acts(self) -> bool:
@@ -52,8 +51,8 @@ class Tresca(DirectedLaw):
     law: Literal["tresca"] = "tresca"
     bound: Parameter = Field(kw_only=False)
 
-    def limit(self, pressure: Array) -> Array:
-        return np.asarray(self.bound + 0.0 * pressure)
+    def envelope(self, zero: Array) -> Envelope:
+        return Envelope(self.bound + zero, zero)
 
     @property
     def acts(self) -> bool:

@@ -1,10 +1,11 @@
 """What a friction law says.  All that solves, judges and tells of friction asks these methods and
 knows no kind.
 
-A law is |mu| <= g(lambda): the shear mu, a stress, is at most a bound that the contact pressure
-lambda >= 0 decides, and where it is less, nothing slips.  The fields of its class are its
-parameters: numbers, expressions, callables, UFL. At points they are arrays, and ``limit`` is plain
-NumPy on them, as in ``demos/extensions/law.py``.
+A law is |mu| <= g(lambda, s, dt): the shear mu, a stress, is at most a bound that the contact
+pressure lambda >= 0 decides, and perhaps the slip s of the load step and its duration dt; where it
+is less, nothing slips.  The fields of its class are its parameters: numbers, expressions,
+callables, UFL. At points they are arrays, and ``evaluate`` is plain NumPy on them, as in
+``demos/extensions/law.py``.
 """
 
 from __future__ import annotations
@@ -67,6 +68,9 @@ class FrictionLaw(Table):
     # its limit.
     concave: ClassVar[bool] = False
     error: ClassVar[type[SceneError]] = FormError
+    # Whether the bound depends on the slip, by its length or its speed slip / dt; such a law leaves
+    # ``follows_pressure`` as it is.
+    follows_slip: ClassVar[bool] = False
     # Keys that are no parameters.
     apart: ClassVar[tuple[str, ...]] = ("law",)
 
@@ -74,39 +78,45 @@ class FrictionLaw(Table):
 
     # --- what a law must say ---
 
-    def limit(self, pressure: Array) -> Array:
-        """The largest shear, stress, at a pressure that is not negative, both with shape (n,);
-        parameters are arrays of this shape.
-        """
-        raise NotImplementedError
+    def evaluate(
+        self, pressure: Array, slip: Array, dt: float
+    ) -> tuple[Array, Array | float, Array | float]:
+        """Return the largest shear at points where parameters are arrays of shape (n,).
 
-    def derivative(self, pressure: Array) -> Array:
-        """Derivative of the bound by the pressure, at zero that towards larger ones, without unit,
-        shape (n,).
+        Args:
+            pressure: not negative, stress, shape (n,).
+            slip: its length in the load step, its elastic part included, shape (n,).
+            dt: duration of the load step, time, above 0, so that slip / dt is the speed.
+
+        Returns:
+            bound, stress, shape (n,); its derivative by the pressure, at zero that towards larger
+            ones, without unit, and by the slip, stress per length, shapes (n,) or numbers.
         """
-        if self.follows_pressure:
+        if type(self).envelope is FrictionLaw.envelope:
             raise NotImplementedError
-        return np.zeros_like(pressure)
+        # Here, because reading a scene needs neither MPI nor PETSc.
+        from signorini_fx.algebra.contact.friction import envelope_at
+
+        size = np.asarray(pressure, dtype=np.float64)
+        return envelope_at(*self.envelope(np.zeros_like(size)), size)
 
     # --- what it may say ---
 
     def envelope(self, zero: Array) -> Envelope:
         """What bounds its bound, for statics; ``zero`` has the shape of the parameters.
 
-        Of a concave law it follows, and of one that the pressure leaves as it is; of others nothing
-        is known, and friction has no limit.
+        Of a concave law it follows, and of one that the pressure leaves as it is; of others, and of
+        those that follow the slip, nothing is known, and friction has no limit.
         """
-        if not self.follows_pressure:
-            return Envelope(self.limit(zero), zero)
-        if not self.concave:
+        if self.follows_slip or (self.follows_pressure and not self.concave):
             return Envelope(zero + np.inf, zero)
-        with np.errstate(
-            invalid="ignore"
-        ):  # what is a quotient, or of a parameter that is zero, is no number there
+        given, slope, _ = self.evaluate(zero, zero, 1.0)
+        if not self.follows_pressure:
+            return Envelope(given, zero)
+        # What is a quotient, or of a parameter that is zero, is no number there.
+        with np.errstate(invalid="ignore"):
             limit = self.limit(zero + np.inf)
         cap = np.where(np.isnan(limit), np.inf, limit)
-        given = self.limit(zero)
-        slope = self.derivative(zero)
         vertical = np.isinf(slope)
         lines = np.where(vertical, np.inf, given), np.where(vertical, 0.0, slope)
         return Envelope(*lines, None if np.isinf(cap).all() else cap)
@@ -133,6 +143,10 @@ class FrictionLaw(Table):
         return True
 
     # --- what follows ---
+
+    def limit(self, pressure: Array) -> Array:
+        """Return the largest shear without slip, stress, at pressures of shape (n,)."""
+        return self.evaluate(pressure, np.zeros_like(pressure), 1.0)[0]
 
     @classmethod
     def __pydantic_init_subclass__(cls, **options: Any) -> None:

@@ -114,6 +114,7 @@ class Foundations:
         self._outside: dict[int, Any] = {}  # shapes that are not inside the body, by their numbers
         self._values = [NodalValues(space, boundary_facets) for boundary_facets in facets]
         self._dimension = int(space.mesh.geometry.dim)
+        self.dt = 0.0  # duration of the present load step, time; 0: it has none
         self._distances = self._shaped()
 
     def _shaped(self) -> dict[int, Distance]:
@@ -679,4 +680,20 @@ class Foundations:
             if self._contact[k].bonded:
                 parts[-1] = as_given(np.full(at.size, np.inf))
         together = joined(parts, points).without_pressure(boundary.points.immovable)
-        return together.without_points(self.alone(boundary))
+        return replace(together.without_points(self.alone(boundary)), dt=self.dt)
+
+    def without_times(self) -> None:
+        """Begin a step that has no duration.
+
+        Raises:
+            FormError: a law follows the slip.
+        """
+        self.dt = 0.0
+        reason = (
+            "follows the slip, whose speed needs the duration of a step: solve by run, whose load "
+            "steps have times"
+        )
+        laws = [contact.friction for contact in self._contact]
+        wrong = [k for k, law in enumerate(laws) if law is not None and law.follows_slip]
+        if wrong:
+            raise FormError([(f"contact[{k}].friction", reason) for k in wrong])

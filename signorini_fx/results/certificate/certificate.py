@@ -345,6 +345,7 @@ def contact_conditions(
     unity = np.ones_like(stress)
     overlap = u_n - nodes.gap
     sheared = np.linalg.norm(shear, axis=1)
+    bound = nodes.bound(np.linalg.norm(slip, axis=1))
     entered = overlap - pressure / law.gamma_n
     for number, soft in law.overclosures.items():
         on = nodes.part(number)
@@ -367,16 +368,16 @@ def contact_conditions(
         excluded[part] = np.hypot(excluded[part], np.linalg.norm(across, axis=1))
     figures = {
         "negative_pressure": (-pressure[~bilateral], stress[~bilateral]),
-        "friction_cone": (np.maximum(sheared - nodes.bound, excluded), stress),
+        "friction_cone": (np.maximum(sheared - bound, excluded), stress),
         "wrong_way_slip": (_smaller(slipped, length, astray, stress), unity),
         "entered": (np.where(bilateral, np.abs(entered), entered), length),
         "pressure_at_distance": (_smaller(distance, length, pushing, stress), unity),
-        "slip_below_bound": (_smaller(slipped, length, nodes.bound - along, stress), unity),
+        "slip_below_bound": (_smaller(slipped, length, bound - along, stress), unity),
         "penetration": (np.where(bilateral & ~immovable, np.abs(overlap), overlap), far),
         "complementarity": (np.abs(pressure * overlap), stress * far),
         "stick_slip": (
             np.where(
-                sheared < nodes.bound - CERTIFICATE_TOLERANCE * stress,
+                sheared < bound - CERTIFICATE_TOLERANCE * stress,
                 np.linalg.norm(slip, axis=1),
                 0.0,
             ),

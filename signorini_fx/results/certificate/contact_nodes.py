@@ -70,10 +70,13 @@ class ContactNodes(ContactConditions):
         known = {field.name: getattr(contact, field.name) for field in fields(ContactConditions)}
         return cls(**known, pressure=tractions.pressure, shear=tractions.shear)
 
-    @cached_property
-    def bound(self) -> Nodal:
-        """The largest shear that friction allows for, stress, shape (n,)."""
-        return np.zeros_like(self.pressure) if self.law is None else self.law.bound(self.pressure)
+    def bound(self, slip: Nodal) -> Nodal:
+        """Return the largest shear that friction allows for at lengths of slip, both of shape (n,);
+        stress.
+        """
+        if self.law is None:
+            return np.zeros_like(self.pressure)
+        return self.law.evaluate(self.pressure, slip)[0]
 
     def rounded(self, vectors: Nodal, power: int) -> Nodal:
         """Tangential vectors with their part across the direction of friction times r^power: with
