@@ -39,6 +39,8 @@ from signorini_fx.mechanics.laws.coulomb import NoFriction as NoFriction
 from signorini_fx.mechanics.laws.coulomb import Tresca as Tresca
 from signorini_fx.mechanics.laws.protocol import FrictionLaw as FrictionLaw
 from signorini_fx.mechanics.laws.protocol import Parameter as Parameter
+from signorini_fx.mechanics.laws.stribeck import SpeedTable as SpeedTable
+from signorini_fx.mechanics.laws.stribeck import Stribeck as Stribeck
 from signorini_fx.mechanics.loads.follower_pressure import follower_pressure as follower_pressure
 from signorini_fx.mechanics.materials.hyperelastic import MooneyRivlin as MooneyRivlin
 from signorini_fx.mechanics.materials.hyperelastic import NeoHooke as NeoHooke

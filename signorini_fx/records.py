@@ -13,6 +13,10 @@ import numpy as np
 
 # How an event begins that is about a requested accuracy.
 ACCURACY = "accuracy: "
+# How events begin that say how long load steps must be in which friction falls with the speed: of
+# one that has failed, and of one with a solution that may not be the only one.
+TOO_SHORT = "friction falls faster than the body gives way in a load step: "
+MAY_JUMP = "friction falls with the speed, so that sliding may jump within a load step: "
 
 # The figures of a certificate that decide.
 JUDGED = (
@@ -50,6 +54,7 @@ class Status(Enum):
     TIPS = "tips over, no static equilibrium"
     SLIDES = "slides, no static equilibrium"
     SLIDES_AT_PRESSURES = "slides at the contact pressures found"
+    JUMPS = "sliding jumps"
     SINGULAR = "linear system singular"
     NOT_FINITE = "numbers not finite"
     LINEAR_SOLVER = "linear solver failed"
@@ -114,6 +119,10 @@ _ADVICE = {
         "friction at the contact pressures that were found cannot carry the loads (the events "
         "list the share; nothing is proved of other pressures): lower the load, raise friction "
         "or pressure, or find the limit by load_steps"
+    ),
+    Status.JUMPS: (
+        "take longer load steps, hold what slides more stiffly, or let friction fall over a larger "
+        "range of speeds; what happens in a jump needs inertia"
     ),
     Status.SINGULAR: "check that supports and contact hold the body, and that no cell of the mesh "
     "is degenerate",

@@ -366,7 +366,15 @@ def _contact(summary: Summary) -> list[str | TerminalLine]:
         for row in boundaries
         if row.get("touching_nodes") in range(1, FEW_NODES)
     ]
-    return [f"at {touching} of {summary['contact_nodes']} nodes{pressed}{''.join(few)}"]
+    sliding = [
+        f"{row['boundary']} slides at the speed {figure(row['slip_speed'][0])} to "
+        f"{figure(row['slip_speed'][1])}, coefficient "
+        f"{figure(row['tangential_force'] / row['pressure_integral'])}"
+        for row in boundaries
+        if row.get("slip_speed") and row["pressure_integral"]
+    ]
+    where = f"at {touching} of {summary['contact_nodes']} nodes"
+    return [f"{where}{pressed}{''.join(few)}", *sliding]
 
 
 def _forces(summary: Summary) -> list[str | TerminalLine]:

@@ -155,6 +155,10 @@ class ContactFigures(Row):
     contact_force: Vector = described("Resultant of the pressure on the body of this boundary.")
     friction_force: Vector = described("Resultant of the shear on the body of this boundary.")
     tangential_force: Number = described("Magnitude of the resultant T of the shear.")
+    slip_speed: Number | Vector = perhaps(
+        "Smallest and largest speed of the nodes that slip, where friction follows it; null where "
+        "none does."
+    )
     friction_limit: Number = described(
         "Integral of the friction bound, F N for Coulomb friction, for Tresca friction with open "
         "nodes; infinite "

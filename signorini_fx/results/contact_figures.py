@@ -8,6 +8,8 @@ for.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
@@ -73,6 +75,7 @@ def contact_figures(statement: Statement, contact: ContactState) -> list[Contact
                 friction_force=(resultant + 0.0).tolist(),
                 max_pressure=parallel.largest(comm, pressure[nodes], -np.inf),
                 tangential_force=tangential,
+                **_slip_speed(contact, on_part),
                 friction_limit=limit,
                 friction_moment=moment,
                 moment_limit=moment_limit,
@@ -129,6 +132,17 @@ def corner_figures(model: Model, contact: ContactState) -> list[CornerFigures]:
             )
         )
     return figures
+
+
+def _slip_speed(contact: ContactState, on_part: npt.NDArray[np.bool_]) -> dict[str, Any]:
+    """``slip_speed`` where friction follows the speed; collective."""
+    if contact.speed is None:
+        return {}
+    slips = on_part & contact.in_contact & np.any(contact.direction != 0, axis=1)
+    speeds = contact.speed[slips]
+    largest = parallel.largest(contact.boundary.comm, speeds, -np.inf)
+    least = -parallel.largest(contact.boundary.comm, -speeds, -np.inf)
+    return {"slip_speed": [least, largest] if largest >= 0 else None}
 
 
 def _moment_about_middle(

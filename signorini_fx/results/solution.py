@@ -28,6 +28,7 @@ from signorini_fx.records import (
     ACCURACY,
     SHORT_OF_ACCURACY,
     STEPS_UNESTIMATED,
+    TOO_SHORT,
     Finding,
     History,
     Status,
@@ -224,13 +225,12 @@ class Solution:
                 f"the linear solver {name!r} of another package does not solve: take 'auto', "
                 "'full' or 'krylov'"
             )
-        short = self.status in SHORT_OF_ACCURACY
-        reasons = (
-            [event for event in self.history.events if event.startswith(ACCURACY)] if short else []
-        )
-        return "; ".join(
-            [self.status.advice, *(reason.removeprefix(ACCURACY) for reason in reasons[-1:])]
-        )
+        kind = {Status.JUMPS: TOO_SHORT} | dict.fromkeys(SHORT_OF_ACCURACY, ACCURACY)
+        begins = kind.get(self.status)
+        events = self.history.events
+        reasons = [event for event in events if begins is not None and event.startswith(begins)]
+        told = [reason.removeprefix(ACCURACY) for reason in reasons[-1:]]
+        return "; ".join([self.status.advice, *told])
 
     @cached_property
     def findings(self) -> tuple[Finding, ...]:

@@ -14,6 +14,7 @@ from pydantic import BaseModel, create_model
 from pydantic.json_schema import GenerateJsonSchema
 
 from signorini_fx.extensions import EFFECTS, load_class, names_of
+from signorini_fx.mechanics.effects.contact import BY_SPEED, law_by_speed
 from signorini_fx.mechanics.effects.material import every_entry
 from signorini_fx.mechanics.statement.base import tables
 from signorini_fx.mechanics.statement.effect import Effect
@@ -75,7 +76,13 @@ def scene_schema() -> dict[str, Any]:
     by_name = {table.__name__: table for table in tables(model)}
     for name, definition in schema["$defs"].items():
         _describe(definition, by_name[name])
-    for name in ("NoFriction", "Tresca", "Coulomb"):
+    laws = schema["$defs"]["Contact"]["properties"]["friction"]["oneOf"]
+    for kind in map(law_by_speed, BY_SPEED):
+        name = kind.__name__
+        schema["$defs"][name] = kind.model_json_schema(schema_generator=_ForEditors)
+        _describe(schema["$defs"][name], kind)
+        laws.append({"$ref": f"#/$defs/{name}"})
+    for name in (law["$ref"].rpartition("/")[2] for law in laws):
         definition = schema["$defs"][name]
         definition["required"] = ["law", *definition.get("required", [])]
     schema["$defs"]["MeshGenerator"]["properties"]["generator"]["enum"] = list(known_generators())

@@ -38,7 +38,7 @@ from signorini_fx.mechanics.rigid.rigid_motions import MOST_LISTED, names_of, ro
 from signorini_fx.mechanics.statement.effect import Force, Resistance, is_zero
 from signorini_fx.mechanics.statement.expressions import Expression, sample
 from signorini_fx.mechanics.statement.statement import Statement
-from signorini_fx.records import STEPS_UNESTIMATED, Finding, Status
+from signorini_fx.records import MAY_JUMP, STEPS_UNESTIMATED, Finding, History, Status
 from signorini_fx.results.contact_figures import load_on
 from signorini_fx.results.mechanics import StepResult
 from signorini_fx.tuned import FAR_GAP, NO_FORCE, NOTABLE, ROOT_OF_EPS, SAME_LENGTH
@@ -54,6 +54,7 @@ def scene_findings(body: Model, reached: float = np.inf) -> Iterator[Finding]:
     data = body.data
     prescribed, force = _largest_loads(body)
     yield from _incomplete(statement)
+    yield from _falling(statement)
     yield from _pieces(body)
     yield from _locking(
         body, reduced=body.elastic.reduced is not None or statement.element.degree > 1
@@ -79,6 +80,7 @@ def nonlinear_findings(statement: Statement, body: Model) -> Iterator[Finding]:
     from signorini_fx.mechanics.body.nonlinear_law import volume_degree
 
     yield from _incomplete(statement)
+    yield from _falling(statement)
     for number, contact in enumerate(statement.contact):
         if statement.finite_strains and contact.foundation is None and contact.against is None:
             text = (
@@ -95,6 +97,18 @@ def nonlinear_findings(statement: Statement, body: Model) -> Iterator[Finding]:
     yield from equilibrium(body, [])
     yield from _corners(body)
     yield from _coarse_surfaces(body)
+
+
+def _falling(statement: Statement) -> Iterator[Finding]:
+    """Where friction falls with the speed of slip."""
+    for number, contact in enumerate(statement.contact):
+        fall = getattr(contact.friction, "steepest_fall", 0.0)
+        if fall > 0:
+            text = (
+                f"friction falls by up to {fall:.3g} per speed: a load step must last longer than "
+                "this times the normal force over the stiffness against sliding, else sliding jumps"
+            )
+            yield Finding("note", f"contact[{number}].friction", text)
 
 
 def _incomplete(statement: Statement) -> Iterator[Finding]:
@@ -482,6 +496,12 @@ def _equilibrium_of(
 
 
 # --- results --------------------------------------------------------------------------------------
+
+
+def may_jump(history: History) -> list[Finding]:
+    """A warning where a load step with friction that falls may have several solutions."""
+    events = [event for event in history.events if event.startswith(MAY_JUMP)]
+    return [Finding("warning", "load_steps.times", event) for event in events]
 
 
 def pushed_nodes(steps: Sequence[ContactState | None], size: float) -> list[Finding]:

@@ -129,7 +129,7 @@ class Increments(PathIncrements):
         """Whether a load step that ended with ``status`` has no solution for any increment."""
         return (
             not self._divisible
-            or status is Status.CORNER
+            or status in (Status.CORNER, Status.JUMPS)  # in a shorter one all the more
             or (self.reached < 0 and status in _HOPELESS_AT_FIRST)
         )
 

@@ -36,6 +36,7 @@ from signorini_fx.results.solution import Solution
 from signorini_fx.solving.findings import (
     facets_in_result,
     loose_at_rest,
+    may_jump,
     pushed_nodes,
     refuse_beforehand,
     result_findings,
@@ -201,7 +202,11 @@ def contact_solution(
     ``find``: gives the findings, which are looked for when the first one asks, on several ranks at
     once; collective.
     """
-    (outcome, data), shown, found = ended, _shown(steps), cache(lambda: tuple(find()))
+    (outcome, data), shown, found = (
+        ended,
+        _shown(steps),
+        cache(lambda: (*find(), *may_jump(task.history))),
+    )
     if model.comm.size > 1:  # they may be asked for by one rank alone
         found()
     parameters = dict[str, float]()

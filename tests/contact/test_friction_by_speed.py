@@ -1,5 +1,8 @@
 """Friction that follows the speed of slip: steady sliding of blocks on belts, and what refuses it."""
 
+import re
+import subprocess
+import sys
 from typing import Literal
 
 import numpy as np
@@ -9,6 +12,7 @@ from dolfinx import fem
 from forms import box, hooke, side
 
 import signorini_fx as sfx
+from signorini_fx.mechanics.laws.at_points import fault_of
 from signorini_fx.records import Status
 
 SPEED = 0.01
@@ -178,3 +182,154 @@ def test_restart(tmp_path):
         np.testing.assert_allclose(
             first.contact.forces[1], second.contact.forces[1], rtol=1e-7, atol=1e-9
         )
+
+
+STRIBECK = {"law": "stribeck", "coefficient": 0.4, "kinetic": 0.2, "speed": 0.006}
+TABLE = {"law": "speeds", "speeds": [0.0, 0.002, 0.02], "coefficients": [0.4, 0.3, 0.25]}
+# Curves and their values at the speed of the belt.
+CURVES = [
+    (STRIBECK, 0.2 + 0.2 * np.exp(-25 / 9)),
+    (STRIBECK | {"exponent": 1, "viscous": 3.0}, 0.23 + 0.2 * np.exp(-5 / 3)),
+    (STRIBECK | {"coefficient": 0.2, "kinetic": 0.4}, 0.4 - 0.2 * np.exp(-25 / 9)),
+    (TABLE, 0.3 - 0.05 * 8 / 18),
+]
+
+
+@pytest.mark.parametrize(("curve", "value"), CURVES, ids=str)
+def test_curves(curve, value):
+    """In a scene as in forms; the table of points has the speed, and the summary its extremes."""
+    scene = on_a_belt(curve, 0.5 * np.arange(1, 25), solver={"tolerance": 1e-9})
+    solution = sfx.solve(scene)
+    np.testing.assert_allclose(ratio(solution.contact), value, rtol=1e-6)
+    np.testing.assert_allclose(solution.table.columns["speed"], SPEED, rtol=1e-6)
+    np.testing.assert_allclose(solution.contact_figures[0].slip_speed, SPEED, rtol=1e-6)
+    kind = sfx.Stribeck if curve["law"] == "stribeck" else sfx.SpeedTable
+    problem, at = dragged(kind(**curve), tolerance=1e-9)
+    steps = problem.run([0.5 * k for k in range(1, 9)], at).steps
+    np.testing.assert_allclose(ratio(steps[-1].contact), value, rtol=1e-6)
+
+
+@pytest.mark.parametrize("curve", [curve for curve, _ in CURVES], ids=str)
+def test_curves_have_their_derivatives(curve):
+    """And no friction exceeds the envelope, which statics knows."""
+    kind = sfx.Stribeck if curve["law"] == "stribeck" else sfx.SpeedTable
+    law = kind(**curve).with_values(lambda _, value: np.full(3, value))
+    assert not fault_of(law, 3, 1e3)
+
+
+def test_in_space():
+    """Dragged aslant; with another coefficient across a direction, along that."""
+    box = {"length": 2.0, "width": 1.0, "height": 1.0, "nx": 4, "ny": 2, "nz": 2}
+    for x, y, friction in ((0.006, 0.008, {}), (0.01, 0.0, {"ratio": 0.5, "along": [1, 0, 0]})):
+        scene = sfx.Scene(
+            mesh={"generator": "box", "parameters": box},
+            material={"young": 1000.0, "poisson": 0.3},
+            displacement={"boundary": "top", "x": f"{x}*t", "y": f"{y}*t", "z": -0.001},
+            contact={"boundary": "bottom", "friction": CURVES[1][0] | friction},
+            load_steps={"times": [0.5, 1.0, 1.5, 2.0, 2.5]},
+        )
+        solution = sfx.solve(scene)
+        np.testing.assert_allclose(ratio(solution.contact), CURVES[1][1], rtol=1e-6)
+
+
+def test_free_to_slide():
+    """A body that viscous friction alone holds slides as fast as its load asks for."""
+    scene = sfx.Scene(
+        mesh={"generator": "rectangle", "parameters": {"length": 2.0, "nx": 8, "ny": 4}},
+        material={"young": 1000.0, "poisson": 0.3},
+        traction={"boundary": "top", "x": 0.3, "y": -1.0, "factors": [1.0, 1.0, 1.0]},
+        contact={
+            "boundary": "bottom",
+            "friction": STRIBECK | {"coefficient": 0.2, "kinetic": 0.2, "viscous": 5.0},
+        },
+        load_steps={"times": [0.1, 0.2, 0.3]},
+    )
+    contact = sfx.solve(scene).contact
+    # In the mean, 0.3 = 0.2 + 5 v, weighted by the pressure.
+    speeds = contact.speed @ (contact.points.weight * contact.pressure)
+    np.testing.assert_allclose(speeds, 0.02 * 2.0, rtol=1e-6)
+
+
+STIFF = {
+    "material": {"young": 1e6, "poisson": 0.3},
+    "displacement": {"boundary": "top", "y": -1e-6},
+}
+# Of one kinetic coefficient: |F'| at the speed v of a block on a spring k, with a normal force N.
+FALL = 0.2 / 0.006 * np.sqrt(2) * np.exp(-0.5)
+
+
+def test_the_bound_on_the_step():
+    """A stiff block on a spring needs steps of more than N |F'| / k."""
+    with pytest.raises(sfx.ConvergenceError, match="take longer load steps") as caught:
+        sfx.solve(on_a_belt(STRIBECK, 0.02 * np.arange(1, 100), **STIFF))
+    solution = caught.value.solution
+    assert solution.steps[-1].status is Status.JUMPS
+    named = float(re.search(r"one of more than ([\d.]+) has", str(caught.value))[1])
+    force = np.linalg.norm(solution.steps[-2].contact.forces[0])
+    np.testing.assert_allclose(named, force * FALL / 200.0, rtol=2e-2)
+    longer = on_a_belt(STRIBECK, 1.1 * named * np.arange(1, 8), **STIFF)
+    assert sfx.solve(longer).converged
+
+
+def test_a_step_that_may_jump_warns():
+    """A solution at whose lower speeds friction falls too fast need not be the only one."""
+    solution = sfx.solve(on_a_belt(TABLE, 0.1 * np.arange(1, 10)))
+    assert any("sliding may jump" in found.message for found in solution.findings)
+    rising = sfx.solve(on_a_belt(CURVES[2][0], 0.1 * np.arange(1, 4)))
+    assert not any("jump" in found.message for found in rising.findings)
+
+
+@pytest.mark.parametrize(
+    ("keys", "message"),
+    [
+        (
+            {"load_steps": {}},
+            r"friction\.law: follows the speed of slip, .* give load_steps\.times",
+        ),
+        ({"load_steps": {"times": [0.0, 1.0]}}, "the first above 0"),
+        ({"load_steps": {"steps": 3}}, r"give load_steps\.times"),
+    ],
+    ids=str,
+)
+def test_steps_without_a_duration(keys, message):
+    """Leave no speed that friction could follow."""
+    with pytest.raises(sfx.SceneError, match=message):
+        on_a_belt(STRIBECK, [1.0], **keys)
+
+
+@pytest.mark.parametrize(
+    ("friction", "message"),
+    [
+        (STRIBECK | {"speed": 0.0}, r"friction\.speed: must be greater than 0"),
+        (STRIBECK | {"exponent": 0.5}, r"friction\.exponent: must be greater than or equal to 1"),
+        (STRIBECK | {"kinetic": -0.1}, r"friction\.kinetic: must not be negative"),
+        (STRIBECK | {"kinetics": 0.1}, r"friction\.kinetics: unknown key"),
+        ({"law": "stribeck", "coefficient": 0.4}, r"friction\.kinetic: is missing"),
+        (TABLE | {"speeds": [0.1, 0.2, 0.3]}, r"friction\.speeds: must begin with 0 and increase"),
+        (TABLE | {"coefficients": [0.3, 0.2]}, r"friction\.coefficients: must be 3, one for each"),
+        ({"law": "stribek"}, r"friction\.law: must be one of .*'stribeck', 'speeds'.*'stribek'"),
+    ],
+    ids=str,
+)
+def test_bad_input(friction, message):
+    """One clear error each."""
+    with pytest.raises(sfx.SceneError, match=message):
+        on_a_belt(friction, [1.0])
+
+
+def test_nothing_of_it_is_imported_unless_it_is_named():
+    """Neither by the package, nor by scenes and solves with other laws."""
+    code = (
+        "import sys; import signorini_fx as sfx; sfx.ContactProblem; "
+        "sfx.solve(sfx.read_scene('demos/scenes/example1_coulomb.toml')); "
+        "print([name for name in sys.modules if 'stribeck' in name or 'sliding_jumps' in name])"
+    )
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert ended.stdout.splitlines()[-1] == "[]"
+
+
+def test_derivatives_are_refused():
+    """They would be those of friction at rest."""
+    scene = on_a_belt(STRIBECK, [0.4])
+    with pytest.raises(sfx.SignoriniError, match="not possible yet where it follows the speed"):
+        sfx.sensitivity(scene, "force bottom x", ["contact.friction.kinetic"])

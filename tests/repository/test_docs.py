@@ -34,6 +34,7 @@ import signorini_fx
 from signorini_fx.mechanics.effects import contact, displacement, loads
 from signorini_fx.mechanics.effects.contact import Overclosure
 from signorini_fx.mechanics.laws.coulomb import Coulomb, NoFriction, Tresca
+from signorini_fx.mechanics.laws.stribeck import SpeedTable, Stribeck
 from signorini_fx.mechanics.materials.hyperelastic import (
     MooneyRivlin,
     NeoHooke,
@@ -201,7 +202,7 @@ def test_length_of_the_examples():
     """
     text = EXAMPLES.read_text(encoding="utf-8")
     asked = re.split(r"^## ", text, flags=re.MULTILINE)[1:]
-    assert len(asked) == 13
+    assert len(asked) == 14
     for block in blocks_of(EXAMPLES):
         lines = [
             line
@@ -212,7 +213,7 @@ def test_length_of_the_examples():
         assert all(len(line) <= 120 for line in lines), block
     pictures = [re.findall(r"!\[.+\]\((images/[\w/-]+\.png)\)", one) for one in asked]
     assert all(len(one) == 1 for one in pictures)
-    assert len({one for (one,) in pictures}) == 13
+    assert len({one for (one,) in pictures}) == 14
     assert all(re.search("^```(sh|python)$", one, re.MULTILINE) for one in asked)
 
 
@@ -527,7 +528,13 @@ MODELS = {
     ],
     ("`[[springs]]`", "key"): [loads.Springs],
     ("`[[contact]]`", "key"): [contact.Contact],
-    ("`[[contact]]`", "key of `friction`"): [NoFriction, Tresca, Coulomb],
+    ("`[[contact]]`", "key of `friction`"): [
+        NoFriction,
+        Tresca,
+        Coulomb,
+        Stribeck,
+        SpeedTable,
+    ],
     ("`[[contact]]`", "key of `overclosure`"): [Overclosure],
     ("Rigid bodies", "key"): [RigidMotion],
     ("Two bodies", "key of `body`"): [scene.Body],
@@ -577,6 +584,8 @@ def test_every_class_has_a_table():
     assert classes_in(model := described()) == {model}.union(*MODELS.values()) - {
         scene.Scene,
         RigidMotion,
+        Stribeck,  # of a file that is imported where a scene names the law
+        SpeedTable,
     }
 
 

@@ -95,9 +95,9 @@ def linearised(
     contact = state.in_contact
     count, tangents = state.shear.shape
     law = law if state.has_friction else None
-    coefficient, by_slip = np.zeros((2, count))
+    coefficient = np.zeros(count)
     if law is not None:
-        _, coefficient, by_slip = law.evaluate(state.pressure, length(state.slip_length))
+        _, coefficient, _ = law.evaluate(state.pressure, 0.0)
     moves = np.any(state.direction != 0, axis=1) | ~(state.bound > 0)
     slips = moves & (state.bound > 0)
     slip = np.where(slips[:, None], unit(state.shear), 0.0)
@@ -117,7 +117,6 @@ def linearised(
     turning[:, 1:, 1:] = share[:, None, None] * (
         np.eye(tangents) - slip[:, :, None] * slip[:, None, :]
     )
-    turning[:, 1:, 1:] += by_slip[:, None, None] * (slip[:, :, None] * slip[:, None, :])
     between = _between(state, gamma, slips, ~moves)
     return LinearisedLaw(
         tied, spread, turning, np.array([gamma[0], *[gamma[1]] * tangents]), exact, slip, between

@@ -34,7 +34,6 @@ from signorini_fx.addons.derivatives.adjoint import (
 from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
 from signorini_fx.algebra.contact.contact_map import ContactMap
 from signorini_fx.algebra.contact.friction import PointFriction
-from signorini_fx.algebra.contact.nodal_vectors import length
 from signorini_fx.algebra.linalg import ElasticSystem
 from signorini_fx.errors import FormError
 from signorini_fx.machine import parallel
@@ -84,6 +83,9 @@ class SolvedStep:
         """A load step that has just been solved; ``turning``: of points on shapes at finite
         displacements ``curvature``, ``LinearisedLaw.slips`` and ``spin``; collective.
         """
+        if law is not None and law.follows_slip:
+            reason = "derivatives are not possible yet where it follows the speed of slip"
+            raise FormError([("contact.friction", reason)])
         exact = not all(np.isfinite(task.promised(outcome)[:2]))
         data = start.data if exact else outcome.problem.data
         gamma = data.gamma_n, data.gamma_t
@@ -265,7 +267,7 @@ def explicit(
     ]
     bound = np.zeros_like(state.pressure)
     if data.law is not None:
-        bound, _, _ = data.law.evaluate(state.pressure, length(state.slip_length))
+        bound, _, _ = data.law.evaluate(state.pressure, 0.0)
     bound = np.where(np.isfinite(bound), bound, 0.0)
     return Explicit(values, _residual(solved, data), _relative(solved, data, previous), bound)
 

@@ -486,4 +486,8 @@ def _either_way(
         task.history.add(f"{last.status.value}: {name}{start_of_it}")
         newton.restore(checkpoint)
         last = ended(name)
+    if law.follows_slip:
+        from signorini_fx.algebra.algorithms.sliding_jumps import unless_sliding_jumps
+
+        return unless_sliding_jumps(task.newton, last, law)
     return replace(last, status=Status.SLIDES_AT_PRESSURES) if slid and not settled(last) else last

@@ -216,6 +216,7 @@ class Task:
             has_friction=data.bound is not None,
             bilateral=data.bilateral,
             slip_length=slip,
+            dt=law.dt if law is not None and law.follows_slip else 0.0,
             xi=slip_multiplier(sets, shear, u_t, data)
             if data.bound is not None
             else slip_of(u_t, data),

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from signorini_fx.algebra.contact.active_sets import ActiveSets
-from signorini_fx.algebra.contact.nodal_vectors import Nodal, inner
+from signorini_fx.algebra.contact.nodal_vectors import Nodal, inner, length
 from signorini_fx.algebra.contact.points import ContactPoints
 from signorini_fx.machine import parallel
 from signorini_fx.tuned import ZERO_IN_SOLUTION
@@ -36,6 +36,7 @@ class PointState:
             load step, shape (n, d - 1).
         xi: its part beyond the elastic slip of the regularisation, length; zero at stick nodes,
             shape (n, d - 1).
+        dt: duration of the load step where friction follows the speed of slip, time; else 0.
     """
 
     points: ContactPoints
@@ -51,12 +52,20 @@ class PointState:
     bilateral: npt.NDArray[np.bool_]
     slip_length: Nodal
     xi: Nodal
+    dt: float
 
     def __repr__(self) -> str:
         return (
             f"<{type(self).__name__}: {self.points.size} points of this rank, "
             f"{self.in_contact.sum()} in contact>"
         )
+
+    @property
+    def speed(self) -> Nodal | None:
+        """Return the speed of slip, length per time, shape (n,); None: friction does not follow
+        it.
+        """
+        return length(self.slip_length) / self.dt if self.dt else None
 
     @property
     def held_inside(self) -> Nodal:

@@ -160,6 +160,7 @@ def contact_table(
         "pressure": contact.pressure,
         "shear": contact.tangential(contact.shear),
         "slip": contact.displaced(contact.slip_length),
+        **({} if contact.speed is None else {"speed": contact.speed}),
         "bound": contact.bound,
         "touching": contact.in_contact,
         "side": contact.sliding_side(),
@@ -192,6 +193,7 @@ def contact_table(
         "state": np.where(of["touching"][:, 0] > 0, state, "open"),
         "friction": np.where(of["bound"][:, 0] > 0, state, "none"),
         **_components("slip", of["slip"]),
+        **(_components("speed", of["speed"]) if "speed" in of else {}),
         "boundary": np.array(names)[part.astype(int)],
         **(
             {}

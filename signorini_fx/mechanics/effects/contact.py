@@ -5,6 +5,7 @@ other packages.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from importlib import import_module
 from typing import Annotated, Any, ClassVar, Literal, Self, cast
 
 from pydantic import Discriminator, TypeAdapter, WrapValidator, model_validator
@@ -25,15 +26,32 @@ from signorini_fx.mechanics.statement.values import (
     not_at_points,
 )
 
+# By their names the classes of friction that follows the speed, of a file that is imported where
+# one of them is named.
+BY_SPEED = {"stribeck": "Stribeck", "speeds": "SpeedTable"}
+_NAMED = ("none", "tresca", "coulomb")
+
+
+def law_by_speed(name: str) -> type[FrictionLaw]:
+    """Return the class of a friction law in ``BY_SPEED``."""
+    file = import_module("signorini_fx.mechanics.laws.stribeck")
+    kind: type[FrictionLaw] = getattr(file, BY_SPEED[name])
+    return kind
+
 
 def _law(entry: Any, kinds: Any) -> Any:
     """A friction law from a table; itself if it is one."""
     if isinstance(entry, FrictionLaw):
         return entry
     name = entry.get("law") if isinstance(entry, Mapping) else None
-    if name not in ("none", "tresca", "coulomb") and name in names_of(LAWS):
+    if not isinstance(name, str) or name in _NAMED:
+        return kinds(entry)
+    if name in BY_SPEED:
+        return TypeAdapter(law_by_speed(name)).validate_python(entry)
+    if name in (of_others := names_of(LAWS)):
         return TypeAdapter(load_class(LAWS, name, FrictionLaw)).validate_python(entry)
-    return kinds(entry)
+    known = ", ".join(map(repr, (*_NAMED, *BY_SPEED, *of_others)))
+    raise refused("friction", [(("law",), f"must be one of {known}, got {name!r}")])
 
 
 OneLaw = Annotated[
@@ -161,6 +179,8 @@ class Contact(Effect):
                     ("contact", number, rival),
                     f"foundation already gives {said}: remove one of them",
                 )
+        if self.friction.follows_slip:
+            yield from _without_speed(statement, number)
         if self.tool is not None:
             yield from _not_with_tools(statement, number)
         if self.overclosure is not None and not self.opens:
@@ -295,6 +315,15 @@ class BondedContact(Contact):
     """
 
     kind: Literal["bonded"] = "bonded"
+
+
+def _without_speed(statement: Any, number: int) -> Contradictions:
+    """Why there is no speed that friction could follow, or no method that lets it."""
+    times, place = statement.load_steps.times, ("contact", number, "friction", "law")
+    if times is None or times[0] <= 0:
+        first = "" if times is None else ", the first above 0, as slip begins at time 0"
+        reason = "follows the speed of slip, for which load steps need a duration"
+        yield place, f"{reason}: give load_steps.times, one for each step{first}"
 
 
 def _not_with_tools(statement: Any, number: int) -> Contradictions:
