@@ -610,5 +610,5 @@ def test_sides_that_share_nodes():
     scene = blocks()
     facets = scene.sides[1]
     contact = Pair(facets[:2], facets[2:])
-    with pytest.raises(FormError, match=r"contact\[0\]: its sides share nodes"):
+    with pytest.raises(FormError, match=r"contact\[0\]: sides that slide must not share nodes"):
         type(scene.problem)(scene.form, scene.u, bcs=scene.bcs, contact=contact).solve()
