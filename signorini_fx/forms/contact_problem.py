@@ -287,10 +287,6 @@ class ContactProblem(ProblemOfForms):
     """A linear problem of your own forms with contact: find y with a(y, z) = L(z) for all z, and
     contact on parts of the boundary.
 
-        problem = ContactProblem(a, L, bcs, contact=[Foundation(facets, gap=0.01,
-        friction=Coulomb(0.3))])
-        y = problem.solve()
-
     Constants and Functions in the forms, in the conditions and in the foundations may change
     between two solves: what has not changed is neither assembled nor factorised again.  An own time
     loop calls ``advance`` after each step.

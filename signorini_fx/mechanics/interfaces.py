@@ -83,8 +83,8 @@ class Pair:
         adjust: where the distance by geometry is at most this, length, it counts as zero; None:
             nowhere.
         measure: factor of the surface measure in the user's forms, as in ``Foundation``, of the
-        first side: values at
-            its nodes are interpolated; points at which it is zero carry no contact.  None: 1.
+            first side: values at its nodes are interpolated; points at which it is zero carry no
+            contact. None: 1.
         friction: a law of ``laws``, such as ``Coulomb`` or ``Tresca``, or one of your own; None:
             there is none.
         bilateral: whether the contact cannot open; the pressure then has any sign.
@@ -94,7 +94,8 @@ class Pair:
             as sides slide by little of a facet, and normals turn with the other side.  Without
             effect on linear bodies, which never slide that far.
         reach: distance beyond which facets are no partners, length; None: a default from the sizes
-        of both sides. shape, direction: those of a ``Foundation``: there is none.
+            of both sides.
+        shape, direction: those of a ``Foundation``: there is none.
 
     Examples:
         >>> pair = sfx.Pair(block.facets("bottom"), block.facets("top"), friction=sfx.Coulomb(0.3))

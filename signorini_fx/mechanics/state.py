@@ -57,7 +57,7 @@ class ContactValues:
         pressure: stress, shape (n,).
         shear: stress.
         elastic: the part of the slip so far that is due to the regularisation, a stress over gamma,
-        length.
+            length.
         contact: which points are in contact, shape (n,).
         direction: unit vectors of the shear where points slip, zero where they stick.
         turning: stiffness against slip across that direction, stress per length, shape (n,).
@@ -83,8 +83,7 @@ class Field:
 
     Attributes:
         at: where they are: "dofs" of the displacement, its "nodes", contact "points" or "cells",
-        all of this rank, the
-            first two with ghosts, or "global", the same on all ranks.
+            all of this rank, the first two with ghosts, or "global", the same on all ranks.
         values: one row for each of them.
     """
 
@@ -103,17 +102,16 @@ class State:
         number: how many load steps have ended.
         time: when the last one has ended.
         displacement: from the initial position, ghosts included, length, shape (dofs,); of the
-        start of a solve empty
-            where it is not known.
+            start of a solve empty where it is not known.
         rigid: coordinates of rigid bodies with unknown motion, lengths, shape (k,).
         placed: how the shape of each contact is shifted and turned; None: it has none.
         contact: at the contact points; None: before the first load step.
         gammas: those of the regularisation in both directions, to which the method has come, stress
-        per length.
+            per length.
         error: the error of the regularisation that path-following has estimated, in the energy
-        norm.
+            norm.
         found: by how much forces have shortened each section that they tighten, length; nan: by
-        nothing so far.
+            nothing so far.
         element: unknowns of the element beside the displacement, shape (m,).
         fields: what effects and users carry along, by name.
 

@@ -99,8 +99,8 @@ def write_results(
         folder: made if it does not exist, or claimed before.
         fields: write the fields for ParaView.
         pictures: draw the deformed body with the von Mises stress, and the contact boundary; a list
-        of names: draw the
-            deformed body with these fields too (``pressure``, ``displacement``, ``density``).
+            of names: draw the deformed body with these fields too (``pressure``, ``displacement``,
+            ``density``).
         pdf: write each picture as a PDF, for print, beside the PNG.
 
     Returns:

@@ -302,8 +302,7 @@ class Solution:
 
         Args:
             number: of the contact as the scene lists them, of two bodies the side ``boundary``;
-            None: all of them, of
-                which at a node of two the later one counts.
+                None: all of them, of which at a node of two the later one counts.
 
         Raises:
             ValueError: the scene has no contact, or no such one.

@@ -41,11 +41,10 @@ class Posed:
         rigid: the rigid bodies whose motion is unknown.
         task: the contact problem.
         first: where the step starts with nothing of a step before: gap, friction, and gammas of the
-        settings.
+            settings.
         placed: how shapes are shifted and turned in the step.
         drift: by how much foundations have moved at the contact points since the state, length,
-        shape (n, d); None:
-            they have not.
+            shape (n, d); None: they have not.
         spin: see ``rotations``.
         linear: whether the body is: the iterate of a step then begins with the last solution.
     """

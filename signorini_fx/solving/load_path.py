@@ -32,7 +32,7 @@ def run(
         on_step: called with the end of each load step that has a solution, and its report.
         guess: see ``step``, of the first step.
         stored: the load steps of a run that has not ended, which each new one is added to; None:
-        nothing is stored.
+            nothing is stored.
 
     Returns:
         The ends of all load steps with their reports, the last one with or without a solution.

@@ -77,7 +77,7 @@ class Report:
         posed: what it was solved with.
         start: where it began.
         outcome: how its contact problem has ended, with the iterate of the method as long as no
-        other is solved.
+            other is solved.
         data: of that problem.
     """
 
@@ -105,7 +105,7 @@ def step(
         state: the end of the step before.
         place: see ``statement.load_path``.
         guess: a solution of the same step for other values, from which the iteration begins; None:
-        there is none.
+            there is none.
         budget: linear solves that it may take; None: those of the settings.
 
     Returns:

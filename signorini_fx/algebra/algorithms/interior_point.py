@@ -4,9 +4,9 @@ interior-point method.
 The solution minimises a convex function, and satisfies, with s and r the multipliers of the bounds
 of lambda and mu,
 
-    tau_N y - d + s = (lambda - lambda_hat) / gamma_1,    lambda s = 0,              lambda, s >= 0,
-    tau_T y - r mu = (mu - mu_hat) / gamma_2,             r (F^2 g^2 - |mu|^2) / 2 = 0,    |mu| <= F
-    g, r >= 0.
+    tau_N y - d + s = (lambda - lambda_hat) / gamma_1,    lambda s = 0,    lambda, s >= 0,
+    tau_T y - r mu = (mu - mu_hat) / gamma_2,    r (F^2 g^2 - |mu|^2) / 2 = 0,
+    |mu| <= F g,    r >= 0.
 
 Newton's method solves these equations with both products equal to t > 0, which is reduced from step
 to step, and stays inside the bounds.  Eliminated point by point, a step is one factorisation of A +

@@ -10,8 +10,8 @@ The friction law is the projection onto the disc |mu| <= F g of R^(d - 1).  In R
 interval, a direction is a sign, and what follows is the paper's Algorithm (SSN).  In R^2 a slipping
 point carries the direction e of its shear, and its shear for fixed sets is
 
-    mu = F g e + k (I - e e^T) s,    s = tau_T y + mu_hat / gamma_2,    k = F g / max(e . s, F g /
-    gamma_2),
+    mu = F g e + k (I - e e^T) s,    s = tau_T y + mu_hat / gamma_2,
+    k = F g / max(e . s, F g / gamma_2),
 
 with e and k of the previous iterate: the projection (3.4) with its derivative taken at mu, not at
 gamma_2 s (the dual form of (3.3c); Stadler, SIAM J. Optim. 15 (2004) 39-62, and Hueber, Stadler,

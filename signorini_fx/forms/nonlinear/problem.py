@@ -128,8 +128,9 @@ class NonlinearContactProblem(ProblemOfForms):
     """A nonlinear problem of your own forms with contact: find u with F(u; v) = 0 for all v, and
     contact with rigid foundations or of two bodies on parts of the boundary.
 
-        problem = NonlinearContactProblem(F, u, bcs=[fixed], contact=Foundation(facets,
-        shape=circle)) problem.run([0.5, 1.0], lambda t: problem.place(0, shift=(0.0, -0.3 * t)))
+        circle = Foundation(facets, shape={"shape": "circle", "centre": (1.0, 1.5), "radius": 0.5})
+        problem = NonlinearContactProblem(F, u, bcs=[fixed], contact=circle)
+        problem.run([0.5, 1.0], lambda t: problem.place(0, shift=(0.0, -0.3 * t)))
 
     A foundation with a ``shape``, a ``Shape`` or a table of one, is met at the displaced points,
     however far they slide on it, and its friction is relative to it; gaps and directions without a
@@ -155,7 +156,7 @@ class NonlinearContactProblem(ProblemOfForms):
             stresses to a yield surface, from the state of the last ``commit``.  Where it raises an
             exception the increment is shortened.
         commit: called by ``advance``: the state at ``u`` is that from which the next step starts.
-            petsc_options_prefix, petsc_options, form_compiler_options, jit_options, boundaries: see
+        petsc_options_prefix, petsc_options, form_compiler_options, jit_options, boundaries: see
             ``ContactProblem``.
         stability: whether the inertia of the tangent is looked at after each solve, by a
             factorisation of its own where the last one does not tell; then *converged* means that

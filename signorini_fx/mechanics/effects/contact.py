@@ -85,12 +85,12 @@ class Contact(Effect):
         points: which of both carries the contact points; ``auto``: that of the softer body, or of
             the finer mesh, see ``obstacles.scene_contact``.
         distance: between two bodies, to which ``gap`` is added: ``geometry``, as the meshes lie;
-        ``nominal``: zero.
+            ``nominal``: zero.
         adjust: between two bodies, the distance of the meshes, length, that counts as zero, as do
             all that are smaller, overlaps included; None: none does.
         sliding: between nonlinear bodies: ``finite``: points follow the other side wherever it is;
-        ``small``: they keep
-            their partners, which is right as long as sides slide by less than a facet.
+            ``small``: they keep their partners, which is right as long as sides slide by less than
+            a facet.
         gap: distance d to the foundation along ``direction``, a length; negative: initial
             penetration; it is added to the distance of a ``foundation``.
         direction: from the body to the foundation, any length; None: the outward normal of the

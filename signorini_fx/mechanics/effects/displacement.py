@@ -28,8 +28,7 @@ class PrescribedDisplacement(Load):
             it.
         normal: component along the outward normal, length, on a flat boundary (0: symmetry).
         rotation: angle of a small rotation, radians, which is added to the components that it
-        moves: it prescribes
-            them, w x (x - c).
+            moves: it prescribes them, w x (x - c).
         about: a point c of its axis, length; None: the origin.
         axis: the direction of w, any length; only in 3D; None: x[2]; of a section that turns about
             its axis this one, (0, 1).

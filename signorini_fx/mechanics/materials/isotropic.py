@@ -21,7 +21,7 @@ class LinearElastic(Material):
         poisson: Poisson's ratio nu in (-1, 0.5); 0.5 too in plane stress, and with a pressure as an
             unknown.
         yield_stress: by von Mises, a stress, which gives ``utilisation`` and changes nothing else;
-        None: not known.
+            None: not known.
 
     Examples:
         >>> steel = sfx.LinearElastic(young=210e3, poisson=0.3)  # N and mm

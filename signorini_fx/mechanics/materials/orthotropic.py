@@ -81,8 +81,8 @@ class DirectedMaterial(Axes, Material):
     """A material with axes; a material of your own with axes derives from it.
 
     Attributes:
-        direction, second: see ``Axes``. hypothesis, torsion, grading, density, expansion, region:
-            see ``Material``.
+        direction, second: see ``Axes``.
+        hypothesis, torsion, grading, density, expansion, region: see ``Material``.
 
     Examples:
         >>> class Fibres(sfx.DirectedMaterial):

@@ -50,7 +50,7 @@ class Material(Effect):
             middle of each cell; None: 1 everywhere.
         density: mass per volume, which ``gravity`` and ``rotation`` need; None: it is not known.
         expansion: coefficient of thermal expansion, 1 / temperature, which ``temperature`` needs;
-        None: not known.
+            None: not known.
         region: name of the part of the body that is made of this material; None: all of it.
 
     Examples:

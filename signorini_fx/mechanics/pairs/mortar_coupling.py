@@ -3,13 +3,12 @@ sides.
 
 For the function psi_i of a point and its weight w_i = int psi_i over the covered part of the slave,
 
-    D_ij = int psi_i N_j / w_i,   M_il = int psi_i (N_l o P) / w_i,   d_i = int psi_i (x_m - x_s) /
-    w_i,
-    n_i = sum_j D_ij n_j - sum_l M_il n_l, of length one,   with the normals n_j, n_l of both sides
-    at their nodes, u_rel,i = sum_j D_ij u_j - sum_l M_il u_l + (omega_i(u_s) + omega_i(u_m)) x d_i
-    / 2,
-    omega_i(u) = J_i^-1 sum_l a_il r_l x u_l,   r_l = x_l - xbar_i,   J_i = sum_l a_il (|r_l|^2 I -
-    r_l r_l^T),
+    D_ij = int psi_i N_j / w_i,   M_il = int psi_i (N_l o P) / w_i,
+    d_i = int psi_i (x_m - x_s) / w_i,
+    n_i = sum_j D_ij n_j - sum_l M_il n_l, of length one, with the normals n_j, n_l at the nodes,
+    u_rel,i = sum_j D_ij u_j - sum_l M_il u_l + (omega_i(u_s) + omega_i(u_m)) x d_i / 2,
+    omega_i(u) = J_i^-1 sum_l a_il r_l x u_l,   r_l = x_l - xbar_i,
+    J_i = sum_l a_il (|r_l|^2 I - r_l r_l^T),
 
 where a_il of the master is the area over which the slave facets around the point see the master
 facets around the node, and of the slave the area of those of these facets that are around the node.

@@ -12,8 +12,9 @@ with nu the normal of the master at xi.  A displacement d changes
 Where a vertex of the master, in 3D an edge, passes by, the slopes h' of its height over the slave
 jump:
 
-    d2 int g = ... + int (jump of h' along n) (n . (d_m - d_s - g dN))^2     along the edge, n
-    across it.
+    d2 int g = ... + int (jump of h' along n) (n . (d_m - d_s - g dN))^2,
+
+along the edge, with n across it.
 
 All rows of a piece of the overlap are of the vectors at the nodes of both of its facets and dN,
 which ``spread`` makes of displacements.  In 3D facets are of degree 1.

@@ -180,7 +180,7 @@ class Shape(Placed, RigidMotion):
         rotation: by which it is turned before it is moved, degrees, counterclockwise; in 3D along
             the axis [a, b, c] by the length of this vector; of the same kinds; None: not at all.
         pivot: the point that it is turned about, the reference point where forces move it, length;
-        None: the origin.
+            None: the origin.
         rigid: the name of a rigid body that several contacts have, of which one says what drives
             it; None: none.
     """

@@ -76,8 +76,7 @@ class SolverSettings(Table):
             Tresca problems, section 6.3; with alm it is (ALM-FP)) or ``newton`` (monolithic, falls
             back to fp); ``auto`` is newton where a coarser mesh gives the start, else fp.
         gamma_n: regularisation of the contact condition, gamma_1 of the paper, stress per length.
-        ``auto``: 1e5 times
-            Young's modulus over the size of the body.
+            ``auto``: 1e5 times Young's modulus over the size of the body.
         gamma_t: regularisation of the friction condition, gamma_2 of the paper; ``auto`` as above.
         sigma: sigma of Algorithm (SSN), length per stress. ``auto``: infinite, that is, a node
             never jumps from one slip set to the other but passes through stick, which is how sigma
