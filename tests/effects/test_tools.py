@@ -554,7 +554,7 @@ def test_mistakes_of_forms(others, words):
         same_as(solution, "none", **others)
     if "measure" in others:
         problem = same_as(solution, "none")
-        with pytest.raises(FormError, match="shift: stays"):
+        with pytest.raises(FormError, match="shift: cannot be changed"):
             problem.place(0, shift=[0.0, 1.0])
         problem.solve()
         with pytest.raises(FormError, match="forces move a foundation"):

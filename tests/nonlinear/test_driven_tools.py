@@ -173,5 +173,5 @@ def test_what_is_refused():
     problem = NonlinearContactProblem(
         residual(u, neo_hooke), u, contact=Foundation(side(1, 1.0), shape=circle)
     )
-    with pytest.raises(FormError, match=r"contact\[0\].shape.shift: stays"):
+    with pytest.raises(FormError, match=r"contact\[0\].shape.shift: cannot be changed"):
         problem.place(0, shift=(0.0, -0.1))
