@@ -243,7 +243,8 @@ class Solution:
             error = self.parameters.get("regularisation_error")
             raises_gamma = self.statement.accuracy is not None
             law = another_law(self.statement.solver, laws, error, raises_gamma=raises_gamma)
-        return *(() if law is None else (law,)), *self.found()
+        found = self.found() if law is None else (law, *self.found())
+        return tuple(dict.fromkeys(found))  # the scene and its outcome may have the same cause
 
     @property
     def last_step(self) -> StepResult:
