@@ -95,7 +95,7 @@ def linearised(
     contact = state.in_contact
     count, tangents = state.shear.shape
     law = law if state.has_friction else None
-    coefficient = np.zeros(count)
+    coefficient: Nodal = np.zeros(count)
     if law is not None:
         _, coefficient, _ = law.evaluate(state.pressure, 0.0)
     moves = np.any(state.direction != 0, axis=1) | ~(state.bound > 0)

@@ -65,7 +65,7 @@ class PointState:
         """Return the speed of slip, length per time, shape (n,); None: friction does not follow
         it.
         """
-        return length(self.slip_length) / self.dt if self.dt else None
+        return np.asarray(length(self.slip_length) / self.dt) if self.dt else None
 
     @property
     def held_inside(self) -> Nodal:

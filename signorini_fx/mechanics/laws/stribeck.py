@@ -37,8 +37,8 @@ class SpeedLaw(DirectedLaw):
         return max(0.0, -float(self.coefficient_at(self.typical_speeds)[1].min()))
 
     def evaluate(self, pressure: Array, slip: Array, dt: float) -> tuple[Array, Array, Array]:
-        coefficient, by_speed = self.coefficient_at(slip / dt)
-        return coefficient * pressure, coefficient, by_speed * pressure / dt
+        coefficient, by_speed = self.coefficient_at(np.asarray(slip / dt))
+        return coefficient * pressure, coefficient, np.asarray(by_speed * pressure / dt)
 
 
 class Stribeck(SpeedLaw):
@@ -78,7 +78,7 @@ class Stribeck(SpeedLaw):
 
     @property
     def typical_speeds(self) -> Array:
-        return np.linspace(0.0, 2.0 * self.speed)
+        return np.asarray(np.linspace(0.0, 2.0 * self.speed))
 
     def coefficient_at(self, speed: Array) -> tuple[Array, Array]:
         viscous, ratio = 0.0 if self.viscous is None else self.viscous, speed / self.speed

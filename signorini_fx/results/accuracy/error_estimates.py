@@ -179,8 +179,8 @@ def missed_gaps(model: Model, table: ContactTable, step: float) -> Floats:
     columns = table.columns
     x = np.column_stack([columns[axis] for axis in "xyz" if axis in columns])
     beyond = NOTABLE * float(np.abs(columns["u_n"]).max(initial=0.0))
-    parts, numbers = table.nodes.T.tolist()
-    row_of = {pair: row for row, pair in enumerate(zip(parts, numbers, strict=True))}
+    named: Any = table.nodes.tolist()
+    row_of = {(part, node): row for row, (part, node) in enumerate(named)}
     for number, effect in enumerate(model.statement.placed(step).contact):
         if not isinstance(effect.gap, Expression) or effect.against is not None:
             continue
