@@ -467,9 +467,10 @@ class _Judging:
                 farther = abs(self._force(self.v) - finer.force()) / ours.force()
                 values["force"] = min(values["force"], farther)
         round_off = NEGLIGIBLE + self.theirs.half_unit / size
-        # Elements with fewer points or nodes are as far from ours as those of a coarser mesh.
-        error = self.norms.error / self.norms.size
-        other_elements = 0.0 if self.problem.alike else _COARSER * error + round_off
+        # Elements with fewer points or nodes are as far from ours as those of a coarser mesh; where
+        # that is little, the energy norm decides, and forces are read from their displacements.
+        error = _COARSER * self.norms.error / self.norms.size
+        other_elements = 0.0 if self.problem.alike else max(error, NOTABLE)
         for name, value in values.items():
             self.own[name] = MARGIN * own[name] + round_off
             self._figure(name, value, max(self.own[name], other_elements))
