@@ -401,6 +401,7 @@ class ContactProblem(ProblemOfForms):
 
         Raises:
             FormError: see ``solve``.
+            SceneError: the time is not after that of the state, or the state is of another mesh.
         """
         from signorini_fx.forms.steps import solve_step
 

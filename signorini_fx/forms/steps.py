@@ -21,7 +21,7 @@ from signorini_fx.records import History, Status, Timings
 from signorini_fx.results.mechanics import StepResult
 from signorini_fx.results.solution import ConvergenceError, Solution
 from signorini_fx.solving.frames import Posed
-from signorini_fx.solving.increments import Increments
+from signorini_fx.solving.increments import Increments, check_step
 from signorini_fx.solving.load_path import run
 from signorini_fx.solving.restart import StoredStates
 from signorini_fx.solving.solve_on_mesh import contact_solution, findings_of_steps, last_solved
@@ -93,6 +93,7 @@ def solve_path(
 
 def solve_step(solver: FormSolver, state: State, time: float) -> tuple[State, StepResult]:
     """The step from a state to a time with the values of now, which is shown; collective."""
+    check_step(state, time, solver.space)
     problem = FormsInTime(solver, LoadPath((time,)), lambda time: None)
     solver.timings = Timings()
     with options_applied(*solver.options):

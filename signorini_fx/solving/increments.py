@@ -6,8 +6,12 @@ from collections.abc import Mapping
 from math import floor
 from typing import ClassVar
 
+import mpi4py.MPI  # noqa: F401  # first, see signorini_fx.mechanics.body
+from dolfinx import fem
+
 from signorini_fx.algebra import step_limit
 from signorini_fx.errors import SceneError
+from signorini_fx.machine import parallel
 from signorini_fx.mechanics.state import State
 from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.mechanics.statement.settings import SolverSettings
@@ -160,13 +164,19 @@ class Increments(PathIncrements):
         return True
 
 
-def place_after(path: LoadPath, state: State, time: float) -> float:
-    """The place of a load step from a state to a time.
+def check_step(state: State, time: float, space: fem.FunctionSpace) -> None:
+    """Refuse a state of another mesh, and a time that is not after that of the state; collective.
 
     Raises:
-        SceneError: the time is not after that of the state, or no load step ends at it.
+        SceneError: it is one of these.
     """
+    problems = list[tuple[str, str]]()
+    nodes = space.dofmap.index_map
+    size = (nodes.size_local + nodes.num_ghosts) * space.dofmap.index_map_bs
+    if state.displacement.size != size:
+        reason = "is of another mesh, or of another number of ranks: save and load it"
+        problems.append(("state", reason))
     if state.number and time <= state.time:
         reason = f"must be after that of the state, {state.time:g}, got {time:g}"
-        raise SceneError([("time", reason)])
-    return path.place_of(time)
+        problems.append(("time", reason))
+    parallel.raise_together(space.mesh.comm, SceneError(problems) if problems else None)

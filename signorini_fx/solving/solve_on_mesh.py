@@ -16,8 +16,6 @@ from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.linalg import Elasticity, ElasticSystem
 from signorini_fx.algebra.linalg.choice import SystemSize, choose_system
 from signorini_fx.algebra.linalg.condensed import CondensedSystem
-from signorini_fx.errors import SceneError
-from signorini_fx.machine import parallel
 from signorini_fx.machine.petsc_objects import free_unused
 from signorini_fx.mechanics.body.discretisation import moved_since, placed, placements, prepare
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary, no_points
@@ -47,7 +45,7 @@ from signorini_fx.solving.findings import (
     untouched,
 )
 from signorini_fx.solving.frames import Posed, guess_of
-from signorini_fx.solving.increments import Increments, place_after
+from signorini_fx.solving.increments import Increments, check_step
 from signorini_fx.solving.load_path import OnStep, run
 from signorini_fx.solving.step import Report, step
 from signorini_fx.tuned import PATH_ERROR_SHARE
@@ -155,7 +153,7 @@ def solve_contact(
         guess = replace(guess or replace(begin, number=1), displacement=near)
     way = Increments(problem.path, model.statement.solver)
     if begin.number:
-        _check_state(begin, problem)
+        check_step(begin, problem.path.times[-1], problem.model.space)
         way.begin_at(problem.path.place_of(begin.time))
     ends = run(problem, begin, way, on_step, guess=guess, stored=stored)
     (_, last), results = ends[-1], [report.result for _, report in ends]
@@ -163,17 +161,6 @@ def solve_contact(
     found = partial(_findings, last.body, results)
     solution = contact_solution(last.body, results, problem.task, ended, problem.timings, found)
     return replace(solution, state=last_state(ends)), problem.task, ended[0]
-
-
-def _check_state(state: State, problem: StatedProblem) -> None:
-    """Refuse a state from which no load step of a problem can begin; collective."""
-    wrong = ""
-    if state.displacement.size != fem.Function(problem.model.space).x.array.size:
-        wrong = "is of another mesh, or of another number of ranks: save and load it"
-    elif state.time >= problem.path.times[-1]:
-        wrong = f"is at time {state.time:g}, and no load step ends later: add factors or times"
-    error = SceneError([("state", wrong)]) if wrong else None
-    parallel.raise_together(problem.model.comm, error)
 
 
 def last_state(ends: Sequence[tuple[State, Report]]) -> State | None:
@@ -417,9 +404,11 @@ class StatedProblem:
             The state at its end and the result, whose ``status`` says whether it is a solution.
 
         Raises:
-            SceneError: there is no load step at this time.
+            SceneError: there is no load step at this time, or it is not after that of the state;
+                the state is of another mesh.
         """
-        new, report = step(self, state, place_after(self.path, state, time))
+        check_step(state, time, self.model.space)
+        new, report = step(self, state, self.path.place_of(time))
         if report.result.status is Status.CONVERGED:
             self.accept(report)
         return new, report.result
