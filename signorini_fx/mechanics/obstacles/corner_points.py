@@ -66,12 +66,14 @@ class BoundaryLine:
         of the nodes of this rank, ghosts included, length, shape (nodes, d); None: none;
         collective.
         """
-        comm, dim = space.mesh.comm, space.mesh.geometry.dim
+        comm = space.mesh.comm
+        dim = space.mesh.geometry.dim
         nodes = facet_nodes(space, facets)
         nodes = nodes[:, [0, *range(2, nodes.shape[1]), 1]]
         x = node_positions(space)[:, :2]
         middle = x[space.dofmap.list[facet_entities(space.mesh, facets)[:, 0]]].mean(axis=1)
-        along, inwards = x[nodes[:, -1]] - x[nodes[:, 0]], middle - x[nodes[:, 0]]
+        along = x[nodes[:, -1]] - x[nodes[:, 0]]
+        inwards = middle - x[nodes[:, 0]]
         clockwise = along[:, 0] * inwards[:, 1] < along[:, 1] * inwards[:, 0]
         nodes[clockwise] = nodes[clockwise, ::-1]
         places = x if displacement is None else x + displacement[:, : min(dim, 2)]
@@ -121,7 +123,8 @@ class BoundaryLine:
 
     def nearest(self, c: Array) -> tuple[int, float]:
         """The facet that is closest to c, the first of several, and a place along it near that."""
-        begin, along = self.x[:, :-1], np.diff(self.x, axis=1)
+        begin = self.x[:, :-1]
+        along = np.diff(self.x, axis=1)
         share = np.einsum("mpd,mpd->mp", c - begin, along) / np.einsum("mpd,mpd->mp", along, along)
         share = np.clip(share, 0.0, 1.0)
         distance = np.linalg.norm(begin + share[..., None] * along - c, axis=2)
@@ -150,9 +153,12 @@ class CornerFeet:
     def of(cls, line: BoundaryLine, corners: Corners) -> CornerFeet:
         """Return the feet of the corners on a line."""
         count = len(corners.places)
-        facets, xis = np.zeros((count, 2), dtype=np.int64), np.full((count, 2), 0.5)
-        alone, nearest = np.ones((count, 2), dtype=bool), np.full(count, -1)
-        beside, on = list[int](), list[int]()
+        facets = np.zeros((count, 2), dtype=np.int64)
+        xis = np.full((count, 2), 0.5)
+        alone = np.ones((count, 2), dtype=bool)
+        nearest = np.full(count, -1)
+        beside = list[int]()
+        on = list[int]()
         for k in range(count):
             c: Array = corners.places[k]
             facet, near = line.nearest(c)
@@ -161,17 +167,21 @@ class CornerFeet:
             other = line.behind(facet, last=last)
             turn = cosine = 0.0
             if other is not None:
-                one, two = line.normal(facet, float(last)), line.normal(other, float(not last))
+                one = line.normal(facet, float(last))
+                two = line.normal(other, float(not last))
                 turn = (one[0] * two[1] - one[1] * two[0]) * (1.0 if last else -1.0)
                 cosine = float(one @ two)
             within = -SAME_LENGTH <= xi <= 1.0 + SAME_LENGTH
             if not within and (other is None or cosine < BEYOND_FACET):
                 continue  # c is beside the boundary, or a vertex of the body sees it
             nearest[k] = slot = facet % 2
-            facets[k, slot], xis[k, slot], alone[k, slot] = facet, xi, False
+            facets[k, slot] = facet
+            xis[k, slot] = xi
+            alone[k, slot] = False
             if other is not None and turn < -SAME_LENGTH and other != facet:
                 beyond = np.clip(line.foot(other, c, float(not last)), -0.6, 1.6)
-                facets[k, 1 - slot], xis[k, 1 - slot] = other, float(beyond)
+                facets[k, 1 - slot] = other
+                xis[k, 1 - slot] = float(beyond)
                 alone[k, 1 - slot] = False
             beside += line.nodes[facet].tolist()
             degree = line.nodes.shape[1] - 1
@@ -194,12 +204,14 @@ class CornerFeet:
         1), the normal at the foot, shape (2 k, 2), the gap without what is given, and the tangent
         of the angle between the facet and the nearer side, shapes (2 k,).
         """
-        facet, xi = self.facet.ravel(), self.xi.ravel()
+        facet = self.facet.ravel()
+        xi = self.xi.ravel()
         both = [*zip(facet.tolist(), xi.tolist(), strict=True)]
         phi = np.array([line.place(*at)[0] for at in both])
         x = np.array([line.place(*at)[1] for at in both])
         normal = np.array([line.normal(*at) for at in both])
-        c, radius = np.repeat(corners.places, 2, axis=0), np.repeat(corners.radius, 2)
+        c = np.repeat(corners.places, 2, axis=0)
+        radius = np.repeat(corners.radius, 2)
         opening = np.einsum("nd,nd->n", normal, c - x) - radius
         cosine = -np.einsum("nd,nsd->ns", normal, np.repeat(corners.sides, 2, axis=0)).max(axis=1)
         nearer = np.clip(cosine, ZERO_COMPONENT, 1.0)
@@ -211,14 +223,19 @@ class CornerFeet:
         x)(n . x' + kappa xi) / m^2 - (n . x') xi with the variation of the foot xi = (g n . x' - a
         . x) / (m^2 - g kappa), the derivative a of the facet, m = |a|, and kappa = n . x''.
         """
-        nodes, pieces = list[Numbers](), list[Array]()
+        nodes = list[Numbers]()
+        pieces = list[Array]()
         for point in np.flatnonzero((forces != 0.0) & ~self.alone.ravel()):
-            facet, xi = int(self.facet.ravel()[point]), float(self.xi.ravel()[point])
+            facet = int(self.facet.ravel()[point])
+            xi = float(self.xi.ravel()[point])
             phi, slopes, bends = _functions(line.nodes.shape[1] - 1, xi)
-            at, a = phi @ line.x[facet], slopes @ line.x[facet]
+            at = phi @ line.x[facet]
+            a = slopes @ line.x[facet]
             n = line.normal(facet, xi)
-            g, kappa = n @ (corners.places[point // 2] - at), n @ (bends @ line.x[facet])
-            along, turn = np.outer(phi, a).ravel(), np.outer(slopes, n).ravel()
+            g = n @ (corners.places[point // 2] - at)
+            kappa = n @ (bends @ line.x[facet])
+            along = np.outer(phi, a).ravel()
+            turn = np.outer(slopes, n).ravel()
             foot = (g * turn - along) / (a @ a - g * kappa)
             second = np.outer(along, turn + kappa * foot) / (a @ a) - np.outer(turn, foot)
             nodes.append(line.nodes[facet])
@@ -273,14 +290,19 @@ def with_corners(
     owned dofs are prescribed, shape (owned dofs,); ``factor``: of the surface measure at the nodes
     of this rank; ``reach``: the gap of points that are alone, length; collective.
     """
-    comm, dim = part.comm, part.x.shape[1]
+    comm = part.comm
+    dim = part.x.shape[1]
     first = parallel.gather_rows(comm, np.array([[part.size]]))[:, 0] > 0
     here = bool(first.any()) and comm.rank == int(first.argmax())
     count = feet.xi.size if here else 0
-    alone, facet = feet.alone.ravel()[:count], feet.facet.ravel()[:count]
+    alone = feet.alone.ravel()[:count]
+    facet = feet.facet.ravel()[:count]
     rows = feet.rows(line, corners)
-    phi, names = rows[0][:count], rows[1][:count]
-    along, opening, slope = rows[2][:count], rows[3][:count], rows[4][:count]
+    phi = rows[0][:count]
+    names = rows[1][:count]
+    along = rows[2][:count]
+    opening = rows[3][:count]
+    slope = rows[4][:count]
     nodes, at = np.unique(names, return_inverse=True)
     entries = phi.ravel(), at.ravel(), np.arange(count + 1) * phi.shape[1]
     shares = sp.csr_array(entries, shape=(count, nodes.size))
@@ -345,7 +367,8 @@ def _in_order(nodes: Numbers, rows: Array) -> Sequence[int]:
     behind = {int(first): k for k, first in enumerate(nodes[:, 0])}
     follows = np.isin(nodes[:, 0], nodes[:, -1])
     begins = np.lexsort((*rows.T[::-1], follows)).tolist()
-    order, seen = list[int](), set[int]()
+    order = list[int]()
+    seen = set[int]()
     for begin in begins:
         facet: int | None = begin
         while facet is not None and facet not in seen:

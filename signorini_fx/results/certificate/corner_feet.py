@@ -35,8 +35,11 @@ def judged_corners(
     known = boundary.corners
     if known is None:
         return boundary, gap
-    gap, alone, normal = gap.copy(), known.alone.copy(), boundary.normal.copy()
-    shares, nodes = boundary.averages.shares.tolil(copy=True), boundary.averages.nodes
+    gap = gap.copy()
+    alone = known.alone.copy()
+    normal = boundary.normal.copy()
+    shares = boundary.averages.shares.tolil(copy=True)
+    nodes = boundary.averages.nodes
     moved = boundary.moved(displacement)
     added: list[tuple[int, int, float]] = []  # row, global node, share
     for foundation in shapes:
@@ -140,24 +143,31 @@ def _points(
     end = round(np.clip(xi, 0.0, 1.0))
     vertex = line.nodes[facet, -end]
     others = np.flatnonzero(line.nodes[:, end - 1] == vertex)
-    facets, xis, alone = [0, 0], [0.5, 0.5], [True, True]
+    facets = [0, 0]
+    xis = [0.5, 0.5]
+    alone = [True, True]
     goes_on = concave = False
     if others.size:
         pair = (facet, int(others[0])) if end else (int(others[0]), facet)
         one, two = (line.normal(f, 1.0 - k) for k, f in enumerate(pair))
         sine = float(one[0] * two[1] - one[1] * two[0])
-        goes_on, concave = bool(one @ two >= BEYOND_FACET), sine < -SAME_LENGTH
+        goes_on = bool(one @ two >= BEYOND_FACET)
+        concave = sine < -SAME_LENGTH
     if not (-SAME_LENGTH <= xi <= 1.0 + SAME_LENGTH or goes_on):
         return facets, xis, alone, [], []
-    facets[facet % 2], xis[facet % 2], alone[facet % 2] = facet, xi, False
+    facets[facet % 2] = facet
+    xis[facet % 2] = xi
+    alone[facet % 2] = False
     at_nodes = np.linspace(0.0, 1.0, line.nodes.shape[1])
     on = line.nodes[facet][np.abs(xi - at_nodes) <= DIGITS_OF_FILES].tolist()
     if concave and int(others[0]) != facet:
-        other, slot = int(others[0]), 1 - facet % 2
+        other = int(others[0])
+        slot = 1 - facet % 2
         roots = np.clip(_stationary(line, other, c), 0.0, 1.0)
         nearest = float(roots[np.abs(roots - (1.0 - end)).argmin()])
         beyond = _on_tangent(line, other, c, nearest)
-        facets[slot], xis[slot] = other, float(np.clip(beyond, -0.6, 1.6))
+        facets[slot] = other
+        xis[slot] = float(np.clip(beyond, -0.6, 1.6))
         alone[slot] = False
     return facets, xis, alone, line.nodes[facet].tolist(), on
 
