@@ -45,7 +45,7 @@ class ProblemOfForms:
     _titled: Callable[[str], Solution]  # ``solution`` with a title; collective
     # What each owned cell of a solution has of the squared error, the strain energy, and the
     # contacts at displaced points, see ``combined``; collective.
-    _errors_in_body: Callable[[Solution], tuple[Any, float, Collection[int]]]
+    _errors_in_body: Callable[[Solution], tuple[Any, float, Collection[int], float | None]]
     # What gives the named model, the last solution as ``SolvedStep.of`` takes it, and its data;
     # collective.
     _differentiated: Callable[[], tuple[Any, ...]]
@@ -140,8 +140,15 @@ class ProblemOfForms:
         """The same of what is its last solution, in whatever names; collective."""
         from signorini_fx.results.accuracy.error_estimates import combined
 
-        squares, energy, displaced = self._errors_in_body(solution)
-        return combined(solution.model, solution.table, squares, energy, displaced=displaced)
+        squares, energy, displaced, modulus = self._errors_in_body(solution)
+        return combined(
+            solution.model,
+            solution.table,
+            squares,
+            energy,
+            displaced=displaced,
+            modulus=modulus,
+        )
 
     def place(self, number: int, **placement: Any) -> None:
         """Turn and move a foundation that has a shape, or change what drives it, for the next solve
@@ -430,12 +437,14 @@ class ContactProblem(ProblemOfForms):
             self._stresses = outcome, solution().stress
         return self._stresses[1]
 
-    def _errors_in_body(self, solution: Solution) -> tuple[Any, float, Collection[int]]:
+    def _errors_in_body(
+        self, solution: Solution
+    ) -> tuple[Any, float, Collection[int], float | None]:
         stress = self._stress_of(lambda: solution)
         if self.assembled.forms.measures:
             wrong = "there is no error estimate where the forms are multiplied by a measure"
             raise FormError([("stress", wrong)])
-        return stress.squares, stress.energy, ()
+        return stress.squares, stress.energy, (), None
 
     def _titled(self, title: str) -> Solution:
         from signorini_fx.forms.steps import solution_of

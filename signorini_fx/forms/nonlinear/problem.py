@@ -27,6 +27,7 @@ from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
 from signorini_fx.forms.nonlinear.newton import Continuation, EquilibriumSolver
 from signorini_fx.forms.nonlinear.residual import Residual, Tangents, refuse_miscompiled
 from signorini_fx.forms.nonlinear.results import (
+    Norms,
     ResidualBody,
     ResidualMechanics,
     green_strain,
@@ -267,7 +268,7 @@ class NonlinearContactProblem(ProblemOfForms):
             names = tuple(step.name for step in steps)
             path = LoadPath(tuple(step.time for step in steps), names if any(names) else ())
 
-        def errors(strain: bool) -> tuple[npt.NDArray[np.float64], float] | str:
+        def errors(strain: bool) -> tuple[npt.NDArray[np.float64], Norms] | str:
             """Of the body as it is now."""
             if self._solver.solved is not solved:
                 return "there is no estimate of the error of an earlier solve"
@@ -288,19 +289,23 @@ class NonlinearContactProblem(ProblemOfForms):
         algorithm = f"newton, {solution.algorithm}"
         return replace(solution, status=status, algorithm=algorithm)
 
-    def _errors_in_body(self, solution: Solution) -> tuple[Any, float, Collection[int]]:
+    def _errors_in_body(
+        self, solution: Solution
+    ) -> tuple[Any, float, Collection[int], float | None]:
         body: Any = solution.model
         known = body.errors_now(True)
         if isinstance(known, str):
             raise RuntimeError(known)
-        shares, work = known
+        shares, (stress, strain) = known
+        work = stress * strain
         moving = self.linear.foundations
-        return shares * work, work / 2, {*moving.moving, *moving.sliding}
+        displaced = {*moving.moving, *moving.sliding}
+        return shares * work, work / 2, displaced, stress / strain
 
-    def _errors_now(self, *, strain: bool) -> tuple[npt.NDArray[np.float64], float] | str:
+    def _errors_now(self, *, strain: bool) -> tuple[npt.NDArray[np.float64], Norms] | str:
         """What each owned cell has of the squared relative error of the stress in L2, shape
-        (cells,), and the norm of the stress; with ``strain`` also of that of the strain, shape (2,
-        cells), and the product of both norms; or why they are not known; collective.
+        (cells,), or with ``strain`` also of that of the strain, shape (2, cells), and the norms of
+        both; or why they are not known; collective.
         """
         stress = stress_of(self._solver.tangents.lowered, self.u)
         parts = self.linear.forms.parts
@@ -310,12 +315,13 @@ class NonlinearContactProblem(ProblemOfForms):
         left = traction_left(self.linear, self._loaded(), stress) / size
         shares = squares / size + left
         if not strain:
-            return shares, float(np.sqrt(size))
+            return shares, (float(np.sqrt(size)), 1.0)
         squares, of_strain = squared_errors(stress_of(green_strain(self.u), self.u), self.u, parts)
         # A stress without a strain is that of a body at rest.  What is left of the traction is the
         # same share of both.
         strains = squares / of_strain + left if of_strain > 0 else shares
-        return np.array([shares, strains]), float(np.sqrt(size * (of_strain or size)))
+        norms = (float(np.sqrt(size)), float(np.sqrt(of_strain or size)))
+        return np.array([shares, strains]), norms
 
     def _loaded(self) -> npt.NDArray[np.int32]:
         """The exterior facets of this rank on which F has forces."""

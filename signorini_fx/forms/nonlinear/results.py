@@ -46,6 +46,7 @@ from signorini_fx.results.stresses import RawStresses
 from signorini_fx.tuned import CERTIFICATE_TOLERANCE, FACETS_OF_KEPT_PARTNERS
 
 Array = npt.NDArray[np.float64]
+Norms = tuple[float, float]  # of the stress, and of the strain
 
 
 @dataclass(frozen=True)
@@ -69,7 +70,7 @@ class ResidualBody(SolidBody):
     boundaries: Mapping[str, Facets]  # that were given a name
     # At the last load step, see ``NonlinearContactProblem._errors_now``, with that of the strain or
     # without it.
-    errors_now: Callable[[bool], tuple[Array, float] | str]
+    errors_now: Callable[[bool], tuple[Array, Norms] | str]
 
     def conditions(self, y: fem.Function) -> ContactConditions | None:
         return self._at(y).contact

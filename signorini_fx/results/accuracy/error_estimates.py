@@ -89,12 +89,14 @@ def combined(
     energy: float,
     missed: Floats | float = 0.0,
     displaced: Collection[int] = (),
+    modulus: float | None = None,
 ) -> Errors:
     """All error estimates from those of each owned cell, shape (cells,): ``recovery``: the squared
     error in the energy norm, of a nonlinear body those of stress and strain, each over its square
     and times ``2 energy``, shape (2, cells); ``energy``: strain energy, of a nonlinear body half of
     the norms of stress and strain; ``missed``: share of all forces; ``displaced``: numbers of the
-    contacts that are met at displaced points; collective.
+    contacts that are met at displaced points; ``modulus``: stress per strain; None: that of the
+    model; collective.
     """
     boundary = model.boundary
     assert boundary is not None
@@ -144,7 +146,7 @@ def combined(
         acting = table.nodes[table.columns["pressure"] != 0] @ [base, 1]
         nodes = boundary.segments[:, :1] * base + boundary.segments[:, 1:]
         touching = facets[np.isin(nodes, acting).any(axis=1)]
-        stress = body * size * model.scales.modulus
+        stress = body * size * (model.scales.modulus if modulus is None else modulus)
         contact += under_long_cells(model.tagged, touching, stress) / pressed
     return Errors(
         energy=error + loads,

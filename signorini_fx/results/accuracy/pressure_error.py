@@ -270,7 +270,8 @@ class _Place:
         powers = self.growth[-GROWING_MESHES:]
         if len(powers) < GROWING_MESHES:
             return False
-        at_rest = max(powers[-1], np.mean(powers)) <= GROWTH_POWER
+        with np.errstate(invalid="ignore"):  # where contact has begun and ended it is not known
+            at_rest = max(powers[-1], np.mean(powers)) <= GROWTH_POWER
         return bool(at_rest or 0 < powers[-1] <= LASTING_SHARE * powers[0])
 
     @property
