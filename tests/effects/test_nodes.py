@@ -44,7 +44,7 @@ def test_what_carries_forces_at_nodes(degree):
         ({"at": [9.0, 0.0], "x": 1.0}, "no node of the mesh is at (9, 0)"),
         ({"at": [0.0, 0.0], "x": 1.0, "region": "elsewhere"}, "the mesh has no region 'elsewhere'"),
         ({"at": [0.0, 0.0, 0.0], "x": 1.0}, "point_force[0]"),
-        ({"file": "forces.csv"}, "write one [[point_force]]"),
+        ({"file": "forces.csv"}, "file: unknown key here"),
     ],
 )
 def test_forces_that_are_wrong(force, message):

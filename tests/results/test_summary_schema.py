@@ -106,6 +106,19 @@ def preloaded():
     )
 
 
+def cornered():
+    """A block on the edge of a wedge, between two of its nodes."""
+    wedge = {"shape": "polyline", "points": [[-0.6, -1.0], [0.4, 0.0], [1.4, -1.0]]}
+    return parse_scene(
+        {
+            "mesh": {"generator": "rectangle", "parameters": {"length": 1.0, "nx": 4, "ny": 4}},
+            "material": {"young": 1000.0, "poisson": 0.3},
+            "displacement": {"boundary": "top", "x": 0.0, "y": -0.01},
+            "contact": {"boundary": "bottom", "foundation": wedge},
+        }
+    )
+
+
 def twisted():
     """A ring that is pressed and turned in two load steps."""
     return parse_scene(
@@ -158,6 +171,7 @@ SCENES = {
     "tool": tool,
     "tool in 3D": lambda: tool(3),
     "preload": preloaded,
+    "corner": cornered,
     "metal": dented,
     "slides": lambda: standing(0.5, COULOMB),
     "rubber": lambda: parse_scene(
@@ -201,6 +215,7 @@ def test_every_key_is_used(written):
         "resultants": written["plane"]["resultants"][0],
         "tools": written["tool"]["tools"][0],
         "preloads": written["preload"]["preloads"][0],
+        "corners": written["corner"]["corners"][0],
         "pieces": written["plane"]["pieces"][0],
         "convergence_table": written["levels"]["convergence_table"][0],
         "findings": written["slides"]["findings"][0],
