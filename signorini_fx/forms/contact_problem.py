@@ -126,8 +126,7 @@ class ProblemOfForms:
 
         Raises:
             RuntimeError: there is no solution so far, or no stress of it.
-            FormError: there is no contact; of a ``ContactProblem`` see ``stress``, or a measure
-                multiplies the forms.
+            FormError: there is no contact, no ``stress``, or a measure multiplies the forms.
         """
         if not self.assembled.contact:
             wrong = (
