@@ -85,9 +85,8 @@ def pushed(poisson):
             generator="half_sphere",
             parameters={
                 "radius": RADIUS,
-                "contact_size": 2
-                * ABOUT
-                / CELLS,  # of tetrahedra, each of which becomes four hexahedra
+                # Of tetrahedra, each of which becomes four hexahedra.
+                "contact_size": 2 * ABOUT / CELLS,
                 "contact_zone": 1.3 * ABOUT,
                 "size": RADIUS / 2,
                 "part": "half",
