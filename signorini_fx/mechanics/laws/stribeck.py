@@ -14,7 +14,13 @@ from signorini_fx.mechanics.statement.values import NonNegative, Positive, bound
 
 
 class SpeedLaw(DirectedLaw):
-    """Friction |mu| <= F(v) lambda with the speed v of the slip in a load step."""
+    """Friction |mu| <= F(v) lambda with the speed v of the slip in a load step.
+
+    Attributes:
+        law: its name.
+        ratio: see ``DirectedLaw``.
+        along: see ``DirectedLaw``.
+    """
 
     follows_slip: ClassVar[bool] = True
 
