@@ -66,13 +66,10 @@ class Levelling(FrictionLaw):
     largest: Parameter
     concave = True
 
-    def limit(self, pressure: Array) -> Array:
+    def evaluate(self, pressure: Array, slip: Array, dt: float) -> tuple[Array, Array, float]:
         """See ``FrictionLaw``."""
-        return np.asarray(self.largest * (1 - np.exp(-self.coefficient * pressure / self.largest)))
-
-    def derivative(self, pressure: Array) -> Array:
-        """See ``FrictionLaw``."""
-        return np.asarray(self.coefficient * np.exp(-self.coefficient * pressure / self.largest))
+        left = np.asarray(np.exp(-self.coefficient * pressure / self.largest))
+        return self.largest * (1 - left), self.coefficient * left, 0.0
 
 
 register(LAWS, "own", Levelling)

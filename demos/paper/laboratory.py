@@ -103,7 +103,8 @@ def inexact_alm(
     newton, data, sets = task.newton, task.start.data, task.start.sets
     while True:
         status = newton.solve(data, sets, max_iterations=most_solves)
-        pressure, shear = project(*newton.multipliers(), data)
+        _, u_t = task.system.contact.traces(newton.x)
+        pressure, shear = project(*newton.multipliers(), u_t, data)
         yield newton.history.outer[-1].linear_solves, pressure, shear
         updated = replace(
             data,
