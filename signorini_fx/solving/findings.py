@@ -390,7 +390,7 @@ def _inclined(body: Model, data: RegularisedData) -> Iterator[Finding]:
     dim = body.tagged.dimension
     assert boundary is not None
     for index, effect in enumerate(body.statement.contact):
-        if effect.direction is None and effect.surface is None:
+        if effect.direction is None:
             continue
         nearest = -parallel.largest(body.comm, -data.gap[boundary.part == index], -np.inf)
         near = (boundary.part == index) & (data.gap <= nearest + NO_FORCE * body.tagged.size)
@@ -404,10 +404,7 @@ def _inclined(body: Model, data: RegularisedData) -> Iterator[Finding]:
         outward = np.cross(sides[:, 0], sides[:, 1]) if dim == 3 else sides[:, 0, ::-1] * [1, -1]
         outward = outward * np.sign(np.sum(outward * (middles - cells), axis=1))[:, None]
         areas = np.linalg.norm(outward, axis=1)[:, None]
-        if effect.direction is None:
-            along = -areas * effect.surface.distance(middles)[1]
-        else:
-            along = areas * np.array(effect.direction)
+        along = areas * np.array(effect.direction)
         sums = np.concatenate((outward.sum(axis=0), along.sum(axis=0)))
         own, other = parallel.global_sum(body.comm, sums).reshape(2, dim)
         lengths = np.linalg.norm(own) * np.linalg.norm(other)
@@ -418,8 +415,7 @@ def _inclined(body: Model, data: RegularisedData) -> Iterator[Finding]:
                 "the body where it is nearest to its foundation, and pushes it along: leave the "
                 "direction out, or take a foundation that the body faces"
             )
-            where = "direction" if effect.direction is not None else "foundation"
-            yield Finding("warning", f"contact[{index}].{where}", message)
+            yield Finding("warning", f"contact[{index}].direction", message)
 
 
 # --- equilibrium: rigid motions that supports and contact resist, loads that they balance ---------

@@ -32,7 +32,11 @@ SPOILED = {
         "return -self.angle * x[0]",
         "measure of 'slice' is not positive",
     ),
-    "law": ("return self.coefficient /", "return -self.coefficient /", "limit of Smooth exceeds"),
+    "law": (
+        "by_pressure = self.coefficient /",
+        "by_pressure = -self.coefficient /",
+        "bound of Smooth exceeds",
+    ),
     "linear_solver": (
         "self.pc.apply(b, x)",
         "x.set(0.0)",
@@ -48,7 +52,7 @@ SPOILED = {
         '= "max_pressure", "',
         "needs a key that is its name, an",
     ),
-    "shape": ("np.where(away < 0, -1, 1)", "np.where(away < 0, 1, -1)", "distance of RoundedBox"),
+    "shape": ("np.copysign(normal, away)", "np.copysign(normal, -away)", "distance of RoundedBox"),
 }
 
 
