@@ -427,6 +427,7 @@ def at_the_rim(**settings):
         "lower": (7, 5, 1),
         "upper": (5, 4, 2),
         "height": 0.59,
+        "top": 1.1,  # the corners of a lower one would be above it, and the mesh cross itself
         "ratio": 3.0,
         "algorithm": "alm",
     }

@@ -365,25 +365,27 @@ def bulge(kind="hexahedron", height=2e-4, lower=(8, 8, 4), upper=(6, 5, 3), **se
     )
 
 
-def pillow(kind="hexahedron", lower=(10, 7, 3), upper=(5, 5, 2), height=0.5, **settings):
+def pillow(kind="hexahedron", lower=(10, 7, 3), upper=(5, 5, 2), height=0.5, top=0.7, **settings):
     """A block [0, 2] x [0, 1.4] x [0, 0.6], and above its part around (0.6, 0.7) a square of the
-    side 1 with a paraboloid of this height at its corners below, driven at its top.
+    side 1 with a paraboloid of this height at its corners below, driven at its ``top``.
     """
 
     def away(x):
         return 2 * ((x[0] - 0.6) ** 2 + (x[1] - 0.7) ** 2)
 
     def bent(x):
-        return np.column_stack((x[:, :2], x[:, 2] + height * (0.7 - x[:, 2]) / 0.4 * away(x.T)))
+        return np.column_stack(
+            (x[:, :2], x[:, 2] + height * (top - x[:, 2]) / (top - 0.3) * away(x.T))
+        )
 
-    ends = [0.1, 0.2, 0.3], [1.1, 1.2, 0.7]
+    ends = [0.1, 0.2, 0.3], [1.1, 1.2, top]
     bodies = grid(kind, lower, [0.0, 0.0, -0.3], [2.0, 1.4, 0.3]), grid(kind, upper, *ends, bent)
 
     def below(x):
         return np.isclose(x[2], 0.3 + height * away(x))
 
     touching = [lambda x: np.isclose(x[2], 0.3), below]
-    held = [lambda x: np.isclose(x[2], -0.3), lambda x: np.isclose(x[2], 0.7)]
+    held = [lambda x: np.isclose(x[2], -0.3), lambda x: np.isclose(x[2], top)]
     return SlidingBodies(kind, bodies, touching, held, **settings)
 
 
