@@ -363,6 +363,10 @@ OUTSIDE_HULL = 0.02
 # Share of the size of a side by which bodies may overlap, and facets be apart beyond the smallest
 # distance.  Choice.
 DEEPEST_OVERLAP = 0.2
+# Surfaces of two bodies are proposed for contact that are nearer than this share of a facet, and
+# face each other over more than the second share of the smaller one.  Source: four assemblies,
+# tests/mesh/test_proposals.py.
+NEAR_BODIES, LEAST_PAIR = 0.25, 0.01
 # Share of its weight that a function must keep to carry a point.  No record.
 KEPT_WEIGHT = 0.03
 # Share of its weight from which a function of sides that slide is all its own: below it turns

@@ -19,11 +19,13 @@ from signorini_fx.machine.display import storage
 from signorini_fx.machine.terminal import COLUMNS, printable
 from signorini_fx.mechanics.body.discretisation import prepare
 from signorini_fx.mechanics.materials.isotropic import LinearElastic
+from signorini_fx.mechanics.mesh.tagged import arrays_of
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.base import Table
 from signorini_fx.records import Finding, History, Timings
 from signorini_fx.results.accuracy.expected_cost import Cost, estimated_cost
 from signorini_fx.results.accuracy.next_accuracy import between
+from signorini_fx.scenes.found_contacts import without_contact
 from signorini_fx.scenes.mesh import coarser_scenes, load_mesh, scene_on
 from signorini_fx.scenes.scene import Scene
 from signorini_fx.solving.findings import nonlinear_findings, refuse_beforehand, scene_findings
@@ -79,6 +81,10 @@ def check_scene(
         model = _validated(scene, comm)
         compared = scene.accuracy is not None or bool(coarser)
         findings = [*scene_findings(model), *(uniqueness_findings(model) if uniqueness else [])]
+    if scene.contact and model.motions.pieces.count > 1:
+        arrays = arrays_of(model.tagged)
+        entries = scene.contact
+        findings += parallel.on_root(comm, lambda: [*without_contact(entries, arrays)])
     cost = estimated_cost(model)
     available = parallel.machine_memory(comm)
     if cost.memory_bytes >= MEMORY_SHARE * available:

@@ -19,7 +19,6 @@ from signorini_fx.errors import (
     OutputError,
     SceneError,
     SignoriniError,
-    cannot_be_written,
 )
 from signorini_fx.extensions import add_on
 from signorini_fx.machine import terminal
@@ -222,31 +221,29 @@ def info(_: argparse.Namespace, comm: MPI.Comm) -> int:
 
 
 def new(options: argparse.Namespace) -> str | tuple[str, int]:
-    """Write the starting scene, or the draft of one from a deck; it overwrites no file."""
+    """Write the starting scene, one for a drawing or a mesh, or the draft of one from a deck; it
+    overwrites no file.
+    """
+    from signorini_fx.mechanics.mesh.files.formats import MESH_FORMATS
+    from signorini_fx.scenes import found_contacts
+
     file: Path = options.file
+    if options.deck is None and file.suffix.lower() in MESH_FORMATS:
+        return _new_of_mesh(options)
     if options.deck is None:
         from signorini_fx.scenes.template import starting_scene
 
-        text = starting_scene()
-    elif options.deck.suffix.lower() != ".inp":
-        raise OutputError(
-            f"{options.deck}: a scene is drafted from an input file of Abaqus or CalculiX, .inp"
-        )
-    else:
-        draft = add_on("draft").draft(options.deck, file)
-        text = draft.text
-    try:
-        with file.open("x", encoding="utf-8") as out:
-            out.write(text)
-    except FileExistsError:
-        raise OutputError(f"{file}: already exists: give another name, or remove it") from None
-    except (OSError, ValueError) as error:
-        raise cannot_be_written(file, error) from None
-    if options.deck is None:
+        found_contacts.written(file, starting_scene())
         return (
             f"{file} is a scene that can be solved as it is; change it, then run: signorini-fx "
             f"check {file}"
         )
+    if options.deck.suffix.lower() != ".inp":
+        raise OutputError(
+            f"{options.deck}: a scene is drafted from an input file of Abaqus or CalculiX, .inp"
+        )
+    draft = add_on("draft").draft(options.deck, file)
+    found_contacts.written(file, draft.text)
     lines = [f"{file} is the draft of a scene; check it: signorini-fx check {file}"]
     lines += [f"does not change the answer: {remark}" for remark in draft.noted]
     lines += [f"changes the answer: {remark}" for remark in draft.lost]
@@ -256,6 +253,43 @@ def new(options: argparse.Namespace) -> str | tuple[str, int]:
             "completed"
         )
     return "\n".join(lines), EXIT_INCOMPLETE if draft.lost else EXIT_OK
+
+
+def _new_of_mesh(options: argparse.Namespace) -> str:
+    """Write a scene for a drawing or a mesh, and a picture with the names of its boundaries."""
+    from mpi4py import MPI
+
+    from signorini_fx.mechanics.statement.mesh_sources import MeshFile
+    from signorini_fx.scenes import found_contacts
+
+    mesh = MeshFile(file=options.file, size=options.size)
+    scene = Path(f"{options.file.stem}.toml")
+    found_contacts.written(scene, found_contacts.scene_of(mesh, scene))
+    picture = scene.with_suffix(".png")
+    add_on("draw_mesh")(mesh, MPI.COMM_SELF, picture)
+    return (
+        f"{scene} is a scene without materials, supports and loads; {picture} shows the names of "
+        f"its boundaries. Fill in what begins with #, then run: signorini-fx check {scene}"
+    )
+
+
+def contacts(options: argparse.Namespace) -> str:
+    """Print the contacts that a file of several bodies suggests, or write them into a scene."""
+    from signorini_fx.mechanics.statement.mesh_sources import MeshFile
+    from signorini_fx.scenes import found_contacts
+    from signorini_fx.scenes.reading import read_scene_text
+
+    mesh = MeshFile(file=options.file, size=options.size)
+    found = found_contacts.contacts_of(mesh, options.within)
+    lines = found_contacts.in_words(found)
+    if options.into is None:
+        entry = found_contacts.mesh_entry(mesh, Path(), found.contacts)
+        words = [f"# {line}" for line in lines]
+        return "\n".join([*words, entry, "", found_contacts.as_entries(found.contacts)])
+    text = read_scene_text(options.into)
+    new_text = found_contacts.with_contacts(text, options.into, found.contacts)
+    found_contacts.written(options.into, new_text, over=True)
+    return "\n".join([*lines, f"they are in {options.into}"])
 
 
 def report(options: argparse.Namespace) -> str:

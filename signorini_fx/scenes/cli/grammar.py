@@ -85,6 +85,9 @@ def parser() -> argparse.ArgumentParser:
     info = commands.add_parser(
         "mesh-info", help="describe a mesh file: names, counts, what is unnamed"
     )
+    contacts = commands.add_parser(
+        "contacts", help="find the contacts of a drawing or mesh of several bodies, as entries"
+    )
     schema = commands.add_parser("schema", help="print the JSON schema of scene files, for editors")
     commands.add_parser("info", help="print versions, the BLAS and the linear solvers in use")
 
@@ -158,14 +161,23 @@ def parser() -> argparse.ArgumentParser:
         **file,
         nargs="?",
         default=Path("scene.toml"),
-        help="the file (default: %(default)s)",
+        help="the file (default: %(default)s), or the drawing or mesh to write a scene for",
     )
     draft = "draft it from an .inp of Abaqus or CalculiX"
     new.add_argument("--from", dest="deck", type=named_path, metavar="DECK", help=draft)
     info.add_argument(
         "file", **file, help="mesh: .msh, .geo, .step, .stp, .brep, .inp, .med, .vtu or .xdmf"
     )
-    info.add_argument("--size", type=float, help="cell size for a .step, .stp or .brep")
+    contacts.add_argument(
+        "file", **file, help="several bodies: .msh, .geo, .step, .stp, .brep, .inp, .med, .vtu"
+    )
+    for command in (new, info, contacts):
+        command.add_argument("--size", type=float, help="cell size for a .step, .stp or .brep")
+    contacts.add_argument(
+        "--within", type=float, help="distance of surfaces that are near (default: 1/4 of a facet)"
+    )
+    into = "scene file in which what an earlier search has found is replaced"
+    contacts.add_argument("--into", type=named_path, metavar="SCENE", help=into)
     info.add_argument("--json", **flag, help="print JSON instead of a table")
     info.add_argument(
         "--picture",

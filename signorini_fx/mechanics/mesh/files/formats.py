@@ -24,7 +24,7 @@ from signorini_fx.mechanics.mesh.halving import halved, straightened
 from signorini_fx.mechanics.statement.mesh_sources import DRAWN, MeshFile
 from signorini_fx.tuned import SAME_LENGTH
 
-_FORMATS = (*DRAWN, ".inp", ".med", ".msh", ".vtu", ".xdmf")
+MESH_FORMATS = (*DRAWN, ".inp", ".med", ".msh", ".vtu", ".xdmf")
 
 
 def read_file(
@@ -48,9 +48,10 @@ def read_file(
     """
     file = mesh.file
     suffix = mesh.file.suffix.lower()
-    if suffix not in _FORMATS:
+    if suffix not in MESH_FORMATS:
         raise MeshError(
-            f"{file}: unknown mesh format {file.suffix!r}; known are {', '.join(sorted(_FORMATS))}"
+            f"{file}: unknown mesh format {file.suffix!r}; known are "
+            f"{', '.join(sorted(MESH_FORMATS))}"
         )
     if not os.path.isfile(file):  # a name may be of any length
         raise MeshError(f"{file}: no such file")

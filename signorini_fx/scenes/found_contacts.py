@@ -1,0 +1,239 @@
+"""Contacts that a file of several bodies suggests, as entries of a scene, and a scene to begin with
+for a drawing or a mesh.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import tomllib
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from signorini_fx.errors import MeshError, OutputError, SceneError, cannot_be_written
+from signorini_fx.mechanics.effects.contact import Contact
+from signorini_fx.mechanics.mesh.files.arrays import MeshArrays
+from signorini_fx.mechanics.mesh.files.formats import read_file
+from signorini_fx.mechanics.mesh.proposals import Proposals, ProposedContact, proposed_contacts
+from signorini_fx.mechanics.statement.mesh_sources import MeshFile
+from signorini_fx.records import Finding
+
+# The lines between which a scene has the entries that are found anew.
+_FIRST = "# --- contacts found by signorini-fx contacts; a new search replaces what is between ---"
+_LAST = "# --- end of the contacts found ---"
+# The numbers of boundaries of drawings, and of groups without a name.
+_NUMBERED = re.compile(r"boundary_(\d+)")
+
+
+def contacts_of(mesh: MeshFile, within: float | None = None) -> Proposals:
+    """Return the contacts that a file suggests, see ``proposed_contacts``.
+
+    Raises:
+        MeshError: the file cannot be read, or is one body.
+        SceneError: a length cannot be had.
+    """
+    try:
+        return proposed_contacts(read_file(mesh), within)
+    except MeshError as error:
+        raise MeshError(
+            f"{mesh.file}: {error}".replace(f"{mesh.file}: {mesh.file}", f"{mesh.file}")
+        ) from None
+
+
+def in_words(found: Proposals) -> list[str]:
+    """Return a line for each contact, with its kind, its mean gap and its area."""
+    bodies = ", ".join(found.bodies[:12]) + ", ..." * (len(found.bodies) > 12)
+    count = len(found.contacts)
+    lines = [f"{len(found.bodies)} bodies: {bodies}; {count or 'no'} contact{'s' * (count != 1)}"]
+    for contact in found.contacts:
+        how = f"facets leave arcs by {contact.sagitta:.2g}" if contact.sagitta else "flat"
+        gap = 0.0 if contact.kind == "touches" else contact.gap
+        row = (
+            f"{contact.name:24s} {contact.kind:10s} gap {gap:<9.3g} area {contact.area:<9.4g} {how}"
+        )
+        lines.append(row.rstrip())
+        if contact.shared:
+            lines.append("  both sides are sides of other contacts, too: divide one in the drawing")
+    for place in found.unnamed:
+        where = ", ".join(f"{value:.4g}" for value in place)
+        lines.append(f"surfaces without a name are near each other at ({where}): name them")
+    return lines
+
+
+def as_entries(contacts: Sequence[ProposedContact]) -> str:
+    """Return the contacts as entries of a scene file, in TOML.
+
+    Where one round side sits in the other, their distance is stated: facets leave arcs, so that
+    the distance of the meshes is another one.
+    """
+    entries = []
+    for contact in contacts:
+        boundary, against = map(_side, (contact, contact), (0, 1))
+        lines = [
+            f"[[contact]]  # {contact.name}: {contact.kind}",
+            f'boundary = "{boundary}"',
+            f'against = "{against}"',
+        ]
+        if contact.fitted:
+            lines.append('distance = "nominal"')
+            if contact.kind != "touches":
+                lines.append(f"gap = {contact.gap:.3g}")
+        lines.append('# friction = { law = "coulomb", coefficient = 0.1 }')
+        entries.append("\n".join(lines))
+    return "\n\n".join(entries)
+
+
+def _side(contact: ProposedContact, number: int) -> str:
+    """Return the name of a side in a scene: of its boundary, or one for several."""
+    names = contact.sides[number]
+    other = contact.bodies[1 - number]
+    return names[0] if len(names) == 1 else f"{contact.bodies[number]}_on_{other}"
+
+
+def joined_boundaries(contacts: Sequence[ProposedContact]) -> dict[str, list[int]]:
+    """Return the numbers of the boundaries of sides that consist of several, by their names.
+
+    Raises:
+        MeshError: a boundary has no number.
+    """
+    joined: dict[str, list[int]] = {}
+    for contact in contacts:
+        for number, names in enumerate(contact.sides):
+            if len(names) == 1:
+                continue
+            numbers = [_NUMBERED.fullmatch(name) for name in names]
+            if not all(numbers):
+                raise MeshError(
+                    f"the surfaces {', '.join(names)} go into each other smoothly and touch the "
+                    "same body: give them one name in the file"
+                )
+            joined[_side(contact, number)] = [int(match[1]) for match in numbers if match]
+    return joined
+
+
+def mesh_entry(mesh: MeshFile, folder: Path, contacts: Sequence[ProposedContact]) -> str:
+    """Return the entry ``mesh`` of a scene in a folder, in TOML."""
+    parts = [f'file = "{os.path.relpath(mesh.file, folder)}"']
+    if mesh.size is not None:
+        parts.append(f"size = {mesh.size:g}")
+    if joined := joined_boundaries(contacts):
+        names = ", ".join(f"{name} = {numbers}" for name, numbers in joined.items())
+        parts.append(f"boundaries = {{ {names} }}")
+    return f"mesh = {{ {', '.join(parts)} }}"
+
+
+def with_contacts(text: str, file: Path, contacts: Sequence[ProposedContact]) -> str:
+    """Return the text of a scene with the contacts that it does not state itself, in place of those
+    that an earlier search has written.
+
+    Raises:
+        SceneError: the text is no scene, or lacks names of boundaries that several contacts need.
+    """
+    before, found, rest = text.partition(_FIRST)
+    own = before + rest.partition(_LAST)[2] if found else text
+    try:
+        data = tomllib.loads(own)
+    except tomllib.TOMLDecodeError as error:
+        raise SceneError([("file", f"is not a TOML file: {error}")], str(file)) from None
+    stated = data.get("contact", [])
+    if isinstance(stated, dict) or (stated and "[[contact]]" not in own):
+        reason = "is an inline table, to which nothing can be added: write it as [[contact]]"
+        raise SceneError([("contact", reason)], str(file))
+    pairs = [{entry.get("boundary"), entry.get("against")} for entry in stated]
+    new = [contact for contact in contacts if {_side(contact, 0), _side(contact, 1)} not in pairs]
+    mesh = data.get("mesh", {})
+    missing = {
+        name: numbers
+        for name, numbers in joined_boundaries(new).items()
+        if mesh.get("boundaries", {}).get(name) != numbers
+    }
+    if missing:
+        names = ", ".join(f"{name} = {numbers}" for name, numbers in missing.items())
+        reason = f"add these names, which the contacts need: {names}"
+        raise SceneError([("mesh.boundaries", reason)], str(file))
+    block = f"{_FIRST}\n\n{as_entries(new)}\n\n{_LAST}\n"
+    return f"{own.rstrip()}\n\n{block}"
+
+
+def without_contact(entries: Sequence[Contact], mesh: MeshArrays) -> Iterator[Finding]:
+    """Yield a finding for each pair of surfaces of two bodies that touch or nearly do, and that no
+    contact of a scene names.
+    """
+
+    def meet(stated: str | None, names: Sequence[str]) -> bool:
+        rows = mesh.boundaries.get(str(stated), ())
+        return any(np.isin(mesh.boundaries[name], rows).any() for name in names)
+
+    for contact in proposed_contacts(mesh).contacts:
+        one, other = contact.sides
+        if any(
+            (meet(entry.boundary, first) and meet(entry.against, second))
+            for entry in entries
+            for first, second in ((one, other), (other, one))
+        ):
+            continue
+        sides = [
+            f"{' and '.join(names)} of {body}"
+            for names, body in zip(contact.sides, contact.bodies, strict=True)
+        ]
+        apart = "touch" if contact.kind == "touches" else f"have a gap of {contact.gap:.3g}"
+        message = (
+            f"{sides[0]} and {sides[1]} {apart}, and no [[contact]] names them: signorini-fx "
+            "contacts FILE writes the entry"
+        )
+        yield Finding("note" if contact.kind == "clearance" else "warning", "contact", message)
+
+
+def scene_of(mesh: MeshFile, file: Path) -> str:
+    """Return the text of a scene for a drawing or a mesh, in which the user fills in materials,
+    supports and loads; ``file``: of the scene.
+
+    Raises:
+        MeshError: the mesh cannot be read.
+    """
+    arrays = read_file(mesh)
+    bodies = [name for name, rows in arrays.regions.items() if len(rows)]
+    try:
+        found = proposed_contacts(arrays)
+        contacts = found.contacts
+        told = in_words(found)
+    except MeshError:
+        contacts = ()
+        told = ["one body"]
+    names = list(arrays.boundaries)
+    shown = ", ".join(names[:20]) + ", ..." * (len(names) > 20)
+    axes = ("x", "y", "z")[: arrays.dim]
+    held = "\n".join(f"# {axis} = 0.0" for axis in axes)
+    materials = "\n\n".join(
+        "[[material]]\n"
+        + (f'region = "{body}"\n' if body else "")
+        + "# young = 210000.0  # stress\n# poisson = 0.3"
+        for body in (bodies if contacts else [""])
+    )
+    head = "\n".join(f"# {line}" for line in told)
+    return (
+        f"# Fill in what begins with #, then run: signorini-fx check {file.name}\n"
+        f"# Boundaries: {shown}\n{head}\n\n"
+        f'title = "{mesh.file.stem}"\n'
+        f"{mesh_entry(mesh, file.parent, contacts)}\n\n{materials}\n\n"
+        f"[[displacement]]  # a support\n# boundary = \n{held}\n\n"
+        f"[[traction]]  # a load\n# boundary = \n# pressure = 1.0  # stress\n"
+        + (f"\n{_FIRST}\n\n{as_entries(contacts)}\n\n{_LAST}\n" if contacts else "")
+    )
+
+
+def written(file: Path, text: str, *, over: bool = False) -> None:
+    """Write a scene file, in place of an earlier one with ``over`` alone.
+
+    Raises:
+        OutputError: it exists already, or cannot be written.
+    """
+    try:
+        with file.open("w" if over else "x", encoding="utf-8") as out:
+            out.write(text)
+    except FileExistsError:
+        raise OutputError(f"{file}: already exists: give another name, or remove it") from None
+    except (OSError, ValueError) as error:
+        raise cannot_be_written(file, error) from None
