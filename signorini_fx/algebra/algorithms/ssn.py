@@ -36,6 +36,7 @@ from signorini_fx.tuned import (
     DECIDED,
     NEGLIGIBLE,
     NO_FORCE,
+    NOTABLE,
     SAME_NUMBER,
     SLOW_STEPS,
     SLOWEST_STEPS,
@@ -44,7 +45,7 @@ from signorini_fx.tuned import (
 _RENEW = -2
 _KEEP = -1
 # While the sets repeat and directions of slip change, the residual of the law must be halved in
-# this many steps.
+# this many steps, and sets may come back as often.
 _TURNS = 6
 _NO_SUCH_FACTOR = 92  # PETSC_ERR_MISSING_FACTOR
 _SNES = PETSc.SNES.ConvergedReason
@@ -58,7 +59,8 @@ class SemismoothNewton:
     3) and the residual is small.  Because an iterate depends on its sets alone, sets that occurred
     before mean a cycle. In 3D, where the problem is not affine for given sets, directions of slip
     still change while the sets stay: there the friction law must hold as well, and sets that
-    occurred before mean a cycle if its residual has not been halved. PETSc options with the prefix
+    occurred before mean a cycle if its residual is what it was, or has so often changed without
+    being halved. PETSc options with the prefix
     ``sfx_`` are used by the SNES, KSP and PC; otherwise the defaults apply.
 
     ``x``: the iterate, which two methods may share; ``symmetric``: whether the Jacobian is; it is
@@ -225,7 +227,8 @@ class SemismoothNewton:
                 status = self._run(data, limit)
         except (PETSc.Error, MemoryError) as error:
             status = self.outcome_of(error)
-        return status
+        # Of sets that come back some may leave the system singular, those of the solution do not.
+        return Status.CYCLING if self._returns and status is Status.SINGULAR else status
 
     def outcome_of(self, error: Exception) -> Status:
         """How a solve ends where a factorisation package raises an error, as some do where others
@@ -448,12 +451,12 @@ class SemismoothNewton:
             sound = k > 0 and not problem.next.repaired and problem.next.escapes is None
             if sound and residual <= snes.getTolerances()[0] and self._settled(residual, law):
                 return int(_SNES.CONVERGED_FNORM_RELATIVE)
-            nearer = max(law, snes.getTolerances()[0]) <= 0.5 * self._seen[fingerprint]
-            # Where the bound follows the slip the same sets have another tangent when they return.
+            # Where directions turn or the bound follows the slip the same sets have another tangent
+            # when they return: of a cycle they leave the same residual of the law.
+            seen, now = self._seen[fingerprint], max(law, snes.getTolerances()[0])
             self._returns += 1
-            follows = problem.data.follows
-            curved = follows is not None and follows.follows_slip and self._returns <= _TURNS
-            if problem.affine or not (nearer or curved):
+            turned = self._returns <= _TURNS and abs(now - seen) > NOTABLE * seen
+            if problem.affine or not (now <= 0.5 * seen or turned):
                 return self._stop(Status.CYCLING)
         self._changes.append((changed, active))
         if self._may_propose and self._is_slow(k):
