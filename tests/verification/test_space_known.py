@@ -129,8 +129,11 @@ def test_a_bent_block_presses_evenly_on_a_foundation_of_its_shape(law, poisson):
     np.testing.assert_allclose(columns["pressure"][inner], pressure, rtol=5e-3)
 
 
-def test_a_step_of_the_foundation_presses_on_nothing_beside_it():
-    """A gap that jumps within a row of quadratic tetrahedra: a block at rest on the higher part is not pressed."""
+@pytest.mark.parametrize(("left", "right"), [(0.0, 0.05), (0.05, 0.0)])
+def test_a_step_of_the_foundation_presses_on_nothing_beside_it(left, right):
+    """A gap that jumps within a row of quadratic tetrahedra: each point has that of its vertex, and
+    a block at rest on the higher part is not pressed.
+    """
     parameters = {"nx": 6, "ny": 3, "nz": 2, "length": 2.0, "cell": "tetrahedron"}
     scene = parse_scene(
         {
@@ -138,10 +141,12 @@ def test_a_step_of_the_foundation_presses_on_nothing_beside_it():
             "element": {"degree": 2},
             "material": {"young": 1000.0, "poisson": 0.3},
             "displacement": {"boundary": "top", "x": 0.0, "y": 0.0, "z": 0.0},
-            "contact": {"boundary": "bottom", "gap": "0.0 if x[0] < 1.1 else 0.05"},
+            "contact": {"boundary": "bottom", "gap": f"{left} if x[0] < 1.1 else {right}"},
         }
     )
-    assert alone(scene).table.columns["pressure"].max() == 0.0
+    columns = alone(scene).table.columns
+    assert columns["pressure"].max() == 0.0
+    np.testing.assert_array_equal(columns["gap"], np.where(columns["x"] < 1.1, left, right))
 
 
 @pytest.mark.slow

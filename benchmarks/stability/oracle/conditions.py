@@ -245,8 +245,8 @@ def points_of(body: Body, part: int) -> Points:
 
 
 def averaged_gap(shares: csr_array, x: Array, gaps: Array, vertices: Ints) -> Array:
-    """Averages of gaps at nodes, but at vertices around which the gap is further from a quadratic
-    function of two coordinates than its average from that of the vertex: that of the vertex.
+    """Averages of gaps at nodes, but that of the vertex where the average differs from it by no
+    more than what the gap differs from a quadratic function of two coordinates may change both.
     """
     gap = gaps[vertices]
     for point, (first, last) in enumerate(pairwise(shares.indptr)):
@@ -256,7 +256,7 @@ def averaged_gap(shares: csr_array, x: Array, gaps: Array, vertices: Ints) -> Ar
         basis = np.array([one**i * two**j for i in range(3) for j in range(3 - i)]).T
         off = gaps[around] - basis @ np.linalg.lstsq(basis, gaps[around])[0]
         mean = share @ gaps[around]
-        if abs(mean - gap[point]) >= np.abs(off).max():
+        if abs(mean - gap[point]) >= (1 + np.abs(share).sum()) * np.abs(off).max():
             gap[point] = mean
     return gap
 

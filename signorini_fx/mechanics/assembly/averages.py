@@ -110,17 +110,20 @@ class Averages:
         """Return the gap of the points, length, shape (n,): averages of ``values`` at the nodes.
 
         Where the gap jumps or bends between nodes an average means nothing, and may lie below all
-        values.  There it is that of ``vertices``, shape (n,): where the average differs from it by
-        less than the values differ from the quadratic function of two coordinates that fits best.
+        values, or above.  There it is that of ``vertices``, shape (n,): where the average differs
+        from it by no more than what the values differ from the quadratic function of two
+        coordinates that fits best may change it.
         """
         gap = np.asarray(self.shares @ values)
         for point in range(gap.size):
-            nodes = self.shares.indices[self.shares.indptr[point] : self.shares.indptr[point + 1]]
+            entries = slice(*self.shares.indptr[point : point + 2])
+            nodes, shares = self.shares.indices[entries], self.shares.data[entries]
             x = self.x[nodes] - self.x[nodes].mean(axis=0)
             a, b = (x @ np.linalg.eigh(x.T @ x)[1][:, 1:]).T / np.abs(x).max()
             powers = np.column_stack((np.ones_like(a), a, b, a * a, a * b, b * b))
             fitted = powers @ np.linalg.lstsq(powers, values[nodes])[0]
-            if np.abs(gap[point] - vertices[point]) < np.abs(values[nodes] - fitted).max():
+            rest = (1.0 + np.abs(shares).sum()) * np.abs(values[nodes] - fitted).max()
+            if np.abs(gap[point] - vertices[point]) < rest:
                 gap[point] = vertices[point]
         return gap
 
