@@ -36,7 +36,6 @@ from signorini_fx.algebra.contact.nodal_vectors import Nodal, inner, length
 from signorini_fx.algebra.contact.points import ContactPoints, shares
 from signorini_fx.algebra.contact.statics import Escape, no_balance
 from signorini_fx.algebra.linalg import SAME_PATTERN, SUBSET_PATTERN, ElasticSystem, is_by_blocks
-from signorini_fx.algebra.linalg.blocks import change_added, with_added
 from signorini_fx.algebra.linalg.petsc_calls import called_back
 from signorini_fx.machine import parallel
 from signorini_fx.records import Status
@@ -71,6 +70,8 @@ class ContactTangent:
         """A matrix to insert blocks into, so far A; collective."""
         if not is_by_blocks(self._matrix):
             return self._matrix.duplicate(copy=True)
+        from signorini_fx.algebra.linalg.blocks import with_added
+
         added = self._contact.products[-1].copy()
         added.zeroEntries()
         return with_added(self._matrix, added)
@@ -95,6 +96,8 @@ class ContactTangent:
             )
             operator.transposeMatMult(half, result=product)
             if is_by_blocks(matrix):
+                from signorini_fx.algebra.linalg.blocks import change_added
+
                 change_added(matrix, product)
             else:
                 self._matrix.copy(matrix, SAME_PATTERN)

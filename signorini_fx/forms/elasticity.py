@@ -33,7 +33,6 @@ from signorini_fx.mechanics.assembly.mesh_entities import (
 )
 from signorini_fx.mechanics.assembly.pieces import find_pieces
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
-from signorini_fx.mechanics.elasticity.elastic_law import ElementStress, cellwise_stress
 from signorini_fx.mechanics.interfaces import PlacedShape
 from signorini_fx.mechanics.kinematics import CARTESIAN
 from signorini_fx.mechanics.kinematics.protocol import PLANE_STRESS, padded
@@ -47,6 +46,7 @@ from signorini_fx.results.mechanics import SolidBody
 from signorini_fx.tuned import NOTHING_LEFT
 
 if TYPE_CHECKING:
+    from signorini_fx.mechanics.elasticity.elastic_law import ElementStress
     from signorini_fx.results.accuracy.stress_recovery import StressRecovery
     from signorini_fx.results.resultants import ActingForces, NamedForces
     from signorini_fx.results.stresses import RawStresses
@@ -350,6 +350,8 @@ def stress_of(law: Law, y: fem.Function, parts: Sequence[npt.NDArray[np.int32]])
     linear in the strain but for a stress without strain, with the moduli at the middle of each
     cell; a FormError says why not; collective.
     """
+    from signorini_fx.mechanics.elasticity.elastic_law import cellwise_stress
+
     mesh = y.function_space.mesh
     dim = mesh.geometry.dim
     full_stress = law(y)

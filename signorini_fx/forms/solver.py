@@ -21,7 +21,6 @@ from signorini_fx.algebra.contact.active_sets import ActiveSets
 from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.linalg import LoadCase
-from signorini_fx.algebra.linalg.condensed import CondensedSystem
 from signorini_fx.algebra.linalg.petsc_options import defaults, refuse_exchanged, refused
 from signorini_fx.errors import FormError
 from signorini_fx.forms.elasticity import (
@@ -40,12 +39,11 @@ from signorini_fx.forms.given_forms import (
 )
 from signorini_fx.machine import compat, parallel
 from signorini_fx.machine.petsc_objects import free_unused
-from signorini_fx.mechanics.assembly.mesh_entities import assemble, forget_positions
+from signorini_fx.mechanics.assembly.mesh_entities import assemble, forget_positions, prescribed
 from signorini_fx.mechanics.assembly.pieces import forget_pieces
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.interfaces import Foundation, Pair
-from signorini_fx.mechanics.loads.supports import prescribed
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.model import ElasticBody
 from signorini_fx.mechanics.obstacles.foundations_on_points import (
@@ -318,10 +316,9 @@ class FormSolver:
             owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
             self.elastic = self._body(fixed[:owned], boundary)
         else:
-            system = self.task.system
-            schur = system.schur if isinstance(system, CondensedSystem) else None
             points = boundary if self.contact else None
-            self.elastic = replace(self.elastic, boundary=points, eliminated=schur)
+            eliminated = self.task.system.eliminated
+            self.elastic = replace(self.elastic, boundary=points, eliminated=eliminated)
         elastic = self.elastic
         modulus = self._modulus
         if modulus is None:

@@ -34,7 +34,6 @@ from signorini_fx.algebra.linalg import (
     row_by_row,
 )
 from signorini_fx.algebra.linalg.choice import SystemSize, choose_kind, choose_system
-from signorini_fx.algebra.linalg.rigid_unknowns import bordered
 from signorini_fx.algebra.linalg.schur import SchurComplement
 from signorini_fx.errors import SceneError
 from signorini_fx.machine import parallel
@@ -46,7 +45,6 @@ from signorini_fx.mechanics.contact_points.contact_boundary import (
     contact_map,
     no_points,
 )
-from signorini_fx.mechanics.elasticity.elastic_law import embedding
 from signorini_fx.mechanics.kinematics.protocol import Kinematics
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, diameter_of
 from signorini_fx.mechanics.rigid.mesh_levels import MeshLevel
@@ -237,6 +235,8 @@ class ElasticBody:
             )
         turning = rotation
         if boundary is not None and boundary.moving is not None:
+            from signorini_fx.algebra.linalg.rigid_unknowns import bordered, embedding
+
             of_body = stiffness
             springs = boundary.moving.stiffness[: self._rigid]
             stiffness = bordered(of_body, np.ones(springs.size, dtype=bool), springs)

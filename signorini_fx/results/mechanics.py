@@ -16,13 +16,11 @@ from signorini_fx.mechanics.body.deformation import Deformation
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.interfaces import PlacedShape
 from signorini_fx.mechanics.model import Model
-from signorini_fx.mechanics.obstacles.scene_contact import hard_foundations
 from signorini_fx.mechanics.rigid.rigid_bodies import Drive, RigidBodyMotion
 from signorini_fx.mechanics.statement.effect import Force, Resistance
 from signorini_fx.records import Finding, Status, StepRecord
 from signorini_fx.results.certificate.certificate import Certificate, balance_of, judged
 from signorini_fx.results.certificate.contact_nodes import ContactConditions
-from signorini_fx.results.certificate.corner_feet import judged_corners
 from signorini_fx.results.certificate.equilibrium import Balance
 from signorini_fx.results.certificate.law_of_method import (
     Law,
@@ -63,12 +61,16 @@ class SolidBody(Model, ABC):
         if self.boundary is None:
             return None
         assert self.data is not None
+        points = (self.boundary, self.data.gap)
         pairs: dict[int, PairPoints] = {}
         if self.pairs:
             from signorini_fx.results.certificate.pair_points import PairPoints
 
             pairs = {number: PairPoints.of(pair) for number, pair in self.pairs.items()}
-        points = judged_corners(self.boundary, self.data.gap, self.shapes())
+        if self.boundary.corners is not None:
+            from signorini_fx.results.certificate.corner_feet import judged_corners
+
+            points = judged_corners(*points, self.shapes())
         return ContactConditions(*points, self.law, self.data.bilateral, pairs)
 
     def shapes(self, step: float | None = None) -> Sequence[PlacedShape]:
@@ -130,6 +132,8 @@ class StatedBody(SolidBody):
         return self.statement.drives(self.tagged.dimension, step)
 
     def shapes(self, step: float | None = None) -> Sequence[PlacedShape]:
+        from signorini_fx.mechanics.obstacles.scene_contact import hard_foundations
+
         placed = self.statement if step is None else self.statement.placed(step)
         return hard_foundations(placed, self.kinematics)
 

@@ -22,10 +22,10 @@ from signorini_fx.forms.nonlinear.newton import Continuation
 from signorini_fx.forms.nonlinear.problem import NonlinearContactProblem, linearised_at
 from signorini_fx.forms.nonlinear.results import ResidualBody
 from signorini_fx.machine import parallel
+from signorini_fx.mechanics.assembly.mesh_entities import prescribed
 from signorini_fx.mechanics.body.deformation import deformation_of
 from signorini_fx.mechanics.body.discretisation import boundary_facets, held_at, prepare
 from signorini_fx.mechanics.body.nonlinear_law import BodyResidual, at_rest, body_residual
-from signorini_fx.mechanics.loads.supports import prescribed
 from signorini_fx.mechanics.materials.trial import check_materials
 from signorini_fx.mechanics.mesh.tagged import check_fits
 from signorini_fx.mechanics.model import Model

@@ -15,7 +15,6 @@ from signorini_fx.algebra.algorithms.task import Outcome, Task
 from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.linalg import Elasticity, ElasticSystem
 from signorini_fx.algebra.linalg.choice import SystemSize, choose_system
-from signorini_fx.algebra.linalg.condensed import CondensedSystem
 from signorini_fx.machine.petsc_objects import free_unused
 from signorini_fx.mechanics.body.discretisation import moved_since, placed, placements, prepare
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary, no_points
@@ -369,12 +368,8 @@ class StatedProblem:
         stepped = placed(model, place)
         if stepped.boundary is not self.model.boundary:
             system = self.task.system
-            if (
-                isinstance(system, CondensedSystem)
-                and stepped.is_assembled
-                and stepped.stiffness is system.elasticity.matrix
-            ):
-                stepped = replace(stepped, eliminated=system.schur)
+            if stepped.is_assembled and stepped.stiffness is system.elasticity.matrix:
+                stepped = replace(stepped, eliminated=system.eliminated)
             with self.timings.phase("condense"):
                 self.task = contact_task(stepped, self.history)
         self.model, first = stepped, self.task.start

@@ -17,7 +17,6 @@ from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.errors import FormError
 from signorini_fx.mechanics.body.deformation import deformation_of
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
-from signorini_fx.mechanics.obstacles.corner_depths import deepest_corner
 from signorini_fx.mechanics.state import State
 from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.mechanics.step_effect import StepEffect
@@ -29,7 +28,6 @@ from signorini_fx.results.certificate.law_of_method import (
     overclosures_of,
 )
 from signorini_fx.results.mechanics import SolidBody, StepResult
-from signorini_fx.solving.findings import explained
 from signorini_fx.solving.frames import Posed, start_of, state_of
 
 
@@ -125,7 +123,9 @@ def step(
             state = replace(state, found=found_in(body, place))
         else:
             outcome = solve_task(posed.task, start, budget)
-    if reason is None:
+    if reason is None and outcome.status is not Status.CONVERGED:
+        from signorini_fx.solving.findings import explained
+
         when = f"load step {start.step + 1}: " if problem.waits else ""
         reason = explained(body, posed.task, outcome, place, when)
     new, report = judged(problem, posed, start, before, outcome, state)
@@ -233,8 +233,10 @@ def judged(
                 status = Status.TOO_LARGE
             elif status is Status.CONVERGED and not certificate.holds:
                 status = Status.NOT_CERTIFIED
-            elif status is Status.CONVERGED:
-                deep = deepest_corner(body.shapes(place), displacement, rigid, body.boundary)
+            elif status is Status.CONVERGED and (shapes := body.shapes(place)):
+                from signorini_fx.mechanics.obstacles.corner_depths import deepest_corner
+
+                deep = deepest_corner(shapes, displacement, rigid, body.boundary)
                 if deep is not None:
                     status = Status.CORNER
                     reason = Finding("warning", deep.path, str(deep))

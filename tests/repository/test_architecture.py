@@ -399,6 +399,23 @@ def test_a_small_solve_imports_no_more_than_it_runs(tmp_path):
     assert python(code).stdout.splitlines()[-1:] == ["[]"]
 
 
+def test_a_small_problem_of_forms_imports_no_more_than_it_runs():
+    """A ``ContactProblem`` on a plane foundation, with Coulomb friction, loads 98 modules."""
+    code = """import numpy, signorini_fx as sfx, sys, ufl
+from dolfinx import fem, mesh
+from mpi4py import MPI
+square = mesh.create_unit_square(MPI.COMM_WORLD, 4, 4)
+space = fem.functionspace(square, ("Lagrange", 1, (2,)))
+u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
+a = ufl.inner(ufl.sym(ufl.grad(u)), ufl.sym(ufl.grad(v))) * ufl.dx
+L = ufl.inner(ufl.as_vector((0, -1e-3)), v) * ufl.dx
+low = mesh.locate_entities_boundary(square, 1, lambda x: numpy.isclose(x[1], 0))
+sfx.ContactProblem(a, L, contact=sfx.Foundation(low, friction=sfx.Coulomb(0.3))).solve()
+print(sum(name.startswith("signorini_fx") for name in sys.modules) <= 98)"""
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert ended.stdout.splitlines()[-1] == "True"
+
+
 def test_the_certificate_stands_alone():
     """It imports nothing that has solved the problem: neither algorithms, nor problems, nor linear
     algebra.

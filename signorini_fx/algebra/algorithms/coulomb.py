@@ -5,11 +5,11 @@ fall-back.
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
-from signorini_fx.algebra.algorithms.alm import Augmentation, augmented_lagrangian
 from signorini_fx.algebra.algorithms.ssn import SemismoothNewton
 from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
 from signorini_fx.algebra.contact.active_sets import ActiveSets
@@ -20,6 +20,9 @@ from signorini_fx.algebra.regularised import RegularisedProblem
 from signorini_fx.machine import parallel
 from signorini_fx.records import Status
 from signorini_fx.tuned import AUTOMATIC_GAMMA, CERTIFICATE_TOLERANCE, CONTINUATION_SHARE
+
+if TYPE_CHECKING:
+    from signorini_fx.algebra.algorithms.alm import Augmentation
 
 
 def coulomb_start(task: Task, data: RegularisedData) -> RegularisedData:
@@ -113,6 +116,8 @@ def coulomb_newton(
     newton = task.unsymmetric_newton
     if not augmented:
         return newton.solve(coupled, first_sets)
+    from signorini_fx.algebra.algorithms.alm import augmented_lagrangian
+
     max_outer = task.settings.max_outer_iterations
     return augmented_lagrangian(
         augmentation_on(task, newton), coupled, first_sets, max_outer=max_outer
@@ -151,6 +156,8 @@ def by_augmentation(task: Task, start: Start, law: PointFriction, begun: Outcome
 
 def augmentation_on(task: Task, newton: SemismoothNewton) -> Augmentation:
     """The update of augmented Lagrangian methods on the problems of an inner method of the task."""
+    from signorini_fx.algebra.algorithms.alm import Augmentation
+
     return Augmentation(newton, automatic_gamma(task), task.settings.tolerance)
 
 

@@ -6,10 +6,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from signorini_fx.algebra.algorithms.alm import Augmentation
 from signorini_fx.algebra.algorithms.ssn import SemismoothNewton
 from signorini_fx.algebra.contact.active_sets import ActiveSets
 from signorini_fx.algebra.contact.complementarity import RegularisedData, slip_of
@@ -18,6 +18,9 @@ from signorini_fx.algebra.contact.nodal_vectors import Nodal, length
 from signorini_fx.algebra.contact.points import shares
 from signorini_fx.records import Status
 from signorini_fx.tuned import CERTIFICATE_TOLERANCE, NEGLIGIBLE
+
+if TYPE_CHECKING:
+    from signorini_fx.algebra.algorithms.alm import Augmentation
 
 
 def fixed_point(

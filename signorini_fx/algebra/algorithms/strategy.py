@@ -17,7 +17,6 @@ import numpy as np
 from petsc4py import PETSc
 
 from signorini_fx.algebra import step_limit
-from signorini_fx.algebra.algorithms.alm import augmented_lagrangian
 from signorini_fx.algebra.algorithms.coulomb import (
     augmentation_on,
     automatic_gamma,
@@ -352,6 +351,8 @@ def _given_friction(task: Task, start: Start, data: RegularisedData) -> Outcome:
             final_data = replace(start.data, gamma_n=last.gamma_n, gamma_t=last.gamma_t)
             return Outcome(status, newton, final_data, regularisation_error=error)
         case "alm":
+            from signorini_fx.algebra.algorithms.alm import augmented_lagrangian
+
             status = augmented_lagrangian(
                 augmentation_on(task, newton),
                 data,

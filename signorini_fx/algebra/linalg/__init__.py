@@ -172,6 +172,11 @@ class ElasticSystem:
         """The ranks that share the system."""
         return self.contact.points.comm
 
+    @property
+    def eliminated(self) -> SchurComplement | None:
+        """What it has made of the stiffness that other contact points can use; None: nothing."""
+        return None
+
     def configure(self, ksp: PETSc.KSP, *, symmetric: bool) -> None:
         """Set the default linear solver for A plus contact blocks, symmetric or not; options of the
         user are applied later.  ``ksp`` has its operators already, so far A alone.

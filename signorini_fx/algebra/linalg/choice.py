@@ -9,8 +9,6 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from signorini_fx.algebra.linalg import Elasticity, ElasticSystem, is_by_blocks, petsc_options
-from signorini_fx.algebra.linalg.blocks import by_entries
-from signorini_fx.algebra.linalg.condensed import CondensedSystem
 from signorini_fx.algebra.linalg.factorisation import (
     can_factorise,
     enough_memory,
@@ -56,10 +54,14 @@ def choose_system(
     """
     kind, reason = choose_kind(size, requested)
     if kind != "krylov" and is_by_blocks(elasticity.matrix):
+        from signorini_fx.algebra.linalg.blocks import by_entries
+
         elasticity = replace(elasticity, matrix=by_entries(elasticity.matrix))
     if kind == "full":
         return ElasticSystem.of(elasticity), f"full: {reason}"
     if kind == "condensed":
+        from signorini_fx.algebra.linalg.condensed import CondensedSystem
+
         try:
             return CondensedSystem.of(elasticity), f"condensed: {reason}"
         except PETSc.Error:

@@ -90,6 +90,10 @@ class CondensedSystem(ElasticSystem):
             elsewhere[far.points] = relative[far.points]
             self.recovered = np.array(x.getArray(readonly=True)), displacement
 
+    @property
+    def eliminated(self) -> SchurComplement:
+        return self.schur
+
     def set_load(self, factors: Array) -> None:
         """The condensed loads and the prescribed displacements times their factors."""
         self.factors = factors

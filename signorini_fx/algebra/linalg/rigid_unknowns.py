@@ -19,6 +19,25 @@ from signorini_fx.machine import parallel
 from signorini_fx.tuned import KRYLOV_STEPS, SAME_NUMBER
 
 
+def embedding(rotation: PETSc.Mat | None, own: PETSc.Mat, whole: PETSc.Mat) -> PETSc.Mat:
+    """[Q 0], from the unknowns of ``whole``, on each rank those of ``own`` first, to displacements;
+    ``rotation``: Q, from the unknowns of ``own``, None: the identity.
+    """
+    rows = own.getSizes()[0]
+    first = own.getOwnershipRange()[0]
+    if rotation is None:
+        starts = np.arange(rows[0] + 1, dtype=PETSc.IntType)
+        columns = first + starts[:-1]
+        values = np.ones(rows[0])
+    else:
+        rows = rotation.getSizes()[0]
+        starts, columns, values = (
+            rotation.getValuesCSR()
+        )  # Q turns the nodes of each rank within it
+    csr = (starts, (columns + whole.getOwnershipRange()[0] - first).astype(PETSc.IntType), values)
+    return PETSc.Mat().createAIJ((rows, whole.getSizes()[1]), csr=csr, comm=own.comm)
+
+
 def bordered(
     matrix: PETSc.Mat, free: npt.NDArray[np.bool_], entries: npt.NDArray[np.float64]
 ) -> PETSc.Mat:

@@ -43,11 +43,10 @@ from signorini_fx.forms.nonlinear.residual import Residual, Tangents, round_off
 from signorini_fx.forms.solver import FormSolver, options_applied
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.averages import averaging
-from signorini_fx.mechanics.assembly.mesh_entities import node_positions
+from signorini_fx.mechanics.assembly.mesh_entities import node_positions, prescribed
 from signorini_fx.mechanics.assembly.nodal_stiffness import JointStiffness, NodalStiffness
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
-from signorini_fx.mechanics.loads.supports import prescribed
 from signorini_fx.mechanics.model import ElasticBody
 from signorini_fx.mechanics.obstacles.corner_points import BoundaryLine, CornerFeet
 from signorini_fx.mechanics.obstacles.foundations_on_points import Foundations, ShapeDistances

@@ -172,6 +172,22 @@ def shared_in(holder: str) -> Callable[[Callable[[Any], Any]], Any]:
     return kept
 
 
+def prescribed(
+    space: fem.FunctionSpace, bcs: Sequence[fem.DirichletBC]
+) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.float64]]:
+    """Which dofs of this rank are prescribed, and to what, else zero, shape (dofs,); the last
+    condition applies.
+    """
+    index_map = space.dofmap.index_map
+    block = space.dofmap.index_map_bs
+    values = np.zeros((index_map.size_local + index_map.num_ghosts) * block)
+    fixed = np.zeros(values.size, dtype=bool)
+    for condition in bcs:
+        condition.set(values)
+        fixed[condition.dof_indices()[0]] = True
+    return fixed, values
+
+
 def strain_degree(space: fem.FunctionSpace, kinematics: Kinematics = SPACE) -> int:
     """Quadrature degree of a(., .) for displacements in ``space``: that of epsilon(y) : epsilon(z)
     times the Jacobian's determinant on simplices and along each axis of parallelepipeds; on other

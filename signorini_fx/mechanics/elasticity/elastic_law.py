@@ -19,7 +19,6 @@ import numpy as np
 import numpy.typing as npt
 import ufl
 from dolfinx import default_scalar_type, fem
-from petsc4py import PETSc
 
 from signorini_fx.machine import compat, parallel
 from signorini_fx.machine.compilation import compiling
@@ -82,25 +81,6 @@ class ElementStress:
         """
         within = ufl.as_vector([difference[k] for k in range(len(self.kinematics.pairs))])
         return times * self.compliance(within) * self.around * dx
-
-
-def embedding(rotation: PETSc.Mat | None, own: PETSc.Mat, whole: PETSc.Mat) -> PETSc.Mat:
-    """[Q 0], from the unknowns of ``whole``, on each rank those of ``own`` first, to displacements;
-    ``rotation``: Q, from the unknowns of ``own``, None: the identity.
-    """
-    rows = own.getSizes()[0]
-    first = own.getOwnershipRange()[0]
-    if rotation is None:
-        starts = np.arange(rows[0] + 1, dtype=PETSc.IntType)
-        columns = first + starts[:-1]
-        values = np.ones(rows[0])
-    else:
-        rows = rotation.getSizes()[0]
-        starts, columns, values = (
-            rotation.getValuesCSR()
-        )  # Q turns the nodes of each rank within it
-    csr = (starts, (columns + whole.getOwnershipRange()[0] - first).astype(PETSc.IntType), values)
-    return PETSc.Mat().createAIJ((rows, whole.getSizes()[1]), csr=csr, comm=own.comm)
 
 
 def fields_of(displacement: fem.Function) -> tuple[fem.Function, ...]:

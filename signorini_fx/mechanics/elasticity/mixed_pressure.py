@@ -28,6 +28,7 @@ from dolfinx.fem import petsc as fem_petsc
 from petsc4py import PETSc
 
 from signorini_fx.algebra.linalg.factorisation import has_package
+from signorini_fx.algebra.linalg.rigid_unknowns import embedding
 from signorini_fx.errors import needs_fenicsx
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.assembly.mesh_entities import assemble, compile_form
@@ -36,7 +37,6 @@ from signorini_fx.mechanics.elasticity.elastic_law import (
     ElementStress,
     SceneLaw,
     compliance,
-    embedding,
     fields_of,
 )
 from signorini_fx.mechanics.elasticity.moduli import of_materials

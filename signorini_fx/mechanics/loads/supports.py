@@ -20,6 +20,7 @@ from signorini_fx.mechanics.assembly.mesh_entities import (
     facet_vertices,
     marked_nodes,
     node_positions,
+    prescribed,
 )
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
@@ -202,22 +203,6 @@ def flat_normal(
         )
         raise SceneError([(f"displacement[{index}].normal", message)])
     return np.pad(normal, (0, mesh.geometry.dim - dim))
-
-
-def prescribed(
-    space: fem.FunctionSpace, bcs: Sequence[fem.DirichletBC]
-) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.float64]]:
-    """Which dofs of this rank are prescribed, and to what, else zero, shape (dofs,); the last
-    condition applies.
-    """
-    index_map = space.dofmap.index_map
-    block = space.dofmap.index_map_bs
-    values = np.zeros((index_map.size_local + index_map.num_ghosts) * block)
-    fixed = np.zeros(values.size, dtype=bool)
-    for condition in bcs:
-        condition.set(values)
-        fixed[condition.dof_indices()[0]] = True
-    return fixed, values
 
 
 def at_rest(

@@ -25,9 +25,8 @@ from scipy.spatial.distance import cdist
 
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.machine import compat, parallel
+from signorini_fx.mechanics.statement.base import TaggedMeshBase
 from signorini_fx.mechanics.statement.expressions import Expression
-from signorini_fx.mechanics.statement.generators import found_generator
-from signorini_fx.mechanics.statement.mesh_sources import MeshFile, TaggedMeshBase
 from signorini_fx.mechanics.statement.values import kind_of
 from signorini_fx.tuned import SAME_LENGTH
 
@@ -35,6 +34,7 @@ if TYPE_CHECKING:
     from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, Selection
     from signorini_fx.mechanics.mesh.files.cells import Ints
     from signorini_fx.mechanics.mesh.files.size_field import Sizes
+    from signorini_fx.mechanics.statement.mesh_sources import MeshFile
     from signorini_fx.mechanics.statement.statement import Statement
 
 # Name of a boundary or region -> its tag, or its tags.
@@ -304,6 +304,7 @@ def generate_mesh(
         12
     """
     from signorini_fx.mechanics.mesh.files.size_field import SizeField
+    from signorini_fx.mechanics.statement.generators import found_generator
 
     generate, values = found_generator(name, parameters)
     in_rows = not getattr(generate, "sized", False)
@@ -364,6 +365,8 @@ def read_mesh(
         >>> print(len(read.facets("foot")))
         8
     """
+    from signorini_fx.mechanics.statement.mesh_sources import MeshFile
+
     mesh = MeshFile(
         file=file, boundaries=boundaries or {}, regions=regions or {}, data=data, size=size
     )

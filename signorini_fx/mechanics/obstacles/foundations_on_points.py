@@ -38,12 +38,6 @@ from signorini_fx.mechanics.laws.at_points import fault_of, friction_of, joined
 from signorini_fx.mechanics.laws.coulomb import Coulomb
 from signorini_fx.mechanics.laws.directed import DirectedLaw, FrictionAxes
 from signorini_fx.mechanics.laws.protocol import FrictionLaw
-from signorini_fx.mechanics.obstacles.corner_points import (
-    BoundaryLine,
-    CornerFeet,
-    with_corners,
-)
-from signorini_fx.mechanics.obstacles.shapes_inside import BodyCells
 from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodies
 from signorini_fx.mechanics.scales import Scales
 from signorini_fx.mechanics.statement.rigid_body import RigidMotion, driven_twice, rigid_bodies
@@ -60,6 +54,7 @@ from signorini_fx.tuned import DIGITS_OF_FILES, ROOT_OF_EPS, SAME_NUMBER
 if TYPE_CHECKING:
     from signorini_fx.mechanics.contact_points.turned_supports import TurnedNodes
     from signorini_fx.mechanics.obstacles.paired_points import FacingSides, PairedSides
+    from signorini_fx.mechanics.obstacles.shapes_inside import BodyCells
 
 Array = npt.NDArray[np.float64]
 
@@ -434,6 +429,12 @@ class Foundations:
         corners = self.corners_of(number)
         if corners is None or turned is not None:
             return part
+        from signorini_fx.mechanics.obstacles.corner_points import (
+            BoundaryLine,
+            CornerFeet,
+            with_corners,
+        )
+
         line = BoundaryLine.of(self._space, self.facets[number], self.displacement)
         feet = CornerFeet.of(line, corners)
         return with_corners(part, corners, line, feet, fixed, factor, self._length)
@@ -540,6 +541,8 @@ class Foundations:
     @cached_property
     def cells(self) -> BodyCells:
         """The cells of the body."""
+        from signorini_fx.mechanics.obstacles.shapes_inside import BodyCells
+
         return BodyCells.of(self._space)
 
     def _distance_of(self, number: int) -> Array:

@@ -288,3 +288,9 @@ def tables(annotation: Any) -> set[type[BaseModel]]:
 def _keys(model: type[BaseModel]) -> set[str]:
     """All keys of a table and of those that derive from it."""
     return set(model.model_fields).union(*map(_keys, model.__subclasses__()))
+
+
+class TaggedMeshBase:
+    """The base class of ``mesh.TaggedMesh``, so that a scene can hold one without importing
+    dolfinx.
+    """

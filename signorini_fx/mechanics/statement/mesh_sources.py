@@ -13,7 +13,7 @@ from typing import Annotated, Any, get_args
 from pydantic import BeforeValidator, Field, InstanceOf, field_validator
 
 from signorini_fx.errors import SceneError
-from signorini_fx.mechanics.statement.base import Table
+from signorini_fx.mechanics.statement.base import Table, TaggedMeshBase
 from signorini_fx.mechanics.statement.generators import found_generator, types_of
 from signorini_fx.mechanics.statement.rigid_shape import Placed
 from signorini_fx.mechanics.statement.values import (
@@ -146,12 +146,6 @@ class MeshGenerator(Table):
         while factor > 1 and self.coarser(factor).coarser(1 / factor) != self.coarser(1.0):
             factor /= 2
         return factor
-
-
-class TaggedMeshBase:
-    """The base class of ``mesh.TaggedMesh``, so that a scene can hold one without importing
-    dolfinx.
-    """
 
 
 def one_mesh(entry: Any) -> Any:
