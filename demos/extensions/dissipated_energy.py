@@ -12,9 +12,9 @@ import signorini_fx as sfx
 class Dissipation(sfx.StepEffect):
     """Energy per area, added up in a field of the state."""
 
-    def after(self, state, new, contact):
+    def after(self, state, new, ended):
         """Add that of the step that has ended."""
-        return self.added(new, "dissipated", "points", contact.friction_energy)
+        return self.added(new, "dissipated", "points", ended.contact.friction_energy)
 
 
 scene = Path(__file__).parents[1] / "scenes" / "press_and_slide.toml"

@@ -368,8 +368,8 @@ class ContactProblem(ProblemOfForms):
             jit_options=jit_options,
         )
         options_of_petsc = petsc_options_prefix, dict(petsc_options or {})
-        self.assembled = self._ended = FormSolver(forms, self.u, bcs, settings, options_of_petsc)
-        self.assembled.effects = tuple(effects)
+        of_forms = forms, self.u, bcs, settings, options_of_petsc
+        self.assembled = self._ended = FormSolver(*of_forms, tuple(effects))
         fields = self.assembled.fields
         self.pressure = fields.pressure
         self.shear = fields.shear

@@ -37,7 +37,7 @@ from signorini_fx.mechanics.interfaces import PlacedShape
 from signorini_fx.mechanics.kinematics import CARTESIAN
 from signorini_fx.mechanics.kinematics.protocol import PLANE_STRESS, padded
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, is_section
-from signorini_fx.mechanics.model import ElasticBody
+from signorini_fx.mechanics.model import ElasticBody, Loads
 from signorini_fx.mechanics.scales import Scales
 from signorini_fx.mechanics.statement.settings import SolverSettings
 from signorini_fx.results.certificate.body_nodes import PrescribedNodes, RigidPart
@@ -222,6 +222,9 @@ class FormBody(SolidBody):
     def load(self, system: ElasticSystem, step: float) -> Array:
         """The system has those of the present values."""
         return np.ones(1)
+
+    def loads_at(self, step: float) -> Loads:
+        return Loads(assemble(self.user_forms.compiled[1]), self.prescribed_dofs[1])
 
     def balance(self, y: fem.Function, step: float) -> Balance:
         """Of the present values of the forms, wherever ``step`` is."""

@@ -91,6 +91,8 @@ class FormSolver:
         bcs: Any,
         settings: dict[str, Any],
         petsc_options: tuple[str, Mapping[str, Any]],  # a prefix, and options without it
+        effects: Sequence[StepEffect] = (),
+        density: Any = None,  # see ``ElasticBody``
     ) -> None:
         space = self.space = forms.space
         self.forms = forms
@@ -119,7 +121,10 @@ class FormSolver:
         self._inputs_before: dict[str, list[bytes]] | None = None  # of what is assembled
         self._mesh_x = space.mesh.geometry.x.copy()  # with which it was, and all that is kept
         self._modulus: float | None = None  # of the forms; None: they do not say it
-        self.effects: Sequence[StepEffect] = ()
+        self.effects = effects
+        self.density = density
+        # Durations and fields that effects make the matrix of; none: no effect changes it.
+        self._timed: tuple[float, tuple[str, ...]] | None = None
         self.begin = self.initial()  # from which steps begin
         self.last: State | None = (
             None  # the last solution of the step that begins there, or of the one before
@@ -142,7 +147,11 @@ class FormSolver:
 
     def initial(self) -> State:
         """The body before the first step, with foundations where they are."""
-        return State(0, 0.0, np.zeros_like(self.u.x.array), np.zeros(0), self.foundations.placed)
+        zero = np.zeros_like(self.u.x.array)
+        state = State(0, 0.0, zero, np.zeros(0), self.foundations.placed)
+        for effect in self.effects:
+            state = effect.initial(None, state)
+        return state
 
     waits = False  # see ``Problem``
 
@@ -180,8 +189,13 @@ class FormSolver:
             raise RuntimeError("there is no solution so far: call solve()")
         return self._state
 
-    def pose(self, state: State) -> Posed:
-        """What a solve from a state is made of, with what the problem is now; collective."""
+    def pose(self, state: State, dt: float = 0.0) -> Posed:
+        """What a solve from a state over a duration is made of, with what the problem is now;
+        collective.
+        """
+        if any(effect.overrides("body") for effect in self.effects):
+            self._timed = dt, tuple(sorted(state.fields))
+            self._from = state
         data, law = self.update()
         if (resting := self.task.rest) is not None:
             data = resting.data_from(data)
@@ -193,13 +207,13 @@ class FormSolver:
             self.elastic, self.rigid, self.task, first, self.foundations.placed, drift, spin
         )
 
-    def pose_at(self, state: State, place: float, path: LoadPath | None = None) -> Posed:
+    def pose_at(self, state: State, place: float, dt: float, path: LoadPath | None = None) -> Posed:
         """The same of the body with its names, on a path; None: that of the user's own loop;
         collective.
         """
         self.begin = state
         with self.timings.phase("assemble"):
-            posed = self.pose(state)
+            posed = self.pose(state, dt)
             return replace(posed, body=self.model(path or self.path))
 
     def accept(self, report: Report) -> None:
@@ -276,6 +290,8 @@ class FormSolver:
         of_points += [value for shape in shapes for value in (shape.factor, shape.direction)]
         of_points += [value for each in axes for value in (each.along, each.ratio)]
         of_body = [fixed, rigid.fixed, rigid.stiffness, *self._beside()]
+        if self._timed is not None:
+            of_body += [np.array(self._timed[0]), np.array(" ".join(self._timed[1]))]
         of_loads = [*compat.form_data(L), values, driven.forces, driven.motion]
         return {
             name: [np.asarray(one).tobytes() for one in arrays if one is not None]
@@ -368,9 +384,20 @@ class FormSolver:
 
     def _body(self, fixed: npt.NDArray[np.bool_], boundary: ContactBoundary) -> ElasticBody:
         points = boundary if self.contact else None
-        return elastic_body(
-            self.space, self.forms.compiled[0], self.bcs, fixed, points, self.settings
+        body: Any = elastic_body(
+            self.space,
+            self.forms.compiled[0],
+            self.bcs,
+            fixed,
+            points,
+            self.settings,
+            density=lambda: self.density,
         )
+        stated = body
+        if self._timed is not None:
+            for effect in self.effects:
+                body = effect.body(body, self._from, self._timed[0])
+        return stated if body is stated else replace(body, of_body={}, of_contact={})
 
     def _forces(self, values: Array) -> tuple[Array, Array]:
         """The right-hand side, shape (owned dofs,), without what is returned of the prescribed

@@ -59,10 +59,10 @@ class FormsInTime:
         """Whether it is one of several load steps."""
         return self.path.several
 
-    def pose_at(self, state: State, place: float) -> Posed:
+    def pose_at(self, state: State, place: float, dt: float) -> Posed:
         """The forms as they are at the time of a place; collective."""
         self.clock(self.path.time_at(place))
-        return self.solver.pose_at(state, place, self.path)
+        return self.solver.pose_at(state, place, dt, self.path)
 
     def accept(self, report: Report) -> None:
         """What the clock changes is the user's."""

@@ -71,6 +71,20 @@ if TYPE_CHECKING:
 Array = npt.NDArray[np.float64]
 
 
+@dataclass(frozen=True, eq=False)
+class Loads:
+    """What acts on a body in a load step.
+
+    Attributes:
+        forces: on the owned dofs, shape (owned dofs,).
+        prescribed: displacements that supports prescribe, zero elsewhere, ghosts included, length,
+            shape (dofs,).
+    """
+
+    forces: Array
+    prescribed: Array
+
+
 @dataclass(frozen=True, kw_only=True)
 class ElasticBody:
     """A symmetric form a(., .) on a vector Lagrange space with supports and contact points.
@@ -100,6 +114,8 @@ class ElasticBody:
         True  # whether the material is far enough from incompressible for multigrid
     )
     elastic: Any = None  # the ``SceneLaw`` that ``terms`` are of; None: forms of a user's own
+    # Gives mass per volume of the mesh as UFL, or the form of the mass; None: it is not known.
+    density: Callable[[], Any] | None = None
     beside: NodalStiffness | None = None  # what a(., .) has beside ``terms``; None: nothing
     # Forces of the k unknowns of rigid bodies at the contact points, and on these themselves,
     # beside a(., .) and springs, force per length, shapes (n, d, k) and (k, k), symmetric; None:
@@ -644,6 +660,15 @@ class Model(ElasticBody):
         return self.case(
             load.forces, load.prescribed.x.array, load.driven, load.pushing, load.pressure_load
         )
+
+    def loads_at(self, step: float) -> Loads:
+        """Return all loads at a place, times their factors; collective."""
+        forces = np.zeros(self.fixed.size)
+        prescribed = np.zeros_like(fem.Function(self.space).x.array)
+        for factor, load in self.applied_at(step):
+            forces += factor * load.forces
+            prescribed += factor * load.prescribed.x.array
+        return Loads(forces, prescribed)
 
     def load(self, system: ElasticSystem, step: float) -> Array:
         """Give a system the loads that depend on the time as they are at a place, and return the

@@ -1,58 +1,185 @@
-"""What else happens to a body from load step to load step, such as wear: a base class.
+"""What else happens to a body from load step to load step, such as wear or inertia: a base class.
 
 Other packages have more by entry points:
 
     [project.entry-points."signorini_fx.step_effects"]
     wear = "its.module:Wear"
 
-What an effect remembers is in fields of the state, which are carried along and stored with it.
+An entry of a scene that is one as well acts in the load steps of that scene.  What an effect
+remembers is in fields of the state, which are carried along and stored with it.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
+from signorini_fx.algebra.contact.complementarity import RegularisedData
+from signorini_fx.algebra.contact.friction import PointFriction
+from signorini_fx.algebra.linalg import LoadCase
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
+from signorini_fx.mechanics.model import Loads, Model
 from signorini_fx.mechanics.state import State
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class StepContact:
+    """What holds at the n contact points of this rank in a load step.
+
+    Attributes:
+        model: the body with these points.
+        boundary: the points.
+        gap: distances from the obstacles at the end of the step, length, shape (n,).
+        data: what the contact problem is solved with; its gap is another one where that is solved
+            for another displacement than that of the end.
+        law: of friction; None: there is none.
+        drift: by how much obstacles have moved since the state, length, shape (n, d); None: they
+            have not.
+    """
+
+    model: Model
+    boundary: ContactBoundary
+    gap: Array
+    data: RegularisedData
+    law: PointFriction | None
+    drift: Array | None
+
+    def with_gap(self, added: Any) -> StepContact:
+        """Return the same with lengths added to the gap, shape (n,)."""
+        data = replace(self.data, gap=self.data.gap + added)
+        return replace(self, gap=self.gap + added, data=data)
+
+
+@dataclass(frozen=True)
+class AddedForces:
+    """What a certificate has to add to the forces on a body, at its owned nodes.
+
+    Attributes:
+        resisting: forces beside those of the strains, shape (owned nodes, d).
+        loads: forces beside the loads of the end of the step, of the same shape.
+        prescribed: what supports prescribe in place of the displacement of the end, length, of the
+            same shape.
+        lost: round-off of ``resisting``, of the same shape.
+        energy: another energy that stresses may come from, such as the kinetic one, shape (owned
+            nodes,).
+    """
+
+    resisting: Array
+    loads: Array
+    prescribed: Array
+    lost: Array
+    energy: Array
+
+
+@dataclass(frozen=True)
+class StepEnd:
+    """How a load step has ended.
+
+    Attributes:
+        model: the body in the step.
+        contact: pressure, shear and slip at its contact points on this rank; None: it has none.
+        gap: distances from the obstacles at its end, length, shape (n,).
+        solved: the displacement that the contact problem was solved for, ghosts included, length,
+            shape (dofs,).
+        loads: those of its end.
+        reactions: gives the forces of supports on the owned nodes, shape (owned nodes, d);
+            collective.
+        elastic: the part of the slip before the step that is due to the regularisation, length,
+            shape (n, d).
+        augmented: whether contact keeps to the law without regularisation.
+        dt: its duration.
+    """
+
+    model: Model
+    contact: ContactState | None
+    gap: Array
+    solved: Array
+    loads: Loads
+    reactions: Callable[[], Array]
+    elastic: Array
+    augmented: bool
+    dt: float
 
 
 class StepEffect:
-    """An effect that does nothing: a class of a user's own overrides what it does.
+    """An effect that does nothing: a class of a user's own overrides what it does.  All methods but
+    ``next_time`` are collective.
 
     Examples:
         >>> class Pressed(sfx.StepEffect):
-        ...     def after(self, state, new, contact):
-        ...         return self.added(new, "impulse", "points", contact.pressure)
+        ...     def after(self, state, new, ended):
+        ...         return self.added(new, "impulse", "points", ended.contact.pressure)
         >>> pressed = sfx.solve(scene, effects=[Pressed()])
         >>> print(np.round(pressed.state.fields["impulse"].values.mean(), 6))
         2.0
     """
 
-    def added_gap(
-        self, state: State, boundary: ContactBoundary, time: float
-    ) -> npt.NDArray[np.float64] | None:
-        """Return what is added to the gap in a step, length, shape (n,), or None; collective.
+    # Whether bodies may move far without being deformed.
+    moves_bodies: ClassVar[bool] = False
 
-        Args:
-            state: from which the step begins.
-            boundary: its contact points on this rank, n of them.
-            time: of the end of the step.
+    def initial(self, model: Model | None, state: State) -> State:
+        """Return the state before the first step with what the effect remembers; ``model``: None:
+        of forms, which state nothing of it.
+        """
+        return state
+
+    def body(self, model: Model, state: State, dt: float) -> Model:
+        """Return the body with other terms, which depend on the duration of the step and the names
+        of the fields of the state alone, or itself.
+        """
+        return model
+
+    def load(self, model: Model, loads: Loads, state: State, dt: float) -> LoadCase | None:
+        """Return the loads of a step in place of those that act at its end; None: these."""
+        return None
+
+    def contact(self, contact: StepContact, state: State, dt: float) -> StepContact:
+        """Return what holds at the contact points in a step of this duration."""
+        return contact
+
+    def forces(
+        self, model: Model, loads: Loads, state: State, dt: float, y: Array
+    ) -> AddedForces | None:
+        """Return what equilibrium at a displacement, ghosts included, shape (dofs,), has beside
+        stresses, springs and loads; None: nothing.
         """
         return None
 
-    def after(self, state: State, new: State, contact: ContactState) -> State:
-        """Return the end of a step that has a solution, with what the effect remembers; collective.
+    def solved(self, state: State, new: State) -> Array:
+        """Return the displacement that the contact problem of a step between two states was solved
+        for, ghosts included, length, shape (dofs,).
+        """
+        return new.displacement
+
+    def after(self, state: State, new: State, ended: StepEnd) -> State:
+        """Return the end of a step that has a solution, with what the effect remembers.
 
         Args:
             state: from which the step began.
             new: its end, with the fields of ``state``.
-            contact: its pressure, shear and slip at the contact points on this rank.
+            ended: how it has ended.
         """
         return new
+
+    def figures(self, state: State, new: State, ended: StepEnd) -> Mapping[str, float]:
+        """Return what is told of a step that has a solution, by names of columns."""
+        return {}
+
+    def next_time(self, state: State, end: float) -> float:
+        """Return the time of the end of the step after a state, at most that of the load step."""
+        return end
+
+    @classmethod
+    def overrides(cls, name: str) -> bool:
+        """Return whether it does anything where a method of this name is called."""
+        return getattr(cls, name) is not getattr(StepEffect, name)
 
     @staticmethod
     def added(state: State, name: str, at: str, values: Any) -> State:

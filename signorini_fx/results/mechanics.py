@@ -5,11 +5,13 @@ resultants.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
+import numpy as np
+import numpy.typing as npt
 from dolfinx import fem
 
 from signorini_fx.mechanics.body.deformation import Deformation
@@ -18,6 +20,7 @@ from signorini_fx.mechanics.interfaces import PlacedShape
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.rigid.rigid_bodies import Drive, RigidBodyMotion
 from signorini_fx.mechanics.statement.effect import Force, Resistance
+from signorini_fx.mechanics.step_effect import AddedForces
 from signorini_fx.records import Finding, Status, StepRecord
 from signorini_fx.results.certificate.certificate import Certificate, balance_of, judged
 from signorini_fx.results.certificate.contact_nodes import ContactConditions
@@ -35,6 +38,9 @@ if TYPE_CHECKING:
     from signorini_fx.results.certificate.pair_points import PairPoints
     from signorini_fx.results.resultants import ActingForces, NamedForces
     from signorini_fx.results.stresses import RawStresses
+
+
+Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,11 +113,16 @@ class SolidBody(Model, ABC):
         step: float,
         last: PreviousStep | None,
         rigid: tuple[RigidBodyMotion, ...],
+        more: Sequence[Callable[[Array], AddedForces | None]] = (),
     ) -> Certificate:
-        """The certificate of a result at a place; ``last``: the end of the last load step; for the
-        other arguments see ``results.certificate.certificate.judged``; collective.
+        """The certificate of a result at a place; ``last``: the end of the last load step;
+        ``more``: give what effects in time add to the balance at a displacement; for the other
+        arguments see ``results.certificate.certificate.judged``; collective.
         """
         balance = self.balance(displacement, step)
+        for add in more:
+            if (added := add(displacement.x.array)) is not None:
+                balance = balance.with_added(added)
         drives = [*zip(rigid, self.drives(step), strict=bool(rigid))]
         law = replace(law, overclosures=overclosures_of(self.statement))
         contact = self.conditions(displacement)
@@ -205,6 +216,8 @@ class StepResult:
         strain_energy: a(y, y) / 2, an energy per thickness; None of a nonlinear body.
         linear_solves: linear solves of the step.
         tools: how rigid bodies have moved.
+        figures: what effects in time tell of it, by names.
+        between: the times and figures of shorter steps since the load step before.
         reason: why there is no solution; None: it is not known, or told by ``check``.
     """
 
@@ -220,6 +233,8 @@ class StepResult:
     strain_energy: float | None
     linear_solves: int
     tools: tuple[RigidBodyMotion, ...] = ()
+    figures: Mapping[str, float] = field(default_factory=dict)
+    between: tuple[tuple[float, Mapping[str, float]], ...] = ()
     reason: Finding | None = None
 
     def __repr__(self) -> str:

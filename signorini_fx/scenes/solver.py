@@ -5,7 +5,6 @@ rank.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -144,8 +143,8 @@ def problem_of(
     refuse_other_than_comm(comm)
     petsc_options.refuse_exchanged()
     _refuse_state(scene)
-    problem = stated_problem(scene.statement, partial(load_mesh, scene, comm), History())
-    return replace(problem, effects=_effects_of(effects))
+    load = partial(load_mesh, scene, comm)
+    return stated_problem(scene.statement, load, History(), effects=_effects_of(effects))
 
 
 def _refuse_state(scene: Scene) -> None:

@@ -116,7 +116,9 @@ def _solved(
     model = with_gap_and_friction(earlier.model, statement)
     refuse_beforehand(model)
     task = contact_task(model, history, choose=lambda *_: (solved.system, solved.linear_algebra))
-    solution, task, _ = solve_contact(StatedProblem(model, task, Timings()), earlier.contact)
+    solution, task, _ = solve_contact(
+        StatedProblem(model, task, Timings(), history), earlier.contact
+    )
     return solution, task
 
 

@@ -7,7 +7,7 @@ are those of then.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -46,6 +46,8 @@ class Posed:
         drift: by how much foundations have moved at the contact points since the state, length,
             shape (n, d); None: they have not.
         spin: see ``rotations``.
+        gap: distances from foundations at the end of the step, length, shape (n,).
+        dt: its duration.
         linear: whether the body is: the iterate of a step then begins with the last solution.
     """
 
@@ -56,6 +58,8 @@ class Posed:
     placed: tuple[Placement | None, ...]
     drift: Array | None = None
     spin: Array | None = None
+    gap: Array = field(default_factory=lambda: np.zeros(0))
+    dt: float = 0.0
     linear: bool = True
 
     @property
@@ -79,7 +83,7 @@ def start_of(
     task = posed.task
     boundary = posed.boundary
     start, before = (
-        _first(posed) if state.contact is None else _following(posed, state, state.contact)
+        _first(posed, state) if state.contact is None else _following(posed, state, state.contact)
     )
     begins = (
         None if state.contact is None else state
@@ -110,13 +114,13 @@ def _fits(values: ContactValues | None, boundary: ContactBoundary) -> bool:
     )
 
 
-def _first(posed: Posed) -> tuple[Start, PreviousStep | None]:
+def _first(posed: Posed, state: State) -> tuple[Start, PreviousStep | None]:
     """Before the first step slip counts from the body without loads, and the shapes as they were
     given.
     """
+    first = replace(posed.first, step=state.number)
     if posed.drift is None:
-        return posed.first, None
-    first = posed.first
+        return first, None
     boundary = posed.boundary
     before = PreviousStep(
         fem.Function(posed.body.space), Tractions.none(boundary), moved=posed.drift
@@ -216,7 +220,7 @@ def state_of(
         rigid=body.driven(unknowns, task.rest),
         placed=posed.placed,
         contact=contact_values(
-            boundary, sets, pressure, _vectors(shear, tangents), _vectors(elastic, tangents)
+            boundary, sets, pressure, vectors_of(shear, tangents), vectors_of(elastic, tangents)
         ),
         gammas=(outcome.data.gamma_n, outcome.data.gamma_t),
         error=outcome.regularisation_error,
@@ -297,7 +301,7 @@ def contact_values(
         shear=shear,
         elastic=elastic,
         contact=sets.contact.copy(),
-        direction=_vectors(sets.direction, boundary.tangents),
+        direction=vectors_of(sets.direction, boundary.tangents),
         turning=sets.turning.copy(),
     )
 
@@ -309,7 +313,7 @@ def guess_of(
     it.
     """
     pressure, shear = multipliers
-    vectors = _vectors(shear, boundary.tangents)
+    vectors = vectors_of(shear, boundary.tangents)
     contact = contact_values(boundary, sets, pressure, vectors, np.zeros_like(vectors))
     return replace(state, number=state.number + 1, displacement=np.zeros(0), contact=contact)
 
@@ -327,7 +331,7 @@ def _in_frames(
     return ActiveSets.of(values.contact, direction, values.turning), (values.pressure, shear)
 
 
-def _vectors(components: Array, tangents: Array) -> Array:
+def vectors_of(components: Array, tangents: Array) -> Array:
     """Tangential components, shape (n, d - 1), as vectors of space, shape (n, d)."""
     return np.asarray(np.einsum("nij,nj->ni", tangents, components))
 

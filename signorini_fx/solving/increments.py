@@ -137,11 +137,11 @@ class Increments(PathIncrements):
             or (self.reached < 0 and status in _HOPELESS_AT_FIRST)
         )
 
-    def advance(self, linear_solves: int) -> None:
-        """The next load step has a solution, which took this many linear solves."""
+    def advance(self, linear_solves: int, place: float) -> None:
+        """The next step, to a place, has a solution, which took this many linear solves."""
         divisible = self._divisible
         enclosed = self._encloses
-        self.reached = self.next
+        self.reached = place
         self.last = linear_solves
         if not self._divided:
             return

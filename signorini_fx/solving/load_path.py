@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 
 from signorini_fx.mechanics.state import State
 from signorini_fx.records import Status, StepRecord
 from signorini_fx.solving.increments import Increments
 from signorini_fx.solving.restart import StoredStates, marks_of
-from signorini_fx.solving.step import Problem, Report, step
+from signorini_fx.solving.step import Problem, Report, next_end, step
 
 OnStep = Callable[[State, Report], object]
 
@@ -39,21 +40,31 @@ def run(
     """
     history = problem.history
     ends = list[tuple[State, Report]]()
-    if stored is not None:
-        for new, report in stored.recalled(problem, state, way):
-            state = new
+    between = list[tuple[float, Mapping[str, float]]]()
+
+    def passed(new: State, report: Report, *, kept: bool) -> None:
+        """A step has a solution, of which all that is shown is kept, or its figures alone."""
+        if report.result.figures:
+            between.append((new.time, report.result.figures))
+        if kept:
+            report = replace(report, result=replace(report.result, between=tuple(between)))
+            between.clear()
             ends.append((new, report))
             on_step(new, report)
+
+    if stored is not None:
+        for new, report, kept in stored.recalled(problem, state, way):
+            state = new
+            passed(new, report, kept=kept)
     marks = marks_of(history)
     while not way.ended:
         place = way.next
-        if problem.path.several:
-            history.add(
-                StepRecord(
-                    state.number + 1, problem.path.name_at(place), problem.path.time_at(place)
-                )
-            )
-        new, report = step(problem, state, place, guess=guess, budget=way.allowed)
+        end = problem.path.time_at(place)
+        place, time = next_end(problem, state, way.reached, place)
+        if problem.path.several and time == end:
+            name = problem.path.name_at(place)
+            history.add(StepRecord(state.number + 1, name, time))
+        new, report = step(problem, state, place, time=time, guess=guess, budget=way.allowed)
         status = report.result.status
         if status is not Status.CONVERGED:
             if not history.exhausted and way.shorten(status):
@@ -64,12 +75,11 @@ def run(
             return [*ends, (new, report)]
         state = new
         problem.accept(report)
-        ends.append((new, report))
-        way.advance(report.result.linear_solves)
-        on_step(new, report)
+        way.advance(report.result.linear_solves, place)
+        passed(new, report, kept=time == end)
         if stored is not None:
             with problem.timings.phase("checkpoint"):
-                stored.write(problem, new, report, way, marks)
+                stored.write(problem, new, report, way, marks, kept=time == end)
         guess = None
         marks = marks_of(history)
     return ends

@@ -31,12 +31,12 @@ from signorini_fx.results.folder import CHECKPOINT, refuse_foreign
 from signorini_fx.solving.bolt_preloads import tightened
 from signorini_fx.solving.frames import Posed, solution_of
 from signorini_fx.solving.increments import Increments
-from signorini_fx.solving.step import Problem, Report, begun, judged
+from signorini_fx.solving.step import Problem, Report, begun, ended, judged
 
 Figures = dict[str, Any]
 Marks = tuple[int, int, int]  # numbers of linear solves, regularised problems and events so far
 
-_FORMAT = 12
+_FORMAT = 13
 _SCENE = "scene.json"
 _FIGURES = "figures.json"
 _STATE = "state.npz"
@@ -91,17 +91,23 @@ class StoredStates:
 
     def recalled(
         self, problem: Problem, state: State, way: Increments
-    ) -> Iterator[tuple[State, Report]]:
-        """The load steps of an earlier run that follow a state, with which the way goes on."""
+    ) -> Iterator[tuple[State, Report, bool]]:
+        """The steps of an earlier run that follow a state, with which the way goes on, and whether
+        each ends a load step.
+        """
         while not way.ended and (figures := self.figures(state.number)) is not None:
             with problem.timings.phase("restart"):
-                posed, start, before = begun(problem, state, float(figures["place"]))
+                time = float(figures["time"])
+                posed, start, before = begun(problem, state, float(figures["place"]), time)
                 new = self.read(state.number, posed.body.space, posed.boundary)
                 if new is None:
                     return
                 posed, start = tightened(posed, start, new.found)
-                outcome = solution_of(posed, start, new, **figures["method"])
-            _, report = judged(problem, posed, start, before, outcome, state)
+                solved = new
+                for effect in problem.effects:
+                    solved = replace(solved, displacement=effect.solved(state, solved))
+                outcome = solution_of(posed, start, solved, **figures["method"])
+            _, report = judged(problem, posed, start, before, outcome, state, time)
             if report.result.status is not Status.CONVERGED:
                 problem.history.add(
                     f"restart: {report.result}: {report.result.status.value}: it is solved again"
@@ -111,13 +117,10 @@ class StoredStates:
             recall_history(figures, problem.history, problem.timings)
             way.resume(figures["path"])
             problem.accept(report)
+            _, report = ended(problem, state, new, report, stored=True)
+            result = replace(report.result, linear_solves=figures["linear_solves"])
             state = new
-            yield (
-                state,
-                replace(
-                    report, result=replace(report.result, linear_solves=figures["linear_solves"])
-                ),
-            )
+            yield state, replace(report, result=result), figures["kept"]
 
     def read(
         self, step: int, space: fem.FunctionSpace, boundary: ContactBoundary | None = None
@@ -132,11 +135,22 @@ class StoredStates:
             return None
 
     def write(
-        self, problem: Problem, new: State, report: Report, way: Increments, marks: Marks
+        self,
+        problem: Problem,
+        new: State,
+        report: Report,
+        way: Increments,
+        marks: Marks,
+        *,
+        kept: bool,
     ) -> None:
-        """Store a load step that has a solution; ``marks``: of where it has begun."""
+        """Store a step that has a solution; ``marks``: of where it has begun; ``kept``: whether it
+        ends a load step.
+        """
         figures = {
             "place": report.start.place,
+            "time": new.time,
+            "kept": kept,
             "linear_solves": report.result.linear_solves,
             "path": way.stored(),
         }

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cache, partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -23,6 +23,7 @@ from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.rigid.mesh_levels import MeshLevel
 from signorini_fx.mechanics.state import State
+from signorini_fx.mechanics.statement.effect import Effect
 from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.mechanics.step_effect import StepEffect
@@ -46,7 +47,7 @@ from signorini_fx.solving.findings import (
 from signorini_fx.solving.frames import Posed, guess_of
 from signorini_fx.solving.increments import Increments, check_step
 from signorini_fx.solving.load_path import OnStep, run
-from signorini_fx.solving.step import Report, step
+from signorini_fx.solving.step import Report, next_end, step
 from signorini_fx.tuned import PATH_ERROR_SHARE
 
 if TYPE_CHECKING:
@@ -67,7 +68,7 @@ def solve_mesh(
     """Solve on the mesh that ``load`` gives, from the contact of a ``coarser`` one, a level of
     multigrid, if any.
     """
-    problem = replace(stated_problem(statement, load, history, coarser), effects=effects)
+    problem = stated_problem(statement, load, history, coarser, effects)
     near = None
     if coarser is not None and not statement.several_steps:
         near = _displacement_of_coarser(problem.task, problem.model)
@@ -79,8 +80,11 @@ def stated_problem(
     load: Callable[[], TaggedMesh],
     history: History,
     coarser: MeshLevel | None = None,
+    effects: Sequence[StepEffect] = (),
 ) -> StatedProblem:
-    """The problem of a statement on the mesh that ``load`` gives; collective."""
+    """The problem of a statement on the mesh that ``load`` gives, with effects in time beside those
+    of its entries; collective.
+    """
     timings = Timings()
     with timings.phase("mesh"):
         tagged = load()
@@ -97,9 +101,13 @@ def stated_problem(
                 f"the contact points are on {moved.boundary!r}, not on {stated.boundary!r}: see "
                 "contact.points"
             )
+    stated = (entry for entry in statement.of(Effect) if isinstance(entry, StepEffect))
+    effects = *effects, *stated
+    if any(effect.overrides("body") for effect in effects):
+        return StatedProblem(model, None, timings, history, effects)
     with timings.phase("condense"):
         task = contact_task(model, history, coarser)
-    return StatedProblem(model, task, timings)
+    return StatedProblem(model, task, timings, history, effects)
 
 
 def _displacement_of_coarser(task: Task, model: Model) -> npt.NDArray[np.float64] | None:
@@ -327,9 +335,21 @@ class StatedProblem:
     """
 
     model: SolidBody
-    task: Task  # its contact problem
+    _task: Task | None  # its contact problem, once it is needed
     timings: Timings
+    history: History  # of all solves
     effects: Sequence[StepEffect] = ()
+    # For two durations at most, the body of a step from that without effects in time.
+    _timed: dict[float, tuple[SolidBody, SolidBody]] = field(default_factory=dict)
+    _of_task: SolidBody | None = None  # the body of the task, where it is another one
+
+    @property
+    def task(self) -> Task:
+        """The contact problem of the last step; collective."""
+        if self._task is None:
+            with self.timings.phase("condense"):
+                self._task = contact_task(self.model, self.history)
+        return self._task
 
     @property
     def path(self) -> LoadPath:
@@ -341,11 +361,6 @@ class StatedProblem:
         """Whether it is one of several load steps."""
         return self.path.several
 
-    @property
-    def history(self) -> History:
-        """Of the contact problem."""
-        return self.task.history
-
     def points(self) -> tuple[ContactBoundary, fem.FunctionSpace]:
         """See ``State.save``."""
         return self.model.boundary or no_points(self.model.space), self.model.space
@@ -356,23 +371,37 @@ class StatedProblem:
         begun = placements(model.statement.placed(-1))
         unknowns = np.zeros(model.rigid.fixed.size)
         displacement = np.zeros_like(fem.Function(model.space).x.array)
-        return State(0, self.path.time_at(-1), displacement, unknowns, begun)
+        state = State(0, self.path.time_at(-1), displacement, unknowns, begun)
+        for effect in self.effects:
+            state = effect.initial(model, state)
+        return state
 
-    def pose_at(self, state: State, place: float) -> Posed:
-        """What the step to a place is solved with after a state; collective."""
+    def pose_at(self, state: State, place: float, dt: float) -> Posed:
+        """What the step to a place, of a duration, is solved with after a state; collective."""
         model = self.model
         if model.statement.preloads:
             from signorini_fx.solving.bolt_preloads import with_found
 
             model = with_found(model, place, state.found)
         stepped = placed(model, place)
-        if stepped.boundary is not self.model.boundary:
-            system = self.task.system
-            if stepped.is_assembled and stepped.stiffness is system.elasticity.matrix:
+        self.model = stepped
+        stepped = self._with_effects(stepped, state, dt)
+        before = self._of_task or model
+        if (
+            self._task is None
+            or stepped.boundary is not before.boundary
+            or stepped.of_body is not before.of_body
+        ):
+            system = None if self._task is None else self._task.system
+            if (
+                system is not None
+                and stepped.is_assembled
+                and stepped.stiffness is system.elasticity.matrix
+            ):
                 stepped = replace(stepped, eliminated=system.eliminated)
             with self.timings.phase("condense"):
-                self.task = contact_task(stepped, self.history)
-        self.model, first = stepped, self.task.start
+                self._task = contact_task(stepped, self.history)
+        self._of_task, first = stepped, self.task.start
         if stepped.law is not None:
             first = replace(
                 first, law=stepped.law, data=replace(first.data, bound=stepped.law.given)
@@ -383,8 +412,30 @@ class StatedProblem:
             stepped, stepped.rigid, self.task, first, placements(stepped.statement), drift, spin
         )
 
+    def _with_effects(self, body: SolidBody, state: State, dt: float) -> SolidBody:
+        """The body of a step: what is assembled of it is kept for two durations."""
+        stepped: Any = body
+        for effect in self.effects:
+            stepped = effect.body(stepped, state, dt)
+        if stepped is body:
+            return body
+        kept = {"of_body": dict[str, Any](), "of_contact": dict[str, Any]()}
+        if dt in self._timed:
+            earlier, timed = self._timed[dt]
+            kept = {
+                name: getattr(timed, name) if getattr(earlier, name) is getattr(body, name) else {}
+                for name in kept
+            }
+        while len(self._timed) > 1:
+            self._timed.pop(next(iter(self._timed)))
+        stepped = replace(stepped, **kept, eliminated=None)
+        self._timed[dt] = body, stepped
+        return stepped
+
     def accept(self, report: Report) -> None:
         """Go on with the shortenings that forces have led to."""
+        if not self.model.statement.preloads:
+            return
         found = report.body
         self.model = replace(self.model, statement=found.statement, applied=found.applied)
 
@@ -403,10 +454,16 @@ class StatedProblem:
                 the state is of another mesh.
         """
         check_step(state, time, self.model.space)
-        new, report = step(self, state, self.path.place_of(time))
-        if report.result.status is Status.CONVERGED:
-            self.accept(report)
-        return new, report.result
+        place = self.path.place_of(time)
+        reached = self.path.place_of(state.time) if state.number else place - 1.0
+        while True:
+            at, until = next_end(self, state, reached, place)
+            new, report = step(self, state, at, time=until)
+            if report.result.status is Status.CONVERGED:
+                self.accept(report)
+            if report.result.status is not Status.CONVERGED or at == place:
+                return new, report.result
+            state, reached = new, at
 
 
 def _spin(model: Model) -> npt.NDArray[np.float64] | None:

@@ -4,8 +4,9 @@ ended.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Protocol
 
 import numpy as np
@@ -19,8 +20,9 @@ from signorini_fx.mechanics.body.deformation import deformation_of
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.state import State
 from signorini_fx.mechanics.statement.load_path import LoadPath
-from signorini_fx.mechanics.step_effect import StepEffect
+from signorini_fx.mechanics.step_effect import AddedForces, StepContact, StepEffect, StepEnd
 from signorini_fx.records import Finding, History, Status, Timings
+from signorini_fx.results.certificate.contact_nodes import ContactNodes
 from signorini_fx.results.certificate.law_of_method import (
     Law,
     PreviousStep,
@@ -28,7 +30,10 @@ from signorini_fx.results.certificate.law_of_method import (
     overclosures_of,
 )
 from signorini_fx.results.mechanics import SolidBody, StepResult
-from signorini_fx.solving.frames import Posed, start_of, state_of
+from signorini_fx.solving.frames import Posed, start_of, state_of, vectors_of
+
+Array = npt.NDArray[np.float64]
+_DIGITS = 9  # of durations, whose ends have round-off
 
 
 class Problem(Protocol):
@@ -56,9 +61,9 @@ class Problem(Protocol):
         ``Start.several``.
         """
 
-    def pose_at(self, state: State, place: float) -> Posed:
-        """What the step to a place is solved with after a state: nothing else that an earlier step
-        has left counts.
+    def pose_at(self, state: State, place: float, dt: float) -> Posed:
+        """What the step to a place, of a duration, is solved with after a state: nothing else that
+        an earlier step has left counts.
         """
 
     def accept(self, report: Report) -> None:
@@ -92,6 +97,7 @@ def step(
     state: State,
     place: float,
     *,
+    time: float | None = None,
     guess: State | None = None,
     budget: int | None = None,
 ) -> tuple[State, Report]:
@@ -102,6 +108,7 @@ def step(
         problem: what is solved.
         state: the end of the step before.
         place: see ``statement.load_path``.
+        time: of its end; None: that of the place.
         guess: a solution of the same step for other values, from which the iteration begins; None:
             there is none.
         budget: linear solves that it may take; None: those of the settings.
@@ -110,7 +117,8 @@ def step(
         The state at its end, whatever the status of the report is, and the report.
     """
     solves = problem.history.linear_solves
-    posed, start, before = begun(problem, state, place, guess)
+    time = problem.path.time_at(place) if time is None else time
+    posed, start, before = begun(problem, state, place, time, guess)
     body = posed.body
     reason = None
     assert isinstance(body, SolidBody)
@@ -128,30 +136,78 @@ def step(
 
         when = f"load step {start.step + 1}: " if problem.waits else ""
         reason = explained(body, posed.task, outcome, place, when)
-    new, report = judged(problem, posed, start, before, outcome, state)
+    new, report = judged(problem, posed, start, before, outcome, state, time)
     count = problem.history.linear_solves - solves
     result = replace(report.result, linear_solves=count, reason=reason or report.result.reason)
-    if result.status is Status.CONVERGED and result.contact is not None:
+    report = replace(report, result=result)
+    return (
+        (new, report)
+        if result.status is not Status.CONVERGED
+        else ended(problem, state, new, report)
+    )
+
+
+def next_end(problem: Problem, state: State, reached: float, place: float) -> tuple[float, float]:
+    """The place and time where the next step ends, on the way from a place that is reached with a
+    state to another one.
+    """
+    end = problem.path.time_at(place)
+    time = min((effect.next_time(state, end) for effect in problem.effects), default=end)
+    if time < end:
+        place = reached + (place - reached) * (time - state.time) / (end - state.time)
+    return place, time
+
+
+def ended(
+    problem: Problem, state: State, new: State, report: Report, *, stored: bool = False
+) -> tuple[State, Report]:
+    """The end of a step with a solution as effects leave it, and the report with their figures;
+    ``stored``: whether the end is of an earlier run, which effects have left it so; collective.
+    """
+    if not problem.effects:
+        return new, report
+    posed = report.posed
+    body = report.body
+    place = report.start.place
+    y = report.result.displacement
+    with problem.timings.phase("certify"):
+        end = StepEnd(
+            body,
+            report.result.contact,
+            posed.gap,
+            y.x.array,
+            body.loads_at(place),
+            partial(_reactions, problem.effects, report, state),
+            vectors_of(report.start.elastic_slip, posed.boundary.tangents),
+            report.outcome.augmented,
+            posed.dt,
+        )
+        figures = dict[str, float]()
         for effect in problem.effects:
-            new = effect.after(state, new, result.contact)
+            new = new if stored else effect.after(state, new, end)
+            figures |= effect.figures(state, new, end)
+    result = replace(report.result, figures=figures)
     return new, replace(report, result=result)
 
 
 def begun(
-    problem: Problem, state: State, place: float, guess: State | None = None
+    problem: Problem, state: State, place: float, time: float, guess: State | None = None
 ) -> tuple[Posed, Start, PreviousStep | None]:
     """A step that begins: what it is solved with, where it starts, and the state as its certificate
     sees it.
     """
-    posed = problem.pose_at(state, place)
-    posed = _lasting(posed, problem.path.time_at(place) - state.time)
-    for effect in problem.effects:
-        posed = _with_gap(
-            posed, effect.added_gap(state, posed.boundary, problem.path.time_at(place))
-        )
+    dt = time - state.time
+    if problem.effects:  # steps of one duration have one matrix
+        dt = float(f"{dt:.{_DIGITS}g}")
+    posed = _lasting(replace(problem.pose_at(state, place, dt), dt=dt), dt)
+    if problem.effects:
+        posed = _with_contact(posed, problem.effects, state)
+        # Its gammas are there already.
+        start, before = start_of(posed, replace(state, gammas=None), guess)
+    else:
+        start, before = start_of(posed, state, guess)
     body = posed.body
     assert isinstance(body, SolidBody)
-    start, before = start_of(posed, state, guess)
     laws = overclosures_of(body.statement)
     if (
         body.boundary is not None and laws
@@ -160,7 +216,7 @@ def begun(
         for number, law in laws.items():
             share[body.boundary.part == number] = law.stiffness / start.data.gamma_n
         start = replace(start, data=replace(start.data, share=share))
-    factors = body.load(posed.task.system, place)
+    factors = _loaded(posed, problem.effects, state, place)
     return posed, replace(start, place=place, factors=factors, several=problem.waits), before
 
 
@@ -182,16 +238,38 @@ def _lasting(posed: Posed, dt: float) -> Posed:
     return replace(posed, first=replace(posed.first, law=law), body=replace(body, law=law))
 
 
-def _with_gap(posed: Posed, added: npt.NDArray[np.float64] | None) -> Posed:
-    """What a step is solved with where the gap is another one; None: it is not."""
-    body, data = posed.body, posed.first.data
-    if added is None or body.boundary is None:
-        return posed
+def _with_contact(posed: Posed, effects: Sequence[StepEffect], state: State) -> Posed:
+    """What a step is solved with where effects change what holds at contact points; collective."""
+    body = posed.body
+    first = posed.first
     assert isinstance(body, SolidBody)
-    assert body.data is not None
-    first = replace(posed.first, data=replace(data, gap=data.gap + added))
-    body = replace(body, data=replace(body.data, gap=body.data.gap + added))
-    return replace(posed, body=body, first=first)
+    data = first.data
+    if state.contact is not None and state.gammas is not None:
+        data = replace(data, gamma_n=state.gammas[0], gamma_t=state.gammas[1])
+    boundary = posed.boundary
+    contact = StepContact(body, boundary, data.gap, data, first.law, posed.drift)
+    for effect in effects:
+        contact = effect.contact(contact, state, posed.dt)
+    first = replace(first, data=contact.data, law=contact.law)
+    if body.data is not None:
+        # Displacements of its gap are not counted from the reference motion.
+        unshifted = body.data.gap + (contact.data.gap - posed.first.data.gap)
+        body = replace(body, data=replace(body.data, gap=unshifted), law=contact.law)
+    return replace(posed, body=body, first=first, drift=contact.drift, gap=contact.gap)
+
+
+def _loaded(posed: Posed, effects: Sequence[StepEffect], state: State, place: float) -> Array:
+    """Give a system the loads of a step, and return their factors; collective."""
+    body = posed.body
+    system = posed.task.system
+    assert isinstance(body, SolidBody)
+    if any(effect.overrides("load") for effect in effects):
+        loads = body.loads_at(place)
+        for effect in effects:
+            if (case := effect.load(body, loads, state, posed.dt)) is not None:
+                system.set_case(0, case)
+                return np.eye(len(system.cases))[0]
+    return body.load(system, place)
 
 
 def judged(
@@ -201,6 +279,7 @@ def judged(
     before: PreviousStep | None,
     outcome: Outcome,
     state: State,
+    time: float,
 ) -> tuple[State, Report]:
     """The end of a step that began from a state, and the verdict of the certificate; collective."""
     body = posed.body
@@ -222,8 +301,10 @@ def judged(
             step=place,
             last=before,
             rigid=rigid,
+            more=_added_forces(problem.effects, posed, body, state, place),
         )
-        deformation = deformation_of(body, displacement, body.tagged.size)
+        moves = any(effect.moves_bodies for effect in problem.effects)
+        deformation = deformation_of(body, displacement, body.tagged.size, moves=moves)
         status = outcome.status
         reason = None
         if status in (Status.CONVERGED, Status.ROUND_OFF):
@@ -243,7 +324,7 @@ def judged(
         result = StepResult(
             step=start.step + 1,
             place=place,
-            time=path.time_at(place),
+            time=time,
             name=path.name_at(place),
             status=status,
             displacement=displacement,
@@ -258,3 +339,32 @@ def judged(
     new = state_of(posed, start, outcome, displacement, state)
     report = Report(result, body, posed, start, outcome, outcome.problem.data)
     return replace(new, time=result.time), report
+
+
+def _added_forces(
+    effects: Sequence[StepEffect], posed: Posed, body: SolidBody, state: State, place: float
+) -> list[Callable[[Array], AddedForces | None]]:
+    """What effects add to the balance at a displacement; collective."""
+    more = [effect.forces for effect in effects if effect.overrides("forces")]
+    if not more:
+        return []
+    loads = body.loads_at(place)
+    return [partial(add, body, loads, state, posed.dt) for add in more]
+
+
+def _reactions(effects: Sequence[StepEffect], report: Report, state: State) -> Array:
+    """The forces of supports on the owned nodes, shape (owned nodes, d); collective."""
+    body = report.body
+    place = report.start.place
+    y = report.result.displacement
+    balance = body.balance(y, place)
+    for add in _added_forces(effects, report.posed, body, state, place):
+        if (added := add(y.x.array)) is not None:
+            balance = balance.with_added(added)
+    conditions = body.conditions(y)
+    pressing = np.zeros_like(balance.internal)
+    if report.result.contact is not None and conditions is not None:
+        nodes = ContactNodes.of(conditions, Tractions.of(report.result.contact))
+        reached, forces, _ = nodes.forces(len(pressing))
+        np.add.at(pressing, reached, forces)
+    return balance.residual(pressing)

@@ -657,6 +657,8 @@ def test_returned_classes():
     inner = {
         "FormSolver",
         "ContactBoundary",
+        "LoadCase",
+        "Task",
         "Posed",
         "SolidBody",
         "Model",

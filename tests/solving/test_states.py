@@ -265,20 +265,20 @@ def test_a_foundation_that_is_placed_anew_is_condensed_once(schur_complements):
 class Counted(StepEffect):
     """Counts load steps, and adds up pressures."""
 
-    def after(self, state, new, contact):
-        new = self.added(new, "impulse", "points", contact.pressure * (new.time - state.time))
+    def after(self, state, new, ended):
+        new = self.added(new, "impulse", "points", ended.contact.pressure * ended.dt)
         return self.added(new, "steps", "global", [1.0])
 
 
 class Wear(StepEffect):
     """The gap grows by a share of the pressure of each load step."""
 
-    def added_gap(self, state, boundary, time):
+    def contact(self, contact, state, dt):
         worn = state.fields.get("worn")
-        return None if worn is None else worn.values
+        return contact if worn is None else contact.with_gap(worn.values)
 
-    def after(self, state, new, contact):
-        return self.added(new, "worn", "points", 1e-5 * contact.pressure)
+    def after(self, state, new, ended):
+        return self.added(new, "worn", "points", 1e-5 * ended.contact.pressure)
 
 
 @pytest.mark.mpi

@@ -65,10 +65,10 @@ CORE = ("algebra.algorithms", "algebra", "algebra.linalg", "algebra.contact")
 BESIDE = {
     "algebra.regularised": ("algebra.regularised",),
     "scenes.cli": ("__main__",),
-    "mechanics.body": ("mechanics.model",),
+    "mechanics.body": ("mechanics.model", "mechanics.step_effect"),
     "mechanics.obstacles": ("mechanics.interfaces",),
     "mechanics.assembly": ("mechanics.scales",),
-    "mechanics.contact_points": ("mechanics.state", "mechanics.step_effect"),
+    "mechanics.contact_points": ("mechanics.state",),
     "records": ("records", "machine.display"),
     "ground": ("errors", "extensions", "removed", "tuned"),
 }

@@ -219,8 +219,10 @@ class ElasticSystem:
         )
 
     def set_case(self, number: int, case: LoadCase) -> None:
-        """Replace a load case from the next ``set_load`` on; nothing is factorised again."""
-        self.cases[number] = case
+        """Replace a load case from the next ``set_load`` on, or add one; nothing is factorised
+        again.
+        """
+        self.cases[number : number + 1] = [case]
 
     def with_load(self, load: PETSc.Vec) -> Self:
         """Return the same matrix with a load of all unknowns of the stiffness alone."""

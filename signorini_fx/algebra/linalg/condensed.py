@@ -110,7 +110,7 @@ class CondensedSystem(ElasticSystem):
     def set_case(self, number: int, case: LoadCase) -> None:
         """Condense another right-hand side: one back substitution."""
         super().set_case(number, case)
-        self.condensed[number] = self.schur.condense(case.load)
+        self.condensed[number : number + 1] = [self.schur.condense(case.load)]
         self.recovered = None
 
     def with_load(self, load: PETSc.Vec) -> Self:

@@ -41,9 +41,11 @@ class Deformation:
         return max(self.gradient, self.displacement)
 
 
-def deformation_of(body: ElasticBody, displacement: fem.Function, size: float) -> Deformation:
+def deformation_of(
+    body: ElasticBody, displacement: fem.Function, size: float, *, moves: bool = False
+) -> Deformation:
     """How much a displacement deforms a body of a size, from grad u at the midpoint of each cell;
-    collective.
+    ``moves``: whether the mean displacement of each piece is none; collective.
     """
     pieces = body.motions.pieces
     cell = getattr(basix.CellType, body.space.mesh.topology.cell_name())
@@ -59,7 +61,14 @@ def deformation_of(body: ElasticBody, displacement: fem.Function, size: float) -
         body.comm, of_cell, np.column_stack((squares * areas, areas)), pieces.count
     )
     gradient = float(np.sqrt(total[:, 0] / total[:, 1]).max())
-    moved = np.linalg.norm(displacement.x.array.reshape(-1, body.dimension), axis=1)
+    y = displacement.x.array.reshape(-1, body.dimension)
+    if moves:
+        owned = body.fixed.size // body.dimension
+        piece = body.motions.piece
+        rows = np.column_stack((np.ones(owned), y[:owned]))
+        sums = parallel.sums_by(body.comm, piece[:owned], rows, pieces.count)
+        y = y - (sums[:, 1:] / np.maximum(sums[:, :1], 1.0))[piece]
+    moved = np.linalg.norm(y, axis=1)
     assembly = pieces.assembly[body.motions.piece]
     share = 0.0
     for number in range(int(pieces.assembly.max()) + 1):

@@ -196,6 +196,7 @@ def _loaded(on: FormCoefficients, facets: dict[str, npt.NDArray[np.int32]]) -> d
         "fixed": supports.fixed,
         "supports": supports.conditions,
         "coefficients": on,
+        "density": lambda: on.density * on.around,
         "applied": tuple(
             applied_load(group, loads, on, test, supports.at) for group, loads in groups
         ),

@@ -200,7 +200,7 @@ def judged(
         if balance.dilation is None or strain_energy == half
         else np.full(pieces.count, strained)
     )
-    mean = scales.stress(np.maximum(halves, 0.0))
+    mean = scales.stress(np.maximum(halves, 0.0) + balance.energies)
     if (
         balance.with_loads
     ):  # then their work tells of no stress without contact: what supports feel does

@@ -14,6 +14,7 @@ from mpi4py import MPI
 
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.scales import Scales
+from signorini_fx.mechanics.step_effect import AddedForces
 from signorini_fx.results.certificate.body_nodes import PrescribedNodes, RigidPart
 from signorini_fx.results.certificate.contact_nodes import ContactNodes
 from signorini_fx.tuned import (
@@ -56,6 +57,34 @@ class Balance:
         False  # whether ``internal`` is a whole residual, from which loads cannot be told
     )
     displaced: bool = False  # whether contact is met at displaced points
+    added: AddedForces | None = None  # what effects in time add; ``external`` has its loads
+
+    def with_added(self, added: AddedForces) -> Balance:
+        """Return the balance with the forces of an effect in time."""
+        return replace(
+            self,
+            external=self.external + added.loads,
+            supports=replace(self.supports, value=added.prescribed),
+            lost=added.lost if self.lost is None else self.lost + added.lost,
+            added=added,
+        )
+
+    def residual(self, pressed: Nodal | float = 0.0) -> Nodal:
+        """Return forces that are not in balance, those that supports take among them, shape (owned
+        nodes, d).
+
+        Args:
+            pressed: minus the contact forces on the body, of the same shape.
+        """
+        residual = self.internal + self.resisted - (self.external + self.initial) + pressed
+        return residual if self.added is None else residual + self.added.resisting
+
+    @cached_property
+    def energies(self) -> Nodal:
+        """Energies of effects in time, shape (pieces,)."""
+        if self.added is None:
+            return np.zeros(self.pieces.count)
+        return self.pieces.sums(self.added.energy[:, None])[:, 0]
 
     def works(self, y: Nodal) -> Nodal:
         """What internal and initial forces do on displacements of the owned nodes, energies, shape
@@ -93,7 +122,7 @@ class Balance:
         of others make it.
         """
         loads = np.abs(self.external) + np.abs(self.initial)
-        return np.asarray((self.pieces.norms(loads) == 0) & ~self.imposed)
+        return np.asarray((self.pieces.norms(loads) == 0) & ~self.imposed & (self.energies == 0))
 
 
 class PieceScales(NamedTuple):
@@ -160,14 +189,15 @@ def equilibrium(
     )
     loads = balance.external + balance.initial
     acting = [supports.left(loads), supports.left(balance.resisted)]
-    residual = balance.internal + balance.resisted - loads
+    if balance.added is not None:
+        acting.append(supports.left(balance.added.resisting))
+    pressed: Nodal | float = 0.0
     reacting = np.maximum(pieces.norms(balance.internal), pieces.norms(loads))
     slight = NEGLIGIBLE * reacting
     if nodes is not None:
         reached, contact_forces, area = nodes.forces(len(y))
-        pressed = np.zeros_like(residual)
+        pressed = np.zeros_like(y)
         np.add.at(pressed, reached, contact_forces)
-        residual += pressed
         acting.append(supports.left(pressed))
         slight = np.maximum(slight, units.penalty * pieces.norms(area, pieces.piece[reached]))
         slight = np.maximum(
@@ -179,7 +209,7 @@ def equilibrium(
     unknown = (pieces.norms(loads) > 0) & (force < CERTIFICATE_TOLERANCE * joint)
     unjudged = tuple(map(int, np.flatnonzero(unknown)))
     force = np.maximum(force, joint)
-    residual = supports.left(residual)
+    residual = supports.left(balance.residual(pressed))
     digits = LOST_UNITS * np.finfo(float).eps
     coordinates = parallel.largest(comm, np.abs(pieces.x), 0.0)
     last_digit = UNITS_OF_PLACES * np.finfo(float).eps * coordinates
