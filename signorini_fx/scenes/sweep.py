@@ -215,8 +215,8 @@ def row_of(value: Any, solution: Solution) -> dict[str, Any]:
     It has ``value``, ``status``, ``linear_solves``, ``certificate_holds`` and ``FIGURES``: sizes of
     the contact and friction force (per thickness in 2D), between bodies the sum of those of all
     boundaries, areas in contact and of what sticks (in 2D lengths); not a number where there is no
-    solution.  With several load steps also ``solved_until``, the time of the last one with a
-    solution: where a ramp ends without one, its limit.
+    solution.  With several load steps they are those of the last one with a solution, and
+    ``solved_until`` is its time: where a ramp ends without one, its limit.
     """
     energy = solution.last_step.strain_energy
     figures = {
@@ -239,7 +239,7 @@ def row_of(value: Any, solution: Solution) -> dict[str, Any]:
                 columns["weight"][touching & (columns["friction"] == "stick")].sum()
             ),
         }
-    if not solution.converged:
+    if solution.last_step.status is not Status.CONVERGED:
         figures = dict.fromkeys(figures, float("nan"))
     if solution.contact is None:  # there are no iterations
         solves = sum(step.linear_solves for step in solution.steps)

@@ -516,8 +516,8 @@ load_steps = { steps = 2, times = [0.0, 1.0] }
 
 
 def test_a_ramp_beyond_its_limit_is_a_row_of_a_sweep(tmp_path):
-    """A block of weight 20 that is pushed with 10 t slides at the time 2 F, known to half a per
-    cent.
+    """A block of length 3 under 20 that is pushed with 10 t slides at the time 2 F, known to half a per
+    cent; the forces of its row are those of the last load step with a solution.
     """
     scene, out = tmp_path / "ramp.toml", tmp_path / "out"
     scene.write_text(RAMP)
@@ -532,5 +532,9 @@ def test_a_ramp_beyond_its_limit_is_a_row_of_a_sweep(tmp_path):
         ]
     )
     with (out / "sweep.csv").open() as file:
-        reached = [float(row["solved_until"]) for row in csv.DictReader(file)]
+        rows = list(csv.DictReader(file))
+    reached = [float(row["solved_until"]) for row in rows]
     assert reached == pytest.approx([0.4, 0.6, 1.0], rel=5e-3)
+    assert [float(row["contact_force"]) for row in rows] == pytest.approx([60.0] * 3)
+    friction = [float(row["friction_force"]) for row in rows]
+    assert friction == pytest.approx([30 * time for time in reached])
