@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from signorini_fx.errors import MeshError, OutputError, SceneError, cannot_be_written
+from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.mechanics.effects.contact import Contact
 from signorini_fx.mechanics.mesh.files.arrays import MeshArrays
 from signorini_fx.mechanics.mesh.files.formats import read_file
@@ -222,18 +222,3 @@ def scene_of(mesh: MeshFile, file: Path) -> str:
         f"[[traction]]  # a load\n# boundary = \n# pressure = 1.0  # stress\n"
         + (f"\n{_FIRST}\n\n{as_entries(contacts)}\n\n{_LAST}\n" if contacts else "")
     )
-
-
-def written(file: Path, text: str, *, over: bool = False) -> None:
-    """Write a scene file, in place of an earlier one with ``over`` alone.
-
-    Raises:
-        OutputError: it exists already, or cannot be written.
-    """
-    try:
-        with file.open("w" if over else "x", encoding="utf-8") as out:
-            out.write(text)
-    except FileExistsError:
-        raise OutputError(f"{file}: already exists: give another name, or remove it") from None
-    except (OSError, ValueError) as error:
-        raise cannot_be_written(file, error) from None

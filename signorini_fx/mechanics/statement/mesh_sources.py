@@ -27,6 +27,7 @@ from signorini_fx.mechanics.statement.values import (
 
 # Files that gmsh meshes: its scripts, and CAD drawings.
 DRAWN = (".geo", ".step", ".stp", ".brep")
+MESH_FORMATS = (*DRAWN, ".inp", ".med", ".msh", ".vtu", ".xdmf")
 # The generators of bodies without arcs.
 WITHOUT_ARCS = ("rectangle", "block", "box", "wedge")
 

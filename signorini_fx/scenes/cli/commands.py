@@ -19,6 +19,7 @@ from signorini_fx.errors import (
     OutputError,
     SceneError,
     SignoriniError,
+    cannot_be_written,
 )
 from signorini_fx.extensions import add_on
 from signorini_fx.machine import terminal
@@ -224,8 +225,7 @@ def new(options: argparse.Namespace) -> str | tuple[str, int]:
     """Write the starting scene, one for a drawing or a mesh, or the draft of one from a deck; it
     overwrites no file.
     """
-    from signorini_fx.mechanics.mesh.files.formats import MESH_FORMATS
-    from signorini_fx.scenes import found_contacts
+    from signorini_fx.mechanics.statement.mesh_sources import MESH_FORMATS
 
     file: Path = options.file
     if options.deck is None and file.suffix.lower() in MESH_FORMATS:
@@ -233,7 +233,7 @@ def new(options: argparse.Namespace) -> str | tuple[str, int]:
     if options.deck is None:
         from signorini_fx.scenes.template import starting_scene
 
-        found_contacts.written(file, starting_scene())
+        _write_scene(file, starting_scene())
         return (
             f"{file} is a scene that can be solved as it is; change it, then run: signorini-fx "
             f"check {file}"
@@ -243,7 +243,7 @@ def new(options: argparse.Namespace) -> str | tuple[str, int]:
             f"{options.deck}: a scene is drafted from an input file of Abaqus or CalculiX, .inp"
         )
     draft = add_on("draft").draft(options.deck, file)
-    found_contacts.written(file, draft.text)
+    _write_scene(file, draft.text)
     lines = [f"{file} is the draft of a scene; check it: signorini-fx check {file}"]
     lines += [f"does not change the answer: {remark}" for remark in draft.noted]
     lines += [f"changes the answer: {remark}" for remark in draft.lost]
@@ -255,6 +255,21 @@ def new(options: argparse.Namespace) -> str | tuple[str, int]:
     return "\n".join(lines), EXIT_INCOMPLETE if draft.lost else EXIT_OK
 
 
+def _write_scene(file: Path, text: str, *, over: bool = False) -> None:
+    """Write a scene file, in place of an earlier one with ``over`` alone.
+
+    Raises:
+        OutputError: it exists already, or cannot be written.
+    """
+    try:
+        with file.open("w" if over else "x", encoding="utf-8") as out:
+            out.write(text)
+    except FileExistsError:
+        raise OutputError(f"{file}: already exists: give another name, or remove it") from None
+    except (OSError, ValueError) as error:
+        raise cannot_be_written(file, error) from None
+
+
 def _new_of_mesh(options: argparse.Namespace) -> str:
     """Write a scene for a drawing or a mesh, and a picture with the names of its boundaries."""
     from mpi4py import MPI
@@ -264,7 +279,7 @@ def _new_of_mesh(options: argparse.Namespace) -> str:
 
     mesh = MeshFile(file=options.file, size=options.size)
     scene = Path(f"{options.file.stem}.toml")
-    found_contacts.written(scene, found_contacts.scene_of(mesh, scene))
+    _write_scene(scene, found_contacts.scene_of(mesh, scene))
     picture = scene.with_suffix(".png")
     add_on("draw_mesh")(mesh, MPI.COMM_SELF, picture)
     return (
@@ -288,7 +303,7 @@ def contacts(options: argparse.Namespace) -> str:
         return "\n".join([*words, entry, "", found_contacts.as_entries(found.contacts)])
     text = read_scene_text(options.into)
     new_text = found_contacts.with_contacts(text, options.into, found.contacts)
-    found_contacts.written(options.into, new_text, over=True)
+    _write_scene(options.into, new_text, over=True)
     return "\n".join([*lines, f"they are in {options.into}"])
 
 

@@ -21,10 +21,8 @@ from signorini_fx.mechanics.mesh.files.cells import curvature, kind_of_mesh, ord
 from signorini_fx.mechanics.mesh.files.gmsh_reader import CAD, read_gmsh
 from signorini_fx.mechanics.mesh.files.size_field import SizeField, Sizes
 from signorini_fx.mechanics.mesh.halving import halved, straightened
-from signorini_fx.mechanics.statement.mesh_sources import DRAWN, MeshFile
+from signorini_fx.mechanics.statement.mesh_sources import DRAWN, MESH_FORMATS, MeshFile
 from signorini_fx.tuned import SAME_LENGTH
-
-MESH_FORMATS = (*DRAWN, ".inp", ".med", ".msh", ".vtu", ".xdmf")
 
 
 def read_file(
