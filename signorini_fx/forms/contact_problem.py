@@ -200,8 +200,8 @@ class ProblemOfForms:
             folder: in which every load step is stored as soon as it is complete, each run in one of
                 its own; None: nowhere.
             restart: go on from what an earlier run of the same program has stored there, on any
-                number of ranks; the ``commit`` of a nonlinear body is called at the end of each of
-                its load steps again.
+                number of ranks; of a nonlinear body whose ``commit`` changes something that must
+                be ``kept``.
             on_step: called with the result of each load step that has a solution.
 
         Raises:

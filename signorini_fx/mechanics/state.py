@@ -309,6 +309,21 @@ class State:
         )
 
 
+def at_cells(fields: Mapping[str, Field], like: Mapping[str, Array]) -> dict[str, Array]:
+    """The values of fields at the cells that this rank owns, in the shapes of others with these
+    names.
+
+    Raises:
+        SceneError: a field is not there, or of another shape.
+    """
+    rows = {name: fields[name].values[: len(one)] for name, one in like.items() if name in fields}
+    shapes = {name: values.shape for name, values in rows.items()}
+    if wrong := [name for name, one in like.items() if shapes.get(name) != one.shape]:
+        reason = f"is that of another material: it has no such {', '.join(wrong)}"
+        raise SceneError([("state", reason)])
+    return rows
+
+
 def write_table(path: Path, table: Mapping[str, Any]) -> None:
     """Write what ``State.table`` gives; on one rank."""
     with path.open("wb") as stream:

@@ -5,7 +5,7 @@ Supports, loads and contact are assembled as for the linear body that it is at s
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import partial
 from typing import Any, ClassVar
@@ -16,11 +16,10 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from signorini_fx.errors import FormError, SceneError
-from signorini_fx.forms.nonlinear.linearised import Snapshot
 from signorini_fx.forms.nonlinear.moving_shapes import fitting
-from signorini_fx.forms.nonlinear.newton import Continuation
 from signorini_fx.forms.nonlinear.problem import NonlinearContactProblem, linearised_at
-from signorini_fx.forms.nonlinear.results import ResidualBody
+from signorini_fx.forms.nonlinear.results import ResidualBody, SolvedBody
+from signorini_fx.forms.nonlinear.steps import NonlinearSteps
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import prescribed
 from signorini_fx.mechanics.body.deformation import deformation_of
@@ -30,10 +29,13 @@ from signorini_fx.mechanics.materials.trial import check_materials
 from signorini_fx.mechanics.mesh.tagged import check_fits
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.obstacles.scene_contact import foundations_of
-from signorini_fx.mechanics.statement.effect import Force
+from signorini_fx.mechanics.state import State
+from signorini_fx.mechanics.statement.effect import Effect, Force
 from signorini_fx.mechanics.statement.expressions import sample
+from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.mechanics.statement.rigid_body import COMPONENTS
 from signorini_fx.mechanics.statement.statement import Statement
+from signorini_fx.mechanics.step_effect import StepEffect
 from signorini_fx.records import Finding, History, Status, Timings
 from signorini_fx.results.mechanics import StepResult, acting_on
 from signorini_fx.results.nonlinear_stresses import NonlinearForces, nonlinear_stresses
@@ -49,6 +51,7 @@ from signorini_fx.solving.findings import (
     steps_without_estimate,
     untouched,
 )
+from signorini_fx.solving.increments import HalvedIncrements, check_step
 from signorini_fx.solving.restart import StoredStates
 
 Array = npt.NDArray[np.float64]
@@ -65,12 +68,20 @@ _RAN_AWAY = (
 )
 
 
-def problem_of(scene: Scene, comm: mpi4py.MPI.Comm, history: History) -> ProblemOfScene:
-    """The problem of a scene on its mesh; collective."""
+def problem_of(
+    scene: Scene,
+    comm: mpi4py.MPI.Comm,
+    history: History,
+    effects: Sequence[StepEffect] = (),
+) -> ProblemOfScene:
+    """The problem of a scene on its mesh, with effects in time beside those of its entries;
+    collective.
+    """
     timings = Timings()
     model = linear_body(scene, comm, timings)
     with timings.phase("compile"):
-        problem = ProblemOfScene.of(scene.statement, model, history)
+        stated = (entry for entry in scene.statement.of(Effect) if isinstance(entry, StepEffect))
+        problem = ProblemOfScene.of(scene.statement, model, history, (*effects, *stated))
     problem.timings = timings
     return problem
 
@@ -107,9 +118,16 @@ class ProblemOfScene(NonlinearContactProblem):
     timings: Timings  # of what was done before it was solved
     _named_residual: ClassVar[str] = "material"
     _held: fem.Function  # the values of supports
+    _first: State  # before the first load step
 
     @classmethod
-    def of(cls, statement: Statement, model: Model, history: History) -> ProblemOfScene:
+    def of(
+        cls,
+        statement: Statement,
+        model: Model,
+        history: History,
+        effects: Sequence[StepEffect] = (),
+    ) -> ProblemOfScene:
         """That of a statement; collective."""
         space = model.space
         tagged = model.tagged
@@ -158,6 +176,7 @@ class ProblemOfScene(NonlinearContactProblem):
                 update=body.update if body.points else None,
                 commit=body.commit if body.points else None,
                 boundaries=facets,
+                effects=effects,
                 **settings,
             )
         except FormError as error:
@@ -174,28 +193,47 @@ class ProblemOfScene(NonlinearContactProblem):
         problem.linear.history = history
         parts = [tagged.cells(material.region) for material in model.statement.material]
         problem.linear.forms = replace(problem.linear.forms, parts=parts)
+        problem._solver.remembers = body if body.points else None
         problem.begin_at(-1.0)
+        problem._first = problem._solver.initial()
         return problem
+
+    @property
+    def path(self) -> LoadPath:
+        return self.statement.path
+
+    def initial(self) -> State:
+        """Return the body before the first load step, without loads."""
+        return self._first
+
+    def _step_to(self, time: float) -> tuple[NonlinearSteps, float]:
+        return NonlinearSteps(self._solver, self.path, self.go_to), self.path.place_of(time)
 
     def solved(
         self,
         stored: StoredStates | None = None,
         on_step: Callable[[StepResult], object] = lambda step: None,
+        begin: State | None = None,
     ) -> Solution:
-        """The solution of all load steps, or of those before one that has none: of the first one
-        the body as it was before; collective.
+        """The solution of all load steps after a state, None: of all, or of those before one that
+        has none: of the first one the body as it was before; collective.
         """
         failures = list[Finding]()
+        way = HalvedIncrements(self.path)
+        if begin is None:
+            begin = self._first
+        else:
+            check_step(begin, self.path.times[-1], self.model.space)
+            way.begin_at(self.path.place_of(begin.time))
         try:
             held = partial(factors_held, self.statement)
-            way = Continuation(self._solver, self.statement.path, self.go_to, held)
-            self._ends = way.ends
-            way.all(on_step, stored)
+            steps = NonlinearSteps(self._solver, self.path, self.go_to, way, held)
+            why, advice = self._solved_path(steps, begin, stored, on_step)
         except FormError as error:
             raise _of_scene(error, self.statement) from None
-        if why := way.failure:
+        if why:
             if self._solver.solved is None:  # not even the body before the first one can be shown
-                raise ConvergenceError(self, f"{why}: {way.advice}")
+                raise ConvergenceError(self, f"{why}: {advice}")
             failures.append(Finding("warning", "load_steps", why))
         self.timings.seconds.update(self._solver.timings.seconds)
         solution = self._titled(self.statement.title)
@@ -219,7 +257,7 @@ class ProblemOfScene(NonlinearContactProblem):
             steps=named,
             timings=self.timings,
             found=lambda: findings,
-            remedy=way.advice,
+            remedy=advice,
         )
 
     def _named(self, step: StepResult) -> StepResult:
@@ -256,14 +294,14 @@ class ProblemOfScene(NonlinearContactProblem):
 
     def reached(self) -> ReachedStep:
         """The load step that has just ended."""
-        assert self._solver.last is not None
-        return ReachedStep(self.path_step, self._solver.last)
+        assert self._solver.solved is not None
+        return ReachedStep(self.path_step, self._solver.solved)
 
     def linearised(self, step: ReachedStep) -> tuple[Any, ...]:
         """An earlier load step with its linearised problem, see ``linearised_at``; collective."""
         self.go_to(step.path_step)
-        self._solver.go_back(step.end)
-        self._solver.last = step.end
+        self._solver.solved = step.end
+        self._solver.show_last(self.u.x.array)
         return linearised_at(self._solver, self.linear)
 
     def begin_at(self, path_step: float) -> None:
@@ -318,7 +356,7 @@ class ReachedStep:
     """A load step of a scene."""
 
     path_step: float  # its place in the lists of factors
-    end: Snapshot  # the body at its end
+    end: SolvedBody
 
 
 @dataclass(frozen=True, kw_only=True)

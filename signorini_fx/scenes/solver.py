@@ -27,6 +27,7 @@ from signorini_fx.scenes.scene import Scene
 from signorini_fx.solving.solve_on_mesh import StatedProblem, solve_mesh, stated_problem
 
 if TYPE_CHECKING:
+    from signorini_fx.forms.nonlinear.problem import NonlinearContactProblem
     from signorini_fx.solving.restart import StoredStates
 
 
@@ -105,7 +106,8 @@ def solve(
     elif scene.statement.nonlinear:
         from signorini_fx.scenes.nonlinear import problem_of as nonlinear_problem
 
-        solution = nonlinear_problem(scene, comm, history).solved(stored)
+        nonlinear = nonlinear_problem(scene, comm, history, in_time)
+        solution = nonlinear.solved(stored, begin=state)
     else:
         load = partial(load_mesh, scene, comm)
         more: dict[str, Any] = {"stored": stored, "begin": state, "effects": in_time}
@@ -120,11 +122,11 @@ def problem_of(
     comm: MPI.Comm = MPI.COMM_WORLD,
     *,
     effects: Sequence[StepEffect | str] = (),
-) -> StatedProblem:
+) -> StatedProblem | NonlinearContactProblem:
     """Return the problem of a scene whose load steps a program solves itself; collective.
 
     Args:
-        scene: see ``solve``; its body is linear, and solved on one mesh.
+        scene: see ``solve``; it is solved on one mesh.
         comm: the ranks that share the work.
         effects: see ``solve``.
 
@@ -143,20 +145,23 @@ def problem_of(
     refuse_other_than_comm(comm)
     petsc_options.refuse_exchanged()
     _refuse_state(scene)
+    in_time = _effects_of(effects)
+    if scene.statement.nonlinear:
+        from signorini_fx.scenes.nonlinear import problem_of as nonlinear_problem
+
+        return nonlinear_problem(scene, comm, History(), in_time)
     load = partial(load_mesh, scene, comm)
-    return stated_problem(scene.statement, load, History(), effects=_effects_of(effects))
+    return stated_problem(scene.statement, load, History(), effects=in_time)
 
 
 def _refuse_state(scene: Scene) -> None:
     """Refuse what has no state that a program can take."""
-    several = scene.accuracy is not None or scene.solver.levels > 1
-    for key, wrong, reason in (
-        ("accuracy", several, "takes several meshes: leave out accuracy and solver.levels"),
-        ("material", scene.statement.nonlinear, "is not linear: no state has its history yet"),
-    ):
-        if wrong:
-            what = "state and effects are for a linear body on one mesh"
-            raise SceneError([(key, f"{reason}; {what}")])
+    if scene.accuracy is not None or scene.solver.levels > 1:
+        reason = (
+            "takes several meshes, and state and effects are for one: leave out accuracy and "
+            "solver.levels"
+        )
+        raise SceneError([("accuracy", reason)])
 
 
 def _effects_of(effects: Sequence[StepEffect | str]) -> list[StepEffect]:

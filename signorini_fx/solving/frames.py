@@ -95,7 +95,7 @@ def start_of(
             begins = None
         if (values := guess.contact) is not None:
             start = start.begin_from(
-                *_in_frames(values, rotations(values.normal, boundary.normal), boundary)
+                *in_frames(values, rotations(values.normal, boundary.normal), boundary)
             )
     x = (
         task.system.start.copy()
@@ -138,7 +138,7 @@ def _following(posed: Posed, state: State, values: ContactValues) -> tuple[Start
     if not _fits(values, boundary):
         raise FormError([("contact", "its points cannot change between the steps of a loop")])
     rotation = rotations(values.normal, boundary.normal, posed.spin)
-    sets, (pressure, mu) = _in_frames(values, rotation, boundary)
+    sets, (pressure, mu) = in_frames(values, rotation, boundary)
     _, slips = body.contact.traces(_unknowns(posed, state))
     gamma_n, gamma_t = state.gammas or (first.data.gamma_n, first.data.gamma_t)
     data = replace(
@@ -251,9 +251,7 @@ def solution_of(
     boundary = posed.boundary
     values = state.contact
     assert values is not None
-    sets, (pressure, shear) = _in_frames(
-        values, rotations(values.normal, boundary.normal), boundary
-    )
+    sets, (pressure, shear) = in_frames(values, rotations(values.normal, boundary.normal), boundary)
     task.begin_step(start)
     unknowns = _unknowns(posed, state)
     u_n, u_t = posed.body.contact.traces(unknowns)
@@ -318,7 +316,7 @@ def guess_of(
     return replace(state, number=state.number + 1, displacement=np.zeros(0), contact=contact)
 
 
-def _in_frames(
+def in_frames(
     values: ContactValues, rotation: Array, boundary: ContactBoundary
 ) -> tuple[ActiveSets, tuple[Array, Array]]:
     """Sets and (lambda, mu) in the frames of now; ``rotation``: see ``rotations``."""

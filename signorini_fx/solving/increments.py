@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import floor
+from math import floor, inf
 from typing import ClassVar
 
 import mpi4py.MPI  # noqa: F401  # first, see signorini_fx.mechanics.body
@@ -20,6 +20,7 @@ from signorini_fx.tuned import (
     EASY_STEP,
     ENCLOSED,
     FAILED_STEP,
+    FEW_NEWTON_ITERATIONS,
     LARGEST_INCREMENT,
     SAME_LENGTH,
     SMALLEST_INCREMENT,
@@ -137,7 +138,7 @@ class Increments(PathIncrements):
             or (self.reached < 0 and status in _HOPELESS_AT_FIRST)
         )
 
-    def advance(self, linear_solves: int, place: float) -> None:
+    def advance(self, place: float, linear_solves: int, iterations: int = 0) -> None:
         """The next step, to a place, has a solution, which took this many linear solves."""
         divisible = self._divisible
         enclosed = self._encloses
@@ -162,6 +163,60 @@ class Increments(PathIncrements):
         self.halve()
         self.easy = 0
         return True
+
+
+# What smaller steps of a nonlinear body do not change.
+FINAL = (
+    Status.CORNER,
+    Status.STABILITY_UNKNOWN,
+    Status.NO_DIGIT,
+    Status.NO_MEMORY,
+    Status.NOT_HELD,
+    Status.OPEN,
+)
+
+
+class HalvedIncrements(PathIncrements):
+    """Where a nonlinear problem is on its path.  Any load step without a solution is halved, the
+    first one from time 0; after an easy one the next is larger.
+    """
+
+    # ``last``: linear solves of the last load step, 0: there was none.
+    stored_names = (*PathIncrements.stored_names, "last")
+    last = 0
+
+    @property
+    def may_halve(self) -> bool:
+        """Whether a smaller step than the next one may be tried."""
+        return (self.next - self.reached) / 2 >= ENCLOSED * self.nominal
+
+    @property
+    def allowed(self) -> float:
+        """Linear solves that the next step may take, before a smaller one is tried."""
+        if not (self.last and self.may_halve):
+            return inf
+        return FAILED_STEP**2 * max(self.last, EASY_STEP)
+
+    def bracket(self, status: Status) -> str | None:
+        """See ``Increments``: a failure says it in its own words."""
+        return None
+
+    def advance(self, place: float, linear_solves: int, iterations: int) -> None:
+        """The next step, to a place, has a solution, after this many linear solves, and iterations
+        of Newton's method.
+        """
+        self.reached, self.last = place, linear_solves
+        increment = self.increment * (2 if iterations <= FEW_NEWTON_ITERATIONS else 1)
+        self.increment = min(max(increment, ENCLOSED * self.nominal), self.nominal)
+
+    def shorten(self, status: Status | None) -> bool:
+        """Halve the increment, as the next load step ended with ``status``, None: with an error;
+        whether a smaller one may be tried.
+        """
+        may_halve = self.may_halve and status not in FINAL
+        if may_halve:
+            self.halve()
+        return may_halve
 
 
 def check_step(state: State, time: float, space: fem.FunctionSpace) -> None:

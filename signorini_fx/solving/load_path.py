@@ -4,25 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from typing import Any
 
 from signorini_fx.mechanics.state import State
 from signorini_fx.records import Status, StepRecord
-from signorini_fx.solving.increments import Increments
-from signorini_fx.solving.restart import StoredStates, marks_of
-from signorini_fx.solving.step import Problem, Report, next_end, step
+from signorini_fx.solving.increments import HalvedIncrements, Increments
+from signorini_fx.solving.restart import StoredStates, marks_of, recalled
+from signorini_fx.solving.step import next_end, step
 
-OnStep = Callable[[State, Report], object]
+OnStep = Callable[[State, Any], object]
 
 
 def run(
-    problem: Problem,
+    problem: Any,
     state: State,
-    way: Increments,
+    way: Increments | HalvedIncrements,
     on_step: OnStep = lambda state, report: None,
     *,
     guess: State | None = None,
     stored: StoredStates | None = None,
-) -> list[tuple[State, Report]]:
+    by: tuple[Callable[..., Any], Callable[..., Any]] = (step, recalled),
+) -> list[tuple[State, Any]]:
     """Solve one load step after the other, or take it from what is stored, until there is none;
     collective.
 
@@ -34,15 +36,17 @@ def run(
         guess: see ``step``, of the first step.
         stored: the load steps of a run that has not ended, which each new one is added to; None:
             nothing is stored.
+        by: how a load step is solved, and how it is shown again that an earlier run has solved.
 
     Returns:
         The ends of all load steps with their reports, the last one with or without a solution.
     """
+    solved, shown = by
     history = problem.history
-    ends = list[tuple[State, Report]]()
+    ends = list[tuple[State, Any]]()
     between = list[tuple[float, Mapping[str, float]]]()
 
-    def passed(new: State, report: Report, *, kept: bool) -> None:
+    def passed(new: State, report: Any, *, kept: bool) -> None:
         """A step has a solution, of which all that is shown is kept, or its figures alone."""
         if report.result.figures:
             between.append((new.time, report.result.figures))
@@ -53,7 +57,7 @@ def run(
             on_step(new, report)
 
     if stored is not None:
-        for new, report, kept in stored.recalled(problem, state, way):
+        for new, report, kept in stored.recalled(problem, state, way, shown):
             state = new
             passed(new, report, kept=kept)
     marks = marks_of(history)
@@ -64,18 +68,18 @@ def run(
         if problem.path.several and time == end:
             name = problem.path.name_at(place)
             history.add(StepRecord(state.number + 1, name, time))
-        new, report = step(problem, state, place, time=time, guess=guess, budget=way.allowed)
-        status = report.result.status
+        new, report = solved(problem, state, place, time=time, guess=guess, budget=way.allowed)
+        status = report.status
         if status is not Status.CONVERGED:
             if not history.exhausted and way.shorten(status):
-                history.add(f"{report.result}: {status.value}: half the increment")
+                history.add(f"{report}: half the increment")
                 continue
             if bracket := way.bracket(status):
                 history.add(f"the ramp ends: {bracket}")
             return [*ends, (new, report)]
         state = new
         problem.accept(report)
-        way.advance(report.result.linear_solves, place)
+        way.advance(place, report.linear_solves, report.iterations)
         passed(new, report, kept=time == end)
         if stored is not None:
             with problem.timings.phase("checkpoint"):

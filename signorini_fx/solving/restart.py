@@ -11,16 +11,16 @@ from __future__ import annotations
 import hashlib
 import json
 import shutil
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, replace
+from functools import partial
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from dolfinx import fem
 from mpi4py import MPI
 from pydantic import BaseModel
 
-from signorini_fx.algebra.algorithms.task import Outcome
 from signorini_fx.errors import MeshError, SceneError, cannot_be_written
 from signorini_fx.machine import manifest, parallel
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
@@ -29,14 +29,14 @@ from signorini_fx.records import History, IterationRecord, OuterRecord, Status, 
 from signorini_fx.results.files import describe
 from signorini_fx.results.folder import CHECKPOINT, refuse_foreign
 from signorini_fx.solving.bolt_preloads import tightened
-from signorini_fx.solving.frames import Posed, solution_of
-from signorini_fx.solving.increments import Increments
+from signorini_fx.solving.frames import solution_of
+from signorini_fx.solving.increments import PathIncrements
 from signorini_fx.solving.step import Problem, Report, begun, ended, judged
 
 Figures = dict[str, Any]
 Marks = tuple[int, int, int]  # numbers of linear solves, regularised problems and events so far
 
-_FORMAT = 13
+_FORMAT = 14
 _SCENE = "scene.json"
 _FIGURES = "figures.json"
 _STATE = "state.npz"
@@ -90,37 +90,29 @@ class StoredStates:
         return figures
 
     def recalled(
-        self, problem: Problem, state: State, way: Increments
-    ) -> Iterator[tuple[State, Report, bool]]:
+        self,
+        problem: Any,
+        state: State,
+        way: PathIncrements,
+        shown: Callable[..., tuple[State, Any] | None],
+    ) -> Iterator[tuple[State, Any, bool]]:
         """The steps of an earlier run that follow a state, with which the way goes on, and whether
-        each ends a load step.
+        each ends a load step; ``shown``: see ``recalled``.
         """
         while not way.ended and (figures := self.figures(state.number)) is not None:
-            with problem.timings.phase("restart"):
-                time = float(figures["time"])
-                posed, start, before = begun(problem, state, float(figures["place"]), time)
-                new = self.read(state.number, posed.body.space, posed.boundary)
-                if new is None:
-                    return
-                posed, start = tightened(posed, start, new.found)
-                solved = new
-                for effect in problem.effects:
-                    solved = replace(solved, displacement=effect.solved(state, solved))
-                outcome = solution_of(posed, start, solved, **figures["method"])
-            _, report = judged(problem, posed, start, before, outcome, state, time)
-            if report.result.status is not Status.CONVERGED:
-                problem.history.add(
-                    f"restart: {report.result}: {report.result.status.value}: it is solved again"
-                )
-                self.forget(state.number)
+            number = state.number
+            end = shown(problem, state, figures, partial(self.read, number))
+            if end is None:
+                return
+            state, report = end
+            if report.status is not Status.CONVERGED:
+                problem.history.add(f"restart: {report}: it is solved again")
+                self.forget(number)
                 return
             recall_history(figures, problem.history, problem.timings)
             way.resume(figures["path"])
             problem.accept(report)
-            _, report = ended(problem, state, new, report, stored=True)
-            result = replace(report.result, linear_solves=figures["linear_solves"])
-            state = new
-            yield state, replace(report, result=result), figures["kept"]
+            yield state, report, figures["kept"]
 
     def read(
         self, step: int, space: fem.FunctionSpace, boundary: ContactBoundary | None = None
@@ -136,10 +128,10 @@ class StoredStates:
 
     def write(
         self,
-        problem: Problem,
+        problem: Any,
         new: State,
-        report: Report,
-        way: Increments,
+        report: Any,
+        way: PathIncrements,
         marks: Marks,
         *,
         kept: bool,
@@ -147,30 +139,16 @@ class StoredStates:
         """Store a step that has a solution; ``marks``: of where it has begun; ``kept``: whether it
         ends a load step.
         """
-        figures = {
-            "place": report.start.place,
-            "time": new.time,
-            "kept": kept,
-            "linear_solves": report.result.linear_solves,
-            "path": way.stored(),
-        }
-        self.store(report.start.step, report.posed, report.outcome, new, problem, marks, figures)
-
-    def store(
-        self,
-        step: int,
-        posed: Posed,
-        outcome: Outcome,
-        state: State,
-        of: HasHistory,
-        marks: Marks,
-        figures: Figures,
-    ) -> None:
-        """The same of a step, numbered from 0, with figures of its kind of body."""
         solves, problems, events = marks
-        history = of.history
+        history = problem.history
+        outcome = report.outcome
         data = outcome.problem.data
         figures = {
+            "place": report.result.place,
+            "time": new.time,
+            "kept": kept,
+            "linear_solves": report.linear_solves,
+            "path": way.stored(),
             "method": {
                 "gammas": [data.gamma_n, data.gamma_t],
                 "monolithic": outcome.monolithic,
@@ -179,11 +157,10 @@ class StoredStates:
             "iterations": [asdict(record) for record in history.iterations[solves:]],
             "outer": [asdict(record) for record in history.outer[problems:]],
             "events": history.events[events:],
-            "seconds": parallel.largest_timings(self._comm, of.timings.seconds),
-            **figures,
+            "seconds": parallel.largest_timings(self._comm, problem.timings.seconds),
         }
-        table = state.table(posed.boundary, posed.body.space)
-        target = self._folder(self.level, step)
+        table = new.table(report.posed.boundary, report.posed.body.space)
+        target = self._folder(self.level, new.number - 1)
         parallel.on_root(self._comm, lambda: self._write(target, table, figures))
         self._begun = True
 
@@ -259,16 +236,28 @@ class StoredStates:
         return complete
 
 
-class HasHistory(Protocol):
-    """What has a history and timings."""
-
-    @property
-    def history(self) -> History:
-        """Of all solves."""
-
-    @property
-    def timings(self) -> Timings:
-        """Of what takes time."""
+def recalled(
+    problem: Problem, state: State, figures: Figures, read: Callable[..., State | None]
+) -> tuple[State, Report] | None:
+    """The end of a load step that follows a state, as an earlier run has stored it, with what is
+    shown of it, evaluated again; None: it cannot be read; collective.
+    """
+    with problem.timings.phase("restart"):
+        time = float(figures["time"])
+        posed, start, before = begun(problem, state, float(figures["place"]), time)
+        new = read(posed.body.space, posed.boundary)
+        if new is None:
+            return None
+        posed, start = tightened(posed, start, new.found)
+        solved = new
+        for effect in problem.effects:
+            solved = replace(solved, displacement=effect.solved(state, solved))
+        outcome = solution_of(posed, start, solved, **figures["method"])
+    _, report = judged(problem, posed, start, before, outcome, state, time)
+    if report.status is Status.CONVERGED:
+        _, report = ended(problem, state, new, report, stored=True)
+    result = replace(report.result, linear_solves=figures["linear_solves"])
+    return new, replace(report, result=result)
 
 
 def marks_of(history: History) -> Marks:

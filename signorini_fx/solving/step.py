@@ -7,7 +7,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -22,7 +22,8 @@ from signorini_fx.mechanics.state import State
 from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.mechanics.step_effect import AddedForces, StepContact, StepEffect, StepEnd
 from signorini_fx.records import Finding, History, Status, Timings
-from signorini_fx.results.certificate.contact_nodes import ContactNodes
+from signorini_fx.results.certificate.contact_nodes import ContactConditions, ContactNodes
+from signorini_fx.results.certificate.equilibrium import Balance
 from signorini_fx.results.certificate.law_of_method import (
     Law,
     PreviousStep,
@@ -90,6 +91,20 @@ class Report:
     start: Start
     outcome: Outcome
     data: RegularisedData
+    iterations = 0  # of Newton's method for a nonlinear body
+
+    @property
+    def status(self) -> Status:
+        """How the step has ended."""
+        return self.result.status
+
+    @property
+    def linear_solves(self) -> int:
+        """Of the step."""
+        return self.result.linear_solves
+
+    def __str__(self) -> str:
+        return f"{self.result}: {self.status.value}"
 
 
 def step(
@@ -201,7 +216,7 @@ def begun(
         dt = float(f"{dt:.{_DIGITS}g}")
     posed = _lasting(replace(problem.pose_at(state, place, dt), dt=dt), dt)
     if problem.effects:
-        posed = _with_contact(posed, problem.effects, state)
+        posed = with_contact(posed, problem.effects, state)
         # Its gammas are there already.
         start, before = start_of(posed, replace(state, gammas=None), guess)
     else:
@@ -229,29 +244,38 @@ def _lasting(posed: Posed, dt: float) -> Posed:
     law = posed.first.law
     if law is None or not law.follows_slip:
         return posed
-    if not dt > 0:
-        reason = f"must go on from the last load step, the next one would last {dt:g}"
-        raise FormError([("times", f"{reason}: friction follows the speed of slip")])
+    refuse_no_duration(dt)
     law = replace(law, dt=dt)
     body = posed.body
     assert isinstance(body, SolidBody)
     return replace(posed, first=replace(posed.first, law=law), body=replace(body, law=law))
 
 
-def _with_contact(posed: Posed, effects: Sequence[StepEffect], state: State) -> Posed:
+def refuse_no_duration(dt: float) -> None:
+    """Refuse a step that lasts no time where laws follow the speed of slip.
+
+    Raises:
+        FormError: it is such a step.
+    """
+    if not dt > 0:
+        reason = f"must go on from the last load step, the next one would last {dt:g}"
+        raise FormError([("times", f"{reason}: friction follows the speed of slip")])
+
+
+def with_contact(posed: Posed, effects: Sequence[StepEffect], state: State) -> Posed:
     """What a step is solved with where effects change what holds at contact points; collective."""
     body = posed.body
     first = posed.first
-    assert isinstance(body, SolidBody)
     data = first.data
     if state.contact is not None and state.gammas is not None:
         data = replace(data, gamma_n=state.gammas[0], gamma_t=state.gammas[1])
     boundary = posed.boundary
-    contact = StepContact(body, boundary, data.gap, data, first.law, posed.drift)
+    model: Any = body
+    contact = StepContact(model, boundary, data.gap, data, first.law, posed.drift)
     for effect in effects:
         contact = effect.contact(contact, state, posed.dt)
     first = replace(first, data=contact.data, law=contact.law)
-    if body.data is not None:
+    if isinstance(body, SolidBody) and body.data is not None:
         # Displacements of its gap are not counted from the reference motion.
         unshifted = body.data.gap + (contact.data.gap - posed.first.data.gap)
         body = replace(body, data=replace(body.data, gap=unshifted), law=contact.law)
@@ -361,10 +385,18 @@ def _reactions(effects: Sequence[StepEffect], report: Report, state: State) -> A
     for add in _added_forces(effects, report.posed, body, state, place):
         if (added := add(y.x.array)) is not None:
             balance = balance.with_added(added)
-    conditions = body.conditions(y)
+    return reactions_of(balance, body.conditions(y), report.result.contact)
+
+
+def reactions_of(
+    balance: Balance, conditions: ContactConditions | None, contact: ContactState | None
+) -> Array:
+    """The forces of supports on the owned nodes, from all forces on the body without contact and
+    the tractions at its contact points, shape (owned nodes, d); collective.
+    """
     pressing = np.zeros_like(balance.internal)
-    if report.result.contact is not None and conditions is not None:
-        nodes = ContactNodes.of(conditions, Tractions.of(report.result.contact))
+    if contact is not None and conditions is not None:
+        nodes = ContactNodes.of(conditions, Tractions.of(contact))
         reached, forces, _ = nodes.forces(len(pressing))
         np.add.at(pressing, reached, forces)
     return balance.residual(pressing)

@@ -114,7 +114,7 @@ def walk(path, limit, solves=2, most=200):
     while len(tried) < most:
         tried.append(path.next)
         if path.next <= limit:
-            path.advance(solves, path.next)
+            path.advance(path.next, solves)
             if path.ended:
                 return tried
         elif not path.shorten(Status.SLIDES):

@@ -369,7 +369,6 @@ def test_an_effect_by_its_name(monkeypatch):
         (lambda problem, state: problem_of(FINER).step(state, 3.0), "is of another mesh"),
         (lambda problem, state: Block().problem.step(state, 3.0), "is of another mesh"),
         (lambda problem, state: Block().problem.step(state, 1.0), "must be after that"),
-        (lambda problem, state: solve(NEO_HOOKE, state=state), "its history"),
         (lambda problem, state: state.with_field("a", "point", [1.0]), "must be at one of dofs"),
         (lambda problem, state: state.with_field("a", "points", [1.0]), "has 1 rows"),
     ],
@@ -386,4 +385,3 @@ def test_what_a_state_is_not_for(use, reason):
 
 FINER = scene(PUSHED.replace("nx = 24", "nx = 25"))
 SHORTER = scene(PUSHED.replace("[0.0, 0.4, 0.8, 1.0, 0.5, -0.4]", "[0.0, 0.4]"))
-NEO_HOOKE = scene(PUSHED.replace("{ young", '{ law = "neo-hooke", young'))

@@ -497,8 +497,9 @@ class _LinearisedStep:
         if self.preceding is None:
             return None
         displacement = self.solved.displacement.copy()
-        state = self.preceding.end.contact
-        displacement.x.array[:] = self.preceding.end.displacement
+        end = self.preceding.end.step
+        state = end.contact
+        displacement.x.array[:] = end.displacement.x.array
         assert state is not None
         body = self.solved.body
         supported = held_at(self.problem.model, self.preceding.path_step)

@@ -19,11 +19,12 @@ import numpy.typing as npt
 from dolfinx import mesh as dmesh
 from scipy.spatial import cKDTree
 
-from signorini_fx.forms.nonlinear.linearised import LinearisedProblem, Snapshot
+from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import facet_entities, facet_nodes, marked_nodes
 from signorini_fx.mechanics.assembly.pieces import find_pieces
 from signorini_fx.mechanics.obstacles.shapes_inside import BodyCells
+from signorini_fx.mechanics.state import State
 from signorini_fx.tuned import DIGITS_OF_FILES, NOTABLE
 
 Array = npt.NDArray[np.float64]
@@ -126,7 +127,7 @@ def crossing(linear: LinearisedProblem) -> Crossing | None:
     return Crossing(bool(within), [*names, ""][int(named)] + at_place)
 
 
-def behind(linear: LinearisedProblem, last: Snapshot) -> dict[int, str]:
+def behind(linear: LinearisedProblem, last: State) -> dict[int, str]:
     """Return which boundaries have passed the surface of a foundation that they do not touch since
     the last solution, by the number of its contact: name, place and depth of the deepest facet in
     words; collective.
@@ -140,6 +141,7 @@ def behind(linear: LinearisedProblem, last: Snapshot) -> dict[int, str]:
     then = _corners_of(cells, entities, cells.placed(last.displacement)).mean(axis=1)
     allowed = NOTABLE * np.linalg.norm(np.ptp(now, axis=1), axis=1)
     names = list(map(repr, linear.names))
+    moved = foundations.moved_shapes(last.placed)
     passed = dict[int, str]()
     for number, moving in foundations.moving.items():
         others = foundations.moving.items()
@@ -147,7 +149,8 @@ def behind(linear: LinearisedProblem, last: Snapshot) -> dict[int, str]:
         touching = np.isin(facets, np.concatenate([linear.forms.facets[k] for k in same]))
         middles = now.mean(axis=1)
         depth = -moving.shape.distance(middles)[0]
-        was_outside = -last.shapes[number].distance(then)[0] <= allowed
+        _, earlier = moved.get(number, (None, moving.shape))
+        was_outside = -earlier.distance(then)[0] <= allowed
         found = np.flatnonzero(~touching & (depth > allowed) & was_outside)
         named = _named(linear, facets[found])
         rows = np.column_stack((depth[found], middles[found], named))

@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -47,6 +47,7 @@ from signorini_fx.mechanics.assembly.mesh_entities import node_positions, prescr
 from signorini_fx.mechanics.assembly.nodal_stiffness import JointStiffness, NodalStiffness
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
+from signorini_fx.mechanics.mesh.tagged import diameter_of
 from signorini_fx.mechanics.model import ElasticBody
 from signorini_fx.mechanics.obstacles.corner_points import BoundaryLine, CornerFeet
 from signorini_fx.mechanics.obstacles.foundations_on_points import Foundations, ShapeDistances
@@ -55,11 +56,12 @@ from signorini_fx.mechanics.shapes.analytic import Plane
 from signorini_fx.mechanics.state import State
 from signorini_fx.mechanics.statement.rigid_body import COMPONENTS
 from signorini_fx.mechanics.statement.rigid_shape import Distance, Placement
+from signorini_fx.mechanics.step_effect import StepEffect
 from signorini_fx.records import Status
-from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.certificate.law_of_method import PreviousStep
 from signorini_fx.results.solution import ConvergenceError
-from signorini_fx.solving.frames import Posed, start_of, state_of
+from signorini_fx.solving.frames import Posed, in_frames, rotations, start_of, state_of
+from signorini_fx.solving.step import with_contact
 from signorini_fx.tuned import NO_FORCE, RETAINED_REACH, UNITS_OF_NO_LOAD
 
 Array = npt.NDArray[np.float64]
@@ -67,23 +69,6 @@ Array = npt.NDArray[np.float64]
 
 # How a contact problem ends whose sets are not found.
 _WITHOUT_SETS = (Status.CYCLING, Status.MAX_ITERATIONS, Status.OUTER_MAX_ITERATIONS)
-
-
-@dataclass(frozen=True)
-class Snapshot:
-    """A solution, or what there is before the first one: all that an attempt changes, and where
-    shapes were placed.
-    """
-
-    displacement: Array  # values of u, ghosts included
-    contact: ContactState | None
-    outcome: Outcome | None  # of the contact problem of the last iteration
-    last: State | None  # the end of the last linear problem, where the next solve may begin
-    certificate: Certificate | None
-    iterations: int
-    shapes: dict[int, Any]  # by the numbers of their foundations
-    tools: Array  # coordinates, see ``MovingTools``
-    begin: State  # the end of the step before it
 
 
 class MovingFoundations(Foundations):
@@ -296,7 +281,7 @@ class LinearisedProblem(FormSolver):
     )
     bodies: tuple[str, ...] = ()  # see ``BodyPieces``
     _keeps = False  # whether the next solve keeps the stiffness of the last one
-    _farthest = 0.0  # the largest increment of this load so far, length
+    _turning: ContactState | None = None  # whose tractions turn; None: those of ``begin``
     _round_off: float | None = None  # see ``_lost``, of the present load
     foundations: MovingFoundations
     _hessians: Array
@@ -309,6 +294,7 @@ class LinearisedProblem(FormSolver):
         contact: Any,
         options: tuple[str, Mapping[str, Any]],
         boundaries: Mapping[str, Any] | None = None,
+        effects: Sequence[StepEffect] = (),
         **settings: Any,
     ) -> None:
         at = self.at = evaluated.u
@@ -320,7 +306,7 @@ class LinearisedProblem(FormSolver):
         forms = replace(forms, original=(tangents.bilinear, evaluated.form))
         # Facets of parts of the boundary by their names, for messages.
         self.names: Mapping[str, npt.NDArray[np.int32]] = forms.boundaries
-        super().__init__(forms, increment, bcs, settings, options)
+        super().__init__(forms, increment, bcs, settings, options, effects)
         self._evaluated = evaluated
         self._straighten()
 
@@ -362,8 +348,68 @@ class LinearisedProblem(FormSolver):
             ]:
                 raise FormError(apart)
             self.foundations.sliding = pairs
+            self.settle()
         for pair in self.foundations.sliding.values():
             pair.move(self.places[: self.space.dofmap.index_map.size_local])
+
+    def settle(self) -> None:
+        """Slips of pairs count from where the step begins; collective."""
+        places = self._begun_places[: self.space.dofmap.index_map.size_local]
+        for pair in self.foundations.sliding.values():
+            pair.settle(places)
+
+    def points(self) -> tuple[ContactBoundary, fem.FunctionSpace]:
+        self.slide()
+        return super().points()
+
+    def initial(self) -> State:
+        """With rigid bodies that nothing has moved."""
+        rest = np.zeros(self.foundations.rigid_bodies.fixed.size)
+        return replace(super().initial(), rigid=rest)
+
+    def start(self, state: State) -> None:
+        """Put the body where a step begins, with nothing of other steps; collective."""
+        if state is not self.begin:  # else u is the first iterate that a user has given
+            self.at.x.array[:] = state.displacement
+        self.begin = state
+        self.last = self._turning = None
+        self.foundations.carry_to(state.rigid)
+        self._straighten()
+        self.settle()
+
+    def _tractions(self) -> ContactState | None:
+        """Those of the last linear problem, else of where the step begins, in the frames of now;
+        None: there are none; collective.
+        """
+        values = self.begin.contact
+        if self._turning is not None or values is None:
+            return self._turning
+        shapes = self.foundations.shapes()
+        boundary = self.contact_points(shapes, *prescribed(self.space, self.bcs))
+        spin = self.foundations.spin_at(boundary, self.begin.placed)
+        rotation = rotations(values.normal, boundary.normal, spin)
+        sets, (pressure, shear) = in_frames(values, rotation, boundary)
+        laws = [entry.law for entry in self.foundations.data(shapes)]
+        law = self.foundations.law(boundary, 1.0, laws)
+        none = np.zeros_like(pressure)
+        self._turning = ContactState(
+            boundary.points,
+            gap=none,
+            u_n=none,
+            u_t=0.0 * shear,
+            pressure=pressure,
+            shear=shear,
+            bound=none if law is None else law.evaluate(pressure, none)[0],
+            in_contact=sets.contact,
+            direction=sets.direction,
+            has_friction=law is not None,
+            bilateral=none > 0,
+            slip_length=0.0 * shear,
+            xi=0.0 * shear,
+            dt=0.0,
+            boundary=boundary,
+        )
+        return self._turning
 
     def bend(self, *, symmetric: bool = True) -> None:
         """Give the tangent the curvature of the shapes with the tractions of the last solution, all
@@ -371,15 +417,14 @@ class LinearisedProblem(FormSolver):
         ``symmetric``: then what is not is left out, which only pairs with Coulomb friction have;
         collective.
         """
-        if (state := self._state) is None:
+        if (state := self._tractions()) is None:
             return
         # The matrices of Coulomb friction are not symmetric, so that a whole one costs the same.
-        whole = not symmetric and type(self.task.system) is ElasticSystem
+        whole = not symmetric and self.set_up and type(self.task.system) is ElasticSystem
         laws = [self.contact[number].friction for number in self.foundations.sliding]
         self._askew = whole and any(law is not None and law.follows_pressure for law in laws)
-        hessians = hessians_at(
-            state.boundary, self.foundations.moving, self.places, self.scales.size
-        )
+        size = diameter_of(self.space.mesh)
+        hessians = hessians_at(state.boundary, self.foundations.moving, self.places, size)
         blocks = curvature_of(hessians, state)
         self._hessians, tools, self.relative = hessians, self.foundations.rigid_bodies, None
         if tools.bodies:
@@ -399,9 +444,13 @@ class LinearisedProblem(FormSolver):
 
     def begin_step(self) -> Start:
         """Slips of points that stick are linearised as their tangent planes turn."""
-        state = self._state
-        self.posed = replace(self.pose(self.begin), linear=False)
-        begun, self.previous_step = start_of(self.posed, self.begin, self.last)
+        state = self._turning
+        begin = self.begin
+        self.posed = replace(self.pose(begin), linear=False, dt=self.foundations.dt)
+        if self.effects:
+            self.posed = with_contact(self.posed, self.effects, begin)
+            begin = replace(begin, gammas=None)  # they are there already
+        begun, self.previous_step = start_of(self.posed, begin, self.last)
         boundary = self.boundary
         tools = self.foundations.rigid_bodies
         origin = begun.data.slip_origin
@@ -436,7 +485,7 @@ class LinearisedProblem(FormSolver):
                 "nij,nik,nk->nj", boundary.tangents, state.boundary.cotangents, state.slip_length
             )
             turned = left_by_turning(boundary, self._hessians, way, slip)
-            origin = origin + np.where(self.sticks[:, None], turned, 0.0)
+            origin = origin + np.where(self.sticks(state)[:, None], turned, 0.0)
         return replace(begun, data=replace(begun.data, slip_origin=origin))
 
     def _way(self) -> Array:
@@ -572,7 +621,8 @@ class LinearisedProblem(FormSolver):
         """
         self.outcome = outcome
         unknowns = outcome.displacement()
-        self._state = ContactState.of(self.task.contact(outcome, self.begun), self.boundary)
+        state = ContactState.of(self.task.contact(outcome, self.begun), self.boundary)
+        self._state = self._turning = state
         self.tools = self.rigid.moved(self.elastic.driven(unknowns, None))
         self.status = outcome.status
         self.certificate = None
@@ -603,9 +653,7 @@ class LinearisedProblem(FormSolver):
 
     def begin_anew(self) -> None:
         """A new load: the tangent is definite until a factorisation refuses it."""
-        self.definite, self._round_off = True, None
-        self._expected = self._farthest
-        self._farthest = 0.0
+        self.definite, self.symmetric, self._round_off = True, True, None
         self._near: npt.NDArray[np.bool_] | None = None
         self._last_values: Array | None = None  # of the displacement in the last iteration
 
@@ -661,7 +709,7 @@ class LinearisedProblem(FormSolver):
         and the displacement of now; None: none is.  The dense matrix of a body in 3D on one rank
         does without them; the next iteration has those that are inside of their shapes.
         """
-        state = self._state
+        state = self._turning
         values = self.at.x.array
         dim = boundary.x.shape[1]
         plain = (
@@ -681,15 +729,11 @@ class LinearisedProblem(FormSolver):
             distance[points] = (
                 moving.shape.distance(boundary.x[points] + self.places[nodes])[0] + added[nodes]
             )
-        # As far as shapes are inside, supports move now, or the last increment, or the last load,
-        # has moved anything.
+        # As far as shapes are inside, supports move now, or the last increment has moved anything.
         fixed, to = self.prescribed
         increments = [np.abs(to - values)[fixed], -distance[np.isfinite(distance)]]
-        if self._last_values is None:
-            increments.append(np.array([self._expected]))
-        else:
+        if self._last_values is not None:
             increments.append(np.abs(values - self._last_values))
-            self._farthest = max(self._farthest, float(increments[-1].max(initial=0.0)))
         near = state.in_contact | (state.bound > 0.0)  # a shear may act without contact
         near |= distance <= RETAINED_REACH * max(moved.max(initial=0.0) for moved in increments)
         if self._near is not None and self._near.size == near.size:
@@ -716,24 +760,48 @@ class LinearisedProblem(FormSolver):
             Outcome(status, newton, begun.data, augmented=self.task.settings.algorithm == "alm")
         )
 
-    def advance(self) -> None:
-        """The displacement is that of the nonlinear problem, whose residual has been judged."""
-        super().advance()
-        displacement = self.at.x.array.copy()
-        coordinates = self.foundations.coordinates.copy()
-        self.begin = replace(
-            self.begin, displacement=displacement, rigid=coordinates, placed=self.foundations.placed
+    def settled(self) -> State:
+        """The end of the last linear problem at the displacement of the nonlinear one, whose
+        residual has been judged.
+        """
+        assert self.last is not None
+        self.last = replace(
+            self.last,
+            displacement=self.at.x.array.copy(),
+            rigid=self.foundations.coordinates.copy(),
+            placed=self.foundations.placed,
         )
+        return self.last
 
     @property
     def step(self) -> int:
         """How many steps have ended."""
         return self.begin.number
 
-    def begin_at_tangent(self, *, definite: bool, symmetric: bool) -> None:
-        """Assemble the contact problem of now as in the last iteration of an earlier run;
+    def begin_at_solution(self, state: State) -> None:
+        """Assemble the contact problem at the end of a step that an earlier run has solved;
         collective.
         """
+        self.foundations.carry_to(state.rigid)
+        try:
+            self._begin_at_tangent(definite=True)
+        except MatrixError as error:
+            if error.fault != NOT_POSITIVE:
+                raise
+            self._begin_at_tangent(definite=False)
+
+    def take_tractions(self, state: State) -> None:
+        """Make those of the end of a step, in the frames of now, those of the last result, as the
+        last linear problem of the step had another displacement than its end.
+        """
+        assert state.contact is not None
+        values = state.contact
+        rotation = rotations(values.normal, self.boundary.normal)
+        _, (pressure, shear) = in_frames(values, rotation, self.boundary)
+        self._state = replace(self.state, pressure=pressure, shear=shear)
+
+    def _begin_at_tangent(self, *, definite: bool, symmetric: bool = True) -> None:
+        """Assemble the contact problem of now; collective."""
         self.begin_anew()
         self.definite, self.symmetric = definite, symmetric
         self.slide()
@@ -747,11 +815,11 @@ class LinearisedProblem(FormSolver):
         other.foundations = copy(self.foundations)
         return other
 
-    def derivative_at(self, last: Snapshot) -> tuple[Any, ...]:
-        """The last solution with the derivative of its contact problem there, see
-        ``SolvedStep.of``; collective.
+    def derivative_at(self, begin: State) -> tuple[Any, ...]:
+        """The last solution, of a step that has begun at a state, with the derivative of its
+        contact problem there, see ``SolvedStep.of``; collective.
         """
-        self.begin = last.begin
+        self.begin = begin
         outcome = self.outcome
         solved = self.state
         symmetric = self.symmetric
@@ -763,7 +831,7 @@ class LinearisedProblem(FormSolver):
             joint = self.foundations.stiffness_at_corners(solved)
             self.curvature = NodalStiffness.summed(solved.boundary.nodes, curvature, joint)
             symmetric = False
-        self.begin_at_tangent(definite=self.definite, symmetric=symmetric)
+        self._begin_at_tangent(definite=self.definite, symmetric=symmetric)
         state = replace(solved, boundary=self.boundary)
         # Of displacements along the normal there are none.
         slips = np.pad(
@@ -821,37 +889,24 @@ class LinearisedProblem(FormSolver):
             work,
         )
 
-    def state_now(self, certificate: Certificate | None, iterations: int) -> Snapshot:
-        """What there is now."""
-        shapes = {k: moving.shape for k, moving in self.foundations.moving.items()}
-        tools = self.foundations.coordinates
-        solution = self._state, self.outcome, self.last
-        return Snapshot(
-            self.at.x.array.copy(), *solution, certificate, iterations, shapes, tools, self.begin
-        )
-
-    def go_back(self, state: Snapshot) -> None:
-        """Go back to an earlier solution; shapes stay where they are, but for those that forces
-        move; collective.
+    def show_again(self, solved: LinearisedProblem | None) -> None:
+        """Make an earlier solution, None: none, what the user sees; shapes stay where they are, but
+        for those that forces move; collective.
         """
-        self.at.x.array[:] = state.displacement
-        self.fields.take(self.space, state.contact)
-        self._state = state.contact
-        self.outcome = state.outcome
-        self.last = state.last
-        self.foundations.carry_to(state.tools)
+        self._state = self.outcome = self.last = None
+        if solved is not None:
+            self._state, self.outcome, self.last = solved._state, solved.outcome, solved.last
+        self.fields.take(self.space, self._state)
+        self.foundations.carry_to((self.last or self.begin).rigid)
+        self._turning = self._state
         self._inputs_before = None
         self._straighten()
 
     # --- what the verdict on stability asks for ---
 
-    @property
-    def sticks(self) -> npt.NDArray[np.bool_]:
-        """Which points friction has held in the last solution, in contact or by a bound without it,
-        shape (n,).
-        """
-        part = self.state.boundary.part
-        state = self.state
+    def sticks(self, state: ContactState) -> npt.NDArray[np.bool_]:
+        """Which points friction has held, in contact or by a bound without it, shape (n,)."""
+        part = state.boundary.part
         rough = np.array(
             [entry.friction is not None or entry.bonded for entry in self.contact], dtype=bool
         )[part]

@@ -1,5 +1,5 @@
-"""The equilibria of a nonlinear body: Newton's method from where it is, the verdicts on where that
-ends, and the way through load steps: how large they are, and where they begin again.
+"""The equilibria of a nonlinear body: Newton's method from where it is, and the verdicts on where
+that ends.
 
 Newton's method for the body has the semi-smooth method for contact inside: each of its iterations
 is a linear ``ContactProblem`` for the whole displacement, see ``linearised``.  Contact pressure and
@@ -14,6 +14,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -22,8 +24,8 @@ from dolfinx import fem
 from signorini_fx.errors import FormError
 from signorini_fx.forms.elasticity import NOT_FINITE, MatrixError
 from signorini_fx.forms.nonlinear.crossing import behind, crossing
-from signorini_fx.forms.nonlinear.linearised import LinearisedProblem, Snapshot
-from signorini_fx.forms.nonlinear.residual import round_off
+from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
+from signorini_fx.forms.nonlinear.residual import Remembers, round_off
 from signorini_fx.forms.nonlinear.results import ResidualMechanics, SolvedBody, certified
 from signorini_fx.forms.nonlinear.verdicts import (
     Stability,
@@ -32,21 +34,20 @@ from signorini_fx.forms.nonlinear.verdicts import (
     overlap_of_bodies,
 )
 from signorini_fx.machine import parallel
+from signorini_fx.mechanics.mesh.tagged import diameter_of
+from signorini_fx.mechanics.model import Loads
 from signorini_fx.mechanics.pairs.mortar_coupling import PairingError
-from signorini_fx.mechanics.statement.load_path import LoadPath
-from signorini_fx.records import OF_THE_BODY, Status, StepRecord, Timings
+from signorini_fx.mechanics.state import Field, State
+from signorini_fx.mechanics.statement.load_path import counted_path
+from signorini_fx.mechanics.step_effect import StepEnd
+from signorini_fx.records import OF_THE_BODY, Status, Timings
 from signorini_fx.results.certificate.certificate import Certificate
-from signorini_fx.results.mechanics import StepResult
 from signorini_fx.results.solution import ConvergenceError
-from signorini_fx.solving.frames import solution_of
-from signorini_fx.solving.increments import PathIncrements
-from signorini_fx.solving.restart import Figures, StoredStates, marks_of, recall_history
+from signorini_fx.solving.frames import vectors_of
+from signorini_fx.solving.increments import FINAL
+from signorini_fx.solving.step import reactions_of
 from signorini_fx.tuned import (
     CERTIFICATE_TOLERANCE,
-    EASY_STEP,
-    ENCLOSED,
-    FAILED_STEP,
-    FEW_NEWTON_ITERATIONS,
     KEPT_TANGENT,
     LINE_SEARCH_STEPS,
     NO_FORCE,
@@ -60,15 +61,6 @@ Array = npt.NDArray[np.float64]
 
 # What is said of linear bodies alone.
 OF_LINEAR_BODIES = (*OF_THE_BODY, Status.SLIDES_AT_PRESSURES, Status.SINGULAR)
-# What smaller steps do not change.
-FINAL = (
-    Status.CORNER,
-    Status.STABILITY_UNKNOWN,
-    Status.NO_DIGIT,
-    Status.NO_MEMORY,
-    Status.NOT_HELD,
-    Status.OPEN,
-)
 # How a solve ends that says nothing of the stiffness, beside these.
 NOT_BY_STIFFNESS = (
     *OF_THE_BODY,
@@ -87,7 +79,8 @@ class EquilibriumSolver(Stability):
     are.
     """
 
-    commit: Callable[[], object]  # the user's function at the end of a step
+    commit: Callable[[], object] | None  # the user's function at the end of a step
+    remembers: Remembers | None  # what the material keeps of earlier steps
     max_newton: int
     asks_stability: bool
     too_large: Callable[[], str] = lambda: (
@@ -111,13 +104,12 @@ class EquilibriumSolver(Stability):
     tangent_at: tuple[Array, Array] = field(
         init=False
     )  # of the last tangent: values of u, coordinates of tools
-    last: Snapshot | None = (
-        None  # the last solution that was taken, or what there was before; None: nothing was tried
-    )
     solved: SolvedBody | None = None  # the last solution that was taken, for results
+    reached: State | None = None  # the end of the last step
     timings: Timings = field(default_factory=Timings)
     # the largest displacement of solutions that were taken, relative to the size of the body
     farthest: float = 0.0
+    _since: State = field(init=False)  # the last solution before an attempt, or what there was
     _tried: Array | None = None  # see ``reason_for_none``
     _mechanics: ResidualMechanics = field(init=False)  # of the certificate
 
@@ -153,7 +145,8 @@ class EquilibriumSolver(Stability):
         Returns why there is none, and what to do, with all but ``status`` as the last solution was;
         "": there is one; collective.
         """
-        last = self.last = self.last or self.snapshot()
+        begin = self.u.x.array.copy()
+        last = self._since = self.linear.last or replace(self.linear.begin, displacement=begin)
         self.certificate = None
         self.status = None
         self.without = ""
@@ -176,7 +169,7 @@ class EquilibriumSolver(Stability):
             ):
                 self.without = self.reason_for_none(last.displacement, self._tried)
         except Exception:
-            self.go_back(last)
+            self.show_last(begin)
             raise
         self.status, self.linear_solves = status, len(self.linear.history.iterations) - solves
         if status is Status.CONVERGED:
@@ -200,7 +193,7 @@ class EquilibriumSolver(Stability):
         if final and status in (Status.NOT_SOLVED, Status.NOT_CERTIFIED, Status.UNSTABLE):
             passed = self.passed | behind(self.linear, last)
             self.failure += "".join(f"; {text}" for text in passed.values())
-        self.go_back(last)
+        self.show_last(begin)
         return f"{self.failure}: {self.advice(status)}"
 
     def advice(self, status: Status) -> str:
@@ -209,11 +202,11 @@ class EquilibriumSolver(Stability):
             return self.cause.advice
         return self.cures.get(status, status.advice)
 
-    def certify(self, begun: Snapshot) -> Status:
-        """The verdict, but for stability, on a displacement of an earlier run whose step has
-        ``begun``; collective.
+    def certify(self) -> Status:
+        """The verdict, but for stability, on the displacement of now, which an earlier run has
+        found; collective.
         """
-        self.last = self.last or begun
+        self._since = self.linear.begin
         return self._ended("certify", lambda: self._judge(self.residual.at(self.u.x.array.copy())))
 
     def _ended(self, phase: str, solve: Callable[[], Status]) -> Status:
@@ -234,52 +227,142 @@ class EquilibriumSolver(Stability):
     def take(self) -> None:
         """Make what there is now the last solution; collective."""
         assert self.certificate is not None
-        if self.last is not None:
-            self.passed |= behind(self.linear, self.last)
-        self.last, self.farthest = (
-            self.snapshot(),
-            max(self.farthest, self.certificate.displacement),
-        )
+        self.passed |= behind(self.linear, self._since)
+        self.farthest = max(self.farthest, self.certificate.displacement)
+        self.linear.settled()
         self.solved = SolvedBody.of(
-            self.linear, self.certificate, self._mechanics, self.linear_solves
+            self.linear, self.certificate, self._mechanics, self.linear_solves, self.iterations
         )
 
-    def take_before(self, status: Status, solves: int) -> None:
-        """Show the body as it is, without contact, in place of a first solution that there is not,
-        unless it cannot be evaluated; ``status``, ``solves``: how the search has ended, after how
+    def before(self, status: Status, solves: int) -> SolvedBody | None:
+        """The body as it is, without contact, to be shown in place of a solution that there is not;
+        None: it cannot be evaluated; ``status``, ``solves``: how the search has ended, after how
         many linear solves; collective.
         """
+        linear = self.linear
         with suppress(FormError, MatrixError, PairingError):
             if (residual := self.residual.at(self.u.x.array.copy())) is None:
-                return
-            self.linear.slide()
-            self.linear.leave_open(status)
-            self.solved = SolvedBody.of(
-                self.linear, *certified(residual, self.linear), solves, status
+                return None
+            linear.slide()
+            linear.leave_open(status)
+            return SolvedBody.of(linear, *certified(residual, linear), solves, 0, status)
+        return None
+
+    def initial(self) -> State:
+        """The body before the first step, with what its material remembers then."""
+        return self._remembered(self.linear.initial())
+
+    def _remembered(self, state: State) -> State:
+        """A state with what the material remembers now."""
+        if self.remembers is None:
+            return state
+        values = self.remembers.remembered()
+        kept = {name: Field("cells", rows) for name, rows in values.items()}
+        return replace(state, fields={**state.fields, **kept})
+
+    def start(self, state: State) -> None:
+        """Begin a step from a state, and from nothing else that another step has left; collective.
+
+        Raises:
+            FormError: the material has its history elsewhere.
+            SceneError: the state is that of another material.
+        """
+        linear = self.linear
+        if state is not self.reached and (state.number or self.reached):
+            self.refuse_elsewhere()
+        self._recall(state)
+        linear.start(state)
+        size = float(parallel.largest(linear.space.mesh.comm, np.abs(state.displacement), 0.0))
+        self.farthest = max(self.farthest, size / diameter_of(linear.space.mesh))
+
+    def refuse_elsewhere(self) -> None:
+        """Refuse to begin from a state without what the material remembers.
+
+        Raises:
+            FormError: the material keeps it elsewhere.
+        """
+        if self.commit is not None and self.remembers is None:
+            reason = (
+                "keeps what the material remembers where no state has it, so that no step can "
+                "begin from one: give kept, the Functions that it changes"
             )
+            raise FormError([("commit", reason)])
 
-    def advance(self) -> None:
-        """Begin the next step where the last one has ended."""
-        if self.status is not Status.CONVERGED:
-            raise RuntimeError("there is no solution to advance from")
-        self.linear.tools = self.linear.foundations.rigid_bodies.motions
-        self.linear.advance()
-        self.commit()
-        self.linear.slide()
-        for pair in self.linear.foundations.sliding.values():
-            pair.settle()
+    def _recall(self, state: State) -> None:
+        """Let the material remember what it does in a state; collective."""
+        if self.remembers is not None and (state.fields or state.number):
+            self.remembers.recall(state.fields)
 
-    def snapshot(self) -> Snapshot:
-        """All that an attempt changes, and where the shapes are."""
-        return self.linear.state_now(self.certificate, self.iterations)
-
-    def go_back(self, state: Snapshot) -> None:
-        """Go back to where the body was; loads and shapes stay, but for tools that forces move;
+    def resume(self, begin: State) -> None:
+        """Let the next solve begin at a state again, before which another step has had no solution;
         collective.
         """
-        self.linear.go_back(state)
-        self.certificate = state.certificate
-        self.iterations = state.iterations
+        self.linear.begin = begin
+        self._recall(begin)
+        self.linear.settle()
+
+    def ended(self, time: float) -> tuple[State, dict[str, float]]:
+        """End the step, whose last solution was taken: the state from which the next one begins,
+        and what effects tell of it; collective.
+        """
+        linear = self.linear
+        assert linear.last is not None
+        if self.commit is not None:
+            self.commit()
+        state = self._remembered(replace(linear.last, time=time))
+        for effect in linear.effects:
+            state = effect.after(linear.begin, state, self._end)
+        self.reached = state
+        return state, self.figures(state)
+
+    def figures(self, state: State) -> dict[str, float]:
+        """What effects tell of the step that a state is the end of; collective."""
+        begin = self.linear.begin
+        told = [effect.figures(begin, state, self._end) for effect in self.linear.effects]
+        return dict(entry for each in told for entry in each.items())
+
+    @property
+    def _end(self) -> StepEnd:
+        """The last solution as effects see it, with loads beside F."""
+        linear = self.linear
+        boundary = linear.boundary
+        mechanics = self._mechanics
+        conditions = mechanics.contact
+        contact = linear.state if linear.contact else None
+        forces = np.zeros(mechanics.forces.internal.size) + self.residual.loads
+        elastic = linear.begun.elastic_slip
+        model: Any = linear.elastic
+        return StepEnd(
+            model,
+            contact,
+            np.zeros(0) if conditions is None else conditions.gap,
+            self.u.x.array.copy(),
+            Loads(forces, linear.prescribed[1]),
+            partial(reactions_of, mechanics.forces, conditions, contact),
+            vectors_of(elastic, boundary.tangents),
+            bool(linear.outcome and linear.outcome.augmented),
+            linear.foundations.dt,
+        )
+
+    def advance(self) -> None:
+        """End a step of a user's own loop, and begin the next one there."""
+        if self.status is not Status.CONVERGED:
+            raise RuntimeError("there is no solution to advance from")
+        if self.linear.last is not None:
+            time = counted_path(self.linear.step).time_at(self.linear.step)
+            self.start(self.ended(time)[0])
+
+    def show_last(self, begin: Array) -> None:
+        """Make the last solution what the user sees, or before the first one the values of ``u``
+        where it began; loads and shapes stay, but for tools that forces move; collective.
+        """
+        solved = self.solved
+        if solved is not None and solved.step.status is not Status.CONVERGED:
+            solved = None
+        self.linear.show_again(None if solved is None else solved.linear)
+        self.u.x.array[:] = begin if solved is None else solved.step.displacement.x.array
+        self.certificate = None if solved is None else solved.step.certificate
+        self.iterations = 0 if solved is None else solved.iterations
         with suppress(FormError):  # before the first solution it may not be possible
             self.residual.updated()
 
@@ -401,10 +484,9 @@ class EquilibriumSolver(Stability):
         """Whether an iterate is a solution, where F is ``residual``, evaluated last; collective."""
         if residual is None:
             return Status.INVERTED
-        assert self.last is not None
         linear = self.linear
         foundations = self.linear.foundations
-        last = self.last
+        last = self._since
         for status, said in (
             (Status.TOO_LARGE, self.too_large),
             (Status.INSIDE, lambda: overlap(foundations, last)),
@@ -479,254 +561,3 @@ def line_search(
     if failed is not None:
         raise failed
     return 0.0, None
-
-
-# --- the way through load steps -------------------------------------------------------------------
-
-# What is stored of a step beside the end of its last linear problem.
-_SOLUTION = "solution"
-_TANGENT = "tangent"
-_ORIGIN = "slip origin"
-
-
-class Continuation:
-    """Goes through the load steps of a path, each of which an ``EquilibriumSolver`` attempts.  One
-    without a solution is halved, the first one from time 0; after an easy one the next is larger.
-    One that cannot be shortened ends it with a ``failure`` in words and an ``advice``, or with a
-    FormError.
-
-    ``apply`` changes the problem to what it is at a place; ``held`` says in words what the place
-    that was reached bears of the loads at one without a solution.  ``ends`` are the load steps with
-    a solution, with what the residual says of them.
-    """
-
-    def __init__(
-        self,
-        solver: EquilibriumSolver,
-        path: LoadPath,
-        apply: Callable[[float], object],
-        held: Callable[[float, float], str] = lambda reached, failed: "",
-    ) -> None:
-        solver.begin_path(several=path.several)
-        self.solver = solver
-        self.way = PathIncrements(path)
-        self._apply = apply
-        self._held = held
-        self.history = solver.linear.history
-        self.timings = solver.timings
-        self.ends = list[tuple[StepResult, ResidualMechanics]]()
-        self.failure = ""
-        self.advice = ""
-        self._solves_before = len(self.history.iterations)
-
-    @property
-    def through(self) -> bool:
-        """Whether there is no further load step."""
-        return self.way.ended or bool(self.failure)
-
-    @property
-    def _may_halve(self) -> bool:
-        """Whether a smaller step than the next one may be tried."""
-        return (self.way.next - self.way.reached) / 2 >= ENCLOSED * self.way.nominal
-
-    @property
-    def _allowed(self) -> float:
-        """Linear solves that the next step may take, before a smaller one is tried."""
-        if not (self.ends and self._may_halve):
-            return np.inf
-        return FAILED_STEP**2 * max(self.ends[-1][0].linear_solves, EASY_STEP)
-
-    def solved(self) -> StepResult | None:
-        """The next load step; None: it has no solution, and is tried in another way."""
-        begun = self.solver.snapshot()
-        solver = self.solver
-        way = self.way
-        if (path := way.path).several:
-            self.history.add(
-                StepRecord(len(self.ends) + 1, path.name_at(way.next), path.time_at(way.next))
-            )
-        why: Exception | str
-        duration = path.time_at(way.next) - path.time_at(way.reached)
-        solver.linear.foundations.dt = duration
-        try:
-            self._apply(way.next)
-            with self.history.at_most(self._allowed):
-                why = solver.attempt(final=not self._may_halve)
-            if not why:
-                solver.take()
-        except Exception as error:
-            why = error
-        if why:
-            self._give_up(begun, why)
-            return None
-        end = way.reached = way.next
-        increment = way.increment * (2 if solver.iterations <= FEW_NEWTON_ITERATIONS else 1)
-        way.increment = min(max(increment, ENCLOSED * way.nominal), way.nominal)
-        return self._end_step(end)
-
-    def _give_up(self, begun: Snapshot, why: Exception | str) -> None:
-        """Go back to where a failed step has begun, and halve it, or end with why there is no
-        solution; collective.
-        """
-        solver = self.solver
-        way = self.way
-        status = self.solver.status
-        final = not self._may_halve or status in FINAL
-        if status is not None and solver.without:
-            status = Status.LIMIT
-        if final and isinstance(why, str) and solver.solved is None:
-            assert status is not None
-            solver.take_before(status, len(self.history.iterations) - self._solves_before)
-            if (before := solver.solved) is not None:
-                solver.solved = replace(before, step=self._named(way.next, before.step))
-        self._begin_again(begun)
-        end, reached = (f"time {way.path.time_at(place):g}" for place in (way.next, way.reached))
-        self.history.add(f"{end} is given up, back at {reached}: {why}")
-        if not isinstance(why, str | FormError):
-            raise why
-        if not final:
-            way.halve()
-            return
-        last = (
-            f"there is a solution at {reached}{self._held(way.reached, way.next)}"
-            if self.ends
-            else "there is no solution before it"
-        )
-        if isinstance(why, FormError):
-            reasons = [(key, f"{reason} (at {end}; {last})") for key, reason in why.problems]
-            raise FormError(reasons, why.source) from why.__cause__
-        assert status is not None
-        solver.status = status
-        self.failure = f"{solver.failure}: at {end}; {last}"
-        if status is Status.LIMIT:
-            self.failure = f"{status.value}: {last}; a step to {end} ends with: {solver.failure}"
-        self.advice = solver.advice(status)
-
-    def _begin_again(self, begun: Snapshot) -> None:
-        """Go back to where a step has begun, with its load and its shapes; collective."""
-        self._apply(self.way.reached)
-        for number, shape in begun.shapes.items():
-            self.solver.linear.foundations.moving[number].shape = shape
-        self.solver.go_back(begun)
-
-    def _named(self, end: float, step: StepResult) -> StepResult:
-        path = self.way.path
-        return replace(step, place=end, time=path.time_at(end), name=path.name_at(end))
-
-    def _end_step(self, end: float) -> StepResult:
-        """Make the last solution that of a step, and begin the next one; ``end``: where the step
-        ends; collective.
-        """
-        solved = self.solver.solved
-        assert solved is not None
-        step = self._named(end, replace(solved.step, step=len(self.ends) + 1))
-        self.solver.solved = replace(solved, step=step)
-        self.ends.append((step, solved.mechanics))
-        self.solver.advance()
-        return step
-
-    def all(
-        self, on_step: Callable[[StepResult], object], stored: StoredStates | None = None
-    ) -> None:
-        """Solve one load step after the other, or take it from what is stored, until there is none;
-        collective.
-        """
-        marks = marks_of(self.history)
-        while not self.through:
-            step = None if stored is None else self.recalled(stored)
-            recalled = step is not None
-            step = step or self.solved()
-            if step is None:
-                continue
-            on_step(step)
-            if not recalled and stored is not None:
-                with self.timings.phase("checkpoint"):
-                    self.store(stored, step, marks)
-            marks = marks_of(self.history)
-
-    def store(self, stored: StoredStates, step: StepResult, marks: tuple[int, int, int]) -> None:
-        """The end of its last linear problem is stored, with its displacement and that of its last
-        tangent.
-        """
-        solver = self.solver
-        linear = self.solver.linear
-        assert linear.outcome is not None
-        assert linear.last is not None
-        values, coordinates = solver.tangent_at
-        figures = {
-            "place": step.place,
-            "newton": solver.iterations,
-            "path": self.way.stored(),
-            "linear_solves": step.linear_solves,
-            "coordinates": {
-                _SOLUTION: linear.foundations.coordinates.tolist(),
-                _TANGENT: coordinates.tolist(),
-            },
-            "definite": bool(linear.definite),
-            "symmetric": bool(linear.symmetric),
-        }
-        origin = np.einsum("nij,nj->ni", linear.boundary.cotangents, linear.begun.data.slip_origin)
-        state = linear.last.with_field(_SOLUTION, "dofs", step.displacement.x.array)
-        state = state.with_field(_TANGENT, "dofs", values).with_field(_ORIGIN, "points", origin)
-        stored.store(linear.begun.step, linear.posed, linear.outcome, state, self, marks, figures)
-
-    def recalled(self, stored: StoredStates) -> StepResult | None:
-        """It is certified anew."""
-        solver = self.solver
-        number = self.solver.linear.step
-        history = self.history
-        figures = stored.figures(number)
-        if figures is None:
-            return None
-        begun = solver.snapshot()
-        end = float(figures["place"])
-        with self.timings.phase("restart"):
-            self._apply(end)
-            fits = self._fits(stored, figures)
-        if fits and (status := solver.certify(begun)) is Status.CONVERGED:
-            solver.status = status
-            solver.iterations = figures["newton"]
-            solver.linear_solves = figures["linear_solves"]
-            solver.take()
-            recall_history(figures, history, self.timings)
-            self.way.resume(figures["path"])
-            return self._end_step(end)
-        if fits:
-            history.add(f"restart: load step {number + 1}: {status.value}: it is solved again")
-            stored.forget(number)
-        self._begin_again(begun)
-        return None
-
-    def _fits(self, stored: StoredStates, figures: Figures) -> bool:
-        """Take the displacement and the contact of the next load step, if they fit; collective."""
-        linear = self.solver.linear
-        residual = self.solver.residual
-        number = linear.step
-        space = linear.space
-        state = stored.read(number, space)
-        if state is None:
-            return False
-        at_solution, at_tangent = (
-            np.array(figures["coordinates"][name]) for name in (_SOLUTION, _TANGENT)
-        )
-        outcome = None
-        with suppress(FormError, MatrixError, PairingError):
-            if residual.at(state.fields[_TANGENT].values.copy()) is not None:
-                linear.foundations.carry_to(at_tangent)
-                linear.begin_at_tangent(
-                    definite=figures["definite"], symmetric=figures["symmetric"]
-                )
-                end = stored.read(number, space, linear.boundary)
-                boundary = linear.boundary
-                if end is not None:
-                    origin = np.einsum("nij,ni->nj", boundary.tangents, end.fields[_ORIGIN].values)
-                    linear.begun = replace(
-                        linear.begun, data=replace(linear.begun.data, slip_origin=origin)
-                    )
-                    outcome = solution_of(linear.posed, linear.begun, end, **figures["method"])
-        if outcome is None:
-            return False
-        linear.take(outcome)
-        linear.foundations.carry_to(at_solution)
-        residual.u.x.array[:] = state.fields[_SOLUTION].values
-        return True

@@ -24,8 +24,13 @@ from signorini_fx.forms.given_forms import (
     supported,
 )
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
-from signorini_fx.forms.nonlinear.newton import Continuation, EquilibriumSolver
-from signorini_fx.forms.nonlinear.residual import Residual, Tangents, refuse_miscompiled
+from signorini_fx.forms.nonlinear.newton import EquilibriumSolver
+from signorini_fx.forms.nonlinear.residual import (
+    KeptFunctions,
+    Residual,
+    Tangents,
+    refuse_miscompiled,
+)
 from signorini_fx.forms.nonlinear.results import (
     Norms,
     ResidualBody,
@@ -37,16 +42,21 @@ from signorini_fx.forms.nonlinear.results import (
     stress_of,
     traction_left,
 )
+from signorini_fx.forms.nonlinear.steps import Ended, NonlinearSteps, solve_path, step
 from signorini_fx.forms.steps import Clock
 from signorini_fx.machine.compilation import compiling
+from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.interfaces import Foundation, Pair
 from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodyMotion
+from signorini_fx.mechanics.state import State
 from signorini_fx.mechanics.statement.load_path import LoadPath, counted_path
 from signorini_fx.mechanics.statement.values import kind_of
+from signorini_fx.mechanics.step_effect import StepEffect
 from signorini_fx.records import Finding, Status
 from signorini_fx.results.mechanics import StepResult
 from signorini_fx.results.solution import ConvergenceError, Solution
 from signorini_fx.solving.findings import loose_at_rest, loose_in, pushed_nodes
+from signorini_fx.solving.increments import HalvedIncrements, check_step
 from signorini_fx.solving.restart import StoredStates
 from signorini_fx.solving.solve_on_mesh import contact_solution
 
@@ -156,7 +166,12 @@ class NonlinearContactProblem(ProblemOfForms):
         update: called before anything is assembled at new values of ``u``, such as to return
             stresses to a yield surface, from the state of the last ``commit``.  Where it raises an
             exception the increment is shortened.
-        commit: called by ``advance``: the state at ``u`` is that from which the next step starts.
+        commit: called at the end of a step: the state at ``u`` is that from which the next one
+            starts.
+        kept: the Functions of cells that ``commit`` changes, by name, such as that of the plastic
+            strain: they are in the fields of each ``State``, so that ``step`` and ``restart`` can
+            begin there; empty: it changes none.
+        effects: what else happens from load step to load step, see ``StepEffect``.
         petsc_options_prefix, petsc_options, form_compiler_options, jit_options, boundaries: see
             ``ContactProblem``.
         stability: whether the inertia of the tangent is looked at after each solve, by a
@@ -206,6 +221,8 @@ class NonlinearContactProblem(ProblemOfForms):
         J: Any = None,
         update: Callable[[], object] | None = None,
         commit: Callable[[], object] | None = None,
+        kept: Mapping[str, fem.Function] | None = None,
+        effects: Sequence[StepEffect] = (),
         petsc_options_prefix: str = "sfx_",
         petsc_options: Mapping[str, Any] | None = None,
         form_compiler_options: dict[str, Any] | None = None,
@@ -220,6 +237,10 @@ class NonlinearContactProblem(ProblemOfForms):
         if not isinstance(max_newton, int | np.integer) or max_newton < 1:
             reason = f"must be a whole number from 1, got {max_newton!r}"
             raise FormError([("max_newton", reason)])
+        hooks = ("body", "load", "forces", "solved")
+        if any(effect.overrides(name) for effect in effects for name in hooks):
+            reason = "change loads, the body or its balance, which is not possible yet with one"
+            raise FormError([("effects", f"{reason} that is nonlinear: contact and after are")])
         options: dict[str, Any] = {
             "form_compiler_options": form_compiler_options,
             "jit_options": jit_options,
@@ -235,6 +256,7 @@ class NonlinearContactProblem(ProblemOfForms):
             contact,
             (petsc_options_prefix, dict(petsc_options or {})),
             boundaries,
+            effects,
             **settings,
         )
         self.shapes, fields = self.linear.foundations.moving, self.linear.fields
@@ -242,7 +264,8 @@ class NonlinearContactProblem(ProblemOfForms):
         self.shear = fields.shear
         self.gap = fields.gap
         self.slip = fields.slip
-        actions = commit or (lambda: None), max_newton, stability
+        remembers = None if kept is None else KeptFunctions(kept)
+        actions = commit, remembers, max_newton, stability
         self._solver = self._ended = EquilibriumSolver(self.linear, residual, tangents, *actions)
         further = "; or raise max_newton, or give the derivative of F as J"
         self._solver.cures = {Status.NOT_SOLVED: f"{Status.NOT_SOLVED.advice}{further}"}
@@ -287,7 +310,8 @@ class NonlinearContactProblem(ProblemOfForms):
         )
         status = self.status or Status.CONVERGED
         algorithm = f"newton, {solution.algorithm}"
-        return replace(solution, status=status, algorithm=algorithm)
+        state = self._solver.reached
+        return replace(solution, status=status, algorithm=algorithm, state=state)
 
     def _errors_in_body(
         self, solution: Solution
@@ -373,12 +397,60 @@ class NonlinearContactProblem(ProblemOfForms):
         """
         self._ends = []
         self._solver.begin_path(several=False)
+        self._solver.reached = None
         self.linear.foundations.without_times()
         if why := self._solver.attempt():
             raise ConvergenceError(self, why)
         self._solver.take()
         self._share()
         return self.u
+
+    @property
+    def path(self) -> LoadPath:
+        """The load steps: those of a scene, else those of an own loop so far."""
+        return self.linear.path
+
+    def initial(self) -> State:
+        """Return the body before the first load step, with foundations where they are."""
+        return self._solver.initial()
+
+    def points(self) -> tuple[ContactBoundary, fem.FunctionSpace]:
+        """See ``State.save``."""
+        return self.linear.points()
+
+    def step(self, state: State, time: float) -> tuple[State, StepResult]:
+        """Solve the load step from a state with the values of now, see ``ContactProblem.step``;
+        ``commit`` is called where it has a solution; collective.
+
+        Args:
+            state: the end of the load step before, or ``initial()``; it stays as it is.
+            time: of the end of the load step.
+
+        Returns:
+            The state at its end and the result, whose ``status`` says whether it is a solution.
+
+        Raises:
+            ConvergenceError: there is no solution, and nothing that can be shown.
+            FormError: see ``solve``; or ``commit`` changes what is not ``kept``.
+            SceneError: the time is not after that of the state, or the state is of another mesh.
+        """
+        check_step(state, time, self.linear.space)
+        steps, place = self._step_to(time)
+        self._ends = []
+        self._solver.begin_path(several=steps.path.several)
+        new, ended = step(steps, state, place)
+        if ended.error is not None:
+            raise ended.error
+        if ended.result is None:
+            raise ConvergenceError(self, ended.why)
+        if ended.status is Status.CONVERGED:
+            self._solver.start(new)
+            self._share()
+        return new, ended.result
+
+    def _step_to(self, time: float) -> tuple[NonlinearSteps, float]:
+        """One step to a time, and its place."""
+        return NonlinearSteps(self._solver, LoadPath((time,)), lambda place: None), 0.0
 
     def _through(
         self,
@@ -387,15 +459,32 @@ class NonlinearContactProblem(ProblemOfForms):
         stored: StoredStates | None,
         on_step: Callable[[StepResult], object],
     ) -> Solution:
-        way = Continuation(self._solver, path, lambda place: clock(path.time_at(place)))
-        self._ends = way.ends
-        way.all(on_step, stored)
+        way = HalvedIncrements(path)
+        steps = NonlinearSteps(self._solver, path, lambda place: clock(path.time_at(place)), way)
+        failure, advice = self._solved_path(steps, self.linear.begin, stored, on_step)
         if self._solver.solved is not None:
             self._share()
-        if way.failure:
-            advice = f"{way.advice[0].upper()}{way.advice[1:]}"
-            raise ConvergenceError(self, f"{way.failure}. {advice}")
+        if failure:
+            raise ConvergenceError(self, f"{failure}. {advice[0].upper()}{advice[1:]}")
         return self.solution
+
+    def _solved_path(
+        self,
+        steps: NonlinearSteps,
+        begin: State,
+        stored: StoredStates | None,
+        on_step: Callable[[StepResult], object],
+    ) -> tuple[str, str]:
+        """See ``solve_path``; the load steps with a solution are kept; collective."""
+        ends = self._ends = []
+
+        def shown(ended: Ended) -> None:
+            assert ended.result is not None
+            assert ended.mechanics is not None
+            ends.append((ended.result, ended.mechanics))
+            on_step(ended.result)
+
+        return solve_path(steps, begin, shown, stored)
 
 
 def linearised_at(solver: EquilibriumSolver, linear: LinearisedProblem) -> tuple[Any, ...]:
@@ -420,5 +509,5 @@ def linearised_at(solver: EquilibriumSolver, linear: LinearisedProblem) -> tuple
         unseen = "is needed: the derivative of F by UFL does not see what update changes"
         wrong = "is not the derivative of F at the solution: leave it out, or mend it"
         raise FormError([("J", wrong if solver.tangents.given else unseen)])
-    assert solver.last is not None
-    return linear.derivative_at(solver.last)
+    assert solver.solved is not None
+    return linear.derivative_at(solver.solved.linear.begin)

@@ -4,10 +4,10 @@ tried by differences.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import Any, Protocol
 
 import basix
 import numpy as np
@@ -24,6 +24,7 @@ from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.assembly.mesh_entities import action, assemble
 from signorini_fx.mechanics.body.deformation import CellSlopes
 from signorini_fx.mechanics.mesh.points import determinants
+from signorini_fx.mechanics.state import Field, at_cells
 from signorini_fx.tuned import (
     DIFFERENCE_STRAINS,
     NEGLIGIBLE,
@@ -33,6 +34,49 @@ from signorini_fx.tuned import (
 )
 
 Array = npt.NDArray[np.float64]
+
+
+class Remembers(Protocol):
+    """What a material remembers of the load steps before, by names, with rows for the cells of this
+    rank that it owns.
+    """
+
+    def remembered(self) -> Mapping[str, Array]:
+        """What there is at the end of the last step."""
+
+    def recall(self, fields: Mapping[str, Field]) -> None:
+        """Go back to what a state says; collective.
+
+        Raises:
+            SceneError: the state is that of another material.
+        """
+
+
+@dataclass(frozen=True)
+class KeptFunctions:
+    """Functions of cells that a user's ``commit`` changes, by name."""
+
+    functions: Mapping[str, fem.Function]
+
+    def _dofs(self, name: str) -> tuple[Array, npt.NDArray[np.int32]]:
+        """The values of one, a row for each node, and the nodes of the owned cells."""
+        space = self.functions[name].function_space
+        topology = space.mesh.topology
+        owned = topology.index_map(topology.dim).size_local
+        values = self.functions[name].x.array.reshape(-1, space.dofmap.index_map_bs)
+        return values, space.dofmap.list[:owned]
+
+    def remembered(self) -> dict[str, Array]:
+        """See ``Remembers``."""
+        pairs = {name: self._dofs(name) for name in self.functions}
+        return {name: values[nodes] for name, (values, nodes) in pairs.items()}
+
+    def recall(self, fields: Mapping[str, Field]) -> None:
+        """See ``Remembers``."""
+        for name, rows in at_cells(fields, self.remembered()).items():
+            values, nodes = self._dofs(name)
+            values[nodes] = rows
+            self.functions[name].x.scatter_forward()
 
 
 @dataclass

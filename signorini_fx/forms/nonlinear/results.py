@@ -31,6 +31,7 @@ from signorini_fx.mechanics.body.deformation import deformation_of
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.obstacles.paired_points import MovingPair, PairedSides
 from signorini_fx.mechanics.statement.load_path import counted_path
+from signorini_fx.mechanics.step_effect import StepContact
 from signorini_fx.records import Finding, Status
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery, squared_residual
 from signorini_fx.results.certificate.body_nodes import RigidPart
@@ -183,8 +184,12 @@ def _conditions(
     both: Mapping[int, PairedSides | MovingPair] = {**foundations.pairs, **foundations.sliding}
     pairs = {number: PairPoints.of(pair) for number, pair in both.items()}
     shapes = foundations.placed_shapes
-    points = judged_corners(boundary, regularised.gap, shapes, foundations.displacement)
-    return ContactConditions(*points, law, regularised.bilateral, pairs)
+    elastic: Any = linear.elastic
+    contact = StepContact(elastic, boundary, regularised.gap, regularised, law, None)
+    for effect in linear.effects:
+        contact = effect.contact(contact, linear.begin, foundations.dt)
+    points = judged_corners(boundary, contact.gap, shapes, foundations.displacement)
+    return ContactConditions(*points, contact.law, regularised.bilateral, pairs)
 
 
 @dataclass(frozen=True)
@@ -196,6 +201,7 @@ class SolvedBody:
     linear: LinearisedProblem
     mechanics: ResidualMechanics
     step: StepResult
+    iterations: int  # of Newton's method
 
     @classmethod
     def of(
@@ -204,10 +210,11 @@ class SolvedBody:
         certificate: Certificate,
         mechanics: ResidualMechanics,
         solves: int,
+        iterations: int,
         status: Status = Status.CONVERGED,
     ) -> SolvedBody:
-        """What there is after a solve, which the user sees, with its linear solves and how it has
-        ended; collective.
+        """What there is after a solve, which the user sees, with its linear solves and iterations,
+        and how it has ended; collective.
         """
         linear.fields.take(linear.space, linear.state)
         shapes = linear.foundations.moving
@@ -236,7 +243,7 @@ class SolvedBody:
             linear_solves=solves,
             tools=linear.foundations.rigid_bodies.motions,
         )
-        return cls(solved, mechanics, step)
+        return cls(solved, mechanics, step, iterations)
 
 
 def lost_digits(certificates: Sequence[Certificate], residual: str) -> Iterator[Finding]:

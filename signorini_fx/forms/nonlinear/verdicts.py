@@ -21,7 +21,7 @@ from signorini_fx.algebra.linalg.condensed import CondensedSystem
 from signorini_fx.algebra.linalg.factorisation import enough_memory, factor_memory
 from signorini_fx.algebra.regularised import ContactTangent
 from signorini_fx.errors import FormError
-from signorini_fx.forms.nonlinear.linearised import LinearisedProblem, MovingFoundations, Snapshot
+from signorini_fx.forms.nonlinear.linearised import LinearisedProblem, MovingFoundations
 from signorini_fx.forms.nonlinear.moving_shapes import turning_of
 from signorini_fx.forms.nonlinear.residual import Residual, Tangents, is_derivative
 from signorini_fx.machine import parallel
@@ -31,6 +31,7 @@ from signorini_fx.mechanics.contact_points.contact_boundary import ContactBounda
 from signorini_fx.mechanics.obstacles.corner_depths import deepest_corner
 from signorini_fx.mechanics.obstacles.paired_points import FacingSides
 from signorini_fx.mechanics.obstacles.shapes_inside import BodyCells, InsideBody
+from signorini_fx.mechanics.state import State
 from signorini_fx.records import Status
 from signorini_fx.tuned import HOLDING_STIFFNESS, MOST_PLACES, NEGLIGIBLE, NO_FORCE, SHAPE_INSIDE
 
@@ -152,7 +153,7 @@ class Stability:
         linear = self.linear
         springs = turning_of(self.linear.state, self.linear.scales.size)
         components = np.arange(springs.shape[1])
-        sticks = np.tile(linear.sticks, (components.size - 1, 1)).T
+        sticks = np.tile(linear.sticks(linear.state), (components.size - 1, 1)).T
         held = np.column_stack((linear.state.in_contact, sticks))
         springs[:, components, components] += HOLDING_STIFFNESS * self._largest * held
         return springs
@@ -248,21 +249,20 @@ def negative_directions(matrix: PETSc.Mat) -> tuple[int, Array]:
     return negative, direction
 
 
-def overlap(foundations: MovingFoundations, last: Snapshot) -> str:
+def overlap(foundations: MovingFoundations, last: State) -> str:
     """Of shapes, since the ``last`` solution, or else since they were given outside of the body;
     collective.
     """
     cells = foundations.cells
-    solved = last.certificate is not None
     now = cells.placed(foundations.at.x.array)
     then = cells.placed(last.displacement)
-    begun = foundations.moved_shapes(last.begin.placed)
+    moved = foundations.moved_shapes(last.placed)
     for number, moving in foundations.moving.items():
         added = parallel.largest(cells.space.mesh.comm, moving.added, -np.inf)
         if (deep := cells.inside(now, moving.shape, added)) is not None:
             return f"contact[{number}]: {deep}"
-        before = last.shapes[number] if solved else begun.get(number, (None, moving.shape))[1]
-        if not solved and cells.inside(then, before, added) is not None:
+        _, before = moved.get(number, (None, moving.shape))
+        if not last.number and cells.inside(then, before, added) is not None:
             continue
         if (deep := cells.passed((then, before), (now, moving.shape), added)) is not None:
             return f"contact[{number}]: on its way, {deep}"
@@ -275,7 +275,7 @@ def corner_inside(foundations: MovingFoundations, boundary: ContactBoundary) -> 
     return "" if deep is None else f"{deep.path.removesuffix('.shape')}: {deep}"
 
 
-def overlap_of_bodies(foundations: MovingFoundations, last: Snapshot) -> str:
+def overlap_of_bodies(foundations: MovingFoundations, last: State) -> str:
     """Of pairs, since the ``last`` solution, or what there is before; collective.
 
     The nodes of each side are looked for in the cells of other pieces of the mesh, at the end and

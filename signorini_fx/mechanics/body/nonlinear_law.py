@@ -15,7 +15,7 @@ temperature by which the body expands freely by s in all directions leaves of th
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -36,6 +36,7 @@ from signorini_fx.mechanics.loads.load_vectors import FormCoefficients
 from signorini_fx.mechanics.materials.nonlinear import PathDependent, growth
 from signorini_fx.mechanics.materials.protocol import PAIRS
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
+from signorini_fx.mechanics.state import Field, at_cells
 from signorini_fx.mechanics.statement.effect import Resistance
 from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.mechanics.statement.statement import Statement
@@ -149,6 +150,30 @@ class BodyResidual:
         """A load step ends."""
         for state in self.points:
             state.commit()
+
+    def remembered(self) -> dict[str, Array]:
+        """What materials remember of the last load step, zero in cells of others, shape (cells, q,
+        numbers), by name.
+        """
+        if not self.points:
+            return {}
+        topology = self.points[0].stress.function_space.mesh.topology
+        owned = topology.index_map(topology.dim).size_local
+        values = dict[str, Array]()
+        for number, state in enumerate(self.points):
+            values[f"material {number}"] = rows = np.zeros((owned, *state.begun.shape[1:]))
+            rows[state.cells] = state.begun
+        return values
+
+    def recall(self, fields: Mapping[str, Field]) -> None:
+        """Begin a load step with what a state remembers, see ``remembered``.
+
+        Raises:
+            SceneError: it is the state of another material.
+        """
+        rows = at_cells(fields, self.remembered())
+        for state, values in zip(self.points, rows.values(), strict=True):
+            state.begun = state.current = values[state.cells]
 
 
 def body_residual(statement: Statement, tagged: TaggedMesh, u: fem.Function) -> BodyResidual:

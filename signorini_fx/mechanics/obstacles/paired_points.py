@@ -480,7 +480,7 @@ class MovingPair:
         points: nodes of the slave that have a point, shape (n,).
         displacement: of the nodes of both, length, shape (m, d).
         coupling: the map there.
-        settled: the displacement at the end of the last step.
+        settled: the displacement where the step begins.
         begun: the map there.
     """
 
@@ -510,7 +510,7 @@ class MovingPair:
         self.reach = default_reach(surface.x, sides.master.surface.x) if reach is None else reach
         self.displacement = np.zeros_like(sides.x)
         self.coupling = self._at(self.displacement)
-        self.settle()
+        self.settled, self.begun = self.displacement, self.coupling
 
     def move(self, owned: Array) -> None:
         """Renew the map at a displacement of the owned nodes, length, shape (owned nodes, d); a
@@ -523,8 +523,9 @@ class MovingPair:
             self.coupling = self._at(displacement)
         self.displacement = displacement
 
-    def settle(self) -> None:
-        """A step begins here."""
+    def settle(self, owned: Array) -> None:
+        """A step begins at a displacement of the owned nodes, see ``move``; collective."""
+        self.move(owned)
         self.settled, self.begun = self.displacement, self.coupling
 
     def _at(self, displacement: Array) -> SlidingCoupling:
