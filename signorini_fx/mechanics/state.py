@@ -112,8 +112,8 @@ class State:
             norm.
         found: by how much forces have shortened each section that they tighten, length; nan: by
             nothing so far.
-        element: unknowns of the element beside the displacement, shape (m,).
-        fields: what effects and users carry along, by name.
+        fields: what effects and users carry along, what materials remember, and the pressure of a
+            mixed element, by name.
 
     Examples:
         >>> problem = sfx.problem_of(scene)
@@ -133,7 +133,6 @@ class State:
     gammas: tuple[float, float] | None = None
     error: float | None = None
     found: Array = field(default_factory=lambda: np.zeros(0))
-    element: Array = field(default_factory=lambda: np.zeros(0))
     fields: Mapping[str, Field] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -165,7 +164,6 @@ class State:
 
         Raises:
             OutputError: the file cannot be written.
-            SceneError: an element has unknowns that are not stored.
         """
         boundary, space = problem.points()
         table = self.table(boundary, space)
@@ -180,9 +178,6 @@ class State:
 
     def table(self, boundary: ContactBoundary, space: fem.FunctionSpace) -> dict[str, Any]:
         """What is stored of it, on the first rank; collective."""
-        if parallel.any_rank(space.mesh.comm, self.element.size > 0):
-            reason = "the pressure of a mixed element is not stored yet: solve all steps in one run"
-            raise SceneError([("element.volumetric", reason)])
         values = self.contact
         rows: dict[str, Any] = (
             {} if values is None else {name: getattr(values, name) for name in _OF_POINTS}

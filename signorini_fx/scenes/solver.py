@@ -189,8 +189,6 @@ def _checkpoint(
         and scene.solver.levels == 1
     ):
         without = "a scene with one load step on one mesh"
-    elif scene.element.pressed:  # which is not stored
-        without = "a scene with a mixed element"
     if folder is None or without is not None:
         if restart:
             raise SceneError(

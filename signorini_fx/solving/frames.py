@@ -23,13 +23,14 @@ from signorini_fx.machine import parallel
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary, no_points
 from signorini_fx.mechanics.model import ElasticBody
 from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodies
-from signorini_fx.mechanics.state import ContactValues, State
+from signorini_fx.mechanics.state import ContactValues, Field, State, at_cells
 from signorini_fx.mechanics.statement.rigid_shape import Placement
 from signorini_fx.records import Status
 from signorini_fx.results.certificate.law_of_method import PreviousStep, Tractions
 from signorini_fx.tuned import ROOT_OF_EPS
 
 Array = npt.NDArray[np.float64]
+_PRESSURE = "hydrostatic pressure"  # of a mixed element at the vertices of cells, a stress
 
 
 @dataclass(frozen=True)
@@ -183,9 +184,14 @@ def _unknowns(posed: Posed, state: State) -> PETSc.Vec:
 
 def _displacement(posed: Posed, state: State) -> fem.Function:
     body = posed.body
-    displacement = (
-        fem.Function(body.space) if body.mixed is None else body.mixed.displacement(state.element)
-    )
+    if body.mixed is None:
+        displacement = fem.Function(body.space)
+    else:
+        displacement = body.mixed.displacement()
+        pressure = displacement.hydrostatic
+        vertices = pressure.function_space.dofmap.list
+        like = {_PRESSURE: np.zeros(vertices.shape)}
+        pressure.x.array[vertices] = at_cells(state.fields, like)[_PRESSURE]
     displacement.x.array[:] = state.displacement
     return displacement
 
@@ -208,11 +214,12 @@ def state_of(
         kept = elastic + (shear - solved.mu_hat) / solved.gamma_t
         elastic = np.zeros_like(shear) if outcome.augmented else kept
     unknowns = outcome.displacement()
-    element = np.zeros(0)
+    fields = state.fields
     if body.mixed is not None:
-        element = np.array(
-            unknowns.getArray(readonly=True)[unknowns.getLocalSize() - body.mixed.count :]
-        )
+        values = unknowns.getArray(readonly=True)[unknowns.getLocalSize() - body.mixed.count :]
+        hydrostatic = body.mixed.displacement(values).hydrostatic
+        rows = hydrostatic.x.array[hydrostatic.function_space.dofmap.list]
+        fields = {**fields, _PRESSURE: Field("cells", rows)}
     return replace(
         state,
         number=state.number + 1,
@@ -224,7 +231,7 @@ def state_of(
         ),
         gammas=(outcome.data.gamma_n, outcome.data.gamma_t),
         error=outcome.regularisation_error,
-        element=element,
+        fields=fields,
     )
 
 

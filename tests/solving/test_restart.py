@@ -38,6 +38,7 @@ boundary = "bottom"
 gap = "0.002 + 1e-4 * (x[0] - 1.5)**2"
 friction = { law = "coulomb", coefficient = 0.3 }
 """
+MIXED = '[element]\ndegree = 2\nvolumetric = "mixed"\n'
 NESTED = """
 mesh = { generator = "rectangle", parameters = { length = 3.0, nx = 64, ny = 16 } }
 material = { young = 5000.0, poisson = 0.3 }
@@ -242,6 +243,7 @@ CASES = {
     # own problem.
     "tool": (TOOL, "full", 3),
     "tool, alm": (TOOL, "alm", 3),
+    "mixed": (PUSHED.replace("nx = 24", "nx = 12") + MIXED, "fp", 4),
     "moving": (MOVING, "fp", 3),
     "spinning": (SPINNING, "fp", 3),
     "spinning, alm": (SPINNING, "alm", 3),
@@ -402,10 +404,6 @@ def test_another_scene(tmp_path):
             "a scene with one load step on one mesh has no",
         ),
         (PUSHED + "[accuracy]\ntarget = 0.1\n", "requested accuracy"),
-        (
-            PUSHED + '[element]\ndegree = 2\nvolumetric = "mixed"\n',
-            "a scene with a mixed element has no checkpoint",
-        ),
     ],
 )
 def test_nothing_to_go_on_from(tmp_path, text, message):

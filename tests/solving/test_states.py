@@ -73,8 +73,17 @@ friction = { law = "coulomb", coefficient = 0.3 }
 """
 TEXTS = {name: (text, method) for name, (text, method, _) in CASES.items() if method != "krylov"}
 TEXTS |= {"released": (RELEASED, "fp"), "bodies": (BODIES, "fp")}
+TEXTS["mixed bodies"] = (
+    BODIES.replace(
+        "material = { young = 5000.0, poisson = 0.3 }",
+        'element = { degree = 2, volumetric = "mixed" }\n'
+        'material = [{ region = "lower", young = 5000.0, poisson = 0.49 }, '
+        '{ region = "upper", young = 2000.0, poisson = 0.3 }]',
+    ),
+    "fp",
+)
 DEMOS = ("bolted_joint", "press_and_slide")
-QUICK = ("fp", "moving", "released", "bodies", "tool", "reference motion")
+QUICK = ("fp", "moving", "released", "bodies", "tool", "reference motion", "mixed")
 NAMES = [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in TEXTS]
 
 
@@ -142,7 +151,7 @@ def test_what_is_assembled_is_no_state(name):
 
 
 @pytest.mark.mpi(slow=True)
-@pytest.mark.parametrize("name", ["tool", "moving", "bodies"])
+@pytest.mark.parametrize("name", ["tool", "moving", "bodies", "mixed"])
 def test_from_one_rank_to_all(tmp_path, name):
     """A state that one rank has written is read on all of them, and the next step is the same."""
     text, method = TEXTS[name]
