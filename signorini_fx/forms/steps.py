@@ -77,18 +77,16 @@ def solve_path(
 ) -> Ran:
     """Solve the load steps of a path, which the solver is left at the last of; collective."""
     solver.timings = Timings()
-
-    def shown(state: State, report: Report) -> None:
-        solver.show(state, report)
-        on_step(report.result)
-
+    reports = list[Report]()
     problem = FormsInTime(solver, path, clock)
     way = Increments(path, solver.settings)
     with options_applied(*solver.options):
-        ends = run(problem, solver.begin, way, shown, guess=solver.last, stored=stored)
-        if ends[-1][1].result.status is not Status.CONVERGED:
-            solver.show(*ends[-1])
-    return path, [report for _, report in ends]
+        for new, report in run(problem, solver.begin, way, guess=solver.last, stored=stored):
+            solver.show(new, report)
+            reports.append(report)
+            if report.status is Status.CONVERGED:
+                on_step(report.result)
+    return path, reports
 
 
 def solve_step(solver: FormSolver, state: State, time: float) -> tuple[State, StepResult]:

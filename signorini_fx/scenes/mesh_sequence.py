@@ -25,7 +25,6 @@ from signorini_fx.mechanics.mesh.bodies import naming
 from signorini_fx.mechanics.mesh.refinement import check_divisible, size_fields
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, curvature, generate_mesh, load_file
 from signorini_fx.mechanics.rigid.mesh_levels import MeshLevel
-from signorini_fx.mechanics.state import State
 from signorini_fx.mechanics.statement.features import divisible
 from signorini_fx.mechanics.statement.mesh_sources import MeshFile, MeshGenerator, contact_sizes
 from signorini_fx.mechanics.statement.settings import Accuracy, SolverSettings
@@ -291,7 +290,7 @@ class MeshedScene(MeshedProblem):
             step_errors = _errors_of_nonlinear(problem, solution)
             return SolvedMesh(solution, solution.model.tagged, None, step_errors=step_errors)
 
-        def estimate(_: State, report: Report) -> None:
+        def estimate(report: Report) -> None:
             model = report.body
             outcome = report.outcome
             result = report.result

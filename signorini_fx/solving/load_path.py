@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -12,19 +12,16 @@ from signorini_fx.solving.increments import HalvedIncrements, Increments
 from signorini_fx.solving.restart import StoredStates, marks_of, recalled
 from signorini_fx.solving.step import next_end, step
 
-OnStep = Callable[[State, Any], object]
-
 
 def run(
     problem: Any,
     state: State,
     way: Increments | HalvedIncrements,
-    on_step: OnStep = lambda state, report: None,
     *,
     guess: State | None = None,
     stored: StoredStates | None = None,
     by: tuple[Callable[..., Any], Callable[..., Any]] = (step, recalled),
-) -> list[tuple[State, Any]]:
+) -> Iterator[tuple[State, Any]]:
     """Solve one load step after the other, or take it from what is stored, until there is none;
     collective.
 
@@ -32,34 +29,32 @@ def run(
         problem: what is solved.
         state: from which the first step begins.
         way: where it is on the path, which goes on from there.
-        on_step: called with the end of each load step that has a solution, and its report.
         guess: see ``step``, of the first step.
         stored: the load steps of a run that has not ended, which each new one is added to; None:
             nothing is stored.
         by: how a load step is solved, and how it is shown again that an earlier run has solved.
 
-    Returns:
-        The ends of all load steps with their reports, the last one with or without a solution.
+    Yields:
+        The end of each load step with its report, the last one with or without a solution.  It is
+        stored when the next one is asked for.
     """
     solved, shown = by
     history = problem.history
-    ends = list[tuple[State, Any]]()
     between = list[tuple[float, Mapping[str, float]]]()
 
-    def passed(new: State, report: Any, *, kept: bool) -> None:
+    def passed(new: State, report: Any, *, kept: bool) -> Iterator[tuple[State, Any]]:
         """A step has a solution, of which all that is shown is kept, or its figures alone."""
         if report.result.figures:
             between.append((new.time, report.result.figures))
         if kept:
             report = replace(report, result=replace(report.result, between=tuple(between)))
             between.clear()
-            ends.append((new, report))
-            on_step(new, report)
+            yield new, report
 
     if stored is not None:
         for new, report, kept in stored.recalled(problem, state, way, shown):
             state = new
-            passed(new, report, kept=kept)
+            yield from passed(new, report, kept=kept)
     marks = marks_of(history)
     while not way.ended:
         place = way.next
@@ -76,14 +71,14 @@ def run(
                 continue
             if bracket := way.bracket(status):
                 history.add(f"the ramp ends: {bracket}")
-            return [*ends, (new, report)]
+            yield new, report
+            return
         state = new
         problem.accept(report)
         way.advance(place, report.linear_solves, report.iterations)
-        passed(new, report, kept=time == end)
+        yield from passed(new, report, kept=time == end)
         if stored is not None:
             with problem.timings.phase("checkpoint"):
                 stored.write(problem, new, report, way, marks, kept=time == end)
         guess = None
         marks = marks_of(history)
-    return ends

@@ -46,7 +46,7 @@ from signorini_fx.solving.findings import (
 )
 from signorini_fx.solving.frames import Posed, guess_of
 from signorini_fx.solving.increments import Increments, check_step
-from signorini_fx.solving.load_path import OnStep, run
+from signorini_fx.solving.load_path import run
 from signorini_fx.solving.step import Report, next_end, step
 from signorini_fx.tuned import PATH_ERROR_SHARE
 
@@ -59,7 +59,7 @@ def solve_mesh(
     load: Callable[[], TaggedMesh],
     history: History,
     contact: ContactState | None,
-    on_step: OnStep = lambda state, report: None,
+    on_step: Callable[[Report], object] = lambda report: None,
     coarser: MeshLevel | None = None,
     stored: StoredStates | None = None,
     begin: State | None = None,
@@ -138,7 +138,7 @@ def _displacement_of_coarser(task: Task, model: Model) -> npt.NDArray[np.float64
 def solve_contact(
     problem: StatedProblem,
     contact: ContactState | None,
-    on_step: OnStep = lambda state, report: None,
+    on_step: Callable[[Report], object] = lambda report: None,
     stored: StoredStates | None = None,
     near: npt.NDArray[np.float64] | None = None,
     begin: State | None = None,
@@ -162,18 +162,18 @@ def solve_contact(
     if begin.number:
         check_step(begin, problem.path.times[-1], problem.model.space)
         way.begin_at(problem.path.place_of(begin.time))
-    ends = run(problem, begin, way, on_step, guess=guess, stored=stored)
-    (_, last), results = ends[-1], [report.result for _, report in ends]
-    ended = last_solved([report for _, report in ends])
+    reports = list[Report]()
+    state = None
+    for new, report in run(problem, begin, way, guess=guess, stored=stored):
+        reports.append(report)
+        if report.status is Status.CONVERGED:
+            state = new
+            on_step(report)
+    last, results = reports[-1], [report.result for report in reports]
+    ended = last_solved(reports)
     found = partial(_findings, last.body, results)
     solution = contact_solution(last.body, results, problem.task, ended, problem.timings, found)
-    return replace(solution, state=last_state(ends)), problem.task, ended[0]
-
-
-def last_state(ends: Sequence[tuple[State, Report]]) -> State | None:
-    """The end of the last load step that has a solution; None: none has one."""
-    solved = (new for new, report in reversed(ends) if report.result.status is Status.CONVERGED)
-    return next(solved, None)
+    return replace(solution, state=state), problem.task, ended[0]
 
 
 def last_solved(reports: Sequence[Report]) -> tuple[Outcome, RegularisedData]:

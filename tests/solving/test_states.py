@@ -96,7 +96,7 @@ def solved(given, comm=MPI.COMM_WORLD):
     """Its states from before the first load step, and the reports of the steps."""
     problem = fresh(given, comm)
     begin = problem.initial()
-    ends = run(problem, begin, Increments(problem.path, given.statement.solver))
+    ends = list(run(problem, begin, Increments(problem.path, given.statement.solver)))
     assert ends[-1][1].result.status.value == "converged"
     return problem, [begin, *(state for state, _ in ends)], [report for _, report in ends]
 

@@ -36,7 +36,6 @@ from signorini_fx.mechanics.body.nonlinear_law import at_rest
 from signorini_fx.mechanics.elasticity.moduli import lame_coefficients
 from signorini_fx.mechanics.laws.protocol import FrictionLaw
 from signorini_fx.mechanics.model import Model
-from signorini_fx.mechanics.state import State
 from signorini_fx.mechanics.statement.effect import Load, Resistance
 from signorini_fx.mechanics.statement.expressions import Expression
 from signorini_fx.mechanics.statement.features import refused_by
@@ -230,7 +229,7 @@ class _Steps:
         scene = scene.model_copy(update={"solver": scene.solver.model_copy(update={"levels": 1})})
         solved: list[_Step] = []
 
-        def keep(_: State, report: Report) -> None:
+        def keep(report: Report) -> None:
             model = report.body
             contact = report.result.contact
             start = report.start

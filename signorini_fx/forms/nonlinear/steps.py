@@ -275,20 +275,17 @@ def solve_path(
     way = problem.way
     assert way is not None
     solver.begin_path(several=problem.path.several)
-    ends = list[State]()
-
-    def shown(new: State, ended: Ended) -> None:
-        ends.append(new)
-        on_step(ended)
-
-    new, ended = run(problem, state, way, shown, stored=stored, by=(step, recalled))[-1]
-    solver.start(new)
+    last = "there is no solution before it"
+    for new, ended in run(problem, state, way, stored=stored, by=(step, recalled)):
+        if ended.status is Status.CONVERGED:
+            last = ""
+            on_step(ended)
+        solver.start(new)
     if ended.status is Status.CONVERGED:
         return "", ""
     path = problem.path
     end, reached = (f"time {path.time_at(place):g}" for place in (way.next, way.reached))
-    last = "there is no solution before it"
-    if ends:
+    if not last:
         last = f"there is a solution at {reached}{problem.held(way.reached, way.next)}"
     if (error := ended.error) is not None:
         reasons = [(key, f"{reason} (at {end}; {last})") for key, reason in error.problems]
