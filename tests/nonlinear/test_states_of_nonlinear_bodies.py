@@ -10,7 +10,7 @@ from mpi4py import MPI
 from support.nonlinear_bodies import Killed, held, rectangle, residual
 from support.nonlinear_scenes import indented
 from test_nonlinear_scenes_of_two_bodies import two_blocks
-from test_restart_of_nonlinear_bodies import pressed, shared
+from test_restart_of_nonlinear_bodies import LAWS, pressed, shared
 
 from signorini_fx import (
     Coulomb,
@@ -26,6 +26,16 @@ from signorini_fx.mechanics.state import State
 from signorini_fx.records import Status, StepRecord
 
 ROUGH = {"friction": {"law": "coulomb", "coefficient": 0.3}}
+# A roller that force, moment and springs move and turn.
+TURNED = {
+    "shape": "circle",
+    "centre": [0.8, 1.5],
+    "radius": 0.5,
+    "pivot": [0.8, 1.5],
+    "force": ["0.2 * (t - 1)", "-1.5"],
+    "moment": "0.1 * (t - 1)",
+    "spring": {"x": 5.0, "y": 5.0, "rotation": 2.0},
+}
 SCENES = {
     "rubber": lambda: pressed("rubber", steps=1),
     "metal": lambda: pressed("metal", steps=1),
@@ -36,6 +46,12 @@ SCENES = {
         material={"law": "maxwell", "young": 100.0, "poisson": 0.3, "branches": [[50.0, 1.0]]},
     ),
     "roller": lambda: pressed("metal", steps=1, driven=True),
+    "turned roller": lambda: indented(
+        LAWS["metal"],
+        cells=(6, 3),
+        contact=[{"boundary": "top", "foundation": TURNED, **ROUGH}],
+        load_steps={"times": [1.0, 2.0, 3.0]},
+    ),
     "bodies": lambda: sliding_blocks(),
     "bodies by newton": lambda: sliding_blocks(coulomb="newton"),
 }
