@@ -285,6 +285,26 @@ def test_restart_with_a_history_of_a_users_own(tmp_path, kept):
     assert (solution.state.number, solution.state.time) == (3, 3.0)
 
 
+def test_a_run_after_a_loop_of_a_users_own():
+    """It begins where the last step has ended, also with a history that no state has; from another
+    state no step begins.
+    """
+    _, problem, _ = stretched(kept=None)
+    begin = problem.initial()
+    problem.place(0, shift=(0.0, -0.02))
+    _, result = problem.step(begin, 0.5)
+    assert result.status is Status.CONVERGED
+    for depth in (0.03, 0.05):
+        problem.place(0, shift=(0.0, -depth))
+        problem.solve()
+        if depth < 0.05:
+            problem.advance()
+    solution = problem.run((2.0, 3.0), lambda time: problem.place(0, shift=(0.0, -0.03 * time)))
+    assert solution.converged
+    with pytest.raises(FormError, match="keeps what the material remembers where no state"):
+        problem.step(begin, 1.0)
+
+
 def test_a_state_of_another_material():
     """It has no such history."""
     problem = problem_of(pressed("rubber", steps=1))

@@ -268,7 +268,8 @@ class EquilibriumSolver(Stability):
             SceneError: the state is that of another material.
         """
         linear = self.linear
-        if state is not self.reached and (state.number or self.reached):
+        known = state is linear.begin or state is self.reached
+        if not known and (state.number or linear.begin.number):
             self.refuse_elsewhere()
         self._recall(state)
         linear.start(state)
