@@ -5,7 +5,7 @@ facets, and what it knows by name: parts of its boundary, and its contact as the
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 
 import basix
@@ -179,16 +179,17 @@ def model_of(
     results.
     """
     statement, tagged = named
-    steps = (
-        LoadSteps(times=path.times, names=path.names or None, steps=path.steps)
-        if path.several
-        else LoadSteps()
-    )
-    count = len(steps.times or (1.0,))
-    settings = elastic.settings
-    statement = replace(statement, title=title, load_steps=steps, steps=count, solver=settings)
     body = {field.name: getattr(elastic, field.name) for field in fields(elastic)}
-    return Model(**body, statement=statement, tagged=tagged, law=law, pairs=pairs, rigid=rigid)
+    return Model(
+        **body,
+        title=title,
+        path=path,
+        statement=statement,
+        tagged=tagged,
+        law=law,
+        pairs=pairs,
+        rigid=rigid,
+    )
 
 
 _NOT_A_SETTING = "is no setting of a contact problem"

@@ -66,6 +66,7 @@ if TYPE_CHECKING:
     from signorini_fx.mechanics.loads.load_vectors import AppliedLoad, FormCoefficients
     from signorini_fx.mechanics.loads.supports import Conditions
     from signorini_fx.mechanics.obstacles.paired_points import PairedSides
+    from signorini_fx.mechanics.statement.load_path import LoadPath
     from signorini_fx.mechanics.statement.statement import Statement
 
 Array = npt.NDArray[np.float64]
@@ -599,6 +600,8 @@ class Model(ElasticBody):
     it.
     """
 
+    title: str  # any text
+    path: LoadPath  # the load steps
     statement: Statement  # names and settings; of forms of a user's own less than all that acts
     tagged: TaggedMesh  # the mesh; where displacements have a component out of it a section in 3D
     law: PointFriction | None  # of friction; None where no law can act

@@ -100,7 +100,7 @@ def afterwards(solution: Any) -> dict[str, Callable[[Any], Any]]:
     functions: dict[str, Callable[[Any], Any]] = {}
     if solution.contact is not None:
         functions["friction_used"] = lambda solution: solution.friction_used
-    if solution.statement.solver.error_bound:
+    if solution.model.settings.error_bound:
         functions["error_bound"] = _error_bound
     functions["cost"] = _cost
     return functions

@@ -38,7 +38,7 @@ def write_fields(solution: Solution, folder: Path) -> list[str]:
     each with a solution, and their list with their times.  The stress has nine components, which
     ParaView takes for a tensor, in 2D too.  An OSError is raised on all ranks alike; collective.
     """
-    if not solution.statement.several_steps:
+    if not solution.model.path.several:
         write_vtu(folder / VTU, solution.comm, *_grid(solution.at(solution.last_step)))
         return [VTU]
     parallel.on_root(solution.comm, lambda: (folder / VTU_FOLDER).mkdir())

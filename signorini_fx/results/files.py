@@ -210,9 +210,13 @@ class _Written:
         comm = self.solution.comm
         part = self.folder.part
         summary = summary_of(solution)
-        plane = solution.model.tagged.dimension == 2
+        model = solution.model
+        tables = solution.statement.tables
+        if "forms" in tables:
+            tables |= {"title": model.title, "load_steps": vars(model.path)}
         # Keys that a scene in 2D, or one in 3D, does not have.
-        summary["scene"] = describe(solution.statement.tables, ("z" if plane else "hypothesis",))
+        left_out = ("z" if model.tagged.dimension == 2 else "hypothesis",)
+        summary["scene"] = describe(tables, left_out)
         summary["finished"] = parallel.on_root(
             comm, lambda: datetime.now(UTC).isoformat(timespec="seconds")
         )
@@ -251,9 +255,7 @@ class _Written:
         solution = self.solution
         part = self.folder.part
         along_steps = (
-            _contact_by_step(solution)
-            if solution.statement.several_steps and table is not None
-            else {}
+            _contact_by_step(solution) if solution.model.path.several and table is not None else {}
         )
 
         def write() -> None:

@@ -123,7 +123,7 @@ class Solution:
 
     def __repr__(self) -> str:
         """Return one line, because the fields contain whole meshes and matrices."""
-        title = self.statement.title or "scene"
+        title = self.model.title or "scene"
         return (
             f"<Solution of {title!r}: {self.status.value}, {self.algorithm}, {self.model.dofs} "
             "unknowns>"
@@ -139,7 +139,7 @@ class Solution:
             ("certificate", repr(self.certificate).strip("<>")),
             *((f"{finding.level}: {finding.path}", finding.message) for finding in self.findings),
         ]
-        return html_table(("", ""), rows, self.statement.title)
+        return html_table(("", ""), rows, self.model.title)
 
     @property
     def statement(self) -> Statement:
@@ -165,13 +165,13 @@ class Solution:
         """
         if self.remedy:
             return self.remedy
-        settings = self.statement.solver
+        settings = self.model.settings
         last = self.last_step
         failed = self.steps[-1]
         if self.status is Status.CORNER and failed.reason is not None:
             return failed.reason.message
         path = {Status.NOT_HELD: "displacement"} | dict.fromkeys(_LEAVES, self.statement.forces_at)
-        ended_between = self.statement.load_steps.steps is not None and last is not failed
+        ended_between = self.model.path.steps is not None and last is not failed
         held = factors_held(self.statement, last.place, failed.place)
         reached = f"there is a solution at time {last.time:.6g}{held}, and none"
         if self.status in path:
@@ -242,7 +242,7 @@ class Solution:
             laws = {step.step: step.certificate.law for step in self.shown_steps}
             error = self.parameters.get("regularisation_error")
             raises_gamma = self.statement.accuracy is not None
-            law = another_law(self.statement.solver, laws, error, raises_gamma=raises_gamma)
+            law = another_law(self.model.settings, laws, error, raises_gamma=raises_gamma)
         found = self.found() if law is None else (law, *self.found())
         return tuple(dict.fromkeys(found))  # the scene and its outcome may have the same cause
 
@@ -552,7 +552,7 @@ def outcome(solution: Solution, *, advice: bool = True) -> str:
     last = solution.last_step
     failed = solution.steps[-1]
     text = f"{status.value}: {solution.advice}" if advice else status.value
-    if not solution.statement.several_steps or failed.status is Status.CONVERGED:
+    if not solution.model.path.several or failed.status is Status.CONVERGED:
         return text
     remark = f"; the results are those of {last}" if last is not failed else ""
     return f"{failed}: {text}{remark}"

@@ -38,7 +38,7 @@ def summary_of(solution: Solution) -> dict[str, Any]:
     history = solution.history
     summary: dict[str, Any] = {
         "schema_version": SCHEMA_VERSION,
-        "title": solution.statement.title,
+        "title": solution.model.title,
         "incomplete": list(solution.statement.incomplete),
         "status": solution.status.value,
         "advice": solution.advice,
@@ -62,7 +62,7 @@ def summary_of(solution: Solution) -> dict[str, Any]:
     summary |= of_results(solution)
     if solution.convergence_table:
         summary["convergence_table"] = [row.model_dump() for row in solution.convergence_table]
-    if solution.statement.several_steps:
+    if solution.model.path.several:
         last = solution.last_step
         shown = solution.shown_steps
         summary["results_of"] = {

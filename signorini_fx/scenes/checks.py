@@ -130,9 +130,9 @@ def _acting(model: Model, *, compared: bool) -> tuple[str, ...]:
     acting += ["reduced integration"] * reduced
     acting += ["pressure of the mixed element"] * model.elastic.pressed
     acting += _contacts(model)
-    if statement.expected_steps > 1:
-        automatic = statement.load_steps.steps is not None
-        acting.append(f"{'about ' if automatic else ''}{statement.expected_steps} load steps")
+    if statement.path.expected > 1:
+        automatic = statement.path.steps is not None
+        acting.append(f"{'about ' if automatic else ''}{statement.path.expected} load steps")
     for key, entries in statement.effects.items():
         if key not in ("material", "contact"):
             acting += [

@@ -240,7 +240,8 @@ class ProblemOfScene(NonlinearContactProblem):
         body: dict[str, Any] = {
             field.name: getattr(solution.model, field.name) for field in fields(solution.model)
         }
-        body |= {"statement": self.statement, "tagged": self.model.tagged}
+        path = self.statement.path
+        body |= {"statement": self.statement, "path": path, "tagged": self.model.tagged}
         forces = NonlinearForces(self.statement, self.model.tagged, self.model.space)
         known = nonlinear_findings(self.statement, self.model)
         of_result = list[Finding]()

@@ -185,8 +185,7 @@ def _checkpoint(
     if scene.accuracy is not None:
         without = "a run with a requested accuracy"
     elif (
-        not (scene.statement.several_steps or scene.statement.nonlinear)
-        and scene.solver.levels == 1
+        not (scene.statement.path.several or scene.statement.nonlinear) and scene.solver.levels == 1
     ):
         without = "a scene with one load step on one mesh"
     if folder is None or without is not None:

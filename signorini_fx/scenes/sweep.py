@@ -90,7 +90,7 @@ def _solutions(scenes: Sequence[Scene], comm: MPI.Comm) -> Iterator[Solution]:
         statement = scene.statement
         several = (
             statement.nonlinear
-            or statement.several_steps
+            or statement.path.several
             or statement.preloads
             or scene.accuracy is not None
         )
@@ -250,7 +250,7 @@ def row_of(value: Any, solution: Solution) -> dict[str, Any]:
         "status": solution.status.value,
         "linear_solves": solves,
     }
-    if solution.statement.several_steps:
+    if solution.model.path.several:
         times = [step.time for step in solution.steps if step.status is Status.CONVERGED]
         outcome["solved_until"] = times[-1] if times else float("nan")
     return {**outcome, "certificate_holds": solution.certificate.holds, **figures}

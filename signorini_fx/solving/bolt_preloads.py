@@ -83,7 +83,7 @@ def solve_tightened(
         if not slope.size and (SHORTENED_AT_MOST * force < wanted).any():
             loose = np.where(force <= CERTIFICATE_TOLERANCE * wanted, s, 0.0)
             if loose.max() > model.scales.size:
-                when = f"load step {start.step + 1}: " if model.statement.several_steps else ""
+                when = f"load step {start.step + 1}: " if model.path.several else ""
                 message = (
                     f"{when}{[*loads.values()][int(np.argmax(loose))].name}: the bolt clamps "
                     "nothing: check gaps and contacts of both parts"

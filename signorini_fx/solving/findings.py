@@ -60,7 +60,7 @@ def scene_findings(body: Model, reached: float = np.inf) -> Iterator[Finding]:
         body, reduced=body.elastic.reduced is not None or statement.element.degree > 1
     )
     yield from _idle(body)
-    yield from equilibrium(body, [k for k in range(statement.steps) if k <= reached])
+    yield from equilibrium(body, [k for k in range(len(body.path.times)) if k <= reached])
     yield from _units(body, prescribed, force)
     if body.boundary is not None and data is not None:
         yield from _gaps(
@@ -303,7 +303,7 @@ def _largest_loads(body: Model) -> tuple[float, float]:
     nodal loads.
     """
     prescribed = force = 0.0
-    for step in range(body.statement.steps):
+    for step in range(len(body.path.times)):
         start, forces = _loads_at(body, step)
         prescribed = max(prescribed, parallel.largest(body.comm, np.abs(start)))
         sizes = np.linalg.norm(forces, axis=1)
@@ -362,21 +362,20 @@ def _largest_increment(body: Model, normal: Array, motions: list[float]) -> floa
     ``normal``: the direction on this rank, of any length; ``motions``: what prescribed
     displacements and forces move the body by, lengths.
     """
-    statement = body.statement
     pressing = [0.0]
     total_normal = parallel.global_sum(body.comm, normal)
     normal = np.asarray(total_normal / max(float(np.linalg.norm(total_normal)), NO_FORCE))
     _, total = _largest_loads(body)
-    for step in range(statement.steps):
+    for step in range(len(body.path.times)):
         start, forces = (values @ normal for values in _loads_at(body, step))
         moved = max((1.0, -1.0), key=lambda sign: parallel.largest(body.comm, sign * start, 0.0))
         moved *= parallel.largest(body.comm, moved * start, 0.0)
         pushed = float(parallel.global_sum(body.comm, np.array(forces.sum())))
         pressing.append(moved + (motions[1] * pushed / total if total > 0 else 0.0))
     largest = float(np.abs(pressing).max())
-    parts = statement.load_steps.steps or 1
+    parts = body.path.steps or 1
     if largest <= NOTABLE * sum(motions):  # foundations move, and say so by themselves
-        return 1.0 / statement.expected_steps
+        return 1.0 / body.path.expected
     increments = np.abs(np.diff(pressing)) / largest
     return float(increments.max()) / parts
 
@@ -480,7 +479,7 @@ def _equilibrium_of(
     if steps:
         when = ""
         if len(loads) > 1:
-            when = f"{'load step' if statement.load_steps.steps is None else 'factor'} {steps[0]}: "
+            when = f"{'load step' if body.path.steps is None else 'factor'} {steps[0]}: "
         status, motion = next(way for way in away if way is not None)
         names = names_of(free @ motion[:, None], motions, members, one_way=True)
         message = f"{when}{status.value}{of_it}: the loads move it by {names}; {status.advice}"
@@ -826,12 +825,12 @@ def refuse_beforehand(model: Model, *, linear: bool = True) -> None:
     if model.boundary is not None:
         model.first_sets()
     moving = [k for k, effect in enumerate(model.statement.contact) if effect.moves]
-    if linear and moving and model.statement.steps > 1 and model.motions.free.shape[1]:
+    if linear and moving and len(model.path.times) > 1 and model.motions.free.shape[1]:
         wrong = (
             "the foundation moves with the time, so that supports must hold the body, and not "
             "contact alone: add supports, or let a force move the foundation (keys force and "
             "prescribed)"
         )
         raise SceneError([(f"contact[{k}].foundation", wrong) for k in moving])
-    if model.statement.solver.error_bound:
+    if model.settings.error_bound:
         add_on("error_bound")  # not after hours

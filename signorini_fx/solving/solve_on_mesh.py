@@ -70,7 +70,7 @@ def solve_mesh(
     """
     problem = stated_problem(statement, load, history, coarser, effects)
     near = None
-    if coarser is not None and not statement.several_steps:
+    if coarser is not None and not statement.path.several:
         near = _displacement_of_coarser(problem.task, problem.model)
     return solve_contact(problem, contact, on_step, stored, near, begin)
 
@@ -158,7 +158,7 @@ def solve_contact(
         guess = guess_of(*carry_over(contact, model.boundary), model.boundary, begin)
     if near is not None:
         guess = replace(guess or replace(begin, number=1), displacement=near)
-    way = Increments(problem.path, model.statement.solver)
+    way = Increments(problem.path, model.settings)
     if begin.number:
         check_step(begin, problem.path.times[-1], problem.model.space)
         way.begin_at(problem.path.place_of(begin.time))
@@ -317,7 +317,7 @@ def _allowed(model: Model) -> Callable[[fem.Function], float] | None:
     """The regularisation error allowed for path-following where it follows the estimated
     discretisation error.
     """
-    settings = model.statement.solver
+    settings = model.settings
     if model.boundary is None or (settings.algorithm, settings.regularisation_error) != (
         "path-following",
         "auto",
@@ -354,7 +354,7 @@ class StatedProblem:
     @property
     def path(self) -> LoadPath:
         """Of the statement."""
-        return self.model.statement.path
+        return self.model.path
 
     @property
     def waits(self) -> bool:

@@ -72,7 +72,7 @@ def uniqueness_findings(model: Model) -> list[Finding]:
 def _contact_stiffness(model: Model) -> tuple[Array, Array] | str:
     """The stiffness and the contact map for ``proved_multiple``; or why there is no proof."""
     law = model.law
-    load_step = model.statement.steps - 1
+    load_step = len(model.path.times) - 1
     assert law is not None
     # What is an unknown as well the stiffness takes as fixed.
     for _, clause in refused_by(model.statement, _NOT_TRIED):

@@ -167,7 +167,7 @@ def test_a_ramp_without_contact_says_where_it_ends():
     solution = alone(parse_scene(scene), check=False)
     held, failed = solution.steps[-2:]
     assert failed.status is Status.TOO_LARGE
-    limit = held.time * solution.statement.solver.largest_deformation / held.deformation.largest
+    limit = held.time * solution.model.settings.largest_deformation / held.deformation.largest
     assert held.time <= limit < failed.time < 1.1 * limit
     expected = f"there is a solution at time {held.time:.6g}, and none at time {failed.time:.6g}"
     assert solution.history.events[-1].startswith(f"the ramp ends: {expected}")

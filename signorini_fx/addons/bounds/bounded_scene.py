@@ -153,7 +153,7 @@ def unbounded(model: Model) -> Iterator[str]:
             yield "a material without a change of volume"
     for _, entry in statement.listed():
         if isinstance(entry, Contact):
-            yield from _of_contact(entry, several_steps=statement.several_steps)
+            yield from _of_contact(entry, several_steps=statement.path.several)
         elif isinstance(entry, PrescribedDisplacement):
             yield from _of_support(entry, model)
         elif isinstance(entry, Force):

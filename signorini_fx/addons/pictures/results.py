@@ -38,7 +38,7 @@ def gather_pictures(
     if solution.history.linear_solves == 0 and not solution.certified:  # excluded by statics
         from signorini_fx.addons.pictures.of_setup import gather_setup
 
-        setup = gather_setup(solution.model.tagged, solution.statement, solution.statement.title)
+        setup = gather_setup(solution.model.tagged, solution.statement, solution.model.title)
         return ResultPictures(solution, suffixes, setup=setup)
     fields = _fields(solution, asked)
     body = gather_body(solution, fields)
@@ -172,7 +172,7 @@ class ResultPictures:
             )
 
     def _write(self, path_stem: Path, figure: Figure, remark: str = "") -> None:
-        title = plain(self.solution.statement.title)
+        title = plain(self.solution.model.title)
         finish(
             figure,
             path_stem,

@@ -153,6 +153,8 @@ def _prepared(
         kinematics=kinematics,
         compressible=all((1 - 2 * most) * first <= 2 * most * second for first, second in lame),
         elastic=on.elastic,
+        title=statement.title,
+        path=statement.path,
         statement=statement,
         tagged=tagged,
         law=None,
@@ -210,7 +212,7 @@ def _problem(
     boundary: ContactBoundary,
 ) -> dict[str, Any]:
     """Gap and friction of foundations at contact points as fields of a model."""
-    settings = Settings.of(model.statement.solver)
+    settings = Settings.of(model.settings)
     data, law = foundations.problem(boundary, foundations.data(shapes), settings, model.scales)
     return {"data": data, "law": law}
 

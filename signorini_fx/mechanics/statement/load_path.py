@@ -125,6 +125,14 @@ class LoadPath:
         """Return whether there may be more than one load step."""
         return len(self.times) > 1 or self.steps is not None
 
+    @property
+    def expected(self) -> int:
+        """Number of load steps, if none of a ramp has to be divided."""
+        if self.steps is None:
+            return len(self.times)
+        first = not self.from_nothing
+        return (len(self.times) - first) * self.steps + first
+
     def time_at(self, step: float) -> float:
         """Return the time of a place."""
         return time_at(self.times, step)

@@ -198,19 +198,6 @@ class Statement:
             load.factors is None for load in self.loads
         )
 
-    @property
-    def expected_steps(self) -> int:
-        """Number of load steps, if none of a ramp has to be divided."""
-        if self.load_steps.steps is None:
-            return self.steps
-        intervals = self.steps if self.grows_from_nothing else self.steps - 1
-        return intervals * self.load_steps.steps + (not self.grows_from_nothing)
-
-    @property
-    def several_steps(self) -> bool:
-        """Return whether there may be more than one load step."""
-        return self.steps > 1 or self.load_steps.steps is not None
-
     def factors_of(self, effect: Effect) -> tuple[float, ...]:
         """The factors of a load; those of an effect that load steps do not change are 1."""
         return getattr(effect, "factors", None) or (1.0,) * self.steps
@@ -256,7 +243,7 @@ class Statement:
     def _times(self) -> tuple[float, ...]:
         return tuple(self.load_steps.times or map(float, range(1, self.steps + 1)))
 
-    @property
+    @cached_property
     def path(self) -> LoadPath:
         """The load steps, without the loads."""
         names = self.load_steps.names or ()

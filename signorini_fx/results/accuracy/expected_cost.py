@@ -46,7 +46,7 @@ class Cost:
 
 def linear_solves(statement: Statement, nodes: int) -> tuple[int, int]:
     """Linear solves to expect, from and to."""
-    steps = statement.expected_steps
+    steps = statement.path.expected
     finer = statement.solver.levels - 1
     if statement.nonlinear:
         return NEWTON_SOLVES[0] * steps, NEWTON_SOLVES[1] * steps
@@ -82,7 +82,7 @@ def estimated_cost(model: Model) -> Cost:
     factorisation = factorisation_seconds(n, dim)
     solves = linear_solves(model.statement, nodes)
     matrix = 12.0 * dim * 3**dim * n  # a row of Q1 has so many entries
-    kind, reason = choice.choose_kind(model.system_size(), model.statement.solver.linear_algebra)
+    kind, reason = choice.choose_kind(model.system_size(), model.settings.linear_algebra)
     dense = 0
     held = 12.0 * factor_entries(n, dim)
     if kind == "krylov":
