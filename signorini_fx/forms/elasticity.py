@@ -38,11 +38,10 @@ from signorini_fx.mechanics.kinematics import CARTESIAN
 from signorini_fx.mechanics.kinematics.protocol import PLANE_STRESS, padded
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, is_section
 from signorini_fx.mechanics.model import ElasticBody, Loads
-from signorini_fx.mechanics.scales import Scales
 from signorini_fx.mechanics.statement.settings import SolverSettings
 from signorini_fx.results.certificate.body_nodes import PrescribedNodes, RigidPart
 from signorini_fx.results.certificate.equilibrium import Balance
-from signorini_fx.results.mechanics import SolidBody
+from signorini_fx.results.mechanics import Mechanics
 from signorini_fx.tuned import NOTHING_LEFT
 
 if TYPE_CHECKING:
@@ -191,30 +190,24 @@ def _met_at_nodes(
 # --- what results are made of ---------------------------------------------------------------------
 
 
-@dataclass(frozen=True, kw_only=True)
-class FormBody(SolidBody):
-    """A body that forms say all of; what depends on values in them is that of their present
-    ones.
+@dataclass(frozen=True)
+class FormMechanics(Mechanics):
+    """The mechanics of a model that forms say all of; what depends on values in them is that of
+    their present ones.
     """
 
     no_bounds: ClassVar[str] = (
         "a guaranteed bound is for scenes, which state their loads and supports"
     )
 
-    user_forms: GivenForms  # what is assembled
-    prescribed_dofs: tuple[
+    forms: GivenForms  # what is assembled
+    prescribed: tuple[
         npt.NDArray[np.bool_], Array
     ]  # which dofs of this rank, with ghosts, and to what
-    form_scales: Scales  # of lengths and stresses
+    placed: Sequence[PlacedShape]  # the shapes of foundations
     settled: bool = (
         True  # whether the forms are of the results, not of a later load step that failed
     )
-    placed: Sequence[PlacedShape] = ()  # the shapes of foundations
-
-    @property
-    def scales(self) -> Scales:
-        """Forms state no materials."""
-        return self.form_scales
 
     def shapes(self, step: float | None = None) -> Sequence[PlacedShape]:
         return self.placed
@@ -224,16 +217,16 @@ class FormBody(SolidBody):
         return np.ones(1)
 
     def loads_at(self, step: float) -> Loads:
-        return Loads(assemble(self.user_forms.compiled[1]), self.prescribed_dofs[1])
+        return Loads(assemble(self.forms.compiled[1]), self.prescribed[1])
 
     def balance(self, y: fem.Function, step: float) -> Balance:
         """Of the present values of the forms, wherever ``step`` is."""
         (a, L), (fixed, values), scales = (
-            self.user_forms.compiled,
-            self.prescribed_dofs,
-            self.form_scales,
+            self.forms.compiled,
+            self.prescribed,
+            self.model.scales,
         )
-        dim = self.dimension
+        dim = self.model.dimension
         nodes = np.arange(values.size // dim, dtype=np.int32)
         internal = action((a,), y, nodes).reshape(-1, dim)
         supports = prescribed_nodes(fixed, values, y.function_space)
@@ -246,19 +239,19 @@ class FormBody(SolidBody):
     def stress(self, y: fem.Function, step: float) -> RawStresses | str:
         from signorini_fx.results.stresses import RawStresses
 
-        law = self.user_forms.stress
+        law = self.forms.stress
         if law is None:
             return "the stresses are not given: pass stress=, a function of the displacement"
-        return RawStresses(stress_of(law, y, self.user_forms.parts), self)
+        return RawStresses(stress_of(law, y, self.forms.parts), self)
 
     @cached_property
     def recovery(self) -> StressRecovery:
         """For the estimate of the error the traction of compiled forms is not known."""
         from signorini_fx.results.accuracy.stress_recovery import StressRecovery
 
-        forms, (fixed, _) = self.user_forms, self.prescribed_dofs
+        forms, (fixed, _) = self.forms, self.prescribed
         assert forms.stress is not None
-        stress = stress_of(forms.stress, fem.Function(self.space), forms.parts)
+        stress = stress_of(forms.stress, fem.Function(self.model.space), forms.parts)
         all_ufl = all(isinstance(form, ufl.Form) for form in forms.original)
         residual = partial(residual_of, stress, forms, fixed) if all_ufl else lambda z: None
         return StressRecovery(stress, lambda z: (lambda step: None, residual(z)))
@@ -267,10 +260,10 @@ class FormBody(SolidBody):
         """What acts through the parts of the boundary that have names."""
         from signorini_fx.results.resultants import ActingForces
 
-        balance, forms, (fixed, _) = self.balance(y, step), self.user_forms, self.prescribed_dofs
+        balance, forms, (fixed, _) = self.balance(y, step), self.forms, self.prescribed
         if not self.settled:
             return ActingForces(balance, (), (), ())
-        return acting_on(balance, forms.boundaries, fixed, loads_of(forms, self.tagged, y))
+        return acting_on(balance, forms.boundaries, fixed, loads_of(forms, self.model.tagged, y))
 
 
 def loads_of(forms: GivenForms, tagged: TaggedMesh, y: fem.Function) -> Iterator[NamedForces]:

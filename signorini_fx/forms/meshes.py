@@ -228,7 +228,7 @@ def solve_to_accuracy(
     meshes = to_accuracy.Meshes(first, accuracy, adaptive=adaptive, made=made, any_jump=made)
     solution = to_accuracy.solve_to_accuracy(meshes, budget)
     asked = replace(solution.model, statement=replace(solution.statement, accuracy=accuracy))
-    return converged(replace(solution, model=asked))
+    return converged(replace(solution, mechanics=replace(solution.mechanics, model=asked)))
 
 
 def _first(

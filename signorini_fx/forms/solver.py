@@ -25,7 +25,7 @@ from signorini_fx.algebra.linalg.petsc_options import defaults, refuse_exchanged
 from signorini_fx.errors import FormError
 from signorini_fx.forms.elasticity import (
     Array,
-    FormBody,
+    FormMechanics,
     elastic_body,
     modulus_of,
     natural_modulus,
@@ -45,7 +45,7 @@ from signorini_fx.mechanics.contact_points.contact_boundary import ContactBounda
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.interfaces import Foundation, Pair
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
-from signorini_fx.mechanics.model import ElasticBody
+from signorini_fx.mechanics.model import ElasticBody, Model
 from signorini_fx.mechanics.obstacles.foundations_on_points import (
     FoundationData,
     Foundations,
@@ -426,7 +426,7 @@ class FormSolver:
         self.unshifted, self.law = problem
         return problem
 
-    def model(self, path: LoadPath | None = None, title: str = "") -> FormBody:
+    def model(self, path: LoadPath | None = None, title: str = "") -> Model:
         """The body as the forms are now; without a path its load steps are those of the user's own
         loop; collective.
         """
@@ -434,16 +434,12 @@ class FormSolver:
             self._named = named_parts(self.forms, self.settings)
         path = path or counted_path(self.begun.step)
         contact = (self.law, self.foundations.pairs, self.rigid)
-        model = replace(
-            model_of(self.elastic, self._named, path, title, *contact), data=self.unshifted
-        )
-        return FormBody.of(
-            model,
-            user_forms=self.forms,
-            prescribed_dofs=self.prescribed,
-            form_scales=self.scales,
-            placed=self.foundations.placed_shapes,
-        )
+        model = model_of(self.elastic, self._named, path, title, self.scales.modulus, *contact)
+        return replace(model, data=self.unshifted)
+
+    def mechanics(self, model: Model) -> FormMechanics:
+        """What the forms say of a model, with their values of now."""
+        return FormMechanics(model, self.forms, self.prescribed, self.foundations.placed_shapes)
 
     def data_now(self, solved: FormSolver | None = None) -> tuple[Any, ...]:
         """The problem of now as derivatives take it; ``solved``: one of the same body with the

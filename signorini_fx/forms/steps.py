@@ -13,12 +13,13 @@ from dolfinx import fem
 from signorini_fx.errors import FormError, SceneError
 from signorini_fx.forms.solver import FormSolver, options_applied
 from signorini_fx.machine.result_files import folder_path
+from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.state import State
 from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.mechanics.statement.values import kind_of
 from signorini_fx.mechanics.step_effect import StepEffect
 from signorini_fx.records import History, Status, Timings
-from signorini_fx.results.mechanics import StepResult
+from signorini_fx.results.mechanics import Mechanics, StepResult
 from signorini_fx.results.solution import ConvergenceError, Solution
 from signorini_fx.solving.frames import Posed
 from signorini_fx.solving.increments import Increments, check_step
@@ -63,6 +64,10 @@ class FormsInTime:
         """The forms as they are at the time of a place; collective."""
         self.clock(self.path.time_at(place))
         return self.solver.pose_at(state, place, dt, self.path)
+
+    def mechanics(self, model: Model) -> Mechanics:
+        """What the forms say of a model of theirs."""
+        return self.solver.mechanics(model)
 
     def accept(self, report: Report) -> None:
         """What the clock changes is the user's."""
@@ -116,9 +121,9 @@ def solution_of(solver: FormSolver, ran: Ran | None, title: str) -> Solution:
     # Of a load step that has failed the forms are not those of the results, which are of one before
     # it.
     settled = steps[-1].status is Status.CONVERGED or len(steps) == 1
-    body = replace(solver.model(path, title), settled=settled)
-    found = partial(findings_of_steps, body, steps, [])
-    solution = contact_solution(body, steps, solver.task, ended, solver.timings, found)
+    mechanics = replace(solver.mechanics(solver.model(path, title)), settled=settled)
+    found = partial(findings_of_steps, mechanics, steps, [])
+    solution = contact_solution(mechanics, steps, solver.task, ended, solver.timings, found)
     return replace(solution, state=solver.last)
 
 

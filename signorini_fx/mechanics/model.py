@@ -602,6 +602,7 @@ class Model(ElasticBody):
 
     title: str  # any text
     path: LoadPath  # the load steps
+    modulus: float  # the natural unit of stress
     statement: Statement  # names and settings; of forms of a user's own less than all that acts
     tagged: TaggedMesh  # the mesh; where displacements have a component out of it a section in 3D
     law: PointFriction | None  # of friction; None where no law can act
@@ -625,7 +626,7 @@ class Model(ElasticBody):
         """What its lengths and stresses are compared with."""
         tagged = self.tagged
         return Scales(
-            tagged.dimension, self.statement.young, tagged.size, self.kinematics.depth(tagged.size)
+            tagged.dimension, self.modulus, tagged.size, self.kinematics.depth(tagged.size)
         )
 
     def factors(self, step: float) -> Array:
@@ -657,30 +658,13 @@ class Model(ElasticBody):
         """The right-hand sides of the applied loads, in their order; those of the first load step;
         collective.
         """
-        return tuple(map(self._case, self.applied))
+        return tuple(map(self.case_of, self.applied))
 
-    def _case(self, load: AppliedLoad) -> LoadCase:
+    def case_of(self, load: AppliedLoad) -> LoadCase:
+        """The right-hand side of an applied load; collective."""
         return self.case(
             load.forces, load.prescribed.x.array, load.driven, load.pushing, load.pressure_load
         )
-
-    def loads_at(self, step: float) -> Loads:
-        """Return all loads at a place, times their factors; collective."""
-        forces = np.zeros(self.fixed.size)
-        prescribed = np.zeros_like(fem.Function(self.space).x.array)
-        for factor, load in self.applied_at(step):
-            forces += factor * load.forces
-            prescribed += factor * load.prescribed.x.array
-        return Loads(forces, prescribed)
-
-    def load(self, system: ElasticSystem, step: float) -> Array:
-        """Give a system the loads that depend on the time as they are at a place, and return the
-        factors of all loads, for ``system.set_load``; collective.
-        """
-        for number, load in enumerate(self.applied):
-            if load.again is not None:
-                system.set_case(number, self._case(load.at(step)))
-        return self.factors(step)
 
 
 def vector_like(matrix: PETSc.Mat, values: Array) -> PETSc.Vec:

@@ -1,14 +1,12 @@
-"""The model of a body that says what its results are made of: contact conditions, stresses and
-resultants.
-"""
+"""What results are made of: contact conditions, stresses and forces of a model."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -17,7 +15,7 @@ from dolfinx import fem
 from signorini_fx.mechanics.body.deformation import Deformation
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.interfaces import PlacedShape
-from signorini_fx.mechanics.model import Model
+from signorini_fx.mechanics.model import Loads, Model
 from signorini_fx.mechanics.rigid.rigid_bodies import Drive, RigidBodyMotion
 from signorini_fx.mechanics.statement.effect import Force, Resistance
 from signorini_fx.mechanics.step_effect import AddedForces
@@ -33,6 +31,7 @@ from signorini_fx.results.certificate.law_of_method import (
 )
 
 if TYPE_CHECKING:
+    from signorini_fx.algebra.linalg import ElasticSystem
     from signorini_fx.results.accuracy.stress_recovery import StressRecovery
     from signorini_fx.results.certificate.nodal_forces import NodalForces
     from signorini_fx.results.certificate.pair_points import PairPoints
@@ -43,41 +42,34 @@ if TYPE_CHECKING:
 Array = npt.NDArray[np.float64]
 
 
-@dataclass(frozen=True, kw_only=True)
-class SolidBody(Model, ABC):
-    """A model that says its own forces, stresses and contact conditions, by its statement or by
-    forms.
+@dataclass(frozen=True)
+class Mechanics(ABC):
+    """What says the forces and stresses of a model, and what holds at its contact points: entries
+    by name, forms, or a residual.
     """
 
-    no_bounds: ClassVar[str]  # why there are no guaranteed bounds; "": there may be
+    no_bounds: ClassVar[str] = ""  # why there are no guaranteed bounds; "": there may be
 
-    @classmethod
-    def of(cls, model: Model, **attributes: Any) -> Self:
-        """A body from its model, and from what this kind of body has beside; both share what is
-        computed of them.
-        """
-        return cls(
-            **{field.name: getattr(model, field.name) for field in fields(Model)}, **attributes
-        )
+    model: Model
 
     def conditions(self, y: fem.Function) -> ContactConditions | None:
         """The contact points at a displacement, and what holds there; None: there is no contact;
         collective.
         """
-        if self.boundary is None:
+        if self.model.boundary is None:
             return None
-        assert self.data is not None
-        points = (self.boundary, self.data.gap)
+        assert self.model.data is not None
+        points = (self.model.boundary, self.model.data.gap)
         pairs: dict[int, PairPoints] = {}
-        if self.pairs:
+        if self.model.pairs:
             from signorini_fx.results.certificate.pair_points import PairPoints
 
-            pairs = {number: PairPoints.of(pair) for number, pair in self.pairs.items()}
-        if self.boundary.corners is not None:
+            pairs = {number: PairPoints.of(pair) for number, pair in self.model.pairs.items()}
+        if self.model.boundary.corners is not None:
             from signorini_fx.results.certificate.corner_feet import judged_corners
 
             points = judged_corners(*points, self.shapes())
-        return ContactConditions(*points, self.law, self.data.bilateral, pairs)
+        return ContactConditions(*points, self.model.law, self.model.data.bilateral, pairs)
 
     def shapes(self, step: float | None = None) -> Sequence[PlacedShape]:
         """The shapes of hard foundations at a place in the lists of factors; None: the present."""
@@ -93,6 +85,16 @@ class SolidBody(Model, ABC):
     def recovery(self) -> StressRecovery:
         """What projects the stress of any displacement; collective."""
         raise RuntimeError("a nonlinear body has no recovered stress")
+
+    def loads_at(self, step: float) -> Loads:
+        """Return all loads at a place, times their factors; collective."""
+        raise RuntimeError("the loads of a nonlinear body are in its residual")
+
+    def load(self, system: ElasticSystem, step: float) -> Array:
+        """Give a system the loads that depend on the time as they are at a place, and return the
+        factors of all loads, for ``system.set_load``; collective.
+        """
+        raise RuntimeError("the loads of a nonlinear body are in its residual")
 
     @abstractmethod
     def balance(self, y: fem.Function, step: float) -> Balance:
@@ -124,51 +126,63 @@ class SolidBody(Model, ABC):
             if (added := add(displacement.x.array)) is not None:
                 balance = balance.with_added(added)
         drives = [*zip(rigid, self.drives(step), strict=bool(rigid))]
-        law = replace(law, overclosures=overclosures_of(self.statement))
+        law = replace(law, overclosures=overclosures_of(self.model.statement))
         contact = self.conditions(displacement)
         return judged(displacement, balance, contact, tractions, law=law, before=last, rigid=drives)
 
     def drives(self, step: float) -> list[Drive]:
         """What drives rigid bodies at a place."""
-        return self.rigid.drives()
+        return self.model.rigid.drives()
 
 
-@dataclass(frozen=True, kw_only=True)
-class StatedBody(SolidBody):
-    """A body that the entries of its statement say all of."""
-
-    no_bounds: ClassVar[str] = ""
+@dataclass(frozen=True)
+class StatedMechanics(Mechanics):
+    """The mechanics of a model that the entries of its statement say all of."""
 
     def drives(self, step: float) -> list[Drive]:
-        return self.statement.drives(self.tagged.dimension, step)
+        return self.model.statement.drives(self.model.tagged.dimension, step)
 
     def shapes(self, step: float | None = None) -> Sequence[PlacedShape]:
         from signorini_fx.mechanics.obstacles.scene_contact import hard_foundations
 
-        placed = self.statement if step is None else self.statement.placed(step)
-        return hard_foundations(placed, self.kinematics)
+        placed = self.model.statement if step is None else self.model.statement.placed(step)
+        return hard_foundations(placed, self.model.kinematics)
+
+    def loads_at(self, step: float) -> Loads:
+        forces = np.zeros(self.model.fixed.size)
+        prescribed = np.zeros_like(fem.Function(self.model.space).x.array)
+        for factor, load in self.model.applied_at(step):
+            forces += factor * load.forces
+            prescribed += factor * load.prescribed.x.array
+        return Loads(forces, prescribed)
+
+    def load(self, system: ElasticSystem, step: float) -> Array:
+        for number, load in enumerate(self.model.applied):
+            if load.again is not None:
+                system.set_case(number, self.model.case_of(load.at(step)))
+        return self.model.factors(step)
 
     def stress(self, y: fem.Function, step: float) -> RawStresses:
         from signorini_fx.results.accuracy.stress_recovery import element_stress
         from signorini_fx.results.stresses import RawStresses
 
-        return RawStresses(element_stress(self, y, step), self, step)
+        return RawStresses(element_stress(self.model, y, step), self, step)
 
     @cached_property
     def recovery(self) -> StressRecovery:
         from signorini_fx.results.accuracy.stress_recovery import StressRecovery
 
-        return StressRecovery.of(self)
+        return StressRecovery.of(self.model)
 
     def balance(self, y: fem.Function, step: float) -> Balance:
         from signorini_fx.results.certificate.nodal_forces import NodalForces
 
-        return balance_of(NodalForces.on(self), y, step)
+        return balance_of(NodalForces.on(self.model), y, step)
 
     def acting(self, y: fem.Function, step: float) -> ActingForces:
         from signorini_fx.results.certificate.nodal_forces import NodalForces
 
-        return acting_on(NodalForces.on(self), self.balance(y, step), y, step)
+        return acting_on(NodalForces.on(self.model), self.balance(y, step), y, step)
 
 
 def acting_on(

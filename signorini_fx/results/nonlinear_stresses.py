@@ -33,7 +33,7 @@ from signorini_fx.mechanics.elasticity.elastic_law import ElementStress, element
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.results.certificate.nodal_forces import NodalForces
-from signorini_fx.results.mechanics import SolidBody
+from signorini_fx.results.mechanics import Mechanics
 from signorini_fx.results.resultants import NamedForces
 from signorini_fx.results.stresses import PointStress, RawStresses
 
@@ -149,14 +149,14 @@ def _evaluated(
     )
 
 
-def nonlinear_stresses(model: SolidBody, forces: NonlinearForces, path: Path) -> RawStresses:
+def nonlinear_stresses(mechanics: Mechanics, forces: NonlinearForces, path: Path) -> RawStresses:
     """The Cauchy stress at the end of load steps, at small strains the stress; nothing is
     recovered, and no error estimated; collective.
     """
     at_points = forces.stress_after(path)
-    space = model.space
+    space = mechanics.model.space
     tensor = at_points.on_cells(
         at_points.stress, space.mesh, space.element.basix_element.degree - 1, "stress"
     )
     stress = ElementStress(path[-1][0], forces.kinematics, tensor, lambda _: None, None, None)
-    return RawStresses(stress, model, at_points=at_points)
+    return RawStresses(stress, mechanics, at_points=at_points)

@@ -19,6 +19,7 @@ from signorini_fx.machine import parallel
 from signorini_fx.machine.display import html_table
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable, contact_table
+from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.state import State
 from signorini_fx.mechanics.statement.effect import Load, is_zero
 from signorini_fx.mechanics.statement.features import accuracy_refused
@@ -44,7 +45,7 @@ from signorini_fx.results.contact_figures import (
     friction_used,
     section_forces,
 )
-from signorini_fx.results.mechanics import SolidBody, StatedBody, StepResult
+from signorini_fx.results.mechanics import Mechanics, StatedMechanics, StepResult
 from signorini_fx.results.present_area import present_pressure
 from signorini_fx.results.resultants import Resultants
 from signorini_fx.results.singularities import why_no_limit
@@ -80,7 +81,7 @@ class Solution:
     Attributes:
         status: how it ended; only ``Status.CONVERGED`` is a solution.
         algorithm: the algorithms that were used: ``linear``, ``ssn``, ``fp``, ...
-        model: what was solved, on its mesh.
+        mechanics: what says the forces and stresses of ``model``, the body on its mesh.
         displacement: y, a finite element function.
         contact: nodal state of the contact boundary of this rank (``table`` has all ranks'), None
             without contact.
@@ -106,7 +107,7 @@ class Solution:
 
     status: Status
     algorithm: str
-    model: SolidBody
+    mechanics: Mechanics
     displacement: fem.Function
     contact: ContactState | None
     certificate: Certificate
@@ -140,6 +141,11 @@ class Solution:
             *((f"{finding.level}: {finding.path}", finding.message) for finding in self.findings),
         ]
         return html_table(("", ""), rows, self.model.title)
+
+    @property
+    def model(self) -> Model:
+        """The body on its mesh."""
+        return self.mechanics.model
 
     @property
     def statement(self) -> Statement:
@@ -332,7 +338,7 @@ class Solution:
 
     @cached_property
     def _stress(self) -> RawStresses | str:
-        stress = self.model.stress(self.displacement, self._position)
+        stress = self.mechanics.stress(self.displacement, self._position)
         return (
             stress
             if isinstance(stress, str)
@@ -345,7 +351,7 @@ class Solution:
         the body, or an end of its contact boundary, towards which it is convex; None: nothing is
         known; collective.
         """
-        if not isinstance(self.model, StatedBody) or not self.certified:
+        if not isinstance(self.mechanics, StatedMechanics) or not self.certified:
             return None
         columns = self.table.columns
         pressed = columns["weight"] * (columns["pressure"] > 0)
@@ -371,8 +377,8 @@ class Solution:
         """
         model = self.model
         y = self.displacement
-        acting = model.acting(y, self._position)
-        conditions = model.conditions(y)
+        acting = self.mechanics.acting(y, self._position)
+        conditions = self.mechanics.conditions(y)
         return Resultants(self.statement, model.tagged, y, self.contact, conditions, acting)
 
     @cached_property
@@ -403,7 +409,7 @@ class Solution:
         """
         if not self.certified:
             return None
-        if reason := self.model.no_bounds:
+        if reason := self.mechanics.no_bounds:
             return reason
         return add_on("error_bound")(self.model, self.displacement, self.contact, self._position)
 
@@ -452,8 +458,8 @@ class Solution:
         """Return the part of each owned cell in the squared relative error of the stress of a
         nonlinear body, shape (cells,), or why it is unknown; collective.
         """
-        body: Any = self.model  # its residual says all of it
-        known = body.errors_now(False)
+        mechanics: Any = self.mechanics  # of a residual
+        known = mechanics.errors_now(False)
         return known if isinstance(known, str) else known[0]
 
     def force_bounds(self, boundary: str, direction: tuple[float, ...]) -> Interval | str:
@@ -467,7 +473,7 @@ class Solution:
         """
         if not self.certified:
             return "there is no solution"
-        if reason := self.model.no_bounds:
+        if reason := self.mechanics.no_bounds:
             return reason
         interval: Interval | str = add_on("force_bounds")(
             self.model, self.displacement, self.contact, boundary, direction, self._position

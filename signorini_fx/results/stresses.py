@@ -286,14 +286,14 @@ class RawStresses(StressFields):
     the mesh is refined.
 
     Attributes:
-        body: that it is of, a ``SolidBody``.
+        mechanics: of the body, ``results.mechanics.Mechanics``.
         place: of the load step in the lists of factors, see ``statement.load_path``.
         at_points: of a nonlinear body at the points of quadrature, where its extremes are; None:
             they are at nodes.
         strain_energy: of the load step.
     """
 
-    body: Any
+    mechanics: Any
     place: float = 0.0
     at_points: PointStress | None = None
     strain_energy: float | None = None
@@ -307,9 +307,9 @@ class RawStresses(StressFields):
     def energy(self) -> float:
         """The strain energy of the stress; collective."""
         if (
-            self.strain_energy is None or not self.body.statement.material
+            self.strain_energy is None or not self.mechanics.model.statement.material
         ):  # that of forms may have springs in it
-            return float(self.body.recovery.energy(self.stress.displacement))
+            return float(self.mechanics.recovery.energy(self.stress.displacement))
         return self.strain_energy
 
     @cached_property
@@ -347,7 +347,8 @@ class RawStresses(StressFields):
         tensor = fem.Function(fem.functionspace(mesh, ("DG", 1, (3, 3))), name="recovered_stress")
         values = tensor.x.array.reshape(-1, 3, 3)
         nodes = tensor.function_space.dofmap.list
-        for cells, components in self.body.recovery.smoothed(self.stress.displacement, self.place):
+        smoothed = self.mechanics.recovery.smoothed(self.stress.displacement, self.place)
+        for cells, components in smoothed:
             values[nodes[cells]] = tensors(components, self.stress.kinematics.stressed)
         return StressFields(replace(self.stress, in_space=tensor))
 
@@ -376,7 +377,7 @@ class RawStresses(StressFields):
     @cached_property
     def squares(self) -> npt.NDArray[np.float64]:
         """The squared error of each owned cell, an energy, shape (cells,); collective."""
-        return np.asarray(self.body.recovery.squares(self.stress.displacement, self.place))
+        return np.asarray(self.mechanics.recovery.squares(self.stress.displacement, self.place))
 
     def as_dict(self) -> dict[str, Any]:
         """Extremes of the raw stress and those of the recovered one, with the estimated error,
@@ -406,7 +407,7 @@ class RawStresses(StressFields):
         more, and where, JSON-safe; None: no yield stress is known, and of nonlinear materials;
         collective.
         """
-        model: Model = self.body
+        model: Model = self.mechanics.model
         if not self.recovers or all(math.isinf(_limit(one)) for one in model.statement.material):
             return None
         if parallel.any_rank(self.comm, not np.isfinite(self.stress.displacement.x.array).all()):
@@ -427,7 +428,7 @@ class RawStresses(StressFields):
         JSON-safe; collective.
         """
         told: dict[str, Any] = {"value": extreme.value, "place": [*extreme.place]}
-        model: Model = self.body
+        model: Model = self.mechanics.model
         regions = [*model.statement.bodies] or [entry.region for entry in model.statement.material]
         if len(regions) > 1:
             told["region"] = part_of(model, extreme.cell, regions)

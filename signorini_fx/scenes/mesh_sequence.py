@@ -291,7 +291,7 @@ class MeshedScene(MeshedProblem):
             return SolvedMesh(solution, solution.model.tagged, None, step_errors=step_errors)
 
         def estimate(report: Report) -> None:
-            model = report.body
+            model = report.mechanics.model
             outcome = report.outcome
             result = report.result
             if result.contact is None or result.strain_energy is None:
@@ -299,7 +299,9 @@ class MeshedScene(MeshedProblem):
             table = contact_table(result.contact, *model.statement.sides)
             displacement = model.function(outcome.displacement())
             step_errors.append(
-                estimate_errors(model, displacement, result.strain_energy, table, result.place)
+                estimate_errors(
+                    report.mechanics, displacement, result.strain_energy, table, result.place
+                )
             )
 
         load = partial(load_mesh, scene, self.comm)

@@ -6,7 +6,7 @@ Supports, loads and contact are assembled as for the linear body that it is at s
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, ClassVar
 
@@ -18,7 +18,7 @@ from dolfinx import fem
 from signorini_fx.errors import FormError, SceneError
 from signorini_fx.forms.nonlinear.moving_shapes import fitting
 from signorini_fx.forms.nonlinear.problem import NonlinearContactProblem, linearised_at
-from signorini_fx.forms.nonlinear.results import ResidualBody, SolvedBody
+from signorini_fx.forms.nonlinear.results import NonlinearMechanics, SolvedBody
 from signorini_fx.forms.nonlinear.steps import NonlinearSteps
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import prescribed
@@ -237,11 +237,14 @@ class ProblemOfScene(NonlinearContactProblem):
             failures.append(Finding("warning", "load_steps", why))
         self.timings.seconds.update(self._solver.timings.seconds)
         solution = self._titled(self.statement.title)
-        body: dict[str, Any] = {
-            field.name: getattr(solution.model, field.name) for field in fields(solution.model)
-        }
-        path = self.statement.path
-        body |= {"statement": self.statement, "path": path, "tagged": self.model.tagged}
+        said: Any = solution.mechanics
+        model = replace(
+            solution.model,
+            statement=self.statement,
+            path=self.statement.path,
+            modulus=self.statement.young,
+            tagged=self.model.tagged,
+        )
         forces = NonlinearForces(self.statement, self.model.tagged, self.model.space)
         known = nonlinear_findings(self.statement, self.model)
         of_result = list[Finding]()
@@ -251,10 +254,10 @@ class ProblemOfScene(NonlinearContactProblem):
         of_result += steps_without_estimate(self.model.comm, self.statement, solution.shown_steps)
         findings = (*failures, *known, *self.findings, *of_result)
         named = tuple(map(self._named, solution.steps))
-        model = BodyOfScene(**body, forces=forces)
+        mechanics = SceneMechanics(model, said.ends, said.boundaries, said.errors_now, forces)
         return replace(
             solution,
-            model=model,
+            mechanics=mechanics,
             steps=named,
             timings=self.timings,
             found=lambda: findings,
@@ -360,9 +363,11 @@ class ReachedStep:
     end: SolvedBody
 
 
-@dataclass(frozen=True, kw_only=True)
-class BodyOfScene(ResidualBody):
-    """A body whose loads and supports have names, and whose materials say its stress."""
+@dataclass(frozen=True)
+class SceneMechanics(NonlinearMechanics):
+    """The mechanics of a model whose loads and supports have names, and whose materials say its
+    stress.
+    """
 
     forces: (
         NonlinearForces  # evaluates the forces and the stress of materials, and the forces of loads
@@ -382,7 +387,7 @@ class BodyOfScene(ResidualBody):
         points.
         """
         anew = self.forces
-        displaced = self.statement.finite_strains
+        displaced = self.model.statement.finite_strains
         balance = replace(self.balance(y, step), supports=anew.prescribed(step))
         return acting_on(anew, balance, y, step, anew.of_followers(y, step), displaced=displaced)
 

@@ -23,7 +23,6 @@ from signorini_fx.mechanics.effects.loads import Preload
 from signorini_fx.mechanics.model import Model
 from signorini_fx.records import Finding, Status
 from signorini_fx.results.contact_figures import section_forces
-from signorini_fx.results.mechanics import SolidBody
 from signorini_fx.solving.frames import Posed
 from signorini_fx.tuned import CERTIFICATE_TOLERANCE, LEFT_BY_SOLVES, ROOT_OF_EPS, SHORTENED_AT_MOST
 
@@ -34,8 +33,8 @@ _MOST_PROBLEMS = 30
 
 
 def solve_tightened(
-    model: SolidBody, task: Task, start: Start, max_iterations: int | None
-) -> tuple[SolidBody, Start, Outcome, Finding | None]:
+    model: Model, task: Task, start: Start, max_iterations: int | None
+) -> tuple[Model, Start, Outcome, Finding | None]:
     """The last contact problem of a load step in which forces tighten sections; collective.
 
     Returns:

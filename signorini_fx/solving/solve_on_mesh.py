@@ -29,7 +29,7 @@ from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.mechanics.step_effect import StepEffect
 from signorini_fx.records import Finding, History, Status, Timings
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
-from signorini_fx.results.mechanics import SolidBody, StatedBody, StepResult
+from signorini_fx.results.mechanics import Mechanics, StatedMechanics, StepResult
 from signorini_fx.results.solution import Solution
 from signorini_fx.solving.findings import (
     facets_in_result,
@@ -89,7 +89,7 @@ def stated_problem(
     with timings.phase("mesh"):
         tagged = load()
     free_unused(tagged.mesh)
-    model = StatedBody.of(prepare(statement, tagged, timings))
+    model = prepare(statement, tagged, timings)
     with timings.phase("compile"):
         assert model.forms
     with timings.phase("assemble"):
@@ -171,8 +171,9 @@ def solve_contact(
             on_step(report)
     last, results = reports[-1], [report.result for report in reports]
     ended = last_solved(reports)
-    found = partial(_findings, last.body, results)
-    solution = contact_solution(last.body, results, problem.task, ended, problem.timings, found)
+    mechanics = last.mechanics
+    found = partial(_findings, mechanics, results)
+    solution = contact_solution(mechanics, results, problem.task, ended, problem.timings, found)
     return replace(solution, state=state), problem.task, ended[0]
 
 
@@ -184,7 +185,7 @@ def last_solved(reports: Sequence[Report]) -> tuple[Outcome, RegularisedData]:
 
 
 def contact_solution(
-    model: SolidBody,
+    mechanics: Mechanics,
     steps: Sequence[StepResult],
     task: Task,
     ended: tuple[Outcome, RegularisedData],
@@ -201,6 +202,7 @@ def contact_solution(
         _shown(steps),
         cache(lambda: (*find(), *may_jump(task.history))),
     )
+    model = mechanics.model
     if model.comm.size > 1:  # they may be asked for by one rank alone
         found()
     parameters = dict[str, float]()
@@ -213,7 +215,7 @@ def contact_solution(
     return Solution(
         status=steps[-1].status,
         algorithm=algorithm_name(model.statement, outcome),
-        model=model,
+        mechanics=mechanics,
         displacement=shown.displacement,
         contact=shown.contact,
         certificate=shown.certificate,
@@ -231,29 +233,30 @@ def _shown(steps: Sequence[StepResult]) -> StepResult:
     return next((step for step in reversed(steps) if step.status is Status.CONVERGED), steps[-1])
 
 
-def _findings(model: SolidBody, steps: Sequence[StepResult]) -> list[Finding]:
+def _findings(mechanics: Mechanics, steps: Sequence[StepResult]) -> list[Finding]:
     """The findings of ``check`` about the scene, and those about its result; collective."""
     last = steps[-1]
-    findings = [*scene_findings(model, last.place)]
+    findings = [*scene_findings(mechanics.model, last.place)]
     if _solved(steps):
-        findings += facets_in_result(model, last.contact)
-    return findings_of_steps(model, steps, findings)
+        findings += facets_in_result(mechanics.model, last.contact)
+    return findings_of_steps(mechanics, steps, findings)
 
 
 def findings_of_steps(
-    model: SolidBody, steps: Sequence[StepResult], further: Sequence[Finding]
+    mechanics: Mechanics, steps: Sequence[StepResult], further: Sequence[Finding]
 ) -> list[Finding]:
     """What is odd about results of load steps, beside what is known; where the last one has none,
     why; collective.
     """
     if not _solved(steps):
         return [*further, *(step.reason for step in steps if step.reason is not None)]
+    model = mechanics.model
     lost = sorted({piece for step in steps for piece in step.certificate.unjudged})
     names = [model.motions.pieces.called(piece) for piece in lost]
     return [
         *pushed_nodes([step.contact for step in steps], model.tagged.size),
         *loose_at_rest(model, steps, model.statement.forces_at),
-        *shapes_in_results(model.shapes(_shown(steps).place), _shown(steps).displacement),
+        *shapes_in_results(mechanics.shapes(_shown(steps).place), _shown(steps).displacement),
         *slid_at_corners(_shown(steps).contact),
         *further,
         *result_findings([step.deformation for step in steps], names),
@@ -323,7 +326,7 @@ def _allowed(model: Model) -> Callable[[fem.Function], float] | None:
         "auto",
     ):
         return None
-    recovery = model.recovery if isinstance(model, SolidBody) else StressRecovery.of(model)
+    recovery = StressRecovery.of(model)
     share = PATH_ERROR_SHARE[model.statement.element.degree]
     return lambda y: share * recovery.error(y)
 
@@ -334,14 +337,15 @@ class StatedProblem:
     stays of that.
     """
 
-    model: SolidBody
+    model: Model
     _task: Task | None  # its contact problem, once it is needed
     timings: Timings
     history: History  # of all solves
     effects: Sequence[StepEffect] = ()
     # For two durations at most, the body of a step from that without effects in time.
-    _timed: dict[float, tuple[SolidBody, SolidBody]] = field(default_factory=dict)
-    _of_task: SolidBody | None = None  # the body of the task, where it is another one
+    _timed: dict[float, tuple[Model, Model]] = field(default_factory=dict)
+    _of_task: Model | None = None  # the body of the task, where it is another one
+    _mechanics: StatedMechanics | None = None  # of the last body
 
     @property
     def task(self) -> Task:
@@ -360,6 +364,12 @@ class StatedProblem:
     def waits(self) -> bool:
         """Whether it is one of several load steps."""
         return self.path.several
+
+    def mechanics(self, model: Model) -> StatedMechanics:
+        """What the statement says of a body of a step, kept for the next one of the same body."""
+        if self._mechanics is None or self._mechanics.model is not model:
+            self._mechanics = StatedMechanics(model)
+        return self._mechanics
 
     def points(self) -> tuple[ContactBoundary, fem.FunctionSpace]:
         """See ``State.save``."""
@@ -412,7 +422,7 @@ class StatedProblem:
             stepped, stepped.rigid, self.task, first, placements(stepped.statement), drift, spin
         )
 
-    def _with_effects(self, body: SolidBody, state: State, dt: float) -> SolidBody:
+    def _with_effects(self, body: Model, state: State, dt: float) -> Model:
         """The body of a step: what is assembled of it is kept for two durations."""
         stepped: Any = body
         for effect in self.effects:
@@ -436,7 +446,7 @@ class StatedProblem:
         """Go on with the shortenings that forces have led to."""
         if not self.model.statement.preloads:
             return
-        found = report.body
+        found = report.mechanics.model
         self.model = replace(self.model, statement=found.statement, applied=found.applied)
 
     def step(self, state: State, time: float) -> tuple[State, StepResult]:

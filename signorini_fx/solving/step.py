@@ -18,6 +18,7 @@ from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.errors import FormError
 from signorini_fx.mechanics.body.deformation import deformation_of
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
+from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.state import State
 from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.mechanics.step_effect import AddedForces, StepContact, StepEffect, StepEnd
@@ -30,7 +31,7 @@ from signorini_fx.results.certificate.law_of_method import (
     Tractions,
     overclosures_of,
 )
-from signorini_fx.results.mechanics import SolidBody, StepResult
+from signorini_fx.results.mechanics import Mechanics, StepResult
 from signorini_fx.solving.frames import Posed, start_of, state_of, vectors_of
 
 Array = npt.NDArray[np.float64]
@@ -67,6 +68,9 @@ class Problem(Protocol):
         an earlier step has left counts.
         """
 
+    def mechanics(self, model: Model) -> Mechanics:
+        """What says the forces and stresses of a body that was posed."""
+
     def accept(self, report: Report) -> None:
         """A step has ended with a solution, from which the next one goes on."""
 
@@ -77,7 +81,7 @@ class Report:
 
     Attributes:
         result: what is shown of it.
-        body: as it is in the step.
+        mechanics: of the body as it is in the step.
         posed: what it was solved with.
         start: where it began.
         outcome: how its contact problem has ended, with the iterate of the method as long as no
@@ -86,7 +90,7 @@ class Report:
     """
 
     result: StepResult
-    body: SolidBody
+    mechanics: Mechanics
     posed: Posed
     start: Start
     outcome: Outcome
@@ -136,7 +140,7 @@ def step(
     posed, start, before = begun(problem, state, place, time, guess)
     body = posed.body
     reason = None
-    assert isinstance(body, SolidBody)
+    assert isinstance(body, Model)
     with problem.timings.phase("iterate"):
         if body.statement.tightens(place):
             from signorini_fx.solving.bolt_preloads import found_in, solve_tightened
@@ -182,16 +186,16 @@ def ended(
     if not problem.effects:
         return new, report
     posed = report.posed
-    body = report.body
+    mechanics = report.mechanics
     place = report.start.place
     y = report.result.displacement
     with problem.timings.phase("certify"):
         end = StepEnd(
-            body,
+            mechanics.model,
             report.result.contact,
             posed.gap,
             y.x.array,
-            body.loads_at(place),
+            mechanics.loads_at(place),
             partial(_reactions, problem.effects, report, state),
             vectors_of(report.start.elastic_slip, posed.boundary.tangents),
             report.outcome.augmented,
@@ -222,7 +226,7 @@ def begun(
     else:
         start, before = start_of(posed, state, guess)
     body = posed.body
-    assert isinstance(body, SolidBody)
+    assert isinstance(body, Model)
     laws = overclosures_of(body.statement)
     if (
         body.boundary is not None and laws
@@ -231,7 +235,7 @@ def begun(
         for number, law in laws.items():
             share[body.boundary.part == number] = law.stiffness / start.data.gamma_n
         start = replace(start, data=replace(start.data, share=share))
-    factors = _loaded(posed, problem.effects, state, place)
+    factors = _loaded(problem.mechanics(body), posed, problem.effects, state, place)
     return posed, replace(start, place=place, factors=factors, several=problem.waits), before
 
 
@@ -247,7 +251,7 @@ def _lasting(posed: Posed, dt: float) -> Posed:
     refuse_no_duration(dt)
     law = replace(law, dt=dt)
     body = posed.body
-    assert isinstance(body, SolidBody)
+    assert isinstance(body, Model)
     return replace(posed, first=replace(posed.first, law=law), body=replace(body, law=law))
 
 
@@ -275,25 +279,25 @@ def with_contact(posed: Posed, effects: Sequence[StepEffect], state: State) -> P
     for effect in effects:
         contact = effect.contact(contact, state, posed.dt)
     first = replace(first, data=contact.data, law=contact.law)
-    if isinstance(body, SolidBody) and body.data is not None:
+    if isinstance(body, Model) and body.data is not None:
         # Displacements of its gap are not counted from the reference motion.
         unshifted = body.data.gap + (contact.data.gap - posed.first.data.gap)
         body = replace(body, data=replace(body.data, gap=unshifted), law=contact.law)
     return replace(posed, body=body, first=first, drift=contact.drift, gap=contact.gap)
 
 
-def _loaded(posed: Posed, effects: Sequence[StepEffect], state: State, place: float) -> Array:
+def _loaded(
+    mechanics: Mechanics, posed: Posed, effects: Sequence[StepEffect], state: State, place: float
+) -> Array:
     """Give a system the loads of a step, and return their factors; collective."""
-    body = posed.body
     system = posed.task.system
-    assert isinstance(body, SolidBody)
     if any(effect.overrides("load") for effect in effects):
-        loads = body.loads_at(place)
+        loads = mechanics.loads_at(place)
         for effect in effects:
-            if (case := effect.load(body, loads, state, posed.dt)) is not None:
+            if (case := effect.load(mechanics.model, loads, state, posed.dt)) is not None:
                 system.set_case(0, case)
                 return np.eye(len(system.cases))[0]
-    return body.load(system, place)
+    return mechanics.load(system, place)
 
 
 def judged(
@@ -310,7 +314,8 @@ def judged(
     task = posed.task
     path = problem.path
     place = start.place
-    assert isinstance(body, SolidBody)
+    assert isinstance(body, Model)
+    mechanics = problem.mechanics(body)
     with problem.timings.phase("certify"):
         unknowns = outcome.displacement()
         displacement = body.from_rest(task.rest, unknowns)
@@ -318,14 +323,14 @@ def judged(
         if body.boundary is not None:
             contact = ContactState.of(task.contact(outcome, start), body.boundary)
         rigid = body.rigid.moved(body.driven(unknowns, task.rest)) if body.rigid.bodies else ()
-        certificate = body.certified(
+        certificate = mechanics.certified(
             displacement,
             None if contact is None else Tractions.of(contact),
             law=Law(*task.promised(outcome)),
             step=place,
             last=before,
             rigid=rigid,
-            more=_added_forces(problem.effects, posed, body, state, place),
+            more=_added_forces(problem.effects, posed, mechanics, state, place),
         )
         moves = any(effect.moves_bodies for effect in problem.effects)
         deformation = deformation_of(body, displacement, body.tagged.size, moves=moves)
@@ -338,7 +343,7 @@ def judged(
                 status = Status.TOO_LARGE
             elif status is Status.CONVERGED and not certificate.holds:
                 status = Status.NOT_CERTIFIED
-            elif status is Status.CONVERGED and (shapes := body.shapes(place)):
+            elif status is Status.CONVERGED and (shapes := mechanics.shapes(place)):
                 from signorini_fx.mechanics.obstacles.corner_depths import deepest_corner
 
                 deep = deepest_corner(shapes, displacement, rigid, body.boundary)
@@ -361,31 +366,31 @@ def judged(
             reason=reason,
         )
     new = state_of(posed, start, outcome, displacement, state)
-    report = Report(result, body, posed, start, outcome, outcome.problem.data)
+    report = Report(result, mechanics, posed, start, outcome, outcome.problem.data)
     return replace(new, time=result.time), report
 
 
 def _added_forces(
-    effects: Sequence[StepEffect], posed: Posed, body: SolidBody, state: State, place: float
+    effects: Sequence[StepEffect], posed: Posed, mechanics: Mechanics, state: State, place: float
 ) -> list[Callable[[Array], AddedForces | None]]:
     """What effects add to the balance at a displacement; collective."""
     more = [effect.forces for effect in effects if effect.overrides("forces")]
     if not more:
         return []
-    loads = body.loads_at(place)
-    return [partial(add, body, loads, state, posed.dt) for add in more]
+    loads = mechanics.loads_at(place)
+    return [partial(add, mechanics.model, loads, state, posed.dt) for add in more]
 
 
 def _reactions(effects: Sequence[StepEffect], report: Report, state: State) -> Array:
     """The forces of supports on the owned nodes, shape (owned nodes, d); collective."""
-    body = report.body
+    mechanics = report.mechanics
     place = report.start.place
     y = report.result.displacement
-    balance = body.balance(y, place)
-    for add in _added_forces(effects, report.posed, body, state, place):
+    balance = mechanics.balance(y, place)
+    for add in _added_forces(effects, report.posed, mechanics, state, place):
         if (added := add(y.x.array)) is not None:
             balance = balance.with_added(added)
-    return reactions_of(balance, body.conditions(y), report.result.contact)
+    return reactions_of(balance, mechanics.conditions(y), report.result.contact)
 
 
 def reactions_of(

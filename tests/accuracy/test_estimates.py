@@ -61,8 +61,10 @@ def test_what_is_missed_is_part_of_the_estimates():
     divided for.
     """
     solution = alone(block(x="3 if x[1] < 0.3 else 1"))
-    d, table = solution.model, table_of(solution)
-    errors = estimate_errors(d, solution.displacement, solution.steps[-1].strain_energy, table, 0)
+    energy = solution.steps[-1].strain_energy
+    errors = estimate_errors(
+        solution.mechanics, solution.displacement, energy, table_of(solution), 0
+    )
     assert errors.loads > 1e-4
     total = {name: squares.sum() for name, squares in errors.squares.items()}
     body = total["energy"] - errors.loads**2
@@ -118,7 +120,7 @@ def test_rings():
         }
         solution = alone(parse_scene(data))
         energy = solution.steps[-1].strain_energy
-        d = solution.model
+        d = solution.mechanics
         errors.append(estimate_errors(d, solution.displacement, energy, table_of(solution), 0))
     for name in ("energy", "pressure"):
         assert getattr(errors[0], name) == pytest.approx(getattr(errors[1], name), rel=1e-6), name

@@ -78,7 +78,7 @@ def stated(solution):
     """The estimated error of its pressure."""
     table = contact_table(solution.contact, *solution.statement.sides)
     energy = solution.steps[-1].strain_energy
-    return estimate_errors(solution.model, solution.displacement, energy, table, 0)
+    return estimate_errors(solution.mechanics, solution.displacement, energy, table, 0)
 
 
 @pytest.mark.parametrize(("nx", "ny", "seen"), [(128, 4, True), (32, 8, False), (16, 32, False)])

@@ -660,7 +660,7 @@ def test_returned_classes():
         "LoadCase",
         "Task",
         "Posed",
-        "SolidBody",
+        "Mechanics",
         "Model",
         "Statement",
         "StressRecovery",

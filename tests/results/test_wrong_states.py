@@ -12,12 +12,12 @@ from test_certificate_of_pairs import scene as two_bodies
 
 from signorini_fx.records import Status
 from signorini_fx.results.certificate.law_of_method import Tractions
-from signorini_fx.results.mechanics import SolidBody
+from signorini_fx.results.mechanics import Mechanics
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
 from signorini_fx.tuned import CERTIFICATE_TOLERANCE
 
-COMM, RIGHT = MPI.COMM_WORLD, SolidBody.certified
+COMM, RIGHT = MPI.COMM_WORLD, Mechanics.certified
 BOWL = {"gap": "0.01*(x[0] - 1)**2"}
 PULLED = {"boundary": "right", "x": 1.0, "factors": [1.0, 1.0001]}
 SLIDING = {
@@ -84,7 +84,7 @@ def of_another(**problem):
 
     def wrong(y, tractions, of):
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(SolidBody, "certified", RIGHT)
+            patch.setattr(Mechanics, "certified", RIGHT)
             found = solve(block(**problem), COMM, check=False)
         y.x.array[:] = found.displacement.x.array
         return y, Tractions.of(found.contact)
@@ -181,7 +181,7 @@ def test_states(state, monkeypatch):
     scene, wrong, figure = WRONG[state]
     assert solve(scene, COMM).converged
     monkeypatch.setattr(
-        SolidBody, "certified", lambda self, y, t, **of: RIGHT(self, *wrong(y, t, of), **of)
+        Mechanics, "certified", lambda self, y, t, **of: RIGHT(self, *wrong(y, t, of), **of)
     )
     step = solve(scene, COMM, check=False).steps[-1]
     assert COMM.allgather(step.status) == [Status.NOT_CERTIFIED] * COMM.size
@@ -194,12 +194,13 @@ def test_maps_of_pairs(part, monkeypatch):
     """Forces and moments of both bodies balance, and the points are as far apart as their sides."""
 
     def spoilt(self, y):
-        ((number, pair),) = self.pairs.items()
+        ((number, pair),) = self.model.pairs.items()
         coupling = replace(pair.coupling, **MAPS[part](pair.coupling))
-        return conditions(replace(self, pairs={number: replace(pair, coupling=coupling)}), y)
+        pairs = {number: replace(pair, coupling=coupling)}
+        return conditions(replace(self, model=replace(self.model, pairs=pairs)), y)
 
-    conditions = SolidBody.conditions
-    monkeypatch.setattr(SolidBody, "conditions", spoilt)
+    conditions = Mechanics.conditions
+    monkeypatch.setattr(Mechanics, "conditions", spoilt)
     found = solve(two_bodies(), COMM, check=False)
     assert found.status is Status.NOT_CERTIFIED
     assert found.certificate.worst_name == "coupling"

@@ -3,12 +3,14 @@
 from signorini_fx.mechanics.body.discretisation import prepare
 from signorini_fx.records import Timings
 from signorini_fx.results.certificate.law_of_method import UNREGULARISED
-from signorini_fx.results.mechanics import StatedBody
+from signorini_fx.results.mechanics import StatedMechanics
 
 
 def certify(
     statement, tagged, displacement, tractions, *, law=UNREGULARISED, step=0, before=None, rigid=()
 ):
     """Of a load step."""
-    body = StatedBody.of(prepare(statement, tagged, Timings(), path_step=step))
-    return body.certified(displacement, tractions, law=law, step=step, last=before, rigid=rigid)
+    mechanics = StatedMechanics(prepare(statement, tagged, Timings(), path_step=step))
+    return mechanics.certified(
+        displacement, tractions, law=law, step=step, last=before, rigid=rigid
+    )

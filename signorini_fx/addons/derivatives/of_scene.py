@@ -230,7 +230,7 @@ class _Steps:
         solved: list[_Step] = []
 
         def keep(report: Report) -> None:
-            model = report.body
+            model = report.mechanics.model
             contact = report.result.contact
             start = report.start
             assert contact is not None

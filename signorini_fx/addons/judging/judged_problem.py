@@ -313,7 +313,7 @@ class SolutionOnMesh:
             begun = Tractions.of(steps[-2].contact)
             elastic = np.asarray(begun.shear / law.gamma_t)
             last = PreviousStep(steps[-2].displacement, begun, elastic)
-        return solution.model.certified(
+        return solution.mechanics.certified(
             u, tractions, law=law, step=steps[-1].place, last=last, rigid=()
         )
 

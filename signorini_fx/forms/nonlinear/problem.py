@@ -32,8 +32,8 @@ from signorini_fx.forms.nonlinear.residual import (
     refuse_miscompiled,
 )
 from signorini_fx.forms.nonlinear.results import (
+    NonlinearMechanics,
     Norms,
-    ResidualBody,
     ResidualMechanics,
     green_strain,
     lost_digits,
@@ -299,14 +299,13 @@ class NonlinearContactProblem(ProblemOfForms):
 
         assert linear.outcome is not None
         named = named_parts(linear.forms, linear.elastic.settings, ("F",))
-        model = model_of(linear.elastic, named, path, title, linear.begun.law, {}, linear.rigid)
-        body = ResidualBody.of(
-            model, ends=ends, boundaries=linear.forms.boundaries, errors_now=errors
-        )
+        contact = (linear.begun.law, dict[int, Any](), linear.rigid)
+        model = model_of(linear.elastic, named, path, title, linear.scales.modulus, *contact)
+        mechanics = NonlinearMechanics(model, ends, linear.forms.boundaries, errors)
         ended = (linear.outcome, linear.outcome.problem.data)
         found = self.findings
         solution = contact_solution(
-            body, steps, linear.task, ended, self._solver.timings, lambda: found
+            mechanics, steps, linear.task, ended, self._solver.timings, lambda: found
         )
         status = self.status or Status.CONVERGED
         algorithm = f"newton, {solution.algorithm}"
@@ -316,8 +315,8 @@ class NonlinearContactProblem(ProblemOfForms):
     def _errors_in_body(
         self, solution: Solution
     ) -> tuple[Any, float, Collection[int], float | None]:
-        body: Any = solution.model
-        known = body.errors_now(True)
+        mechanics: Any = solution.mechanics
+        known = mechanics.errors_now(True)
         if isinstance(known, str):
             raise RuntimeError(known)
         shares, (stress, strain) = known

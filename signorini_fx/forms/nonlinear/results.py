@@ -41,7 +41,7 @@ from signorini_fx.results.certificate.corner_feet import judged_corners
 from signorini_fx.results.certificate.equilibrium import Balance
 from signorini_fx.results.certificate.law_of_method import Law, PreviousStep, Tractions
 from signorini_fx.results.certificate.pair_points import PairPoints
-from signorini_fx.results.mechanics import SolidBody, StepResult
+from signorini_fx.results.mechanics import Mechanics, StepResult
 from signorini_fx.results.resultants import ActingForces
 from signorini_fx.results.stresses import RawStresses
 from signorini_fx.tuned import CERTIFICATE_TOLERANCE, FACETS_OF_KEPT_PARTNERS
@@ -61,9 +61,11 @@ class ResidualMechanics:
     ]  # which dofs of this rank are prescribed, ghosts included, shape (dofs,)
 
 
-@dataclass(frozen=True, kw_only=True)
-class ResidualBody(SolidBody):
-    """A body that its residual says all of, at the displacements of its load steps."""
+@dataclass(frozen=True)
+class NonlinearMechanics(Mechanics):
+    """The mechanics of a model that its residual says all of, at the displacements of its load
+    steps.
+    """
 
     no_bounds: ClassVar[str] = "a nonlinear body has no guaranteed bound"
 

@@ -155,6 +155,7 @@ def _prepared(
         elastic=on.elastic,
         title=statement.title,
         path=statement.path,
+        modulus=statement.young,
         statement=statement,
         tagged=tagged,
         law=None,

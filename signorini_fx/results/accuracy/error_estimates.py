@@ -67,15 +67,16 @@ class Errors:
 
 
 def estimate_errors(
-    model: Any, displacement: fem.Function, energy: float, table: ContactTable, step: float
+    mechanics: Any, displacement: fem.Function, energy: float, table: ContactTable, step: float
 ) -> Errors:
-    """Estimate the errors on a mesh of a ``SolidBody``; ``energy``: strain energy of the solution;
-    collective.
+    """Estimate the errors on a mesh by the mechanics of a body; ``energy``: strain energy of the
+    solution; collective.
     """
+    model = mechanics.model
     missed = missed_loads(model, step) + missed_gaps(model, table, step)
     squares = np.zeros(missed.shape)
     if energy > 0:
-        squares = model.recovery.squares(displacement, step)
+        squares = mechanics.recovery.squares(displacement, step)
     if parallel.any_rank(model.comm, bool(missed.any())):
         pressed = float(np.dot(table.columns["weight"], np.abs(table.columns["pressure"])))
         forces = sum(factor * load.pushing for factor, load in model.applied_at(step))
