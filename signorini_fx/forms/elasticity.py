@@ -37,8 +37,11 @@ from signorini_fx.mechanics.interfaces import PlacedShape
 from signorini_fx.mechanics.kinematics import CARTESIAN
 from signorini_fx.mechanics.kinematics.protocol import PLANE_STRESS, padded
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, is_section
-from signorini_fx.mechanics.model import ElasticBody, Loads
+from signorini_fx.mechanics.model import Loads, Model
+from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodies
+from signorini_fx.mechanics.statement.load_path import counted_path
 from signorini_fx.mechanics.statement.settings import SolverSettings
+from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.results.certificate.body_nodes import PrescribedNodes, RigidPart
 from signorini_fx.results.certificate.equilibrium import Balance
 from signorini_fx.results.mechanics import Mechanics
@@ -60,12 +63,14 @@ def elastic_body(
     fixed: npt.NDArray[np.bool_],
     boundary: ContactBoundary | None,
     settings: SolverSettings,
+    named: tuple[Statement, TaggedMesh],
     **more: Any,
-) -> ElasticBody:
-    """The elastic body of a user's form, assembled unless ``more`` has that, see ``ElasticBody``;
-    collective.
+) -> Model:
+    """The elastic body of a user's form, assembled unless ``more`` has that, see ``Model``;
+    ``named``: see ``named_parts``; collective.
     """
-    body = ElasticBody(
+    kinematics = CARTESIAN[space.mesh.geometry.dim]
+    body = Model(
         space=space,
         terms=lambda: (a,),
         resists=None,
@@ -75,7 +80,11 @@ def elastic_body(
         pieces=find_pieces(space.mesh),
         boundary=boundary,
         settings=settings,
-        kinematics=CARTESIAN[space.mesh.geometry.dim],
+        kinematics=kinematics,
+        statement=named[0],
+        tagged=named[1],
+        path=counted_path(0),
+        rigid=RigidBodies((), kinematics, 1.0),
         **more,
     )
     if not body.is_assembled:
@@ -122,7 +131,7 @@ def check_energy(
 
 
 def modulus_of(
-    body: ElasticBody, boundary: ContactBoundary, facets: Sequence[npt.NDArray[np.int32]]
+    body: Model, boundary: ContactBoundary, facets: Sequence[npt.NDArray[np.int32]]
 ) -> float:
     """The modulus of a body, the scale of gamma, by its stiffness; collective.
 

@@ -5,7 +5,7 @@ facets, and what it knows by name: parts of its boundary, and its contact as the
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import basix
@@ -16,7 +16,6 @@ from dolfinx import default_scalar_type, fem, la
 from dolfinx import mesh as dmesh
 from pydantic import BaseModel
 
-from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.errors import FormError, SceneError
 from signorini_fx.machine import compat, parallel
 from signorini_fx.machine.compilation import compiling
@@ -26,15 +25,13 @@ from signorini_fx.mechanics.kinematics import of_components
 from signorini_fx.mechanics.laws.coulomb import NoFriction
 from signorini_fx.mechanics.laws.protocol import FrictionLaw
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, is_section, tagged_mesh
-from signorini_fx.mechanics.model import ElasticBody, Model
-from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodies
-from signorini_fx.mechanics.statement.load_path import LoadPath, LoadSteps
+from signorini_fx.mechanics.statement.load_path import LoadSteps
 from signorini_fx.mechanics.statement.settings import Discretised, SolverSettings
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.mechanics.statement.values import kind_of
 
 if TYPE_CHECKING:
-    from signorini_fx.mechanics.obstacles.paired_points import PairedSides
+    pass
 
 Facets = npt.NDArray[np.int32]
 Law = Callable[[Any], Any]
@@ -164,34 +161,6 @@ def named_parts(
         origin={"forms": tuple(arguments or listed), "mesh": tagged},
     )
     return statement, tagged
-
-
-def model_of(
-    elastic: ElasticBody,
-    named: tuple[Statement, TaggedMesh],
-    path: LoadPath,
-    title: str,
-    modulus: float,
-    law: PointFriction | None,
-    pairs: Mapping[int, PairedSides],
-    rigid: RigidBodies,
-) -> Model:
-    """An elastic body of forms that are known by name, with load steps, and with a title of
-    results.
-    """
-    statement, tagged = named
-    body = {field.name: getattr(elastic, field.name) for field in fields(elastic)}
-    return Model(
-        **body,
-        title=title,
-        path=path,
-        modulus=modulus,
-        statement=statement,
-        tagged=tagged,
-        law=law,
-        pairs=pairs,
-        rigid=rigid,
-    )
 
 
 _NOT_A_SETTING = "is no setting of a contact problem"

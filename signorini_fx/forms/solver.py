@@ -7,6 +7,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -33,7 +34,6 @@ from signorini_fx.forms.elasticity import (
 from signorini_fx.forms.given_forms import (
     GivenForms,
     conditions_of,
-    model_of,
     named_parts,
     settings_of,
 )
@@ -45,7 +45,7 @@ from signorini_fx.mechanics.contact_points.contact_boundary import ContactBounda
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.interfaces import Foundation, Pair
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
-from signorini_fx.mechanics.model import ElasticBody, Model
+from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.obstacles.foundations_on_points import (
     FoundationData,
     Foundations,
@@ -56,6 +56,7 @@ from signorini_fx.mechanics.rigid.rigid_bodies import Driven, RigidBodies, Rigid
 from signorini_fx.mechanics.scales import Scales
 from signorini_fx.mechanics.state import State
 from signorini_fx.mechanics.statement.load_path import LoadPath, counted_path
+from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.mechanics.step_effect import StepEffect
 from signorini_fx.records import History, Status, Timings
 from signorini_fx.results.certificate.certificate import Certificate
@@ -68,10 +69,11 @@ from signorini_fx.solving.step import Report, step
 class FormSolver:
     """The contact problem of forms as it is now, and the end of the last step."""
 
+    _stated_by: Sequence[str] = ()  # what a user gives; empty: forms a and L
     _foundations_class: Callable[..., Foundations] = Foundations
 
     boundary: ContactBoundary
-    elastic: ElasticBody
+    elastic: Model
     scales: Scales
     task: Task
     begun: Start  # where the last solve began
@@ -92,7 +94,7 @@ class FormSolver:
         settings: dict[str, Any],
         petsc_options: tuple[str, Mapping[str, Any]],  # a prefix, and options without it
         effects: Sequence[StepEffect] = (),
-        density: Any = None,  # see ``ElasticBody``
+        density: Any = None,  # see ``Model``
     ) -> None:
         space = self.space = forms.space
         self.forms = forms
@@ -130,9 +132,11 @@ class FormSolver:
             None  # the last solution of the step that begins there, or of the one before
         )
         self._state: ContactState | None = None
-        self._named: tuple[Any, TaggedMesh] | None = (
-            None  # once it is asked for, see ``named_parts``
-        )
+
+    @cached_property
+    def named(self) -> tuple[Statement, TaggedMesh]:
+        """See ``named_parts``."""
+        return named_parts(self.forms, self.settings, self._stated_by)
 
     @property
     def set_up(self) -> bool:
@@ -382,7 +386,7 @@ class FormSolver:
                 raise FormError([(name, "is not finite somewhere")])
         return self.elastic.case(forces, values, self.driven, lifted=lifted)
 
-    def _body(self, fixed: npt.NDArray[np.bool_], boundary: ContactBoundary) -> ElasticBody:
+    def _body(self, fixed: npt.NDArray[np.bool_], boundary: ContactBoundary) -> Model:
         points = boundary if self.contact else None
         body: Any = elastic_body(
             self.space,
@@ -391,6 +395,7 @@ class FormSolver:
             fixed,
             points,
             self.settings,
+            self.named,
             density=lambda: self.density,
         )
         stated = body
@@ -430,12 +435,16 @@ class FormSolver:
         """The body as the forms are now; without a path its load steps are those of the user's own
         loop; collective.
         """
-        if self._named is None:
-            self._named = named_parts(self.forms, self.settings)
-        path = path or counted_path(self.begun.step)
-        contact = (self.law, self.foundations.pairs, self.rigid)
-        model = model_of(self.elastic, self._named, path, title, self.scales.modulus, *contact)
-        return replace(model, data=self.unshifted)
+        return replace(
+            self.elastic,
+            title=title,
+            path=path or counted_path(self.begun.step),
+            modulus=self.scales.modulus,
+            law=self.law,
+            pairs=self.foundations.pairs,
+            rigid=self.rigid,
+            data=self.unshifted,
+        )
 
     def mechanics(self, model: Model) -> FormMechanics:
         """What the forms say of a model, with their values of now."""

@@ -57,6 +57,7 @@ from signorini_fx.mechanics.rigid.rigid_motions import (
 )
 from signorini_fx.mechanics.scales import Scales
 from signorini_fx.mechanics.statement.expressions import in_space, sample
+from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.mechanics.statement.settings import SolverSettings
 from signorini_fx.tuned import FEWEST_BLOCK_UNKNOWNS, FINER_LEVELS
 
@@ -66,7 +67,6 @@ if TYPE_CHECKING:
     from signorini_fx.mechanics.loads.load_vectors import AppliedLoad, FormCoefficients
     from signorini_fx.mechanics.loads.supports import Conditions
     from signorini_fx.mechanics.obstacles.paired_points import PairedSides
-    from signorini_fx.mechanics.statement.load_path import LoadPath
     from signorini_fx.mechanics.statement.statement import Statement
 
 Array = npt.NDArray[np.float64]
@@ -87,8 +87,9 @@ class Loads:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ElasticBody:
-    """A symmetric form a(., .) on a vector Lagrange space with supports and contact points.
+class Model:
+    """An elastic body on its mesh, a symmetric form a(., .) on a vector Lagrange space, with the
+    names of its parts, its supports, its contact points and all that acts on it.
 
     Each part is compiled and assembled when it is first needed; what takes forms, matrices or
     motions is collective.
@@ -129,6 +130,21 @@ class ElasticBody:
     # Which contact points are not expected to touch, shape (n,), at a displacement; None: any of
     # them may.
     far: tuple[npt.NDArray[np.bool_], fem.Function] | None = None
+    statement: Statement  # names; of forms of a user's own less than all that acts
+    tagged: TaggedMesh  # the mesh; where displacements have a component out of it a section in 3D
+    path: LoadPath  # the load steps
+    title: str = ""  # any text
+    modulus: float = 0.0  # the natural unit of stress; 0: it is not known yet
+    law: PointFriction | None = None  # of friction; None where no law can act
+    # Both sides of each contact of two bodies, by its place in ``statement.contact``.
+    pairs: Mapping[int, PairedSides] = field(default_factory=dict)
+    rigid: RigidBodies  # those whose motion is an unknown
+    supports: Conditions = field(default_factory=list)  # one component each: ``bcs``
+    applied: tuple[AppliedLoad, ...] = ()  # the loads, by their load factors
+    # At the contact points, without shifts; None without contact.
+    data: RegularisedData | None = None
+    # Of the forms of loads and resistances; None: a user's forms.
+    coefficients: FormCoefficients | None = None
     # What a condensed system with another boundary has made of the same stiffness; None: there is
     # none.
     eliminated: SchurComplement | None = field(default=None, repr=False, compare=False)
@@ -592,34 +608,6 @@ class ElasticBody:
         x.getArray()[:] = values.ravel()[: x.getLocalSize()]
         self.rotation.multTranspose(x, result)
         return result
-
-
-@dataclass(frozen=True, kw_only=True)
-class Model(ElasticBody):
-    """An elastic body on its mesh with the names of its parts, its contact and all that acts on
-    it.
-    """
-
-    title: str  # any text
-    path: LoadPath  # the load steps
-    modulus: float  # the natural unit of stress
-    statement: Statement  # names and settings; of forms of a user's own less than all that acts
-    tagged: TaggedMesh  # the mesh; where displacements have a component out of it a section in 3D
-    law: PointFriction | None  # of friction; None where no law can act
-    pairs: Mapping[
-        int, PairedSides
-    ]  # both sides of each contact of two bodies, by its place in ``statement.contact``
-    rigid: RigidBodies  # those whose motion is an unknown
-    supports: Conditions = field(
-        default_factory=list
-    )  # prescribed displacements, one component each: ``bcs``
-    applied: tuple[AppliedLoad, ...] = ()  # the loads, by their load factors
-    data: RegularisedData | None = (
-        None  # at the contact points, without shifts; None without contact
-    )
-    coefficients: FormCoefficients | None = (
-        None  # of the forms of loads and resistances; None: a user's forms
-    )
 
     @property
     def scales(self) -> Scales:

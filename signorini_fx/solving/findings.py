@@ -30,7 +30,7 @@ from signorini_fx.mechanics.body.deformation import Deformation
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.contact_points.contact_table import contact_table
 from signorini_fx.mechanics.interfaces import PlacedShape
-from signorini_fx.mechanics.model import ElasticBody, Model
+from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.obstacles.corner_depths import FACETS_OF_ROUNDING, facing_corners
 from signorini_fx.mechanics.obstacles.scene_contact import hard_foundations
 from signorini_fx.mechanics.obstacles.shapes_inside import BodyCells
@@ -767,7 +767,7 @@ def _hardly_held(body: Model, task: Task, when: str) -> Finding:
     return Finding("warning", "displacement", message)
 
 
-def loose_in(body: ElasticBody, step: StepResult) -> list[int]:
+def loose_in(body: Model, step: StepResult) -> list[int]:
     """The assemblies that supports do not hold, and that have no tractions in a load step;
     collective.
     """
@@ -779,7 +779,7 @@ def loose_in(body: ElasticBody, step: StepResult) -> list[int]:
 
 
 def loose_at_rest(
-    body: ElasticBody, steps: Sequence[StepResult], path: str, names: tuple[str, ...] = ()
+    body: Model, steps: Sequence[StepResult], path: str, names: tuple[str, ...] = ()
 ) -> Iterator[Finding]:
     """Load steps that leave what nothing presses on where it was; ``names``: of bodies if pieces
     have none.
@@ -796,7 +796,7 @@ def loose_at_rest(
     yield Finding("note", path, message)
 
 
-def _named(body: ElasticBody, loose: Sequence[int], names: tuple[str, ...] = ()) -> str:
+def _named(body: Model, loose: Sequence[int], names: tuple[str, ...] = ()) -> str:
     """These assemblies with their free motions; ``names``: see ``loose_at_rest``."""
     motions = body.motions
     if names:

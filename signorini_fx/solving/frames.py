@@ -21,7 +21,7 @@ from signorini_fx.algebra.contact.nodal_vectors import inner, length, unit
 from signorini_fx.errors import FormError
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary, no_points
-from signorini_fx.mechanics.model import ElasticBody
+from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodies
 from signorini_fx.mechanics.state import ContactValues, Field, State, at_cells
 from signorini_fx.mechanics.statement.rigid_shape import Placement
@@ -52,7 +52,7 @@ class Posed:
         linear: whether the body is: the iterate of a step then begins with the last solution.
     """
 
-    body: ElasticBody
+    body: Model
     rigid: RigidBodies
     task: Task
     first: Start

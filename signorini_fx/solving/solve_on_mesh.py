@@ -365,7 +365,7 @@ class StatedProblem:
         """Whether it is one of several load steps."""
         return self.path.several
 
-    def mechanics(self, model: Model) -> StatedMechanics:
+    def mechanics(self, model: Model) -> Mechanics:
         """What the statement says of a body of a step, kept for the next one of the same body."""
         if self._mechanics is None or self._mechanics.model is not model:
             self._mechanics = StatedMechanics(model)

@@ -140,7 +140,6 @@ def step(
     posed, start, before = begun(problem, state, place, time, guess)
     body = posed.body
     reason = None
-    assert isinstance(body, Model)
     with problem.timings.phase("iterate"):
         if body.statement.tightens(place):
             from signorini_fx.solving.bolt_preloads import found_in, solve_tightened
@@ -226,7 +225,6 @@ def begun(
     else:
         start, before = start_of(posed, state, guess)
     body = posed.body
-    assert isinstance(body, Model)
     laws = overclosures_of(body.statement)
     if (
         body.boundary is not None and laws
@@ -251,7 +249,6 @@ def _lasting(posed: Posed, dt: float) -> Posed:
     refuse_no_duration(dt)
     law = replace(law, dt=dt)
     body = posed.body
-    assert isinstance(body, Model)
     return replace(posed, first=replace(posed.first, law=law), body=replace(body, law=law))
 
 
@@ -279,7 +276,7 @@ def with_contact(posed: Posed, effects: Sequence[StepEffect], state: State) -> P
     for effect in effects:
         contact = effect.contact(contact, state, posed.dt)
     first = replace(first, data=contact.data, law=contact.law)
-    if isinstance(body, Model) and body.data is not None:
+    if body.data is not None:
         # Displacements of its gap are not counted from the reference motion.
         unshifted = body.data.gap + (contact.data.gap - posed.first.data.gap)
         body = replace(body, data=replace(body.data, gap=unshifted), law=contact.law)
@@ -314,7 +311,6 @@ def judged(
     task = posed.task
     path = problem.path
     place = start.place
-    assert isinstance(body, Model)
     mechanics = problem.mechanics(body)
     with problem.timings.phase("certify"):
         unknowns = outcome.displacement()

@@ -15,7 +15,7 @@ from signorini_fx.algebra.algorithms.ssn import SemismoothNewton
 from signorini_fx.machine import compat
 from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
 from signorini_fx.mechanics.mesh.refinement import refine
-from signorini_fx.mechanics.model import ElasticBody
+from signorini_fx.mechanics.model import Model
 from signorini_fx.records import Status
 from signorini_fx.results.certificate.law_of_method import Law, Tractions
 from signorini_fx.scenes.mesh import load_mesh
@@ -366,8 +366,8 @@ def unmoved(right):
 
 
 FAULTS = {
-    "no reference motion": (ElasticBody, "from_rest", without_reference_motion),
-    "rotation dropped": (ElasticBody, "from_rest", with_turned_rest),
+    "no reference motion": (Model, "from_rest", without_reference_motion),
+    "rotation dropped": (Model, "from_rest", with_turned_rest),
     "wrong row of the stiffness": (solve_on_mesh, "prepare", stiffer),
     "wrong load": (solve_on_mesh, "prepare", heavier),
     "wrong pressure": (SemismoothNewton, "multipliers", unmoved),

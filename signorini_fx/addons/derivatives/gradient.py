@@ -40,7 +40,7 @@ from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import action
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary, contact_map
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
-from signorini_fx.mechanics.model import ElasticBody
+from signorini_fx.mechanics.model import Model
 from signorini_fx.quantities.differentiable import ContactForce, Functional
 from signorini_fx.solving.frames import turned
 from signorini_fx.tuned import ROOT_OF_EPS
@@ -55,7 +55,7 @@ By = Callable[[Any, Sequence[Functional]], Explicit]
 class SolvedStep:
     """A load step with its solution, and all that its derivatives need."""
 
-    body: ElasticBody
+    body: Model
     system: ElasticSystem
     law: LinearisedLaw
     state: ContactState
@@ -71,7 +71,7 @@ class SolvedStep:
     @classmethod
     def of(
         cls,
-        body: ElasticBody,
+        body: Model,
         task: Task,
         outcome: Outcome,
         start: Start,
@@ -221,7 +221,7 @@ def columns(
     return slopes, values, between
 
 
-def _map_to(boundary: ContactBoundary, body: ElasticBody) -> ContactMap:
+def _map_to(boundary: ContactBoundary, body: Model) -> ContactMap:
     """B of contact points from the unknowns of a body; collective."""
     body_boundary = body.boundary
     assert body_boundary is not None
@@ -286,7 +286,7 @@ def _residual(solved: SolvedStep, data: ChangedStep) -> PETSc.Vec:
     return residual
 
 
-def elastic_forces(body: ElasticBody, forms: Sequence[fem.Form], y: fem.Function) -> PETSc.Vec:
+def elastic_forces(body: Model, forms: Sequence[fem.Form], y: fem.Function) -> PETSc.Vec:
     """A(y, .) of forms at the unknowns of the stiffness; collective."""
     nodes = np.arange(y.x.array.size // body.dimension, dtype=np.int32)
     return body.vector(action(tuple(forms), y, nodes))
@@ -314,7 +314,7 @@ def _relative(
     return np.column_stack((u_n - data.gap, u_t))
 
 
-def _displaced(solved: SolvedStep, data: ChangedStep, body: ElasticBody) -> PETSc.Vec:
+def _displaced(solved: SolvedStep, data: ChangedStep, body: Model) -> PETSc.Vec:
     """The displacement of a load step with what its data prescribe, in the unknowns of a body;
     collective.
     """

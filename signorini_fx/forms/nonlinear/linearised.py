@@ -48,7 +48,7 @@ from signorini_fx.mechanics.assembly.nodal_stiffness import JointStiffness, Noda
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.mesh.tagged import diameter_of
-from signorini_fx.mechanics.model import ElasticBody
+from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.obstacles.corner_points import BoundaryLine, CornerFeet
 from signorini_fx.mechanics.obstacles.foundations_on_points import Foundations, ShapeDistances
 from signorini_fx.mechanics.obstacles.paired_points import MovingPair, PairedSides
@@ -270,6 +270,7 @@ class MovingFoundations(Foundations):
 class LinearisedProblem(FormSolver):
     """The contact problem of one iteration, at the displacement ``at``."""
 
+    _stated_by = ("F",)
     symmetric = definite = True  # as far as is known
     residual: Array | None = (
         None  # F at the displacement of now, less the loads; None: it has not been assembled yet
@@ -498,7 +499,7 @@ class LinearisedProblem(FormSolver):
             way if previous is None or previous.moved is None else np.asarray(way - previous.moved)
         )
 
-    def _body(self, fixed: npt.NDArray[np.bool_], boundary: ContactBoundary) -> ElasticBody:
+    def _body(self, fixed: npt.NDArray[np.bool_], boundary: ContactBoundary) -> Model:
         """A tangent that is not definite is factorised whole, without fall-backs: a smaller
         increment is what helps.
         """
@@ -534,14 +535,15 @@ class LinearisedProblem(FormSolver):
         self.history.add("the tangent is not symmetric: it is factorised as LU")
         return self._body(fixed, boundary)
 
-    def body_of(self, tangent: fem.Form, boundary: ContactBoundary, **more: Any) -> ElasticBody:
+    def body_of(self, tangent: fem.Form, boundary: ContactBoundary, **more: Any) -> Model:
         """The body of a tangent, with what turns; for the further arguments see ``elastic_body``;
         collective.
         """
         fits = self.relative is not None and len(self.relative[0]) == boundary.size
         points = boundary if self.contact else None
         more |= {"beside": self.curvature, "relative": self.relative if fits else None}
-        return elastic_body(self.space, tangent, self.bcs, boundary=points, **more)
+        named = self.named
+        return elastic_body(self.space, tangent, self.bcs, boundary=points, named=named, **more)
 
     def _forces(self, values: Array) -> tuple[Array, Array]:
         """Supports that have not moved since F was evaluated add nothing to it."""

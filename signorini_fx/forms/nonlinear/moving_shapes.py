@@ -302,7 +302,7 @@ class MovingTools(RigidBodies):
 
     def relative_stiffness(self, state: ContactState, curvature: Array) -> tuple[Array, Array]:
         """What tractions t of contact points and ``curvature``, C, shape (n, d, d), are between
-        points and tools, see ``ElasticBody.relative``; collective.
+        points and tools, see ``Model.relative``; collective.
 
         They are forces of (r, L w), the displacement relative to the tool and its turn: normals
         meet r by C, tractions turn by w, and arms change by r + w x a.  The symmetric part of that

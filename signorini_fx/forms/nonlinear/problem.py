@@ -18,7 +18,6 @@ from signorini_fx.forms.contact_problem import ProblemOfForms
 from signorini_fx.forms.elasticity import exterior_facets
 from signorini_fx.forms.given_forms import (
     foundations_of,
-    model_of,
     named_parts,
     space_of,
     supported,
@@ -298,9 +297,17 @@ class NonlinearContactProblem(ProblemOfForms):
             return self._errors_now(strain=strain)
 
         assert linear.outcome is not None
-        named = named_parts(linear.forms, linear.elastic.settings, ("F",))
-        contact = (linear.begun.law, dict[int, Any](), linear.rigid)
-        model = model_of(linear.elastic, named, path, title, linear.scales.modulus, *contact)
+        statement, tagged = named_parts(linear.forms, linear.elastic.settings, ("F",))
+        model = replace(
+            linear.elastic,
+            statement=statement,
+            tagged=tagged,
+            title=title,
+            path=path,
+            modulus=linear.scales.modulus,
+            law=linear.begun.law,
+            rigid=linear.rigid,
+        )
         mechanics = NonlinearMechanics(model, ends, linear.forms.boundaries, errors)
         ended = (linear.outcome, linear.outcome.problem.data)
         found = self.findings

@@ -16,7 +16,7 @@ from dolfinx import fem
 
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.mesh.points import determinants, inverses
-from signorini_fx.mechanics.model import ElasticBody
+from signorini_fx.mechanics.model import Model
 
 Array = npt.NDArray[np.float64]
 
@@ -42,7 +42,7 @@ class Deformation:
 
 
 def deformation_of(
-    body: ElasticBody, displacement: fem.Function, size: float, *, moves: bool = False
+    body: Model, displacement: fem.Function, size: float, *, moves: bool = False
 ) -> Deformation:
     """How much a displacement deforms a body of a size, from grad u at the midpoint of each cell;
     ``moves``: whether the mean displacement of each piece is none; collective.

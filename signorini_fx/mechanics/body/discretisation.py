@@ -158,8 +158,6 @@ def _prepared(
         modulus=statement.young,
         statement=statement,
         tagged=tagged,
-        law=None,
-        pairs={},
         rigid=RigidBodies(statement.rigid_bodies, kinematics, tagged.size),
         **loaded,
     )

@@ -329,7 +329,7 @@ class MixedLaw(SceneLaw):
 
     def encloses(self, vector: Callable[[_Floats], PETSc.Vec], held: npt.NDArray[np.bool_]) -> bool:
         """Whether what is ``held`` lets no part of one material with nu = 1/2 change its volume, so
-        that constant pressures do no work; ``vector``: see ``ElasticBody``.
+        that constant pressures do no work; ``vector``: see ``Model``.
         """
         part = self._part
         pieces = find_pieces(self.space.mesh)

@@ -1,6 +1,6 @@
 """Which displacements a body has: strains, measures, rigid motions and components of each kind.
 
-The object of a problem is ``Statement.kinematics``, that of its body ``ElasticBody.kinematics``;
+The object of a problem is ``Statement.kinematics``, that of its body ``Model.kinematics``;
 all others ask it and know no kind.  Materials name that of another package, an object with the base
 ``Kinematics``, as their ``hypothesis``. UFL is imported where it is needed.
 """

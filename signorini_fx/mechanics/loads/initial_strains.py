@@ -213,7 +213,7 @@ def holds(
 ) -> bool:
     """Whether contact or prescribed displacements hold nodes of a jump on this rank along its axis,
     which would see the displacement on one of its sides alone; ``fixed`` and ``turned``: see
-    ``ElasticBody``; ``bonded``: numbers of the contacts that hold in all directions; collective.
+    ``Model``; ``bonded``: numbers of the contacts that hold in all directions; collective.
     """
     dim = jump.axis.size
     nodes = np.flatnonzero(jump.nodes[: fixed.size // dim])

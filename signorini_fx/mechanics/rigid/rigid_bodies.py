@@ -140,7 +140,7 @@ class RigidBodies:
 
     def moved(self, unknowns: _Floats) -> tuple[RigidBodyMotion, ...]:
         """How they have moved, from their unknowns in a displacement, see
-        ``ElasticBody.driven``.
+        ``Model.driven``.
         """
         dim = self.kinematics.dimension
         units = self.units
