@@ -53,16 +53,6 @@ def factor_at(factors: Sequence[float], step: float) -> float:
     return float(np.interp(step, np.arange(-1, len(factors)), (0.0, *factors)))
 
 
-def time_at(times: Sequence[float], step: float) -> float:
-    """The time of a place, from the times of the factors."""
-    time = factor_at(times, step)
-    if step == int(step):
-        return time
-    # Places have twelve digits: thirds that add up leave the last two uncertain.
-    span = times[-1] - min(times[0], 0.0)
-    return round(time, 10 - floor(log10(span)) if span > 0 else 10)
-
-
 @dataclass(frozen=True)
 class LoadPath:
     """The times at which a problem is solved one after the other, each from the last solution.
@@ -135,7 +125,12 @@ class LoadPath:
 
     def time_at(self, step: float) -> float:
         """Return the time of a place."""
-        return time_at(self.times, step)
+        time = factor_at(self.times, step)
+        if step == int(step):
+            return time
+        # Places have twelve digits: thirds that add up leave the last two uncertain.
+        span = self.times[-1] - min(self.times[0], 0.0)
+        return round(time, 10 - floor(log10(span)) if span > 0 else 10)
 
     def place_of(self, time: float) -> float:
         """The place of a time: the inverse of ``time_at``.

@@ -15,7 +15,7 @@ from typing import Any, Self, TypeVar
 
 from signorini_fx.mechanics.kinematics.protocol import SPACE, Kinematics
 from signorini_fx.mechanics.statement.effect import Effect, Force, Load
-from signorini_fx.mechanics.statement.load_path import LoadPath, LoadSteps, factor_at, time_at
+from signorini_fx.mechanics.statement.load_path import LoadPath, LoadSteps, factor_at
 from signorini_fx.mechanics.statement.rigid_body import RigidBody, rigid_bodies
 from signorini_fx.mechanics.statement.settings import Accuracy, Discretised, SolverSettings, Units
 from signorini_fx.mechanics.statement.units import unit_names
@@ -191,13 +191,6 @@ class Statement:
             drives.append((factor * load, factor * prescribed))
         return drives
 
-    @property
-    def grows_from_nothing(self) -> bool:
-        """Return whether all loads grow together in a ramp, because none of them has factors."""
-        return self.load_steps.steps is not None and all(
-            load.factors is None for load in self.loads
-        )
-
     def factors_of(self, effect: Effect) -> tuple[float, ...]:
         """The factors of a load; those of an effect that load steps do not change are 1."""
         return getattr(effect, "factors", None) or (1.0,) * self.steps
@@ -237,19 +230,17 @@ class Statement:
 
     def time_at(self, step: float) -> float:
         """The time of a place in the lists of factors, see ``statement.load_path``."""
-        return time_at(self._times, step)
-
-    @cached_property
-    def _times(self) -> tuple[float, ...]:
-        return tuple(self.load_steps.times or map(float, range(1, self.steps + 1)))
+        return self.path.time_at(step)
 
     @cached_property
     def path(self) -> LoadPath:
-        """The load steps, without the loads."""
-        names = self.load_steps.names or ()
-        return LoadPath(
-            self._times, names, self.load_steps.steps, from_nothing=self.grows_from_nothing
-        )
+        """The load steps, without the loads; a ramp begins with nothing where no load has
+        factors.
+        """
+        steps = self.load_steps
+        alone = steps.steps is not None and all(load.factors is None for load in self.loads)
+        times = steps.times or map(float, range(1, self.steps + 1))
+        return LoadPath(tuple(times), steps.names or (), steps.steps, from_nothing=alone)
 
     @property
     def sides(self) -> tuple[list[str], list[str | None] | None]:
