@@ -311,6 +311,7 @@ class FormSolver:
         """Forget what was computed of coordinates that have changed; collective."""
         self._inputs_before = None
         self._mesh_x = self.space.mesh.geometry.x.copy()
+        self.__dict__.pop("named", None)  # with the size of the mesh
         forget_positions(self.space)
         forget_pieces(self.space.mesh)
 

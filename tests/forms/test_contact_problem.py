@@ -214,8 +214,10 @@ def test_coordinates_of_the_mesh_may_change():
         x = block.mesh.geometry.x
         x[:, 1] -= 0.1 * x[:, 0]
         x[:, 0] *= 2.0
-        found.append((problem.solve().x.array.copy(), problem.state.boundary))
-    (ours, at), (expected, boundary) = found
+        u = problem.solve().x.array.copy()
+        found.append((u, problem.state.boundary, problem.solution.model.scales.size))
+    (ours, at, size), (expected, boundary, right) = found
+    assert size == right
     assert np.abs(ours - expected).max() <= 1e-7 * np.abs(expected).max()
     assert np.allclose(at.x, boundary.x)
     assert np.allclose(at.normal, np.array([-0.05, -1.0]) / np.hypot(0.05, 1.0))
