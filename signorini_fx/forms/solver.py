@@ -74,7 +74,6 @@ class FormSolver:
 
     boundary: ContactBoundary
     elastic: Model
-    scales: Scales
     task: Task
     begun: Start  # where the last solve began
     rigid: RigidBodies
@@ -137,6 +136,11 @@ class FormSolver:
     def named(self) -> tuple[Statement, TaggedMesh]:
         """See ``named_parts``."""
         return named_parts(self.forms, self.settings, self._stated_by)
+
+    @property
+    def scales(self) -> Scales:
+        """Of the body."""
+        return self.elastic.scales
 
     @property
     def set_up(self) -> bool:
@@ -340,11 +344,10 @@ class FormSolver:
             points = boundary if self.contact else None
             eliminated = self.task.system.eliminated
             self.elastic = replace(self.elastic, boundary=points, eliminated=eliminated)
-        elastic = self.elastic
         modulus = self._modulus
         if modulus is None:
-            modulus = modulus_of(elastic, boundary, self.foundations.facets)
-        self.scales = Scales(space.mesh.topology.dim, modulus, elastic.diameter)
+            modulus = modulus_of(self.elastic, boundary, self.foundations.facets)
+        self.elastic = elastic = replace(self.elastic, modulus=modulus)
         case = self._case(values)
         data = self._point_data(shapes)
         self.task = elastic.task(
@@ -440,7 +443,6 @@ class FormSolver:
             self.elastic,
             title=title,
             path=path or counted_path(self.begun.step),
-            modulus=self.scales.modulus,
             law=self.law,
             pairs=self.foundations.pairs,
             rigid=self.rigid,

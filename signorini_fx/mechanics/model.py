@@ -46,7 +46,7 @@ from signorini_fx.mechanics.contact_points.contact_boundary import (
     no_points,
 )
 from signorini_fx.mechanics.kinematics.protocol import Kinematics
-from signorini_fx.mechanics.mesh.tagged import TaggedMesh, diameter_of
+from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.rigid.mesh_levels import MeshLevel
 from signorini_fx.mechanics.rigid.rigid_bodies import Driven, RigidBodies
 from signorini_fx.mechanics.rigid.rigid_motions import (
@@ -169,11 +169,6 @@ class Model:
     def dimension(self) -> int:
         """D, of space."""
         return int(self.space.mesh.geometry.dim)
-
-    @shared_in("of_mesh")
-    def diameter(self) -> float:
-        """The largest distance of two of its points, length."""
-        return diameter_of(self.space.mesh)
 
     @property
     def dofs(self) -> int:
@@ -653,6 +648,15 @@ class Model:
         return self.case(
             load.forces, load.prescribed.x.array, load.driven, load.pushing, load.pressure_load
         )
+
+    def loads_at(self, step: float) -> Loads:
+        """Return the applied loads at a place, times their factors; collective."""
+        forces = np.zeros(self.fixed.size)
+        prescribed = np.zeros_like(fem.Function(self.space).x.array)
+        for factor, load in self.applied_at(step):
+            forces += factor * load.forces
+            prescribed += factor * load.prescribed.x.array
+        return Loads(forces, prescribed)
 
 
 def vector_like(matrix: PETSc.Mat, values: Array) -> PETSc.Vec:

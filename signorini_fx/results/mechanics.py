@@ -149,12 +149,7 @@ class StatedMechanics(Mechanics):
         return hard_foundations(placed, self.model.kinematics)
 
     def loads_at(self, step: float) -> Loads:
-        forces = np.zeros(self.model.fixed.size)
-        prescribed = np.zeros_like(fem.Function(self.model.space).x.array)
-        for factor, load in self.model.applied_at(step):
-            forces += factor * load.forces
-            prescribed += factor * load.prescribed.x.array
-        return Loads(forces, prescribed)
+        return self.model.loads_at(step)
 
     def load(self, system: ElasticSystem, step: float) -> Array:
         for number, load in enumerate(self.model.applied):

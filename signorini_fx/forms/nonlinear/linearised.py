@@ -47,7 +47,6 @@ from signorini_fx.mechanics.assembly.mesh_entities import node_positions, prescr
 from signorini_fx.mechanics.assembly.nodal_stiffness import JointStiffness, NodalStiffness
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
-from signorini_fx.mechanics.mesh.tagged import diameter_of
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.obstacles.corner_points import BoundaryLine, CornerFeet
 from signorini_fx.mechanics.obstacles.foundations_on_points import Foundations, ShapeDistances
@@ -424,7 +423,7 @@ class LinearisedProblem(FormSolver):
         whole = not symmetric and self.set_up and type(self.task.system) is ElasticSystem
         laws = [self.contact[number].friction for number in self.foundations.sliding]
         self._askew = whole and any(law is not None and law.follows_pressure for law in laws)
-        size = diameter_of(self.space.mesh)
+        size = self.named[1].size
         hessians = hessians_at(state.boundary, self.foundations.moving, self.places, size)
         blocks = curvature_of(hessians, state)
         self._hessians, tools, self.relative = hessians, self.foundations.rigid_bodies, None

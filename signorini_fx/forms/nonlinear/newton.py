@@ -34,7 +34,6 @@ from signorini_fx.forms.nonlinear.verdicts import (
     overlap_of_bodies,
 )
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.mesh.tagged import diameter_of
 from signorini_fx.mechanics.model import Loads
 from signorini_fx.mechanics.pairs.mortar_coupling import PairingError
 from signorini_fx.mechanics.state import Field, State
@@ -274,7 +273,7 @@ class EquilibriumSolver(Stability):
         self._recall(state)
         linear.start(state)
         size = float(parallel.largest(linear.space.mesh.comm, np.abs(state.displacement), 0.0))
-        self.farthest = max(self.farthest, size / diameter_of(linear.space.mesh))
+        self.farthest = max(self.farthest, size / linear.named[1].size)
 
     def refuse_elsewhere(self) -> None:
         """Refuse to begin from a state without what the material remembers.

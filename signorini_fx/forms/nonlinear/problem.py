@@ -304,7 +304,6 @@ class NonlinearContactProblem(ProblemOfForms):
             tagged=tagged,
             title=title,
             path=path,
-            modulus=linear.scales.modulus,
             law=linear.begun.law,
             rigid=linear.rigid,
         )

@@ -115,7 +115,7 @@ class Stability:
         away, so_far = (
             parallel.largest(comm, np.abs(values), 0.0) for values in (farthest - before, before)
         )
-        if not away <= max(self.linear.elastic.diameter, so_far):
+        if not away <= max(self.linear.named[1].size, so_far):
             return "the displacement runs away" if self.leads(before) else ""
         with suppress(FormError):
             known = (
