@@ -315,6 +315,8 @@ class ContactProblem(ProblemOfForms):
         boundaries: names of parts of the boundary for results, each with its facets, as a
             ``Foundation`` takes them.
         effects: what else happens from load step to load step, see ``StepEffect``.
+        density: mass per volume, a number or UFL, or the bilinear form of the mass: bodies have
+            inertia, and each load step is a time step; None: they have none.
         settings: algorithm, coulomb, gamma_n, ..., see ``SolverSettings``.
 
     Attributes:
@@ -354,6 +356,7 @@ class ContactProblem(ProblemOfForms):
         materials: MeshTags | None = None,
         boundaries: Mapping[str, Any] | None = None,
         effects: Sequence[StepEffect] = (),
+        density: Any = None,
         **settings: Any,
     ) -> None:
         forms, self.u = given_forms(
@@ -368,8 +371,13 @@ class ContactProblem(ProblemOfForms):
             jit_options=jit_options,
         )
         options_of_petsc = petsc_options_prefix, dict(petsc_options or {})
+        if density is not None:
+            from signorini_fx.mechanics.body.inertia import Inertia, density_of
+
+            density = density_of(density, forms.space)
+            effects = *effects, Inertia()
         of_forms = forms, self.u, bcs, settings, options_of_petsc
-        self.assembled = self._ended = FormSolver(*of_forms, tuple(effects))
+        self.assembled = self._ended = FormSolver(*of_forms, tuple(effects), density)
         fields = self.assembled.fields
         self.pressure = fields.pressure
         self.shear = fields.shear
@@ -492,6 +500,9 @@ class ContactProblem(ProblemOfForms):
         solver = self.assembled
         if solver.outcome is None:
             raise RuntimeError("there is no solution to differentiate")
+        if solver.density is not None:
+            reason = "derivatives of motions with inertia are not possible yet"
+            raise FormError([("density", reason)])
         solved = (
             solver.elastic,
             solver.task,

@@ -172,6 +172,9 @@ class FormSolver:
         """Solve with the values of now; why there is no solution, and what to do, "": there is one;
         collective.
         """
+        if any(effect.overrides("body") for effect in self.effects):
+            lasts = "a step with inertia has a duration: use step(state, time) or run, not solve"
+            raise FormError([("density", lasts)])
         self.timings, guess = Timings(), self.last
         self.foundations.without_times()
         with options_applied(*self.options):

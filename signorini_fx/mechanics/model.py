@@ -532,8 +532,14 @@ class Model:
         """
         function = self.function(displacement)
         if resting is not None:
-            function.x.array[:] += self.motions.displacement(resting.motion).ravel()
+            function.x.array[:] += self.displacement_of(resting)
         return function
+
+    def displacement_of(self, resting: ReferenceMotion) -> Array:
+        """The displacement of a reference motion, ghosts included, length, shape (dofs,)."""
+        if resting.displacement is not None:
+            return resting.displacement
+        return np.asarray(self.motions.displacement(resting.motion).ravel())
 
     def function(self, x: PETSc.Vec) -> fem.Function:
         """The finite element function with the unknowns ``x``."""

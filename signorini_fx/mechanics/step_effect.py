@@ -11,7 +11,7 @@ remembers is in fields of the state, which are carried along and stored with it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
@@ -25,6 +25,9 @@ from signorini_fx.mechanics.contact_points.contact_boundary import ContactBounda
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.model import Loads, Model
 from signorini_fx.mechanics.state import State
+from signorini_fx.mechanics.statement.effect import Effect
+from signorini_fx.mechanics.statement.statement import Statement
+from signorini_fx.records import Finding
 
 Array = npt.NDArray[np.float64]
 
@@ -42,6 +45,8 @@ class StepContact:
         law: of friction; None: there is none.
         drift: by how much obstacles have moved since the state, length, shape (n, d); None: they
             have not.
+        reference: a displacement from which the contact problem counts, ghosts included, length,
+            shape (dofs,); None: that of the body.
     """
 
     model: Model
@@ -50,6 +55,7 @@ class StepContact:
     data: RegularisedData
     law: PointFriction | None
     drift: Array | None
+    reference: Array | None = None
 
     def with_gap(self, added: Any) -> StepContact:
         """Return the same with lengths added to the gap, shape (n,)."""
@@ -176,6 +182,10 @@ class StepEffect:
         """Return the time of the end of the step after a state, at most that of the load step."""
         return end
 
+    def findings(self, model: Model) -> Iterator[Finding]:
+        """Yield what ``check`` says of it in a scene, the same on all ranks."""
+        yield from ()
+
     @classmethod
     def overrides(cls, name: str) -> bool:
         """Return whether it does anything where a method of this name is called."""
@@ -186,3 +196,8 @@ class StepEffect:
         """Return a state with values added to a field, which is zero where there is none yet."""
         earlier = state.fields.get(name)
         return state.with_field(name, at, values if earlier is None else earlier.values + values)
+
+
+def stated_effects(statement: Statement) -> list[StepEffect]:
+    """The entries of a statement that are effects in its load steps."""
+    return [entry for entry in statement.of(Effect) if isinstance(entry, StepEffect)]

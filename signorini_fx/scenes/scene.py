@@ -231,7 +231,8 @@ def _count(effects: Mapping[str, tuple[Any, ...]], load_steps: LoadSteps) -> int
     entries = [entry for several in effects.values() for entry in several]
     loads = [entry for entry in entries if isinstance(entry, Load)]
     times = load_steps.times
-    timed = times is not None and any(entry.timed for entry in (*loads, *effects["contact"]))
+    lasting = (*loads, *effects["contact"], *effects.get("inertia", ()))
+    timed = times is not None and any(entry.timed for entry in lasting)
     tools = [contact.tool for contact in effects["contact"]] if times is not None else []
     timed |= any(body.motion.driven_in_time for body in rigid_bodies(tools, [""] * len(tools)))
     count = len(times or ()) if timed else 1

@@ -9,6 +9,7 @@ import re
 from importlib import resources
 from types import GenericAlias
 from typing import Any, get_origin
+from warnings import catch_warnings, simplefilter
 
 from pydantic import BaseModel, create_model
 from pydantic.json_schema import GenerateJsonSchema
@@ -42,7 +43,9 @@ def described() -> type[BaseModel]:
     typed: dict[str, Any] = {
         key: (kind, ... if key == "material" else ()) for key, kind in fields.items()
     }
-    return create_model("Scene", __base__=Scene, __doc__=Scene.__doc__, **typed)
+    with catch_warnings():  # these keys have a value in scenes that were made before
+        simplefilter("ignore", UserWarning)
+        return create_model("Scene", __base__=Scene, __doc__=Scene.__doc__, **typed)
 
 
 class _ForEditors(GenerateJsonSchema):

@@ -38,6 +38,7 @@ from signorini_fx.mechanics.rigid.rigid_motions import MOST_LISTED, names_of, ro
 from signorini_fx.mechanics.statement.effect import Force, Resistance, is_zero
 from signorini_fx.mechanics.statement.expressions import Expression, sample
 from signorini_fx.mechanics.statement.statement import Statement
+from signorini_fx.mechanics.step_effect import stated_effects
 from signorini_fx.records import MAY_JUMP, STEPS_UNESTIMATED, Finding, History, Status
 from signorini_fx.results.contact_figures import load_on
 from signorini_fx.results.mechanics import StepResult
@@ -60,7 +61,11 @@ def scene_findings(body: Model, reached: float = np.inf) -> Iterator[Finding]:
         body, reduced=body.elastic.reduced is not None or statement.element.degree > 1
     )
     yield from _idle(body)
-    yield from equilibrium(body, [k for k in range(len(body.path.times)) if k <= reached])
+    for effect in stated_effects(statement):
+        yield from effect.findings(body)
+    static = not _moves(statement)
+    if static:
+        yield from equilibrium(body, [k for k in range(len(body.path.times)) if k <= reached])
     yield from _units(body, prescribed, force)
     if body.boundary is not None and data is not None:
         yield from _gaps(
@@ -68,9 +73,15 @@ def scene_findings(body: Model, reached: float = np.inf) -> Iterator[Finding]:
         )
         yield from _inwards(body)
         yield from _inclined(body, data)
-        yield from closed_at_once(body)
+        if static:
+            yield from closed_at_once(body)
     yield from _corners(body)
     yield from _coarse_surfaces(body)
+
+
+def _moves(statement: Statement) -> bool:
+    """Whether bodies may move, so that statics has nothing to say."""
+    return any(effect.moves_bodies for effect in stated_effects(statement))
 
 
 def nonlinear_findings(statement: Statement, body: Model) -> Iterator[Finding]:
@@ -825,6 +836,8 @@ def refuse_beforehand(model: Model, *, linear: bool = True) -> None:
     if model.boundary is not None:
         model.first_sets()
     moving = [k for k, effect in enumerate(model.statement.contact) if effect.moves]
+    if _moves(model.statement):
+        moving = []
     if linear and moving and len(model.path.times) > 1 and model.motions.free.shape[1]:
         wrong = (
             "the foundation moves with the time, so that supports must hold the body, and not "

@@ -176,7 +176,7 @@ def _unknowns(posed: Posed, state: State) -> PETSc.Vec:
     rest = posed.task.rest
     unknowns = body.unknowns(_displacement(posed, state))
     if rest is not None:
-        unknowns.axpy(-1.0, body.vector(body.motions.displacement(rest.motion)))
+        unknowns.axpy(-1.0, body.vector(body.displacement_of(rest)))
     if posed.rigid.bodies:
         body.begin_driven(unknowns, state.rigid, rest)
     return unknowns

@@ -23,10 +23,9 @@ from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.rigid.mesh_levels import MeshLevel
 from signorini_fx.mechanics.state import State
-from signorini_fx.mechanics.statement.effect import Effect
 from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.mechanics.statement.statement import Statement
-from signorini_fx.mechanics.step_effect import StepEffect
+from signorini_fx.mechanics.step_effect import StepEffect, stated_effects
 from signorini_fx.records import Finding, History, Status, Timings
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
 from signorini_fx.results.mechanics import Mechanics, StatedMechanics, StepResult
@@ -101,8 +100,7 @@ def stated_problem(
                 f"the contact points are on {moved.boundary!r}, not on {stated.boundary!r}: see "
                 "contact.points"
             )
-    stated = (entry for entry in statement.of(Effect) if isinstance(entry, StepEffect))
-    effects = *effects, *stated
+    effects = *effects, *stated_effects(statement)
     if any(effect.overrides("body") for effect in effects):
         return StatedProblem(model, None, timings, history, effects)
     with timings.phase("condense"):

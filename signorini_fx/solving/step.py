@@ -15,6 +15,7 @@ import numpy.typing as npt
 from signorini_fx.algebra.algorithms.strategy import solve_task
 from signorini_fx.algebra.algorithms.task import Outcome, Start
 from signorini_fx.algebra.contact.complementarity import RegularisedData
+from signorini_fx.algebra.contact.motions import ReferenceMotion
 from signorini_fx.errors import FormError
 from signorini_fx.mechanics.body.deformation import deformation_of
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
@@ -275,12 +276,18 @@ def with_contact(posed: Posed, effects: Sequence[StepEffect], state: State) -> P
     contact = StepContact(model, boundary, data.gap, data, first.law, posed.drift)
     for effect in effects:
         contact = effect.contact(contact, state, posed.dt)
-    first = replace(first, data=contact.data, law=contact.law)
+    task = posed.task
+    data = contact.data
     if body.data is not None:
         # Displacements of its gap are not counted from the reference motion.
-        unshifted = body.data.gap + (contact.data.gap - posed.first.data.gap)
+        unshifted = body.data.gap + (data.gap - posed.first.data.gap)
         body = replace(body, data=replace(body.data, gap=unshifted), law=contact.law)
-    return replace(posed, body=body, first=first, drift=contact.drift, gap=contact.gap)
+    if contact.reference is not None:
+        u_n, u_t = body.contact.traces(body.vector(contact.reference))
+        rest = ReferenceMotion(np.zeros(0), u_n, u_t, contact.reference)
+        task, data = task.counted_from(rest), rest.data_from(data)
+    first = replace(first, data=data, law=contact.law)
+    return replace(posed, body=body, task=task, first=first, drift=contact.drift, gap=contact.gap)
 
 
 def _loaded(

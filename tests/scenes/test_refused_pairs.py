@@ -32,6 +32,11 @@ WITH = {
     "plane stress": {"material": {"hypothesis": "plane stress"}},
     "axisymmetric": {"material": TURNED},
     "axisymmetric, torsion": {"material": TURNED | {"torsion": True}},
+    "inertia": {
+        "inertia": {"time_step": 0.1},
+        "material": {"density": 1.0},
+        "load_steps": {"times": [0.0, 1.0]},
+    },
     "mixed element": {"element": {"degree": 2, "volumetric": "mixed"}},
     "reduced integration": {"element": {"volumetric": "reduced"}},
     "krylov": {"solver": {"linear_algebra": "krylov"}},

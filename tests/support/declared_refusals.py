@@ -25,14 +25,11 @@ def of_effects() -> Iterator[tuple[str, type[Effect]]]:
     rooms = (
         pkgutil.iter_modules(room.__path__, f"{room.__name__}.") for room in (effects, materials)
     )
-    for module in chain.from_iterable(rooms):
-        for item in vars(import_module(module.name)).values():
-            if (
-                isinstance(item, type)
-                and issubclass(item, Effect)
-                and item.__module__ == module.name
-            ):
-                yield module.name.rpartition(".")[2].replace("_", " "), item
+    names = [module.name for module in chain.from_iterable(rooms)]
+    for module in (*names, "signorini_fx.mechanics.body.inertia"):
+        for item in vars(import_module(module)).values():
+            if isinstance(item, type) and issubclass(item, Effect) and item.__module__ == module:
+                yield module.rpartition(".")[2].replace("_", " "), item
 
 
 def declared() -> Iterator[tuple[str, Mapping[str, str]]]:

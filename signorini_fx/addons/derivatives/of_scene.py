@@ -54,6 +54,7 @@ from signorini_fx.tuned import DIFFERENCE_STEP
 Array = npt.NDArray[np.float64]
 # Features of a scene that have no derivatives.
 REFUSES = {
+    "inertia": "derivatives of motions with inertia are not possible yet",
     "material with a state": "derivatives are not possible yet with a material that has a state",
     "mixed element": "derivatives are not possible yet with the mixed element: remove 'mixed'",
     "soft contact": "derivatives are not possible yet with soft contact: remove 'overclosure'",

@@ -5,6 +5,7 @@ it ended.
 from __future__ import annotations
 
 from collections.abc import Callable
+from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -176,6 +177,13 @@ class Task:
             for number, columns in self.motions.assemblies
             if not self.system.resultant[columns].any()
         ]
+
+    def counted_from(self, rest: ReferenceMotion) -> Task:
+        """Return the same with displacements that are counted from another place."""
+        _ = self.newton, self.unsymmetric_newton  # which both have
+        other = copy(self)
+        object.__setattr__(other, "rest", rest)
+        return other
 
     def begin_step(self, start: Start) -> None:
         """Apply the loads and prescribed displacements of a load step to the current iterate."""

@@ -166,12 +166,14 @@ class FreeMotions:
 @dataclass(frozen=True)
 class ReferenceMotion:
     """A rigid motion, coefficients of the free motions, lengths, shape (k,), and its components
-    tau_N y and tau_T y at the contact points.
+    tau_N y and tau_T y at the contact points; or another displacement from which others are
+    counted, ``displacement``, length, ghosts included, shape (dofs,).
     """
 
     motion: npt.NDArray[np.float64]
     u_n: Nodal
     u_t: Nodal
+    displacement: npt.NDArray[np.float64] | None = None
 
     def data_from(self, data: RegularisedData) -> RegularisedData:
         """The problem for displacements that are counted from this place."""

@@ -1,0 +1,585 @@
+"""Inertia: bodies that move, meet and leave each other, from time step to time step.
+
+The scheme is the implicit midpoint rule with contact that persists along the normal.  A step of
+duration tau from u_n, v_n solves one contact problem for y, the displacement in its middle,
+
+    (K + 4 M / tau^2) y + B^T (lambda, mu) = f + 4 M / tau^2 p,    p = u_n + tau v_n / 2,
+
+with f the mean of the loads at both ends.  Then v_m = 2 (y - u_n) / tau, u_(n+1) = u_n + tau v_m
+and v_(n+1) = 2 v_m - v_n; what holds a point takes its velocity v_m.  A point that the old velocity
+would bring inside gets the condition that it does not go on into the obstacle, any other that it is
+not inside at the end:
+
+    gap of y:  B_n u_n / 2 + max(g_(n+1), B_n (u_n + tau v_n / 2) + (g_(n+1) - g_n) / 2 - lambda_n /
+    gamma) / 2.
+
+The term of lambda_n gives back the penetration of the regularisation, which would otherwise grow
+with each step like that of a dashpot; the law of y is twice as stiff, so that u_(n+1) has gamma.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from typing import Any, ClassVar, Literal, Self
+
+import numpy as np
+import numpy.typing as npt
+import ufl
+from dolfinx import default_scalar_type, fem
+from dolfinx import mesh as dmesh
+from petsc4py import PETSc
+from pydantic import model_validator
+
+from signorini_fx.algebra.contact.nodal_vectors import inner
+from signorini_fx.algebra.linalg import LoadCase
+from signorini_fx.errors import FormError, SceneError
+from signorini_fx.machine import parallel
+from signorini_fx.mechanics.assembly.mesh_entities import (
+    action,
+    compile_form,
+    facet_entities,
+    node_positions,
+)
+from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
+from signorini_fx.mechanics.model import Loads, Model, sum_of, vector_like
+from signorini_fx.mechanics.state import State
+from signorini_fx.mechanics.statement.effect import Contradictions, Effect, Features
+from signorini_fx.mechanics.statement.expressions import sample
+from signorini_fx.mechanics.statement.values import (
+    Direction,
+    Positive,
+    SampledValue,
+    Vector,
+    kind_of,
+)
+from signorini_fx.mechanics.step_effect import AddedForces, StepContact, StepEffect, StepEnd
+from signorini_fx.records import Finding
+from signorini_fx.tuned import SAME_LENGTH, SAME_NUMBER
+
+Array = npt.NDArray[np.float64]
+_LEAST_STEP = 0.5  # of the time that a wave takes through a cell: below it the mesh rings
+
+
+class InitialVelocity(Effect):
+    """Velocity of a body, or of a part of it, at the first time; several add up.
+
+    Attributes:
+        body: name of the part of the mesh; None: all of it.
+        x: component along x[0], length / time.
+        y: component along x[1], length / time.
+        z: component along x[2], length / time; only in 3D.
+        rotation: angular velocity, radians / time.
+        about: a point of its axis, length; None: the origin.
+        axis: its direction, only in 3D; None: x[2].
+    """
+
+    key: ClassVar[str] = "initial_velocity"
+    value_keys: ClassVar[tuple[str, ...]] = ("x", "y", "z", "rotation")
+    vectors: ClassVar[tuple[str, ...]] = ("about",)
+
+    body: str | None = None
+    x: SampledValue = 0.0
+    y: SampledValue = 0.0
+    z: SampledValue = 0.0
+    rotation: SampledValue | None = None
+    about: Vector | None = None
+    axis: Direction | None = None
+
+    @model_validator(mode="after")
+    def _axis_of_rotation(self) -> Self:
+        if self.rotation is None and (self.about or self.axis):
+            raise ValueError("about and axis need a rotation")
+        return self
+
+    @property
+    def region(self) -> str | None:
+        """The part of the mesh, as other entries call it."""
+        return self.body
+
+    def contradictions(self, statement: Any, number: int) -> Contradictions:
+        if not statement.effects.get("inertia"):
+            yield ("initial_velocity", number), "needs inertia = { time_step = ... }"
+
+    def velocities(self, x: Array) -> Array:
+        """Return velocities at points of shape (3, n), shape (3, n)."""
+        given: dict[str, Any] = {"x": self.x, "y": self.y, "z": self.z}
+        moved = PrescribedDisplacement(
+            boundary="", **given, rotation=self.rotation, about=self.about, axis=self.axis
+        )
+        return np.array([sample(component or 0.0, x) for component in moved.components])
+
+
+class Inertia(Effect, StepEffect):
+    """Inertia of all bodies; load steps are divided into time steps.
+
+    Attributes:
+        time_step: longest duration of a step; load steps are divided into equal ones; None, in
+            forms alone: each load step is one.
+        start: how the first time begins: ``static`` with the equilibrium of its loads, or
+            ``undeformed``; None: the former where loads act and no initial velocity is given.
+
+    Examples:
+        >>> from signorini_fx.mechanics.body.inertia import Inertia
+        >>> print(Inertia(time_step=0.1).next_time(problem.initial(), 0.25))
+        0.08333333333333333
+    """
+
+    key: ClassVar[str] = "inertia"
+    value_keys: ClassVar[tuple[str, ...]] = ("time_step",)
+    moves_bodies: ClassVar[bool] = True
+    refuses: ClassVar[Mapping[str, Mapping[str, str]]] = {
+        "inertia": {
+            "requested accuracy": "is not possible yet with inertia: its mesh is given",
+            "nested iteration": "is not possible yet with inertia: leave out solver.levels",
+            "mixed element": "is not possible yet with inertia: use 'reduced'",
+            "preload": "is not possible yet with inertia: prescribe a displacement",
+            "axisymmetric, torsion": "is not possible yet with inertia: leave out material.torsion",
+            "nonlinear material": "is not possible yet with inertia: it must be linear",
+            "driven foundation": "is not possible yet with inertia, as it has no mass: prescribe "
+            "its motion",
+        }
+    }
+
+    time_step: Positive | None = None
+    start: Literal["static", "undeformed"] | None = None
+
+    @property
+    def timed(self) -> bool:
+        """It goes through the times of load steps."""
+        return True
+
+    def at_time(self, time: float) -> Self:
+        """Return itself."""
+        return self
+
+    @property
+    def features(self) -> Features:
+        return (("inertia", ()),)
+
+    def contradictions(self, statement: Any, number: int) -> Contradictions:
+        path = ("inertia",)
+        times = statement.load_steps.times
+        if number or self.time_step is None:
+            yield path, "give one table with a time_step"
+            return
+        if times is None or len(times) < 2:
+            yield (
+                ("load_steps", "times"),
+                "must be given with inertia, two or more: the first one is where motion begins",
+            )
+            return
+        if statement.load_steps.steps is not None:
+            yield ("load_steps", "steps"), "is no ramp with inertia: give inertia.time_step alone"
+        shortest = float(np.diff(times).min())
+        if self.time_step > shortest * (1 + SAME_NUMBER):
+            reason = f"is {self.time_step:g}, longer than a load step of {shortest:g}"
+            yield (*path, "time_step"), reason
+        for number, material in enumerate(statement.material):
+            if material.density is None:
+                yield ("material", number), "has no density, which inertia needs"
+
+    # --- where motion begins ---
+
+    def initial(self, model: Model | None, state: State) -> State:
+        """Return a body that moves from its undeformed place, or where ``start`` is static, one of
+        which statics says where it is.
+        """
+        if model is None:
+            return state.with_field("velocity", "dofs", np.zeros_like(state.displacement))
+        self._check(model)
+        loads = model.loads_at(0.0)
+        loaded = parallel.any_rank(model.comm, bool(loads.forces.any() or loads.prescribed.any()))
+        if self.start is None:
+            static = loaded and not self._velocities(model)
+        else:
+            static = self.start == "static"
+        if static:
+            return state
+        statement = model.statement.placed(0.0)
+        placed = tuple(getattr(one.foundation, "placement", None) for one in statement.contact)
+        state = replace(state, number=1, time=statement.time_at(0.0), placed=placed)
+        state = state.with_field("velocity", "dofs", self._initial_velocity(model))
+        return state.with_field("load", "dofs", _with_ghosts(model, loads.forces))
+
+    def _velocities(self, model: Model) -> tuple[InitialVelocity, ...]:
+        return tuple(model.statement.effects.get("initial_velocity", ()))
+
+    def _initial_velocity(self, model: Model) -> Array:
+        """Return what is stated at the dofs of this rank, ghosts included."""
+        space = model.space
+        dim = model.dimension
+        x = node_positions(space).T.astype(np.float64)
+        velocity = np.zeros((x.shape[1], dim))
+        for entry in self._velocities(model):
+            nodes = np.arange(x.shape[1])
+            if entry.body is not None:
+                nodes = np.unique(space.dofmap.list[model.tagged.cells(entry.body)])
+            velocity[nodes] += entry.velocities(x[:, nodes])[:dim].T
+        held = model.vector(velocity.ravel()).getArray(readonly=True)[: model.fixed.size]
+        size = parallel.largest(model.comm, np.abs(velocity), 0.0)
+        if parallel.any_rank(
+            model.comm, bool((np.abs(held[model.fixed]) > SAME_LENGTH * size).any())
+        ):
+            reason = "moves a node whose displacement is prescribed: leave these nodes at rest"
+            raise SceneError([("initial_velocity", reason)])
+        return velocity.ravel()
+
+    def _check(self, model: Model) -> None:
+        """Refuse time steps that are too short for the cells in contact; collective."""
+        if model.boundary is None or self.time_step is None:
+            return
+        ratio, height = self.courant(model)
+        if ratio < _LEAST_STEP * (1 - SAME_NUMBER):
+            least = self.time_step * _LEAST_STEP / ratio
+            reason = (
+                f"is {self.time_step:g}: waves pass {ratio:.2g} of the smallest cell in contact, "
+                f"{height:.3g} high, and the mesh rings: make it {least:.3g} at least"
+            )
+            raise SceneError([("inertia.time_step", reason)])
+
+    def courant(self, model: Model) -> tuple[float, float]:
+        """Return how many of the smallest cells in contact a wave passes in a step, and their
+        height, length; collective.
+        """
+        statement = model.statement
+        speed = 0.0
+        for material in statement.material:
+            first, second = material.lame
+            speed = max(speed, float(np.sqrt((first + 2 * second) / material.density)))
+        height = np.inf
+        mesh = model.space.mesh
+        dim = mesh.topology.dim
+        for contact in statement.contact:
+            facets = model.tagged.facets(contact.boundary)
+            cells = facet_entities(mesh, facets)[:, 0]
+            between = dmesh.compute_midpoints(mesh, dim, cells) - dmesh.compute_midpoints(
+                mesh, dim - 1, facets
+            )
+            height = min(height, float(2 * np.linalg.norm(between, axis=1).min(initial=np.inf)))
+        height = -parallel.largest(model.comm, np.array([-height]), -np.inf)
+        assert self.time_step is not None
+        return speed * self.time_step / height, height
+
+    def findings(self, model: Model) -> Iterator[Finding]:
+        assert self.time_step is not None
+        times = np.array(model.statement.load_steps.times)
+        count = int(np.ceil(np.diff(times) / self.time_step * (1 - SAME_NUMBER)).sum())
+        text = f"{count} time steps"
+        if model.boundary is not None:
+            ratio, height = self.courant(model)
+            text += (
+                f", in each of which waves pass {ratio:.3g} of the smallest cell in contact, "
+                f"{height:.3g} high"
+            )
+        yield Finding("note", "inertia", text)
+
+    # --- a step ---
+
+    def next_time(self, state: State, end: float) -> float:
+        if self.time_step is None or "velocity" not in state.fields:
+            return end
+        left = end - state.time
+        count = int(np.ceil(left / self.time_step * (1 - SAME_NUMBER)))
+        return end if count <= 1 else state.time + left / count
+
+    def body(self, model: Model, state: State, dt: float) -> Model:
+        if "velocity" not in state.fields:
+            return model
+        mass, _ = _mass(model)
+        resists = None if model.resists is None else (*model.resists, mass)
+        return replace(
+            model, terms=lambda: (*model.forms, _mass_form(model, 4.0 / dt**2)), resists=resists
+        )
+
+    def load(self, model: Model, loads: Loads, state: State, dt: float) -> LoadCase | None:
+        if "velocity" not in state.fields:
+            return None
+        _, matrix = _mass(model)
+        forces = loads.forces - _half_change(loads, state)
+        # Counted from u_n displacements are small, and so is their round-off times gamma.
+        for form in model.forms[:-1]:
+            forces -= _action(form, model.space, state.displacement)
+        forces += 2.0 / dt * _times(matrix, state.fields["velocity"].values.ravel())
+        held = model.vector(state.displacement)
+        held.getArray()[: model.fixed.size][~model.fixed] = 0.0
+        return model.case(forces, 0.5 * (loads.prescribed - model.function(held).x.array))
+
+    def contact(self, contact: StepContact, state: State, dt: float) -> StepContact:
+        if "velocity" not in state.fields:
+            return contact
+        model = contact.model
+        data = contact.data
+        law = contact.law
+        if law is not None and law.follows_slip:
+            law = replace(law, dt=0.5 * dt)
+        drift = None if contact.drift is None else 0.5 * contact.drift
+        if model.boundary is None:
+            return replace(contact, law=law, drift=drift, reference=state.displacement)
+        u, _ = model.contact.traces(model.vector(state.displacement))
+        v, _ = model.contact.traces(model.vector(state.fields["velocity"].values.ravel()))
+        moved = np.zeros_like(contact.gap)
+        still: Any = np.ones(moved.size, dtype=bool)
+        if contact.drift is not None:
+            moved = inner(contact.drift, contact.boundary.normal)
+            still = ~contact.drift.any(axis=1)
+        given_back = np.zeros_like(moved)
+        if (earlier := state.fields.get("contact")) is not None:
+            moved = np.where(still, contact.gap - earlier.values[:, 0], moved)
+            given_back = earlier.values[:, 1]
+        # Where the old velocity would bring a point inside it must not go on into the obstacle.
+        arriving = u + 0.5 * dt * v + 0.5 * moved - given_back
+        arriving = np.where(data.bilateral, contact.gap, np.maximum(contact.gap, arriving))
+        gap = 0.5 * (u + arriving)
+        for number, entry in enumerate(model.statement.contact):
+            if getattr(entry, "overclosure", None) is not None:
+                on = contact.boundary.part == number
+                gap[on] = contact.gap[on] - 0.5 * moved[on]
+        data = replace(data, gap=gap, gamma_n=2 * data.gamma_n, gamma_t=2 * data.gamma_t)
+        return replace(contact, data=data, law=law, drift=drift, reference=state.displacement)
+
+    def forces(
+        self, model: Model, loads: Loads, state: State, dt: float, y: Array
+    ) -> AddedForces | None:
+        if "velocity" not in state.fields:
+            return None
+        mass, matrix = _mass(model)
+        dim = model.dimension
+        owned = model.fixed.size
+        factor = 4.0 / dt**2
+        velocity = state.fields["velocity"].values.ravel()
+        kinetic = 0.5 * _times(matrix, velocity) * velocity[:owned]
+        space = model.space
+        resisting = factor * _action(mass, space, y - _aim(state, dt))
+        lost = np.finfo(float).eps * factor * _action(mass, space, np.abs(y))
+        prescribed = 0.5 * (state.displacement + loads.prescribed)[:owned]
+        return AddedForces(
+            resisting=resisting.reshape(-1, dim),
+            loads=-_half_change(loads, state).reshape(-1, dim),
+            prescribed=prescribed.reshape(-1, dim),
+            lost=lost.reshape(-1, dim),
+            energy=np.abs(kinetic).reshape(-1, dim).sum(axis=1),
+        )
+
+    def solved(self, state: State, new: State) -> Array:
+        if "velocity" not in state.fields:
+            return new.displacement
+        return 0.5 * (state.displacement + new.displacement)
+
+    def after(self, state: State, new: State, ended: StepEnd) -> State:
+        model = ended.model
+        if "velocity" in state.fields:
+            new = self._moved(state, new, ended)
+        else:  # of statics
+            new = new.with_field("velocity", "dofs", self._initial_velocity(model))
+        new = new.with_field("load", "dofs", _with_ghosts(model, ended.loads.forces))
+        if ended.contact is None:
+            return new
+        assert new.gammas is not None
+        penetration = ended.contact.pressure / new.gammas[0]
+        if ended.augmented:
+            penetration = 0.0 * penetration
+        return new.with_field("contact", "points", np.column_stack((ended.gap, penetration)))
+
+    def _moved(self, state: State, new: State, ended: StepEnd) -> State:
+        """Return the end of a step from its middle."""
+        model = ended.model
+        mean, free = _velocities_of(state, ended)
+        velocity = free + _held_change(model, new, mean - free)
+        assert new.gammas is not None
+        contact = new.contact
+        if contact is not None and not ended.augmented:
+            # The law of the middle is twice as stiff.
+            elastic = np.asarray(2.0 * contact.elastic - ended.elastic)
+            contact = replace(contact, elastic=elastic)
+        new = replace(
+            new,
+            displacement=state.displacement + ended.dt * mean,
+            contact=contact,
+            gammas=(0.5 * new.gammas[0], 0.5 * new.gammas[1]),
+        )
+        most = max(
+            0.0 if (earlier := state.fields.get("energy")) is None else float(earlier.values[0]),
+            *(_kinetic(model, one) for one in (state.fields["velocity"].values.ravel(), velocity)),
+        )
+        new = new.with_field("energy", "global", [most])
+        return new.with_field("velocity", "dofs", velocity)
+
+    def figures(self, state: State, new: State, ended: StepEnd) -> Mapping[str, float]:
+        model = ended.model
+        owned = model.fixed.size
+        static = model.forms[:-1] if "velocity" in state.fields else model.forms
+
+        def strain(u: Array) -> float:
+            forces = sum(_action(form, model.space, u) for form in static)
+            return 0.5 * _sum(model, np.asarray(forces) @ u[:owned])
+
+        end = _kinetic(model, new.fields["velocity"].values.ravel())
+        energies = {"kinetic_energy": end, "strain_energy": strain(new.displacement)}
+        if "velocity" not in state.fields:
+            return {**energies, "contact_loss": 0.0, "energy_error": 0.0}
+        _, free = _velocities_of(state, ended)
+        before = _kinetic(model, state.fields["velocity"].values.ravel())
+        unheld = _kinetic(model, free)
+        step = (new.displacement - state.displacement)[:owned]
+        work = _sum(model, (ended.loads.forces - _half_change(ended.loads, state)) @ step)
+        pressed, lost = self._contact_work(state, new, ended)
+        supported = self._support_work(step, ended)
+        change = unheld - before + energies["strain_energy"] - strain(state.displacement)
+        largest = max(float(new.fields["energy"].values[0]), abs(work), abs(pressed))
+        error = change - work - supported + pressed
+        return {
+            **energies,
+            "contact_loss": lost + unheld - end,
+            "energy_error": error / largest if largest else 0.0,
+        }
+
+    @staticmethod
+    def _contact_work(state: State, new: State, ended: StepEnd) -> tuple[float, float]:
+        """What contact takes from the body, by pressure and shear, and by pressure alone."""
+        contact = ended.contact
+        if contact is None:
+            return 0.0, 0.0
+        model = ended.model
+        ends = [new.displacement, state.displacement]
+        later, earlier = (model.contact.traces(model.vector(u)) for u in ends)
+        weight = contact.boundary.weight
+        pressure = (weight * contact.pressure) @ (later[0] - earlier[0])
+        shear = weight @ inner(contact.shear, later[1] - earlier[1])
+        return _sum(model, pressure + shear), _sum(model, pressure)
+
+    @staticmethod
+    def _support_work(step: Array, ended: StepEnd) -> float:
+        """The work of supports on the owned dofs as they move."""
+        model = ended.model
+
+        def held(values: Array) -> Array:
+            along = model.vector(values).getArray(readonly=True)[: model.fixed.size]
+            return np.array(along[model.fixed])
+
+        way = held(step)
+        if not parallel.any_rank(model.comm, bool(way.any())):
+            return 0.0
+        return _sum(model, held(ended.reactions().ravel()) @ way)
+
+
+# --- parts ----------------------------------------------------------------------------------------
+
+
+def density_of(given: Any, space: fem.FunctionSpace) -> Any:
+    """A density, or a form of the mass, as forms give it.
+
+    Raises:
+        FormError: it is neither.
+    """
+    if isinstance(given, ufl.Form):
+        spaces = [one.ufl_function_space() for one in given.arguments()]
+        if len(spaces) != 2 or any(one != space for one in spaces):
+            reason = "must be bilinear on the space of a, where it is a form: the mass"
+            raise FormError([("density", reason)])
+        return given
+    if isinstance(given, int | float) and not isinstance(given, bool) and 0 < given < np.inf:
+        return fem.Constant(space.mesh, default_scalar_type(given))
+    if isinstance(given, ufl.core.expr.Expr) and not given.ufl_shape:
+        return given
+    reason = "must be a positive number, UFL without components, or the form of the mass"
+    raise FormError([("density", f"{reason}, not {kind_of(given)}")])
+
+
+def _mass_form(model: Model, factor: float | None = None) -> fem.Form:
+    """The compiled form of the mass times a factor; collective."""
+    space = model.space
+    assert model.density is not None
+    given = model.density()
+    scale = fem.Constant(space.mesh, default_scalar_type(1.0 if factor is None else factor))
+    if isinstance(given, ufl.Form):
+        return compile_form(scale * given)
+    u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
+    degree = 2 * space.element.basix_element.degree + 2
+    dx = ufl.dx(metadata={"quadrature_degree": degree})
+    return compile_form(scale * given * ufl.inner(u, v) * dx)
+
+
+def _mass(model: Model) -> tuple[fem.Form, PETSc.Mat]:
+    """The form and the matrix of the mass, made once; collective."""
+    if "mass" not in model.of_mesh:
+        form = _mass_form(model)
+        model.of_mesh["mass"] = form, sum_of([form], [])
+    kept: tuple[fem.Form, PETSc.Mat] = model.of_mesh["mass"]
+    return kept
+
+
+def _times(matrix: PETSc.Mat, values: Array) -> Array:
+    """A matrix times values at the dofs of this rank, shape (owned dofs,)."""
+    return np.array((matrix * vector_like(matrix, values)).getArray(readonly=True))
+
+
+def _action(form: fem.Form, space: fem.FunctionSpace, values: Array) -> Array:
+    """A form at values at the dofs of this rank, shape (owned dofs,); collective."""
+    function = fem.Function(space)
+    function.x.array[:] = values
+    nodes = np.arange(values.size // space.dofmap.index_map_bs, dtype=np.int32)
+    return action((form,), function, nodes)
+
+
+def _kinetic(model: Model, velocity: Array) -> float:
+    """The kinetic energy; collective."""
+    _, matrix = _mass(model)
+    return 0.5 * _sum(model, _times(matrix, velocity) @ velocity[: model.fixed.size])
+
+
+def _with_ghosts(model: Model, owned: Array) -> Array:
+    """Values at all dofs of this rank from those that it owns; collective."""
+    function = fem.Function(model.space)
+    function.x.array[: owned.size] = owned
+    function.x.scatter_forward()
+    return np.array(function.x.array)
+
+
+def _sum(model: Model, local: Any) -> float:
+    return float(parallel.global_sum(model.comm, np.array(local)))
+
+
+def _aim(state: State, dt: float) -> Array:
+    """Where the old velocity leads in half a step, shape (dofs,)."""
+    return np.asarray(state.displacement + 0.5 * dt * state.fields["velocity"].values.ravel())
+
+
+def _half_change(loads: Loads, state: State) -> Array:
+    """What loads at the end of a step are more than in its middle, shape (owned dofs,)."""
+    earlier = state.fields.get("load")
+    if earlier is None:
+        return np.zeros_like(loads.forces)
+    return 0.5 * (loads.forces - earlier.values.ravel()[: loads.forces.size])
+
+
+def _velocities_of(state: State, ended: StepEnd) -> tuple[Array, Array]:
+    """The mean velocity of a step, and that at its end if nothing holds, shapes (dofs,)."""
+    mean = np.asarray(2.0 * (ended.solved - state.displacement) / ended.dt)
+    return mean, 2.0 * mean - state.fields["velocity"].values.ravel()
+
+
+def _held_change(model: Model, new: State, change: Array) -> Array:
+    """The part of changes of dofs, ghosts included, in directions that supports prescribe, or where
+    a point sticks to a foundation; collective.
+    """
+    along = model.vector(change)
+    along.getArray()[: model.fixed.size][~model.fixed] = 0.0
+    held = np.array(model.function(along).x.array)
+    values = new.contact
+    boundary = model.boundary
+    if values is None or boundary is None or model.law is None:
+        return held
+    sticks = values.contact & ~values.direction.any(axis=1) & model.law.acts
+    sticks &= ~np.isin(boundary.part, list(model.pairs))
+    nodes = boundary.nodes[sticks]
+    function = fem.Function(model.space)
+    function.x.array[:] = held
+    at_nodes = function.x.array.reshape(-1, model.dimension)
+    moved = change.reshape(at_nodes.shape)[nodes]
+    normal = boundary.normal[sticks]
+    across = inner(moved, normal)[:, None] * normal
+    kept = inner(at_nodes[nodes], normal)[:, None] * normal
+    at_nodes[nodes] = moved - across + kept
+    function.x.scatter_forward()
+    return np.array(function.x.array)

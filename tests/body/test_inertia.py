@@ -1,0 +1,464 @@
+"""Inertia: bars, discs and blocks that meet walls, floors and each other, against closed forms."""
+
+import subprocess
+import sys
+import tomllib
+from types import FunctionType
+
+import numpy as np
+import pytest
+import ufl
+from dolfinx import fem
+from dolfinx import mesh as dmesh
+from mpi4py import MPI
+
+from signorini_fx import ContactProblem, Foundation, problem_of, sensitivity, solve
+from signorini_fx.algebra.linalg.schur import SchurComplement
+from signorini_fx.errors import FormError, SceneError
+from signorini_fx.mechanics.state import State
+from signorini_fx.records import StepRecord
+from signorini_fx.scenes.checks import check_scene
+from signorini_fx.scenes.reading import parse_scene
+from signorini_fx.solving.step import step
+
+# A bar of c = rho = E = 1 and length 1 that meets a wall: pressure 1 (in units of the velocity) for
+# the time 2.
+BAR = """
+mesh = { generator = "rectangle", parameters = { length = 0.1, height = 1.0, nx = 2, ny = 50 } }
+material = { young = 1.0, poisson = 0.0, density = 1.0 }
+inertia = { time_step = 0.02 }
+initial_velocity = { y = -1e-3 }
+load_steps = { times = [0.0, 0.5, 1.0, 1.5, 2.0, 2.5] }
+[[contact]]
+boundary = "bottom"
+"""
+# A block that slides on a floor from the equilibrium of its weight.
+BLOCK = """
+mesh = { generator = "rectangle", parameters = { length = 1.0, height = 0.5, nx = 2, ny = 1 } }
+material = { young = 1e5, poisson = 0.3, density = 1.0 }
+inertia = { time_step = 0.1, start = "static" }
+initial_velocity = { x = 1.0 }
+gravity = { y = -1.0 }
+load_steps = { times = [0.0, 2.0, 4.0] }
+[[contact]]
+boundary = "bottom"
+friction = { law = "coulomb", coefficient = 0.3 }
+"""
+
+
+def changed(text, **entries):
+    """A scene with other entries, None: without them."""
+    tables = {**tomllib.loads(text), **entries}
+    return parse_scene({key: entry for key, entry in tables.items() if entry is not None})
+
+
+def told(solution):
+    """The times and figures of all time steps."""
+    return [entry for each in solution.steps for entry in each.between]
+
+
+def bar(cells, ratio, **entries):
+    """The bar with time steps of ``ratio`` cells, all of which are results."""
+    tau = ratio / cells
+    times = [float(k * tau) for k in range(round(2.5 / tau) + 1)]
+    mesh = {"generator": "rectangle", "parameters": {"length": 0.1, "height": 1.0, "nx": 2}}
+    mesh["parameters"]["ny"] = cells
+    more = {"mesh": mesh, "inertia": {"time_step": tau}, "load_steps": {"times": times}}
+    return solve(changed(BAR, **more, **entries))
+
+
+# Bounds are twice what the scheme was designed with.
+@pytest.mark.parametrize(
+    ("cells", "ratio", "rms", "energy", "end"),
+    [
+        (50, 1.0, 2.8e-3, 0.023, 0.034),
+        pytest.param(100, 0.5, 1e-2, 0.008, 0.02, marks=pytest.mark.slow),
+        pytest.param(100, 1.0, 2e-3, 0.012, 0.04, marks=pytest.mark.slow),
+        pytest.param(100, 2.0, 2e-3, 0.020, 0.08, marks=pytest.mark.slow),
+        pytest.param(100, 4.0, 6e-3, 0.050, 0.12, marks=pytest.mark.slow),
+        pytest.param(200, 1.0, 2e-4, 0.0072, 0.014, marks=pytest.mark.slow),
+    ],
+)
+def test_bar_on_a_wall(cells, ratio, rms, energy, end):
+    """Pressure, energy that is lost, and the end of contact; the energies of a step balance."""
+    solution = bar(cells, ratio)
+    middles = np.array([each.time for each in solution.steps]) - 0.5 * ratio / cells
+    pressure = np.array([each.contact.pressure.mean() for each in solution.steps]) / 1e-3
+    flat = (middles > 0.5) & (middles < 1.5)
+    assert np.sqrt(np.mean((pressure[flat] - 1.0) ** 2)) < rms
+    figures = [figures for _, figures in told(solution)]
+    begun = 0.5 * 0.1 * 1e-6
+    left = figures[-1]["kinetic_energy"] + figures[-1]["strain_energy"]
+    assert 0.0 < 1.0 - left / begun < energy
+    assert sum(each["contact_loss"] for each in figures) == pytest.approx(begun - left, rel=1e-8)
+    assert abs(middles[pressure > 0.01].max() + 0.5 * ratio / cells - 2.0) < end
+    assert max(abs(each["energy_error"]) for each in figures) < 1e-11
+    assert all(each.certificate.holds for each in solution.steps)
+    assert solution.history.linear_solves < 1.1 * len(solution.steps)
+
+
+@pytest.mark.parametrize("gamma", [1e3, pytest.param(1e6, marks=pytest.mark.slow)])
+def test_the_penalty_is_no_dashpot(gamma):
+    """The energy that contact takes does not depend on gamma."""
+    figures = told(bar(50, 1.0, solver={"gamma_n": gamma}))[-1][1]
+    lost = 1.0 - (figures["kinetic_energy"] + figures["strain_energy"]) / (0.05 * 1e-6)
+    assert 0.0 < lost < 0.03
+
+
+def test_load_steps_are_divided(monkeypatch):
+    """What is between the times is told, one body is condensed, and flight is no deformation."""
+    made = []
+    begin = SchurComplement.__init__
+    monkeypatch.setattr(
+        SchurComplement, "__init__", lambda *of, **more: made.append(0) or begin(*of, **more)
+    )
+    falling = changed(
+        BAR,
+        mesh={"generator": "rectangle", "parameters": {"nx": 40, "ny": 40}},
+        contact=[{"boundary": "bottom", "gap": 5.0}],
+        initial_velocity=[{"y": -1.0}],
+        load_steps={"times": [0.0, 2.4, 4.8]},
+        inertia={"time_step": 0.05},
+    )
+    solution = solve(falling)
+    assert [each.time for each in solution.steps] == [2.4, 4.8]
+    assert [len(each.between) for each in solution.steps] == [48, 48]
+    np.testing.assert_allclose([time for time, _ in told(solution)], 0.05 * np.arange(1, 97))
+    moved = solution.displacement.x.array.reshape(-1, 2)
+    # The last result is that of the middle of its step.
+    np.testing.assert_allclose(moved, np.tile([0.0, -4.775], (len(moved), 1)), atol=1e-9)
+    assert solution.steps[-1].deformation.largest < 1e-9
+    assert len(made) == 1
+
+
+@pytest.mark.parametrize(
+    "tau", [0.1, *(pytest.param(tau, marks=pytest.mark.slow) for tau in (0.05, 0.025))]
+)
+def test_sliding_block(tau):
+    """It stops after v^2 / (2 F g), within twice the error of the design."""
+    solution = solve(changed(BLOCK, inertia={"time_step": tau, "start": "static"}))
+    way = solution.displacement.x.array.reshape(-1, 2)[:, 0].mean()
+    assert way == pytest.approx(1.0 / 0.6, rel={0.1: 2.2e-4, 0.05: 6e-5, 0.025: 3e-5}[tau])
+    assert np.abs(solution.state.fields["velocity"].values).max() < 0.02
+    assert solution.history.linear_solves < 1.5 * 4.0 / tau
+    assert max(abs(figures["energy_error"]) for _, figures in told(solution)) < 1e-8
+    assert solution.steps[-1].deformation.largest < 1e-4
+
+
+@pytest.mark.parametrize("law", [{}, {"gamma_n": 1e4, "gamma_t": 1e4}, {"algorithm": "alm"}])
+def test_a_static_state_stays(law):
+    """Exactly, with friction that holds a shear, whatever gamma is."""
+    pushed = changed(
+        BLOCK,
+        initial_velocity=None,
+        inertia={"time_step": 0.1},
+        traction=[{"boundary": "top", "x": 0.1}],
+        load_steps={"times": [0.0, 1.0]},
+        material={"young": 100.0, "poisson": 0.3, "density": 1.0},
+        solver=law,
+    )
+    first, last = solve(pushed).steps
+    size = np.abs(first.displacement.x.array).max()
+    moved = np.abs(last.displacement.x.array - first.displacement.x.array).max()
+    assert moved < 1e-9 * size
+    np.testing.assert_allclose(last.contact.pressure, first.contact.pressure, rtol=1e-7)
+    assert last.figures["kinetic_energy"] < 1e-16
+
+
+def test_an_obstacle_moves_into_a_body_at_rest():
+    """Pressure rho c w, and penetration of at most w tau."""
+    plate = {"shape": "plane", "point": [0.0, 0.0], "normal": [0.0, 1.0], "shift": [0.0, "1e-3*t"]}
+    moving = changed(
+        BAR,
+        initial_velocity=None,
+        contact=[{"boundary": "bottom", "foundation": plate}],
+        load_steps={"times": [0.0, 0.5, 1.0]},
+    )
+    solution = solve(moving)
+    for each in solution.steps:
+        np.testing.assert_allclose(each.contact.pressure, 1e-3, rtol=2e-3)
+        assert each.certificate.holds
+    x = solution.displacement.function_space.tabulate_dof_coordinates()
+    moved = solution.state.displacement.reshape(-1, 2)[x[:, 1] < 1e-9, 1]
+    assert moved.min() > 1e-3 - 1e-3 * 0.02
+
+
+def test_a_support_that_starts_to_move():
+    """Its reaction is rho c w: nothing flips from step to step; supports do work."""
+    moving = changed(
+        BAR,
+        initial_velocity=None,
+        contact=None,
+        displacement=[{"boundary": "bottom", "x": 0.0, "y": "1e-3*t"}],
+        load_steps={"times": [0.0, 0.3, 0.6, 0.9]},
+    )
+    solution = solve(moving)
+    for each in solution.steps:
+        assert abs(each.figures["energy_error"]) < 1e-11
+    assert solution.resultants.of("bottom").force[1] == pytest.approx(1e-4, rel=2e-3)
+
+
+def test_two_bars_exchange_their_momentum():
+    """Equal ones their velocities; of unequal ones the momentum stays."""
+    generator = {"generator": "rectangle"}
+    lower = {"length": 0.1, "height": 1.0, "nx": 2, "ny": 40}
+    entries = {
+        "mesh": None,
+        "body": [
+            {"name": "lower", "mesh": {**generator, "parameters": lower}},
+            {"name": "upper", "mesh": {**generator, "parameters": lower}, "shift": [0.0, 1.0]},
+        ],
+        "initial_velocity": [{"body": "upper", "y": -1e-3}],
+        "contact": [{"boundary": "upper.bottom", "against": "lower.top"}],
+        "load_steps": {"times": [0.0, 3.0]},
+        "inertia": {"time_step": 0.025},
+    }
+    solution = solve(changed(BAR, **entries))
+    velocity = solution.state.fields["velocity"].values.reshape(-1, 2)[:, 1]
+    x = fem.Function(solution.displacement.function_space).function_space.tabulate_dof_coordinates()
+    upper = solution.displacement.x.array.reshape(-1, 2)[:, 1] - x[:, 1]
+    above = x[:, 1] > 1.0
+    assert velocity[above].mean() == pytest.approx(0.0, abs=5e-5)
+    assert velocity[~above & (x[:, 1] < 1.0)].mean() == pytest.approx(-1e-3, rel=0.05)
+    assert upper.size == x.shape[0]
+
+
+# --- forms ----------------------------------------------------------------------------------------
+
+
+def disc(count):
+    """A disc of radius 1 of mapped quadrilaterals."""
+    mesh = dmesh.create_rectangle(
+        MPI.COMM_WORLD,
+        [[-1.0, -1.0], [1.0, 1.0]],
+        [count, count],
+        dmesh.CellType.quadrilateral,
+    )
+    x, y = mesh.geometry.x[:, 0].copy(), mesh.geometry.x[:, 1].copy()
+    mesh.geometry.x[:, 0] = x * np.sqrt(1 - y**2 / 2)
+    mesh.geometry.x[:, 1] = y * np.sqrt(1 - x**2 / 2)
+    return mesh
+
+
+def ball(count, velocity=-0.02, density=1.0, weight=0.0):
+    """A disc above a floor, and the state that it begins with."""
+    mesh = disc(count)
+    space = fem.functionspace(mesh, ("Lagrange", 1, (2,)))
+    u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
+    strain = ufl.sym(ufl.grad(u))
+    first, second = 0.3 / (1.3 * 0.4), 0.5 / 1.3
+    a = ufl.inner(2 * second * strain, ufl.grad(v)) * ufl.dx
+    a += first * ufl.div(u) * ufl.div(v) * ufl.dx
+    L = ufl.inner(fem.Constant(mesh, (0.0, -weight)), v) * ufl.dx
+    below = dmesh.locate_entities_boundary(mesh, 1, lambda x: x[1] < -0.5)
+    floor = Foundation(below, gap=lambda x: x[1] + 1.0, direction=(0.0, -1.0))
+    given = density(u, v) if isinstance(density, FunctionType) else density
+    problem = ContactProblem(a, L, contact=floor, density=given)
+    state = problem.initial()
+    values = np.zeros_like(state.displacement)
+    values[1::2] = velocity
+    speed = np.sqrt(first + 2 * second)
+    return problem, state.with_field("velocity", "dofs", values), speed
+
+
+def bounced(count, ratio, **how):
+    """Forces and figures of the steps until the disc has left the floor."""
+    problem, state, speed = ball(count, **how)
+    tau = ratio * 2.0 / count / speed
+    forces, figures = [], []
+    while len(forces) < 10 or forces[-1] > 0:
+        state, result = problem.step(state, state.time + tau)
+        assert result.status.value == "converged"
+        forces.append(float(result.contact.forces[0][1]))
+        figures.append(result.figures)
+    return np.array(forces), figures, state
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize(
+    ("count", "ratio", "energy", "roughness", "force"),
+    [
+        (12, 2.0, 0.03, 0.3, 0.0296),
+        pytest.param(24, 1.0, 0.0048, 0.22, 0.0302, marks=pytest.mark.slow),
+        pytest.param(24, 2.0, 0.0084, 0.18, 0.0301, marks=pytest.mark.slow),
+        pytest.param(48, 2.0, 0.0040, 0.14, 0.0300, marks=pytest.mark.slow),
+    ],
+)
+def test_bouncing_disc(count, ratio, energy, roughness, force):
+    """In forms: its energy, and how smooth the force is."""
+    forces, figures, _ = bounced(count, ratio)
+    lost = sum(each["contact_loss"] for each in figures)
+    left = figures[-1]["kinetic_energy"] + figures[-1]["strain_energy"]
+    assert 0.0 < lost / (left + lost) < energy
+    assert np.abs(np.diff(forces, 2)).sum() / (4 * forces.max()) < roughness
+    assert forces.max() == pytest.approx(force, rel=0.02)
+    assert max(abs(each["energy_error"]) for each in figures) < 1e-11
+
+
+def test_a_form_of_the_mass():
+    """It is the same as its density."""
+    with_form = bounced(8, 2.0, density=lambda u, v: ufl.inner(u, v) * ufl.dx)[0]
+    np.testing.assert_allclose(with_form, bounced(8, 2.0)[0], rtol=1e-9, atol=1e-14)
+
+
+@pytest.mark.slow
+def test_a_disc_that_bounces_ten_times():
+    """Its energy with that of its weight is never above the first one."""
+    problem, state, speed = ball(16, velocity=0.0, weight=1e-3)
+    mean = state.with_field("x", "dofs", np.zeros_like(state.displacement))
+    tau, energies, lost = 4.0 / 16 / speed, [], 0.0
+    state = mean
+    impacts, touched = 0, False
+    lifted = np.zeros_like(state.displacement)
+    lifted[1::2] = 0.2
+    state = State(0, 0.0, lifted, np.zeros(0), state.placed, fields=state.fields)
+    while impacts < 10:
+        state, result = problem.step(state, state.time + tau)
+        assert result.status.value == "converged"
+        pressed = result.contact.forces[0][1] > 0
+        impacts += touched and not pressed
+        touched = pressed
+        figures = result.figures
+        weight = 1e-3 * np.pi * state.displacement[1::2].mean()
+        energies.append(figures["kinetic_energy"] + figures["strain_energy"] + weight)
+        lost += figures["contact_loss"]
+    assert max(energies) < energies[0] * (1 + 2e-3)
+    assert lost > 0
+
+
+# --- states, ranks, and what is refused -----------------------------------------------------------
+
+
+@pytest.mark.mpi
+def test_each_step_again(tmp_path):
+    """In a fresh problem from a file; on all ranks as on one."""
+    comm = MPI.COMM_WORLD
+    folder = comm.bcast(tmp_path)
+    scene = changed(BLOCK, load_steps={"times": [0.0, 0.5]})
+    problem = problem_of(scene)
+    state, _ = problem.step(problem.initial(), 0.0)
+    middle, report = step(problem, state, 0.2, time=0.1)
+    state, path = middle, folder / "state.npz"
+    state.save(path, problem)
+    later, _ = step(problem, state, 0.4, time=0.2)
+    fresh = problem_of(scene)
+    again, report = step(fresh, State.load(path, fresh), 0.4, time=0.2)
+    assert report.result.certificate.holds
+    np.testing.assert_allclose(again.displacement, later.displacement, rtol=1e-9, atol=1e-12)
+    for name in ("velocity", "load", "contact"):
+        size = np.abs(later.fields[name].values).max(initial=1e-12)
+        np.testing.assert_allclose(
+            again.fields[name].values, later.fields[name].values, atol=1e-8 * size
+        )
+
+
+class Killed(Exception):
+    """As a signal would raise it."""
+
+
+@pytest.mark.mpi
+def test_a_killed_run_goes_on(tmp_path):
+    """From one rank, in the middle of its load steps, on any number of them."""
+    comm = MPI.COMM_WORLD
+    folder = comm.bcast(tmp_path)
+    scene = changed(BLOCK, load_steps={"times": [0.0, 0.5, 1.0]})
+
+    def stop(record):
+        if isinstance(record, StepRecord) and record.time == 1.0:
+            raise Killed
+
+    if comm.rank == 0:
+        with pytest.raises(Killed):
+            solve(scene, MPI.COMM_SELF, checkpoint=folder, observers=[stop])
+    comm.barrier()
+    ended = solve(scene, checkpoint=folder, restart=True)
+    whole = solve(scene)
+    assert [each.time for each in ended.steps] == [0.0, 0.5, 1.0]
+    assert len(told(ended)) == len(told(whole)) == 11
+    for (_, ours), (_, theirs) in zip(told(ended), told(whole), strict=True):
+        assert ours["kinetic_energy"] == pytest.approx(theirs["kinetic_energy"], rel=1e-6)
+    np.testing.assert_allclose(
+        ended.displacement.x.array, whole.displacement.x.array, rtol=1e-7, atol=1e-10
+    )
+
+
+HEAVY = {"young": 1.0, "poisson": 0.0}
+REFUSED = {
+    "no density": ({"material": HEAVY}, "density, which inertia needs"),
+    "step": ({"inertia": {"time_step": 0.0}}, "inertia"),
+    "long step": ({"inertia": {"time_step": 0.6}}, "longer than a load step of 0.5"),
+    "short step": ({"inertia": {"time_step": 0.001}}, "the mesh rings: make it 0.01 at least"),
+    "no times": ({"load_steps": None}, "must be given with inertia"),
+    "ramp": ({"load_steps": {"times": [0.0, 1.0], "steps": 4}}, "no ramp with inertia"),
+    "levels": ({"solver": {"levels": 2}}, "not possible yet with inertia"),
+    "mixed": ({"element": {"volumetric": "mixed"}}, "not possible yet with inertia"),
+    "no inertia": ({"inertia": None}, "needs inertia"),
+    "support": (
+        {"displacement": [{"boundary": "top", "y": 0.0}]},
+        "moves a node whose displacement is prescribed",
+    ),
+    "body": ({"initial_velocity": [{"body": "ball", "y": -1.0}]}, "has no region 'ball'"),
+    "tool": (
+        {
+            "contact": [
+                {
+                    "boundary": "bottom",
+                    "foundation": {
+                        "shape": "plane",
+                        "point": [0, 0],
+                        "normal": [0, 1],
+                        "force": [0.0, 1.0],
+                    },
+                }
+            ]
+        },
+        "as it has no mass: prescribe",
+    ),
+    "rubber": (
+        {"material": {"law": "neo-hooke", "young": 1.0, "poisson": 0.3, "density": 1.0}},
+        "is not possible yet with inertia: it must be linear",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_refused(name):
+    """By one error that says what to do."""
+    entries, reason = REFUSED[name]
+    with pytest.raises(SceneError, match=reason):
+        solve(changed(BAR, **entries))
+
+
+def test_forms_refuse():
+    """What has no duration, no derivative, or is no density."""
+    problem, state, _ = ball(4)
+    with pytest.raises(FormError, match="use step"):
+        problem.solve()
+    problem.step(state, 0.5)
+    with pytest.raises(FormError, match="derivatives of motions with inertia"):
+        problem.gradient(of=problem.u, by=problem.u)
+    for density in (-1.0, "7800", fem.Function(problem.u.function_space)):
+        with pytest.raises(FormError, match="density"):
+            ball(4, density=density)
+    with pytest.raises(SceneError, match="derivatives of motions with inertia"):
+        sensitivity(changed(BAR), "force bottom y", "material.young")
+
+
+def test_check_tells_of_time_steps():
+    """Their number, and how far waves go in one."""
+    found = [str(finding) for finding in check_scene(changed(BAR)).findings]
+    assert any("125 time steps" in one and "waves pass 1 of the smallest" in one for one in found)
+
+
+def test_nothing_is_imported_without_it():
+    """A scene without inertia, and forms."""
+    code = (
+        "import sys, tomllib; from signorini_fx import ContactProblem, solve\n"
+        "from signorini_fx.scenes.reading import parse_scene\n"
+        f"text = tomllib.loads({BAR!r})\n"
+        "del text['inertia'], text['initial_velocity'], text['load_steps']\n"
+        "text['displacement'] = [{'boundary': 'top', 'y': -0.01, 'x': 0.0}]\n"
+        "assert solve(parse_scene(text)).converged\n"
+        "assert 'signorini_fx.mechanics.body.inertia' not in sys.modules\n"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True, timeout=120)
