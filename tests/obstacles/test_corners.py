@@ -112,10 +112,15 @@ def test_each_load_step():
 
 
 @pytest.mark.parametrize("body", [{}, NEO_HOOKE], ids=["linear", "neo-hooke"])
+@pytest.mark.parametrize("radius", [0.0, 0.0625], ids=["sharp", "rounded"])
 @pytest.mark.parametrize("tip", [(0.5, 0.5), (0.4, 0.5)], ids=["in a facet", "on an edge"])
-def test_tip_of_a_cone(tip, body):
-    """Two of the sides of a brick of five cells are no nodes."""
-    cone = {"shape": "cone", "tip": (*tip, 0.0), "axis": (0.0, 0.0, -1.0), "angle": 45.0}
+def test_tip_of_a_cone(tip, radius, body):
+    """Two of the sides of a brick of five cells are no nodes; the place is where the cone is
+    highest, however it is rounded.
+    """
+    sine = 0.8
+    cone = {"shape": "cone", "tip": (*tip, radius / sine - radius), "axis": (0.0, 0.0, -1.0)}
+    cone |= {"angle": math.degrees(math.asin(sine)), "radius": radius}
     solution, advice = failed(brick(cone, **body))
     assert solution.status is Status.CORNER
     assert f"its corner at ({tip[0]:g}, {tip[1]:g}, 0) is 0.02 below" in advice

@@ -306,7 +306,7 @@ SAME = {
             "tip": (0.9, 0.5, -0.51),
             "axis": (0, 0, -1),
             "angle": 5.0,
-            "radius": 0.5,
+            "radius": 1.0,  # of more than two facets
         },
         None,
     ),
@@ -314,7 +314,7 @@ SAME = {
 }
 SAME["cone"] = (
     *SAME["cone"][:2],
-    of_a_ball((0.9, 0.5, -0.51 - 0.5 / np.sin(np.radians(5.0))), 0.5),
+    of_a_ball((0.9, 0.5, -0.51 - 1.0 / np.sin(np.radians(5.0))), 1.0),
 )
 
 
@@ -335,8 +335,8 @@ def test_the_same_by_formula(name, files):
         }
     if name == "cone":  # its tip is a ball
         sine = np.sin(np.radians(5.0))
-        table = table | {"tip": (0.9, 0.5, -0.01 - 0.5 + 0.5 / sine)}
-        formula = of_a_ball((0.9, 0.5, -0.51), 0.5)
+        table = table | {"tip": (0.9, 0.5, -0.01 - 1.0 + 1.0 / sine)}
+        formula = of_a_ball((0.9, 0.5, -1.01), 1.0)
     mesh = block(dim)
     first, u = pressed(table, mesh)
     second, v = pressed(None, mesh, **formula)

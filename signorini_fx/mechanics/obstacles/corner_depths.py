@@ -166,7 +166,7 @@ def deepest_corner(
         points, radius = _points_of(corners, low, high, surface, places)
         if not len(points):
             continue
-        below, facets, _ = surface.below(points, places)
+        below, facets, normal = surface.below(points, places)
         # Advice follows undeformed facets, too.
         curved = radius >= (1.0 - NOTABLE) * FACETS_OF_ROUNDING * facets
         depth = np.where(curved, -np.inf, below + radius - foundation.added)
@@ -177,8 +177,9 @@ def deepest_corner(
         if depth[k] > max(
             NOTABLE * deformed, DIGITS_OF_FILES * size, 0.0 if deepest is None else deepest.depth
         ):
+            tip = np.round((points[k] - radius[k] * normal[k]) / size, 9) * size + 0.0
             deepest = DeepCorner(
-                foundation.path, tuple(points[k].tolist()), float(depth[k]), float(facets[k])
+                foundation.path, tuple(tip.tolist()), float(depth[k]), float(facets[k])
             )
     return deepest
 
