@@ -11,8 +11,7 @@ from mpi4py import MPI
 from scenes import alone, example1, one_triangle
 
 from signorini_fx import algebra as method
-from signorini_fx.algebra.algorithms import coulomb as coulomb_module
-from signorini_fx.algebra.algorithms import strategy
+from signorini_fx.algebra.algorithms import alm, strategy
 from signorini_fx.mechanics.body.discretisation import prepare
 from signorini_fx.records import History, Status, Timings
 from signorini_fx.scenes.mesh import load_mesh
@@ -121,7 +120,7 @@ def test_one_bound_proves_nothing(monkeypatch, push, kind, status, fallbacks):
     """A body slides under the bound of one pressure: an outcome only where the law allows for no
     equilibrium either.
     """
-    ways = {strategy: ("fixed_point", "coulomb_newton"), coulomb_module: ("augmented_lagrangian",)}
+    ways = {strategy: ("fixed_point", "coulomb_newton"), alm: ("augmented_lagrangian",)}
     for module, names in ways.items():
         for name in names:
             monkeypatch.setattr(module, name, lambda *arguments, **options: Status.SLIDES)
