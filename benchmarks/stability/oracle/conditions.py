@@ -256,7 +256,9 @@ def averaged_gap(shares: csr_array, x: Array, gaps: Array, vertices: Ints) -> Ar
         basis = np.array([one**i * two**j for i in range(3) for j in range(3 - i)]).T
         off = gaps[around] - basis @ np.linalg.lstsq(basis, gaps[around])[0]
         mean = share @ gaps[around]
-        if abs(mean - gap[point]) >= (1 + np.abs(share).sum()) * np.abs(off).max():
+        rest = np.abs(off).max()
+        smooth = rest <= 1e-3 * np.ptp(gaps[around])
+        if smooth or abs(mean - gap[point]) >= (1 + np.abs(share).sum()) * rest:
             gap[point] = mean
     return gap
 

@@ -24,6 +24,8 @@ from dolfinx import fem
 from mpi4py import MPI
 from petsc4py import PETSc
 
+from signorini_fx.tuned import NEGLIGIBLE
+
 _Floats = npt.NDArray[np.float64]
 
 
@@ -111,7 +113,7 @@ class Averages:
 
         Where the gap jumps or bends between nodes an average means nothing, and may lie below all
         values, or above.  There it is that of ``vertices``, shape (n,): where the average differs
-        from it by no more than what the values differ from the quadratic function of two
+        from it by no more than what the values differ, notably, from the quadratic function of two
         coordinates that fits best may change it.
         """
         gap = np.asarray(self.shares @ values)
@@ -122,8 +124,10 @@ class Averages:
             a, b = (x @ np.linalg.eigh(x.T @ x)[1][:, 1:]).T / np.abs(x).max()
             powers = np.column_stack((np.ones_like(a), a, b, a * a, a * b, b * b))
             fitted = powers @ np.linalg.lstsq(powers, values[nodes])[0]
-            rest = (1.0 + np.abs(shares).sum()) * np.abs(values[nodes] - fitted).max()
-            if np.abs(gap[point] - vertices[point]) < rest:
+            rest = np.abs(values[nodes] - fitted).max()
+            changed = (1.0 + np.abs(shares).sum()) * rest
+            bent = rest > NEGLIGIBLE * np.ptp(values[nodes])
+            if bent and np.abs(gap[point] - vertices[point]) < changed:
                 gap[point] = vertices[point]
         return gap
 
