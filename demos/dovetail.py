@@ -28,13 +28,13 @@ import numpy as np
 from mpi4py import MPI
 
 from signorini_fx import (
+    Contact,
     Coulomb,
+    Displacement,
     LinearElastic,
     MeshFile,
-    PrescribedDisplacement,
     Scene,
-    SurfaceTraction,
-    UnilateralContact,
+    Traction,
     solve,
     write_results,
 )
@@ -65,10 +65,10 @@ scene = Scene(
     title="Dovetail foot of a blade",
     mesh=MeshFile(file=Path(__file__).parent / "blade_foot.geo"),
     material=LinearElastic(young=114000.0, poisson=0.33),
-    displacement=PrescribedDisplacement(boundary="top", x=0.0),
-    traction=SurfaceTraction(boundary="top", pressure=-pull, factors=tuple(speed)),
+    displacement=Displacement(boundary="top", x=0.0),
+    traction=Traction(boundary="top", pressure=-pull, factors=tuple(speed)),
     contact=[
-        UnilateralContact(
+        Contact(
             boundary=flank,
             gap=crowning,
             friction=Coulomb(coefficient=FRICTION),
@@ -129,9 +129,7 @@ if MPI.COMM_WORLD.rank == 0:
 # The pressure is largest near the upper end, under the stem; all of the flank that touches slides.
 
 # %%
-full = solve(
-    scene.model_copy(update={"traction": (SurfaceTraction(boundary="top", pressure=-pull),)})
-)
+full = solve(scene.model_copy(update={"traction": (Traction(boundary="top", pressure=-pull),)}))
 columns = full.table.columns
 right = columns["boundary"] == "right"
 mean = np.dot(columns["weight"][right], columns["pressure"][right]) / FLANK

@@ -18,9 +18,9 @@ from mpi4py import MPI
 from scipy.optimize import least_squares
 
 from signorini_fx import MeshGenerator, Scene, sensitivity
-from signorini_fx.mechanics.effects.contact import UnilateralContact
-from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
-from signorini_fx.mechanics.effects.loads import SurfaceTraction
+from signorini_fx.mechanics.effects.contact import Contact
+from signorini_fx.mechanics.effects.displacement import Displacement
+from signorini_fx.mechanics.effects.loads import Traction
 from signorini_fx.mechanics.laws.coulomb import Coulomb
 from signorini_fx.mechanics.materials.isotropic import LinearElastic
 
@@ -37,9 +37,9 @@ def scene(coefficient):
             generator="rectangle", parameters={"length": 3.0, "nx": CELLS, "ny": CELLS // 3}
         ),
         material=LinearElastic(young=5000.0, poisson=0.3),
-        displacement=PrescribedDisplacement(boundary="left", x=0.0),
-        traction=SurfaceTraction(boundary="top", x=4.0, y=-20.0),
-        contact=UnilateralContact(boundary="bottom", friction=Coulomb(coefficient=coefficient)),
+        displacement=Displacement(boundary="left", x=0.0),
+        traction=Traction(boundary="top", x=4.0, y=-20.0),
+        contact=Contact(boundary="bottom", friction=Coulomb(coefficient=coefficient)),
     )
 
 

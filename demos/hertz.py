@@ -22,13 +22,13 @@ import numpy as np
 from mpi4py import MPI
 
 from signorini_fx import (
+    Contact,
     Coulomb,
+    Displacement,
     LinearElastic,
     MeshGenerator,
-    PrescribedDisplacement,
     Scene,
-    SurfaceTraction,
-    UnilateralContact,
+    Traction,
     solve,
     write_results,
 )
@@ -72,9 +72,9 @@ def pressed(friction):
         ),
         element={"degree": 2},
         material=LinearElastic(young=YOUNG, poisson=POISSON),
-        displacement=PrescribedDisplacement(boundary="symmetry", normal=0.0),
-        traction=SurfaceTraction(boundary="top", pressure=force / (2 * RADIUS)),
-        contact=UnilateralContact(
+        displacement=Displacement(boundary="symmetry", normal=0.0),
+        traction=Traction(boundary="top", pressure=force / (2 * RADIUS)),
+        contact=Contact(
             boundary="arc",
             gap="x[1]",
             direction=(0.0, -1.0),

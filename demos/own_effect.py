@@ -25,11 +25,11 @@ from mpi4py import MPI
 
 from signorini_fx import (
     BodyForce,
+    Contact,
+    Displacement,
     LinearElastic,
-    PrescribedDisplacement,
     Scene,
-    SurfaceTraction,
-    UnilateralContact,
+    Traction,
     generate_mesh,
     solve,
     write_results,
@@ -43,9 +43,7 @@ def heated(scene, temperature, expansion):
     """The scene with a temperature, a UFL expression or a number; ``expansion`` is alpha."""
     (material,) = scene.material
     stress = material.young * expansion / (1 - 2 * material.poisson) * temperature
-    suction = tuple(
-        SurfaceTraction(boundary=name, pressure=-stress) for name in scene.mesh.boundaries
-    )
+    suction = tuple(Traction(boundary=name, pressure=-stress) for name in scene.mesh.boundaries)
     force = {}
     if not isinstance(stress, float):
         force = {"body_force": BodyForce(x=-stress.dx(0), y=-stress.dx(1))}
@@ -67,12 +65,12 @@ cold = Scene(
     title="A block between head and floor",
     mesh=tagged,
     material=LinearElastic(young=YOUNG, poisson=POISSON),
-    displacement=PrescribedDisplacement(boundary="top", y=0.0),
-    contact=UnilateralContact(boundary="bottom", gap=GAP),
+    displacement=Displacement(boundary="top", y=0.0),
+    contact=Contact(boundary="bottom", gap=GAP),
     solver={"algorithm": "alm"},
 )
 held = cold.model_copy(
-    update={"displacement": (*cold.displacement, PrescribedDisplacement(boundary="left", x=0.0))}
+    update={"displacement": (*cold.displacement, Displacement(boundary="left", x=0.0))}
 )
 uniform = solve(heated(held, 100.0, ALPHA))
 pressure = uniform.table.columns["pressure"]

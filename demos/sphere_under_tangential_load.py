@@ -39,12 +39,12 @@ import numpy as np
 from mpi4py import MPI
 
 from signorini_fx import (
+    Contact,
     Coulomb,
+    Displacement,
     LinearElastic,
     MeshGenerator,
-    PrescribedDisplacement,
     Scene,
-    UnilateralContact,
     solve,
     write_results,
 )
@@ -97,17 +97,15 @@ def pushed(poisson):
         element={"degree": 2, "volumetric": "auto"},
         material=LinearElastic(young=YOUNG, poisson=poisson),
         displacement=[
-            PrescribedDisplacement(boundary="symmetry_y", normal=0.0),
-            PrescribedDisplacement(
+            Displacement(boundary="symmetry_y", normal=0.0),
+            Displacement(
                 boundary="top",
                 z=-1.06 * ABOUT**2 / RADIUS,
                 factors=PRESS + (1.0,) * len(PUSH),
             ),
-            PrescribedDisplacement(
-                boundary="top", x=slipping, y=0.0, factors=(0.0,) * len(PRESS) + PUSH
-            ),
+            Displacement(boundary="top", x=slipping, y=0.0, factors=(0.0,) * len(PRESS) + PUSH),
         ],
-        contact=UnilateralContact(
+        contact=Contact(
             boundary="sphere",
             gap="x[2]",
             direction=(0.0, 0.0, -1.0),

@@ -29,12 +29,12 @@ import numpy as np
 from mpi4py import MPI
 
 from signorini_fx import (
+    Contact,
     Coulomb,
+    Displacement,
     LinearElastic,
     MeshGenerator,
-    PrescribedDisplacement,
     Scene,
-    UnilateralContact,
     solve,
     write_results,
 )
@@ -77,12 +77,12 @@ scene = Scene(
     element={"degree": 2},
     material=LinearElastic(young=YOUNG, poisson=0.0),
     displacement=[
-        PrescribedDisplacement(boundary="top", z=-PRESSURE * HEIGHT / YOUNG),
-        PrescribedDisplacement(
+        Displacement(boundary="top", z=-PRESSURE * HEIGHT / YOUNG),
+        Displacement(
             boundary="top", x=f"{-first} * x[1]", y=f"{first} * x[0]", factors=tuple(turns)
         ),
     ],
-    contact=UnilateralContact(boundary="bottom", friction=Coulomb(coefficient=FRICTION)),
+    contact=Contact(boundary="bottom", friction=Coulomb(coefficient=FRICTION)),
 )
 
 # %% [markdown]

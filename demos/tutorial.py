@@ -48,11 +48,10 @@ def block(friction, top="-20 if 1 <= x[0] <= 2 else 0", **guides):
         ),
         material=sfx.LinearElastic(young=5000.0, poisson=0.4),
         displacement=[
-            sfx.PrescribedDisplacement(boundary=side, **(guides or {"x": 0.0}))
-            for side in ("left", "right")
+            sfx.Displacement(boundary=side, **(guides or {"x": 0.0})) for side in ("left", "right")
         ],
-        traction=sfx.SurfaceTraction(boundary="top", y=top),
-        contact=sfx.UnilateralContact(
+        traction=sfx.Traction(boundary="top", y=top),
+        contact=sfx.Contact(
             boundary="bottom", gap=lambda x: 0.003 * (x[0] - 1.5) ** 2 + 0.001, friction=friction
         ),
     )
@@ -150,7 +149,7 @@ for value, point in zip(
 
 # %%
 pushed = block(sfx.NoFriction(), y=0.0).model_copy(
-    update={"displacement": (), "traction": (sfx.SurfaceTraction(boundary="top", x=1.0, y=-20.0),)}
+    update={"displacement": (), "traction": (sfx.Traction(boundary="top", x=1.0, y=-20.0),)}
 )
 try:
     sfx.solve(pushed)

@@ -15,9 +15,9 @@ The examples of the public names begin with these lines::
     block = sfx.generate_mesh("rectangle", {"length": 2.0, "nx": 8, "ny": 4}, MPI.COMM_WORLD)
     cube = sfx.generate_mesh("box", {"nx": 2, "ny": 2, "nz": 2}, MPI.COMM_WORLD)
     steel = sfx.LinearElastic(young=1000.0, poisson=0.3)
-    left = sfx.PrescribedDisplacement(boundary="left", x=0.0)
-    pressed = sfx.SurfaceTraction(boundary="top", pressure=2.0)
-    below = sfx.UnilateralContact(boundary="bottom")
+    left = sfx.Displacement(boundary="left", x=0.0)
+    pressed = sfx.Traction(boundary="top", pressure=2.0)
+    below = sfx.Contact(boundary="bottom")
     scene = sfx.Scene(
         mesh=block, material=steel, displacement=left, traction=pressed, contact=below
     )

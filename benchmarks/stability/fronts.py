@@ -393,7 +393,7 @@ class RandomProblem:
         floor: Foundation | Pair
         if self.below is not None:
             sides = tagged.facets(self.named("bottom")), tagged.facets("low.top")
-            floor = Pair(*sides, gap=abs(self.gap[0]), friction=law)
+            floor = Pair(*sides, distance="nominal", gap=abs(self.gap[0]), friction=law)
         elif self.shape is None:
             floor = Foundation(
                 tagged.facets(self.named("bottom")), gap=self.gap[0] + self.gap[1] * x[0], **common

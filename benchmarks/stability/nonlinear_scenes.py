@@ -707,7 +707,7 @@ def judged(scene: RandomScene, solution: Solution, comm: MPI.Comm) -> list[str]:
         assert step.contact is not None
         force = np.sum(step.contact.forces, axis=0)
         moved = (
-            step.tools[0].translation
+            step.rigid_bodies[0].translation
             if scene.push is not None
             else scene.between(step.time, scene.ways)
         )

@@ -6,11 +6,11 @@ from pathlib import Path
 
 from signorini_fx import read_scene, solve
 from signorini_fx.extensions import register
-from signorini_fx.mechanics.statement.effect import Force
+from signorini_fx.mechanics.statement.effect import ForceDensity
 from signorini_fx.mechanics.statement.values import Positive, TimedValue, Vector
 
 
-class Magnet(Force):
+class Magnet(ForceDensity):
     boundary: str
     centre: Vector  # where it is
     radius: Positive  # how far it is felt, length

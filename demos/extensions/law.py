@@ -5,7 +5,7 @@ from typing import Literal
 
 import numpy as np
 
-from signorini_fx import FrictionLaw, Parameter, UnilateralContact, read_scene, solve
+from signorini_fx import Contact, FrictionLaw, Parameter, read_scene, solve
 from signorini_fx.extensions import register
 
 
@@ -25,7 +25,5 @@ register("signorini_fx.laws", "smooth", Smooth)
 if __name__ == "__main__":
     scene = read_scene(Path(__file__).parents[1] / "scenes" / "example1_coulomb.toml")
     gap = scene.contact[0].gap
-    contact = UnilateralContact(
-        boundary="bottom", gap=gap, friction=Smooth(coefficient=0.3, largest=3.0)
-    )
+    contact = Contact(boundary="bottom", gap=gap, friction=Smooth(coefficient=0.3, largest=3.0))
     print(solve(scene.model_copy(update={"contact": contact})))

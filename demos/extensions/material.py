@@ -6,11 +6,11 @@ from typing import Literal
 import numpy as np
 import ufl
 
-from signorini_fx import DirectedMaterial, read_scene, solve
+from signorini_fx import OrientedMaterial, read_scene, solve
 from signorini_fx.extensions import register
 
 
-class Fibres(DirectedMaterial):
+class Fibres(OrientedMaterial):
     law: Literal["fibres"] = "fibres"
     n: float  # stress along the fibres per strain there
     c: float  # the same per strain across them

@@ -5,7 +5,7 @@ from typing import Literal
 
 import numpy as np
 
-from signorini_fx import UnilateralContact, read_scene, solve
+from signorini_fx import Contact, read_scene, solve
 from signorini_fx.extensions import register
 from signorini_fx.mechanics.statement.rigid_shape import Shape
 from signorini_fx.mechanics.statement.values import Positive, Vector
@@ -36,5 +36,5 @@ if __name__ == "__main__":
     scene = read_scene(Path(__file__).parents[1] / "scenes" / "example1_tresca.toml")
     box = {"shape": "rounded box", "centre": [1.5, -0.502], "half": [0.6, 0.3], "radius": 0.2}
     friction = {"law": "coulomb", "coefficient": 0.3}
-    contact = UnilateralContact(boundary="bottom", foundation=box, friction=friction)
+    contact = Contact(boundary="bottom", foundation=box, friction=friction)
     print(solve(scene.model_copy(update={"contact": contact})))

@@ -26,7 +26,7 @@ from dolfinx.fem import (
 )
 from dolfinx.mesh import CellType, create_rectangle, locate_entities_boundary
 
-from signorini_fx import ContactProblem, Coulomb, Foundation, section_in_space
+from signorini_fx import ContactProblem, Coulomb, Foundation, embed_in_3d
 
 E, NU, DOWN, ANGLE, F, BALL = (
     1000.0,
@@ -36,7 +36,7 @@ E, NU, DOWN, ANGLE, F, BALL = (
     0.3,
     {"shape": "sphere", "centre": (0, -4, 0), "radius": 4},
 )
-mesh = section_in_space(
+mesh = embed_in_3d(
     create_rectangle(MPI.COMM_WORLD, [[0.0, 0.0], [1.0, 1.0]], [24, 24], CellType.quadrilateral)
 )
 mesh.geometry.x[:] = 4.0 * mesh.geometry.x**2.5  # fine near the contact, which reaches r = 0.2

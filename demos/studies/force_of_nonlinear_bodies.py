@@ -21,7 +21,7 @@ from mpi4py import MPI
 from signorini_fx.machine.result_files import write_csv
 from signorini_fx.records import History
 from signorini_fx.scenes.mesh import scene_on
-from signorini_fx.scenes.nonlinear import problem_of
+from signorini_fx.scenes.nonlinear import build_problem
 from signorini_fx.scenes.reading import parse_scene
 
 SOFT = {"law": "neo-hooke", "young": 1.0, "poisson": 0.4}
@@ -267,7 +267,7 @@ def solved(given: Any, halvings: int = 0, degree: int | None = None) -> tuple[An
     one = parse_scene(given)
     if degree is not None:
         one = one.model_copy(update={"element": one.element.model_copy(update={"degree": degree})})
-    problem = problem_of(scene_on(one, 0.5**halvings), MPI.COMM_SELF, History())
+    problem = build_problem(scene_on(one, 0.5**halvings), MPI.COMM_SELF, History())
     solution = problem.solved()
     assert solution.converged
     return problem, solution

@@ -34,7 +34,7 @@ from signorini_fx.mechanics.statement.settings import Accuracy
 from signorini_fx.records import History
 from signorini_fx.scenes.mesh import scene_on
 from signorini_fx.scenes.mesh_sequence import scene_with
-from signorini_fx.scenes.nonlinear import problem_of
+from signorini_fx.scenes.nonlinear import build_problem
 from signorini_fx.scenes.reading import parse_scene, read_scene
 from signorini_fx.scenes.solver import solve
 
@@ -132,7 +132,7 @@ def on(scene: Any, halvings: int, degree: int | None = None) -> Any:
 
 def solved(scene: Any) -> tuple[Any, fem.Function, Any]:
     """The solution on one mesh, its stress P and estimated errors."""
-    problem = problem_of(scene, MPI.COMM_SELF, History())
+    problem = build_problem(scene, MPI.COMM_SELF, History())
     solution = problem.solved()
     assert solution.converged
     return (

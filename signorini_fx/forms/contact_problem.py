@@ -423,9 +423,9 @@ class ContactProblem(ProblemOfForms):
         return solve_step(self.assembled, state, time)
 
     @property
-    def tools(self) -> tuple[RigidBodyMotion, ...]:
+    def rigid_bodies(self) -> tuple[RigidBodyMotion, ...]:
         """Return the motions of the rigid bodies in the last solution."""
-        return self.assembled.tools
+        return self.assembled.rigid_bodies
 
     @property
     def stress(self) -> RawStresses:

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, get_args
 
 import basix
 import numpy as np
@@ -26,7 +26,7 @@ from signorini_fx.mechanics.laws.coulomb import NoFriction
 from signorini_fx.mechanics.laws.protocol import FrictionLaw
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, is_section, tagged_mesh
 from signorini_fx.mechanics.statement.load_path import LoadSteps
-from signorini_fx.mechanics.statement.settings import Discretised, SolverSettings
+from signorini_fx.mechanics.statement.settings import Element, SolverSettings
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.mechanics.statement.values import kind_of
 
@@ -101,20 +101,17 @@ def given_forms(
 
 def contact_entry(entry: Foundation | Pair, name: str, against: str | None) -> Contact:
     """A foundation or a pair as a scene lists it."""
-    kind = "bonded" if entry.bonded else "bilateral" if entry.bilateral else "unilateral"
     described: dict[str, Any] = {
         "boundary": name,
         "friction": entry.friction or NoFriction(),
-        "kind": kind,
+        "kind": entry.kind,
+        "gap": float(entry.gap) if isinstance(entry.gap, int | float) else entry.gap,
     }
     if isinstance(entry, Pair):
-        by_geometry = isinstance(entry.gap, str)
-        described |= {"against": against, "gap": entry.allowance if by_geometry else entry.gap}
-        described |= {"distance": "geometry" if by_geometry else "nominal", "adjust": entry.adjust}
+        described |= {"against": against, "distance": entry.distance, "adjust": entry.adjust}
     else:
         shape = entry.shape if isinstance(entry.shape, BaseModel) else None
-        gap = float(entry.gap) if isinstance(entry.gap, int | float) else entry.gap
-        described |= {"gap": gap, "direction": entry.direction, "foundation": shape}
+        described |= {"direction": entry.direction, "foundation": shape}
     return Contact.model_construct(**described)
 
 
@@ -154,7 +151,7 @@ def named_parts(
         title="",
         effects={"contact": tuple(contact)},
         kinematics=of_components(tagged.dimension, forms.mesh.geometry.dim),
-        element=Discretised(degree=int(forms.space.element.basix_element.degree)),
+        element=Element(degree=int(forms.space.element.basix_element.degree)),
         load_steps=LoadSteps(),
         steps=1,
         solver=settings,
@@ -319,13 +316,14 @@ def foundations_of(contact: Any) -> tuple[Foundation | Pair, ...]:
                 (f"contact[{k}]", f"must be a Foundation or a Pair, not {kind_of(entry)}")
             )
             continue
-        if isinstance(entry, Foundation) and isinstance(entry.gap, str):
+        if isinstance(entry.gap, str):
             reason = "is text, as scenes have it: give a number, a callable f(x), or UFL"
             problems.append((f"contact[{k}].gap", f"{reason}, not {entry.gap!r}"))
-        if isinstance(entry, Pair) and isinstance(entry.gap, str) and entry.gap != "geometry":
-            problems.append(
-                (f"contact[{k}].gap", f'must be "geometry" or values, not {entry.gap!r}')
-            )
+        for key in ("kind", "distance", "sliding"):
+            choices = get_args(Contact.model_fields[key].annotation)
+            if (value := getattr(entry, key, choices[0])) not in choices:
+                listed = " or ".join(map(repr, choices))
+                problems.append((f"contact[{k}].{key}", f"must be {listed}, not {value!r}"))
         if not isinstance(entry.friction, FrictionLaw | None):
             wrong = (
                 "must be Coulomb(...), Tresca(...), a law of your own or None, not "

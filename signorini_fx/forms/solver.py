@@ -112,7 +112,7 @@ class FormSolver:
         self.status: Status | None = None
         self.certificate: Certificate | None = None
         self.result: StepResult | None = None  # of a path, or of the user's own loop
-        self.tools: tuple[RigidBodyMotion, ...] = ()
+        self.rigid_bodies: tuple[RigidBodyMotion, ...] = ()
         self.outcome: Outcome | None = (
             None  # of the last solve, unless another problem has been assembled since
         )
@@ -242,7 +242,7 @@ class FormSolver:
         self.begun = report.start
         result = report.result
         self.result = result
-        self.tools = result.tools
+        self.rigid_bodies = result.rigid_bodies
         self.status = result.status
         self.certificate = result.certificate
         self._state = result.contact or ContactState.of(

@@ -1,5 +1,6 @@
 """Parts of the boundary with contact as users of forms state them, plain data for
-``ContactProblem``: a rigid foundation; a pair of two sides, or with ``bonded`` a bond of both.
+``ContactProblem``: a rigid foundation, or a pair of two sides. Their arguments have the names and
+values of ``[[contact]]`` in a scene.
 
 ``effects.contact`` has those of scenes, ``obstacles.foundations_on_points`` all of them on their
 contact points. Bolts, for which a load step finds shortenings, are in ``solving.bolt_preloads``.
@@ -8,13 +9,31 @@ contact points. Bolts, for which a load step finds shortenings, are in ``solving
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, Literal, NamedTuple
 
 from signorini_fx.mechanics.laws.protocol import FrictionLaw
 
+Kind = Literal["unilateral", "bilateral", "bonded"]
+
+
+class _OfKind:
+    """A part of the boundary with a kind of contact."""
+
+    kind: Kind
+
+    @property
+    def bilateral(self) -> bool:
+        """Return whether the contact can neither open nor close, and is no bond."""
+        return self.kind == "bilateral"
+
+    @property
+    def bonded(self) -> bool:
+        """Return whether both sides stay together in their initial position."""
+        return self.kind == "bonded"
+
 
 @dataclass(frozen=True)
-class Foundation:
+class Foundation(_OfKind):
     """A rigid foundation: y . n <= gap, where a pressure lambda >= 0 pushes the body off and
     friction acts along it.
 
@@ -26,19 +45,19 @@ class Foundation:
             a UFL vector, or a Function; None: the outward normal.
         friction: a law of ``laws``, such as ``Coulomb`` or ``Tresca``, or one of your own; None:
             there is none.
-        bilateral: whether the contact cannot open; the pressure then has any sign.
+        kind: ``unilateral``: the boundary may leave the foundation; ``bilateral``: it cannot, and
+            the pressure has any sign; ``bonded``: it is tied to ``shape`` in the initial position,
+            whatever gap and friction are, and ``shape`` has a force, a moment, or prescribed
+            components.
         measure: factor of the surface measure in the user's forms, a UFL expression, such as 2 pi r
             of bodies of revolution; points at which it is zero carry no contact.  None: 1.
         shape: the foundation as a thing, such as
             ``signorini_fx.mechanics.shapes.analytic.Sphere(...)``: any object with ``distance(x)``,
             see ``statement.rigid_shape.Shape``, or a table as a scene has it. It determines the
             direction, and ``gap`` is added to its distance.  With a force, a moment or prescribed
-            components it is a rigid tool, which they move.  None: gap and direction say where it
+            components it is a rigid body, which they move.  None: gap and direction say where it
             is.
-        bonded: whether the boundary is tied to it as it lies, whatever gap and friction are; then
-            ``shape`` has a force, a moment, or prescribed components.
-        against, allowance, reach, adjust, by_geometry, sliding: those of a ``Pair``: there is no
-            other side.
+        against, reach, adjust, by_geometry, slides: those of a ``Pair``: there is no other side.
 
     Examples:
         >>> bottom = sfx.Foundation(block.facets("bottom"), gap=0.001, friction=sfx.Coulomb(0.3))
@@ -50,20 +69,18 @@ class Foundation:
     gap: Any = 0.0
     direction: Any = None
     friction: FrictionLaw | None = None
-    bilateral: bool = False
+    kind: Kind = "unilateral"
     measure: Any = None
     shape: Any = None
-    bonded: bool = False
     against: ClassVar[None] = None
-    allowance: ClassVar[float] = 0.0
     reach: ClassVar[None] = None
     adjust: ClassVar[None] = None
     by_geometry: ClassVar[bool] = False
-    sliding: ClassVar[bool] = False
+    slides: ClassVar[bool] = False
 
 
 @dataclass(frozen=True)
-class Pair:
+class Pair(_OfKind):
     """Contact of two deformable bodies, or of two parts of the boundary of one, across meshes that
     need not match.
 
@@ -75,11 +92,10 @@ class Pair:
         facets: exterior facets of the slave by their local numbers, or (meshtags, tag), with one
             tag or several.
         against: those of the other side, the master.
-        gap: "geometry": the distance of both sides as the meshes lie, along normals half-way
-            between both, negative where they overlap; or a distance of sides that are nominally in
-            contact, length: a number, a callable f(x) of points of shape (3, n), a UFL expression,
-            or a Function.  A fit between coarse meshes needs the latter.
-        allowance: what is added to the distance by geometry, of the same kinds.
+        gap: what is added to ``distance``, length: a number, a callable f(x) of points of shape
+            (3, n), a UFL expression, or a Function.
+        distance: of both sides, "geometry": as the meshes lie, along normals half-way between both,
+            negative where they overlap; "nominal": zero, which a fit between coarse meshes needs.
         adjust: where the distance by geometry is at most this, length, it counts as zero; None:
             nowhere.
         measure: factor of the surface measure in the user's forms, as in ``Foundation``, of the
@@ -87,12 +103,13 @@ class Pair:
             contact. None: 1.
         friction: a law of ``laws``, such as ``Coulomb`` or ``Tresca``, or one of your own; None:
             there is none.
-        bilateral: whether the contact cannot open; the pressure then has any sign.
-        bonded: whether both sides are tied as they lie, whatever gap and friction are.
-        sliding: whether points of a nonlinear body see the other side at displaced places, wherever
-            it is; otherwise they keep the partners of the undeformed bodies, which is right as long
-            as sides slide by little of a facet, and normals turn with the other side.  Without
-            effect on linear bodies, which never slide that far.
+        kind: ``unilateral``: the sides may part; ``bilateral``: they cannot, and the pressure has
+            any sign; ``bonded``: they are tied in the initial position, whatever gap and friction
+            are.
+        sliding: ``finite``: points of a nonlinear body see the other side at displaced places,
+            wherever it is; ``small``: they keep the partners of the undeformed bodies, which is
+            right as long as sides slide by little of a facet, and normals turn with the other side.
+            Without effect on linear bodies, which never slide that far.
         reach: distance beyond which facets are no partners, length; None: a default from the sizes
             of both sides.
         shape, direction: those of a ``Foundation``: there is none.
@@ -105,13 +122,12 @@ class Pair:
 
     facets: Any
     against: Any
-    gap: Any = "geometry"
-    allowance: Any = 0.0
+    gap: Any = 0.0
+    distance: Literal["geometry", "nominal"] = "geometry"
     friction: FrictionLaw | None = None
-    bilateral: bool = False
-    bonded: bool = False
+    kind: Kind = "unilateral"
     reach: float | None = None
-    sliding: bool = True
+    sliding: Literal["finite", "small"] = "finite"
     adjust: float | None = None
     measure: Any = None
     shape: ClassVar[None] = None
@@ -120,7 +136,12 @@ class Pair:
     @property
     def by_geometry(self) -> bool:
         """Return whether the gap is the distance of both sides of the mesh."""
-        return not self.bonded and isinstance(self.gap, str)
+        return not self.bonded and self.distance == "geometry"
+
+    @property
+    def slides(self) -> bool:
+        """Return whether points of a nonlinear body follow the other side."""
+        return self.sliding == "finite"
 
 
 class PlacedShape(NamedTuple):

@@ -116,7 +116,7 @@ class State:
             mixed element, by name.
 
     Examples:
-        >>> problem = sfx.problem_of(scene)
+        >>> problem = sfx.build_problem(scene)
         >>> state, result = problem.step(problem.initial(), time=1.0)
         >>> state.save("state.npz", problem)
         >>> again = sfx.State.load("state.npz", problem)

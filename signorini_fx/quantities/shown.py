@@ -481,20 +481,20 @@ def _boundaries(summary: Summary) -> list[str | TerminalLine]:
     return [*labelled("in contact", areas), *labelled("friction", friction)]
 
 
-def _tools(summary: Summary) -> list[str | TerminalLine]:
+def _rigid_bodies(summary: Summary) -> list[str | TerminalLine]:
     """Return the motions of the rigid bodies, then the forces of the elastic body on them."""
     motions = list[str | TerminalLine]()
     forces = list[str | TerminalLine]()
-    for tool in summary["tools"]:
-        error = tool["gap_error"]
+    for body in summary["rigid_bodies"]:
+        error = body["gap_error"]
         gap = "" if error is None else f"; gap error {error:.1e}"
         motions.append(
-            f"{tool['boundary']}: displacement {figure(tool['displacement'])}, rotation "
-            f"{figure(tool['rotation'])} rad{gap}"
+            f"{body['boundary']}: displacement {figure(body['displacement'])}, rotation "
+            f"{figure(body['rotation'])} rad{gap}"
         )
         forces.append(
-            f"{tool['boundary']}: contact force {figure(tool['force'])}, moment "
-            f"{figure(tool['moment'])} about {figure(tool['reference'])}"
+            f"{body['boundary']}: contact force {figure(body['force'])}, moment "
+            f"{figure(body['moment'])} about {figure(body['reference'])}"
         )
     return [*motions, *forces]
 
@@ -670,7 +670,7 @@ def _effort(summary: Summary) -> list[str | TerminalLine]:
 
 _TABLE = (
     Shown("contact_force", "force", _forces, brief=True),
-    Shown("tools", "foundation", _tools, brief=True),
+    Shown("rigid_bodies", "foundation", _rigid_bodies, brief=True),
     Shown("preloads", "preload", _preloads, brief=True),
     Shown("contact_nodes", "contact", _contact, brief=True),
     Shown("corners", "corner", _corners, brief=True),

@@ -191,20 +191,20 @@ class ZoneAreas(Row):
     slip: Number
 
 
-class Tool(Row):
-    """A rigid tool."""
+class RigidBody(Row):
+    """A rigid body that forces move."""
 
     boundary: str = described("The boundary that it may touch.")
     reference: Vector = described("The point that it turns about, before it moves.")
     displacement: Vector = described("Of that point.")
     rotation: Number | Vector = described("Radians; in 3D a vector.")
-    force: Vector = described("Of the body on the tool.")
+    force: Vector = described("Of the body on the rigid body.")
     moment: Number | Vector = described("About that point; in 3D a vector.")
     gap_error: Number = described(
-        "By how much the gap where the tool ends up differs at most from the linearised one, "
+        "By how much the gap where the rigid body ends up differs at most from the linearised one, "
         "where it presses, length; "
         "null for bonded boundaries, and for nonlinear bodies, whose gap is that of the place "
-        "where the tool is."
+        "where the rigid body is."
     )
 
 
@@ -467,7 +467,7 @@ class Summary(Run):
         "Each contact boundary; areas are lengths in 2D."
     )
     corners: list[CornerFigures] = perhaps("Corners of foundations in contact between nodes.")
-    tools: list[Tool] = perhaps(
+    rigid_bodies: list[RigidBody] = perhaps(
         "Foundations that forces move: how they have moved, and what the body does to them."
     )
     preloads: list[SectionForce] = perhaps("Sections that are tightened.")

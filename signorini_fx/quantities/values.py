@@ -36,7 +36,7 @@ def _of_contact(solution: Any) -> dict[str, Any]:
     columns = table.columns
     kinematics = solution.model.kinematics
     solid = contact.boundary.x.shape[1] == 3
-    tools = solution.last_step.tools
+    motions = solution.last_step.rigid_bodies
     return {
         "contact_nodes": int(columns["x"].size),
         "touching_nodes": table.touching,
@@ -60,8 +60,8 @@ def _of_contact(solution: Any) -> dict[str, Any]:
         "contact_boundaries": [figures.model_dump() for figures in solution.contact_figures]
         or None,
         "corners": [figures.model_dump() for figures in solution.corner_figures] or None,
-        "tools": [
-            motion.as_dict(contact, solution.statement.contact, kinematics) for motion in tools
+        "rigid_bodies": [
+            motion.as_dict(contact, solution.statement.contact, kinematics) for motion in motions
         ]
         or None,
     }

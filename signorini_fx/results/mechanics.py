@@ -17,7 +17,7 @@ from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.interfaces import PlacedShape
 from signorini_fx.mechanics.model import Loads, Model
 from signorini_fx.mechanics.rigid.rigid_bodies import Drive, RigidBodyMotion
-from signorini_fx.mechanics.statement.effect import Force, Resistance
+from signorini_fx.mechanics.statement.effect import ForceDensity, Resistance
 from signorini_fx.mechanics.step_effect import AddedForces
 from signorini_fx.records import Finding, Status, StepRecord
 from signorini_fx.results.certificate.certificate import Certificate, balance_of, judged
@@ -198,7 +198,7 @@ def acting_on(
     loads = [*followers]
     entries = [effect for _, effect in statement.listed()]
     for effect in entries:
-        if isinstance(effect, Force):
+        if isinstance(effect, ForceDensity):
             loads.append((effect.where, effect.label, forces.external(step, some=[effect])))
         if isinstance(effect, Resistance):
             loads.append((effect.where, effect.label, -forces.resisted(y, [effect])))
@@ -224,7 +224,7 @@ class StepResult:
         deformation: how much the body is deformed.
         strain_energy: a(y, y) / 2, an energy per thickness; None of a nonlinear body.
         linear_solves: linear solves of the step.
-        tools: how rigid bodies have moved.
+        rigid_bodies: how rigid bodies have moved.
         figures: what effects in time tell of it, by names.
         between: the times and figures of shorter steps since the load step before.
         reason: why there is no solution; None: it is not known, or told by ``check``.
@@ -241,7 +241,7 @@ class StepResult:
     deformation: Deformation
     strain_energy: float | None
     linear_solves: int
-    tools: tuple[RigidBodyMotion, ...] = ()
+    rigid_bodies: tuple[RigidBodyMotion, ...] = ()
     figures: Mapping[str, float] = field(default_factory=dict)
     between: tuple[tuple[float, Mapping[str, float]], ...] = ()
     reason: Finding | None = None

@@ -28,7 +28,7 @@ from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.assembly.mesh_entities import facet_entities, facet_vertices
 from signorini_fx.mechanics.loads.supports import on_axis
 from signorini_fx.mechanics.model import Model
-from signorini_fx.mechanics.statement.effect import Force, InitialStrain
+from signorini_fx.mechanics.statement.effect import ForceDensity, InitialStrain
 from signorini_fx.tuned import CORNER_ANGLE, DIGITS_OF_FILES, ROOT_OF_EPS, SAME_ANGLE
 
 Array = npt.NDArray[np.float64]
@@ -124,7 +124,7 @@ def _beside_a_node_that_is_loaded(body: Model, point: tuple[float, ...]) -> bool
     mesh = body.tagged.mesh
     dim = body.tagged.dimension
     statement = body.statement
-    forces: Iterable[Any] = statement.of(Force)
+    forces: Iterable[Any] = statement.of(ForceDensity)
     loaded = [load.at for load in forces if load.nodal and load.acts]
     loaded += [support.at for support in statement.displacement if support.at is not None]
     x = mesh.geometry.x[compat.geometry_cells(mesh)][:, :, :dim]

@@ -527,7 +527,7 @@ class ConvergenceError(SignoriniError):
             ``ContactProblem`` or ``NonlinearContactProblem`` whose ``solve`` was called.
 
     Examples:
-        >>> lifted = sfx.SurfaceTraction(boundary="top", y=1.0)
+        >>> lifted = sfx.Traction(boundary="top", y=1.0)
         >>> try:
         ...     sfx.solve(scene.model_copy(update={"traction": lifted}))
         ... except sfx.ConvergenceError as error:

@@ -283,9 +283,9 @@ class MeshedScene(MeshedProblem):
         scene = self.scene
         step_errors = list[Errors]()
         if scene.statement.nonlinear:
-            from signorini_fx.scenes.nonlinear import problem_of
+            from signorini_fx.scenes.nonlinear import build_problem
 
-            problem = problem_of(scene, self.comm, self.history)
+            problem = build_problem(scene, self.comm, self.history)
             solution = problem.solved(checkpoint)
             step_errors = _errors_of_nonlinear(problem, solution)
             return SolvedMesh(solution, solution.model.tagged, None, step_errors=step_errors)

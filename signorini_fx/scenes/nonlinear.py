@@ -30,10 +30,11 @@ from signorini_fx.mechanics.mesh.tagged import check_fits
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.obstacles.scene_contact import foundations_of
 from signorini_fx.mechanics.state import State
-from signorini_fx.mechanics.statement.effect import Effect, Force
+from signorini_fx.mechanics.statement.effect import Effect, ForceDensity
 from signorini_fx.mechanics.statement.expressions import sample
 from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.mechanics.statement.rigid_body import COMPONENTS
+from signorini_fx.mechanics.statement.settings import SolverSettings
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.mechanics.step_effect import StepEffect
 from signorini_fx.records import Finding, History, Status, Timings
@@ -68,7 +69,7 @@ _RAN_AWAY = (
 )
 
 
-def problem_of(
+def build_problem(
     scene: Scene,
     comm: mpi4py.MPI.Comm,
     history: History,
@@ -180,7 +181,7 @@ class ProblemOfScene(NonlinearContactProblem):
                 **settings,
             )
         except FormError as error:
-            raise _of_scene(error, statement) from None
+            raise _of_scene(error) from None
         problem.statement = statement
         problem.model = model
         problem.body = body
@@ -230,7 +231,7 @@ class ProblemOfScene(NonlinearContactProblem):
             steps = NonlinearSteps(self._solver, self.path, self.go_to, way, held)
             why, advice = self._solved_path(steps, begin, stored, on_step)
         except FormError as error:
-            raise _of_scene(error, self.statement) from None
+            raise _of_scene(error) from None
         if why:
             if self._solver.solved is None:  # not even the body before the first one can be shown
                 raise ConvergenceError(self, f"{why}: {advice}")
@@ -266,8 +267,8 @@ class ProblemOfScene(NonlinearContactProblem):
 
     def _named(self, step: StepResult) -> StepResult:
         """A load step whose tools have the names of the scene."""
-        tools = zip(step.tools, self.statement.rigid_bodies, strict=True)
-        return replace(step, tools=tuple(replace(tool, body=body) for tool, body in tools))
+        tools = zip(step.rigid_bodies, self.statement.rigid_bodies, strict=True)
+        return replace(step, rigid_bodies=tuple(replace(tool, body=body) for tool, body in tools))
 
     def go_to(self, path_step: float) -> None:
         """Loads, supports and foundations of a place in the lists of factors; collective."""
@@ -334,7 +335,7 @@ class ProblemOfScene(NonlinearContactProblem):
         """Those of forces that keep their direction too, which are not in F."""
         named = [
             load.where
-            for load in self.statement.of(Force)
+            for load in self.statement.of(ForceDensity)
             if load.where is not None and not load.nodal
         ]
         return np.concatenate([super()._loaded(), *map(self.model.tagged.facets, named)])
@@ -346,8 +347,7 @@ class ProblemOfScene(NonlinearContactProblem):
         ):
             if given.gap_timed:
                 gap = entry.gap if isinstance(entry.gap, float) else partial(sample, entry.gap)
-                key = "allowance" if self.linear.contact[number].by_geometry else "gap"
-                self.linear.foundations.change(number, **{key: gap})
+                self.linear.foundations.change(number, gap=gap)
             if given.friction.timed:
                 self.linear.foundations.change(number, friction=_at_its_time(entry.friction))
             moving = self.shapes.get(number)
@@ -396,7 +396,7 @@ def _cures(statement: Statement) -> dict[Status, str]:
     """Return what to do about outcomes, by the materials and loads of a scene."""
     laws = {getattr(material, "law", "") for material in statement.material}
     ways = ["allow smaller load steps", "refine the mesh"]
-    if any(isinstance(load, Force) for _, load in statement.listed()):
+    if any(isinstance(load, ForceDensity) for _, load in statement.listed()):
         ways.insert(0, "prescribe a displacement where a force acts, to follow the body beyond it")
     if "saint-venant-kirchhoff" in laws:
         kept = "take a material that keeps its stiffness under compression, as neo-hooke does"
@@ -458,17 +458,12 @@ def _conditions(model: Model) -> tuple[fem.Function, list[fem.DirichletBC]]:
     return values, conditions
 
 
-def _of_scene(error: FormError, statement: Statement) -> SceneError:
-    """An error of a form with the keys of a scene, and its values."""
-    settings = type(statement.solver).model_fields
-    keys = {"].shape": "].foundation", "].bonded": "].kind"}
-    for number, contact in enumerate(statement.contact):
-        if contact.distance == "nominal":  # the gap is no distance of the sides
-            keys[f"contact[{number}].gap"] = f"contact[{number}].distance"
-    problems = list[tuple[str, str]]()
-    for key, reason in error.problems:
-        name = f"solver.{key}" if key in settings else key
-        for old, new in keys.items():
-            name = name.replace(old, new)
-        problems.append((name, reason.replace("sliding = False", 'sliding = "small"')))
-    return SceneError(problems)
+def _of_scene(error: FormError) -> SceneError:
+    """An error of a form with the keys of a scene."""
+    settings = SolverSettings.model_fields
+    return SceneError(
+        [
+            (f"solver.{key}" if key in settings else key.replace("].shape", "].foundation"), why)
+            for key, why in error.problems
+        ]
+    )

@@ -17,7 +17,7 @@ from pydantic import BeforeValidator, model_validator
 from signorini_fx.errors import FormError
 from signorini_fx.mechanics.effects import loads
 from signorini_fx.mechanics.effects.contact import Contact
-from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
+from signorini_fx.mechanics.effects.displacement import Displacement
 from signorini_fx.mechanics.effects.material import Entry as MaterialEntry
 from signorini_fx.mechanics.kinematics import of_materials
 from signorini_fx.mechanics.statement.base import Table, refused
@@ -26,7 +26,7 @@ from signorini_fx.mechanics.statement.features import refused_features
 from signorini_fx.mechanics.statement.load_path import LoadSteps
 from signorini_fx.mechanics.statement.mesh_sources import WITHOUT_ARCS, Body, MeshGenerator, OneMesh
 from signorini_fx.mechanics.statement.rigid_body import rigid_bodies
-from signorini_fx.mechanics.statement.settings import Accuracy, Discretised, SolverSettings, Units
+from signorini_fx.mechanics.statement.settings import Accuracy, Element, SolverSettings, Units
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.mechanics.statement.values import Accepts, Entries
 
@@ -73,13 +73,13 @@ class Scene(Table):
         body_force: force per volume; default: none.
         contact: contact with a rigid foundation, one entry for each boundary; default: none.
         fluid: pressures of fluids at rest, see ``Fluid``; default: none.
-        force: total forces, each spread over a boundary, see ``TotalForce``; default: none.
+        force: total forces, each spread over a boundary, see ``Force``; default: none.
         gravity: accelerations, see ``Gravity``; default: none.
         point_force: forces at nodes, see ``PointForce``; default: none.
         preload: tightened sections of bolts, see ``Preload``; default: none.
         rotation: centrifugal forces of steady rotations, see ``Rotation``; default: none.
         springs: springs between boundaries and the ground, see ``Springs``; default: none.
-        temperature: changes of temperature, see ``TemperatureChange``; default: none.
+        temperature: changes of temperature, see ``Temperature``; default: none.
         load_steps: names and times of load steps, and an automatic ramp; default: one load step per
             factor.
         solver: algorithms, their parameters and limits.
@@ -90,9 +90,9 @@ class Scene(Table):
         >>> cubic = sfx.Scene(
         ...     mesh=cube,
         ...     material=steel,
-        ...     displacement=[left, sfx.PrescribedDisplacement(boundary="front", y=0.0)],
-        ...     traction=sfx.SurfaceTraction(boundary="top", pressure=2.0),
-        ...     contact=sfx.UnilateralContact(boundary="bottom"),
+        ...     displacement=[left, sfx.Displacement(boundary="front", y=0.0)],
+        ...     traction=sfx.Traction(boundary="top", pressure=2.0),
+        ...     contact=sfx.Contact(boundary="bottom"),
         ... )
         >>> print(np.round(sfx.solve(cubic).contact.forces[0], 6))
         [0. 0. 6.]
@@ -102,20 +102,20 @@ class Scene(Table):
     incomplete: Entries[str] = ()
     mesh: Maybe[OneMesh] = _NO_TABLE
     body: Many[Body] = _NO_TABLES
-    element: One[Discretised] = cast("Any", Discretised())
+    element: One[Element] = cast("Any", Element())
     material: Many[MaterialEntry]
-    displacement: Many[PrescribedDisplacement] = _NO_TABLES
-    traction: Many[loads.SurfaceTraction] = _NO_TABLES
+    displacement: Many[Displacement] = _NO_TABLES
+    traction: Many[loads.Traction] = _NO_TABLES
     body_force: Maybe[loads.BodyForce] = _NO_TABLE
     contact: Many[Contact] = _NO_TABLES
     fluid: Many[loads.Fluid] = _NO_TABLES
-    force: Many[loads.TotalForce] = _NO_TABLES
+    force: Many[loads.Force] = _NO_TABLES
     gravity: Many[loads.Gravity] = _NO_TABLES
     point_force: Many[loads.PointForce] = _NO_TABLES
     preload: Many[loads.Preload] = _NO_TABLES
     rotation: Many[loads.Rotation] = _NO_TABLES
     springs: Many[loads.Springs] = _NO_TABLES
-    temperature: Many[loads.TemperatureChange] = _NO_TABLES
+    temperature: Many[loads.Temperature] = _NO_TABLES
     load_steps: One[LoadSteps] = cast("Any", LoadSteps())
     solver: One[SolverSettings] = cast("Any", SolverSettings())
     accuracy: Maybe[Accuracy] = _NO_TABLE

@@ -104,7 +104,7 @@ def solve(
         meshes = [MeshedScene(comm=comm, history=history, scene=each) for each in (*coarse, scene)]
         solution = solve_nested(meshes, len(meshes), comm, history, stored)
     elif scene.statement.nonlinear:
-        from signorini_fx.scenes.nonlinear import problem_of as nonlinear_problem
+        from signorini_fx.scenes.nonlinear import build_problem as nonlinear_problem
 
         nonlinear = nonlinear_problem(scene, comm, history, in_time)
         solution = nonlinear.solved(stored, begin=state)
@@ -117,7 +117,7 @@ def solve(
     return solution
 
 
-def problem_of(
+def build_problem(
     scene: Scene | str | Path,
     comm: MPI.Comm = MPI.COMM_WORLD,
     *,
@@ -134,7 +134,7 @@ def problem_of(
         SceneError: the scene is wrong, does not fit its mesh, or needs several meshes.
 
     Examples:
-        >>> problem = sfx.problem_of(scene)
+        >>> problem = sfx.build_problem(scene)
         >>> state = problem.initial()
         >>> for time in problem.path.times:
         ...     state, result = problem.step(state, time)
@@ -147,7 +147,7 @@ def problem_of(
     _refuse_state(scene)
     in_time = _effects_of(effects)
     if scene.statement.nonlinear:
-        from signorini_fx.scenes.nonlinear import problem_of as nonlinear_problem
+        from signorini_fx.scenes.nonlinear import build_problem as nonlinear_problem
 
         return nonlinear_problem(scene, comm, History(), in_time)
     load = partial(load_mesh, scene, comm)

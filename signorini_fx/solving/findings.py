@@ -35,7 +35,7 @@ from signorini_fx.mechanics.obstacles.corner_depths import FACETS_OF_ROUNDING, f
 from signorini_fx.mechanics.obstacles.scene_contact import hard_foundations
 from signorini_fx.mechanics.obstacles.shapes_inside import BodyCells
 from signorini_fx.mechanics.rigid.rigid_motions import MOST_LISTED, names_of, rounded
-from signorini_fx.mechanics.statement.effect import Force, Resistance, is_zero
+from signorini_fx.mechanics.statement.effect import ForceDensity, Resistance, is_zero
 from signorini_fx.mechanics.statement.expressions import Expression, sample
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.mechanics.step_effect import stated_effects
@@ -145,7 +145,7 @@ def _idle(body: Model) -> Iterator[Finding]:
     """
     for path, effect in body.statement.listed():
         values = [value for value in effect.given.values() if not is_zero(value)]
-        on_boundary = effect.where is not None and isinstance(effect, Force | Resistance)
+        on_boundary = effect.where is not None and isinstance(effect, ForceDensity | Resistance)
         if (
             not on_boundary
             or not values
@@ -693,7 +693,7 @@ def _turned(statement: Statement, number: int, step: StepResult | None) -> Array
     """The rotation of a foundation at the end of a load step, radians, shape (1,) or (3,)."""
     placed = statement if step is None else statement.placed(step.place)
     angle = np.atleast_1d(np.radians(placed.contact[number].foundation.angles()))
-    tools = () if step is None else step.tools
+    tools = () if step is None else step.rigid_bodies
     driven = [tool.rotation for tool in tools if number in tool.body.parts]
     return angle + (driven[0] if driven else 0.0)
 

@@ -365,7 +365,7 @@ def judged(
             deformation=deformation,
             strain_energy=certificate.strain_energy,
             linear_solves=0,
-            tools=rigid,
+            rigid_bodies=rigid,
             reason=reason,
         )
     new = state_of(posed, start, outcome, displacement, state)

@@ -5,7 +5,7 @@ import pytest
 from scenes import alone, example1
 
 from signorini_fx.algebra.algorithms.ssn import SemismoothNewton
-from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
+from signorini_fx.mechanics.effects.displacement import Displacement
 from signorini_fx.records import Status
 
 
@@ -59,12 +59,12 @@ def test_normal_displacement_is_outward(side, component, sign, value):
     """
     scene = example1(nx=6, ny=2).model_copy(
         update={
-            "displacement": (PrescribedDisplacement(boundary=side, normal=value),),
+            "displacement": (Displacement(boundary=side, normal=value),),
             "contact": (),
             "traction": (),
         }
     )
-    held = PrescribedDisplacement(boundary="bottom", x=0.0, y=0.0)
+    held = Displacement(boundary="bottom", x=0.0, y=0.0)
     solution = alone(scene.model_copy(update={"displacement": (held, *scene.displacement)}))
     x = solution.model.space.tabulate_dof_coordinates()
     place = {"left": 0.0, "right": 3.0, "top": 1.0}[side]

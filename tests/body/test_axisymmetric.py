@@ -113,7 +113,7 @@ def test_cylinder_pressed_by_a_force(linear_algebra, cells, degree):
     x, y = nodes(solution)
     expected = np.column_stack((POISSON * p * x[:, 0], -p * x[:, 1])) / YOUNG
     assert np.abs(y - expected).max(initial=0.0) <= 1e-8 * p / YOUNG
-    (tool,) = solution.last_step.tools
+    (tool,) = solution.last_step.rigid_bodies
     assert np.append(tool.translation, tool.rotation) == pytest.approx(
         [0.0, -p / YOUNG, 0.0], rel=1e-8, abs=1e-14
     )

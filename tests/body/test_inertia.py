@@ -12,7 +12,7 @@ from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
-from signorini_fx import ContactProblem, Foundation, problem_of, sensitivity, solve
+from signorini_fx import ContactProblem, Foundation, build_problem, sensitivity, solve
 from signorini_fx.algebra.linalg.schur import SchurComplement
 from signorini_fx.errors import FormError, SceneError
 from signorini_fx.mechanics.state import State
@@ -335,13 +335,13 @@ def test_each_step_again(tmp_path):
     comm = MPI.COMM_WORLD
     folder = comm.bcast(tmp_path)
     scene = changed(BLOCK, load_steps={"times": [0.0, 0.5]})
-    problem = problem_of(scene)
+    problem = build_problem(scene)
     state, _ = problem.step(problem.initial(), 0.0)
     middle, report = step(problem, state, 0.2, time=0.1)
     state, path = middle, folder / "state.npz"
     state.save(path, problem)
     later, _ = step(problem, state, 0.4, time=0.2)
-    fresh = problem_of(scene)
+    fresh = build_problem(scene)
     again, report = step(fresh, State.load(path, fresh), 0.4, time=0.2)
     assert report.result.certificate.holds
     np.testing.assert_allclose(again.displacement, later.displacement, rtol=1e-9, atol=1e-12)

@@ -16,7 +16,7 @@ from scipy.integrate import quad
 from scipy.optimize import fsolve
 from scipy.special import ellipe, ellipk
 
-from signorini_fx import ContactProblem, Coulomb, Foundation, section_in_space
+from signorini_fx import ContactProblem, Coulomb, Foundation, embed_in_3d
 
 COMM = MPI.COMM_WORLD
 YOUNG, RADIUS, LENGTH, PRESSURE, FRICTION = 1000.0, 1.5, 2.0, 10.0, 0.3
@@ -42,7 +42,7 @@ def energy(space, poisson, young=YOUNG):
 
 def section(low, high, counts, kind="quadrilateral", degree=1):
     plane = dmesh.create_rectangle(COMM, [low, high], counts, dmesh.CellType[kind])
-    mesh = section_in_space(plane)
+    mesh = embed_in_3d(plane)
     return mesh, fem.functionspace(mesh, ("Lagrange", degree, (3,)))
 
 
@@ -143,7 +143,7 @@ def test_slip_in_two_directions():
     bore = Foundation(
         side(mesh, 0, outer),
         gap=-tight,
-        bilateral=True,
+        kind="bilateral",
         friction=Coulomb(FRICTION),
         measure=2 * np.pi * r,
     )

@@ -91,10 +91,14 @@ def test_tools(driven):
         assert np.allclose(
             forces(step), forces(still), atol=2e-3
         )  # the second step turns what friction has carried
-        assert np.allclose(step.tools[0].translation, still.tools[0].translation, atol=5e-5)
+        assert np.allclose(
+            step.rigid_bodies[0].translation, still.rigid_bodies[0].translation, atol=5e-5
+        )
     still = pressed(0.005)[0]
     assert np.allclose(forces(timed[0]), forces(still), atol=1e-9)
-    assert np.allclose(timed[0].tools[0].translation, still.tools[0].translation, atol=1e-9)
+    assert np.allclose(
+        timed[0].rigid_bodies[0].translation, still.rigid_bodies[0].translation, atol=1e-9
+    )
 
 
 def test_supports_that_leave_a_tilted_block():

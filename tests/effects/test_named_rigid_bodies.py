@@ -28,7 +28,7 @@ def rows(solution):
     """The rows of rigid bodies in the summary."""
     return [
         tool.as_dict(solution.contact, solution.statement.contact, solution.model.kinematics)
-        for tool in solution.last_step.tools
+        for tool in solution.last_step.rigid_bodies
     ]
 
 

@@ -158,7 +158,7 @@ WAYS = [
 @pytest.mark.parametrize(("dimension", "law", "algebra", "element"), WAYS)
 def test_a_force_and_the_motion_that_it_causes_give_the_same(dimension, law, algebra, element):
     forced = solve(block(dimension, law, algebra, **element, **pressed(dimension, law)))
-    (tool,) = forced.last_step.tools
+    (tool,) = forced.last_step.rigid_bodies
     row = tool.as_dict(forced.contact, forced.statement.contact, forced.model.kinematics)
     given = np.array(pressed(dimension, law)["force"])
     free = np.arange(dimension) if law != "none" else [dimension - 1]
@@ -205,7 +205,7 @@ def test_an_incompressible_body_under_a_tool(dimension, algebra, poisson):
 
     given = pressed(dimension, "coulomb")
     forced = solve(made(**given))
-    (tool,) = forced.last_step.tools
+    (tool,) = forced.last_step.rigid_bodies
     row = tool.as_dict(forced.contact, forced.statement.contact, forced.model.kinematics)
     assert np.allclose(row["force"], -np.array(given["force"]), atol=1e-9 * 20.0)
     assert forced.certificate.worst < 1e-9
@@ -266,7 +266,7 @@ def test_a_plate_on_two_posts_tilts_as_statics_says(algebra):
         for half in (x[:, 0] < 5, x[:, 0] > 5)
     ]
     assert np.allclose(taken, [2.25, 0.75], rtol=1e-4)
-    (tool,) = solution.last_step.tools
+    (tool,) = solution.last_step.rigid_bodies
     sunk = np.array(taken) / (1e5 * 0.1)
     # The force follows no motion: it stays where it is given.
     assert np.isclose(tool.rotation[0], (sunk[0] - sunk[1]) / 10.0, rtol=1e-3)
@@ -343,7 +343,7 @@ def test_a_plate_on_three_posts_tilts_as_statics_says(pivot):
     of = np.abs(boundary.x[:, None, :2] - axes).max(axis=2).argmin(axis=1)
     taken = COMM.allreduce(np.bincount(of, boundary.weight * pressure, minlength=3))
     assert np.allclose(taken, wanted, rtol=5e-3)
-    (motion,) = solution.last_step.tools
+    (motion,) = solution.last_step.rigid_bodies
     sunk = wanted * 0.5 / (1e5 * 0.01)
     assert np.allclose(motion.at(np.column_stack((axes, np.full(3, 0.5))))[:, 2], -sunk, rtol=5e-3)
 
@@ -356,7 +356,10 @@ def test_load_steps_with_friction():
     forced = solve(block(2, "coulomb", times=[1.0, 2.0, 3.0], **force))
     assert [step.status for step in forced.steps] == [Status.CONVERGED] * 3
     names = ("x", "y", "rotation")
-    motion = [np.append(step.tools[0].translation, step.tools[0].rotation) for step in forced.steps]
+    motion = [
+        np.append(step.rigid_bodies[0].translation, step.rigid_bodies[0].rotation)
+        for step in forced.steps
+    ]
 
     def through(values):
         a, b, c = map(float, values)  # the parabola through them at t = 1, 2, 3
@@ -416,7 +419,7 @@ def test_rigid_coupling_bends_a_column_as_a_beam(algebra):
         }
     )
     solution = solve(scene)
-    (moved,) = solution.last_step.tools
+    (moved,) = solution.last_step.rigid_bodies
     turned = -pull * height / (young * (2 * half) ** 3 / 12)
     row = moved.as_dict(solution.contact, scene.contact, solution.model.kinematics)
     # What the body does to the rigid body balances what drives it.
@@ -474,7 +477,7 @@ def differ(problem, result):
     """The largest difference to a load step of a scene, relative to the largest displacement,
     pressure or motion.
     """
-    (tool,), (other,) = problem.tools, result.tools
+    (tool,), (other,) = problem.rigid_bodies, result.rigid_bodies
     pairs = [
         (problem.u.x.array, result.displacement.x.array),
         *(
@@ -527,7 +530,7 @@ def test_forms_and_scenes_give_the_same(dimension, law, algebra, element):
     problem = same_as(solution, law)
     problem.solve()
     close = 1e-7 if algebra == "krylov" else 1e-9
-    assert np.abs(problem.tools[0].rotation).max() > 1e-5
+    assert np.abs(problem.rigid_bodies[0].rotation).max() > 1e-5
     assert differ(problem, solution.last_step) < close
     assert problem.certificate.worst < 1e-7
     system, more = problem.assembled.task.system, [1.5 * one for one in given["force"]]
@@ -539,7 +542,7 @@ def test_forms_and_scenes_give_the_same(dimension, law, algebra, element):
 
 
 MISTAKES_OF_FORMS = [
-    ({"bonded": True, "shape": None}, r"contact\[0\].bonded: needs a shape"),
+    ({"kind": "bonded", "shape": None}, r"contact\[0\].kind: 'bonded' needs a shape"),
     ({"shape": "timed"}, r"contact\[0\].shape: depends on t"),
     ({"measure": 1.0}, r"contact\[0\].measure: is not possible yet"),
 ]

@@ -18,7 +18,7 @@ from signorini_fx.machine import parallel
 from signorini_fx.mechanics.elasticity.mixed_pressure import MixedDisplacement
 from signorini_fx.results.certificate.law_of_method import Tractions
 from signorini_fx.scenes.reading import parse_scene
-from signorini_fx.scenes.scene import Discretised
+from signorini_fx.scenes.scene import Element
 from signorini_fx.scenes.solver import solve
 
 MIXED = {"degree": 2, "volumetric": "mixed"}
@@ -238,7 +238,7 @@ def test_hertz_incompressible(cell):
     """Half-width and peak of a rubber cylinder with E* = E / (1 - 1/4), from the load."""
     scene = half_disk(cell=cell, degree=2, size=0.04)
     rubber = scene.material[0].model_copy(update={"poisson": 0.5})
-    scene = scene.model_copy(update={"material": (rubber,), "element": Discretised(**MIXED)})
+    scene = scene.model_copy(update={"material": (rubber,), "element": Element(**MIXED)})
     solution = alone(scene)
     assert solution.converged
     x, pressure, weight, _ = profile(solution)

@@ -15,7 +15,7 @@ from scenes import example1
 from signorini_fx import ConvergenceError, solve_to_accuracy
 from signorini_fx.algebra.linalg import ElasticSystem
 from signorini_fx.algebra.linalg.petsc_calls import called_back, memory_ended
-from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
+from signorini_fx.mechanics.effects.displacement import Displacement
 from signorini_fx.mechanics.statement.settings import Accuracy
 from signorini_fx.records import Status
 from signorini_fx.scenes.cli import on_ranks
@@ -123,7 +123,7 @@ def test_without_contact(fault, monkeypatch):
         ksp.getPC().setPythonContext(Fails())
 
     scene = example1(nx=6, ny=2, linear_algebra="full")
-    held = PrescribedDisplacement(boundary="bottom", x=0.0, y=0.0)
+    held = Displacement(boundary="bottom", x=0.0, y=0.0)
     scene = scene.model_copy(update={"contact": (), "displacement": (held,)})
     assert solve(scene, MPI.COMM_SELF, check=False).status is Status.CONVERGED
     monkeypatch.setattr(ElasticSystem, "configure", configure)

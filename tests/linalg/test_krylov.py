@@ -18,7 +18,7 @@ from spaces import LAWS, block, friction_of, pushed_brick
 from signorini_fx import ContactProblem, Foundation
 from signorini_fx.algebra.linalg import choice, factorisation, krylov, multigrid
 from signorini_fx.mechanics.body.discretisation import prepare
-from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
+from signorini_fx.mechanics.effects.displacement import Displacement
 from signorini_fx.records import History, Status, Timings
 from signorini_fx.scenes.checks import check_scene
 from signorini_fx.scenes.mesh import load_mesh
@@ -146,7 +146,7 @@ def linear_solve(scene, steps):
     """Steps of CG for the same body held where it may touch, with multigrid set up for that, to the
     same residual.
     """
-    held = (*scene.displacement, PrescribedDisplacement(boundary="bottom", x=0.0, y=0.0, z=0.0))
+    held = (*scene.displacement, Displacement(boundary="bottom", x=0.0, y=0.0, z=0.0))
     alone(scene.model_copy(update={"displacement": held, "contact": ()}))
     return steps.pop()[3]
 

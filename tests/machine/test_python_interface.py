@@ -38,9 +38,9 @@ def scene(**changed):
     entries = {
         "mesh": TAGGED,
         "material": sfx.LinearElastic(young=5000.0, poisson=0.3),
-        "displacement": sfx.PrescribedDisplacement(boundary="left", x=0.0, y=0.0),
-        "traction": sfx.SurfaceTraction(boundary="top", y=-20.0),
-        "contact": sfx.UnilateralContact(boundary="bottom"),
+        "displacement": sfx.Displacement(boundary="left", x=0.0, y=0.0),
+        "traction": sfx.Traction(boundary="top", y=-20.0),
+        "contact": sfx.Contact(boundary="bottom"),
         **changed,
     }
     return sfx.Scene(**entries)
@@ -92,10 +92,10 @@ def test_what_can_be_accepted(tmp_path):
     numbers = alone(
         scene(
             material=sfx.LinearElastic(young=np.float64(5000.0), poisson=np.array(0.3)),
-            traction=sfx.SurfaceTraction(boundary="top", y=np.float32(-20.0)),
+            traction=sfx.Traction(boundary="top", y=np.float32(-20.0)),
         )
     )
-    field = alone(scene(traction=sfx.SurfaceTraction(boundary="top", y=function())))
+    field = alone(scene(traction=sfx.Traction(boundary="top", y=function())))
     for other in (numbers, field):
         np.testing.assert_allclose(other.contact.pressure, plain.contact.pressure, rtol=1e-9)
 
@@ -106,27 +106,27 @@ WRONG = {
         "young: must be a number, not dolfinx's Function",
     ),
     "gap": (
-        lambda: sfx.UnilateralContact(boundary="bottom", gap=function()),
+        lambda: sfx.Contact(boundary="bottom", gap=function()),
         "gap: dolfinx's Function cannot be",
     ),
     "bound": (
-        lambda: sfx.UnilateralContact(boundary="bottom", friction=sfx.Tresca(function())),
+        lambda: sfx.Contact(boundary="bottom", friction=sfx.Tresca(function())),
         "friction: bound: dolfinx's Function cannot be",
     ),
     "negative": (lambda: sfx.Coulomb(-0.1), "Coulomb: coefficient: must not be negative, got -0.1"),
     "displacement": (
-        lambda: sfx.PrescribedDisplacement(boundary="left", x=function()),
+        lambda: sfx.Displacement(boundary="left", x=function()),
         "x: dolfinx's Function cannot",
     ),
     "array": (
-        lambda: sfx.SurfaceTraction(boundary="top", y=np.ones(2)),
+        lambda: sfx.Traction(boundary="top", y=np.ones(2)),
         "y: must be a number, not numpy's ndarray",
     ),
     "mesh": (lambda: scene(mesh=DOLFINX_MESH), "mesh: .* see tag_boundaries"),
     "file": (lambda: scene(mesh="body.msh"), "mesh: a table with file or generator"),
-    "key": (lambda: sfx.SurfaceTraction(boundary="top", yy=3.0), "yy: unknown key"),
+    "key": (lambda: sfx.Traction(boundary="top", yy=3.0), "yy: unknown key"),
     "kind": (
-        lambda: scene(contact=sfx.SurfaceTraction(boundary="top")),
+        lambda: scene(contact=sfx.Traction(boundary="top")),
         "contact: must be a table",
     ),
 }
@@ -178,7 +178,7 @@ def test_signature_of_a_table():
         "kind='unilateral', "
         "overclosure=None)"
     )
-    assert str(inspect.signature(sfx.UnilateralContact)) == shown
+    assert str(inspect.signature(sfx.Contact)) == shown
     assert str(inspect.signature(sfx.LinearElastic)).startswith(
         "(*, young, poisson, grading=None, hypothesis='plane strain', torsion=False, density=None, "
     )

@@ -27,7 +27,7 @@ from signorini_fx.mechanics.statement.generators import known_generators
 from signorini_fx.mechanics.statement.mesh_sources import MeshGenerator
 from signorini_fx.scenes.checks import check_scene
 from signorini_fx.scenes.reading import parse_scene
-from signorini_fx.scenes.scene import Discretised
+from signorini_fx.scenes.scene import Element
 from signorini_fx.scenes.solver import solve
 from signorini_fx.scenes.template import scene_schema
 
@@ -501,5 +501,5 @@ def test_linear_elements_on_curved_cells(cell):
             SceneError, match=r"element\.degree: the mesh has curved cells: set degree = 2"
         ):
             ask(scene, MPI.COMM_WORLD)
-    quadratic = scene.model_copy(update={"element": Discretised(degree=2)})
+    quadratic = scene.model_copy(update={"element": Element(degree=2)})
     assert solve(quadratic, MPI.COMM_WORLD).converged

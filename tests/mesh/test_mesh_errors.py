@@ -10,8 +10,8 @@ from mpi4py import MPI
 from scenes import alone, example1, on_mesh, rectangle
 
 from signorini_fx.errors import InstallationError, MeshError, SceneError
-from signorini_fx.mechanics.effects.contact import UnilateralContact
-from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
+from signorini_fx.mechanics.effects.contact import Contact
+from signorini_fx.mechanics.effects.displacement import Displacement
 from signorini_fx.mechanics.mesh.tagged import generate_mesh, read_mesh, tag_boundaries
 from signorini_fx.mechanics.statement.mesh_sources import MeshFile
 
@@ -32,8 +32,8 @@ def test_missing_boundaries():
     """Every name that the mesh does not have is reported, and those that it has are listed."""
     found = mistakes(
         small(
-            contact=(UnilateralContact(boundary="foot"),),
-            displacement=(PrescribedDisplacement(boundary="Left", x=0.0),),
+            contact=(Contact(boundary="foot"),),
+            displacement=(Displacement(boundary="Left", x=0.0),),
         )
     )
     assert set(found) == {"contact[0].boundary", "displacement[0].boundary"}
@@ -91,7 +91,7 @@ def test_facets_inside_of_a_boundary_are_told(use):
 
 def test_contact_and_normal_support_on_the_same_facets():
     """Where the normal displacement is prescribed nothing is left for contact."""
-    found = mistakes(small(displacement=(PrescribedDisplacement(boundary="bottom", y=0.0),)))
+    found = mistakes(small(displacement=(Displacement(boundary="bottom", y=0.0),)))
     assert list(found) == ["displacement[0]"]
     assert "6 facets" in found["displacement[0]"]
 

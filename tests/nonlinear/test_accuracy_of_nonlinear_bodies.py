@@ -13,7 +13,7 @@ from support.nonlinear_scenes import material
 from signorini_fx import Status, solve
 from signorini_fx.errors import SceneError
 from signorini_fx.records import History
-from signorini_fx.scenes.nonlinear import problem_of
+from signorini_fx.scenes.nonlinear import build_problem
 from signorini_fx.scenes.reading import parse_scene
 
 PRESSED = {
@@ -112,7 +112,7 @@ def test_errors_on_one_mesh(name, fine):
     """Force and pressure are within a factor of three of their errors on each mesh."""
     fine = fine(name)
     for times in (1, 2):
-        problem = problem_of(scene_of(name, times), MPI.COMM_SELF, History())
+        problem = build_problem(scene_of(name, times), MPI.COMM_SELF, History())
         found = problem.solved()
         errors = problem.errors_of(found)
         forces = [

@@ -57,7 +57,7 @@ def test_linear_limit(law):
             )
             for body in (material(law), {"young": 100.0, "poisson": 0.3})
         ]
-        ours, linear = (way.last_step.tools[0].translation for way in ways)
+        ours, linear = (way.last_step.rigid_bodies[0].translation for way in ways)
         assert ours == pytest.approx(linear, rel=1e-3)
         differences.append(np.abs(ours - linear).max())
     if law != "j2":
@@ -88,7 +88,9 @@ def test_a_block_under_a_plate(kind):
         solution = solve(
             block(law, "0", cells=(2, 2), foundation=tool, load_steps={"steps": 3}), MPI.COMM_SELF
         )
-        assert solution.last_step.tools[0].translation == pytest.approx([0.0, -0.3], abs=1e-8)
+        assert solution.last_step.rigid_bodies[0].translation == pytest.approx(
+            [0.0, -0.3], abs=1e-8
+        )
         assert total(solution.last_step)[1] == pytest.approx(force, rel=1e-9)
 
 
@@ -110,8 +112,8 @@ def test_a_rank_without_contact_points():
         together.contact.boundary.size == 0, MPI.LOR
     )
     assert total(together)[1] == pytest.approx(-5.0, rel=1e-9)
-    assert together.tools[0].translation == pytest.approx(
-        alone.tools[0].translation, rel=1e-9, abs=1e-12
+    assert together.rigid_bodies[0].translation == pytest.approx(
+        alone.rigid_bodies[0].translation, rel=1e-9, abs=1e-12
     )
 
 
@@ -133,7 +135,7 @@ def test_between_a_ground_and_a_tool():
             load_steps={"times": [1.0, 2.0]},
         )
         steps = solve(scene).steps
-        ways.append([step.tools[0].translation[1] for step in steps])
+        ways.append([step.rigid_bodies[0].translation[1] for step in steps])
         for step, force in zip(steps, (20.0, 40.0), strict=True):
             assert step.contact.forces_of_each[:, 0, 1] == pytest.approx([-force, force], rel=1e-9)
     assert np.subtract(*ways) == pytest.approx([0.05, 0.05], abs=1e-9)
@@ -155,7 +157,7 @@ def test_what_pulls_away():
     ]
     assert [end.status for end in ends] == [Status.LIMIT, Status.LIMIT, Status.NOT_HELD]
     assert [len(end.steps) > 1 for end in ends] == [False, True, False]
-    assert not np.any([tool.translation for tool in ends[0].last_step.tools])
+    assert not np.any([tool.translation for tool in ends[0].last_step.rigid_bodies])
     assert 1.4 < ends[1].last_step.time <= 1.5  # when it has no force, and stays where it is
     assert ends[1].last_step.certificate.holds
     assert "body not held" in ends[2].findings[0].message

@@ -59,7 +59,7 @@ def test_a_scene_as_the_judge_sees_it(seed):
     )
     for step, u in zip(there.steps, displacements, strict=True):
         motion = (
-            step.tools[0].translation
+            step.rigid_bodies[0].translation
             if drawn.push is not None
             else drawn.between(step.time, drawn.ways)
         )

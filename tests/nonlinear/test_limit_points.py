@@ -47,7 +47,7 @@ def test_an_arch_snaps_through():
     times = np.linspace(0.1, 1.0, 10)
     driven.run(times, lambda load: driven.place(0, force=(0.0, -FORCE * load), prescribed=HELD))
     assert driven.status is Status.CONVERGED
-    end = float(driven.tools[0].translation[1])
+    end = float(driven.rigid_bodies[0].translation[1])
     placed, forces = arch(), []
     for place in np.linspace(0.0, end, 13)[1:]:
         placed.place(0, shift=(0.0, float(place)))

@@ -118,8 +118,8 @@ def test_a_bilateral_shape_in_tension(hollow):
     roof = {"shape": "circle", "centre": centre, "radius": radius, "hollow": hollow}
     wall = {"shape": "circle", "centre": (2.0 + radius, 0.5), "radius": radius}
     contact = [
-        Foundation(side(1, 1.0), shape=roof, bilateral=True),
-        Foundation(side(0, 2.0), shape=wall, bilateral=True),
+        Foundation(side(1, 1.0), shape=roof, kind="bilateral"),
+        Foundation(side(0, 2.0), shape=wall, kind="bilateral"),
     ]
     problem = NonlinearContactProblem(
         residual(u), u, bcs=[held(space, side(1, 0.0))], contact=contact

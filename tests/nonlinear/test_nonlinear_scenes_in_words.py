@@ -53,7 +53,7 @@ REFUSED = {
         "contact": contact(foundation=CIRCLE | {"shift": [0.0, 0.0], "force": [0.0, -1.0]}),
         "load_steps": {},
     },
-    "contact[0].kind: is not possible yet: nonlinear bodies": {
+    "contact[0].kind: 'bonded' is not possible yet: nonlinear bodies": {
         "contact": {
             "boundary": "top",
             "kind": "bonded",

@@ -12,7 +12,7 @@ from support.sliding_bodies import blocks, stacked, turn_of
 
 from signorini_fx import Coulomb, FormError, NonlinearContactProblem
 
-KEPT = {"pair": {"sliding": False}}
+KEPT = {"pair": {"sliding": "small"}}
 
 
 def turned_as_a_whole(scene, way, angle, steps=4):
@@ -41,7 +41,7 @@ def turned_as_a_whole(scene, way, angle, steps=4):
     [
         (lambda: blocks(lower=(6, 3), upper=(3, 2), **KEPT), (0.0, -0.1)),
         (
-            lambda: blocks(lower=(6, 3), upper=(3, 2), pair={"sliding": False, "bonded": True}),
+            lambda: blocks(lower=(6, 3), upper=(3, 2), pair={"sliding": "small", "kind": "bonded"}),
             (0.0, 0.1),
         ),
         (lambda: blocks(lower=(4, 2), upper=(3, 2), degree=2, slave=1, **KEPT), (0.0, -0.1)),
@@ -82,11 +82,14 @@ def test_sides_that_slide_too_far_are_told(facets):
 
 def test_what_a_pair_may_be():
     """Ties, nominal distances and quadratic bodies in 3D are for pairs that keep partners."""
-    for options, words in (({"bonded": True}, "sliding = False"), ({"gap": 0.0}, "geometry")):
+    for options, words in (
+        ({"kind": "bonded"}, 'sliding = "small"'),
+        ({"distance": "nominal"}, "geometry"),
+    ):
         with pytest.raises(FormError, match=words):
             blocks(lower=(4, 2), upper=(2, 2), pair=options)
-        blocks(lower=(4, 2), upper=(2, 2), pair={**options, "sliding": False})
-    with pytest.raises(FormError, match="sliding = False"):
+        blocks(lower=(4, 2), upper=(2, 2), pair={**options, "sliding": "small"})
+    with pytest.raises(FormError, match='sliding = "small"'):
         stacked("hexahedron", lower=(1, 1, 1), upper=(1, 1, 1), degree=2)
 
 

@@ -91,7 +91,7 @@ def assert_same(solution, reference, tolerance):
             theirs.name,
         )
         assert ours.certificate.holds
-        for one, other in zip(ours.tools, theirs.tools, strict=True):
+        for one, other in zip(ours.rigid_bodies, theirs.rigid_bodies, strict=True):
             assert one.translation == pytest.approx(other.translation, abs=1e-9)
         table, wanted = (contact_table(step.contact, *sides).columns for step in (ours, theirs))
         size = np.abs(wanted["pressure"]).max()

@@ -90,7 +90,7 @@ def test_the_forces_of_a_way_give_the_way(law, tmp_path):
     assert [step.time for step in by_force.steps] == list(TIMES)
     size = np.abs(wrenches).max()
     for step, place, taken in zip(by_force.steps, places, wrenches, strict=True):
-        (tool,) = step.tools
+        (tool,) = step.rigid_bodies
         assert [*tool.translation, *tool.rotation] == pytest.approx(place, abs=1e-8)
         assert wrench(step.contact, step.displacement, CENTRE + place[:2]) == pytest.approx(
             taken, abs=1e-8 * size
@@ -98,7 +98,9 @@ def test_the_forces_of_a_way_give_the_way(law, tmp_path):
         assert step.certificate.holds
     u, v = (solution.displacement.x.array for solution in (by_force, by_way))
     assert np.abs(u - v).max() < 1e-9
-    (row,) = write_results(by_force, MPI.COMM_WORLD.bcast(str(tmp_path)), pictures=False)["tools"]
+    (row,) = write_results(by_force, MPI.COMM_WORLD.bcast(str(tmp_path)), pictures=False)[
+        "rigid_bodies"
+    ]
     assert row["rotation"] == pytest.approx(places[-1, 2], abs=1e-8)
     assert [*row["force"], row["moment"]] == pytest.approx(wrenches[-1], abs=1e-8 * size)
     if law == "rubber":  # at small strains moments are in balance about the undeformed places
@@ -157,7 +159,7 @@ def test_objectivity():
             rolled.solve()
             assert rolled.certificate.holds
             rolled.advance()
-        (tool,) = rolled.tools
+        (tool,) = rolled.rigid_bodies
         loads = wrench(rolled.state, rolled.u, tool.reference + tool.translation)
         pushed = -loads[:2] + SPRING * tool.translation
         assert pushed @ turn == pytest.approx(unit * np.array([1.5, -9.0]), abs=1e-8 * unit)
@@ -196,7 +198,7 @@ def test_a_lever_on_two_rollers():
     tilted = seesaw(force=(0.0, -10.0), prescribed={"x": 0.0})
     tilted.solve()
     assert tilted.iterations <= 6
-    (tool,) = tilted.tools
+    (tool,) = tilted.rigid_bodies
     assert tool.rotation[0] > 0.01  # it sinks at the nearer roller
     pivot = tool.reference + tool.translation
     boundary, state = tilted.state.boundary, tilted.state

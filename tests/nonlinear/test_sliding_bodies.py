@@ -47,7 +47,7 @@ PRESSED = ((0, -0.1), (0, -0.2))
 PRESSED_IN_3D = ((0, 0, -0.05), (0, 0, -0.1))
 COARSE = {"kind": "tetrahedron", "lower": (8, 6, 1), "upper": (4, 4, 1), "ratio": 10.0}
 ROUGH = Coulomb(0.3)
-GUIDE = {"pair": {"bilateral": True}, "algorithm": "alm"}
+GUIDE = {"pair": {"kind": "bilateral"}, "algorithm": "alm"}
 SMOOTH = {"smooth": lambda x: np.isclose(x[0], 0.0)}
 FLAT = {"lower": (5, 3), "upper": (3, 2), "width": 1.0, **SMOOTH}
 QUADRATIC = {"kind": "triangle", "degree": 2}
@@ -181,7 +181,7 @@ def test_linear_limit(name, slave):
     assert across.any() == isinstance(settings.get("friction"), Tresca)
 
 
-def beside_a_rigid_plane(make, ways, friction, *, bilateral=False, **settings):
+def beside_a_rigid_plane(make, ways, friction, *, kind="unilateral", **settings):
     """Forces on a block that is 1e5 times as stiff, and on a rigid plane, of which other code
     knows.
     """
@@ -192,13 +192,13 @@ def beside_a_rigid_plane(make, ways, friction, *, bilateral=False, **settings):
             slave=1,
             friction=friction,
             algorithm="alm",
-            pair={"bilateral": bilateral},
+            pair={"kind": kind},
             **settings,
         )
         if rigid:
             up = np.eye(len(scene.u))[-1]
             plane = {"shape": "plane", "point": tuple(0.0 * up), "normal": tuple(up)}
-            tool = Foundation(scene.sides[1], shape=plane, friction=friction, bilateral=bilateral)
+            tool = Foundation(scene.sides[1], shape=plane, friction=friction, kind=kind)
             scene.problem = NonlinearContactProblem(
                 scene.form, scene.u, bcs=scene.bcs, contact=tool, algorithm="alm"
             )
@@ -214,7 +214,7 @@ PULLED = ((0.0, 0.05), (0.1, 0.1), (0.4, 0.1), (0.4, -0.1), (0.2, -0.1))
 @pytest.mark.parametrize("element", [{}, QUADRATIC], ids=["degree 1", "degree 2"])
 def test_a_guide_on_a_rigid_plane(element):
     """Pulled and slid over facets."""
-    forces = beside_a_rigid_plane(blocks, PULLED, ROUGH, bilateral=True, **WIDE, **element)
+    forces = beside_a_rigid_plane(blocks, PULLED, ROUGH, kind="bilateral", **WIDE, **element)
     assert forces[1][:3, 1].max() < 0 < forces[1][3:, 1].min()
     assert forces[0] == pytest.approx(forces[1], abs=3e-5 * np.abs(forces[1]).max())
 
@@ -595,8 +595,8 @@ def test_the_certificate_sees_what_is_wrong():
 @pytest.mark.parametrize(
     ("more", "where"),
     [
-        ({"gap": 0.0}, "gap"),
-        ({"bonded": True}, "bonded"),
+        ({"distance": "nominal"}, "distance"),
+        ({"kind": "bonded"}, "kind"),
         ({"adjust": 0.1}, "adjust"),
     ],
 )

@@ -19,7 +19,7 @@ from signorini_fx import (
     NonlinearContactProblem,
     SceneError,
     StepEffect,
-    problem_of,
+    build_problem,
     solve,
 )
 from signorini_fx.mechanics.state import State
@@ -69,7 +69,7 @@ def sliding_blocks(**solver):
 
 def ends_of(scene, comm=MPI.COMM_WORLD, **more):
     """A problem that has solved all load steps, its states from before the first, and results."""
-    problem = problem_of(scene, comm, **more)
+    problem = build_problem(scene, comm, **more)
     states, results = [problem.initial()], []
     for time in problem.path.times:
         state, result = problem.step(states[-1], time)
@@ -104,7 +104,7 @@ def test_each_step_again(tmp_path, name):
     problem, states, results = ends_of(scene, MPI.COMM_SELF)
     for number, result in enumerate(results):
         states[number].save(tmp_path / f"{number}.npz", problem)
-        fresh = problem_of(scene, MPI.COMM_SELF)
+        fresh = build_problem(scene, MPI.COMM_SELF)
         state = State.load(tmp_path / f"{number}.npz", fresh)
         assert_again(fresh.step(state, result.time), states[number + 1], result)
 
@@ -159,7 +159,7 @@ def test_a_solve_goes_on_from_a_state():
     """The steps after a state are those of one run, with what an effect and a metal remember."""
     scene = SCENES["metal"]()
     whole = solve(scene, effects=[Counted()])
-    problem = problem_of(scene, effects=[Counted()])
+    problem = build_problem(scene, effects=[Counted()])
     state = problem.initial()
     for step in whole.steps[:2]:
         state, result = problem.step(state, step.time)
@@ -307,7 +307,7 @@ def test_a_run_after_a_loop_of_a_users_own():
 
 def test_a_state_of_another_material():
     """It has no such history."""
-    problem = problem_of(pressed("rubber", steps=1))
+    problem = build_problem(pressed("rubber", steps=1))
     state, _ = problem.step(problem.initial(), 1.0)
     with pytest.raises(SceneError, match="is that of another material: it has no such material 0"):
-        problem_of(pressed("metal", steps=1)).step(state, 2.0)
+        build_problem(pressed("metal", steps=1)).step(state, 2.0)

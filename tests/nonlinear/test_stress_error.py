@@ -12,7 +12,7 @@ from signorini_fx.forms.nonlinear.residual import Tangents
 from signorini_fx.forms.nonlinear.results import squared_errors, stress_of
 from signorini_fx.machine import compat
 from signorini_fx.records import History
-from signorini_fx.scenes.nonlinear import problem_of
+from signorini_fx.scenes.nonlinear import build_problem
 from signorini_fx.scenes.reading import parse_scene
 
 WORLD = MPI.COMM_WORLD
@@ -214,7 +214,7 @@ def test_force_of_a_punch_on_metal():
         "contact": {"boundary": "bottom", "gap": "0.0 if x[0] <= 1.0 else 1.0"},
         "load_steps": {"times": [0.25, 0.5, 0.75, 1.0]},
     }
-    problem = problem_of(parse_scene(scene), MPI.COMM_SELF, History())
+    problem = build_problem(parse_scene(scene), MPI.COMM_SELF, History())
     force = problem.solved().contact.forces[0][1]
     assert 0.5 < problem.errors.force / abs(force / 375.6 - 1) < 2.0
 

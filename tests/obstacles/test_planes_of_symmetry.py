@@ -92,7 +92,7 @@ def pressed(
     bcs += [held(space, top, k, 0.01 if k != axis else side) for k in range(up)]
     friction, bonded = given.pop("friction", None), given.pop("bonded", False)
     nothing = ufl.inner(fem.Constant(mesh, (0.0,) * dim), v) * ufl.dx
-    pair = Pair(*sides, bonded=True) if bonded else Pair(*sides, friction=friction)
+    pair = Pair(*sides, kind="bonded") if bonded else Pair(*sides, friction=friction)
     problem = ContactProblem(a, nothing, bcs, contact=pair, **EXACT | given)
     problem.solve()
     return problem
@@ -125,11 +125,11 @@ def differences(half, whole):
     ("kind", "degree", "counts", "given"),
     [
         ("quadrilateral", 1, (6, 5), {"friction": Coulomb(0.3), "linear_algebra": "full"}),
-        ("triangle", 2, (5, 6), {"bonded": True}),
+        ("triangle", 2, (5, 6), {"kind": "bonded"}),
         ("hexahedron", 1, (3, 4), {"friction": Coulomb(0.3)}),
         ("tetrahedron", 2, (2, 3), {"friction": Coulomb(0.3), "linear_algebra": "full"}),
         ("tetrahedron", 1, (4, 3), {"friction": Tresca(0.3), "linear_algebra": "krylov"}),
-        ("hexahedron", 1, (3, 2), {"bonded": True, "linear_algebra": "full"}),
+        ("hexahedron", 1, (3, 2), {"kind": "bonded", "linear_algebra": "full"}),
     ],
 )
 def test_half_a_model(kind, degree, counts, given):

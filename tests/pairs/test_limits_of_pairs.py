@@ -20,7 +20,7 @@ def stacked(kind, counts, low, high, degree):
     )
     level = [lambda x, z=z: np.isclose(x[2], z) for z in (0.0, -0.3, 0.3)]
     scene = SlidingBodies(
-        kind, bodies, [level[0]] * 2, level[1:], slave=1, degree=degree, pair={"sliding": False}
+        kind, bodies, [level[0]] * 2, level[1:], slave=1, degree=degree, pair={"sliding": "small"}
     )
     scene.drive.value[-1] = -1e-3
     return scene
@@ -52,7 +52,7 @@ def test_facets_as_far_apart_as_the_reach_are_partners(far):
     )
     level = [lambda x, y=y: np.isclose(x[1], y) for y in (0.0, far, -0.3, far + 0.3)]
     scene = SlidingBodies(
-        "triangle", bodies, level[:2], level[2:], slave=1, pair={"reach": far, "sliding": False}
+        "triangle", bodies, level[:2], level[2:], slave=1, pair={"reach": far, "sliding": "small"}
     )
     scene.drive.value[-1] = -1e-3
     certificate = as_linear_bodies(scene).certificate
@@ -72,13 +72,13 @@ def third_of_four(kind, degree=1):
     )
     level = [lambda x, z=z: np.isclose(x[up], z, atol=1e-9) for z in (0.0, 1e-6, -1.0, 1.0)]
     scene = SlidingBodies(
-        kind, bodies, level[:2], level[2:], degree=degree, pair={"sliding": False, "reach": 0.1}
+        kind, bodies, level[:2], level[2:], degree=degree, pair={"sliding": "small", "reach": 0.1}
     )
     slave, master = scene.sides
     quarter = np.floor(4 * compute_midpoints(scene.mesh, up, slave)[:, 0]).astype(int)
     parts = [slave[np.isin(quarter, numbers)] for numbers in ((0, 2), (1, 3))]
     scene.drive.value[-1] = -0.01
-    scene.pair = [Pair(part, master, reach=0.1, sliding=False) for part in parts]
+    scene.pair = [Pair(part, master, reach=0.1, sliding="small") for part in parts]
     return scene
 
 

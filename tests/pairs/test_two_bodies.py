@@ -92,7 +92,7 @@ def test_patch(kind, degree, law, exchanged):
         a,
         ufl.inner(fem.Constant(mesh, (0.0,) * dim), v) * ufl.dx,
         [fem.dirichletbc(exact, outside)],
-        contact=Pair(*sides, friction=friction, bonded=law == "bonded"),
+        contact=Pair(*sides, friction=friction, kind="bonded" if law == "bonded" else "unilateral"),
         algorithm="alm",
         tolerance=1e-12,
     )
@@ -136,7 +136,9 @@ def example1(count, degree=1, stiffer=1.0, rigid=False, comm=MPI.COMM_SELF, **se
     def gap(x):
         return 0.003 * (x[0] - 1.5) ** 2 + 0.001
 
-    contact = Foundation(slave, gap=gap) if rigid else Pair(slave, master, gap=gap)
+    contact = (
+        Foundation(slave, gap=gap) if rigid else Pair(slave, master, distance="nominal", gap=gap)
+    )
     problem = ContactProblem(a, ufl.inner(load, v) * top, bcs, contact=contact, **settings)
     problem.solve()
     return problem
@@ -227,7 +229,14 @@ def test_what_is_refused():
         Pair(slave, facets(mesh, lambda x: np.isclose(x[1], 1))),
         r"contact\[0\]: its facets lie up to 1 behind",
     )
-    refused(Pair(slave, master, gap="nominal"), r'contact\[0\].gap: must be "geometry" or values')
+    refused(Pair(slave, master, gap="nominal"), r"contact\[0\].gap: is text")
+    for key, choices in {
+        "distance": "'geometry' or 'nominal'",
+        "sliding": "'finite' or 'small'",
+        "kind": "'unilateral' or 'bilateral' or 'bonded'",
+    }.items():
+        wrong = Pair(slave, master, **{key: "glued"})
+        refused(wrong, rf"contact\[0\].{key}: must be {choices}, not 'glued'")
 
 
 @pytest.mark.parametrize(
@@ -338,7 +347,8 @@ def test_two_blocks_on_the_same_side_of_a_plate(linear_algebra):
     found = []
     for masters in ((plate, plate), parts):
         contact = [
-            Pair(s, m, gap=0.0, friction=Coulomb(0.5)) for s, m in zip(slaves, masters, strict=True)
+            Pair(s, m, distance="nominal", gap=0.0, friction=Coulomb(0.5))
+            for s, m in zip(slaves, masters, strict=True)
         ]
         problem = ContactProblem(a, load, bcs, contact=contact, linear_algebra=linear_algebra)
         problem.solve()

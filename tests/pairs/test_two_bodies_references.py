@@ -69,7 +69,9 @@ def test_disc_that_sticks_in_a_ring(exchanged):
     load = radial * ufl.dot(v, outward) * rim
     load -= (radial * ufl.dot(v, outward) + shear * ufl.dot(v, around)) * hole
     bcs = [held(space, facets(mesh, lambda x, k=k: np.isclose(x[k], 0.0)), k) for k in (0, 1)]
-    pair = Pair(*(sides[::-1] if exchanged else sides), gap=0.0, friction=Coulomb(0.5))
+    pair = Pair(
+        *(sides[::-1] if exchanged else sides), distance="nominal", gap=0.0, friction=Coulomb(0.5)
+    )
     problem = ContactProblem(a, load, bcs, contact=pair)
     problem.solve()
     state = problem.state
@@ -123,7 +125,7 @@ def test_bonded_blocks_converge(kind, degree, finer):
         ]
         load = -ufl.inner(ufl.div(stress_of(exact, 10.0, 0.3)), v) * ufl.dx
         # The linear problem alone, however large its displacements are.
-        of_both = Pair(*both, bonded=True)
+        of_both = Pair(*both, kind="bonded")
         problem = ContactProblem(
             a, load, bcs, contact=of_both, algorithm="alm", largest_deformation=1e3
         )

@@ -41,7 +41,7 @@ def inf_sup(kind, degree, counts, stiffer=1.0):
     nothing = ufl.inner(fem.Constant(mesh, (0.0,) * dim), v) * ufl.dx
     bcs = [held(space, ends, k) for k in range(dim)]
     problem = ContactProblem(
-        a, nothing, bcs, contact=Pair(*both, bonded=True), linear_algebra="full"
+        a, nothing, bcs, contact=Pair(*both, kind="bonded"), linear_algebra="full"
     )
     problem.solve()
     K, B = (

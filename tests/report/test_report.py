@@ -27,7 +27,7 @@ from signorini_fx.addons.report import page as report
 from signorini_fx.addons.report.markup import part
 from signorini_fx.errors import ResultError
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.effects.contact import UnilateralContact
+from signorini_fx.mechanics.effects.contact import Contact
 from signorini_fx.mechanics.mesh.tagged import tag_boundaries
 from signorini_fx.quantities.shown import figure
 from signorini_fx.quantities.summary import CertificateFigures
@@ -73,7 +73,7 @@ def two_boundaries():
     (first,) = data.contact
     halves = (
         first.model_copy(update={"boundary": "<a&b>"}),
-        UnilateralContact(boundary="$c$", gap=first.gap),
+        Contact(boundary="$c$", gap=first.gap),
     )
     return on_mesh(data.model_copy(update={"contact": halves}), tag_boundaries(tagged.mesh, sides))
 

@@ -49,9 +49,9 @@ def test_penetration_of_the_defaults(cornered):
     scene = sfx.Scene(
         mesh=sfx.generate_mesh("rectangle", {"length": 2.0, "nx": 8, "ny": 4}, MPI.COMM_WORLD),
         material=sfx.LinearElastic(young=1000.0, poisson=0.3),
-        displacement=sfx.PrescribedDisplacement(boundary="left", x=0.0),
-        traction=sfx.SurfaceTraction(boundary="top", y="-4*x[0]"),
-        contact=sfx.UnilateralContact(boundary="bottom"),
+        displacement=sfx.Displacement(boundary="left", x=0.0),
+        traction=sfx.Traction(boundary="top", y="-4*x[0]"),
+        contact=sfx.Contact(boundary="bottom"),
     )
     found = sfx.solve(scene).certificate.penetration
     exact = scene.model_copy(update={"solver": sfx.SolverSettings(algorithm="alm")})

@@ -15,10 +15,10 @@ from mpi4py import MPI
 import signorini_fx as sfx
 
 friction = sfx.Coulomb(0.3, cohesion=lambda x: 1.0 + x[0])
-below = [sfx.UnilateralContact(boundary="bottom", direction=[0, -1], friction=friction)]
+below = [sfx.Contact(boundary="bottom", direction=[0, -1], friction=friction)]
 steel = sfx.LinearElastic(young=210e3, poisson=0.3, density=7.85e-9)
 block = sfx.generate_mesh("rectangle", {"nx": 8, "ny": 4}, MPI.COMM_WORLD)
-moved = sfx.PrescribedDisplacement(boundary="top", y="-t", factors=[0, 1])
+moved = sfx.Displacement(boundary="top", y="-t", factors=[0, 1])
 scene = sfx.Scene(mesh=block, material=steel, displacement=moved, contact=below, solver={"levels": 1})
 solution = sfx.solve(scene)
 problem = sfx.ContactProblem(1, 2, contact=[sfx.Foundation([3]), sfx.Pair([1], [2])])

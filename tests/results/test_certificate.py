@@ -13,7 +13,7 @@ from scenes import alone, example1, stack_of_three, table_of
 
 from signorini_fx.algebra.algorithms.ssn import SemismoothNewton
 from signorini_fx.machine import compat
-from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
+from signorini_fx.mechanics.effects.displacement import Displacement
 from signorini_fx.mechanics.mesh.refinement import refine
 from signorini_fx.mechanics.model import Model
 from signorini_fx.records import Status
@@ -464,7 +464,7 @@ def test_a_node_smaller_than_the_digits_of_the_displacement():
     scene = example1(bound=1.5, nx=6, ny=2, cell="triangle", degree=2)
     scene = scene.model_copy(
         update={
-            "displacement": (PrescribedDisplacement(boundary="top", x=0.001, y=-0.01),),
+            "displacement": (Displacement(boundary="top", x=0.001, y=-0.01),),
             "traction": (),
             "contact": tuple(effect.model_copy(update={"gap": 0.0}) for effect in scene.contact),
         }

@@ -213,7 +213,7 @@ def test_every_key_is_used(written):
     inner = {
         "contact_boundaries": written["plane"]["contact_boundaries"][0],
         "resultants": written["plane"]["resultants"][0],
-        "tools": written["tool"]["tools"][0],
+        "rigid_bodies": written["tool"]["rigid_bodies"][0],
         "preloads": written["preload"]["preloads"][0],
         "corners": written["corner"]["corners"][0],
         "pieces": written["plane"]["pieces"][0],

@@ -516,9 +516,9 @@ def keys_by_table():
 
 MODELS = {
     ".accuracy": [settings.Accuracy],
-    "element": [scene.Discretised],
+    "element": [scene.Element],
     "material": [LinearElastic, OrthotropicElastic],
-    "displacement": [displacement.PrescribedDisplacement],
+    "displacement": [displacement.Displacement],
     **{
         key: list(tables(field.annotation))
         for key, field in scene.Scene.model_fields.items()

@@ -26,21 +26,19 @@ def entries(function):
     bottom, left = {"boundary": "bottom"}, {"boundary": "left"}
     heated = {"young": 200.0, "poisson": 0.3, "expansion": 1e-3}
     return {
-        "traction[0].x": {"traction": sfx.SurfaceTraction(**left, x=function)},
+        "traction[0].x": {"traction": sfx.Traction(**left, x=function)},
         "body_force.y": {"body_force": sfx.BodyForce(y=function)},
-        "displacement[0].y": {
-            "displacement": sfx.PrescribedDisplacement(boundary="top", x=0.0, y=function)
-        },
-        "contact[0].gap": {"contact": sfx.UnilateralContact(**bottom, gap=function)},
+        "displacement[0].y": {"displacement": sfx.Displacement(boundary="top", x=0.0, y=function)},
+        "contact[0].gap": {"contact": sfx.Contact(**bottom, gap=function)},
         "contact[0].friction": {
-            "contact": sfx.UnilateralContact(**bottom, friction=sfx.Coulomb(coefficient=function))
+            "contact": sfx.Contact(**bottom, friction=sfx.Coulomb(coefficient=function))
         },
         "material[0].grading": {"material": {"young": 200.0, "poisson": 0.3, "grading": function}},
         "springs[0]": {"springs": sfx.Springs(**left, normal=function)},
-        "force[0]": {"force": sfx.TotalForce(boundary="top", x=1.0, spread=function)},
+        "force[0]": {"force": sfx.Force(boundary="top", x=1.0, spread=function)},
         "temperature[0].change": {
             "material": heated,
-            "temperature": sfx.TemperatureChange(change=function),
+            "temperature": sfx.Temperature(change=function),
         },
     }
 

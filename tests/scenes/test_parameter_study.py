@@ -6,7 +6,7 @@ import tomllib
 
 import pytest
 
-from signorini_fx import Coulomb, UnilateralContact
+from signorini_fx import Contact, Coulomb
 from signorini_fx.errors import SceneError
 from signorini_fx.scenes import cli
 from signorini_fx.scenes.reading import changed, parse_scene, parsed_change
@@ -80,7 +80,7 @@ def test_a_table_of_python_keeps_its_law():
     made = parse_scene(
         {
             **tomllib.loads(PUSHED),
-            "contact": [UnilateralContact(boundary="bottom", friction=Coulomb(coefficient=0.1))],
+            "contact": [Contact(boundary="bottom", friction=Coulomb(coefficient=0.1))],
         }
     )
     found = parse_scene(changed(made, {"contact[0].friction.coefficient": 0.2}))

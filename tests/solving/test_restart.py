@@ -208,7 +208,7 @@ def assert_same(solution, reference, tolerance=1e-8):
                 ours, theirs, rtol=0, atol=tolerance * np.abs(other.contact.forces_of_each).max()
             )
         found, wanted = (
-            np.array([[*tool.translation, *tool.rotation] for tool in result.tools])
+            np.array([[*tool.translation, *tool.rotation] for tool in result.rigid_bodies])
             for result in (one, other)
         )
         np.testing.assert_allclose(

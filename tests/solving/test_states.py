@@ -13,8 +13,8 @@ from signorini_fx import (
     Coulomb,
     Foundation,
     StepEffect,
+    build_problem,
     extensions,
-    problem_of,
     solve,
 )
 from signorini_fx.algebra.linalg.schur import SchurComplement
@@ -295,7 +295,7 @@ def test_a_solve_goes_on_from_a_state():
     """The steps after a state are those of one run."""
     given = scene(PUSHED)
     whole = solve(given, effects=[Counted()])
-    problem = problem_of(given, effects=[Counted()])
+    problem = build_problem(given, effects=[Counted()])
     state = problem.initial()
     for time in (1.0, 2.0, 3.0):
         state, result = problem.step(state, time)
@@ -375,7 +375,7 @@ def test_an_effect_by_its_name(monkeypatch):
         (lambda problem, state: problem.step(state, 2.5), "no load step ends at time 2.5"),
         (lambda problem, state: solve(FINER, state=state), "is of another mesh"),
         (lambda problem, state: solve(SHORTER, state=state), "must be after that of the state, 2"),
-        (lambda problem, state: problem_of(FINER).step(state, 3.0), "is of another mesh"),
+        (lambda problem, state: build_problem(FINER).step(state, 3.0), "is of another mesh"),
         (lambda problem, state: Block().problem.step(state, 3.0), "is of another mesh"),
         (lambda problem, state: Block().problem.step(state, 1.0), "must be after that"),
         (lambda problem, state: state.with_field("a", "point", [1.0]), "must be at one of dofs"),
@@ -384,7 +384,7 @@ def test_an_effect_by_its_name(monkeypatch):
 )
 def test_what_a_state_is_not_for(use, reason):
     """One error that says so."""
-    problem = problem_of(scene(PUSHED))
+    problem = build_problem(scene(PUSHED))
     state = problem.initial()
     for time in (1.0, 2.0):
         state, _ = problem.step(state, time)

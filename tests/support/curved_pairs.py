@@ -99,7 +99,7 @@ def press(
         )
     else:
         bcs += [held(space, ends[1], k) for k in range(up + 1)]
-        against = Pair(sides[slave], sides[1 - slave], friction=law, gap="geometry")
+        against = Pair(sides[slave], sides[1 - slave], friction=law, distance="geometry")
     nothing = ufl.inner(fem.Constant(mesh, (0.0,) * (up + 1)), v) * ufl.dx
     problem = ContactProblem(
         a, nothing, bcs, contact=against, **{"algorithm": "alm", "tolerance": 1e-9} | given

@@ -14,8 +14,8 @@ import numpy as np
 import ufl
 from spaces import box
 
-from signorini_fx.mechanics.effects.contact import UnilateralContact
-from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
+from signorini_fx.mechanics.effects.contact import Contact
+from signorini_fx.mechanics.effects.displacement import Displacement
 from signorini_fx.mechanics.effects.loads import BodyForce
 from signorini_fx.mechanics.laws.coulomb import Tresca
 from signorini_fx.mechanics.materials.isotropic import LinearElastic
@@ -69,12 +69,12 @@ def made_up(cells, n, algorithm="auto"):
         material=LinearElastic(young=YOUNG, poisson=0.0),
         body_force=BodyForce(x=fx, y=fy, z=fz),
         displacement=[
-            PrescribedDisplacement(
+            Displacement(
                 boundary=name,
                 **{axis: lambda x, k=k: displacement(x)[k] for k, axis in enumerate("xyz")},
             )
             for name in sides
         ],
-        contact=UnilateralContact(boundary="bottom", friction=Tresca(bound=bound)),
+        contact=Contact(boundary="bottom", friction=Tresca(bound=bound)),
         solver=SolverSettings(algorithm=algorithm),
     )

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scenes import PATCH, alone, energy, example1, on_mesh, rectangle, table_of
 
-from signorini_fx.mechanics.effects.loads import SurfaceTraction
+from signorini_fx.mechanics.effects.loads import Traction
 from signorini_fx.records import Status
 from signorini_fx.scenes.reading import parse_scene
 
@@ -62,7 +62,7 @@ def test_statics_have_no_unit(push, status, stress):
     unit of stress.
     """
     scene = example1(bound=1.5, nx=12, ny=4, gamma="auto", stress_unit=stress)
-    aside = SurfaceTraction(boundary="top", x=1.5 * push * stress)
+    aside = Traction(boundary="top", x=1.5 * push * stress)
     free = scene.model_copy(update={"displacement": (), "traction": (*scene.traction, aside)})
     assert alone(free, check=False).status is status
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scenes import PATCH, alone, example1
 
-from signorini_fx.mechanics.effects.loads import SurfaceTraction
+from signorini_fx.mechanics.effects.loads import Traction
 from signorini_fx.records import Status
 from signorini_fx.results.solution import ConvergenceError
 from signorini_fx.results.summary import lines_of, summary_of
@@ -19,7 +19,7 @@ SMALL = {"nx": 30, "ny": 10}
 
 def loaded(x, y):
     """A traction on top."""
-    return (SurfaceTraction(boundary="top", x=x, y=y),)
+    return (Traction(boundary="top", x=x, y=y),)
 
 
 def outcome(scene):

@@ -10,9 +10,9 @@ from scenes import PATCH, example1
 from spaces import block, box, friction_of, pushed_brick, rotation
 
 from signorini_fx.errors import MeshError, SceneError, SignoriniError
-from signorini_fx.mechanics.effects.contact import UnilateralContact
-from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
-from signorini_fx.mechanics.effects.loads import SurfaceTraction
+from signorini_fx.mechanics.effects.contact import Contact
+from signorini_fx.mechanics.effects.displacement import Displacement
+from signorini_fx.mechanics.effects.loads import Traction
 from signorini_fx.mechanics.laws.coulomb import Tresca
 from signorini_fx.mechanics.mesh.tagged import tag_boundaries
 from signorini_fx.mechanics.statement.expressions import Expression
@@ -130,19 +130,19 @@ def with_contact(**changes):
     ("changes", "message"),
     [
         (
-            {"contact": (UnilateralContact(boundary="foot"),)},
+            {"contact": (Contact(boundary="foot"),)},
             r"contact\[0\].boundary.*'foot'.*bottom, left, right, top",
         ),
         (
-            {"displacement": (PrescribedDisplacement(boundary="bottom", y=0.0),)},
+            {"displacement": (Displacement(boundary="bottom", y=0.0),)},
             r"displacement\[0\].*6 facets",
         ),
         (
-            {"displacement": (PrescribedDisplacement(boundary="left", x="sqrt(x[1] - 0.1)"),)},
+            {"displacement": (Displacement(boundary="left", x="sqrt(x[1] - 0.1)"),)},
             "displacement.*not finite",
         ),
         (
-            {"traction": (SurfaceTraction(boundary="top", y="log(x[0] - 2.9)"),)},
+            {"traction": (Traction(boundary="top", y="log(x[0] - 2.9)"),)},
             "traction.*not finite",
         ),
         (with_contact(gap=Expression("sqrt(x[0] - 0.1)")), r"contact\[0\].gap: is nan at \("),
@@ -172,7 +172,7 @@ def test_errors_are_raised_alike(changes, message):
 def test_no_solution_is_no_solution_everywhere():
     """A status is the same on all ranks."""
     loose = SMALL.model_copy(
-        update={"displacement": (), "traction": (SurfaceTraction(boundary="top", y=20.0),)}
+        update={"displacement": (), "traction": (Traction(boundary="top", y=20.0),)}
     )
     with pytest.raises(SignoriniError) as caught:
         solve(loose, WORLD)

@@ -88,7 +88,7 @@ def scene(problem: Problem, grid: Grid, degree: int = 1, **settings: Any) -> tup
         return {"xyz"[k]: value(formula) for k, formula in components.items()}
 
     supports = [
-        sfx.PrescribedDisplacement(
+        sfx.Displacement(
             **(
                 {"at": [problem.number(c) for c in support.at]}
                 if support.at
@@ -109,16 +109,12 @@ def scene(problem: Problem, grid: Grid, degree: int = 1, **settings: Any) -> tup
         if contact.against:
             how = {"against": contact.against, "distance": "nominal", "points": "boundary"}
         gap = value(contact.gap)
-        contacts.append(
-            sfx.UnilateralContact(boundary=contact.boundary, gap=gap, friction=law, **how)
-        )
+        contacts.append(sfx.Contact(boundary=contact.boundary, gap=gap, friction=law, **how))
     hypothesis = {} if problem.hypothesis == "space" else {"hypothesis": problem.hypothesis}
     several = len(problem.bodies) > 1
     made = sfx.Scene(
         mesh=tagged,
-        element=sfx.Discretised(degree=2, volumetric="mixed")
-        if mixed
-        else sfx.Discretised(degree=degree),
+        element=sfx.Element(degree=2, volumetric="mixed") if mixed else sfx.Element(degree=degree),
         material=[
             sfx.LinearElastic(
                 young=body.young,
@@ -130,8 +126,7 @@ def scene(problem: Problem, grid: Grid, degree: int = 1, **settings: Any) -> tup
         ],
         displacement=supports,
         traction=[
-            sfx.SurfaceTraction(boundary=t.boundary, **named(t.components))
-            for t in problem.tractions
+            sfx.Traction(boundary=t.boundary, **named(t.components)) for t in problem.tractions
         ],
         contact=contacts,
         solver=sfx.SolverSettings(**settings),

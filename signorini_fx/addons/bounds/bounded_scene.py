@@ -13,13 +13,13 @@ import numpy as np
 from signorini_fx.addons.bounds.simplices import Array
 from signorini_fx.machine import compat
 from signorini_fx.mechanics.effects.contact import Contact
-from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
-from signorini_fx.mechanics.effects.loads import BodyForce, Gravity, SurfaceTraction, TotalForce
+from signorini_fx.mechanics.effects.displacement import Displacement
+from signorini_fx.mechanics.effects.loads import BodyForce, Force, Gravity, Traction
 from signorini_fx.mechanics.laws.coulomb import Tresca
 from signorini_fx.mechanics.materials.protocol import Material
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.shapes.analytic import Plane
-from signorini_fx.mechanics.statement.effect import Force
+from signorini_fx.mechanics.statement.effect import ForceDensity
 from signorini_fx.mechanics.statement.expressions import Expression, in_space
 from signorini_fx.quantities.proved_statements import Refused
 from signorini_fx.tuned import SAME_LENGTH
@@ -154,10 +154,10 @@ def unbounded(model: Model) -> Iterator[str]:
     for _, entry in statement.listed():
         if isinstance(entry, Contact):
             yield from _of_contact(entry, several_steps=statement.path.several)
-        elif isinstance(entry, PrescribedDisplacement):
+        elif isinstance(entry, Displacement):
             yield from _of_support(entry, model)
-        elif isinstance(entry, Force):
-            if type(entry) not in (BodyForce, Gravity, SurfaceTraction, TotalForce):
+        elif isinstance(entry, ForceDensity):
+            if type(entry) not in (BodyForce, Gravity, Traction, Force):
                 yield entry.label
             elif not all(map(_is_linear, entry.given.values())):
                 yield f"a {entry.label} that is not linear"
@@ -191,7 +191,7 @@ def _of_contact(entry: Contact, *, several_steps: bool) -> Iterator[str]:
         yield "friction in several load steps"
 
 
-def _of_support(entry: PrescribedDisplacement, model: Model) -> Iterator[str]:
+def _of_support(entry: Displacement, model: Model) -> Iterator[str]:
     """What of a support has no bound."""
     degree = model.space.element.basix_element.degree
     if entry.at is not None:

@@ -37,9 +37,9 @@ from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.assembly.mesh_entities import facet_entities
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.effects.contact import Contact
-from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
+from signorini_fx.mechanics.effects.displacement import Displacement
 from signorini_fx.mechanics.model import Model
-from signorini_fx.mechanics.statement.effect import Force, SampledPoints
+from signorini_fx.mechanics.statement.effect import ForceDensity, SampledPoints
 from signorini_fx.mechanics.statement.expressions import in_space, sample
 from signorini_fx.tuned import SAME_LENGTH, ZERO_IN_SOLUTION
 
@@ -94,8 +94,8 @@ def _of_facets(model: Model, named: str | None) -> Rows:
     """
     statement = model.statement
     tagged = model.tagged
-    boundaries = [load.where for load in statement.of(Force) if load.where is not None]
-    boundaries += [str(entry.boundary) for entry in statement.of(PrescribedDisplacement)]
+    boundaries = [load.where for load in statement.of(ForceDensity) if load.where is not None]
+    boundaries += [str(entry.boundary) for entry in statement.of(Displacement)]
     facets = {
         f"at {name}": tagged.facets(name) for name in boundaries
     }  # in the same order on all ranks
@@ -313,7 +313,7 @@ class PlainProblem:
         mass = np.tile(self._rows["mass"], self.t.parts)
         body = np.zeros((*t.corners.shape, t.dimension))
         traction = np.zeros((*t.facets.shape, t.dimension))
-        for listed in self._statement.of(Force):
+        for listed in self._statement.of(ForceDensity):
             factor, load = self._statement.now(listed, self._step)
             if factor == 0:
                 continue
@@ -339,7 +339,7 @@ class PlainProblem:
         largest = float(np.abs(self.y).max())
         places = t.with_middles(t.x)
         held = np.zeros((*t.facets.shape, t.dimension))
-        for entry in self._statement.of(PrescribedDisplacement):
+        for entry in self._statement.of(Displacement):
             if not entry.holding:
                 continue
             factor, effect = self._statement.now(entry, self._step)
@@ -474,7 +474,7 @@ def _from_inside(values: Array) -> Array:
     return np.asarray(2 * values - values.mean(axis=1, keepdims=True))
 
 
-def _density(load: Force, x: Array, normal: Array, mass: Array, area: float) -> Array:
+def _density(load: ForceDensity, x: Array, normal: Array, mass: Array, area: float) -> Array:
     """Return the density of a load at vertices x of m cells or facets, seen from inside, (m, k, d);
     ``area``: of the boundary.
     """

@@ -44,7 +44,7 @@ from signorini_fx.quantities.differentiable import Functional, functional_of
 from signorini_fx.records import History, Timings
 from signorini_fx.results.solution import ConvergenceError, Solution
 from signorini_fx.scenes.mesh import load_mesh
-from signorini_fx.scenes.nonlinear import ProblemOfScene, ReachedStep, problem_of
+from signorini_fx.scenes.nonlinear import ProblemOfScene, ReachedStep, build_problem
 from signorini_fx.scenes.reading import PATH, as_scene, way_of
 from signorini_fx.scenes.scene import Scene
 from signorini_fx.solving.solve_on_mesh import solve_mesh
@@ -177,7 +177,7 @@ def sensitivity(
     _refuse(statement, REFUSES)
     wanted = [of] if isinstance(of, str) else list(of)
     if statement.nonlinear:
-        problem = partial(problem_of, scene, comm, History())
+        problem = partial(build_problem, scene, comm, History())
         sensitivities = _sensitivities(_NonlinearSteps.solved(statement, problem), wanted, by)
     else:
         sensitivities = _sensitivities(_Steps.solved(scene, comm), wanted, by)
@@ -429,12 +429,12 @@ class _NonlinearSteps:
 
     @classmethod
     def solved(
-        cls, statement: Statement, problem_of: Callable[[], ProblemOfScene]
+        cls, statement: Statement, build_problem: Callable[[], ProblemOfScene]
     ) -> _NonlinearSteps:
         """Solve a scene; collective."""
         _refuse(statement, REFUSES_IF_NONLINEAR)
         reached = list[ReachedStep]()
-        problem = problem_of()
+        problem = build_problem()
         solution = problem.solved(on_step=lambda step: reached.append(problem.reached()))
         if not solution.converged:
             raise ConvergenceError(solution)

@@ -90,13 +90,15 @@ class Foundation:
 
 
 def foundations_of(
-    table: ContactTable, tools: Mapping[str, Callable[[Floats], Floats]], shapes: Mapping[str, Any]
+    table: ContactTable,
+    motions: Mapping[str, Callable[[Floats], Floats]],
+    shapes: Mapping[str, Any],
 ) -> list[Foundation]:
     """What each contact boundary may touch, in 2D each connected part of it.
 
     Args:
         table: the contact boundary.
-        tools: how the rigid tool of a boundary has moved at points of shape (n, d).
+        motions: how the rigid body of a boundary has moved at points of shape (n, d).
         shapes: the whole foundation of a boundary, see ``drawn_shapes``.
     """
     foundations = list[Foundation]()
@@ -106,8 +108,8 @@ def foundations_of(
         normals = boundary.vectors("n_")
         name = str(boundary.columns["boundary"][0])
         gap = boundary.floats("gap")
-        if name in tools:  # of its motion that along the normals is seen
-            gap = gap + np.sum(normals * tools[name](nodes), axis=1)
+        if name in motions:  # of its motion that along the normals is seen
+            gap = gap + np.sum(normals * motions[name](nodes), axis=1)
         known = nodes, normals, gap, boundary.touching, facets
         foundations.append(Foundation(*known, not boundary.against, left.get(name)))
         if name in left and facets is None:

@@ -21,9 +21,9 @@ from signorini_fx.machine import parallel
 from signorini_fx.machine.compat import geometry_cells
 from signorini_fx.mechanics.assembly.mesh_entities import facet_entities
 from signorini_fx.mechanics.effects.contact import Contact as ContactEffect
-from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
+from signorini_fx.mechanics.effects.displacement import Displacement
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, load_file
-from signorini_fx.mechanics.statement.effect import Effect, Force, SampledPoints
+from signorini_fx.mechanics.statement.effect import Effect, ForceDensity, SampledPoints
 from signorini_fx.mechanics.statement.mesh_sources import MeshFile
 from signorini_fx.mechanics.statement.statement import Statement
 
@@ -162,9 +162,9 @@ def _boundary(tagged: TaggedMesh, name: str, acting: list[Effect], time: float) 
     for acting_effect in (effect.at_time(time) for effect in acting):
         if isinstance(acting_effect, ContactEffect):
             grounded |= acting_effect.against is None
-        elif isinstance(acting_effect, Force):
+        elif isinstance(acting_effect, ForceDensity):
             load += _density(acting_effect, on).T
-        elif isinstance(acting_effect, PrescribedDisplacement):
+        elif isinstance(acting_effect, Displacement):
             along = (*acting_effect.components, acting_effect.normal)
             held |= {
                 key: None
@@ -180,7 +180,7 @@ def _boundary(tagged: TaggedMesh, name: str, acting: list[Effect], time: float) 
     return NamedBoundary(name, kinds, corners, normals, load, moved, tuple(held), grounded)
 
 
-def _density(load: Force, on: SampledPoints) -> Floats:
+def _density(load: ForceDensity, on: SampledPoints) -> Floats:
     """Shape (d, n); zero where another package says it by functions of UFL, which have no value at
     points.
     """

@@ -13,7 +13,7 @@ import numpy as np
 from signorini_fx.addons.pictures.body import DrawnBody
 from signorini_fx.addons.pictures.fields import FIELDS
 from signorini_fx.addons.pictures.gather import gather_body
-from signorini_fx.addons.pictures.rigid_shapes import drawn_shapes, tools_of
+from signorini_fx.addons.pictures.rigid_shapes import drawn_shapes, rigid_motions_of
 from signorini_fx.addons.pictures.style import finish, plain
 from signorini_fx.machine.terminal import say
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable
@@ -122,7 +122,9 @@ class ResultPictures:
         from signorini_fx.addons.pictures.marks import Largest
 
         foundations = (
-            [] if contact is None else foundations_of(contact, tools_of(self.solution), self.shapes)
+            []
+            if contact is None
+            else foundations_of(contact, rigid_motions_of(self.solution), self.shapes)
         )
         draw: Callable[..., tuple[Figure, str]]
         if self._dimension == 2:

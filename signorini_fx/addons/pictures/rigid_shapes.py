@@ -63,14 +63,14 @@ def triangles_of(distance: Distance, tagged: TaggedMesh) -> Triangles:
     return points, triangles
 
 
-def tools_of(solution: Solution) -> dict[str, Callable[[Floats], Floats]]:
+def rigid_motions_of(solution: Solution) -> dict[str, Callable[[Floats], Floats]]:
     """Return for each boundary that a rigid body may touch the motion of the rigid body at points
     of shape (n, d).
     """
     contacts = solution.statement.contact
     return {
         contacts[part].boundary: tool.at
-        for tool in solution.last_step.tools
+        for tool in solution.last_step.rigid_bodies
         for part in tool.body.parts
     }
 
@@ -86,7 +86,7 @@ def drawn_shapes(solution: Solution) -> dict[str, Any]:
     tagged = solution.model.tagged
     last = solution.last_step
     drawn = dict[str, Any]()
-    tools = tools_of(solution)
+    motions = rigid_motions_of(solution)
     if tagged.dimension == 3 and not parallel.on_root(
         solution.comm, lambda: find_spec("pyvista") is not None
     ):
@@ -95,7 +95,7 @@ def drawn_shapes(solution: Solution) -> dict[str, Any]:
         if effect.surface is None:
             continue
         distance = effect.gap_in(tagged.dimension)
-        at = tools.get(effect.boundary, np.zeros_like)
+        at = motions.get(effect.boundary, np.zeros_like)
         if tagged.dimension == 2:
             drawn[effect.boundary] = [line + at(line) for line in lines_of(distance, tagged)]
         else:

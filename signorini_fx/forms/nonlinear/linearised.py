@@ -325,7 +325,7 @@ class LinearisedProblem(FormSolver):
 
     def slide(self) -> None:
         """Renew the maps of pairs at the displacement of now; collective."""
-        numbers = [k for k, entry in enumerate(self.contact) if entry.sliding]
+        numbers = [k for k, entry in enumerate(self.contact) if entry.slides]
         if numbers and not self.foundations.sliding:
             foundations = self.foundations
             space = self.space
@@ -344,7 +344,7 @@ class LinearisedProblem(FormSolver):
             )
             unseen = [k for k, pair in pairs.items() if not pair.coupling.frames.partnered.any()]
             if apart := [
-                (f"contact[{k}].bilateral", reason) for k in unseen if self.contact[k].bilateral
+                (f"contact[{k}].kind", reason) for k in unseen if self.contact[k].bilateral
             ]:
                 raise FormError(apart)
             self.foundations.sliding = pairs
@@ -624,7 +624,7 @@ class LinearisedProblem(FormSolver):
         unknowns = outcome.displacement()
         state = ContactState.of(self.task.contact(outcome, self.begun), self.boundary)
         self._state = self._turning = state
-        self.tools = self.rigid.moved(self.elastic.driven(unknowns, None))
+        self.rigid_bodies = self.rigid.moved(self.elastic.driven(unknowns, None))
         self.status = outcome.status
         self.certificate = None
         displacement = self.elastic.function(unknowns)
@@ -877,7 +877,7 @@ class LinearisedProblem(FormSolver):
         elastic = self.elastic
         work = 0.0
         if self.rigid.bodies:
-            moved = self.rigid.unknowns(self.tools) - self.foundations.coordinates
+            moved = self.rigid.unknowns(self.rigid_bodies) - self.foundations.coordinates
             springs = np.where(self.rigid.fixed, 0.0, self.rigid.stiffness)
             work += float(springs @ moved**2)
             if elastic.relative is not None:

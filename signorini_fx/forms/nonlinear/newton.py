@@ -387,7 +387,7 @@ class EquilibriumSolver(Stability):
         begun = float(parallel.largest(comm, np.abs(u.x.array), 0.0))
         residual: Array | None = None
         rests = False
-        follows = linear.foundations.moving or any(entry.sliding for entry in linear.contact)
+        follows = linear.foundations.moving or any(entry.slides for entry in linear.contact)
         is_linear = (
             not follows and self.residual.update is None and self.tangents.bilinear is not None
         )
@@ -415,7 +415,7 @@ class EquilibriumSolver(Stability):
                 self._tried = old + increment
                 return Status.INVERTED
             u.x.array[:] = old + length * increment
-            moved = length * (linear.rigid.unknowns(linear.tools) - tools)
+            moved = length * (linear.rigid.unknowns(linear.rigid_bodies) - tools)
             linear.foundations.carry_to(tools + moved)
             change, size = (
                 max(

@@ -65,18 +65,18 @@ def checked(
 ) -> tuple[Foundation | Pair, ...]:
     """The foundations and pairs; a FormError says that the arguments do not fit each other."""
     problems = list[tuple[str, str]]()
-    kept = "give sliding = False"
+    kept = 'give sliding = "small"'
     problems += [
         (f"contact[{k}].{key}", reason)
         for k, entry in enumerate(contact)
-        if entry.sliding
+        if isinstance(entry, Pair) and entry.slides
         for key, wrong, reason in (
             (
-                "gap",
-                entry.gap != "geometry",
+                "distance",
+                entry.distance != "geometry",
                 f'must be "geometry" where sides slide, as partners change: or {kept}',
             ),
-            ("bonded", entry.bonded, f"is not possible where sides slide: {kept}"),
+            ("kind", entry.bonded, f"{entry.kind!r} is not possible where sides slide: {kept}"),
             (
                 "adjust",
                 entry.adjust is not None,
@@ -87,12 +87,12 @@ def checked(
     ]
     instead = (
         "prescribe the displacement of this boundary, or tie it to a stiff body (against, "
-        "sliding = False)"
+        'sliding = "small")'
     )
     problems += [
         (
-            f"contact[{k}].bonded",
-            f"is not possible yet: nonlinear bodies are not tied to rigid ones: {instead}",
+            f"contact[{k}].kind",
+            f"'bonded' is not possible yet: nonlinear bodies are not tied to rigid ones: {instead}",
         )
         for k, entry in enumerate(contact)
         if entry.bonded and entry.against is None
@@ -126,9 +126,9 @@ def checked(
         reason = (
             "in 3D two bodies slide on each other with degree 1 only, as curved facets are not "
             "worked out there: "
-            "take degree 1, or, where sides slide by little of a facet, sliding = False"
+            'take degree 1, or, where sides slide by little of a facet, sliding = "small"'
         )
-        problems += [(f"contact[{k}]", reason) for k, entry in enumerate(contact) if entry.sliding]
+        problems += [(f"contact[{k}]", reason) for k, entry in enumerate(contact) if entry.slides]
         if problems:
             raise FormError(problems)
     return tuple(contact)
@@ -381,7 +381,7 @@ class NonlinearContactProblem(ProblemOfForms):
         return (*inside, *passed, *slid_past_partners(linear), *loose, *digits)
 
     @property
-    def tools(self) -> tuple[RigidBodyMotion, ...]:
+    def rigid_bodies(self) -> tuple[RigidBodyMotion, ...]:
         """Return the motions of the rigid bodies in the last solution."""
         return self.linear.foundations.rigid_bodies.motions
 

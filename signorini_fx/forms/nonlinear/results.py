@@ -243,7 +243,7 @@ class SolvedBody:
             deformation=deformation_of(linear.elastic, u, linear.scales.size),
             strain_energy=certificate.strain_energy,
             linear_solves=solves,
-            tools=linear.foundations.rigid_bodies.motions,
+            rigid_bodies=linear.foundations.rigid_bodies.motions,
         )
         return cls(solved, mechanics, step, iterations)
 
@@ -286,7 +286,7 @@ def slid_past_partners(linear: LinearisedProblem) -> Iterator[Finding]:
     mesh = linear.space.mesh
     state = linear.state
     for number, entry in enumerate(linear.contact):
-        if entry.against is None or entry.sliding or entry.bonded:
+        if entry.against is None or entry.slides or entry.bonded:
             continue
         lengths = mesh.h(mesh.topology.dim - 1, linear.foundations.facets[number])
         total, count = parallel.global_sum(mesh.comm, np.array([lengths.sum(), lengths.size]))

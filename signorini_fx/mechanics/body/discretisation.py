@@ -66,17 +66,15 @@ def prepare(
     """
     _refuse_missing_files(statement, tagged.mesh.comm)
     if statement.kinematics.out_of_section and tagged.dimension == tagged.mesh.geometry.dim == 2:
-        from signorini_fx.mechanics.mesh.tagged import section_in_space
+        from signorini_fx.mechanics.mesh.tagged import embed_in_3d
 
-        tagged = replace(tagged, mesh=section_in_space(tagged.mesh))
+        tagged = replace(tagged, mesh=embed_in_3d(tagged.mesh))
     facets = boundary_facets(statement, tagged)
     _try_functions(statement, tagged)
     try:
         return _prepared(statement.placed(path_step), tagged, facets, timings)
-    except FormError as error:  # of a foundation; the allowance of a pair is the gap of a scene
-        raise SceneError(
-            [(path.replace("].allowance", "].gap"), wrong) for path, wrong in error.problems]
-        ) from None
+    except FormError as error:  # of a foundation
+        raise SceneError(error.problems) from None
 
 
 def _refuse_missing_files(statement: Statement, comm: MPI.Comm) -> None:

@@ -41,7 +41,7 @@ from signorini_fx.mechanics.assembly.mesh_entities import (
     facet_entities,
     node_positions,
 )
-from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
+from signorini_fx.mechanics.effects.displacement import Displacement
 from signorini_fx.mechanics.model import Loads, Model, sum_of, vector_like
 from signorini_fx.mechanics.state import State
 from signorini_fx.mechanics.statement.effect import Contradictions, Effect, Features
@@ -104,7 +104,7 @@ class InitialVelocity(Effect):
     def velocities(self, x: Array) -> Array:
         """Return velocities at points of shape (3, n), shape (3, n)."""
         given: dict[str, Any] = {"x": self.x, "y": self.y, "z": self.z}
-        moved = PrescribedDisplacement(
+        moved = Displacement(
             boundary="", **given, rotation=self.rotation, about=self.about, axis=self.axis
         )
         return np.array([sample(component or 0.0, x) for component in moved.components])

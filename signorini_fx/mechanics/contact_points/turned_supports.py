@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
+from signorini_fx.mechanics.effects.displacement import Displacement
 from signorini_fx.tuned import ROOT_OF_EPS
 
 _Floats = npt.NDArray[np.float64]
@@ -29,7 +29,7 @@ class SkewSupport:
     shape (d,), and n . y at the nodes, length, shape (m,).
     """
 
-    effect: PrescribedDisplacement
+    effect: Displacement
     position: int
     nodes: npt.NDArray[np.int32]
     normal: _Floats

@@ -272,51 +272,6 @@ class Contact(Effect):
         return self.friction.follows_pressure and self.friction.acts
 
 
-class UnilateralContact(Contact):
-    """A ``Contact`` that may open.
-
-    Examples:
-        >>> contact = sfx.UnilateralContact(boundary="bottom", friction=sfx.Tresca(0.5))
-        >>> print(contact.kind, contact.friction.bound)
-        unilateral 0.5
-    """
-
-    kind: Literal["unilateral"] = "unilateral"
-
-
-class BilateralContact(Contact):
-    """A ``Contact`` that cannot open: the body may neither enter nor leave the other surface.
-
-    Examples:
-        >>> pulled = sfx.SurfaceTraction(boundary="top", y=3.0)
-        >>> held = sfx.BilateralContact(boundary="bottom")
-        >>> lifted = scene.model_copy(update={"traction": pulled, "contact": held})
-        >>> print(np.round(sfx.solve(lifted).contact.forces[0], 6))
-        [ 0. -6.]
-    """
-
-    kind: Literal["bilateral"] = "bilateral"
-
-
-class BondedContact(Contact):
-    """A ``Contact`` that ties both sides in their initial position.
-
-    Examples:
-        >>> mesh = sfx.MeshGenerator(generator="rectangle", parameters={"nx": 4, "ny": 2})
-        >>> upper = sfx.Body(name="up", mesh=mesh, shift=[0.0, 1.0])
-        >>> bodies = [sfx.Body(name="low", mesh=mesh), upper]
-        >>> glue = sfx.BondedContact(boundary="up.bottom", against="low.top")
-        >>> held = sfx.PrescribedDisplacement(boundary="low.bottom", x=0.0, y=0.0)
-        >>> pull = sfx.SurfaceTraction(boundary="up.top", y=1.0)
-        >>> loads = {"displacement": held, "traction": pull, "contact": glue}
-        >>> result = sfx.solve(sfx.Scene(body=bodies, material=steel, **loads))
-        >>> print(np.round(result.contact.forces[0], 6))
-        [ 0. -3.]
-    """
-
-    kind: Literal["bonded"] = "bonded"
-
-
 def _without_speed(statement: Any, number: int) -> Contradictions:
     """Why there is no speed that friction could follow, or no method that lets it."""
     times, place = statement.load_steps.times, ("contact", number, "friction", "law")

@@ -13,7 +13,7 @@ from signorini_fx.mechanics.statement.expressions import sample
 from signorini_fx.mechanics.statement.values import Direction, Entries, TimedSampledValue, Vector
 
 
-class PrescribedDisplacement(Load):
+class Displacement(Load):
     """A displacement that is prescribed on a boundary or at a point; components that are not listed
     are free.
 
@@ -37,7 +37,7 @@ class PrescribedDisplacement(Load):
         factors: one number per load step; None: 1 in every step.
 
     Examples:
-        >>> down = sfx.PrescribedDisplacement(boundary="top", y=-0.001)
+        >>> down = sfx.Displacement(boundary="top", y=-0.001)
         >>> changes = {"traction": (), "displacement": (left, down)}
         >>> result = sfx.solve(scene.model_copy(update=changes))
         >>> print(np.round(result.contact.forces[0], 4))

@@ -21,7 +21,7 @@ from signorini_fx.mechanics.statement.effect import (
     Coefficients,
     Contradictions,
     Features,
-    Force,
+    ForceDensity,
     InitialStrain,
     Load,
     Resistance,
@@ -44,7 +44,7 @@ from signorini_fx.mechanics.statement.values import (
 from signorini_fx.tuned import DIGITS_OF_FILES, OUTSIDE_HULL, ROOT_OF_EPS, SAME_LENGTH
 
 
-class SurfaceTraction(VectorForce):
+class Traction(VectorForce):
     """A traction on a boundary, h of (1.1c); tractions on one boundary add up.
 
     Attributes:
@@ -57,7 +57,7 @@ class SurfaceTraction(VectorForce):
         factors: one number per load step; None: 1 in every step.
 
     Examples:
-        >>> pushed = sfx.SurfaceTraction(boundary="top", x=0.1, y="-2*x[0]")
+        >>> pushed = sfx.Traction(boundary="top", x=0.1, y="-2*x[0]")
         >>> result = sfx.solve(scene.model_copy(update={"traction": pushed}))
         >>> print(np.round(result.contact.forces[0], 6))
         [0. 4.]
@@ -76,7 +76,7 @@ class SurfaceTraction(VectorForce):
         )
 
 
-class TotalForce(VectorForce):
+class Force(VectorForce):
     """A force on a boundary, spread evenly over it or in proportion to a value.
 
     Attributes:
@@ -89,7 +89,7 @@ class TotalForce(VectorForce):
         factors: one number per load step; None: 1 in every step.
 
     Examples:
-        >>> force = sfx.TotalForce(boundary="top", y=-5.0)
+        >>> force = sfx.Force(boundary="top", y=-5.0)
         >>> result = sfx.solve(scene.model_copy(update={"traction": (), "force": force}))
         >>> print(np.round(result.contact.forces[0], 6))
         [0. 5.]
@@ -105,7 +105,7 @@ class TotalForce(VectorForce):
         return not isinstance(self.spread, float)
 
     def density(self, on: Coefficients) -> Any:
-        """F s over the integral of s, see ``Force``."""
+        """F s over the integral of s, see ``ForceDensity``."""
         return super().density(on) * on.value(self.spread) / on.total(self)
 
 
@@ -149,7 +149,7 @@ class Gravity(VectorForce):
         return on.density * super().density(on)
 
 
-class Rotation(Force):
+class Rotation(ForceDensity):
     """The centrifugal force rho omega^2 r of a steady rotation, in the frame that rotates with the
     body; r is the displaced radius if materials have finite strains.
 
@@ -198,7 +198,7 @@ class Rotation(Force):
         )
 
 
-class Fluid(Force):
+class Fluid(ForceDensity):
     """The pressure of a fluid at rest on a boundary: its weight times the depth below its level,
     and none above.
 
@@ -289,7 +289,7 @@ class PointForce(VectorForce):
         return super().features if self.acts else ()
 
 
-class TemperatureChange(InitialStrain):
+class Temperature(InitialStrain):
     """A change of the temperature, by which the body expands in all directions where nothing
     prevents it.
 
@@ -302,7 +302,7 @@ class TemperatureChange(InitialStrain):
 
     Examples:
         >>> warm = sfx.LinearElastic(young=1000.0, poisson=0.3, expansion=1e-5)
-        >>> changes = {"material": warm, "temperature": sfx.TemperatureChange(change=100.0)}
+        >>> changes = {"material": warm, "temperature": sfx.Temperature(change=100.0)}
         >>> result = sfx.solve(scene.model_copy(update=changes))
         >>> print(round(float(result.displacement.x.array[0::2].max()), 6))
         0.00416
@@ -405,7 +405,7 @@ class Preload(Load):
 
     Examples:
         >>> bar = sfx.LinearElastic(young=1000.0, poisson=0.0)
-        >>> right = sfx.PrescribedDisplacement(boundary="right", x=0.0)
+        >>> right = sfx.Displacement(boundary="right", x=0.0)
         >>> bolt = sfx.Preload(point=[1.0, 0.5], axis=[1.0, 0.0], shortening=0.001)
         >>> changes = {"material": bar, "displacement": (left, right), "preload": bolt}
         >>> result = sfx.solve(scene.model_copy(update=changes))

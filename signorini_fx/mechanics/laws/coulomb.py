@@ -16,7 +16,7 @@ class NoFriction(FrictionLaw):
     """Frictionless contact.
 
     Examples:
-        >>> smooth = sfx.UnilateralContact(boundary="bottom", friction=sfx.NoFriction())
+        >>> smooth = sfx.Contact(boundary="bottom", friction=sfx.NoFriction())
         >>> result = sfx.solve(scene.model_copy(update={"contact": smooth}))
         >>> print(np.round(result.contact.forces[1], 6))
         [0. 0.]
@@ -40,8 +40,8 @@ class Tresca(DirectedLaw):
         bound: largest shear, stress.
 
     Examples:
-        >>> pushed = sfx.SurfaceTraction(boundary="top", x=0.2, y=-2.0)
-        >>> rough = sfx.UnilateralContact(boundary="bottom", friction=sfx.Tresca(bound=0.4))
+        >>> pushed = sfx.Traction(boundary="top", x=0.2, y=-2.0)
+        >>> rough = sfx.Contact(boundary="bottom", friction=sfx.Tresca(bound=0.4))
         >>> changes = {"displacement": (), "traction": pushed, "contact": rough}
         >>> print(np.round(sfx.solve(scene.model_copy(update=changes)).contact.forces[1], 6))
         [-0.4  0. ]
@@ -69,8 +69,8 @@ class Coulomb(DirectedLaw):
         cohesion: shear that it transmits without pressure, stress, until it opens; None: none.
 
     Examples:
-        >>> pushed = sfx.SurfaceTraction(boundary="top", x=0.2, y=-2.0)
-        >>> rough = sfx.UnilateralContact(boundary="bottom", friction=sfx.Coulomb(0.3))
+        >>> pushed = sfx.Traction(boundary="top", x=0.2, y=-2.0)
+        >>> rough = sfx.Contact(boundary="bottom", friction=sfx.Coulomb(0.3))
         >>> changes = {"displacement": (), "traction": pushed, "contact": rough}
         >>> print(np.round(sfx.solve(scene.model_copy(update=changes)).contact.forces[1], 6))
         [-0.4  0. ]

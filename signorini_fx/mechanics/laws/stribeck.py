@@ -61,9 +61,9 @@ class Stribeck(SpeedLaw):
     Examples:
         >>> rubs = sfx.Stribeck(0.4, kinetic=0.2, speed=0.01)
         >>> changes = {
-        ...     "displacement": sfx.PrescribedDisplacement(boundary="top", x="0.02*t", y=-0.001),
+        ...     "displacement": sfx.Displacement(boundary="top", x="0.02*t", y=-0.001),
         ...     "traction": (),
-        ...     "contact": sfx.UnilateralContact(boundary="bottom", friction=rubs),
+        ...     "contact": sfx.Contact(boundary="bottom", friction=rubs),
         ...     "load_steps": sfx.LoadSteps(times=(1.0, 2.0, 3.0)),
         ... }
         >>> contact = sfx.solve(scene.model_copy(update=changes)).contact

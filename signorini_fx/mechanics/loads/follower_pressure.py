@@ -21,7 +21,7 @@ from signorini_fx.mechanics.kinematics import CARTESIAN
 from signorini_fx.mechanics.kinematics.protocol import AXISYMMETRIC, Kinematics, position
 from signorini_fx.mechanics.loads.load_vectors import FormCoefficients
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
-from signorini_fx.mechanics.statement.effect import Force, is_zero
+from signorini_fx.mechanics.statement.effect import ForceDensity, is_zero
 from signorini_fx.mechanics.statement.statement import Statement
 
 
@@ -70,7 +70,7 @@ def following(statement: Statement) -> list[Any]:
 
 def carried_loads(statement: Statement) -> list[Any]:
     """The forces of a statement in the body that are those of displaced places."""
-    forces = statement.of(Force) if statement.finite_strains else []
+    forces = statement.of(ForceDensity) if statement.finite_strains else []
     return [force for force in forces if force.carried and force.acts]
 
 

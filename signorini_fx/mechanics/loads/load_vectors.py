@@ -24,7 +24,7 @@ from signorini_fx.mechanics.assembly.mesh_entities import (
     measure,
 )
 from signorini_fx.mechanics.contact_points.turned_supports import TurnedNodes
-from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
+from signorini_fx.mechanics.effects.displacement import Displacement
 from signorini_fx.mechanics.elasticity.elastic_law import CellwiseLaw, IsotropicLaw, SceneLaw
 from signorini_fx.mechanics.elasticity.moduli import (
     cellwise_stiffness,
@@ -38,7 +38,13 @@ from signorini_fx.mechanics.loads.supports import forces_at_nodes
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.rigid.rigid_bodies import Driven, RigidBodies
 from signorini_fx.mechanics.scales import Scales
-from signorini_fx.mechanics.statement.effect import Effect, Force, InitialStrain, Load, Resistance
+from signorini_fx.mechanics.statement.effect import (
+    Effect,
+    ForceDensity,
+    InitialStrain,
+    Load,
+    Resistance,
+)
 from signorini_fx.mechanics.statement.expressions import Expression, sample
 from signorini_fx.mechanics.statement.load_path import factor_at
 from signorini_fx.mechanics.statement.statement import Statement
@@ -283,7 +289,7 @@ def load_groups(statement: Statement, loads: Sequence[_Load]) -> dict[LoadGroup,
 
 # From a time, to prescribed displacements and supports along no axis with their values.
 SupportsAt = Callable[
-    [float], tuple[list[tuple[PrescribedDisplacement, fem.DirichletBC]], TurnedNodes | None]
+    [float], tuple[list[tuple[Displacement, fem.DirichletBC]], TurnedNodes | None]
 ]
 
 
@@ -372,7 +378,7 @@ def compile_loads(loads: Sequence[Load], on: FormCoefficients, z: Any) -> tuple[
             z, total_strain, strains[0].degree(on.space.element.basix_element.degree)
         )
         return tuple(map(compile_form, terms))
-    formed = (load for load in loads if isinstance(load, Force) and not load.nodal)
+    formed = (load for load in loads if isinstance(load, ForceDensity) and not load.nodal)
     forces = sorted(formed, key=lambda load: load.where is not None)
     return (
         (_compiled(forces, lambda load: ufl.inner(_asked(load, "density", on), z), on),)

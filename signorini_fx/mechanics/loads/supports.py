@@ -23,7 +23,7 @@ from signorini_fx.mechanics.assembly.mesh_entities import (
     prescribed,
 )
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
-from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
+from signorini_fx.mechanics.effects.displacement import Displacement
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.expressions import in_space, sample
 from signorini_fx.tuned import ROOT_OF_EPS, ZERO_COMPONENT
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from signorini_fx.mechanics.contact_points.turned_supports import SkewSupport, TurnedNodes
     from signorini_fx.mechanics.statement.statement import Statement
 
-Conditions = list[tuple[PrescribedDisplacement, fem.DirichletBC]]
+Conditions = list[tuple[Displacement, fem.DirichletBC]]
 
 
 @dataclass(frozen=True)
@@ -161,7 +161,7 @@ def _times(sign: float, value: Any) -> Any:
 
 # What holds the nodes on the axis of revolution, whatever components of their displacements are
 # zero.
-_ON_AXIS = PrescribedDisplacement(boundary="on the axis", x=0.0)
+_ON_AXIS = Displacement(boundary="on the axis", x=0.0)
 
 
 def on_axis(x: npt.NDArray[np.float64], tagged: TaggedMesh) -> npt.NDArray[np.bool_]:
@@ -169,9 +169,7 @@ def on_axis(x: npt.NDArray[np.float64], tagged: TaggedMesh) -> npt.NDArray[np.bo
     return np.asarray(np.abs(x[:, 0]) <= ROOT_OF_EPS * tagged.size)
 
 
-def flat_normal(
-    effect: PrescribedDisplacement, index: int, tagged: TaggedMesh
-) -> npt.NDArray[np.float64]:
+def flat_normal(effect: Displacement, index: int, tagged: TaggedMesh) -> npt.NDArray[np.float64]:
     """Outward unit normal of a flat boundary, exact where it is along an axis, shape (d,);
     collective.
     """
@@ -207,7 +205,7 @@ def flat_normal(
 
 def at_rest(
     space: fem.FunctionSpace,
-    supports: Sequence[tuple[PrescribedDisplacement, fem.DirichletBC]],
+    supports: Sequence[tuple[Displacement, fem.DirichletBC]],
     turned: TurnedNodes | None,
     fixed: npt.NDArray[np.bool_],
 ) -> npt.NDArray[np.bool_]:

@@ -77,7 +77,7 @@ class Axes(Table):
         return np.stack((first, second, np.cross(first, second)), axis=2)
 
 
-class DirectedMaterial(Axes, Material):
+class OrientedMaterial(Axes, Material):
     """A material with axes; a material of your own with axes derives from it.
 
     Attributes:
@@ -85,7 +85,7 @@ class DirectedMaterial(Axes, Material):
         hypothesis, torsion, grading, density, expansion, region: see ``Material``.
 
     Examples:
-        >>> class Fibres(sfx.DirectedMaterial):
+        >>> class Fibres(sfx.OrientedMaterial):
         ...     stiff: float  # additional modulus along axis 1
         ...
         ...     def stress(self, strain):

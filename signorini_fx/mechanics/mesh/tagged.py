@@ -230,7 +230,7 @@ def check_dimension(tagged: TaggedMesh, *, section: bool = False) -> None:
     )
 
 
-def section_in_space(mesh: dmesh.Mesh) -> dmesh.Mesh:
+def embed_in_3d(mesh: dmesh.Mesh) -> dmesh.Mesh:
     """Return the plane mesh as the section x[2] = 0 in 3D, where displacements have three
     components; collective.
 
@@ -243,7 +243,7 @@ def section_in_space(mesh: dmesh.Mesh) -> dmesh.Mesh:
         mesh: of the plane.
 
     Examples:
-        >>> section = sfx.section_in_space(block.mesh)
+        >>> section = sfx.embed_in_3d(block.mesh)
         >>> print(section.geometry.dim, section.topology.dim)
         3 2
     """

@@ -184,7 +184,10 @@ class Foundations:
             tied = contact.bonded and contact.against is None
             if tied and not shape:
                 problems.append(
-                    (f"contact[{k}].bonded", "needs a shape that force, moment or prescribed moves")
+                    (
+                        f"contact[{k}].kind",
+                        "'bonded' needs a shape that force, moment or prescribed moves",
+                    )
                 )
             if shape is None:
                 continue
@@ -518,9 +521,8 @@ class Foundations:
     def given_gap(self, number: int) -> Array:
         """What the user gives of the gap of one contact, at all nodes of this rank; collective."""
         contact = self._contact[number]
-        key = "allowance" if contact.by_geometry else "gap"
-        given = 0.0 if contact.bonded else getattr(contact, key)
-        return self._values[number](given, f"contact[{number}].{key}")
+        given = 0.0 if contact.bonded else contact.gap
+        return self._values[number](given, f"contact[{number}].gap")
 
     def _gap_of(self, number: int) -> Array:
         """The gap of one contact at the nodes; what the sides of a pair say points alone have."""

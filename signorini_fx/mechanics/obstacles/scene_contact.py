@@ -46,34 +46,20 @@ def foundations_of(
     around = None if kinematics.uniform else kinematics.measure_at
     for number, (effect, on) in enumerate(zip(statement.contact, facets, strict=True)):
         friction = effect.friction if effect.friction.acts else None
-        bonded = effect.bonded
-        bilateral = not effect.opens and not effect.bonded
         gap: Any = (
             effect.gap if isinstance(effect.gap, int | float) else partial(sample, effect.gap)
         )
         if number in masters:
-            choice = (
-                {"gap": gap}
-                if effect.distance == "nominal"
-                else {"allowance": gap, "adjust": effect.adjust}
-            )
-            choice |= {
-                "friction": friction,
-                "bilateral": bilateral,
-                "bonded": bonded,
-                "measure": around,
-            }
-            foundations.append(
-                Pair(on, masters[number], sliding=effect.sliding == "finite", **choice)
-            )
+            same = ("distance", "kind", "adjust", "sliding")
+            choice = {key: getattr(effect, key) for key in same}
+            pair = Pair(on, masters[number], gap, friction=friction, measure=around, **choice)
+            foundations.append(pair)
             continue
         shape = shape_at_points(effect.surface, kinematics)
         direction = effect.direction
         if direction is not None:
             direction = (*direction, *[0.0] * kinematics.out_of_section)
-        foundations.append(
-            Foundation(on, gap, direction, friction, bilateral, around, shape, bonded)
-        )
+        foundations.append(Foundation(on, gap, direction, friction, effect.kind, around, shape))
     return foundations
 
 

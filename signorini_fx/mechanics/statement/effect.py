@@ -195,7 +195,7 @@ class Load(Effect):
     factors: Annotated[Entries[Finite], Field(min_length=1)] | None = None
 
 
-class Force(Load):
+class ForceDensity(Load):
     """Force per volume or area."""
 
     # Whether at finite strains its density is that of the place to which a point has moved.
@@ -208,7 +208,7 @@ class Force(Load):
         raise NotImplementedError
 
 
-class VectorForce(Force):
+class VectorForce(ForceDensity):
     """Force with components along x[0], x[1] and, in 3D, x[2]."""
 
     value_keys: ClassVar[tuple[str, ...]] = ("x", "y", "z")

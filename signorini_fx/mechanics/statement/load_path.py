@@ -33,7 +33,7 @@ class LoadSteps(Table):
 
     Examples:
         >>> steps = sfx.LoadSteps(names=["press", "release"], times=[1.0, 2.0])
-        >>> half = sfx.SurfaceTraction(boundary="top", pressure=2.0, factors=[1.0, 0.5])
+        >>> half = sfx.Traction(boundary="top", pressure=2.0, factors=[1.0, 0.5])
         >>> result = sfx.solve(scene.model_copy(update={"traction": half, "load_steps": steps}))
         >>> print([float(round(step.contact.forces[0][1], 6)) for step in result.steps])
         [4.0, 2.0]

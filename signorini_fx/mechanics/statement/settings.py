@@ -30,7 +30,7 @@ def known_linear_algebra() -> tuple[str, ...]:
     return (*kinds, *(name for name in names_of(LINEAR_SOLVERS) if name not in kinds))
 
 
-class Discretised(Table):
+class Element(Table):
     """The finite element: Lagrange elements of this degree on the cells of the mesh.
 
     Attributes:
@@ -43,7 +43,7 @@ class Discretised(Table):
             not lock either; nu must be above 0, and may be 0.5.
 
     Examples:
-        >>> result = sfx.solve(scene.model_copy(update={"element": sfx.Discretised(degree=2)}))
+        >>> result = sfx.solve(scene.model_copy(update={"element": sfx.Element(degree=2)}))
         >>> print(result.displacement.function_space.dofmap.index_map.size_global)
         153
     """

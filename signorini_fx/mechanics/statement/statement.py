@@ -14,10 +14,10 @@ from functools import cached_property
 from typing import Any, Self, TypeVar
 
 from signorini_fx.mechanics.kinematics.protocol import SPACE, Kinematics
-from signorini_fx.mechanics.statement.effect import Effect, Force, Load
+from signorini_fx.mechanics.statement.effect import Effect, ForceDensity, Load
 from signorini_fx.mechanics.statement.load_path import LoadPath, LoadSteps, factor_at
 from signorini_fx.mechanics.statement.rigid_body import RigidBody, rigid_bodies
-from signorini_fx.mechanics.statement.settings import Accuracy, Discretised, SolverSettings, Units
+from signorini_fx.mechanics.statement.settings import Accuracy, Element, SolverSettings, Units
 from signorini_fx.mechanics.statement.units import unit_names
 
 _Effect = TypeVar("_Effect", bound=Effect)
@@ -51,7 +51,7 @@ class Statement:
     title: str
     effects: Mapping[str, tuple[Any, ...]]
     kinematics: Kinematics
-    element: Discretised
+    element: Element
     load_steps: LoadSteps
     steps: int
     solver: SolverSettings
@@ -127,7 +127,7 @@ class Statement:
         ]
 
     def of(self, kind: type[_Effect]) -> tuple[_Effect, ...]:
-        """All entries of a kind, such as ``statement.effect.Force``."""
+        """All entries of a kind, such as ``statement.effect.ForceDensity``."""
         return tuple(
             effect
             for entries in self.effects.values()
@@ -150,7 +150,7 @@ class Statement:
         listed = [
             key
             for key, entries in self.effects.items()
-            if any(isinstance(entry, Force) for entry in entries)
+            if any(isinstance(entry, ForceDensity) for entry in entries)
         ]
         return (
             ", ".join(listed) if {*listed} - {"traction", "body_force"} else "traction, body_force"

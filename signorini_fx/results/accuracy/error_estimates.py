@@ -19,7 +19,7 @@ from signorini_fx.mechanics.contact_points.contact_table import ContactTable
 from signorini_fx.mechanics.kinematics.protocol import Kinematics
 from signorini_fx.mechanics.loads.load_vectors import measures
 from signorini_fx.mechanics.model import Model
-from signorini_fx.mechanics.statement.effect import Force
+from signorini_fx.mechanics.statement.effect import ForceDensity
 from signorini_fx.mechanics.statement.expressions import Expression, sample
 from signorini_fx.results.accuracy.contact_surface import ContactSurface, places
 from signorini_fx.results.accuracy.long_cells import under_long_cells
@@ -349,7 +349,7 @@ def missed_loads(model: Model, step: float) -> Floats:
     mesh = model.tagged.mesh
     dim = model.tagged.dimension
     owned = mesh.topology.index_map(dim).size_local
-    loads = [load for load in model.statement.of(Force) if load.varies and not load.nodal]
+    loads = [load for load in model.statement.of(ForceDensity) if load.varies and not load.nodal]
     if not loads:
         return np.zeros(owned)
     z = ufl.TestFunction(fem.functionspace(mesh, ("DG", 0, (model.dimension,))))

@@ -23,12 +23,12 @@ from signorini_fx.mechanics.assembly.mesh_entities import (
     measure,
     parallelepipeds,
 )
-from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
+from signorini_fx.mechanics.effects.displacement import Displacement
 from signorini_fx.mechanics.elasticity.elastic_law import ElementStress, fields_of
 from signorini_fx.mechanics.loads.initial_strains import given_strains
 from signorini_fx.mechanics.loads.load_vectors import FormCoefficients
 from signorini_fx.mechanics.model import Model
-from signorini_fx.mechanics.statement.effect import Force, Resistance
+from signorini_fx.mechanics.statement.effect import ForceDensity, Resistance
 from signorini_fx.tuned import BOUNDARY_RESIDUAL_SHARE, ROOT_OF_EPS
 
 # Tractions that vary may jump within a facet: they are evaluated at this many more points.
@@ -226,12 +226,12 @@ def boundary_residual(
         away = []
         acting = [(effects[k], factors[k]) for k in numbers]
         for effect, factor in acting:
-            if isinstance(effect, Force):
+            if isinstance(effect, ForceDensity):
                 residual = residual + factor * effect.density(on_boundary)
             elif isinstance(effect, Resistance):
                 residual = residual - effect.reaction(y, on_boundary)
         for effect, factor in acting:
-            if isinstance(effect, PrescribedDisplacement):
+            if isinstance(effect, Displacement):
                 residual = _free(effect, residual, on_boundary)
                 away += _away(effect, y, factor, on_boundary)
         return residual, away, any(effect.varies for effect, _ in acting)
@@ -241,7 +241,7 @@ def boundary_residual(
     )
 
 
-def _free(effect: PrescribedDisplacement, vector: Any, on: FormCoefficients) -> Any:
+def _free(effect: Displacement, vector: Any, on: FormCoefficients) -> Any:
     """A vector without the components in which the displacement is prescribed, UFL, shape (d,)."""
     if effect.normal is not None:
         return vector - ufl.inner(vector, on.normal) * on.normal
@@ -249,7 +249,7 @@ def _free(effect: PrescribedDisplacement, vector: Any, on: FormCoefficients) -> 
     return ufl.as_vector([vector[k] if free[k] else 0.0 for k in range(len(vector))])
 
 
-def _away(effect: PrescribedDisplacement, y: Any, factor: Any, on: FormCoefficients) -> list[Any]:
+def _away(effect: Displacement, y: Any, factor: Any, on: FormCoefficients) -> list[Any]:
     """Return the difference of the displacement from prescribed expressions between the nodes,
     lengths, UFL.
     """

@@ -33,7 +33,7 @@ from signorini_fx.mechanics.loads.load_vectors import (
 from signorini_fx.mechanics.loads.supports import Supports, forces_at_nodes
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.model import Model
-from signorini_fx.mechanics.statement.effect import Force, InitialStrain, Resistance
+from signorini_fx.mechanics.statement.effect import ForceDensity, InitialStrain, Resistance
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.results.certificate.body_nodes import PrescribedNodes, RigidPart
 
@@ -176,7 +176,9 @@ class NodalForces:
 
         force = self._number(self._compiled(("through", jump.path), stress))
         self._on.move_to(step)
-        for load in (load for load in self.statement.of(Force) if load.where is None and load.acts):
+        for load in (
+            load for load in self.statement.of(ForceDensity) if load.where is None and load.acts
+        ):
             of_load = partial(compile_loads, [load], self._on, at)
             work = self._number(self._compiled(("through", jump.path, id(load)), of_load))
             force -= self.statement.now(load, step)[0] * work
@@ -198,14 +200,14 @@ class NodalForces:
         )
         return self._sum(forms)
 
-    def external(self, step: float, some: Sequence[Force] | None = None) -> Array:
+    def external(self, step: float, some: Sequence[ForceDensity] | None = None) -> Array:
         """The forces in L of a load step, all or some, shape (owned nodes, d); initial strains have
         none.
         """
         total = np.zeros((self.owned, self.dimension))
         self._on.move_to(step)
         for loads in load_groups(
-            self.statement, self.statement.of(Force) if some is None else some
+            self.statement, self.statement.of(ForceDensity) if some is None else some
         ).values():
             factor, _ = self.statement.now(loads[0], step)
             compiled = self._compiled(
