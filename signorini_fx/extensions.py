@@ -129,8 +129,8 @@ def add_on(name: str) -> Any:
 
 @cache
 def _installed(_path: tuple[str, ...]) -> dict[str, dict[str, Any]]:
-    """Those on the path of Python by group, which takes milliseconds, once; ours also where it is
-    not installed.
+    """Return the entry points on the path of Python by group, which takes milliseconds, once; ours
+    also where the package is not installed.
     """
     stated = tomllib.loads(_CHECKOUT.read_text(encoding="utf-8")) if _CHECKOUT.is_file() else {}
     own: dict[str, dict[str, str]] = stated.get("project", {}).get("entry-points", {})

@@ -225,7 +225,7 @@ OF_THE_BODY = (Status.NOT_HELD, Status.OPEN, Status.TIPS, Status.SLIDES, Status.
 
 @dataclass(frozen=True)
 class IterationRecord:
-    """One linear solve of the semi-smooth Newton iteration (Algorithm SSN, step 4).
+    """A linear solve of the semi-smooth Newton iteration (Algorithm SSN, step 4).
 
     Attributes:
         step: number of the load step, from 1.
@@ -257,7 +257,7 @@ class IterationRecord:
 
 @dataclass(frozen=True)
 class OuterRecord:
-    """One outer iteration, that is, the solution of one regularised problem.
+    """An outer iteration, that is, the solution of one regularised problem.
 
     Attributes:
         step: number of the load step, from 1.

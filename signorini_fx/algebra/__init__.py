@@ -41,7 +41,7 @@ class Settings:
 
     @classmethod
     def of(cls, source: object) -> Settings:
-        """Those of an object that has the same attributes and more."""
+        """Copy the settings from an object that has the same attributes and more."""
         return cls(**{field.name: getattr(source, field.name) for field in fields(cls)})
 
     def limited(self, name: Literal["max_iterations", "max_outer_iterations"]) -> bool:

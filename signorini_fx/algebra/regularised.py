@@ -62,7 +62,8 @@ class ContactTangent:
     """
 
     def __init__(self, matrix: PETSc.Mat, contact: ContactMap) -> None:
-        self._matrix, self._contact = matrix, contact
+        self._matrix = matrix
+        self._contact = contact
         self.inserted: dict[int, Nodal] = {}
         self.factorised: dict[int, Nodal] = {}
 
@@ -188,7 +189,8 @@ class RegularisedProblem:
         u_n, u_t = self.system.contact.traces(x)
         trial = self.next.trial if self._forced_first else classify(self.sets, u_n, u_t, self.data)
         if self.data.follows is not None:
-            pressure, slip = trial_pressure(u_n, self.data), slip_of(u_t, self.data)
+            pressure = trial_pressure(u_n, self.data)
+            slip = slip_of(u_t, self.data)
             where = pressure, self.data.bilateral, length(slip), inner(trial.direction, slip)
             changing = self.data.follows.follows_slip and parallel.any_rank(
                 self.points.comm, bool(trial.changed(self.sets).any())

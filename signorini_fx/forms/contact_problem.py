@@ -136,7 +136,9 @@ class ProblemOfForms:
         return self.errors_of(self.solution)
 
     def errors_of(self, solution: Solution) -> Errors:
-        """The same of what is its last solution, in whatever names; collective."""
+        """Return the estimated errors of the last solution, given as ``Solution``, whatever its
+        names are; collective.
+        """
         from signorini_fx.results.accuracy.error_estimates import combined
 
         squares, energy, displaced, modulus = self._errors_in_body(solution)

@@ -229,12 +229,12 @@ class FormMechanics(Mechanics):
         return Loads(assemble(self.forms.compiled[1]), self.prescribed[1])
 
     def balance(self, y: fem.Function, step: float) -> Balance:
-        """Of the present values of the forms, wherever ``step`` is."""
-        (a, L), (fixed, values), scales = (
-            self.forms.compiled,
-            self.prescribed,
-            self.model.scales,
-        )
+        """Return internal, external and support forces of the present values of the forms; ``step``
+        is ignored.
+        """
+        a, L = self.forms.compiled
+        fixed, values = self.prescribed
+        scales = self.model.scales
         dim = self.model.dimension
         nodes = np.arange(values.size // dim, dtype=np.int32)
         internal = action((a,), y, nodes).reshape(-1, dim)
@@ -255,10 +255,13 @@ class FormMechanics(Mechanics):
 
     @cached_property
     def recovery(self) -> StressRecovery:
-        """For the estimate of the error the traction of compiled forms is not known."""
+        """Return the recovery of the stress for error estimates; it ignores the traction of
+        compiled forms.
+        """
         from signorini_fx.results.accuracy.stress_recovery import StressRecovery
 
-        forms, (fixed, _) = self.forms, self.prescribed
+        forms = self.forms
+        fixed, _ = self.prescribed
         assert forms.stress is not None
         stress = stress_of(forms.stress, fem.Function(self.model.space), forms.parts)
         all_ufl = all(isinstance(form, ufl.Form) for form in forms.original)
@@ -269,7 +272,9 @@ class FormMechanics(Mechanics):
         """What acts through the parts of the boundary that have names."""
         from signorini_fx.results.resultants import ActingForces
 
-        balance, forms, (fixed, _) = self.balance(y, step), self.forms, self.prescribed
+        balance = self.balance(y, step)
+        forms = self.forms
+        fixed, _ = self.prescribed
         if not self.settled:
             return ActingForces(balance, (), (), ())
         return acting_on(balance, forms.boundaries, fixed, loads_of(forms, self.model.tagged, y))
@@ -341,8 +346,8 @@ def acting_on(
 def prescribed_nodes(
     fixed: npt.NDArray[np.bool_], values: Array, space: fem.FunctionSpace
 ) -> PrescribedNodes:
-    """As certificates take it: which dofs of this rank, with ghosts, are prescribed, and to what,
-    shapes (dofs,).
+    """Return which dofs of this rank, with ghosts, are prescribed, and to what, as certificates
+    take it, shapes (dofs,).
     """
     dim = space.mesh.geometry.dim
     owned = space.dofmap.index_map.size_local
@@ -436,7 +441,7 @@ def _energy_by(law: Law, at_rest: Any) -> Callable[[Any, Any], Any]:
 def isotropic_moduli(
     moduli: npt.NDArray[np.float64], dim: int, mesh: dmesh.Mesh
 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]] | None:
-    """Both parameters of Lame in each cell from ``cellwise_moduli``; None: some cell is not
+    """Return both Lame parameters of each cell from ``cellwise_moduli``; None: some cell is not
     isotropic; collective.
     """
     mu = moduli[:, -1, -1]

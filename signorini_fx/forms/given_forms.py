@@ -55,7 +55,7 @@ class GivenForms:
 
     @property
     def mesh(self) -> dmesh.Mesh:
-        """Of the body."""
+        """Return the mesh of the body."""
         return self.space.mesh
 
     @property

@@ -62,7 +62,7 @@ class MeshedForms(meshed_problem.MeshedProblem):
 
     @property
     def solver(self) -> FormSolver:
-        """Of this problem; collective."""
+        """Return the solver of this problem; collective."""
         return self.made.assembled
 
     @property
@@ -92,7 +92,8 @@ class MeshedForms(meshed_problem.MeshedProblem):
         self, state: ContactState | None, coarser: MeshLevel | None, checkpoint: StoredStates | None
     ) -> meshed_problem.SolvedMesh:
         solver = self.solver
-        solver.coarser, solver.coarser_state = coarser, state
+        solver.coarser = coarser
+        solver.coarser_state = state
         unsolved = solver.attempt()
         errors = [self.made.errors] if self.estimable and not unsolved else []
         solved = self.made.solution, self.tagged, solver.task, solver.outcome

@@ -175,7 +175,8 @@ class FormSolver:
         if any(effect.overrides("body") for effect in self.effects):
             lasts = "a step with inertia has a duration: use step(state, time) or run, not solve"
             raise FormError([("density", lasts)])
-        self.timings, guess = Timings(), self.last
+        self.timings = Timings()
+        guess = self.last
         self.foundations.without_times()
         with options_applied(*self.options):
             if self.last is None and self.coarser_state is not None:
@@ -219,7 +220,7 @@ class FormSolver:
         )
 
     def pose_at(self, state: State, place: float, dt: float, path: LoadPath | None = None) -> Posed:
-        """The same of the body with its names, on a path; None: that of the user's own loop;
+        """Pose the step for the body with its names, on a path; None: that of the user's own loop;
         collective.
         """
         self.begin = state
@@ -276,7 +277,8 @@ class FormSolver:
         }
         if changed["form"]:
             forms = self.forms
-            law, a = forms.stress, forms.original[0]
+            law = forms.stress
+            a = forms.original[0]
             self._modulus = natural_modulus(law, a, forms.measures, space)
         if changed["form"] or changed["body"] or changed["points"]:
             data = self._set_up(shapes, renewed=changed["form"] or changed["body"])
@@ -328,7 +330,8 @@ class FormSolver:
         """Contact points, stiffness, unless only points are ``renewed``, and linear algebra, and
         the data of the points; collective.
         """
-        space, (fixed, values) = self.space, self.prescribed
+        space = self.space
+        fixed, values = self.prescribed
         free_unused(space.mesh)
         boundary = self.contact_points(shapes, fixed, values)
         counts = np.bincount(boundary.part[~boundary.points.immovable], minlength=len(shapes))

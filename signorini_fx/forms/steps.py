@@ -42,17 +42,17 @@ class FormsInTime:
 
     @property
     def history(self) -> History:
-        """Of all solves so far."""
+        """Return the history of all solves so far."""
         return self.solver.history
 
     @property
     def timings(self) -> Timings:
-        """Of this path."""
+        """Return the times of this path."""
         return self.solver.timings
 
     @property
     def effects(self) -> Sequence[StepEffect]:
-        """Of the problem."""
+        """Return the effects of the problem."""
         return self.solver.effects
 
     @property
@@ -128,7 +128,7 @@ def solution_of(solver: FormSolver, ran: Ran | None, title: str) -> Solution:
 
 
 def converged(solution: Solution) -> Solution:
-    """The same, if it is a solution, else a ``ConvergenceError``."""
+    """Return the solution, or raise a ``ConvergenceError`` if it has not converged."""
     if not solution.converged:
         raise ConvergenceError(solution)
     return solution

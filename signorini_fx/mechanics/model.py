@@ -187,7 +187,7 @@ class Model:
 
     @shared_in("of_body")
     def _supported(self) -> RigidMotions:
-        """The same of supports alone."""
+        """Return the rigid motions that the supports alone leave free."""
         fixed = self.fixed.reshape(-1, self.dimension)
         return rigid_motions(self.space, fixed, self.pieces, self.turned, self.kinematics)
 
@@ -295,7 +295,8 @@ class Model:
             self.relative[0] * ~self.fixed.reshape(-1, dim)[boundary.nodes][:, :, None] * free
         )
         own = self.relative[1] * np.outer(free, free) * (self._rigid > 0)
-        (first, _), total = stiffness.getOwnershipRange(), stiffness.getSize()[0]
+        first, _ = stiffness.getOwnershipRange()
+        total = stiffness.getSize()[0]
         rows = (
             (first + dim * boundary.nodes[:, None] + np.arange(dim)).ravel().astype(PETSc.IntType)
         )
@@ -316,11 +317,9 @@ class Model:
         """
         assert self.boundary is not None
         assert self.relative is not None
-        (at_points, own), nodes, forces = (
-            self.relative,
-            self.boundary.nodes,
-            np.zeros(self._held.size),
-        )
+        at_points, own = self.relative
+        nodes = self.boundary.nodes
+        forces = np.zeros(self._held.size)
         np.add.at(forces[: self.fixed.size].reshape(-1, self.dimension), nodes, at_points @ driven)
         moved = displacement.reshape(-1, self.dimension)[nodes]
         on_rigid: Array = parallel.global_sum(self.comm, np.einsum("nik,ni->k", at_points, moved))
@@ -386,8 +385,8 @@ class Model:
 
     @property
     def stiffness(self) -> PETSc.Mat:
-        """Of a(., .) on Y_h; prescribed rows and columns are empty, with its largest entry on their
-        diagonal.
+        """Return the matrix of a(., .) on Y_h; prescribed rows and columns are empty, with its
+        largest entry on their diagonal.
         """
         return self._assembled[0]
 
@@ -408,10 +407,11 @@ class Model:
         return contact_map(boundary, self.prescribed, self.stiffness, self.rotation, behind)
 
     def level(self, coarser: MeshLevel | None = None) -> MeshLevel:
-        """Its mesh over coarser ones, of which those are left out that are hardly coarser, or far
-        too coarse.
+        """Return the mesh as a multigrid level over coarser ones, of which those are left out that
+        are hardly coarser, or far too coarse.
         """
-        dimension, (least, greatest) = self.dimension, FINER_LEVELS
+        dimension = self.dimension
+        least, greatest = FINER_LEVELS
         alone = self.mixed is None and (self.boundary is None or self.boundary.moving is None)
         stiffness = self.stiffness if alone else None
         level = MeshLevel(
@@ -472,10 +472,8 @@ class Model:
             load.getArray()[self._held.size :] = self.mixed.lifted(prescribed, pressure_load)
         if driven is not None:
             rigid = slice(self.fixed.size, self._held.size)
-            start.getArray()[rigid], load.getArray()[rigid] = (
-                driven.motion[: self._rigid],
-                driven.forces[: self._rigid],
-            )
+            start.getArray()[rigid] = driven.motion[: self._rigid]
+            load.getArray()[rigid] = driven.forces[: self._rigid]
         diagonal = self.stiffness.getDiagonal().getArray(readonly=True)
         load.getArray()[fixed] = (diagonal * start.getArray(readonly=True))[fixed]
         working = forces if pushing is None else pushing
@@ -494,11 +492,10 @@ class Model:
         choose: Callable[[Elasticity, SystemSize, str], tuple[ElasticSystem, str]] = choose_system,
         **options: Any,
     ) -> Task:
-        """Its contact problem, ready for ``strategy.solve_task`` or an algorithm of one's own, with
-        the first ``factors`` of the cases; ``allowed``: the regularisation error allowed for
-        path-following at a displacement, in the energy norm, None: that of the settings;
-        ``choose``: the elastic system and the reason for its kind;
-        ``options``: see ``Task``.
+        """Return the contact problem, ready for ``strategy.solve_task`` or an algorithm of one's
+        own, with the first ``factors`` of the cases; ``allowed``: the regularisation error allowed
+        for path-following at a displacement, in the energy norm, None: that of the settings;
+        ``choose``: the elastic system and the reason for its kind; ``options``: see ``Task``.
         """
         system, reason = choose(
             self.elasticity(cases, coarser), self.system_size(), self.settings.linear_algebra
@@ -612,7 +609,7 @@ class Model:
 
     @property
     def scales(self) -> Scales:
-        """What its lengths and stresses are compared with."""
+        """Return the scales that lengths and stresses are compared with."""
         tagged = self.tagged
         return Scales(
             tagged.dimension, self.modulus, tagged.size, self.kinematics.depth(tagged.size)

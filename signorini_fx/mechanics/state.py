@@ -96,7 +96,7 @@ class Field:
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """Where a body is at the end of a load step, or before the first one.
+    """The state of a body at the end of a load step, or before the first one.
 
     Attributes:
         number: how many load steps have ended.
@@ -239,7 +239,7 @@ class State:
     def read(
         cls, path: str | Path, boundary: ContactBoundary | None, space: fem.FunctionSpace
     ) -> State:
-        """The same at contact points; None: without what is there; collective."""
+        """Read a state for these contact points; None: without contact values; collective."""
         comm = space.mesh.comm
         wrong = ""
         state = None
@@ -326,7 +326,7 @@ def write_table(path: Path, table: Mapping[str, Any]) -> None:
 
 
 def _placement(*entries: Any) -> Any:
-    """As it was before JSON has made lists of it."""
+    """Restore the tuples of which JSON has made lists."""
     return tuple(tuple(entry) if isinstance(entry, list) else entry for entry in entries)
 
 

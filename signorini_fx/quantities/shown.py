@@ -322,7 +322,8 @@ def _corners(summary: Summary) -> list[str | TerminalLine]:
     for entry in summary["corners"][:MOST_ROWS]:
         sums = [a + b for a, b in zip(entry["contact_force"], entry["friction_force"], strict=True)]
         force = with_unit(in_brackets(clean(sums, math.hypot(*sums))), "force")
-        facet, width = entry["facet"], entry["contact_width"]
+        facet = entry["facet"]
+        width = entry["contact_width"]
         resolved = facet <= width
         left = (
             ""

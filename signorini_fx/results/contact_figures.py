@@ -91,11 +91,13 @@ def corner_figures(model: Model, contact: ContactState) -> list[CornerFigures]:
     A force P makes a contact of the width P / (E tan b), with the angle b between the facet and the
     nearer side of the corner; on the axis of a body of revolution the root of 2 P / (pi E tan b).
     """
-    boundary, corners = contact.boundary, contact.boundary.corners
+    boundary = contact.boundary
+    corners = contact.boundary.corners
     if corners is None:
         return []
     points = np.flatnonzero(contact.in_contact & ~boundary.at_nodes)
-    none_n, none_t = np.zeros_like(contact.pressure), np.zeros_like(contact.shear)
+    none_n = np.zeros_like(contact.pressure)
+    none_t = np.zeros_like(contact.shear)
     forces = [
         -boundary.nodal_forces(contact.pressure, none_t),
         -boundary.nodal_forces(none_n, contact.shear),
@@ -115,7 +117,8 @@ def corner_figures(model: Model, contact: ContactState) -> list[CornerFigures]:
     for part, number in np.unique(rows[:, :2], axis=0):
         of_corner = rows[(rows[:, :2] == (part, number)).all(axis=1)]
         first = of_corner[np.linalg.norm(of_corner[:, 4:6], axis=1).argmax()]
-        normal, tangential = of_corner[:, 4:6].sum(axis=0), of_corner[:, 6:8].sum(axis=0)
+        normal = of_corner[:, 4:6].sum(axis=0)
+        tangential = of_corner[:, 6:8].sum(axis=0)
         depth = float(np.broadcast_to(model.kinematics.measure(first[2:4, None]), 1)[0])
         size = float(np.linalg.norm(normal)) / max(model.scales.modulus * float(first[11]), 1e-300)
         width = size / depth if depth > 0 else np.sqrt(2 * size / np.pi)

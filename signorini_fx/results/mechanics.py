@@ -104,7 +104,7 @@ class Mechanics(ABC):
 
     @abstractmethod
     def acting(self, y: fem.Function, step: float) -> ActingForces:
-        """The same with the names of what acts; collective."""
+        """Return the forces at a displacement with the names of what acts; collective."""
 
     def certified(
         self,

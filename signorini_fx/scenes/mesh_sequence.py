@@ -380,8 +380,8 @@ class MeshedScene(MeshedProblem):
 
 
 def _errors_of_nonlinear(problem: ProblemOfForms, solution: Solution) -> list[Errors]:
-    """Those after the last load step, of contact none where cells lock: estimates were up to 30
-    times too small.
+    """Return the errors after the last load step, of contact none where cells lock: estimates were
+    up to 30 times too small.
     """
     from signorini_fx.mechanics.body.nonlinear_law import volume_degree
 

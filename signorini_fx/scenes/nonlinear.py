@@ -129,7 +129,7 @@ class ProblemOfScene(NonlinearContactProblem):
         history: History,
         effects: Sequence[StepEffect] = (),
     ) -> ProblemOfScene:
-        """That of a statement; collective."""
+        """Build the problem of a statement; collective."""
         space = model.space
         tagged = model.tagged
         # The contact points of pairs are on the sides that have been chosen for the body.
@@ -332,7 +332,7 @@ class ProblemOfScene(NonlinearContactProblem):
         return "" if size <= limit else f"it is {size:.3g}, of small strains at most {limit:g}"
 
     def _loaded(self) -> npt.NDArray[np.int32]:
-        """Those of forces that keep their direction too, which are not in F."""
+        """Return the loaded facets; forces that keep their direction count, which are not in F."""
         named = [
             load.where
             for load in self.statement.of(ForceDensity)

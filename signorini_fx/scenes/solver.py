@@ -165,7 +165,7 @@ def _refuse_state(scene: Scene) -> None:
 
 
 def _effects_of(effects: Sequence[StepEffect | str]) -> list[StepEffect]:
-    """Those that are named by an entry point, and others as they are."""
+    """Return the effects; those named by an entry point are made, others are taken as they are."""
     named = [
         load_class(STEP_EFFECTS, effect, StepEffect)() if isinstance(effect, str) else effect
         for effect in effects

@@ -119,14 +119,16 @@ def _tightened(model: Model, step: float) -> dict[int, Preload]:
 
 
 def shortenings(model: Model, step: float) -> list[float]:
-    """Those that forces have led to at a place, in the order of ``_tightened``, length."""
+    """Return the shortenings that forces have led to at a place, in the order of ``_tightened``,
+    length.
+    """
     return [model.applied[k].factor(step) for k in _tightened(model, step)]
 
 
 def with_shortenings(
     model: B, step: float, lengths: Sequence[float] | npt.NDArray[np.float64]
 ) -> B:
-    """The same with shortenings that were found at a place; nothing is assembled again."""
+    """Return the model with shortenings that were found at a place; nothing is assembled again."""
     shortened = zip(_tightened(model, step).values(), lengths, strict=True)
     return _with(model, {id(entry): entry.tightened(step, float(s)) for entry, s in shortened})
 
@@ -149,14 +151,16 @@ def tightened(posed: Posed, start: Start, found: npt.NDArray[np.float64]) -> tup
 
 
 def found_in(model: Model, step: float) -> npt.NDArray[np.float64]:
-    """By how much forces have shortened each of their sections up to a place, length; nan: by
-    nothing.
+    """Return by how much forces have shortened each of their sections up to a place, length; nan:
+    by nothing.
     """
     return np.array([entry.found_at(step) for entry in _by_force(model)])
 
 
 def with_found(model: B, step: float, found: npt.NDArray[np.float64]) -> B:
-    """The same where forces have led to these shortenings before a step; itself if it has them."""
+    """Return the model whose forces have led to these shortenings before a step; itself if it has
+    them.
+    """
     entries = _by_force(model)
     if not found.size:
         found = np.full(len(entries), np.nan)
@@ -174,7 +178,7 @@ def _by_force(model: Model) -> list[Preload]:
 
 
 def _with(model: B, tight: Mapping[int, Preload]) -> B:
-    """The same with other entries for these, by their identity."""
+    """Return the model with other entries in place of these, by their identity."""
     changed = {
         key: tuple(tight.get(id(entry), entry) for entry in entries)
         for key, entries in model.statement.effects.items()

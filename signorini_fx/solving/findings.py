@@ -111,7 +111,7 @@ def nonlinear_findings(statement: Statement, body: Model) -> Iterator[Finding]:
 
 
 def _falling(statement: Statement) -> Iterator[Finding]:
-    """Where friction falls with the speed of slip."""
+    """Yield a finding for each contact whose friction falls with the speed of slip."""
     for number, contact in enumerate(statement.contact):
         fall = getattr(contact.friction, "steepest_fall", 0.0)
         if fall > 0:
@@ -369,7 +369,7 @@ def closed_at_once(body: Model) -> Iterator[Finding]:
 
 
 def _largest_increment(body: Model, normal: Array, motions: list[float]) -> float:
-    """By how much one load step presses a contact at most, as a share of the largest load;
+    """Return by how much a load step presses a contact at most, as a share of the largest load;
     ``normal``: the direction on this rank, of any length; ``motions``: what prescribed
     displacements and forces move the body by, lengths.
     """
@@ -511,8 +511,8 @@ def may_jump(history: History) -> list[Finding]:
 
 
 def pushed_nodes(steps: Sequence[ContactState | None], size: float) -> list[Finding]:
-    """One finding for each contact with nodes that supports hold inside the foundation, from the
-    load step where one lies deepest; ``size``: of the body, length; collective.  Such nodes
+    """Return a finding for each contact with nodes that supports hold inside the foundation, from
+    the load step where one lies deepest; ``size``: of the body, length; collective. Such nodes
     transmit nothing, see ``trial_pressure``.
     """
     deepest: dict[int, tuple[float, str]] = {}
@@ -536,8 +536,8 @@ def pushed_nodes(steps: Sequence[ContactState | None], size: float) -> list[Find
 
 
 def _message(rows: Array, depth: float, size: float) -> str:
-    """Of the nodes of one contact: depths, whether contact cannot open, and places, shape (n, 2 +
-    d).
+    """Return the message for the nodes of one contact; ``rows``: depths, whether contact cannot
+    open, and places, shape (n, 2 + d).
     """
     # The first of those that are as deep, whatever the number of ranks.
     most = rows[rows[:, 0] >= depth - SAME_LENGTH * size]
@@ -808,7 +808,7 @@ def loose_at_rest(
 
 
 def _named(body: Model, loose: Sequence[int], names: tuple[str, ...] = ()) -> str:
-    """These assemblies with their free motions; ``names``: see ``loose_at_rest``."""
+    """Name these assemblies with their free motions; ``names``: see ``loose_at_rest``."""
     motions = body.motions
     if names:
         motions = replace(motions, pieces=replace(motions.pieces, bodies=names))

@@ -72,9 +72,9 @@ class Posed:
 def start_of(
     posed: Posed, state: State, guess: State | None = None
 ) -> tuple[Start, PreviousStep | None]:
-    """Where a step starts after a state, and the state as the certificate of the step sees it,
-    None: it counts for nothing; ``guess``: of the same step, a solution for other values, or what a
-    coarser mesh says of it; collective.
+    """Return the start of a step after a state, and the state as the certificate of the step takes
+    it, None: it counts for nothing; ``guess``: of the same step, a solution for other values, or
+    that of a coarser mesh; collective.
 
     Slip is relative to foundations, and friction is that of the pressure of the state.
 
@@ -132,7 +132,7 @@ def _first(posed: Posed, state: State) -> tuple[Start, PreviousStep | None]:
 
 
 def _following(posed: Posed, state: State, values: ContactValues) -> tuple[Start, PreviousStep]:
-    """Where a step starts after another one; collective."""
+    """Return the start of a step after another one, and the step before; collective."""
     body = posed.body
     first = posed.first
     boundary = posed.boundary
@@ -375,8 +375,8 @@ def rotations(earlier: Array, later: Array, spin: Array | None = None) -> Array:
 
 
 def turned(earlier: ContactBoundary, later: ContactBoundary, spin: Array | None = None) -> Array:
-    """From the components of a shear in earlier frames to those in later ones, shape (n, d - 1, d -
-    1).
+    """Return the matrices from the components of a shear in earlier frames to those in later ones,
+    shape (n, d - 1, d - 1).
     """
     rotation = rotations(earlier.normal, later.normal, spin)
     return np.asarray(np.einsum("nij,nil,nlk->njk", later.cotangents, rotation, earlier.tangents))

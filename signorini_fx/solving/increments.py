@@ -31,7 +31,7 @@ _DIGITS = 12
 
 
 class PathIncrements:
-    """Where a problem is on its path through load steps: at the place ``reached``, by an
+    """The position of a problem on its path through load steps: at the place ``reached``, by an
     ``increment`` from the next, ``nominal`` if it is that of a ramp; places are those of
     ``statement.load_path``.
     """
@@ -43,7 +43,8 @@ class PathIncrements:
         self.nominal = 1.0 / (path.steps or 1)
         # A list of several factors begins with one step to the first of them, in which slip is
         # counted from rest.
-        self.reached, self.increment = -1.0, self.nominal if path.from_nothing else 1.0
+        self.reached = -1.0
+        self.increment = self.nominal if path.from_nothing else 1.0
 
     @property
     def ended(self) -> bool:
@@ -83,9 +84,9 @@ _HOPELESS_AT_FIRST = (Status.NOT_HELD, Status.LINEAR_SOLVER, Status.NO_MEMORY)
 
 
 class Increments(PathIncrements):
-    """Where a linear problem is on its path.  In a ramp the increment of a load step without a
-    solution is halved, until the load is enclosed; the linear solves of the last load step set how
-    many an attempt without one may take.
+    """The position of a linear problem on its path. In a ramp the increment of a load step without
+    a solution is halved, until the load is enclosed; the linear solves of the last load step set
+    how many an attempt without one may take.
     """
 
     # ``easy``: how many of the last load steps with a solution were easy; ``last``: linear solves
@@ -205,7 +206,8 @@ class HalvedIncrements(PathIncrements):
         """The next step, to a place, has a solution, after this many linear solves, and iterations
         of Newton's method.
         """
-        self.reached, self.last = place, linear_solves
+        self.reached = place
+        self.last = linear_solves
         increment = self.increment * (2 if iterations <= FEW_NEWTON_ITERATIONS else 1)
         self.increment = min(max(increment, ENCLOSED * self.nominal), self.nominal)
 

@@ -56,7 +56,9 @@ class SolvedMesh:
     step_errors: Sequence[Errors] = ()  # of each load step
 
     def as_level(self) -> MeshLevel | None:
-        """This mesh as a level of multigrid for finer ones, above those that it was solved with."""
+        """Return this mesh as a level of multigrid for finer ones, above those that it was solved
+        with.
+        """
         if self.task is None:
             return None
         level = self.task.system.elasticity.level
@@ -99,7 +101,7 @@ class MeshedProblem(ABC):
 
     @abstractmethod
     def with_settings(self, settings: SolverSettings) -> Self:
-        """The same, solved in another way."""
+        """Return the problem with other settings of its solver."""
 
     @abstractmethod
     def solve(
@@ -112,24 +114,24 @@ class MeshedProblem(ABC):
 
     @abstractmethod
     def on(self, tagged: TaggedMesh) -> Self:
-        """The same on a mesh whose cells are those of the last one, divided."""
+        """Return the problem on a mesh whose cells are those of the last one, divided."""
 
     @abstractmethod
     def divided(self, times: int) -> Self:
-        """The same on a mesh that is made anew, with cells so many times as small as those of the
-        first one.
+        """Return the problem on a mesh that is made anew, with cells so many times as small as
+        those of the first one.
         """
 
     def remade(
         self, last: TaggedMesh, lengths: npt.NDArray[np.float64], finer: float
     ) -> tuple[Self, int]:
-        """The same on cells of these lengths made by gmsh, at most ``finer`` times finer, and how
-        many; collective.
+        """Return the problem on cells of these lengths made by gmsh, at most ``finer`` times finer,
+        and how many; collective.
         """
         raise NotImplementedError
 
     def keeping(self, solved: SolvedMesh) -> Self:
-        """The same with what was chosen on the first mesh."""
+        """Return the problem with what was chosen on the first mesh."""
         return self
 
     def polygon_error(self, solved: SolvedMesh, last: float | None) -> float:
@@ -213,8 +215,8 @@ class Unsolved:
 
     @classmethod
     def by_outcome(cls, solution: Solution, mesh: str, *, late: str = "") -> Unsolved | None:
-        """Of a solve without a solution; ``late``: that time has passed; None: its outcome is that
-        of the body.
+        """Return why a solve has no solution; ``late``: that time has passed; None: its outcome is
+        that of the body.
         """
         if solution.status is Status.NO_MEMORY:
             return cls(Status.MEMORY, f"{mesh} has used up the memory")
@@ -229,7 +231,7 @@ class Unsolved:
 
     @classmethod
     def by_error(cls, error: Exception, mesh: str, comm: MPI.Comm) -> Unsolved:
-        """Of an error while a mesh was made or solved, which all ranks have.
+        """Return why a mesh could not be made or solved, from an error that all ranks have.
 
         Raises:
             Exception: the error itself, where it is none of these, or memory of one of several

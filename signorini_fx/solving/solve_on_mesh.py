@@ -195,11 +195,9 @@ def contact_solution(
     ``find``: gives the findings, which are looked for when the first one asks, on several ranks at
     once; collective.
     """
-    (outcome, data), shown, found = (
-        ended,
-        _shown(steps),
-        cache(lambda: (*find(), *may_jump(task.history))),
-    )
+    outcome, data = ended
+    shown = _shown(steps)
+    found = cache(lambda: (*find(), *may_jump(task.history)))
     model = mechanics.model
     if model.comm.size > 1:  # they may be asked for by one rank alone
         found()
@@ -355,7 +353,7 @@ class StatedProblem:
 
     @property
     def path(self) -> LoadPath:
-        """Of the statement."""
+        """Return the load path of the statement."""
         return self.model.path
 
     @property
@@ -409,7 +407,8 @@ class StatedProblem:
                 stepped = replace(stepped, eliminated=system.eliminated)
             with self.timings.phase("condense"):
                 self._task = contact_task(stepped, self.history)
-        self._of_task, first = stepped, self.task.start
+        self._of_task = stepped
+        first = self.task.start
         if stepped.law is not None:
             first = replace(
                 first, law=stepped.law, data=replace(first.data, bound=stepped.law.given)

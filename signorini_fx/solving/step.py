@@ -48,11 +48,11 @@ class Problem(Protocol):
 
     @property
     def history(self) -> History:
-        """Of all solves."""
+        """Return the history of all solves."""
 
     @property
     def timings(self) -> Timings:
-        """Of what takes time."""
+        """Return the times that parts of the solve took."""
 
     @property
     def effects(self) -> Sequence[StepEffect]:

@@ -212,7 +212,7 @@ class Budget:
 
     @classmethod
     def begins(cls, goal: Accuracy, comm: MPI.Comm, history: History) -> Budget:
-        """Its time begins now, and ends all methods when it has passed; collective."""
+        """Start the time of a budget, which ends all methods when it has passed; collective."""
         budget = cls(goal, comm, parallel.peak_memory(comm), parallel.clock(comm))
         allowed = goal.seconds
         if allowed is not None:
@@ -270,7 +270,7 @@ class Budget:
 
 
 class Meshes:
-    """One finer mesh after the other, and the ``problem`` on the one that is to be solved next."""
+    """A sequence of ever finer meshes, and the ``problem`` on the one that is to be solved next."""
 
     def __init__(
         self,

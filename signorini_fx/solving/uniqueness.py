@@ -140,8 +140,8 @@ def proved_multiple(stiffness: Array, operator: Array, law: PointFriction) -> tu
 def _critical(
     stiffness: Array, normal: int, beside: npt.NDArray[np.int64], sizes: Array
 ) -> tuple[float, str]:
-    """The same of normal components, then tangential ones, with the place of the normal one of
-    each.
+    """Return the critical coefficient of normal components, then tangential ones, with the place of
+    the normal one of each.
     """
     # In units of the stiffness, so that nodal compliance is of order one.
     stiffness = np.asarray(stiffness / np.abs(stiffness).max(), dtype=np.float64)
@@ -177,7 +177,8 @@ def _critical(
     start = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
     options = {"initial_simplex": start, "maxfev": _EVALUATIONS}
     best = minimize(largest, start[0], method="Nelder-Mead", options=options)
-    multiple, (nu, d) = (1 - CERTIFICATE_TOLERANCE) * float(np.exp(-best.fun)), np.exp(best.x)
+    multiple = (1 - CERTIFICATE_TOLERANCE) * float(np.exp(-best.fun))
+    nu, d = np.exp(best.x)
     left = nu * pressing + sliding - multiple * (d * pressed + slid / d)
     diagonal = np.diag(left)
     count = values.size

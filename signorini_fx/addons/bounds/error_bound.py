@@ -330,4 +330,5 @@ class Bounded(PlainProblem):
         for surface, (pressure, shear) in zip(
             self.contacts, balanced(loads, contacts, small), strict=True
         ):
-            surface.pressure, surface.shear = pressure, shear
+            surface.pressure = pressure
+            surface.shear = shear

@@ -77,7 +77,8 @@ class Foundation:
             *(line[::-1] * (-1.0, 1.0) for line in self.surface),
         ]
         for one, other in ((image, own), (own, image)):
-            (last, end), start = one["nodes"][-2:], other["nodes"][0]
+            last, end = one["nodes"][-2:]
+            start = other["nodes"][0]
             if np.hypot(*(start - end)) <= 4 * np.hypot(
                 *(end - last)
             ):  # the axis itself has no contact points
@@ -130,7 +131,8 @@ def _parts(table: ContactTable) -> Iterator[tuple[ContactColumns, Rows | None]]:
         known = boundary.at(np.flatnonzero(np.isfinite(boundary.floats("gap"))))
         for first, end in pairwise([*known.starts, len(known.coordinate)]):
             part = known.at(np.arange(first, end))
-            (x, y), (right, up) = np.diff(part.vectors(""), axis=0).T, part.vectors("n_")[1:].T
+            x, y = np.diff(part.vectors(""), axis=0).T
+            right, up = part.vectors("n_")[1:].T
             if x @ up > y @ right:  # normals to the left of the way: it is to be the other one
                 part = part.at(np.arange(end - first)[::-1])
             if end - first > 1:

@@ -47,7 +47,8 @@ def draw_lengths(axes: Axes, points: Floats, camera: Camera) -> None:
         for corner in itertools.product(*zip(low, high, strict=True)):
             start = np.array(corner)
             end = np.array(corner)
-            start[axis], end[axis] = low[axis], high[axis]
+            start[axis] = low[axis]
+            end[axis] = high[axis]
             edges.append(camera.flat(np.stack((start, end))))
         # The edge that is lowest in the picture, of the upright ones that on the left.
         start, end = min(edges, key=lambda edge: float(edge.mean(axis=0)[0 if name == "z" else 1]))

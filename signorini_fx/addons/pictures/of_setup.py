@@ -149,7 +149,9 @@ def _boundary(tagged: TaggedMesh, name: str, acting: list[Effect], time: float) 
     normals = areas / sizes[:, None]
 
     def whole(effect: Any) -> float:
-        """By one point on each facet, which is enough for arrows."""
+        """Return the total of a force that is spread, by one point on each facet, which is enough
+        for arrows.
+        """
         return float(
             parallel.global_sum(tagged.mesh.comm, np.array(sizes @ on.value(effect.spread)))
         )

@@ -241,10 +241,8 @@ class Setup:
             at = boundary.middles[front]
             normals = boundary.normals[front]
             rows = _spaced_rows(flat(at), side / MOST_ARROWS)
-            alpha, drawn = (
-                0.5 if hidden else 1.0,
-                colour if toward is None else INK,
-            )  # on facets of this colour
+            alpha = 0.5 if hidden else 1.0
+            drawn = colour if toward is None else INK  # on facets of this colour
             for vectors in ("load", "moved"):
                 if longest := self._largest(vectors):
                     arrows = getattr(boundary, vectors)[front][rows] / longest

@@ -165,7 +165,8 @@ def _plane_of(points: Floats) -> Floats | None:
     low = flat.min(axis=0)
     high = flat.max(axis=0)
     margin = SURFACE_MARGIN * float(max(high - low))
-    (left, bottom), (right, top) = low - margin, high + margin
+    left, bottom = low - margin
+    right, top = high + margin
     corners = np.array([(left, bottom), (right, bottom), (right, top), (left, top)])
     return np.array(corners @ np.stack((seen.right, seen.up)) + middle @ seen.toward * seen.toward)
 

@@ -31,7 +31,7 @@ from signorini_fx.tuned import GAMMA_GROWTH, NEGLIGIBLE
 
 @dataclass
 class Augmentation:
-    """One augmented Lagrangian iteration on the problems that an inner method solves.
+    """An augmented Lagrangian iteration on the problems that an inner method solves.
 
     Attributes:
         natural: a gamma with which few updates suffice on cells that are not divided many times,

@@ -213,7 +213,8 @@ class _Programme:
             step = None if at is None else self._advanced(at)
             if at is None or step is None:
                 return None
-            begin, (at, share) = at, step
+            begin = at
+            at, share = step
             closed_before, slip_before = closed, slip
             closed, slip = self._indicated(begin, at)
             changed = self._number((closed != closed_before) | (slip != slip_before))
@@ -239,8 +240,8 @@ class _Programme:
         return presses > opens, rubs & (slides > remains)
 
     def _on_a_soft_foundation(self) -> _Inside | None:
-        """Where the body is if all points are tied to a soft foundation, with products that are all
-        the same.
+        """Return the iterate of a body whose points are all tied to a soft foundation, with
+        products that are all the same.
         """
         data = self._data
         size = self._points.dimension - 1

@@ -102,16 +102,18 @@ def _largest_eigenvalue(
         falls: lambda |F'| of C, stress times time per length, shape (n,).
         dt: duration of the load step.
     """
-    problem, contact = newton.problem, newton.problem.system.contact
+    problem = newton.problem
+    contact = newton.problem.system.contact
     comm = problem.points.comm
-    jacobian, ksp = newton.snes.getJacobian()[0], newton.snes.getKSP()
-    forces, moved, weight = (
-        newton.x.duplicate(),
-        newton.x.duplicate(),
-        problem.points.weight * falls,
-    )
+    jacobian = newton.snes.getJacobian()[0]
+    ksp = newton.snes.getKSP()
+    forces = newton.x.duplicate()
+    moved = newton.x.duplicate()
+    weight = problem.points.weight * falls
     problem.insert(jacobian, blocks)
-    slips, size, last = np.where(falls > 0, 1.0, 0.0), 0.0, 0.0
+    slips = np.where(falls > 0, 1.0, 0.0)
+    size = 0.0
+    last = 0.0
     for _ in range(SLOWEST_STEPS):
         forces.set(0.0)
         contact.add_forces(0.0 * slips, (falls * slips)[:, None] * direction, forces)
@@ -126,7 +128,8 @@ def _largest_eigenvalue(
         following = inner(contact.traces(moved)[1], direction)
         products = np.array([weight @ (slips * following), weight @ (slips * slips)])
         product, square = parallel.global_sum(comm, products)
-        last, size = size, float(product / square)
+        last = size
+        size = float(product / square)
         if size < 0 or NO_FORCE * size > dt:
             return np.inf
         if abs(size - last) <= WRONG_SLOPE**2 * size:

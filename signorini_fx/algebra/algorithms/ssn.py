@@ -275,7 +275,8 @@ class SemismoothNewton:
             if self._factor is not None:
                 self.snes.setKSP(usual)
                 self._factor.destroy()
-                self._factor, self._outdated = None, True
+                self._factor = None
+                self._outdated = True
         return status
 
     def _improved(self, status: Status) -> bool:
@@ -313,7 +314,9 @@ class SemismoothNewton:
         """
         from signorini_fx.algebra.algorithms.interior_point import proposed_sets
 
-        self._slow, following, solves = False, self.problem.next.sets, self.history.linear_solves
+        self._slow = False
+        following = self.problem.next.sets
+        solves = self.history.linear_solves
         proposed = proposed_sets(self)
         if (
             proposed is None and self._factorise()
@@ -453,14 +456,16 @@ class SemismoothNewton:
                 return int(_SNES.CONVERGED_FNORM_RELATIVE)
             # Where directions turn or the bound follows the slip the same sets have another tangent
             # when they return: of a cycle they leave the same residual of the law.
-            seen, now = self._seen[fingerprint], max(law, snes.getTolerances()[0])
+            seen = self._seen[fingerprint]
+            now = max(law, snes.getTolerances()[0])
             self._returns += 1
             turned = self._returns <= _TURNS and abs(now - seen) > NOTABLE * seen
             if problem.affine or not (now <= 0.5 * seen or turned):
                 return self._stop(Status.CYCLING)
         self._changes.append((changed, active))
         if self._may_propose and self._is_slow(k):
-            self._may_propose, self._slow = False, True
+            self._may_propose = False
+            self._slow = True
             return self._stop(Status.MAX_ITERATIONS)
         # How near the law was with the sets of the start is not known.
         self._seen[fingerprint] = max(law, snes.getTolerances()[0]) if k > 0 else np.inf

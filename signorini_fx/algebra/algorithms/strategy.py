@@ -195,10 +195,8 @@ def _near_the_last_place(task: Task, start: Start) -> Outcome | None:
                 return None
             break
         start = start.begin_from(outcome.problem.sets, outcome.newton.multipliers())
-    (x, sets, data), tractions = (
-        outcome.newton.checkpoint(),
-        np.column_stack(outcome.newton.multipliers()),
-    )
+    x, sets, data = outcome.newton.checkpoint()
+    tractions = np.column_stack(outcome.newton.multipliers())
     pressed = np.abs(tractions).max(axis=1) > NO_FORCE * task.natural_gamma * farthest
     loose = np.isin(motions.of_point, motions.untouched(numbers, pressed))
     if task.has_coulomb and parallel.any_rank(comm, bool((without_load & ~loose).any())):

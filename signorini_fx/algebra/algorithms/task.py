@@ -29,7 +29,7 @@ from signorini_fx.records import History, Status
 
 @dataclass(frozen=True)
 class Start:
-    """Where a load step starts.
+    """The initial state of a load step for its algorithm.
 
     Attributes:
         data: the regularised problem with the gamma to begin with.
@@ -60,8 +60,8 @@ class Start:
     several: bool = False
 
     def begin_from(self, sets: ActiveSets, multipliers: tuple[Nodal, Nodal]) -> Start:
-        """The same, from the sets and (lambda, mu) of another mesh, of fewer contact nodes, or of
-        another load.
+        """Return this start with the sets and (lambda, mu) of another mesh, of fewer contact nodes,
+        or of another load.
         """
         return replace(self, sets=sets, iteration=1, multipliers=multipliers)
 
@@ -164,7 +164,7 @@ class Task:
 
     @cached_property
     def unsymmetric_newton(self) -> SemismoothNewton:
-        """The same with an unsymmetric tangent, on the same iterate."""
+        """Return Newton's method with an unsymmetric tangent on the same iterate."""
         return SemismoothNewton(
             self.newton.problem, self.newton.x, self.settings, self.history, symmetric=False
         )
@@ -206,7 +206,8 @@ class Task:
         u_n, u_t = problem.system.contact.traces(outcome.newton.x)
         rest_n, rest_t = (0.0, 0.0) if self.rest is None else (self.rest.u_n, self.rest.u_t)
         pressure, shear = outcome.newton.multipliers()
-        slip, bound = slip_of(u_t, start.data), np.zeros_like(pressure)
+        slip = slip_of(u_t, start.data)
+        bound = np.zeros_like(pressure)
         if data.bound is not None and law is not None:
             # Of the law itself: the iteration may have stopped with the bound of the previous
             # pressure.

@@ -144,7 +144,8 @@ def trial_shear(u_t: Nodal, data: RegularisedData) -> Nodal:
 
 
 def slips(xi: Nodal, mu: Nodal, bound: Nodal, data: RegularisedData) -> npt.NDArray[np.bool_]:
-    """Where a point slips by the friction condition (3.3c): |mu + xi / sigma| > F g, shape (n,).
+    """Return at which points the friction condition (3.3c) lets slip: |mu + xi / sigma| > F g,
+    shape (n,).
 
     The slip multiplier xi, length, is zero at the others.  With sigma infinite mu decides, and xi
     where mu is at its bound.

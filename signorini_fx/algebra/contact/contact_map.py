@@ -99,7 +99,8 @@ class ContactMap:
         """The map without the rows of points that are ``far``, which stay where ``x`` tells; one
         rank.
         """
-        dim, (starts, columns, values) = self.points.dimension, self.operator.getValuesCSR()
+        dim = self.points.dimension
+        starts, columns, values = self.operator.getValuesCSR()
         kept_entries = np.repeat(np.repeat(~far, dim), np.diff(starts))
         ends = np.concatenate(([0], np.cumsum(kept_entries)))[starts].astype(PETSc.IntType)
         csr = (ends, columns[kept_entries], values[kept_entries])
@@ -173,9 +174,9 @@ class ContactMap:
         )
 
     def natural_stiffness(self, diagonal: PETSc.Vec) -> float:
-        """That of the stiffest contact point, times the share of its side in that of the contact
-        boundary: of a uniform body its modulus over its size, stress per length; ``diagonal``: of
-        A; collective.
+        """Return the stiffness of the stiffest contact point, times the share of its side in that
+        of the contact boundary: of a uniform body its modulus over its size, stress per length;
+        ``diagonal``: of A; collective.
         """
         points = self.points
         weight = self.points.weight

@@ -142,14 +142,14 @@ class PointFriction:
         return np.asarray((self.given > 0) | (self.coefficient > 0))
 
     def without_pressure(self, where: npt.NDArray[np.bool_]) -> PointFriction:
-        """The same where no pressure can act at some points, shape (n,): what the bound there is
-        without one.
+        """Return the law for points of which some have no pressure, shape (n,): there the bound is
+        that of zero pressure.
         """
         given = np.where(where, self.evaluate(np.zeros_like(self.given), 0.0)[0], self.given)
         return replace(self, given=given, coefficient=np.where(where, 0.0, self.coefficient))
 
     def without_points(self, where: npt.NDArray[np.bool_]) -> PointFriction:
-        """The same without friction at some points, shape (n,)."""
+        """Return the law without friction at some points, shape (n,)."""
         laws = []
         for entry in self.laws:
             kept = np.flatnonzero(~where[entry.points])

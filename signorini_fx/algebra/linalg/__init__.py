@@ -174,7 +174,9 @@ class ElasticSystem:
 
     @property
     def eliminated(self) -> SchurComplement | None:
-        """What it has made of the stiffness that other contact points can use; None: nothing."""
+        """Return the Schur complement of the stiffness that other contact points can use; None:
+        nothing.
+        """
         return None
 
     def configure(self, ksp: PETSc.KSP, *, symmetric: bool) -> None:

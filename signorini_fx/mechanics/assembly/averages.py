@@ -119,7 +119,8 @@ class Averages:
         gap = np.asarray(self.shares @ values)
         for point in range(gap.size):
             entries = slice(*self.shares.indptr[point : point + 2])
-            nodes, shares = self.shares.indices[entries], self.shares.data[entries]
+            nodes = self.shares.indices[entries]
+            shares = self.shares.data[entries]
             x = self.x[nodes] - self.x[nodes].mean(axis=0)
             a, b = (x @ np.linalg.eigh(x.T @ x)[1][:, 1:]).T / np.abs(x).max()
             powers = np.column_stack((np.ones_like(a), a, b, a * a, a * b, b * b))

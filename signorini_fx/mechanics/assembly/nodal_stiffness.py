@@ -54,11 +54,9 @@ class JointStiffness:
                 (~fixed).reshape(-1, dim).astype(np.float64), self.nodes, matrix.comm.tompi4py()
             )
             unknowns[free == 0.0] = -1  # of which PETSc takes no entries
-        unknowns, (first, last), (count, total) = (
-            unknowns.ravel(),
-            matrix.getOwnershipRange(),
-            matrix.getSizes()[0],
-        )
+        unknowns = unknowns.ravel()
+        first, last = matrix.getOwnershipRange()
+        count, total = matrix.getSizes()[0]
         here = (unknowns >= first) & (unknowns < last)
         room = np.zeros(count, dtype=PETSc.IntType)
         room[unknowns[here] - first] = np.diff(self.matrix.indptr)[here]

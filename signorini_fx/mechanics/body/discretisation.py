@@ -231,8 +231,8 @@ def _check_measure(kinematics: Kinematics, tagged: TaggedMesh) -> None:
 
 
 def placed(model: M, step: float) -> M:
-    """The same with contact and supports of a place in the lists of factors; itself if nothing
-    changes; collective.
+    """Return the model with contact and supports of a place in the lists of factors; itself if
+    nothing changes; collective.
     """
     statement = model.statement.placed(step)
     if statement is model.statement or model.boundary is None:
@@ -245,8 +245,8 @@ def placed(model: M, step: float) -> M:
 
 
 def held_at(model: M, step: float) -> M:
-    """The same with the supports of a place, and contact as it is; itself if no support changes;
-    collective.
+    """Return the model with the supports of a place, and contact as it is; itself if no support
+    changes; collective.
     """
     supports = model.statement.placed(step).displacement
     if supports is model.statement.displacement:
@@ -255,7 +255,7 @@ def held_at(model: M, step: float) -> M:
 
 
 def _with_supports(model: M, statement: Statement) -> M:
-    """The same body with other supports, and contact as another statement has it; collective."""
+    """Return the model with other supports, and contact as another statement has it; collective."""
     assert model.coefficients is not None
     loaded = _loaded(
         replace(model.coefficients, statement=statement), boundary_facets(statement, model.tagged)

@@ -108,7 +108,8 @@ class MaterialPoints:
         """What the material says at the displacement of now, see ``PathDependent.respond``, n = c
         q.
         """
-        domain, (cells, points, numbers) = self.stress.function_space.mesh, self.begun.shape
+        domain = self.stress.function_space.mesh
+        cells, points, numbers = self.begun.shape
         values = np.asarray(self.strain.eval(domain, self.cells)).reshape(
             cells * points, len(PAIRS)
         )
@@ -213,10 +214,8 @@ def body_residual(statement: Statement, tagged: TaggedMesh, u: fem.Function) -> 
                 for energy, d in zip(parts_of_energy, (shape, volume), strict=False)
             ]
             continue
-        tested, (of_shape, of_volume) = (
-            kinematics.strain(v),
-            stress_parts(material, u, kinematics, free),
-        )
+        tested = kinematics.strain(v)
+        of_shape, of_volume = stress_parts(material, u, kinematics, free)
         if isinstance(material, PathDependent):
             state = _points(
                 material, owned, kinematics, space, _elastic(kinematics.strain(u), free), full
@@ -259,7 +258,8 @@ def stress_parts(
     shape (3, 3); None: it is zero, or that of a state; ``free``: see ``BodyResidual``.
     """
     if not material.finite:
-        (first, shear), strain = material.at_rest.lame, _elastic(kinematics.strain(u), free)
+        first, shear = material.at_rest.lame
+        strain = _elastic(kinematics.strain(u), free)
         of_shape = None if isinstance(material, PathDependent) else 2 * shear * ufl.dev(strain)
         return [of_shape, (first + 2 * shear / 3) * ufl.tr(strain) * ufl.Identity(3)]
     change = ufl.variable(kinematics.gradient(u))

@@ -392,7 +392,8 @@ def contact_part(
     turned: TurnedNodes | None = None,
 ) -> ContactBoundary:
     """The contact boundary of one foundation or pair from its ``points``, see ``nodal_points``."""
-    dim, (nodes, weight, normal) = space.mesh.geometry.dim, points
+    dim = space.mesh.geometry.dim
+    nodes, weight, normal = points
     return ContactBoundary(
         comm=space.mesh.comm,
         nodes=nodes,

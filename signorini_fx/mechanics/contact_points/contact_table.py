@@ -170,7 +170,8 @@ def contact_table(
     rows = parallel.gather_rows(boundary.comm, np.column_stack([*values.values()])[nodes])
     segments = parallel.gather_rows(boundary.comm, boundary.segments)
     if dim == 2:
-        (pieces, order, closed), facets = _chains(numbers, segments, rows[:, :dim]), None
+        pieces, order, closed = _chains(numbers, segments, rows[:, :dim])
+        facets = None
     else:
         pieces = []
         closed = []

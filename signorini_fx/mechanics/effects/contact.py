@@ -274,7 +274,8 @@ class Contact(Effect):
 
 def _without_speed(statement: Any, number: int) -> Contradictions:
     """Why there is no speed that friction could follow, or no method that lets it."""
-    times, place = statement.load_steps.times, ("contact", number, "friction", "law")
+    times = statement.load_steps.times
+    place = ("contact", number, "friction", "law")
     if times is None or times[0] <= 0:
         first = "" if times is None else ", the first above 0, as slip begins at time 0"
         reason = "follows the speed of slip, for which load steps need a duration"

@@ -491,13 +491,13 @@ class Preload(Load):
         return self._value_at(statement, step)
 
     def found_at(self, step: float) -> float:
-        """By how much its force has shortened it up to a place, length; nan: it has not."""
+        """Return the shortening to which its force has led up to a place, length; nan: to none."""
         places = [found_step for found_step in self._shortenings if found_step <= step]
         return self._shortenings[max(places)] if places else nan
 
     def found_before(self, step: float, shortening: float) -> Self:
-        """The same where its force has led to a shortening before a step to a place, nan: to none;
-        itself if it is that.
+        """Return this preload if its force has led to a shortening before a step to a place, nan:
+        to none; itself if it is that.
         """
         earlier = {place: found for place, found in self._shortenings.items() if place < step}
         if not isnan(shortening):

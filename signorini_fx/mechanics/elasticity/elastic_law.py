@@ -238,7 +238,8 @@ class IsotropicLaw(SceneLaw):
     """
 
     def parts(self, strain: Any) -> list[tuple[Any, int | None]]:
-        (lame, mu), apart = self.lame, self.reduced
+        lame, mu = self.lame
+        apart = self.reduced
         mean = lame * ufl.tr(strain) * self.uniform_strain
         return (
             [(mean + 2 * mu * strain, None)]
@@ -247,7 +248,9 @@ class IsotropicLaw(SceneLaw):
         )
 
     def stress(self, y: fem.Function, moved: Any, initial: Any) -> ElementStress:
-        (lame, mu), kinematics, mesh = self.lame, self.kinematics, self.tagged.mesh
+        lame, mu = self.lame
+        kinematics = self.kinematics
+        mesh = self.tagged.mesh
         strain = self.elastic(moved, initial, on_axis=True)
         theta = ufl.tr(strain)
         interpolated = []

@@ -237,7 +237,8 @@ class MixedLaw(SceneLaw):
         return self._coefficient(lambda _, nu: (1 + nu) / nu)
 
     def stress(self, y: fem.Function, moved: Any, initial: Any) -> ElementStress:
-        (_, mu), kinematics = self.lame, self.kinematics
+        _, mu = self.lame
+        kinematics = self.kinematics
         poisson = self._coefficient(lambda _, nu: nu)
         modulus = self._coefficient(lambda young, nu: young / (1 - nu**2))
         sigma = 2 * mu * self.elastic(moved, None, on_axis=True) - fields_of(y)[1] * ufl.Identity(3)

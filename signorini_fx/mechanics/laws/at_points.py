@@ -45,7 +45,8 @@ def joined(
     given, coefficient, cap, ends = (np.full(count, value) for value in (0.0, 0.0, np.inf, False))
     laws = list[LawAtPoints]()
     for part, numbers in zip(parts, points, strict=True):
-        given[numbers], coefficient[numbers] = part.given, part.coefficient
+        given[numbers] = part.given
+        coefficient[numbers] = part.coefficient
         cap[numbers] = np.inf if part.cap is None else part.cap
         ends[numbers] = False if part.ends_open is None else part.ends_open
         laws += [replace(entry, points=numbers[entry.points]) for entry in part.laws]
@@ -140,7 +141,8 @@ def _values(
     """Return what a law says at m points, k pressures of shape (k, 1) and one speed: the bound and
     its derivatives by pressure and slip, each of shape (k, m).
     """
-    name, shape = type(law).__name__, (len(pressure), points.size)
+    name = type(law).__name__
+    shape = (len(pressure), points.size)
     pressures = np.broadcast_to(pressure, shape).ravel()
     slips = np.full(pressures.size, speed)
     for argument in (pressures, slips):

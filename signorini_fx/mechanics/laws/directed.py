@@ -50,7 +50,7 @@ class FrictionAxes:
     def joined(
         cls, parts: Sequence[FrictionAxes | None], sizes: Sequence[int]
     ) -> FrictionAxes | None:
-        """Those of several boundaries, of the sizes; None: no friction has a direction."""
+        """Join the axes of several boundaries, of the sizes; None: no friction has a direction."""
         if not any(parts):
             return None
         # Others are discs.
@@ -64,7 +64,7 @@ class FrictionAxes:
         )
 
     def at(self, points: Any) -> FrictionAxes:
-        """Those of some of the points."""
+        """Return the axes of some of the points."""
         return FrictionAxes(self.along[points], self.ratio[points])
 
     def directions(self, normal: Array, otherwise: Array) -> Array:

@@ -150,7 +150,7 @@ class FrictionLaw(Table):
 
     @classmethod
     def __pydantic_init_subclass__(cls, **options: Any) -> None:
-        """In Python its parameters may be given in their order, before the other keys."""
+        """Let parameters be given in Python in their order, before the other keys."""
         super().__pydantic_init_subclass__(**options)
         cls.positional = tuple(
             key for key in sorted(cls.model_fields, key=cls.apart.__contains__) if key != "law"
@@ -158,14 +158,14 @@ class FrictionLaw(Table):
 
     @property
     def parameters(self) -> dict[str, Any]:
-        """Those that are not None by their names."""
+        """Return the parameters that are not None by their names."""
         values = {
             key: getattr(self, key) for key in type(self).model_fields if key not in self.apart
         }
         return {key: value for key, value in values.items() if value is not None}
 
     def with_values(self, of: Callable[[str, Any], Any]) -> Self:
-        """The same with other parameters, made from their names and values."""
+        """Return the law with other parameters, made from their names and values."""
         return self.model_copy(
             update={key: of(key, value) for key, value in self.parameters.items()}
         )

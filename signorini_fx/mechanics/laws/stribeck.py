@@ -87,7 +87,8 @@ class Stribeck(SpeedLaw):
         return np.asarray(np.linspace(0.0, 2.0 * self.speed))
 
     def coefficient_at(self, speed: Array) -> tuple[Array, Array]:
-        viscous, ratio = 0.0 if self.viscous is None else self.viscous, speed / self.speed
+        viscous = 0.0 if self.viscous is None else self.viscous
+        ratio = speed / self.speed
         left = (self.coefficient - self.kinetic) * np.exp(-(ratio**self.exponent))
         falls = left * self.exponent / self.speed * ratio ** (self.exponent - 1)
         return self.kinetic + left + viscous * speed, viscous - falls

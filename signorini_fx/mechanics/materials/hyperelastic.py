@@ -49,11 +49,9 @@ class NeoHooke(Hyperelastic):
     def shape_energy_by_change(self, change: Any) -> Any:
         import ufl
 
-        (shear, _), grown, beyond = (
-            self.constants_at_rest,
-            growth(change),
-            strain_beyond_growth(change),
-        )
+        shear, _ = self.constants_at_rest
+        grown = growth(change)
+        beyond = strain_beyond_growth(change)
         if self.isochoric:
             curved = power_beyond_line(grown, -2 / 3)
             further = ufl.tr(green_strain(change)) * (curved - 2 / 3 * grown)
@@ -249,5 +247,6 @@ class SaintVenantKirchhoff(Hyperelastic):
     def shape_energy_by_change(self, change: Any) -> Any:
         import ufl
 
-        (shear, bulk), strain = self.constants_at_rest, green_strain(change)
+        shear, bulk = self.constants_at_rest
+        strain = green_strain(change)
         return shear * ufl.inner(strain, strain) + (bulk - 2 * shear / 3) / 2 * ufl.tr(strain) ** 2

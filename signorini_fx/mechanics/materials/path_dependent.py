@@ -94,7 +94,9 @@ class J2(PathDependent):
         accumulated = state[:, 9]
         trial = 2 * shear * (deviator(strain) - plastic)
         size = np.linalg.norm(trial, axis=(1, 2))
-        mises, (begins, stresses), slopes = np.sqrt(1.5) * size, self._curve, self._slopes
+        mises = np.sqrt(1.5) * size
+        begins, stresses = self._curve
+        slopes = self._slopes
         # The last point of the curve that the flow passes.  Comparing where the flow ends with both
         # ends of a segment would, by round-off, find none where it ends at a point of the curve.
         until = np.maximum(begins - accumulated[:, None], 0.0)

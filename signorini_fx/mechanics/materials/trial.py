@@ -122,10 +122,8 @@ def _fault_of_energy(material: Any) -> str:
         return f"shape_energy of {name} is not objective: a rotation of the body changes it"
     # A body in the plane has no shear across the mesh.
     units = {k: unit for k, unit in enumerate(_UNITS) if PAIRS[k] not in ((0, 2), (1, 2))}
-    first, second = (
-        DIFFERENCE_STEP,
-        np.finfo(np.float64).eps ** 0.25,
-    )  # where both errors of differences are small
+    first = DIFFERENCE_STEP
+    second = np.finfo(np.float64).eps ** 0.25  # where both errors of differences are small
     for unit in units.values():
         if (
             not abs(whole(first * unit) - whole(-first * unit))

@@ -181,7 +181,9 @@ class _Facets:
         first, second = _beside(nodes, mesh.dim)
         angle = np.arccos(np.clip(np.einsum("fd,fd->f", normal[first], normal[second]), -1.0, 1.0))
         smooth = np.cos(angle) > _SMOOTH
-        first, second, angle = first[smooth], second[smooth], angle[smooth]
+        first = first[smooth]
+        second = second[smooth]
+        angle = angle[smooth]
         turn = np.zeros(len(side))
         np.maximum.at(turn, np.concatenate((first, second)), np.concatenate((angle, angle)))
         label = _labels(mesh, nodes, first, second)
@@ -259,10 +261,12 @@ def _nearest(facets: _Facets, reach: Floats) -> tuple[Ints, Ints, Floats]:
         sizes = [len(found) for found in near]
         rows.append(np.repeat(np.arange(len(centre)), sizes))
         others.append(members[np.concatenate([*near, []]).astype(np.int64)])
-    first, second = np.concatenate(rows), np.concatenate(others)
+    first = np.concatenate(rows)
+    second = np.concatenate(others)
     cosine = np.einsum("pd,pd->p", facets.normal[first], facets.normal[second])
     facing = cosine < _OPPOSITE
-    first, second = first[facing], second[facing]
+    first = first[facing]
+    second = second[facing]
     distance = _along_normal(facets, centre, first, second)
     allowed = np.maximum(reach[first], reach[second])
     allowed = allowed + facets.sagitta[first] + facets.sagitta[second]
@@ -280,7 +284,8 @@ def _along_normal(facets: _Facets, centre: Floats, first: Ints, second: Ints) ->
     """Return the distance from the middle of the first facets to the second ones along the normal
     of the first, length, shape (p,), infinite where the line misses them.
     """
-    x, n = centre[first], facets.normal[first]
+    x = centre[first]
+    n = facets.normal[first]
     distance = np.einsum("pd,pd->p", centre[second] - x, facets.normal[second])
     distance /= np.einsum("pd,pd->p", n, facets.normal[second])
     met = x + distance[:, None] * n

@@ -282,7 +282,8 @@ def _closest(points: Array, x: Array) -> Array:
         on_side = _on_segments(points, begin, end)
         distance = np.linalg.norm(points[:, None] - on_side, axis=2)
         closer = distance < nearest
-        best[closer], nearest[closer] = on_side[closer], distance[closer]
+        best[closer] = on_side[closer]
+        nearest[closer] = distance[closer]
     best[inside] = flat[inside]
     return best
 

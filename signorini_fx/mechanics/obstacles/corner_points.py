@@ -136,8 +136,8 @@ class BoundaryLine:
 
 @dataclass(frozen=True)
 class CornerFeet:
-    """Where the k corners of a foundation are felt: of two points each the ``facet`` of the line,
-    the place ``xi`` along it, and whether it is ``alone``, shapes (k, 2); the global numbers of the
+    """Feet of the k corners of a foundation: of two points each the ``facet`` of the line, the
+    place ``xi`` along it, and whether it is ``alone``, shapes (k, 2); the global numbers of the
     nodes ``beside`` feet, and of those that feet are ``on``; the ``first`` point of each corner, 0
     or 1, that of the closest facet, -1: it has no foot, shape (k,).
     """

@@ -389,7 +389,9 @@ class Foundations:
         turned: TurnedNodes | None,
     ) -> ContactBoundary:
         """The points of a rigid foundation."""
-        space, facets, (form, function) = self._space, self.facets[number], self.forms[number]
+        space = self._space
+        facets = self.facets[number]
+        form, function = self.forms[number]
         if function is not None and shape.factor is not None:
             function.x.array.reshape(-1, function.function_space.dofmap.bs)[:, 0] = np.nan_to_num(
                 shape.factor
@@ -444,8 +446,8 @@ class Foundations:
 
     @property
     def displacement(self) -> Array | None:
-        """Of the nodes of this rank at which corners see the body, length, shape (nodes, d); None:
-        the body is not displaced.
+        """Return the displacement of the nodes of this rank at which corners are projected, length,
+        shape (nodes, d); None: the body is not displaced.
         """
         return None
 
@@ -454,7 +456,8 @@ class Foundations:
         are none, as where a bound of friction is a stress, which a corner has no area for, or where
         forces move the foundation; collective.
         """
-        contact, shape = self._contact[number], self.placed_shape(number)
+        contact = self._contact[number]
+        shape = self.placed_shape(number)
         if self._space.mesh.topology.dim != 2 or not hasattr(shape, "corners"):
             return None
         law = contact.friction
@@ -473,7 +476,7 @@ class Foundations:
 
     @cached_property
     def _on_pieces(self) -> list[int]:
-        """On how many pieces of the mesh each contact boundary is; collective."""
+        """Return on how many pieces of the mesh each contact boundary is; collective."""
         mesh = self._space.mesh
         of_cell = find_pieces(mesh).of_cell
         found = [of_cell[facet_entities(mesh, facets)[:, 0], None] for facets in self.facets]

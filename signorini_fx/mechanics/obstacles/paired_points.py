@@ -177,7 +177,9 @@ def mirrored(
     Wohlmuth, SIAM J. Numer. Anal. 38 (2000) 989-1012; Puso and Laursen, Comput. Methods Appl. Mech.
     Engrg. 193 (2004) 601-629.)
     """
-    (frames, held), (axes, master_held), projectors = at_rest, opposite, np.zeros_like(at_rest[0])
+    frames, held = at_rest
+    axes, master_held = opposite
+    projectors = np.zeros_like(at_rest[0])
     nodes, columns = np.nonzero(held & slave.nodal_normals.any(axis=1, keepdims=True))
     across = frames[nodes, :, columns]
     along_side = np.abs(np.einsum("ni,ni->n", slave.nodal_normals[nodes], across)) <= ASKEW_NORMAL
@@ -214,7 +216,7 @@ def mirrored(
 
 @dataclass(frozen=True)
 class FacingSides:
-    """Both sides of a pair, undeformed and the same on every rank, and the displacements that
+    """The two sides of a pair, undeformed and the same on every rank, and the displacements that
     supports prescribe there.
 
     Attributes:
@@ -506,11 +508,13 @@ class MovingPair:
             raise FormError(
                 [(name, "other contacts own all nodes of its side: exchange facets and against")]
             )
-        self.sides, self.points = sides, points
+        self.sides = sides
+        self.points = points
         self.reach = default_reach(surface.x, sides.master.surface.x) if reach is None else reach
         self.displacement = np.zeros_like(sides.x)
         self.coupling = self._at(self.displacement)
-        self.settled, self.begun = self.displacement, self.coupling
+        self.settled = self.displacement
+        self.begun = self.coupling
 
     def move(self, owned: Array) -> None:
         """Renew the map at a displacement of the owned nodes, length, shape (owned nodes, d); a
@@ -526,7 +530,8 @@ class MovingPair:
     def settle(self, owned: Array) -> None:
         """A step begins at a displacement of the owned nodes, see ``move``; collective."""
         self.move(owned)
-        self.settled, self.begun = self.displacement, self.coupling
+        self.settled = self.displacement
+        self.begun = self.coupling
 
     def _at(self, displacement: Array) -> SlidingCoupling:
         """The map at a displacement of the nodes of both sides, shape (m, d)."""

@@ -129,7 +129,8 @@ class BodyCells:
         along = at[:, :, 1:, :] - at[:, :, :1, :]
         if along.shape[2] == 1:
             normal = np.zeros_like(along[:, :, 0])  # in the plane, also that of a section in 3D
-            normal[..., 0], normal[..., 1] = along[:, :, 0, 1], -along[:, :, 0, 0]
+            normal[..., 0] = along[:, :, 0, 1]
+            normal[..., 1] = -along[:, :, 0, 0]
         else:
             normal = np.asarray(np.cross(along[:, :, 0], along[:, :, 1]))
         normal *= np.sign(
@@ -159,7 +160,9 @@ class BodyCells:
         states, places of the nodes and the shape; None: nowhere; ``added``: see ``inside``;
         collective.
         """
-        (begun, earlier), (ended, shape), comm = before, now, self.space.mesh.comm
+        begun, earlier = before
+        ended, shape = now
+        comm = self.space.mesh.comm
         radius = _inradius(shape)
         if radius == math.inf and not getattr(shape, "narrows", True):
             return None
@@ -224,7 +227,9 @@ class BodyCells:
         )
         deep = np.zeros((0, 1 + places.shape[1]))
         if near.size:
-            x, allowed, (at, outward) = x[near], allowed[near], self.planes(corners[near])
+            x = x[near]
+            allowed = allowed[near]
+            at, outward = self.planes(corners[near])
             for _ in range(MANY_STEPS):
                 for facet in range(outward.shape[1]):
                     beyond = np.einsum("nd,nd->n", x - at[:, facet], outward[:, facet])

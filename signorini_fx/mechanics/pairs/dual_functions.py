@@ -76,7 +76,8 @@ def carried(
 def carried_evenly(
     side: PairSurface, covered: Indices, weight: Array, movable: Array
 ) -> tuple[Indices, sp.csr_array]:
-    """The same of a side that slides, evenly as weights change; ``movable``: see ``Tested``.
+    """Redistribute the functions of points of a side that slides, evenly as weights change;
+    ``movable``: see ``Tested``.
 
     Between two shares of its area the function of a node at the rim turns into a mean of those
     beside it, so that what it adds to their conditions vanishes before it is no point any more.  So

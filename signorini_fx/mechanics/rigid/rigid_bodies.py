@@ -259,7 +259,8 @@ class RigidBodyMotion:
         prescribed one, as a share of the forces at the rigid body, or of its motion; ``least``: a
         force that is round-off.
         """
-        (load, prescribed), (taken, size, reach) = drive, resultant
+        load, prescribed = drive
+        taken, size, reach = resultant
         dim = self.reference.size
         free = np.isnan(prescribed)
         motion = np.append(self.translation, self.rotation)

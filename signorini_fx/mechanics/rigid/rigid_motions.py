@@ -210,7 +210,8 @@ def rigid_modes(x: _Floats, centre: _Floats, length: _Floats) -> _Floats:
     modes[:, np.arange(dim), np.arange(dim)] = 1.0
     arm = (x - centre) / np.asarray(length)[..., None]
     for k, (first, second) in enumerate(turns, start=dim):
-        modes[:, first, k], modes[:, second, k] = -arm[:, second], arm[:, first]
+        modes[:, first, k] = -arm[:, second]
+        modes[:, second, k] = arm[:, first]
     return modes
 
 

@@ -193,7 +193,9 @@ class Polyline(Shape):
 
     @property
     def inradius(self) -> float:
-        """Of a closed line its area over its perimeter, which no inradius is below."""
+        """Return the inradius, of a closed line its area over its perimeter, which no inradius is
+        below.
+        """
         if self.hollow or not self.closed:
             return np.inf
         return abs(self._area) / float(
@@ -259,12 +261,13 @@ class StraightPieces:
             size, along = normalised(
                 away[at_end], outside[:, None] * normalised(mean, normal[at_end])[1], round_off
             )
-            signed[at_end], normal[at_end] = outside * size, outside[:, None] * along
+            signed[at_end] = outside * size
+            normal[at_end] = outside[:, None] * along
         return signed, normal
 
     def convex_corners(self, *, hollow: bool) -> Corners:
-        """Where one piece follows another one and turns away from the body, which is on the right
-        if ``hollow``.
+        """Return the corners at which a piece follows another one and turns away from the body,
+        which is on the right if ``hollow``.
         """
         ends, begins = (
             np.bincount(self._pieces[:, k], minlength=len(self._corners)) for k in (1, 0)
@@ -323,7 +326,7 @@ def crossing_pieces(points: Array) -> tuple[int, int] | None:
     first, second = (pieces[(second > first + 1) & ~around] for pieces in (first, second))
 
     def sides(piece: Rows, other: Rows) -> Array:
-        """On which side of pieces both ends of others are, 1, -1 or 0, shape (2, p)."""
+        """Return the side of pieces on which each end of others is, 1, -1 or 0, shape (2, p)."""
         away = np.stack((points[other], points[other + 1])) - points[piece]
         return np.asarray(np.sign(way[piece, 0] * away[..., 1] - way[piece, 1] * away[..., 0]))
 

@@ -114,9 +114,9 @@ class CachedSurface:
 
     @cached_property
     def inradius(self) -> float:
-        """Of the largest ball inside whose middle is on a grid; or volume over area, in 2D area
-        over perimeter,
-        which is that of a thin solid, and below that of one without many small cavities, length.
+        """Return the radius of the largest ball inside whose middle is on a grid; or volume over
+        area, in 2D area over perimeter, which is that of a thin solid, and below that of one
+        without many small cavities, length.
         """
         bounds, thickness = self._surface.extent
         axes = [np.linspace(low, high, INRADIUS_GRID) for low, high in bounds.T]

@@ -273,7 +273,7 @@ class Shape(Placed, RigidMotion):
         return shift, None if self.rotation is None else self.angles(), pivot
 
     def placed_as(self, placement: Placement) -> Shape:
-        """The same, shifted and turned in another way; itself if it is that already."""
+        """Return the shape shifted and turned in another way; itself if it is that already."""
         if placement == self.placement:
             return self
         return self.model_copy(

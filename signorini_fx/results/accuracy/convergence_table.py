@@ -136,8 +136,8 @@ def force_error(levels: Sequence[LevelResult], *, uniform: bool = True) -> float
 
 
 def border_of(table: ContactTable) -> float | None:
-    """In 3D: half of the pieces that are pressed at some corners only, relative to the contact
-    area.
+    """Return half of the pieces that are pressed at some corners only, relative to the contact
+    area, in 3D.
 
     The contact ends within them, and nodes count about half of them.  The change of the area from
     mesh to mesh says

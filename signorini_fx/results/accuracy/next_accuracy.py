@@ -143,7 +143,8 @@ def next_cost(
     seconds that a finer mesh takes no more of, such as that of compilation; ``able``: whether an
     accuracy can be requested; collective.
     """
-    (dofs, last), following = solved[-1], NEXT_ERROR[tagged.dimension] * error
+    dofs, last = solved[-1]
+    following = NEXT_ERROR[tagged.dimension] * error
     refinement = next_refinement(statement, tagged, of, dofs, able=able)
     margin = MARGIN_OF_ENERGY[refinement.degree] if of == "energy" else MARGIN
     target = f"{min(following * margin, 0.99):.2g}"
@@ -156,10 +157,8 @@ def next_cost(
         command = f"Accuracy(target={target}{arguments})"
     command = command if able else ""
     low, high = (starting + times * (last - starting) for times in refinement.times)
-    seconds, digits = (
-        sum(seconds for _, seconds in solved),
-        1 if following * 5 < error else 2,
-    )  # a digit less
+    seconds = sum(seconds for _, seconds in solved)
+    digits = 1 if following * 5 < error else 2  # a digit less
     took = f"{100 * error:.2g} % error of {NAMES[of]} took {duration(seconds)}"
     smaller = (
         f"{100 * following:.{digits}g} %: {between((low, high))}{' with ' * bool(command)}{command}"

@@ -126,7 +126,8 @@ def polygon_error(table: ContactTable, modulus: float) -> float:
     The slope of a polygon differs from that of the curve by up to half the angle between its
     facets, and slope times modulus is a pressure.
     """
-    c, (turns, _) = table.columns, chords(table)
+    c = table.columns
+    turns, _ = chords(table)
     square = pressure_square(table)
     length = float(np.sum(c["weight"][c["pressure"] != 0]))
     return (
@@ -194,7 +195,7 @@ def on_facets(boundary: ContactBoundary, table: ContactTable, intervals: list[Fl
     base = int(table.nodes.max(initial=0)) + 1
 
     def keys(part: Ints, first: Ints, second: Ints) -> Ints:
-        """One number for each pair of nodes on a boundary, in either order."""
+        """Return a number for each pair of nodes on a boundary, in either order."""
         return (part * base + np.minimum(first, second)) * base + np.maximum(first, second)
 
     interval_keys = keys(table.nodes[rows, 0], table.nodes[rows, 1], table.nodes[following, 1])
@@ -335,7 +336,9 @@ def _kinked_row(tables: Sequence[ContactTable]) -> int | None:
     """
     if len(tables) <= GROWING_MESHES or tables[-1].facets is not None:
         return None
-    kinks, spacing, largest = list[float](), list[float](), list[float]()
+    kinks = list[float]()
+    spacing = list[float]()
+    largest = list[float]()
     row = 0
     for table in tables[-1 - GROWING_MESHES :]:
         row = int(np.argmax(table.columns["pressure"]))

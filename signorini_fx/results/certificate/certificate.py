@@ -185,7 +185,8 @@ def judged(
     """
     supports = balance.supports
     pieces = balance.pieces
-    comm, (owned, dim) = pieces.space.mesh.comm, pieces.x.shape
+    comm = pieces.space.mesh.comm
+    owned, dim = pieces.x.shape
     y = displacement.x.array.reshape(-1, dim)[:owned]
     works = balance.works(y)
     half = float(works[:, 0].sum()) / 2
@@ -227,7 +228,7 @@ def judged(
     figures["coupling"] = max((pair.error() for pair in contact.pairs.values()), default=0.0)
 
     def largest(values: Nodal) -> Nodal:
-        """Of the points of each piece, from either side."""
+        """Return the largest value of the points of each piece, from either side."""
         return pieces.largest(np.concatenate((values, values)), np.concatenate(at))
 
     drawn = np.zeros(contact.boundary.size)
@@ -248,7 +249,8 @@ def judged(
     felt = largest(nodes.felt)
     stress = np.max([felt, NEGLIGIBLE * mean, NO_FORCE * unknown], axis=0)
     length = np.maximum(length, NO_FORCE * largest(np.abs(nodes.pressure)) / law.gamma_n)
-    (u_n, slip), origin = nodes.traces(y, moved), np.zeros_like(nodes.shear)
+    u_n, slip = nodes.traces(y, moved)
+    origin = np.zeros_like(nodes.shear)
     if before is not None:  # what is added to it has its round-off
         last = ContactNodes.of(contact, before.tractions)
         so_far = before.displacement.x.array.reshape(-1, dim)[:owned]

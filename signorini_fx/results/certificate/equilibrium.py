@@ -137,9 +137,9 @@ class PieceScales(NamedTuple):
     penalty: Nodal
 
     def between(self, piece: Numbers, other: Numbers) -> PieceScales:
-        """Those of points on a piece and another one, -1: on a rigid foundation, from those of
-        pieces; the smaller stress of both: forces that press the other one elsewhere say nothing of
-        this contact.
+        """Return the scales of points on a piece and another one, -1: on a rigid foundation, from
+        those of pieces; the smaller stress of both: forces that press the other one elsewhere say
+        nothing of this contact.
         """
         rigid = other < 0
         length, far, _, penalty = (
@@ -176,7 +176,8 @@ def equilibrium(
     """
     supports = balance.supports
     pieces = balance.pieces
-    comm, (_, stiffest) = pieces.space.mesh.comm, balance.of_pieces()
+    comm = pieces.space.mesh.comm
+    _, stiffest = balance.of_pieces()
     nodes_of_pieces = pieces.sums(np.ones((len(y), 1)))[:, 0]
     spacing = stiffest.spacing(nodes_of_pieces)
     count = np.sqrt(nodes_of_pieces)
@@ -265,11 +266,9 @@ def change_of_volume(balance: Balance, far: float, strain_energy: float) -> floa
     """
     if balance.dilation is None:
         return 0.0
-    (residual, volume), comm, scales = (
-        balance.dilation,
-        balance.pieces.space.mesh.comm,
-        balance.scales,
-    )
+    residual, volume = balance.dilation
+    comm = balance.pieces.space.mesh.comm
+    scales = balance.scales
     loads = (
         float(parallel.global_sum(comm, np.linalg.norm(balance.external, axis=1).sum()))
         / scales.surface

@@ -61,7 +61,8 @@ class NodalForces:
         """Return the forces of a model; statements on a mesh that differ in contact alone share
         their forms.
         """
-        statement, (stated, kept) = model.statement, model.of_mesh.get("nodal_forces", (None, None))
+        statement = model.statement
+        stated, kept = model.of_mesh.get("nodal_forces", (None, None))
         entries = [id(entry) for at, entry in statement.listed() if not at.startswith("contact[")]
         stating = statement.kinematics, statement.element, statement.path, entries
         if kept is None or stated != stating:
