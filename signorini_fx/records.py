@@ -69,7 +69,7 @@ class Status(Enum):
     FOLDED = "contact partner ambiguous"
     AT_END = "slid off the end of the other surface"
     UNSTABLE = "unstable equilibrium"
-    STABILITY_UNKNOWN = "stability not known"
+    STABILITY_UNKNOWN = "stability unknown"
     LIMIT = "no equilibrium found beyond a load"
     NOT_SOLVED = "not solved"
     NO_DIGIT = "result below round-off"
@@ -121,8 +121,8 @@ _ADVICE = {
         "or pressure, or find the limit by load_steps"
     ),
     Status.JUMPS: (
-        "take longer load steps, hold what slides more stiffly, or let friction fall over a larger "
-        "range of speeds; what happens in a jump needs inertia"
+        "take longer load steps, hold the sliding part more stiffly, or let friction fall over a "
+        "larger range of speeds; the motion during a jump needs inertia"
     ),
     Status.SINGULAR: "check that supports and contact hold the body, and that no cell of the mesh "
     "is degenerate",
@@ -161,7 +161,7 @@ _ADVICE = {
         "smaller steps, and take facets that are not wider than the shape"
     ),
     Status.CORNER: (
-        "between two nodes no contact point feels a corner: round it off with a radius of two "
+        "a corner between two nodes has no contact point: round it off with a radius of two "
         "facets or more, or take smaller facets"
     ),
     Status.PASSED: (
@@ -194,9 +194,9 @@ _ADVICE = {
         "steps, prescribe a displacement instead of a force, or refine the mesh"
     ),
     Status.NO_DIGIT: (
-        "round-off of the residual is as large as what loads do: evaluate strains from grad u, "
-        "without the difference "
-        "of numbers near one such as I + grad u, or take a linear body"
+        "round-off of the residual is as large as the effect of the loads: evaluate strains from "
+        "grad u, without the difference of numbers near one such as I + grad u, or take a linear "
+        "body"
     ),
     Status.NOT_CERTIFIED: (
         "conditions of the problem are violated in the check after the solve: see the "

@@ -126,7 +126,7 @@ def read_summary(folder: Path) -> dict[str, Any]:
         "linear_solves",
     } <= set(summary):
         raise ResultError(
-            f"{file}: is not what signorini-fx solve writes: give a folder that it wrote"
+            f"{file}: signorini-fx solve has not written it: give a folder that it wrote"
         )
     return {
         key: value if key == "scene" else _numbers(value, key) for key, value in summary.items()

@@ -221,7 +221,7 @@ class BoundaryResultant(Row):
 
     boundary: str | None = described("Name of the boundary; null: the body force.")
     acts: list[str] = described(
-        "What acts there: support, contact, and kinds of loads and resistances."
+        "Effects there: support, contact, and kinds of loads and resistances."
     )
     force: Vector
     moment: Number | Vector = described("Moment about `about`; in 2D a number, counterclockwise.")
@@ -241,7 +241,7 @@ class ExtremeOfValue(Row):
         "without a region."
     )
     no_limit: str | None = perhaps(
-        "Why it has no limit as the mesh is refined, if it is known to have none."
+        "Why it has no limit as the mesh is refined; null: it has one, or nothing is proved."
     )
 
 
@@ -297,7 +297,7 @@ class CertificateFigures(Row):
         "Largest slip where the body sticks; the regularised law allows shear / gamma_t."
     )
     checked: float = described(
-        "To what share of the stress of its softest piece the conditions are checked."
+        "Tolerance of the conditions, relative to the stress of the softest piece."
     )
     law: str = described("The contact law of the check.")
     holds: bool
@@ -332,15 +332,15 @@ class CostOfAccuracy(Row):
         "stress and displacement."
     )
     error: Number = perhaps("Estimated error of the last mesh, relative.")
-    seconds: Number = perhaps("What it took, all meshes together, wall time.")
+    seconds: Number = perhaps("Wall time of all meshes together.")
     dofs: Count | None = perhaps("Unknowns of the last mesh.")
     next_error: Number = perhaps("A smaller error: a tenth in 2D, a third in 3D, relative.")
     next_seconds: list[Number] = described(
-        "What that would take on this machine, from and to.", default_factory=list
+        "Wall time for that on this machine, from and to.", default_factory=list
     )
     next_dofs: Number = perhaps("About how many unknowns it would take.")
     command: str | None = perhaps(
-        "What asks for it, to be pasted behind the command or in `solve_to_accuracy`."
+        "Option for it, to be pasted behind the command or into `solve_to_accuracy`."
     )
     local: bool | None = perhaps("Whether cells become smaller only where the error is.")
     statement: str = described("All of it in a sentence, or why there is no forecast.")
@@ -382,9 +382,7 @@ class Run(Row):
         "added."
     )
     title: str = described("The title of the scene.")
-    incomplete: list[str] = described(
-        "What the scene lacks of what was meant, as the scene says it."
-    )
+    incomplete: list[str] = described("Missing parts of the intended model, listed in the scene.")
     scene: dict[str, Any] = described(
         "The scene with all defaults; `signorini-fx schema` prints its schema. Python objects are "
         "given by the name of "
@@ -409,7 +407,7 @@ class Run(Row):
     ranks: int = described("MPI processes.", ge=1)
     linear_algebra: str = described("Kind of elastic system, and why.")
     pieces: list[PieceOfBody] = described("The connected pieces of the body.")
-    findings: list[FindingRow] = described("What is to be known about the scene and the result.")
+    findings: list[FindingRow] = described("Warnings and notes about the scene and the result.")
     convergence_table: list[Price] = perhaps(
         "Errors and costs of the meshes, if there are several."
     )
@@ -450,7 +448,8 @@ class Summary(Run):
         "The same per area of the displaced boundary, of scenes at finite strains.", "stress"
     )
     no_limit_of_pressure: str | None = perhaps(
-        "Why the pressure has no limit as the mesh is refined, and where, if that is known."
+        "Why and where the pressure has no limit as the mesh is refined; null: it has one, or "
+        "nothing is proved."
     )
     max_shear: Number = perhaps("Largest nodal shear.", "stress")
     zones: ZoneRuns = perhaps("Zones on the contact boundary of a body in 2D.")
@@ -468,7 +467,7 @@ class Summary(Run):
     )
     corners: list[CornerFigures] = perhaps("Corners of foundations in contact between nodes.")
     rigid_bodies: list[RigidBody] = perhaps(
-        "Foundations that forces move: how they have moved, and what the body does to them."
+        "Rigid bodies that forces move: their motion, and the force of the body on them."
     )
     preloads: list[SectionForce] = perhaps("Sections that are tightened.")
     resultants: list[BoundaryResultant] = described(
@@ -499,11 +498,9 @@ class Summary(Run):
         "The check of the conditions of the problem; every figure is relative."
     )
     error_bound: ErrorBoundFigures = perhaps(
-        "A guaranteed bound of the error in the energy norm, where the scene asks for it."
+        "A guaranteed bound of the error in the energy norm, with `error_bound = true`."
     )
-    cost: CostOfAccuracy = perhaps(
-        "What the accuracy took, and what a better one would take; a forecast."
-    )
+    cost: CostOfAccuracy = perhaps("Cost of this accuracy, and the forecast for a better one.")
 
 
 @dataclass(frozen=True)

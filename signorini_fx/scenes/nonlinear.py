@@ -404,8 +404,8 @@ def _cures(statement: Statement) -> dict[Status, str]:
     cures = {
         Status.LIMIT: ", or ".join(ways),
         Status.NO_DIGIT: (
-            "round-off of the strains is as large as what loads do: take a linear material, which "
-            "one of such small strains is"
+            "round-off of the strains is as large as the effect of the loads: take a linear "
+            "material, which suffices for such small strains"
         ),
     }
     if not statement.finite_strains:

@@ -275,8 +275,8 @@ def _corners(body: Model) -> Iterator[Finding]:
             more = f" and {len(points) - MOST_LISTED} more" if len(points) > MOST_LISTED else ""
             message = (
                 f"corners that point at the body between nodes, at {listed}{more}: facets there "
-                f"are {facet:.3g} long, and nodes feel a corner that is rounded off with a radius "
-                f"of at least {FACETS_OF_ROUNDING * facet:.2g}"
+                f"are {facet:.3g} long, and nodes detect a corner whose rounding has a radius of "
+                f"at least {FACETS_OF_ROUNDING * facet:.2g}"
             )
             yield Finding("note", foundation.path, message)
 
@@ -772,7 +772,7 @@ def _hardly_held(body: Model, task: Task, when: str) -> Finding:
     free = body.motions.of_all[:, body.motions.assembly == number] @ motion[:, None]
     members = np.flatnonzero(body.motions.pieces.assembly == number)
     message = (
-        f"{when}neither the supports nor what presses hold "
+        f"{when}neither supports nor pressed contact hold "
         f"{names_of(free, body.motions, members)}: prescribe a displacement, or add friction"
     )
     return Finding("warning", "displacement", message)

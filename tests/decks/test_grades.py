@@ -48,8 +48,7 @@ REFUSED = (
         "HYPERELASTIC",
     ),
     (
-        "the step does not say of what kind it is: write *STATIC into it; CalculiX solves nothing "
-        "in such a step",
+        "the step has no procedure: add *STATIC; CalculiX solves nothing in such a step",
         "the first one without *STATIC",
         "STEP",
     ),
@@ -167,7 +166,7 @@ NOTED = (
         "MEMBRANE SECTION",
     ),
     (
-        "as the step before it: this one does not say of what kind it is",
+        "as in the step before: this one names no procedure",
         "a later one without *STATIC",
         "STEP",
     ),

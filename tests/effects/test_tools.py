@@ -121,7 +121,7 @@ def pressed(dimension, law, unit=(1.0, 1.0)):
 
 
 def prescribed(tool):
-    """The motion of a tool as one that is prescribed."""
+    """The motion of a rigid body as one that is prescribed."""
     names = ("x", "y", "rotation") if tool.reference.size == 2 else ("x", "y", "z", *NO_TURN)
     values = np.append(tool.translation, tool.rotation)
     return {"prescribed": dict(zip(names, map(float, values), strict=True))}

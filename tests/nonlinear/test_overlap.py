@@ -70,7 +70,7 @@ def test_the_way_through_a_body(shape):
     found.solve()
     found.place(0, shift=(5.0, 0.0))
     with pytest.raises(
-        ConvergenceError, match=r"rigid shape inside the body \(contact\[0\]: on its way, "
+        ConvergenceError, match=r"rigid shape inside the body \(contact\[0\]: during the step, "
     ):
         found.solve()
     for place in ((0.0, 2.0), (5.0, 2.0), (5.0, 0.0)):

@@ -257,5 +257,5 @@ def test_what_is_refused():
     contact = Foundation(
         side(1, 1.0), shape=ROLLER | {"force": (0.0, -1.0)}, measure=lambda x: x[0]
     )
-    with pytest.raises(FormError, match="a tool that forces turn is not possible"):
+    with pytest.raises(FormError, match="a rigid body that forces turn is not possible"):
         NonlinearContactProblem(residual(u, neo_hooke), u, contact=contact)

@@ -14,7 +14,7 @@ _LAW = "the regularised law, gamma_n = 3.16e+04, gamma_t = 3.16e+04"
 _DIFFERS = (
     f"a fall-back has solved {_LAW} in place of 'alm'; raise solver.gamma_n "
     "and solver.gamma_t to "
-    "lessen what it leaves, or change the loads in smaller steps"
+    "reduce penetration and elastic slip, or change the loads in smaller steps"
 )
 _CERTIFICATE = {"holds": True, "law": "the unregularised law", "checked": 1e-6}
 _STRESS = {"value": 96.0, "place": [1.25, 0.0], "region": None, "no_limit": None}

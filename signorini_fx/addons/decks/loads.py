@@ -44,7 +44,7 @@ def read_boundary(deck: Deck, block: DeckBlock) -> None:
         return
     kind = block.parameters.get("TYPE", "DISPLACEMENT").upper()
     if kind != "DISPLACEMENT" or block.parameters.keys() & {"SUBMODEL", "USER"}:
-        deck.lose(block, "what is prescribed is no displacement that the file gives")
+        deck.lose(block, "the file gives no value for the prescribed displacement")
         return
     factor = amplitude_share(deck, block)
     prescribed: dict[str, dict[int, float]] = {}

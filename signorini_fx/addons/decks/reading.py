@@ -95,15 +95,10 @@ def _used_keywords(file: Path, deck: Deck) -> Iterator[DeckBlock]:
             continue
         procedure = next((entry.name for entry in step if entry.keyword in _PROCEDURES), "")
         if not procedure and not kind:
-            why = (
-                "does not say of what kind it is: write *STATIC into it; CalculiX solves "
-                "nothing in such a step"
-            )
+            why = "has no procedure: write *STATIC into it; CalculiX solves nothing in such a step"
             raise MeshError(f"{file}: {step[0].origin}: the step {why}")
         if not procedure:
-            deck.note(
-                step[0], f"*{kind}, as the step before it: this one does not say of what kind it is"
-            )
+            deck.note(step[0], f"*{kind}, as in the step before: this one names no procedure")
         kind = procedure or kind
         if kind != "STATIC":
             deck.lose(step[0], f"the step, *{kind}: {_OTHER_PROCEDURE}")

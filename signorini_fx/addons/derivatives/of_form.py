@@ -160,9 +160,8 @@ def gradient(
     ):
         raise RuntimeError(
             "after advance() the result depends on the slip and the shear of the step before, by "
-            "points that stick or, "
-            "in 3D, turn, and what that step was solved with is not kept: take a scene with load "
-            "steps"
+            "points that stick or, in 3D, turn, and the data of that step are not kept: use a "
+            "scene with load steps"
         )
     slopes: list[float] = []
     for constant in constants:

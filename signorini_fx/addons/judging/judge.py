@@ -242,7 +242,7 @@ class _Judging:
             size = ours.norm(ours.displacement)
             stress = ours.solution.known_stress
             if stress is None or not stress.error:
-                raise NotJudgedError("the error of our own solution is not known")
+                raise NotJudgedError("our own solution has no error estimate")
             return EnergyNorms(size, MARGIN * float(stress.error) * size, distance)
         size = finer.norm(finer.displacement)
         error = MARGIN * finer.norm(ours.on_finer(ours.displacement) - finer.displacement)
@@ -292,7 +292,7 @@ class _Judging:
         if any(contact.adjust is not None for contact in self.problem.scene.contact):
             return (
                 NOT_TOLD,
-                "ADJUST moves nodes, and it is not a result of the mesh as it is before",
+                "ADJUST moves nodes, and the result belongs to the adjusted mesh",
             )
         if self.problem.lost:
             return (

@@ -150,7 +150,7 @@ _CIRCLE = "; circle: the largest one, recovered or raw. "
 _DISPLACEMENT = "Colour: size of the displacement; there is no stress. "
 _MAGNIFIED = "The title gives the magnification."
 _SETUP = (
-    "What the scene prescribes, before it is solved. Squares and circles: supports; arrows: "
+    "Supports, loads and contact before the solve. Squares and circles: supports; arrows: "
     "loads and motions."
 )
 _SOLID_BODY = "Gray lines: undeformed body; arrows: how long the body is. "

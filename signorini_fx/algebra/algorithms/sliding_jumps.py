@@ -37,7 +37,7 @@ def unless_sliding_jumps(newton: SemismoothNewton, outcome: Outcome, law: PointF
     if law.dt <= least:
         cure = f"one of more than {least:.3g} has one solution, this one lasts {law.dt:.3g}"
         if not np.isfinite(least):
-            cure = "nothing but friction holds what slides, so that no duration would do"
+            cure = "only friction holds the sliding points, so no duration is long enough"
         newton.history.add(f"{TOO_SHORT}{cure}")
         return replace(outcome, status=Status.JUMPS)
     if law.dt <= below and not any(event.startswith(MAY_JUMP) for event in newton.history.events):

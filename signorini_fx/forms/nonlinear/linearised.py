@@ -339,8 +339,8 @@ class LinearisedProblem(FormSolver):
             }
             pairs = {k: MovingPair(both, self.contact[k].reach) for k, both in facing.items()}
             reason = (
-                "no point of its side sees the other one within the reach: nothing would "
-                "hold both together"
+                "no point of its side has a partner within the reach: nothing would "
+                "hold both sides together"
             )
             unseen = [k for k, pair in pairs.items() if not pair.coupling.frames.partnered.any()]
             if apart := [

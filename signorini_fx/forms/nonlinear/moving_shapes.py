@@ -95,8 +95,7 @@ class MovingShape:
             "a nonlinear body"
         )
         return (
-            f"{reason}: turn what the shape is given by (axis, normal, points), and leave "
-            "rotation out"
+            f"{reason}: rotate the data of the shape (axis, normal, points), and leave rotation out"
         )
 
     def projected(self, *, linear: bool = True) -> tuple[Array, Array]:
@@ -217,7 +216,7 @@ def fitting(number: int, shape: Any, dimension: int, *, turns: bool = True) -> S
     if not turns and any(value != 0.0 for value in values.values()):
         cure = ", ".join(f"{key} = 0" for key in rotations)
         reason = (
-            "a tool that forces turn is not possible yet with these contact points: "
+            "a rigid body that forces turn is not possible yet with these contact points: "
             f"prescribe {cure}"
         )
         raise FormError([(f"{path}.prescribed", reason)])
@@ -226,7 +225,7 @@ def fitting(number: int, shape: Any, dimension: int, *, turns: bool = True) -> S
     if len(free) > 1 or (free and wrong):
         others = " and ".join(f"{key} = 0" for key in rotations if key != free[0])
         reason = (
-            "a tool that forces turn about more than one axis is not possible yet with a "
+            "a rigid body that forces turn about more than one axis is not possible yet with a "
             "nonlinear body"
         )
         cure = f"prescribe {others}, or all of {', '.join(rotations)}"

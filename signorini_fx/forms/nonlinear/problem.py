@@ -511,7 +511,9 @@ def linearised_at(solver: EquilibriumSolver, linear: LinearisedProblem) -> tuple
     values = solver.u.x.array.copy()
     residual.go_to(values)
     if not solver.leads(values):
-        unseen = "is needed: the derivative of F by UFL does not see what update changes"
+        unseen = (
+            "is needed: the derivative of F by UFL does not contain the changes that update makes"
+        )
         wrong = "is not the derivative of F at the solution: leave it out, or mend it"
         raise FormError([("J", wrong if solver.tangents.given else unseen)])
     assert solver.solved is not None

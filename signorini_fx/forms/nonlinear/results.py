@@ -79,9 +79,7 @@ class NonlinearMechanics(Mechanics):
         return self._at(y).contact
 
     def stress(self, y: fem.Function, step: float) -> RawStresses | str:
-        return (
-            "only the residual knows the stresses of a nonlinear body: evaluate its own expression"
-        )
+        return "a nonlinear body has no stress= here: evaluate the expression of your residual"
 
     def balance(self, y: fem.Function, step: float) -> Balance:
         return self._at(y).forces

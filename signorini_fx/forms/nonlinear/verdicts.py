@@ -265,7 +265,7 @@ def overlap(foundations: MovingFoundations, last: State) -> str:
         if not last.number and cells.inside(then, before, added) is not None:
             continue
         if (deep := cells.passed((then, before), (now, moving.shape), added)) is not None:
-            return f"contact[{number}]: on its way, {deep}"
+            return f"contact[{number}]: during the step, {deep}"
     return ""
 
 

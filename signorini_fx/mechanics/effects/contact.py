@@ -294,7 +294,7 @@ def _not_with_tools(statement: Any, number: int) -> Contradictions:
         ((driven.prescribes("x"), driven.prescribes("rotation")) != (None, None), "prescribed"),
         (bool(spring.get("x") or spring.get("rotation")), "spring"),
     ):
-        if wrong and (reason := statement.kinematics.refuses.get("motion of a tool")):
+        if wrong and (reason := statement.kinematics.refuses.get("motion of a rigid body")):
             yield ("contact", number, "foundation", name), reason
     if any(contact.moves for contact in statement.contact):
         reason = (

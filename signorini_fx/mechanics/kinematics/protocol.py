@@ -252,7 +252,7 @@ REFUSED = {
     "bending": "a section that stays in place does not bend",
     "guaranteed bound": "axisymmetric bodies have no guaranteed bound",
     "moment": "there is none on a body of revolution",
-    "motion of a tool": "an axisymmetric rigid body moves along its axis x[1] only",
+    "motion of a rigid body": "an axisymmetric rigid body moves along its axis x[1] only",
 }
 AXISYMMETRIC = BodyOfRevolution(
     "axisymmetric",

@@ -132,9 +132,7 @@ class FrictionLaw(Table):
         it is.
         """
         return (
-            f"of the friction law {self.law} only the bound is known"
-            if self.follows_pressure
-            else ""
+            f"of the friction law {self.law} it has only the bound" if self.follows_pressure else ""
         )
 
     @property

@@ -430,8 +430,8 @@ def another_law(
         asked = "'alm'"
         others = [step for step, law in laws.items() if law.regularised]
         remedy = (
-            "raise solver.gamma_n and solver.gamma_t to lessen what it leaves, or change the "
-            "loads in smaller steps"
+            "raise solver.gamma_n and solver.gamma_t to reduce penetration and elastic slip, or "
+            "change the loads in smaller steps"
         )
     else:
         key = "gamma_n"

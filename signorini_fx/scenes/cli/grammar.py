@@ -51,11 +51,10 @@ class _Parser(argparse.ArgumentParser):
 def parser() -> argparse.ArgumentParser:
     """The commands and their options."""
     epilog = (
-        "What follows -- is passed to PETSc, for example: -- -sfx_snes_monitor "
+        "Options after -- are passed to PETSc, for example: -- -sfx_snes_monitor "
         "-sfx_pc_factor_mat_solver_type mumps. "
         "Exit codes: 0 solved, 1 no solution (the summary says why), 2 bad input, 3 internal "
-        "error, 4 something of a "
-        "deck was left out that changes the answer, 130 interrupted."
+        "error, 4 a part of the deck that changes the answer was left out, 130 interrupted."
     )
     judged = (
         "Exit codes: 0 it agrees, 2 bad input, 3 internal error, 4 it agrees with what was read "
@@ -70,7 +69,7 @@ def parser() -> argparse.ArgumentParser:
     )
     solve = commands.add_parser("solve", help="solve a scene and write its results", epilog=epilog)
     check = commands.add_parser(
-        "check", help="what acts in a scene, its cost and problems, without solving it"
+        "check", help="list the effects of a scene, its cost and problems, without solving it"
     )
     report = commands.add_parser(
         "report", help="write one HTML page from a result folder, to read, print and send"
@@ -83,7 +82,7 @@ def parser() -> argparse.ArgumentParser:
         "new", help="write a scene file to start from, with every key explained"
     )
     info = commands.add_parser(
-        "mesh-info", help="describe a mesh file: names, counts, what is unnamed"
+        "mesh-info", help="describe a mesh file: names, counts, unnamed parts"
     )
     contacts = commands.add_parser(
         "contacts", help="find the contacts of a drawing or mesh of several bodies, as entries"
@@ -176,7 +175,7 @@ def parser() -> argparse.ArgumentParser:
     contacts.add_argument(
         "--within", type=float, help="distance of surfaces that are near (default: 1/4 of a facet)"
     )
-    into = "scene file in which what an earlier search has found is replaced"
+    into = "scene file in which the entries of an earlier search are replaced"
     contacts.add_argument("--into", type=named_path, metavar="SCENE", help=into)
     info.add_argument("--json", **flag, help="print JSON instead of a table")
     info.add_argument(
