@@ -247,7 +247,9 @@ def _warnings(summary: dict[str, Any]) -> list[TerminalLine]:
     found = [
         finding
         for finding in summary["findings"]
-        if finding["level"] == "warning" and finding["message"] not in summary["advice"]
+        if finding["level"] == "warning"
+        and finding["message"] not in summary["advice"]
+        and summary["advice"] not in finding["message"]
     ]
     found.sort(key=lambda finding: "[" not in finding["path"])
     return [

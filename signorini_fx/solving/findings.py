@@ -485,7 +485,6 @@ def _equilibrium_of(
         )
     assert contact is not None
     away = [escape(contact, load) if load.any() else None for load in loads]
-    of_it = f" ({subject})" if several else ""
     steps = [step for step, way in enumerate(away, start=1) if way is not None]
     if steps:
         when = ""
@@ -493,12 +492,13 @@ def _equilibrium_of(
             when = f"{'load step' if body.path.steps is None else 'factor'} {steps[0]}: "
         status, motion = next(way for way in away if way is not None)
         names = names_of(free @ motion[:, None], motions, members, one_way=True)
-        message = f"{when}{status.value}{of_it}: the loads move it by {names}; {status.advice}"
+        message = f"{when}{status.value}: the loads move {subject} by {names}; {status.advice}"
         if body.law is not None and body.law.unknown:
             message += f"; {body.law.unknown}, which was tried at samples of the pressure"
         return Finding("warning", statement.forces_at, message)
-    text = f"the supports do not hold {names_of(free, motions, members)}: contact must"
-    return Finding("note", "displacement", f"{subject}: {text}" if several else text)
+    names = names_of(free, motions, members)
+    message = f"only contact holds {subject} against {names}: the supports do not"
+    return Finding("note", "displacement", message)
 
 
 # --- results --------------------------------------------------------------------------------------

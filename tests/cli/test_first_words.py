@@ -28,6 +28,18 @@ def test_a_scene_without_a_command_is_solved(tmp_path):
     assert len(read_csv(tmp_path / "out/contact.csv")["pressure"]) == 5
 
 
+def test_the_cause_of_an_outcome_is_given_once(tmp_path, capsys):
+    """As what to do, not as a warning, too."""
+    held = 'boundary = "left", x = 0.0 }\ntraction = { boundary = "top", y = 0.1 }'
+    loads = SCENE.replace('boundary = "top", x = 0.0, y = -0.1 }', held)
+    (tmp_path / "s.toml").write_text(loads)
+    words = [str(tmp_path / "s.toml"), "--out", str(tmp_path / "out"), "--no-pictures"]
+    assert cli.main(words) == 1
+    shown = " ".join(capsys.readouterr().out.split())
+    assert shown.count("the loads move the body by the translation along (0, 1)") == 1
+    assert "warning" not in shown
+
+
 def test_nothing_is_answered_by_help(capsys):
     """All commands are listed."""
     assert cli.main([]) == 2

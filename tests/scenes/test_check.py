@@ -274,7 +274,7 @@ LOOSE = {
     "pulled off": (
         block(traction={"boundary": "top", "y": 20.0}, displacement={"boundary": "left", "x": 0.0}),
         "traction, body_force",
-        "the loads move it by the translation along (0, 1)",
+        "the loads move the body by the translation along (0, 1)",
         Status.OPEN,
     ),
     "too steep": (
