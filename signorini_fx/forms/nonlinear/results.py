@@ -79,7 +79,7 @@ class NonlinearMechanics(Mechanics):
         return self._at(y).contact
 
     def stress(self, y: fem.Function, step: float) -> RawStresses | str:
-        return "a nonlinear body has no stress= here: evaluate the expression of your residual"
+        return "the stress of a nonlinear body is in its residual alone: evaluate your expression"
 
     def balance(self, y: fem.Function, step: float) -> Balance:
         return self._at(y).forces
