@@ -139,7 +139,7 @@ class FormSolver:
 
     @property
     def scales(self) -> Scales:
-        """Of the body."""
+        """Return the scales of the body."""
         return self.elastic.scales
 
     @property

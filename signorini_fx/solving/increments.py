@@ -178,8 +178,8 @@ FINAL = (
 
 
 class HalvedIncrements(PathIncrements):
-    """Where a nonlinear problem is on its path.  Any load step without a solution is halved, the
-    first one from time 0; after an easy one the next is larger.
+    """The position of a nonlinear problem on its path. Any load step without a solution is halved,
+    the first one from time 0; after an easy one the next is larger.
     """
 
     # ``last``: linear solves of the last load step, 0: there was none.

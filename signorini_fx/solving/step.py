@@ -105,7 +105,7 @@ class Report:
 
     @property
     def linear_solves(self) -> int:
-        """Of the step."""
+        """Return the number of linear solves of the step."""
         return self.result.linear_solves
 
     def __str__(self) -> str:

@@ -34,7 +34,7 @@ Flags = npt.NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class Crossing:
-    """Where a part of the body is inside another part of it.
+    """A part of the body that is inside another part of it.
 
     Attributes:
         itself: whether both parts are of one piece of the mesh.

@@ -115,7 +115,9 @@ class MovingFoundations(Foundations):
 
     @property
     def driven(self) -> list[Any]:
-        """As they are given."""
+        """Return the shape of each contact that forces move, as the user has given it; None or
+        False: it is none.
+        """
         return [
             shape and self.moving[number].as_given for number, shape in enumerate(super().driven)
         ]
@@ -126,7 +128,9 @@ class MovingFoundations(Foundations):
         return MovingTools(given.bodies, given.kinematics, given.length, self.at, self.coordinates)
 
     def check_driven(self) -> None:
-        """Also where they are given turned about another axis than forces turn them about."""
+        """Refuse driven shapes, also those given turned about another axis than forces turn them
+        about.
+        """
         super().check_driven()
         for body in self.rigid_bodies.bodies:
             rotations = map(body.motion.prescribes, COMPONENTS[self._dimension][self._dimension :])
@@ -164,7 +168,7 @@ class MovingFoundations(Foundations):
     def spin_at(
         self, boundary: ContactBoundary, placed: Sequence[Placement | None]
     ) -> Array | None:
-        """Also of the other side of a pair."""
+        """Return the infinitesimal rotation at contact points, the mean of both sides of a pair."""
         moved = self.moved_shapes(placed)
         turned = dict.fromkeys(self.moving, np.eye(self._dimension))
         turned |= {
@@ -183,8 +187,8 @@ class MovingFoundations(Foundations):
         return bool(shape.prescribes("x") == 0.0)
 
     def _paired(self, number: int, *known: Any) -> ContactBoundary:
-        """Where both sides are now, if they slide; else with the partners of undeformed sides and
-        normals of now.
+        """Return the contact points of a pair, of sides at their present places if they slide;
+        otherwise with the partners of undeformed sides and present normals.
         """
         if number in self.sliding:
             return self.sliding[number].boundary()
@@ -209,7 +213,9 @@ class MovingFoundations(Foundations):
 
     @property
     def displacement(self) -> Array:
-        """Where corners see the body now."""
+        """Return the displacement of the nodes onto which corners are projected, length, shape
+        (nodes, d).
+        """
         return self.at.x.array.reshape(-1, self._dimension)
 
     def stiffness_at_corners(self, state: ContactState) -> tuple[JointStiffness, ...]:
@@ -311,7 +317,7 @@ class LinearisedProblem(FormSolver):
         self._straighten()
 
     def _straighten(self) -> None:
-        """Without what turns with the displacement."""
+        """Drop the geometric terms, which turn with the displacement."""
         dim = self.places.shape[1]
         self.curvature = NodalStiffness.none(dim)  # what the shapes add to the tangent
         self._hessians = np.zeros((0, dim, dim))
@@ -363,7 +369,7 @@ class LinearisedProblem(FormSolver):
         return super().points()
 
     def initial(self) -> State:
-        """With rigid bodies that nothing has moved."""
+        """Return the initial state, with rigid bodies that nothing has moved."""
         rest = np.zeros(self.foundations.rigid_bodies.fixed.size)
         return replace(super().initial(), rigid=rest)
 
@@ -378,8 +384,8 @@ class LinearisedProblem(FormSolver):
         self.settle()
 
     def _tractions(self) -> ContactState | None:
-        """Those of the last linear problem, else of where the step begins, in the frames of now;
-        None: there are none; collective.
+        """Return tractions of the last linear problem, else of the start of the step, in present
+        frames; None: there are none; collective.
         """
         values = self.begin.contact
         if self._turning is not None or values is None:
@@ -489,8 +495,8 @@ class LinearisedProblem(FormSolver):
         return replace(begun, data=replace(begun.data, slip_origin=origin))
 
     def _way(self) -> Array:
-        """Of contact points relative to shapes since the step has begun, without what forces move,
-        shape (n, d).
+        """Return the displacement of contact points relative to shapes since the step began,
+        without what forces move, shape (n, d).
         """
         previous = self.previous_step
         way = (self.places - self._begun_places)[self.boundary.nodes]
@@ -564,8 +570,8 @@ class LinearisedProblem(FormSolver):
         return data
 
     def _case(self, values: Array) -> LoadCase:
-        """With the work of the residual on free motions, and with what relative displacements
-        meet.
+        """Return the load case with the work of the residual on free motions, and of the forces on
+        relative displacements.
         """
         case = super()._case(values)
         elastic = self.elastic

@@ -249,7 +249,7 @@ class ToolMotion(RigidBodyMotion):
     def as_dict(
         self, contact: ContactState, contacts: Sequence[Any], kinematics: Kinematics
     ) -> dict[str, Any]:
-        """Its gap is not linearised."""
+        """Return the entry of a rigid body; its gap is not linearised and has no error."""
         return super().as_dict(contact, contacts, kinematics) | {"gap_error": None}
 
     def arms(self, contact: ContactState, touching: npt.NDArray[np.bool_]) -> Array:
@@ -265,7 +265,7 @@ class ToolMotion(RigidBodyMotion):
         return np.asarray(np.linalg.solve(axes - across.T, away.T).T)
 
     def lever(self, x: Array, displacements: Array) -> Array:
-        """Where they are, from where the pivot is."""
+        """Return the arms of displaced points from the displaced pivot, length, shape (n, d)."""
         return np.asarray(x + displacements - self.reference - self.translation)
 
 
@@ -290,7 +290,7 @@ class MovingTools(RigidBodies):
         )
 
     def places(self, boundary: ContactBoundary) -> Array:
-        """Less the way of the pivot."""
+        """Return the displaced points less the translation of their pivot, shape (n, d)."""
         places = (
             boundary.centre
             + self.displacement.x.array.reshape(-1, boundary.x.shape[1])[boundary.nodes]

@@ -291,7 +291,7 @@ class NonlinearContactProblem(ProblemOfForms):
             path = LoadPath(tuple(step.time for step in steps), names if any(names) else ())
 
         def errors(strain: bool) -> tuple[npt.NDArray[np.float64], Norms] | str:
-            """Of the body as it is now."""
+            """Return the estimated errors of the body as it is now."""
             if self._solver.solved is not solved:
                 return "there is no estimate of the error of an earlier solve"
             return self._errors_now(strain=strain)
@@ -454,7 +454,7 @@ class NonlinearContactProblem(ProblemOfForms):
         return new, ended.result
 
     def _step_to(self, time: float) -> tuple[NonlinearSteps, float]:
-        """One step to a time, and its place."""
+        """Take a step to a time, and return its place."""
         return NonlinearSteps(self._solver, LoadPath((time,)), lambda place: None), 0.0
 
     def _through(

@@ -42,7 +42,7 @@ class Remembers(Protocol):
     """
 
     def remembered(self) -> Mapping[str, Array]:
-        """What there is at the end of the last step."""
+        """Return the material history at the end of the last step."""
 
     def recall(self, fields: Mapping[str, Field]) -> None:
         """Go back to what a state says; collective.
@@ -174,7 +174,9 @@ class Tangents:
 
     @cached_property
     def leading(self) -> fem.Form:
-        """The one that leads Newton's method; collective."""
+        """Return the compiled tangent of Newton's method, J if it is given, otherwise dF/du;
+        collective.
+        """
         return self._compiled(self._J) if self.given else self.derivative
 
     @cached_property
@@ -196,7 +198,7 @@ class Tangents:
 
     @cached_property
     def derivative(self) -> fem.Form:
-        """That of F; collective."""
+        """Return the compiled derivative dF/du; collective."""
         return self._compiled(
             derivative(self._F, self._u, ufl.TrialFunction(self._u.function_space))
         )

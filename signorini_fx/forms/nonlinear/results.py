@@ -85,12 +85,12 @@ class NonlinearMechanics(Mechanics):
         return self._at(y).forces
 
     def acting(self, y: fem.Function, step: float) -> ActingForces:
-        """At the supports; which loads act is known to the residual alone."""
+        """Return the forces at the supports; which loads act only the residual contains."""
         end = self._at(y)
         return acting_on(end.forces, self.boundaries, end.fixed, (), displaced=True)
 
     def _at(self, y: fem.Function) -> ResidualMechanics:
-        """That of the load step with a displacement, or of the last one."""
+        """Return the mechanics of the load step with a displacement, or of the last one."""
         return next(
             (end for load_step, end in self.ends if load_step.displacement is y), self.ends[-1][1]
         )
@@ -213,8 +213,8 @@ class SolvedBody:
         iterations: int,
         status: Status = Status.CONVERGED,
     ) -> SolvedBody:
-        """What there is after a solve, which the user sees, with its linear solves and iterations,
-        and how it has ended; collective.
+        """Return the state after a solve, which the user sees, with its linear solves and how it
+        has ended; collective.
         """
         linear.fields.take(linear.space, linear.state)
         shapes = linear.foundations.moving

@@ -51,12 +51,12 @@ class NonlinearSteps:
 
     @property
     def history(self) -> History:
-        """Of all solves."""
+        """Return the history of all solves."""
         return self.solver.linear.history
 
     @property
     def timings(self) -> Timings:
-        """Of this path."""
+        """Return the times of this path."""
         return self.solver.timings
 
     @property

@@ -138,7 +138,7 @@ class Stability:
 
     @property
     def _largest(self) -> float:
-        """Of the diagonal of the stiffness, force per length; collective."""
+        """Return the largest diagonal entry of the stiffness, force per length; collective."""
         linear = self.linear
         diagonal = linear.elastic.stiffness.getDiagonal().getArray(readonly=True)[
             : linear.elastic.fixed.size
@@ -250,8 +250,8 @@ def negative_directions(matrix: PETSc.Mat) -> tuple[int, Array]:
 
 
 def overlap(foundations: MovingFoundations, last: State) -> str:
-    """Of shapes, since the ``last`` solution, or else since they were given outside of the body;
-    collective.
+    """Name the overlap of the body and shapes, since the ``last`` solution, or else since they were
+    given outside of the body; collective.
     """
     cells = foundations.cells
     now = cells.placed(foundations.at.x.array)
@@ -270,13 +270,13 @@ def overlap(foundations: MovingFoundations, last: State) -> str:
 
 
 def corner_inside(foundations: MovingFoundations, boundary: ContactBoundary) -> str:
-    """Of a shape between the nodes of the displaced body; collective."""
+    """Name a corner of a shape inside the displaced body between its nodes; collective."""
     deep = deepest_corner(foundations.placed_shapes, foundations.at, (), boundary)
     return "" if deep is None else f"{deep.path.removesuffix('.shape')}: {deep}"
 
 
 def overlap_of_bodies(foundations: MovingFoundations, last: State) -> str:
-    """Of pairs, since the ``last`` solution, or what there is before; collective.
+    """Name the overlap of pairs, since the ``last`` solution, or what there is before; collective.
 
     The nodes of each side are looked for in the cells of other pieces of the mesh, at the end and
     on the straight way to it.  Chords leave them there by up to ``SHAPE_INSIDE`` of a facet of the
