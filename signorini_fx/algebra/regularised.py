@@ -32,11 +32,11 @@ from signorini_fx.algebra.contact.complementarity import RegularisedData, slip_o
 from signorini_fx.algebra.contact.contact_map import ContactMap
 from signorini_fx.algebra.contact.friction import as_given
 from signorini_fx.algebra.contact.motions import FreeMotions
-from signorini_fx.algebra.contact.nodal_vectors import Nodal, inner, length
 from signorini_fx.algebra.contact.points import ContactPoints, shares
 from signorini_fx.algebra.contact.statics import Escape, no_balance
 from signorini_fx.algebra.linalg import SAME_PATTERN, SUBSET_PATTERN, ElasticSystem, is_by_blocks
 from signorini_fx.algebra.linalg.petsc_calls import called_back
+from signorini_fx.arrays import Array, inner, length
 from signorini_fx.machine import parallel
 from signorini_fx.records import Status
 from signorini_fx.tuned import ATTAINABLE_SHARE, NO_FORCE
@@ -64,8 +64,8 @@ class ContactTangent:
     def __init__(self, matrix: PETSc.Mat, contact: ContactMap) -> None:
         self._matrix = matrix
         self._contact = contact
-        self.inserted: dict[int, Nodal] = {}
-        self.factorised: dict[int, Nodal] = {}
+        self.inserted: dict[int, Array] = {}
+        self.factorised: dict[int, Array] = {}
 
     def create(self) -> PETSc.Mat:
         """A matrix to insert blocks into, so far A; collective."""
@@ -77,7 +77,7 @@ class ContactTangent:
         added.zeroEntries()
         return with_added(self._matrix, added)
 
-    def insert(self, matrix: PETSc.Mat, blocks: Nodal) -> bool:
+    def insert(self, matrix: PETSc.Mat, blocks: Array) -> bool:
         """Put A + B^T D B into a matrix that ``create`` made, or a copy of A, if it is not there;
         D: stress per length, shape (n, d, d); whether it is that of the last factorisation;
         collective.
@@ -138,7 +138,7 @@ class RegularisedProblem:
         self.points: ContactPoints = system.contact.points
         self.tangent = ContactTangent(system.matrix, system.contact)
         self.groups = motions.groups
-        self.springs: tuple[float, Nodal] | None = None
+        self.springs: tuple[float, Array] | None = None
         self.data: RegularisedData
         self.sets = ActiveSets.all_in_contact(self.points.size, self.points.dimension - 1)
         self.next = NextSets(self.sets, self.sets)
@@ -172,11 +172,11 @@ class RegularisedProblem:
             first = release(first_sets, data)
             self.next = NextSets(first, first)
 
-    def multipliers(self, x: PETSc.Vec, sets: ActiveSets) -> tuple[Nodal, Nodal]:
+    def multipliers(self, x: PETSc.Vec, sets: ActiveSets) -> tuple[Array, Array]:
         """(lambda, mu) at the contact points for given sets."""
         return multipliers(sets, *self.system.contact.traces(x), self.data)
 
-    def friction_bounds(self, x: PETSc.Vec) -> tuple[Nodal, Nodal]:
+    def friction_bounds(self, x: PETSc.Vec) -> tuple[Array, Array]:
         """The friction bounds of the current and the next sets."""
         u_n, u_t = self.system.contact.traces(x)
         trial = trial_pressure(u_n, self.data)
@@ -199,7 +199,7 @@ class RegularisedProblem:
         self._hold(trial, u_t, lambda: multipliers(self.sets, u_n, u_t, self.data))
         self.imbalance(x, *multipliers(self.next.sets, u_n, u_t, self.data), f)
 
-    def imbalance(self, x: PETSc.Vec, pressure: Nodal, shear: Nodal, f: PETSc.Vec) -> None:
+    def imbalance(self, x: PETSc.Vec, pressure: Array, shear: Array, f: PETSc.Vec) -> None:
         """R(x) for given (lambda, mu); collective."""
         if self.springs is not None:
             stiffness, position = self.springs
@@ -228,7 +228,7 @@ class RegularisedProblem:
         # PETSc keeps its factor as long as the matrix is not changed.
         self.insert(jacobian, tangent(self.sets, self.data))
 
-    def insert(self, jacobian: PETSc.Mat, blocks: Nodal) -> None:
+    def insert(self, jacobian: PETSc.Mat, blocks: Array) -> None:
         """Make A + B^T D B of a Jacobian; D: shape (n, d, d), stress per length; collective."""
         if self.springs is not None:
             blocks = blocks + self.springs[0] * np.eye(blocks.shape[1])
@@ -263,7 +263,7 @@ class RegularisedProblem:
             size = np.maximum(size, self._least_traction(x))
         return float(shares(away, size, away).max())
 
-    def scales(self, sizes: Nodal, x: PETSc.Vec) -> Nodal:
+    def scales(self, sizes: Array, x: PETSc.Vec) -> Array:
         """What tractions of each group are judged by, see ``PointGroups.scales``: of several groups
         no less than what the penalty makes of the round-off of displacements, stress, shape
         (groups,); collective.
@@ -290,7 +290,7 @@ class RegularisedProblem:
             self.sets, self.data
         )
 
-    def round_off(self, x: PETSc.Vec) -> Nodal:
+    def round_off(self, x: PETSc.Vec) -> Array:
         """What the penalty makes of the round-off of displacements, a stress at each point, shape
         (n,); collective.
         """
@@ -358,7 +358,7 @@ class RegularisedProblem:
         return jacobian
 
     def _hold(
-        self, trial: ActiveSets, u_t: Nodal, multipliers: Callable[[], tuple[Nodal, Nodal]]
+        self, trial: ActiveSets, u_t: Array, multipliers: Callable[[], tuple[Array, Array]]
     ) -> None:
         """Choose next sets that hold the body, or note that it moves away; ``u_t``,
         ``multipliers``: see ``hold``.

@@ -13,15 +13,15 @@ from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
-import numpy.typing as npt
 import ufl
 from dolfinx import fem, la
 from dolfinx import mesh as dmesh
 from petsc4py import PETSc
 
 from signorini_fx.algebra.linalg import ElasticSystem
+from signorini_fx.arrays import Array, Flags, Indices, Ints
 from signorini_fx.errors import FormError
-from signorini_fx.forms.given_forms import Facets, GivenForms, Law
+from signorini_fx.forms.given_forms import GivenForms, Law
 from signorini_fx.machine import compat, parallel
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.assembly.mesh_entities import (
@@ -53,14 +53,12 @@ if TYPE_CHECKING:
     from signorini_fx.results.resultants import ActingForces, NamedForces
     from signorini_fx.results.stresses import RawStresses
 
-Array = npt.NDArray[np.float64]
-
 
 def elastic_body(
     space: fem.FunctionSpace,
     a: fem.Form,
     bcs: Sequence[fem.DirichletBC],
-    fixed: npt.NDArray[np.bool_],
+    fixed: Flags,
     boundary: ContactBoundary | None,
     settings: SolverSettings,
     named: tuple[Statement, TaggedMesh],
@@ -130,9 +128,7 @@ def check_energy(
         raise MatrixError([("a", NOT_POSITIVE)])
 
 
-def modulus_of(
-    body: Model, boundary: ContactBoundary, facets: Sequence[npt.NDArray[np.int32]]
-) -> float:
+def modulus_of(body: Model, boundary: ContactBoundary, facets: Sequence[Indices]) -> float:
     """The modulus of a body, the scale of gamma, by its stiffness; collective.
 
     Without contact it is a geometric mean of what nodes meet that move alone, E h^(d - 2); else
@@ -171,9 +167,7 @@ def modulus_of(
     return float(weights / compliance)
 
 
-def _met_at_nodes(
-    space: fem.FunctionSpace, boundary: ContactBoundary, facets: npt.NDArray[np.int32]
-) -> Array:
+def _met_at_nodes(space: fem.FunctionSpace, boundary: ContactBoundary, facets: Indices) -> Array:
     """Degree times mean of 1 / h + h / l^2 of the facets around each node of this rank, nan without
     any; collective.
     """
@@ -210,9 +204,7 @@ class FormMechanics(Mechanics):
     )
 
     forms: GivenForms  # what is assembled
-    prescribed: tuple[
-        npt.NDArray[np.bool_], Array
-    ]  # which dofs of this rank, with ghosts, and to what
+    prescribed: tuple[Flags, Array]  # which dofs of this rank, with ghosts, and to what
     placed: Sequence[PlacedShape]  # the shapes of foundations
     settled: bool = (
         True  # whether the forms are of the results, not of a later load step that failed
@@ -310,8 +302,8 @@ def loads_of(forms: GivenForms, tagged: TaggedMesh, y: fem.Function) -> Iterator
 
 def acting_on(
     balance: Balance,
-    boundaries: Mapping[str, Facets],
-    fixed: npt.NDArray[np.bool_],
+    boundaries: Mapping[str, Indices],
+    fixed: Flags,
     loads: Iterable[NamedForces],
     *,
     displaced: bool = False,
@@ -343,9 +335,7 @@ def acting_on(
     )
 
 
-def prescribed_nodes(
-    fixed: npt.NDArray[np.bool_], values: Array, space: fem.FunctionSpace
-) -> PrescribedNodes:
+def prescribed_nodes(fixed: Flags, values: Array, space: fem.FunctionSpace) -> PrescribedNodes:
     """Return which dofs of this rank, with ghosts, are prescribed, and to what, as certificates
     take it, shapes (dofs,).
     """
@@ -355,7 +345,7 @@ def prescribed_nodes(
     return PrescribedNodes(here, values.reshape(-1, dim)[:owned], np.where(here, 0, -1))
 
 
-def stress_of(law: Law, y: fem.Function, parts: Sequence[npt.NDArray[np.int32]]) -> ElementStress:
+def stress_of(law: Law, y: fem.Function, parts: Sequence[Indices]) -> ElementStress:
     """The stress of a displacement by a law that gives it as UFL, shape (d, d), or in 2D (3, 3),
     linear in the strain but for a stress without strain, with the moduli at the middle of each
     cell; a FormError says why not; collective.
@@ -393,9 +383,7 @@ def stress_of(law: Law, y: fem.Function, parts: Sequence[npt.NDArray[np.int32]])
         ) from None
 
 
-def cellwise_moduli(
-    energy: Callable[[Any, Any], Any], space: fem.FunctionSpace
-) -> npt.NDArray[np.float64]:
+def cellwise_moduli(energy: Callable[[Any, Any], Any], space: fem.FunctionSpace) -> Array:
     """The components of the stress over those of the strain in the middle of each cell, shape
     (cells, m, m), from the energy of two fields with one strain each, which are zero there, so that
     no hoop strain adds to theirs; collective.
@@ -438,9 +426,7 @@ def _energy_by(law: Law, at_rest: Any) -> Callable[[Any, Any], Any]:
     return energy
 
 
-def isotropic_moduli(
-    moduli: npt.NDArray[np.float64], dim: int, mesh: dmesh.Mesh
-) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]] | None:
+def isotropic_moduli(moduli: Array, dim: int, mesh: dmesh.Mesh) -> tuple[Array, Array] | None:
     """Return both Lame parameters of each cell from ``cellwise_moduli``; None: some cell is not
     isotropic; collective.
     """
@@ -507,9 +493,7 @@ def _by_quadrature(expression: Any) -> bool:
     )
 
 
-def residual_of(
-    stress: ElementStress, forms: GivenForms, fixed: npt.NDArray[np.bool_], z: Any
-) -> Any:
+def residual_of(stress: ElementStress, forms: GivenForms, fixed: Flags, z: Any) -> Any:
     """The squared residual of the traction that UFL forms prescribe, off the contact and in
     components that are not prescribed, see ``squared_residual``; ``z``: a test function, constant
     in each cell; collective.
@@ -528,7 +512,7 @@ def residual_of(
     ]
     on = [np.isin(traction_facets, exterior_facets(integral, mesh)) for integral in integrals]
 
-    def of(numbers: npt.NDArray[np.int64], residual: Any) -> tuple[Any, list[Any], bool]:
+    def of(numbers: Ints, residual: Any) -> tuple[Any, list[Any], bool]:
         varies = False
         for number in numbers[numbers >= dim]:
             traction = _traction(integrals[number - dim].integrand(), stress.displacement)
@@ -555,7 +539,7 @@ def _traction(integrand: Any, y: fem.Function) -> Any:
     return (-1 if trial else 1) * ufl.as_vector(parts)
 
 
-def exterior_facets(integral: Any, mesh: dmesh.Mesh) -> Facets:
+def exterior_facets(integral: Any, mesh: dmesh.Mesh) -> Indices:
     """The exterior facets of this rank that an integral is over."""
     data = integral.subdomain_data()
     wanted = integral.subdomain_id()

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any, get_args
 
 import basix
 import numpy as np
-import numpy.typing as npt
 import ufl
 from dolfinx import default_scalar_type, fem, la
 from dolfinx import mesh as dmesh
 from pydantic import BaseModel
 
+from signorini_fx.arrays import Indices
 from signorini_fx.errors import FormError, SceneError
 from signorini_fx.machine import compat, parallel
 from signorini_fx.machine.compilation import compiling
@@ -33,7 +33,6 @@ from signorini_fx.mechanics.statement.values import kind_of
 if TYPE_CHECKING:
     pass
 
-Facets = npt.NDArray[np.int32]
 Law = Callable[[Any], Any]
 
 
@@ -45,12 +44,12 @@ class GivenForms:
     original: tuple[Any, Any]  # a and L as they were given, UFL or compiled
     compiled: tuple[fem.Form, fem.Form]  # the same, compiled
     stress: Law | None  # of a displacement; None: none was given
-    parts: Sequence[npt.NDArray[np.int32]]  # the cells of each material
+    parts: Sequence[Indices]  # the cells of each material
     contact: tuple[Foundation | Pair, ...]
-    facets: Sequence[Facets]  # of each contact
-    masters: Mapping[int, Facets]  # of the other side of each pair, by its number
+    facets: Sequence[Indices]  # of each contact
+    masters: Mapping[int, Indices]  # of the other side of each pair, by its number
     boundaries: Mapping[
-        str, Facets
+        str, Indices
     ]  # the facets of each part of the boundary that was given a name
 
     @property
@@ -126,7 +125,7 @@ def named_parts(
     facets, or a number.
     """
 
-    def name(part: Facets, otherwise: str) -> str:
+    def name(part: Indices, otherwise: str) -> str:
         for known, facets in forms.boundaries.items():
             if not parallel.any_rank(forms.mesh.comm, not np.array_equal(facets, part)):
                 return known
@@ -344,7 +343,7 @@ def foundations_of(contact: Any) -> tuple[Foundation | Pair, ...]:
 
 def facets_of(
     contact: Sequence[Foundation | Pair], mesh: dmesh.Mesh
-) -> tuple[list[Facets], dict[int, Facets]]:
+) -> tuple[list[Indices], dict[int, Indices]]:
     """The exterior facets of each contact that this rank owns, ascending, and those of the masters
     of pairs by the number of the contact, each given on any rank that has it; collective.
     """
@@ -395,7 +394,7 @@ def facets_of(
     return facets[: len(contact)], dict(zip(pairs, facets[len(contact) :], strict=True))
 
 
-def parts_of(materials: Any, mesh: dmesh.Mesh) -> list[npt.NDArray[np.int32]]:
+def parts_of(materials: Any, mesh: dmesh.Mesh) -> list[Indices]:
     """The cells of each material, with ghosts, from tags on all of them; None: there is one
     material; collective.
     """
@@ -416,7 +415,7 @@ def parts_of(materials: Any, mesh: dmesh.Mesh) -> list[npt.NDArray[np.int32]]:
     return [materials.find(int(tag)).astype(np.int32) for tag in np.unique(tags)]
 
 
-def _listed(selection: Any, mesh: dmesh.Mesh, dim: int, count: int) -> Facets:
+def _listed(selection: Any, mesh: dmesh.Mesh, dim: int, count: int) -> Indices:
     """Local numbers of facets, ghosts included, from a list of them or from tags."""
     if (
         isinstance(selection, tuple)
@@ -437,9 +436,9 @@ def _listed(selection: Any, mesh: dmesh.Mesh, dim: int, count: int) -> Facets:
     return facets.astype(np.int32)
 
 
-def boundaries_of(given: Mapping[str, Any] | None, mesh: dmesh.Mesh) -> dict[str, Facets]:
+def boundaries_of(given: Mapping[str, Any] | None, mesh: dmesh.Mesh) -> dict[str, Indices]:
     """The facets of each part of the boundary that has a name; collective."""
-    facets = dict[str, Facets]()
+    facets = dict[str, Indices]()
     problems = list[tuple[str, str]]()
     for name, selection in (given or {}).items():
         try:

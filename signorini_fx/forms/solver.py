@@ -23,14 +23,9 @@ from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.linalg import LoadCase
 from signorini_fx.algebra.linalg.petsc_options import defaults, refuse_exchanged, refused
+from signorini_fx.arrays import Array, Flags
 from signorini_fx.errors import FormError
-from signorini_fx.forms.elasticity import (
-    Array,
-    FormMechanics,
-    elastic_body,
-    modulus_of,
-    natural_modulus,
-)
+from signorini_fx.forms.elasticity import FormMechanics, elastic_body, modulus_of, natural_modulus
 from signorini_fx.forms.given_forms import (
     GivenForms,
     conditions_of,
@@ -82,7 +77,7 @@ class FormSolver:
     unshifted: RegularisedData  # displacements counted from the initial position
     law: PointFriction | None  # of friction at the contact points, as it is now
     prescribed: tuple[
-        npt.NDArray[np.bool_], Array
+        Flags, Array
     ]  # dofs of this rank, ghosts included, and to what, shapes (dofs,)
 
     def __init__(
@@ -372,7 +367,7 @@ class FormSolver:
         return data
 
     def contact_points(
-        self, shapes: Sequence[ShapeDistances], fixed: npt.NDArray[np.bool_], values: Array
+        self, shapes: Sequence[ShapeDistances], fixed: Flags, values: Array
     ) -> ContactBoundary:
         """The contact points; ``fixed``, ``values``: what is ``prescribed``; collective."""
         owned = self.space.dofmap.index_map.size_local * self.space.dofmap.index_map_bs
@@ -396,7 +391,7 @@ class FormSolver:
                 raise FormError([(name, "is not finite somewhere")])
         return self.elastic.case(forces, values, self.driven, lifted=lifted)
 
-    def _body(self, fixed: npt.NDArray[np.bool_], boundary: ContactBoundary) -> Model:
+    def _body(self, fixed: Flags, boundary: ContactBoundary) -> Model:
         points = boundary if self.contact else None
         body: Any = elastic_body(
             self.space,

@@ -15,6 +15,7 @@ import numpy.typing as npt
 import ufl
 from dolfinx import __version__, cpp, fem, mesh
 
+from signorini_fx.arrays import Array, Indices
 from signorini_fx.errors import needs_fenicsx
 
 VERSION = tuple(int(part) for part in __version__.split(".")[:2])
@@ -41,7 +42,7 @@ def shared_cells() -> Iterator[None]:
 _cell = cache(ufl.Cell)
 
 
-def interpolation_points(element: Any) -> npt.NDArray[np.float64]:
+def interpolation_points(element: Any) -> Array:
     """Reference points of ``element``: a method until 0.9, a property since."""
     points = element.interpolation_points
     return np.asarray(points() if callable(points) else points)
@@ -71,7 +72,7 @@ def lagrange(cell: str, degree: int, variant: basix.LagrangeVariant) -> Any:
     )
 
 
-def geometry_cells(domain: mesh.Mesh) -> npt.NDArray[np.int32]:
+def geometry_cells(domain: mesh.Mesh) -> Indices:
     """Geometry nodes of the cells of this rank, shape (cells, nodes of each)."""
     geometry: Any = domain.geometry
     return np.asarray(geometry.dofmaps[0] if VERSION >= (0, 11) else geometry.dofmap)
@@ -110,9 +111,7 @@ def topology(holder: mesh.Mesh | mesh.MeshTags) -> Any:
     return getattr(wrapped, "_cpp_object", wrapped)
 
 
-def facet_mesh(
-    domain: mesh.Mesh, facets: npt.NDArray[np.int32]
-) -> tuple[mesh.Mesh, npt.NDArray[np.int32]]:
+def facet_mesh(domain: mesh.Mesh, facets: Indices) -> tuple[mesh.Mesh, Indices]:
     """A mesh of facets, and the facet of each of its cells on this rank: an array until 0.9, a map
     since.
     """

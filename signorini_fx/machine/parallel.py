@@ -18,6 +18,8 @@ import numpy as np
 import numpy.typing as npt
 from mpi4py import MPI
 
+from signorini_fx.arrays import Array, Ints
+
 T = TypeVar("T")
 
 
@@ -55,9 +57,7 @@ def global_sum(comm: MPI.Comm, values: npt.ArrayLike) -> npt.NDArray[Any]:
     return total
 
 
-def sums_by(
-    comm: MPI.Comm, numbers: npt.NDArray[np.int64], values: npt.NDArray[np.float64], count: int
-) -> npt.NDArray[np.float64]:
+def sums_by(comm: MPI.Comm, numbers: Ints, values: Array, count: int) -> Array:
     """Sums over the ranks of values, shape (n, d), with the same number from 0 to count - 1,
     numbers: shape (n,); they have the shape (count, d), the same on every rank.
     """
@@ -79,7 +79,7 @@ def global_max(comm: MPI.Comm, value: float) -> float:
     return float(value) if comm.size == 1 else float(comm.allreduce(float(value), op=MPI.MAX))
 
 
-def global_bounds(comm: MPI.Comm, points: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+def global_bounds(comm: MPI.Comm, points: Array) -> Array:
     """Smallest and largest coordinates over the ranks of points of shape (n, d), shape (2, d)."""
     # Column by column, 20 times as fast as along the long axis.
     low = [column.min(initial=np.inf) for column in points.T]
@@ -95,7 +95,7 @@ def largest(comm: MPI.Comm, values: npt.NDArray[Any], default: float = 0.0) -> f
     return global_max(comm, values.max() if values.size else default)
 
 
-def largest_of_each(comm: MPI.Comm, values: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+def largest_of_each(comm: MPI.Comm, values: Array) -> Array:
     """Largest value over the ranks, entry by entry; the shape is kept."""
     if comm.size == 1:
         return np.array(values)

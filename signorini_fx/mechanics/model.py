@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any
 
 import mpi4py.MPI as MPI  # first, see signorini_fx.mechanics.body
 import numpy as np
-import numpy.typing as npt
 from dolfinx import fem, la
 from dolfinx.fem import petsc as fem_petsc
 from petsc4py import PETSc
@@ -35,6 +34,7 @@ from signorini_fx.algebra.linalg import (
 )
 from signorini_fx.algebra.linalg.choice import SystemSize, choose_kind, choose_system
 from signorini_fx.algebra.linalg.schur import SchurComplement
+from signorini_fx.arrays import Array, Flags
 from signorini_fx.errors import SceneError
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import action, shared_in
@@ -69,8 +69,6 @@ if TYPE_CHECKING:
     from signorini_fx.mechanics.obstacles.paired_points import PairedSides
     from signorini_fx.mechanics.statement.statement import Statement
 
-Array = npt.NDArray[np.float64]
-
 
 @dataclass(frozen=True, eq=False)
 class Loads:
@@ -104,9 +102,7 @@ class Model:
     turned: (
         TurnedNodes | None
     )  # nodes with supports along no axis, ``fixed`` in their own frames; None: none
-    fixed: npt.NDArray[
-        np.bool_
-    ]  # which unknowns of this rank these and ``bcs`` prescribe, shape (owned dofs,)
+    fixed: Flags  # which unknowns of this rank these and ``bcs`` prescribe, shape (owned dofs,)
     pieces: BodyPieces  # into which the mesh falls
     boundary: ContactBoundary | None  # the contact points; None: there are none
     settings: SolverSettings  # how it is to be solved
@@ -129,7 +125,7 @@ class Model:
     symmetric: bool = True  # whether a(., .) is symmetric; else it is not definite
     # Which contact points are not expected to touch, shape (n,), at a displacement; None: any of
     # them may.
-    far: tuple[npt.NDArray[np.bool_], fem.Function] | None = None
+    far: tuple[Flags, fem.Function] | None = None
     statement: Statement  # names; of forms of a user's own less than all that acts
     tagged: TaggedMesh  # the mesh; where displacements have a component out of it a section in 3D
     path: LoadPath  # the load steps
@@ -361,7 +357,7 @@ class Model:
         return self._held.size - self.fixed.size
 
     @property
-    def _held(self) -> npt.NDArray[np.bool_]:
+    def _held(self) -> Flags:
         """``prescribed`` without a pressure."""
         if (
             self.boundary is None
@@ -372,7 +368,7 @@ class Model:
         return np.concatenate((self.fixed, self.boundary.moving.fixed))
 
     @property
-    def prescribed(self) -> npt.NDArray[np.bool_]:
+    def prescribed(self) -> Flags:
         """Which unknowns of the stiffness this rank has prescribed: ``fixed``, and on the last one
         of rigid bodies.
         """

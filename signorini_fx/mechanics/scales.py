@@ -11,11 +11,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from signorini_fx.arrays import Array
 from signorini_fx.tuned import ZERO_COMPONENT
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)

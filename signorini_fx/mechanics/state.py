@@ -20,13 +20,13 @@ import numpy.typing as npt
 from dolfinx import fem
 from scipy.spatial import cKDTree
 
+from signorini_fx.arrays import Array, Flags, Indices
 from signorini_fx.errors import SceneError, cannot_be_written
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.statement.rigid_shape import Placement
 from signorini_fx.tuned import SAME_LENGTH
 
-Array = npt.NDArray[np.float64]
 _FORMAT = 13
 _OF_POINTS = ("normal", "pressure", "shear", "elastic", "contact", "direction", "turning")
 
@@ -63,13 +63,13 @@ class ContactValues:
         turning: stiffness against slip across that direction, stress per length, shape (n,).
     """
 
-    nodes: npt.NDArray[np.int32]
-    part: npt.NDArray[np.int32]
+    nodes: Indices
+    part: Indices
     normal: Array
     pressure: Array
     shear: Array
     elastic: Array
-    contact: npt.NDArray[np.bool_]
+    contact: Flags
     direction: Array
     turning: Array
 

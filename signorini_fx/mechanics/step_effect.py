@@ -15,12 +15,10 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
-import numpy as np
-import numpy.typing as npt
-
 from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.linalg import LoadCase
+from signorini_fx.arrays import Array
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.model import Loads, Model
@@ -28,8 +26,6 @@ from signorini_fx.mechanics.state import State
 from signorini_fx.mechanics.statement.effect import Effect
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import Finding
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 # First: PETSc and dolfinx from PyPI find the library of MPI where it is loaded.
 import mpi4py.MPI  # noqa: F401
 import numpy as np
-import numpy.typing as npt
 import ufl
 from dolfinx import fem, la
 
+from signorini_fx.arrays import Array
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import assemble, compile_form, measure
@@ -23,8 +23,6 @@ from signorini_fx.mechanics.mesh.points import cells_of_points
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.tuned import DIGITS_OF_FILES
-
-Array = npt.NDArray[np.float64]
 
 
 class Functional:

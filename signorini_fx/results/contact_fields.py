@@ -8,10 +8,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from dolfinx import fem, la
 from dolfinx import mesh as dmesh
 
+from signorini_fx.arrays import Flags, Indices
 from signorini_fx.machine import compat
 from signorini_fx.mechanics.assembly.averages import averaging
 from signorini_fx.mechanics.assembly.mesh_entities import facet_nodes, node_positions
@@ -57,7 +57,7 @@ class ContactFields:
         self,
         space: fem.FunctionSpace,
         state: ContactState | None,
-        selected: npt.NDArray[np.bool_] | None = None,
+        selected: Flags | None = None,
     ) -> None:
         """The values of a state, zero without one; ``selected``: the points to take, None: all; of
         a node of two contacts the later one is taken; collective.
@@ -105,13 +105,13 @@ class BoundaryFields(ContactFields):
     """
 
     mesh: dmesh.Mesh
-    facets: npt.NDArray[np.int32]
+    facets: Indices
 
 
 def boundary_fields(
     space: fem.FunctionSpace,
     state: ContactState,
-    facets: Sequence[npt.NDArray[np.int32]],
+    facets: Sequence[Indices],
     number: int | None,
 ) -> BoundaryFields:
     """The fields of a state on a mesh of its contact boundaries, see ``Solution.boundary_fields``;
@@ -143,8 +143,8 @@ def boundary_fields(
 
 
 def _nodes_of_parent(
-    part: fem.FunctionSpace, parent: fem.FunctionSpace, facets: npt.NDArray[np.int32]
-) -> npt.NDArray[np.int32]:
+    part: fem.FunctionSpace, parent: fem.FunctionSpace, facets: Indices
+) -> Indices:
     """The parent's node at each node of each cell of the part, by position: orders in facets differ
     between cells.
     """

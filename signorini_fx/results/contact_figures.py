@@ -11,13 +11,13 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from dolfinx import fem
 from mpi4py import MPI
 
 from signorini_fx.algebra.contact.friction import as_given
 from signorini_fx.algebra.contact.motions import total_work
 from signorini_fx.algebra.contact.statics import largest_multiple, reactions
+from signorini_fx.arrays import Array, Flags
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.kinematics import CARTESIAN
@@ -26,8 +26,6 @@ from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.quantities.summary import ContactFigures, CornerFigures, SectionForce
 from signorini_fx.tuned import CLOSED_BOUNDARY, ZERO_IN_SOLUTION
-
-Array = npt.NDArray[np.float64]
 
 
 def contact_figures(statement: Statement, contact: ContactState) -> list[ContactFigures]:
@@ -137,7 +135,7 @@ def corner_figures(model: Model, contact: ContactState) -> list[CornerFigures]:
     return figures
 
 
-def _slip_speed(contact: ContactState, on_part: npt.NDArray[np.bool_]) -> dict[str, Any]:
+def _slip_speed(contact: ContactState, on_part: Flags) -> dict[str, Any]:
     """``slip_speed`` where friction follows the speed; collective."""
     if contact.speed is None:
         return {}

@@ -20,6 +20,7 @@ from dolfinx import fem
 from dolfinx.plot import vtk_mesh
 from mpi4py import MPI
 
+from signorini_fx.arrays import Ints
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable
 from signorini_fx.results.solution import Solution
@@ -129,7 +130,7 @@ _KINDS = {3: (5, [0, 1, 2]), 4: (9, [0, 1, 3, 2]), 9: (28, [0, 1, 3, 2, 4, 6, 7,
 _STATES = ("open", "stick", "slip")
 
 
-def facets_of(table: ContactTable) -> npt.NDArray[np.int64]:
+def facets_of(table: ContactTable) -> Ints:
     """The rows of a table in 3D at the nodes of each facet in the order of VTK, shape (m, 3), (m,
     4) or (m, 9).
     """

@@ -14,11 +14,11 @@ from typing import Any
 
 import basix
 import numpy as np
-import numpy.typing as npt
 import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 
+from signorini_fx.arrays import Array, Indices
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.assembly.mesh_entities import strain_degree
 from signorini_fx.mechanics.body.nonlinear_law import (
@@ -37,7 +37,6 @@ from signorini_fx.results.mechanics import Mechanics
 from signorini_fx.results.resultants import NamedForces
 from signorini_fx.results.stresses import PointStress, RawStresses
 
-Array = npt.NDArray[np.float64]
 # Displacements at the ends of load steps, the first one first, with their places in the lists of
 # factors.
 Path = Sequence[tuple[fem.Function, float]]
@@ -138,9 +137,7 @@ class NonlinearForces(NodalForces):
         return PointStress(points, weights, x[..., : points.shape[1]], stress + mean, plastic)
 
 
-def _evaluated(
-    expression: Any, points: Array, mesh: dmesh.Mesh, cells: npt.NDArray[np.int32]
-) -> Array:
+def _evaluated(expression: Any, points: Array, mesh: dmesh.Mesh, cells: Indices) -> Array:
     """UFL at points of cells, shape (cells, points, ...)."""
     with compiling():
         compiled = fem.Expression(expression, points)

@@ -9,20 +9,18 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 from dolfinx import fem
 
+from signorini_fx.arrays import Array, Ints
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable
 from signorini_fx.results.accuracy.contact_surface import ContactSurface, places
 
-Floats = npt.NDArray[np.float64]
-
 
 def present_pressure(
     table: ContactTable, contact: ContactState, displacement: fem.Function, *, revolved: bool
-) -> Floats:
+) -> Array:
     """The pressure at each row of a table per present area, which is that between the displaced
     nodes, shape (rows,); ``revolved``: whether areas are those of rings; collective.
     """
@@ -57,6 +55,6 @@ def present_pressure(
     return np.asarray(table.columns["pressure"] / stretch)
 
 
-def _lengths(x: Floats, corners: npt.NDArray[np.int64]) -> Floats:
+def _lengths(x: Array, corners: Ints) -> Array:
     """The length of each interval, shape (intervals,)."""
     return np.asarray(np.linalg.norm(x[corners[:, 1]] - x[corners[:, 0]], axis=1))

@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
 
+from signorini_fx.arrays import Array
 from signorini_fx.machine import parallel
 from signorini_fx.machine.display import clean
 from signorini_fx.mechanics.assembly.mesh_entities import assemble, node_positions
@@ -26,7 +27,6 @@ from signorini_fx.results.certificate.equilibrium import Balance
 from signorini_fx.results.certificate.law_of_method import Tractions
 from signorini_fx.tuned import ZERO_IN_SOLUTION
 
-Array = npt.NDArray[np.float64]
 # A part of the boundary, None for the body; what acts there, in words; the forces, shape (owned
 # nodes, d).
 NamedForces = tuple[str | None, str, Array]

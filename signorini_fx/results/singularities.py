@@ -20,18 +20,16 @@ from typing import Any
 
 import basix
 import numpy as np
-import numpy.typing as npt
 from dolfinx import mesh as dmesh
 from scipy.spatial import cKDTree
 
+from signorini_fx.arrays import Array
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.assembly.mesh_entities import facet_entities, facet_vertices
 from signorini_fx.mechanics.loads.supports import on_axis
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.effect import ForceDensity, InitialStrain
 from signorini_fx.tuned import CORNER_ANGLE, DIGITS_OF_FILES, ROOT_OF_EPS, SAME_ANGLE
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)

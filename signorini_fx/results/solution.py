@@ -8,11 +8,11 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 from dolfinx import fem
 from mpi4py import MPI
 
 import signorini_fx
+from signorini_fx.arrays import Array
 from signorini_fx.errors import SignoriniError
 from signorini_fx.extensions import LINEAR_SOLVERS, add_on, names_of
 from signorini_fx.machine import parallel
@@ -454,7 +454,7 @@ class Solution:
         )
 
     @cached_property
-    def error_shares(self) -> npt.NDArray[np.float64] | str:
+    def error_shares(self) -> Array | str:
         """Return the part of each owned cell in the squared relative error of the stress of a
         nonlinear body, shape (cells,), or why it is unknown; collective.
         """

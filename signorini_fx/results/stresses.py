@@ -14,11 +14,11 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from dolfinx import default_scalar_type, fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
+from signorini_fx.arrays import Array
 from signorini_fx.machine import compat, parallel
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.assembly.mesh_entities import node_positions
@@ -28,8 +28,6 @@ from signorini_fx.mechanics.kinematics.protocol import tensors
 from signorini_fx.mechanics.model import Model
 from signorini_fx.results.singularities import why_no_limit
 from signorini_fx.tuned import DIGITS_OF_FILES, SAME_LENGTH
-
-Nodal = npt.NDArray[np.float64]
 
 # Components of the tensor by name.
 COMPONENTS = {a + b: (i, j) for i, a in enumerate("xyz") for j, b in enumerate("xyz") if j >= i}
@@ -182,7 +180,7 @@ class StressFields:
             )
         return self._extreme_of(values, sign)
 
-    def _samples(self) -> tuple[Nodal, Nodal, Callable[[int], Any]]:
+    def _samples(self) -> tuple[Array, Array, Callable[[int], Any]]:
         """The tensor where extremes are sought, shape (n, 3, 3), these places, and the local number
         of a cell there.
         """
@@ -192,7 +190,7 @@ class StressFields:
         owned = space.dofmap.index_map.size_local
         return self._nodal()[:owned], x, lambda at: np.flatnonzero((cells == at).any(axis=1))[0]
 
-    def _extreme_of(self, values: Nodal, sign: float = 1.0) -> Extreme:
+    def _extreme_of(self, values: Array, sign: float = 1.0) -> Extreme:
         """The largest of finite values at the same points, or with ``sign`` -1 the smallest, and
         where; collective.
         """
@@ -226,11 +224,11 @@ class StressFields:
         share[cells.list] /= limit.x.array[limit.function_space.dofmap.list]
         return self._extreme_of(share[: cells.index_map.size_local])
 
-    def _nodal(self) -> Nodal:
+    def _nodal(self) -> Array:
         """The tensor at the points of its function space on this rank, shape (n, 3, 3)."""
         return np.asarray(self.tensor.x.array.reshape(-1, 3, 3), dtype=np.float64)
 
-    def _function(self, name: str, values: Nodal) -> fem.Function:
+    def _function(self, name: str, values: Array) -> fem.Function:
         """A field on the points of the tensor, which all spaces of one degree number alike."""
         space = self.tensor.function_space
         degree = space.element.basix_element.degree
@@ -248,15 +246,15 @@ class PointStress:
     rank owns; at small strains the stress.
     """
 
-    points: Nodal  # of the reference cell, shape (q, t)
-    weights: Nodal  # shape (q,)
-    x: Nodal  # undeformed, length, shape (c, q, t)
-    stress: Nodal  # tension positive, shape (c, q, 3, 3)
-    plastic: Nodal | None = (
+    points: Array  # of the reference cell, shape (q, t)
+    weights: Array  # shape (q,)
+    x: Array  # undeformed, length, shape (c, q, t)
+    stress: Array  # tension positive, shape (c, q, 3, 3)
+    plastic: Array | None = (
         None  # the accumulated plastic strain, shape (c, q); None: there is none
     )
 
-    def on_cells(self, values: Nodal, mesh: dmesh.Mesh, degree: int, name: str) -> fem.Function:
+    def on_cells(self, values: Array, mesh: dmesh.Mesh, degree: int, name: str) -> fem.Function:
         """The polynomials in cells that are nearest to values at the points, of numbers, shape (c,
         q), no less or more than these; collective.
         """
@@ -352,7 +350,7 @@ class RawStresses(StressFields):
             values[nodes[cells]] = tensors(components, self.stress.kinematics.stressed)
         return StressFields(replace(self.stress, in_space=tensor))
 
-    def _samples(self) -> tuple[Nodal, Nodal, Callable[[int], Any]]:
+    def _samples(self) -> tuple[Array, Array, Callable[[int], Any]]:
         if self.at_points is None:
             return super()._samples()
         x = self.at_points.x
@@ -375,7 +373,7 @@ class RawStresses(StressFields):
         )
 
     @cached_property
-    def squares(self) -> npt.NDArray[np.float64]:
+    def squares(self) -> Array:
         """The squared error of each owned cell, an energy, shape (cells,); collective."""
         return np.asarray(self.mechanics.recovery.squares(self.stress.displacement, self.place))
 
@@ -437,13 +435,13 @@ class RawStresses(StressFields):
         return told
 
 
-def von_mises_of(sigma: Nodal) -> Nodal:
+def von_mises_of(sigma: Array) -> Array:
     """The von Mises stress of tensors, from shape (n, 3, 3) to (n,)."""
     deviator = sigma - np.trace(sigma, axis1=1, axis2=2)[:, None, None] / 3 * np.eye(3)
     return np.asarray(np.sqrt(1.5 * np.einsum("ijk,ijk->i", deviator, deviator)))
 
 
-def principal_of(sigma: Nodal) -> Nodal:
+def principal_of(sigma: Array) -> Array:
     """The principal stresses of tensors, the largest first, from shape (n, 3, 3) to (n, 3); nan
     where a tensor is not
     finite: a solve that failed may leave anything behind.

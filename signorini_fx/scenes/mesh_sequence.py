@@ -13,9 +13,9 @@ from math import log2
 from typing import Any, Self
 
 import numpy as np
-import numpy.typing as npt
 from mpi4py import MPI
 
+from signorini_fx.arrays import Array
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.forms.contact_problem import ProblemOfForms
 from signorini_fx.machine import compat
@@ -345,9 +345,7 @@ class MeshedScene(MeshedProblem):
         update = {"mesh": scene.mesh, "body": scene.body, "contact": contacts}
         return replace(self, scene=last.model_copy(update=update))
 
-    def remade(
-        self, last: TaggedMesh, lengths: npt.NDArray[np.float64], finer: float
-    ) -> tuple[Self, int]:
+    def remade(self, last: TaggedMesh, lengths: Array, finer: float) -> tuple[Self, int]:
         assert self.plan is not None
         dim = last.dimension
         first = with_cells_alike(self.plan.scene, last.mesh.comm)

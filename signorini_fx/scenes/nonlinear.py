@@ -12,9 +12,9 @@ from typing import Any, ClassVar
 
 import mpi4py.MPI
 import numpy as np
-import numpy.typing as npt
 from dolfinx import fem
 
+from signorini_fx.arrays import Array, Indices
 from signorini_fx.errors import FormError, SceneError
 from signorini_fx.forms.nonlinear.moving_shapes import fitting
 from signorini_fx.forms.nonlinear.problem import NonlinearContactProblem, linearised_at
@@ -54,8 +54,6 @@ from signorini_fx.solving.findings import (
 )
 from signorini_fx.solving.increments import HalvedIncrements, check_step
 from signorini_fx.solving.restart import StoredStates
-
-Array = npt.NDArray[np.float64]
 
 # Settings that a nonlinear problem has not, with the values that change nothing.
 _LEFT_OUT = {"initial_contact": "auto", "error_bound": False}
@@ -331,7 +329,7 @@ class ProblemOfScene(NonlinearContactProblem):
         limit = self.statement.solver.largest_deformation
         return "" if size <= limit else f"it is {size:.3g}, of small strains at most {limit:g}"
 
-    def _loaded(self) -> npt.NDArray[np.int32]:
+    def _loaded(self) -> Indices:
         """Return the loaded facets; forces that keep their direction count, which are not in F."""
         named = [
             load.where

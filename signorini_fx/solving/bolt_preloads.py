@@ -15,10 +15,10 @@ from functools import partial
 from typing import TypeVar
 
 import numpy as np
-import numpy.typing as npt
 
 from signorini_fx.algebra.algorithms.strategy import solve_task
 from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
+from signorini_fx.arrays import Array
 from signorini_fx.mechanics.effects.loads import Preload
 from signorini_fx.mechanics.model import Model
 from signorini_fx.records import Finding, Status
@@ -125,15 +125,13 @@ def shortenings(model: Model, step: float) -> list[float]:
     return [model.applied[k].factor(step) for k in _tightened(model, step)]
 
 
-def with_shortenings(
-    model: B, step: float, lengths: Sequence[float] | npt.NDArray[np.float64]
-) -> B:
+def with_shortenings(model: B, step: float, lengths: Sequence[float] | Array) -> B:
     """Return the model with shortenings that were found at a place; nothing is assembled again."""
     shortened = zip(_tightened(model, step).values(), lengths, strict=True)
     return _with(model, {id(entry): entry.tightened(step, float(s)) for entry, s in shortened})
 
 
-def tightened(posed: Posed, start: Start, found: npt.NDArray[np.float64]) -> tuple[Posed, Start]:
+def tightened(posed: Posed, start: Start, found: Array) -> tuple[Posed, Start]:
     """A load step with the shortenings that its forces have led to, as ``found_in`` gives them."""
     body = posed.body
     place = start.place
@@ -150,14 +148,14 @@ def tightened(posed: Posed, start: Start, found: npt.NDArray[np.float64]) -> tup
     return replace(posed, body=body), replace(start, factors=body.factors(place))
 
 
-def found_in(model: Model, step: float) -> npt.NDArray[np.float64]:
+def found_in(model: Model, step: float) -> Array:
     """Return by how much forces have shortened each of their sections up to a place, length; nan:
     by nothing.
     """
     return np.array([entry.found_at(step) for entry in _by_force(model)])
 
 
-def with_found(model: B, step: float, found: npt.NDArray[np.float64]) -> B:
+def with_found(model: B, step: float, found: Array) -> B:
     """Return the model whose forces have led to these shortenings before a step; itself if it has
     them.
     """

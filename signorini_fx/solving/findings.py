@@ -11,7 +11,6 @@ from dataclasses import replace
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
@@ -21,6 +20,7 @@ from signorini_fx.algebra.algorithms.task import Outcome, Task
 from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.points import pushed
 from signorini_fx.algebra.contact.statics import Reactions, escape, reactions
+from signorini_fx.arrays import Array, Flags
 from signorini_fx.errors import SceneError
 from signorini_fx.extensions import add_on
 from signorini_fx.machine import compat, parallel
@@ -43,8 +43,6 @@ from signorini_fx.records import MAY_JUMP, STEPS_UNESTIMATED, Finding, History, 
 from signorini_fx.results.contact_figures import load_on
 from signorini_fx.results.mechanics import StepResult
 from signorini_fx.tuned import FAR_GAP, NO_FORCE, NOTABLE, ROOT_OF_EPS, SAME_LENGTH
-
-Array = npt.NDArray[np.float64]
 
 
 def scene_findings(body: Model, reached: float = np.inf) -> Iterator[Finding]:
@@ -656,7 +654,7 @@ def steps_without_estimate(
     memory = [one for one in statement.material if getattr(one, "state_size", 0)]
     if any(one.at_time(0.5) is not one for one in memory):
         changed = list[int]()
-        before: npt.NDArray[np.bool_] | None = None
+        before: Flags | None = None
         for step in steps:
             if step.contact is None:
                 continue

@@ -11,13 +11,12 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from dolfinx import fem
 from petsc4py import PETSc
 
 from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
 from signorini_fx.algebra.contact.active_sets import ActiveSets, release
-from signorini_fx.algebra.contact.nodal_vectors import inner, length, unit
+from signorini_fx.arrays import Array, inner, length, unit
 from signorini_fx.errors import FormError
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary, no_points
@@ -29,7 +28,6 @@ from signorini_fx.records import Status
 from signorini_fx.results.certificate.law_of_method import PreviousStep, Tractions
 from signorini_fx.tuned import ROOT_OF_EPS
 
-Array = npt.NDArray[np.float64]
 _PRESSURE = "hydrostatic pressure"  # of a mixed element at the vertices of cells, a stress
 
 

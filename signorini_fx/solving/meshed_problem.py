@@ -11,15 +11,14 @@ from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
-import numpy.typing as npt
 from mpi4py import MPI
 from scipy.spatial import cKDTree
 
 from signorini_fx.algebra.algorithms.task import Outcome, Task
 from signorini_fx.algebra.contact.active_sets import ActiveSets
-from signorini_fx.algebra.contact.nodal_vectors import Nodal, length, unit
 from signorini_fx.algebra.linalg.choice import krylov_from
 from signorini_fx.algebra.linalg.petsc_calls import memory_ended
+from signorini_fx.arrays import Array, length, unit
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
@@ -122,9 +121,7 @@ class MeshedProblem(ABC):
         those of the first one.
         """
 
-    def remade(
-        self, last: TaggedMesh, lengths: npt.NDArray[np.float64], finer: float
-    ) -> tuple[Self, int]:
+    def remade(self, last: TaggedMesh, lengths: Array, finer: float) -> tuple[Self, int]:
         """Return the problem on cells of these lengths made by gmsh, at most ``finer`` times finer,
         and how many; collective.
         """
@@ -316,7 +313,7 @@ def solve_nested(
 
 def carry_over(
     coarse: ContactState, fine: ContactBoundary
-) -> tuple[ActiveSets, tuple[Nodal, Nodal]]:
+) -> tuple[ActiveSets, tuple[Array, Array]]:
     """Sets and (lambda, mu) for the nodes of a finer mesh, from the nearest coarse nodes;
     collective.
     """

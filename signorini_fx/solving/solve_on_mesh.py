@@ -8,13 +8,13 @@ from functools import cache, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 from dolfinx import fem
 
 from signorini_fx.algebra.algorithms.task import Outcome, Task
 from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.linalg import Elasticity, ElasticSystem
 from signorini_fx.algebra.linalg.choice import SystemSize, choose_system
+from signorini_fx.arrays import Array
 from signorini_fx.machine.petsc_objects import free_unused
 from signorini_fx.mechanics.body.discretisation import moved_since, placed, placements, prepare
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary, no_points
@@ -108,7 +108,7 @@ def stated_problem(
     return StatedProblem(model, task, timings, history, effects)
 
 
-def _displacement_of_coarser(task: Task, model: Model) -> npt.NDArray[np.float64] | None:
+def _displacement_of_coarser(task: Task, model: Model) -> Array | None:
     """The displacement of the coarser mesh, shape (dofs,), where solves are not exact and gain by
     it; collective.
     """
@@ -138,7 +138,7 @@ def solve_contact(
     contact: ContactState | None,
     on_step: Callable[[Report], object] = lambda report: None,
     stored: StoredStates | None = None,
-    near: npt.NDArray[np.float64] | None = None,
+    near: Array | None = None,
     begin: State | None = None,
 ) -> tuple[Solution, Task, Outcome]:
     """All load steps after a state, None: all, until one has no solution, the last task, and the
@@ -473,7 +473,7 @@ class StatedProblem:
             state, reached = new, at
 
 
-def _spin(model: Model) -> npt.NDArray[np.float64] | None:
+def _spin(model: Model) -> Array | None:
     """Across planes of symmetry, which supports make that hold now, there is no shear of a pair any
     more.
     """

@@ -10,12 +10,12 @@ from functools import partial
 from typing import Any, Protocol
 
 import numpy as np
-import numpy.typing as npt
 
 from signorini_fx.algebra.algorithms.strategy import solve_task
 from signorini_fx.algebra.algorithms.task import Outcome, Start
 from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.motions import ReferenceMotion
+from signorini_fx.arrays import Array
 from signorini_fx.errors import FormError
 from signorini_fx.mechanics.body.deformation import deformation_of
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
@@ -35,7 +35,6 @@ from signorini_fx.results.certificate.law_of_method import (
 from signorini_fx.results.mechanics import Mechanics, StepResult
 from signorini_fx.solving.frames import Posed, start_of, state_of, vectors_of
 
-Array = npt.NDArray[np.float64]
 _DIGITS = 9  # of durations, whose ends have round-off
 
 

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import mpi4py.MPI  # noqa: F401  # first, see signorini_fx.mechanics.body
 import numpy as np
-import numpy.typing as npt
 from petsc4py import PETSc
 from scipy.linalg import LinAlgError, eigh, null_space
 from scipy.optimize import minimize
@@ -22,12 +21,11 @@ from scipy.sparse import csr_array
 from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.linalg.blocks import by_entries
 from signorini_fx.algebra.linalg.schur import SchurComplement
+from signorini_fx.arrays import Array, Ints
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.features import refused_by
 from signorini_fx.records import Finding
 from signorini_fx.tuned import CERTIFICATE_TOLERANCE, NOTHING_LEFT
-
-Array = npt.NDArray[np.float64]
 
 # How often the largest eigenvalue is evaluated.
 _EVALUATIONS = 60
@@ -137,9 +135,7 @@ def proved_multiple(stiffness: Array, operator: Array, law: PointFriction) -> tu
     return _critical((condensed + condensed.T) / 2, normal, beside, sizes)
 
 
-def _critical(
-    stiffness: Array, normal: int, beside: npt.NDArray[np.int64], sizes: Array
-) -> tuple[float, str]:
+def _critical(stiffness: Array, normal: int, beside: Ints, sizes: Array) -> tuple[float, str]:
     """Return the critical coefficient of normal components, then tangential ones, with the place of
     the normal one of each.
     """

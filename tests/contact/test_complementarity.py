@@ -20,7 +20,7 @@ from signorini_fx.algebra.contact.active_sets import (
 )
 from signorini_fx.algebra.contact.complementarity import onto_disc, trial_shear
 from signorini_fx.algebra.contact.friction import PointFriction
-from signorini_fx.algebra.contact.nodal_vectors import inner, length, unit
+from signorini_fx.arrays import inner, length, unit
 
 GAMMA_N, GAMMA_T = 16.0, 64.0
 STICK, PLUS, MINUS = 0, 1, -1

@@ -136,7 +136,7 @@ def test_imports_point_down():
     statement = {
         f"mechanics.statement.{name}" for name in ("effect", "expressions", "rigid_body", "values")
     }
-    assert graph["mechanics.effects.loads"] == {"errors", "tuned", *statement}
+    assert graph["mechanics.effects.loads"] == {"arrays", "errors", "tuned", *statement}
     assert {"mechanics.model", "mechanics.mesh.tagged", "algebra.linalg.choice"} <= graph[
         "solving.solve_on_mesh"
     ]

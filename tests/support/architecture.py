@@ -70,7 +70,7 @@ BESIDE = {
     "mechanics.assembly": ("mechanics.scales",),
     "mechanics.contact_points": ("mechanics.state",),
     "records": ("records", "machine.display"),
-    "ground": ("errors", "extensions", "removed", "tuned"),
+    "ground": ("arrays", "errors", "extensions", "removed", "tuned"),
 }
 
 

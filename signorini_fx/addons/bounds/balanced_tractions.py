@@ -18,7 +18,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from signorini_fx.addons.bounds.simplices import EPS, Array
+from signorini_fx.addons.bounds.simplices import EPS
+from signorini_fx.arrays import Array
 from signorini_fx.quantities.proved_statements import Refused
 from signorini_fx.tuned import MANY_STEPS, NOTHING_LEFT
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from signorini_fx.addons.bounds.simplices import Array
+from signorini_fx.arrays import Array
 from signorini_fx.machine import compat
 from signorini_fx.mechanics.effects.contact import Contact
 from signorini_fx.mechanics.effects.displacement import Displacement

@@ -13,7 +13,8 @@ from __future__ import annotations
 import numpy as np
 
 from signorini_fx.addons.bounds.plain_problem import FacetsInContact, PlainProblem
-from signorini_fx.addons.bounds.simplices import EDGES_OF_FACET, Array, Ints
+from signorini_fx.addons.bounds.simplices import EDGES_OF_FACET
+from signorini_fx.arrays import Array, Ints
 from signorini_fx.quantities.proved_statements import Refused
 from signorini_fx.tuned import SAME_LENGTH
 

@@ -24,7 +24,8 @@ from dolfinx import fem
 from signorini_fx.addons.bounds.error_bound import ROUND_OFF, Bounded, proved
 from signorini_fx.addons.bounds.johnson_mercier import energy, from_strain
 from signorini_fx.addons.bounds.linear_displacement import Given, free_motions, smallest_energy
-from signorini_fx.addons.bounds.simplices import TWICE, Array
+from signorini_fx.addons.bounds.simplices import TWICE
+from signorini_fx.arrays import Array
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.model import Model
 from signorini_fx.quantities.proved_statements import Interval, Refused

@@ -20,12 +20,11 @@ from scipy.spatial import cKDTree
 from signorini_fx.addons.bounds.simplices import (
     EDGES_OF_FACET,
     EPS,
-    Array,
-    Ints,
     Simplices,
     closest_linear,
     with_hats,
 )
+from signorini_fx.arrays import Array, Ints
 from signorini_fx.mechanics.pairs.overlap import clip
 from signorini_fx.mechanics.pairs.search import Patches, candidates
 from signorini_fx.tuned import NOTHING_LEFT, ROOT_OF_EPS, SAME_LENGTH

@@ -16,14 +16,8 @@ from scipy.sparse.csgraph import breadth_first_order
 
 from signorini_fx.addons.bounds.johnson_mercier import LocalStress
 from signorini_fx.addons.bounds.linear_displacement import free_basis, free_motions, solved
-from signorini_fx.addons.bounds.simplices import (
-    EPS,
-    Array,
-    Ints,
-    Simplices,
-    closest_linear,
-    with_hats,
-)
+from signorini_fx.addons.bounds.simplices import EPS, Simplices, closest_linear, with_hats
+from signorini_fx.arrays import Array, Ints
 
 
 @dataclass(frozen=True)

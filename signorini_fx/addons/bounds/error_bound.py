@@ -46,8 +46,9 @@ from signorini_fx.addons.bounds.plain_problem import (
     Rows,
     on_first_rank,
 )
-from signorini_fx.addons.bounds.simplices import EPS, Array, closest_linear, with_hats
+from signorini_fx.addons.bounds.simplices import EPS, closest_linear, with_hats
 from signorini_fx.algebra.contact.points import pushed
+from signorini_fx.arrays import Array
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.model import Model

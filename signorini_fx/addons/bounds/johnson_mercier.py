@@ -23,12 +23,11 @@ from signorini_fx.addons.bounds.simplices import (
     FACETS,
     ROWS,
     TWICE,
-    Array,
-    Ints,
     Simplices,
     lagrange,
     motions_of,
 )
+from signorini_fx.arrays import Array, Ints
 
 # Numbers in the stresses of the cells whose matrices are made at the same time.
 _CHUNK = 3_500_000

@@ -52,13 +52,12 @@ from signorini_fx.addons.bounds.simplices import (
     EPS,
     ROWS,
     TWICE,
-    Array,
-    Ints,
     Moduli,
     Simplices,
     lagrange,
     motions_of,
 )
+from signorini_fx.arrays import Array, Ints
 from signorini_fx.tuned import ROUNDED_FORMS
 
 # Cells whose systems are solved at the same time.

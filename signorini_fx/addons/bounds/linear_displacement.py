@@ -8,22 +8,14 @@ body of its own: it has its own free motions, its own balance of forces and its 
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 import scipy.sparse as sp
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from signorini_fx.addons.bounds.simplices import (
-    COLUMNS,
-    ROWS,
-    TWICE,
-    Array,
-    Ints,
-    Simplices,
-    motions_of,
-)
+from signorini_fx.addons.bounds.simplices import COLUMNS, ROWS, TWICE, Simplices, motions_of
 from signorini_fx.algebra.linalg import petsc_options
 from signorini_fx.algebra.linalg.factorisation import use_factorisation
+from signorini_fx.arrays import Array, Flags, Ints
 from signorini_fx.tuned import NOTHING_LEFT, ZERO_IN_SOLUTION
 
 # Facets, projectors onto directions in which their vertices have a given displacement, and that,
@@ -58,7 +50,7 @@ def smallest_energy(t: Simplices, given: list[Given]) -> tuple[Array, float]:
     return start, max(float(np.abs(vectors).max(initial=0.0)) for vectors in missed)
 
 
-def free_basis(turn: Array, fixed: npt.NDArray[np.bool_]) -> sp.csr_matrix:
+def free_basis(turn: Array, fixed: Flags) -> sp.csr_matrix:
     """Displacements of v vertices from their free components, shape (d v, components); ``turn``:
     directions of components, one per column, shape (v, d, d); ``fixed``: which are not free, shape
     (v, d).

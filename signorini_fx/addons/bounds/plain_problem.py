@@ -26,13 +26,12 @@ from signorini_fx.addons.bounds.simplices import (
     FACETS,
     ROWS,
     TWICE,
-    Array,
-    Ints,
     Moduli,
     Simplices,
     divide,
     with_hats,
 )
+from signorini_fx.arrays import Array, Ints
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.assembly.mesh_entities import facet_entities
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
@@ -161,7 +160,7 @@ def _of_cells(model: Model, y: fem.Function) -> Rows:
     return rows | {"stiffness": at_cells[:, axes][:, :, axes]}
 
 
-def _values_of(part: Any, cells: Ints) -> npt.NDArray[np.float64]:
+def _values_of(part: Any, cells: Ints) -> Array:
     """Return the values of a coefficient in cells, shape (n,)."""
     if isinstance(part, fem.Function):
         return np.asarray(part.x.array[part.function_space.dofmap.list[cells, 0]])

@@ -14,14 +14,12 @@ from math import factorial
 
 import basix
 import numpy as np
-import numpy.typing as npt
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
+from signorini_fx.arrays import Array, Ints
 from signorini_fx.mechanics.rigid.rigid_motions import rigid_modes
 
-Array = npt.NDArray[np.float64]
-Ints = npt.NDArray[np.int64]
 EPS = float(np.finfo(float).eps)
 
 # By dimension: reference cells, and the corners of the facet opposite each corner, and of each

@@ -12,14 +12,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from signorini_fx.addons.decks.text import (
-    DeckBlock,
-    DeckError,
-    Floats,
-    coordinates,
-    real,
-    real_or_none,
-)
+from signorini_fx.addons.decks.text import DeckBlock, DeckError, coordinates, real, real_or_none
+from signorini_fx.arrays import Array
 from signorini_fx.mechanics.mesh.files.arrays import plain
 from signorini_fx.mechanics.statement.rigid_shape import turning
 
@@ -52,7 +46,7 @@ _DEFINING = {
     "SURFACE": "NAME",
 }
 # From positions in a part to those in the assembly, shape (n, 3).
-_Motion = Callable[[Floats], Floats]
+_Motion = Callable[[Array], Array]
 
 
 @dataclass
@@ -146,7 +140,7 @@ def _instance(block: DeckBlock, parts: dict[str, list[DeckBlock]]) -> _Scope:
     return instance
 
 
-def _motion(shift: Floats, turn: Floats | None = None) -> _Motion:
+def _motion(shift: Array, turn: Array | None = None) -> _Motion:
     """Return a shift followed by a rotation; ``turn``: two points of its axis and an angle,
     degrees.
     """

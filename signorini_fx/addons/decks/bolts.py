@@ -12,7 +12,8 @@ import numpy as np
 
 from signorini_fx.addons.decks.content import Deck, DeckLoad
 from signorini_fx.addons.decks.text import DeckBlock, components, factors_of, real
-from signorini_fx.mechanics.mesh.files.cells import Floats, dimension
+from signorini_fx.arrays import Array
+from signorini_fx.mechanics.mesh.files.cells import dimension
 from signorini_fx.tuned import DIGITS_OF_FILES
 
 # The cosine to its surface beyond which a given normal is along that of the surface.
@@ -37,7 +38,7 @@ def read_bolt(deck: Deck, block: DeckBlock) -> None:
         deck.bolts[node] = surface
 
 
-def _normal(deck: Deck, name: str) -> Floats | None:
+def _normal(deck: Deck, name: str) -> Array | None:
     """Return the normal of a plane surface, shape (3,); None: the surface is not plane."""
     raw = deck.model.raw
     dim = deck.mesh.dim

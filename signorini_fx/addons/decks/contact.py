@@ -11,8 +11,9 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from signorini_fx.addons.decks.content import Deck, Interaction, SurfacePair
-from signorini_fx.addons.decks.text import DeckBlock, Ints, parameter, real, real_or_none
+from signorini_fx.addons.decks.text import DeckBlock, parameter, real, real_or_none
 from signorini_fx.addons.decks.unread_keywords import CONSTRAINT
+from signorini_fx.arrays import Ints
 from signorini_fx.tuned import DIGITS_OF_FILES, HARD_CONTACT
 
 # How a contact pair is discretised, which a scene chooses itself.

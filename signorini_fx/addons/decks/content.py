@@ -13,10 +13,11 @@ import numpy as np
 
 from signorini_fx.addons.decks.mesh import DeckModel
 from signorini_fx.addons.decks.text import DeckBlock, number_of
+from signorini_fx.arrays import Array, Ints
 from signorini_fx.mechanics.kinematics import of_materials
 from signorini_fx.mechanics.kinematics.protocol import Kinematics
 from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, plain
-from signorini_fx.mechanics.mesh.files.cells import Floats, Ints, dimension
+from signorini_fx.mechanics.mesh.files.cells import dimension
 
 # Keys of a table with their values, where boundaries have no names.
 Place = tuple[tuple[str, Any], ...]
@@ -110,7 +111,7 @@ class Deck:
     ended: set[tuple[int, str]] = field(default_factory=set)
     amplitudes: dict[str, DeckBlock] = field(default_factory=dict)
     # those of the nodes at the end of each step that changes them, and at rest as step -1
-    temperatures: dict[int, Floats] = field(default_factory=dict)
+    temperatures: dict[int, Array] = field(default_factory=dict)
     heating: list[DeckBlock] = field(default_factory=list)
     interaction: str = ""
     interactions: dict[str, Interaction] = field(default_factory=dict)

@@ -23,8 +23,9 @@ from signorini_fx.addons.decks.text import (
     real,
 )
 from signorini_fx.addons.decks.unread_keywords import NO_BODY_PART, UNKNOWN, WITHOUT_EFFECT
+from signorini_fx.arrays import Array, Ints
 from signorini_fx.mechanics.mesh.files.arrays import plain
-from signorini_fx.mechanics.mesh.files.cells import Floats, Ints, completed, nodal_measures
+from signorini_fx.mechanics.mesh.files.cells import completed, nodal_measures
 from signorini_fx.tuned import NEGLIGIBLE, ZERO_IN_SOLUTION
 
 _AXES = {1: "x", 2: "y", 3: "z"}
@@ -243,7 +244,7 @@ def _push_singly(deck: Deck, block: DeckBlock, group: Group, axis: str, factor: 
             _set_load(deck, load, factor * value / share)
 
 
-def _uniform(deck: Deck, where: str, rows: Ints, values: Floats) -> float | None:
+def _uniform(deck: Deck, where: str, rows: Ints, values: Array) -> float | None:
     """Return the traction times the thickness that nodal forces are equivalent to, stress times
     length; None: there is none.
     """
@@ -258,7 +259,7 @@ def _uniform(deck: Deck, where: str, rows: Ints, values: Floats) -> float | None
     )
 
 
-def _areas(deck: Deck, where: str) -> Floats:
+def _areas(deck: Deck, where: str) -> Array:
     """Return the share of each node of the mesh in the area of a boundary, in 2D its length, shape
     (n,).
     """
@@ -329,7 +330,7 @@ def amplitude_share(deck: Deck, block: DeckBlock) -> float:
     return share
 
 
-def _course_of(amplitude: DeckBlock) -> tuple[Floats, Floats]:
+def _course_of(amplitude: DeckBlock) -> tuple[Array, Array]:
     """Return the times and values of an amplitude."""
     try:
         words = np.array([real(word) for row in amplitude.rows for word in row])
@@ -407,7 +408,7 @@ def read_temperatures(deck: Deck, block: DeckBlock) -> None:
     deck.heating.append(block)
 
 
-def _temperatures_at(deck: Deck, step: int) -> Floats:
+def _temperatures_at(deck: Deck, step: int) -> Array:
     """Return the temperatures of the nodes of the body at the end of a step, shape (n,)."""
     steps = [earlier for earlier in deck.temperatures if earlier <= step]
     return deck.temperatures[max(steps)] if steps else np.zeros(len(deck.numbers))

@@ -30,8 +30,9 @@ from signorini_fx.addons.decks.text import (
     read_keywords,
     real,
 )
+from signorini_fx.arrays import Array, Ints
 from signorini_fx.mechanics.mesh.files.arrays import Numbering, RawMesh, plain
-from signorini_fx.mechanics.mesh.files.cells import Floats, Ints, dimension
+from signorini_fx.mechanics.mesh.files.cells import dimension
 
 _SOLID = re.compile(r"(?:C3D|DC3D|AC3D)(\d+)")
 _PLANE = re.compile(r"(?:CPEG|CPE|CPS|CAX|DC2D|STRI|M3D|SFM3D|R3D|DS|S)([34689])")
@@ -138,7 +139,7 @@ class DeckModel:
 class _Reader:
     """The mesh as far as it has been read."""
 
-    node_parts: list[tuple[DeckBlock, Ints, Floats]] = field(default_factory=list)
+    node_parts: list[tuple[DeckBlock, Ints, Array]] = field(default_factory=list)
     element_parts: list[tuple[DeckBlock, str, Ints]] = field(default_factory=list)
     node_sets: dict[str, Ints] = field(default_factory=dict)
     element_sets: dict[str, Ints] = field(default_factory=dict)
@@ -305,7 +306,7 @@ class _Reader:
     # --- when all keywords have been read ---------------------------------------------------------
 
     @cached_property
-    def nodes(self) -> tuple[Numbering, Floats]:
+    def nodes(self) -> tuple[Numbering, Array]:
         """All nodes and their positions, length, shape (n, 2) or (n, 3)."""
         rows = _numbering("node", [(block, numbers) for block, numbers, _ in self.node_parts])
         dim = max((2, *(x.shape[1] for _, _, x in self.node_parts)))

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from signorini_fx.addons.decks.text import Floats, Ints
+from signorini_fx.arrays import Array, Ints
 from signorini_fx.errors import MeshError
 
 # Fortran writes D for E, and leaves out the letter before an exponent of three digits.
@@ -25,14 +25,10 @@ _DIGITS_OF_SINGLE = 7
 class ForeignResult:
     """Displacements at the points of a file, or at the nodes of a problem."""
 
-    displacement: (
-        Floats  # length, shape (n, 2 or 3); at nodes NaN where there is none, shape (n, d)
-    )
+    displacement: Array  # length, shape (n, 2 or 3); at nodes NaN where there is none, shape (n, d)
     digits: int | None = None  # with which they were printed; None: with all
     numbers: Ints | None = None  # of the nodes in the file, shape (n,); None: not known
-    points: Floats | None = (
-        None  # positions in the file, length, shape (n, 2 or 3); None: not known
-    )
+    points: Array | None = None  # positions in the file, length, shape (n, 2 or 3); None: not known
     cells: tuple[
         Ints, ...
     ] = ()  # points of the cells of each kind, shape (m, k); none where only points are known
@@ -55,7 +51,7 @@ class ForeignResult:
 _Rows = dict[int, tuple[int, list[str]]]
 
 
-def _numbers(file: Path, rows: Iterable[tuple[int, Sequence[str]]]) -> tuple[Floats, int]:
+def _numbers(file: Path, rows: Iterable[tuple[int, Sequence[str]]]) -> tuple[Array, int]:
     """Return the numbers of lines with their words, shape (lines, words), and the digits of the
     longest.
     """
@@ -179,7 +175,7 @@ def read_csv(file: Path) -> ForeignResult:
             f"there are: {heading}"
         )
 
-    def columns(*names: str) -> tuple[Floats, int]:
+    def columns(*names: str) -> tuple[Array, int]:
         present = [at[name] for name in names if name in at]
         table = [[(*row, *[""] * len(at))[k] for k in present] for row in rows[1:]]
         return _numbers(file, zip([line for line, _ in numbered[1:]], table, strict=True))

@@ -20,17 +20,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from signorini_fx.addons.decks.known_parameters import (
     is_parameter,
     squeezed,
     unread_parameters,
 )
+from signorini_fx.arrays import Array, Ints
 from signorini_fx.errors import MeshError
-
-Floats = npt.NDArray[np.float64]
-Ints = npt.NDArray[np.int64]
 
 # How many words each data line has at least, and how many data lines a keyword has at most.
 _LEAST_WORDS = {
@@ -287,7 +284,7 @@ def components(words: Sequence[str]) -> dict[int, float]:
     return dict.fromkeys(range(int(first), int(last or first) + 1), real(value) if value else 0.0)
 
 
-def coordinates(block: DeckBlock) -> tuple[Ints, Floats]:
+def coordinates(block: DeckBlock) -> tuple[Ints, Array]:
     """Return the numbers of the nodes of *NODE and their coordinates; those that a line lacks are
     zero.
     """

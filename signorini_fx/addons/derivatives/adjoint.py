@@ -22,14 +22,13 @@ from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from petsc4py import PETSc
 
 from signorini_fx.algebra.contact.friction import PointFriction
-from signorini_fx.algebra.contact.nodal_vectors import Nodal, inner, length, unit
 from signorini_fx.algebra.contact.state import PointState
 from signorini_fx.algebra.linalg import ElasticSystem, petsc_calls, petsc_options
 from signorini_fx.algebra.regularised import ContactTangent
+from signorini_fx.arrays import Array, Flags, inner, length, unit
 from signorini_fx.errors import SignoriniError
 from signorini_fx.machine import parallel
 from signorini_fx.tuned import CERTIFICATE_TOLERANCE, LEFT_BY_SOLVES, MANY_STEPS, SAME_NUMBER
@@ -41,23 +40,23 @@ class LinearisedLaw:
 
     # components whose displacement the law prescribes, or would without regularisation, shape (n,
     # d)
-    tied: npt.NDArray[np.bool_]
+    tied: Flags
     # E, from their tractions to all components: the friction bound follows the pressure, shape (n,
     # d, d)
-    spread: Nodal
+    spread: Array
     # the rest of the tangent, by which the shear follows the direction of slip, stress per length,
     # shape (n, d, d)
-    turning: Nodal
-    gamma: Nodal  # stiffness of each component, stress per length, shape (d,)
+    turning: Array
+    gamma: Array  # stiffness of each component, stress per length, shape (d,)
     exact: bool  # whether there is no regularisation
-    slip: Nodal  # e where the shear is at its bound, else zero, shape (n, d - 1)
+    slip: Array  # e where the shear is at its bound, else zero, shape (n, d - 1)
     between: int  # points of all ranks that stand between two sets, where derivatives are one-sided
     # by how much more slips change with displacements than these along the contact do, as they turn
     # it, without unit, shape (n, d - 1, d); None: by nothing
-    slips: Nodal | None = None
+    slips: Array | None = None
 
     @property
-    def tangent(self) -> Nodal:
+    def tangent(self) -> Array:
         """D by displacements of the points, stress per length, shape (n, d, d)."""
         tied = self.spread * (self.gamma * self.tied)[:, None, :]
         slopes = self.turning
@@ -66,7 +65,7 @@ class LinearisedLaw:
             tied = np.zeros_like(tied)
         return (slopes if self.slips is None else slopes + slopes[:, :, 1:] @ self.slips) + tied
 
-    def by_slips(self, owed: Nodal) -> Nodal:
+    def by_slips(self, owed: Array) -> Array:
         """What is owed to gaps and slips that the law prescribes, from what is owed to
         displacements, shape (n, d).
         """
@@ -86,7 +85,7 @@ def linearised(
     gamma: tuple[float, float],
     *,
     exact: bool,
-    before: Nodal | None = None,
+    before: Array | None = None,
 ) -> LinearisedLaw:
     """The law at a solution, with (gamma_1, gamma_2), stress per length, those of the
     regularisation unless there is none (``exact``); ``before``: the shear at the beginning of the
@@ -95,7 +94,7 @@ def linearised(
     contact = state.in_contact
     count, tangents = state.shear.shape
     law = law if state.has_friction else None
-    coefficient: Nodal = np.zeros(count)
+    coefficient: Array = np.zeros(count)
     if law is not None:
         _, coefficient, _ = law.evaluate(state.pressure, 0.0)
     moves = np.any(state.direction != 0, axis=1) | ~(state.bound > 0)
@@ -126,8 +125,8 @@ def linearised(
 def _between(
     state: PointState,
     gamma: tuple[float, float],
-    slips: npt.NDArray[np.bool_],
-    sticks: npt.NDArray[np.bool_],
+    slips: Flags,
+    sticks: Flags,
 ) -> int:
     """Points of all ranks that would change their set if hardly anything changed; collective."""
     comm = state.points.comm
@@ -149,8 +148,8 @@ class Explicit:
 
     values: Sequence[float]  # of the quantities
     residual: PETSc.Vec  # R at the unknowns of the stiffness
-    relative: Nodal  # B x - d, length, shape (n, d)
-    bound: Nodal  # the friction bound, stress, shape (n,)
+    relative: Array  # B x - d, length, shape (n, d)
+    bound: Array  # the friction bound, stress, shape (n,)
 
 
 @dataclass(frozen=True)
@@ -159,13 +158,13 @@ class Adjoint:
 
     psi: PETSc.Vec  # at all unknowns of the stiffness, zero where they are prescribed
     untied: (
-        Nodal  # q at the points, for what changes tractions at a given displacement, shape (n, d)
+        Array  # q at the points, for what changes tractions at a given displacement, shape (n, d)
     )
     # minus what a displacement of the tied components, and the turning of shear, contribute, shape
     # (n, d)
-    tied: Nodal
+    tied: Array
     law: LinearisedLaw  # the linearised law
-    weight: Nodal  # w, shape (n,)
+    weight: Array  # w, shape (n,)
 
     def derivative(self, by: Explicit, direct: float) -> float:
         """dJ/dp from what depends on p explicitly, and J_p; collective."""
@@ -227,7 +226,7 @@ class TransposedTangent:
         (matrix.multTranspose if self._as_it_is else matrix.mult)(x, residual)
         residual.aypx(-1.0, right)
 
-    def adjoint(self, by_displacement: PETSc.Vec, by_traction: Nodal) -> Adjoint:
+    def adjoint(self, by_displacement: PETSc.Vec, by_traction: Array) -> Adjoint:
         """The adjoint state of a quantity, from J_x at the unknowns of the stiffness, zero where
         they are prescribed, and kappa, J_t over the weight, shape (n, d); collective.
 

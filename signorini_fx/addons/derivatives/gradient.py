@@ -20,7 +20,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from dolfinx import fem
 from petsc4py import PETSc
 
@@ -35,6 +34,7 @@ from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
 from signorini_fx.algebra.contact.contact_map import ContactMap
 from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.linalg import ElasticSystem
+from signorini_fx.arrays import Array
 from signorini_fx.errors import FormError
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import action
@@ -45,7 +45,6 @@ from signorini_fx.quantities.differentiable import ContactForce, Functional
 from signorini_fx.solving.frames import turned
 from signorini_fx.tuned import ROOT_OF_EPS
 
-Array = npt.NDArray[np.float64]
 # The derivatives by a datum of what of a load step depends on it explicitly, with those of some
 # quantities.
 By = Callable[[Any, Sequence[Functional]], Explicit]

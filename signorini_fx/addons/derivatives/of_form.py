@@ -8,13 +8,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import ufl
 from dolfinx import fem
 
 from signorini_fx.addons.derivatives.adjoint import Explicit, TransposedTangent
 from signorini_fx.addons.derivatives.gradient import ChangedStep, SolvedStep, difference, explicit
-from signorini_fx.algebra.contact.nodal_vectors import Nodal, length
+from signorini_fx.arrays import Array, length
 from signorini_fx.errors import FormError, SceneError, SignoriniError
 from signorini_fx.machine import parallel
 from signorini_fx.machine.compilation import compiling
@@ -30,8 +29,6 @@ from signorini_fx.tuned import (
     ZERO_IN_SOLUTION,
 )
 
-Array = npt.NDArray[np.float64]
-
 
 @dataclass(frozen=True)
 class OfForm(Functional):
@@ -42,7 +39,7 @@ class OfForm(Functional):
     u: fem.Function
 
     def value(
-        self, y: fem.Function, boundary: ContactBoundary, pressure: Nodal, shear: Nodal
+        self, y: fem.Function, boundary: ContactBoundary, pressure: Array, shear: Array
     ) -> float:
         saved = self.u.x.array.copy()
         self.u.x.array[:] = y.x.array

@@ -9,7 +9,6 @@ from functools import cache, cached_property, partial
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from dolfinx import fem
 from mpi4py import MPI
 
@@ -23,6 +22,7 @@ from signorini_fx.addons.derivatives.gradient import (
     elastic_forces,
     explicit,
 )
+from signorini_fx.arrays import Array
 from signorini_fx.errors import SceneError
 from signorini_fx.mechanics.body.discretisation import (
     contact_of,
@@ -51,7 +51,6 @@ from signorini_fx.solving.solve_on_mesh import solve_mesh
 from signorini_fx.solving.step import Report
 from signorini_fx.tuned import DIFFERENCE_STEP
 
-Array = npt.NDArray[np.float64]
 # Features of a scene that have no derivatives.
 REFUSES = {
     "inertia": "derivatives of motions with inertia are not possible yet",

@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from signorini_fx.addons.judging.judged_problem import Floats, NotJudgedError, SolutionOnMesh
+from signorini_fx.addons.judging.judged_problem import NotJudgedError, SolutionOnMesh
+from signorini_fx.arrays import Array
 from signorini_fx.errors import SceneError
 from signorini_fx.mechanics.laws.coulomb import NoFriction
 from signorini_fx.mechanics.statement.effect import Load
@@ -35,11 +36,11 @@ class OtherProblem:
     """An alternative with a value, and its solution."""
 
     text: str  # what it is
-    displacement: Floats  # length, shape (n, d)
+    displacement: Array  # length, shape (n, d)
     distance: float  # from the result, in the energy norm
 
 
-def nearest_alternative(on_mesh: SolutionOnMesh, v: Floats, enough: float) -> OtherProblem | None:
+def nearest_alternative(on_mesh: SolutionOnMesh, v: Array, enough: float) -> OtherProblem | None:
     """Return the alternative whose solution is nearest to a displacement; None: there is none.
 
     From the distance ``enough`` on no nearer value is sought, in the energy norm.
@@ -51,7 +52,7 @@ def nearest_alternative(on_mesh: SolutionOnMesh, v: Floats, enough: float) -> Ot
 
 
 def _values(
-    on_mesh: SolutionOnMesh, v: Floats, tried: Alternative, enough: float
+    on_mesh: SolutionOnMesh, v: Array, tried: Alternative, enough: float
 ) -> Iterator[OtherProblem]:
     """Yield the solutions of values found by secants, until one has no effect or no solution."""
     value = tried.trial
@@ -62,10 +63,10 @@ def _values(
             u = on_mesh.with_entries(tried.entries(value))
         except (NotJudgedError, SceneError):  # there is none, or the scene contradicts itself
             return
-        off: Floats = np.asarray(v - u)
+        off: Array = np.asarray(v - u)
         distance = on_mesh.norm(off)
         yield OtherProblem(tried.text(value, 1 / value if value else np.inf), u, distance)
-        slope: Floats = np.asarray((u - u_before) / (value - before))
+        slope: Array = np.asarray((u - u_before) / (value - before))
         square = on_mesh.product(slope, slope)
         if distance <= enough or not square > 0:
             return

@@ -10,7 +10,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from signorini_fx.addons.decks.results import READERS, ForeignResult
-from signorini_fx.addons.judging.judged_problem import Floats, Ints, JudgedProblem
+from signorini_fx.addons.judging.judged_problem import JudgedProblem
+from signorini_fx.arrays import Array, Ints
 from signorini_fx.errors import MeshError
 from signorini_fx.mechanics.mesh.files.arrays import Numbering, plain
 from signorini_fx.tuned import DIGITS_OF_FILES, JUDGED_SAME_PLACE
@@ -56,7 +57,7 @@ def _read(file: Path, problem: JudgedProblem) -> ForeignResult:
     )
 
 
-def _finite(values: Floats) -> Floats:
+def _finite(values: Array) -> Array:
     """Return values with infinity in place of what is no number: NaN stands for missing values."""
     return np.where(np.isnan(values), np.inf, values)
 
@@ -117,7 +118,7 @@ def _rows_at(file: Path, table: ForeignResult, problem: JudgedProblem) -> Ints:
     return row_of_node
 
 
-def _in_cells(x: Floats, tables: Sequence[Ints]) -> tuple[Ints, Floats]:
+def _in_cells(x: Array, tables: Sequence[Ints]) -> tuple[Ints, Array]:
     """Return the number of each point of each cell, shape (k,), and its position with the middle of
     its cell, length, shape (k, 2 d).
     """

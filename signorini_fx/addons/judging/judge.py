@@ -19,12 +19,12 @@ from signorini_fx.addons.decks.results import ForeignResult
 from signorini_fx.addons.judging.alternatives import nearest_alternative
 from signorini_fx.addons.judging.foreign_result import read_result
 from signorini_fx.addons.judging.judged_problem import (
-    Floats,
     JudgedProblem,
     NotJudgedError,
     SolutionOnMesh,
     judged_problem,
 )
+from signorini_fx.arrays import Array
 from signorini_fx.mechanics.mesh.halving import halved
 from signorini_fx.results.files import for_json
 from signorini_fx.tuned import (
@@ -212,13 +212,13 @@ class _Judging:
             return None
 
     @cached_property
-    def read_finer(self) -> Floats:
+    def read_finer(self) -> Array:
         """Our solution on the next mesh at the nodes of this one, or ours where there is none."""
         finer = self.finer
         return self.ours.displacement if finer is None else self.ours.from_finer(finer)
 
     @cached_property
-    def v(self) -> Floats:
+    def v(self) -> Array:
         """The displacement of the result at all nodes of the mesh, length, shape (n, d)."""
         v = np.full(self.problem.arrays.points.shape, np.nan)
         v[: len(self.theirs.displacement)] = self.theirs.displacement
@@ -484,7 +484,7 @@ class _Judging:
             for name, one in shown.items()
         )
 
-    def _away(self, v: Floats, w: Floats) -> dict[str, float]:
+    def _away(self, v: Array, w: Array) -> dict[str, float]:
         """Return how far two displacements, and the contact forces that are read from them, are
         apart, relative to ours.
         """
@@ -493,7 +493,7 @@ class _Judging:
             away["force"] = abs(self._force(v) - self._force(w)) / self.ours.force()
         return away
 
-    def _away_from(self, w: Floats) -> dict[str, float]:
+    def _away_from(self, w: Array) -> dict[str, float]:
         """Return the same of the result and a solution on this mesh, or what its finer mesh would
         make of it.
         """
@@ -501,7 +501,7 @@ class _Judging:
         on_finer = self._away(self.v, w + self.read_finer - self.ours.displacement)
         return {name: min(value, on_finer[name]) for name, value in on_mesh.items()}
 
-    def _force(self, v: Floats) -> float:
+    def _force(self, v: Array) -> float:
         return self.ours.force(self.ours.tractions(v)[0])
 
     def _head(self, size: float, error: float, distance: float, printed: float) -> None:
@@ -528,7 +528,7 @@ class _Judging:
         return f"node {self.problem.names[node]} ({x})"
 
 
-def _largest(u: Floats) -> float:
+def _largest(u: Array) -> float:
     """Return the length of the largest of several vectors, shape (n, d)."""
     return float(np.linalg.norm(u, axis=1).max())
 

@@ -14,7 +14,6 @@ from typing import Any
 # First: PETSc and dolfinx from PyPI find the library of MPI where it is loaded.
 import mpi4py.MPI  # noqa: F401
 import numpy as np
-import numpy.typing as npt
 import scipy.sparse as sp
 from dolfinx import fem
 from mpi4py import MPI
@@ -22,6 +21,7 @@ from scipy.sparse.linalg import lsqr, splu
 from scipy.spatial import cKDTree
 
 from signorini_fx.addons.decks.draft import draft
+from signorini_fx.arrays import Array, Flags, Ints
 from signorini_fx.machine import compat
 from signorini_fx.mechanics.mesh.files.arrays import MeshArrays
 from signorini_fx.mechanics.mesh.halving import halved, quadratic
@@ -37,8 +37,6 @@ from signorini_fx.scenes.solver import solve
 
 # Elements with all nodes and points.  CalculiX makes solids of plane stress, which are others.
 _LIKE_OURS = re.compile(r"(CPE|CAX)[346]|C3D(4|8|10)")
-Floats = npt.NDArray[np.float64]
-Ints = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -75,7 +73,7 @@ class JudgedProblem:
         return "; ".join(reason for reason, there in reasons.items() if there)
 
     @property
-    def points(self) -> Floats:
+    def points(self) -> Array:
         """Positions of the nodes that a result has, length, shape (n, d)."""
         return self.arrays.points[: len(self.names)]
 
@@ -145,33 +143,33 @@ class SolutionOnMesh:
         block[numbers.ravel()] = space.dofmap.list.ravel()
         return cls(problem, arrays, mesh, solution, block)
 
-    def on_finer(self, u: Floats) -> Floats:
+    def on_finer(self, u: Array) -> Array:
         """Return a displacement at the nodes of the mesh with all sides halved, shape (n, d)."""
         # What is done to positions, which the shape functions of the cells interpolate, is done to
         # displacements, too.
         return halved(replace(self.arrays, points=u)).points
 
-    def from_finer(self, finer: SolutionOnMesh) -> Floats:
+    def from_finer(self, finer: SolutionOnMesh) -> Array:
         """Return the displacement of a finer mesh at the nodes of this one, shape (n, d)."""
         # A node of both meshes keeps its marks.
         marks = np.random.default_rng(0).random(self.arrays.points.shape)
         return finer.displacement[cKDTree(self.on_finer(marks)).query(marks)[1]]
 
-    def with_entries(self, entries: Mapping[str, Any]) -> Floats:
+    def with_entries(self, entries: Mapping[str, Any]) -> Array:
         """Return the displacement that solves the problem with other entries of its scene."""
         return self._at_nodes(_solved(self.problem, self.mesh, **entries).displacement)
 
     @cached_property
-    def displacement(self) -> Floats:
+    def displacement(self) -> Array:
         """Our displacement at the end of the last load step."""
         return self._at_nodes(self.solution.displacement)
 
     @cached_property
-    def steps(self) -> list[Floats]:
+    def steps(self) -> list[Array]:
         """Our displacements at the ends of the load steps before the last one."""
         return [self._at_nodes(step.displacement) for step in self.solution.shown_steps[:-1]]
 
-    def _at_nodes(self, u: fem.Function) -> Floats:
+    def _at_nodes(self, u: fem.Function) -> Array:
         return np.asarray(u.x.array.reshape(-1, self.arrays.dim)[self.block], dtype=np.float64)
 
     @cached_property
@@ -191,11 +189,11 @@ class SolutionOnMesh:
         order = self.unknowns.ravel()
         return sp.csr_array(of_unknowns[order][:, order])
 
-    def product(self, a: Floats, b: Floats) -> float:
+    def product(self, a: Array, b: Array) -> float:
         """Return the energy product a(a, b) of two displacements."""
         return float(a.ravel() @ (self.stiffness @ b.ravel()))
 
-    def norm(self, u: Floats) -> float:
+    def norm(self, u: Array) -> float:
         """Return the energy norm of a displacement."""
         return float(np.sqrt(max(self.product(u, u), 0.0)))
 
@@ -205,7 +203,7 @@ class SolutionOnMesh:
             np.sqrt(self.stiffness.diagonal()[: self.problem.points.size].sum() / 3)
         )
 
-    def completed(self, v: Floats) -> Floats:
+    def completed(self, v: Array) -> Array:
         """Return a displacement that is NaN at some nodes with values there that make its distance
         to ours smallest, shape (n, d).
         """
@@ -219,7 +217,7 @@ class SolutionOnMesh:
         return np.asarray(np.where(np.isnan(v), self.displacement + difference.reshape(v.shape), v))
 
     @cached_property
-    def held(self) -> npt.NDArray[np.bool_]:
+    def held(self) -> Flags:
         """Which components supports prescribe, shape (n, d)."""
         return np.asarray(
             self.solution.model.fixed.reshape(-1, self.arrays.dim)[self.block], dtype=np.bool_
@@ -240,7 +238,7 @@ class SolutionOnMesh:
         )
         return of_unknowns[:, self.unknowns.ravel()]
 
-    def tractions(self, v: Floats) -> tuple[Tractions | None, Floats]:
+    def tractions(self, v: Array) -> tuple[Tractions | None, Array]:
         """Return the tractions at the contact points of a displacement, None without contact, and
         the forces at nodes that they leave unbalanced, shape (n, d).
         """
@@ -262,7 +260,7 @@ class SolutionOnMesh:
             tractions = replace(ours, pressure=ours.pressure + pressure, shear=ours.shear + shear)
         return tractions, np.where(self.held, 0.0, left.reshape(v.shape))
 
-    def unbalanced(self, left: Floats) -> tuple[float, int]:
+    def unbalanced(self, left: Array) -> tuple[float, int]:
         """Return how far a displacement with unbalanced forces at nodes, shape (n, d), is from
         equilibrium in the energy norm where nothing touches, and the worst node.
         """
@@ -278,7 +276,7 @@ class SolutionOnMesh:
         works = np.abs(left.ravel()[rows] * correction)
         return float(np.sqrt(works.sum())), int(np.bincount(rows // left.shape[1], works).argmax())
 
-    def moved_alone(self, v: Floats, enough: float) -> list[int]:
+    def moved_alone(self, v: Array, enough: float) -> list[int]:
         """Return one or two nodes without which a displacement is at most ``enough`` from ours;
         none: there are no such nodes.
         """
@@ -301,7 +299,7 @@ class SolutionOnMesh:
                 return nodes
         return []
 
-    def certificate(self, v: Floats, tractions: Tractions) -> Certificate:
+    def certificate(self, v: Array, tractions: Tractions) -> Certificate:
         """Return the certificate of a displacement of the last load step with its tractions."""
         solution = self.solution
         u = fem.Function(self.solution.displacement.function_space)

@@ -9,7 +9,7 @@ from functools import lru_cache
 import numpy as np
 from scipy.spatial import Delaunay
 
-from signorini_fx.addons.pictures.style import Floats, Rows
+from signorini_fx.arrays import Array, Ints
 from signorini_fx.tuned import SAME_LENGTH
 
 
@@ -21,10 +21,10 @@ class Tiling:
 
     # in the unit triangle or the unit square, shape (p, 2); first those along the perimeter, in
     # order
-    points: Floats
+    points: Array
     corners: int  # how many corners the cell has, 3 or 4
     count: int  # how many pieces each side has
-    triangles: Rows  # their points, counterclockwise, shape (t, 3)
+    triangles: Ints  # their points, counterclockwise, shape (t, 3)
 
     @property
     def rim(self) -> int:
@@ -32,11 +32,11 @@ class Tiling:
         return self.corners * self.count
 
     @property
-    def vertices(self) -> Rows:
+    def vertices(self) -> Ints:
         """The points that are corners of the cell, in order, shape (3,) or (4,)."""
         return np.arange(self.corners) * self.count
 
-    def within(self, first: Floats, second: Floats, last: Floats) -> Floats:
+    def within(self, first: Array, second: Array, last: Array) -> Array:
         """The points in a flat cell without curved sides, given by corners of shape (d,): shape (p,
         d).
         """
@@ -82,19 +82,19 @@ def tiling(corners: int, count: int) -> Tiling:
 class DrawnBody:
     """The cells of a body in 2D, or the outer facets of one in 3D."""
 
-    points: Floats  # positions, length, shape (n, d); in 2D each cell has its own
+    points: Array  # positions, length, shape (n, d); in 2D each cell has its own
     # points of each cell or facet, shape (m, p): those of ``tiles``, of facets counterclockwise as
     # seen from outside
-    within: Rows
+    within: Ints
     # how a cell or facet is divided: its corners, more points along sides that may be curved, and
     # some within
     tiles: Tiling
-    displacement: Floats  # at the points, length, shape (n, d)
+    displacement: Array  # at the points, length, shape (n, d)
     # fields at the points of each cell or facet, shape (m, p): those of two materials may have
     # different values at the points that they share
-    values: Mapping[str, Floats]
+    values: Mapping[str, Array]
     recovered: bool  # whether the stress is the recovered one; else it is that of each cell
-    outline: Rows | None = (
+    outline: Ints | None = (
         None  # in 2D pairs of points along the boundary of the body, shape (e, 2)
     )
 
@@ -120,16 +120,16 @@ class DrawnBody:
         )
 
     @property
-    def perimeters(self) -> Rows:
+    def perimeters(self) -> Ints:
         """The points along the perimeter of each cell or facet, in order, shape (m, k)."""
         return self.within[:, : self.tiles.rim]
 
     @property
-    def triangles(self) -> Rows:
+    def triangles(self) -> Ints:
         """The points of the triangles that all cells or facets are divided into, shape (t, 3)."""
         return self.within[:, self.tiles.triangles].reshape(-1, 3)
 
-    def at_corners(self, field: str) -> Floats:
+    def at_corners(self, field: str) -> Array:
         """A field at the corners of the triangles, shape (t, 3)."""
         return self.values[field][:, self.tiles.triangles].reshape(-1, 3)
 
@@ -138,7 +138,7 @@ class DrawnBody:
         """Return the diagonal of the body, length."""
         return float(np.linalg.norm(np.ptp(self.points, axis=0))) if len(self.points) else 0.0
 
-    def moved(self, factor: float) -> Floats:
+    def moved(self, factor: float) -> Array:
         """The points with the displacement times a factor; a failed solve may have left anything
         behind.
         """
@@ -146,7 +146,7 @@ class DrawnBody:
         return np.where(np.isfinite(moved), moved, self.points)
 
 
-def normals_of(corners: Floats) -> Floats:
+def normals_of(corners: Array) -> Array:
     """Normals of polygons by the order of their corners, as long as their areas, shape (m, 3)."""
     corners = corners - corners.mean(axis=1, keepdims=True)
     return np.asarray(0.5 * np.cross(corners, np.roll(corners, -1, axis=1)).sum(axis=1))

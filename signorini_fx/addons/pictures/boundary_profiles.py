@@ -13,7 +13,6 @@ from typing import Any
 
 import matplotlib as mpl
 import numpy as np
-import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
@@ -29,13 +28,12 @@ from signorini_fx.addons.pictures.style import (
     ORANGE,
     RULE,
     STYLE,
-    Floats,
-    Rows,
     decimal_power,
     largest_of,
     plain,
     unit_of,
 )
+from signorini_fx.arrays import Array, Flags, Ints
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable
 from signorini_fx.mechanics.statement.units import bracketed
 from signorini_fx.tuned import SMALL_PART
@@ -62,11 +60,11 @@ class ContactColumns:
     name: str
     columns: Mapping[str, Any]
 
-    def floats(self, name: str) -> Floats:
+    def floats(self, name: str) -> Array:
         """A numeric column, shape (n,)."""
         return np.asarray(self.columns[name], dtype=np.float64)
 
-    def vectors(self, begin: str) -> Floats:
+    def vectors(self, begin: str) -> Array:
         """Columns of which the names end with an axis, shape (n, d)."""
         return np.column_stack(
             [self.floats(f"{begin}{axis}") for axis in "xyz" if f"{begin}{axis}" in self.columns]
@@ -84,7 +82,7 @@ class ContactColumns:
         """
         return "shear_z" in self.columns and "s" in self.columns
 
-    def along(self, name: str) -> Floats:
+    def along(self, name: str) -> Array:
         """A tangential vector along t = (-n_y, n_x); its part in the section where there is another
         one.
         """
@@ -99,7 +97,7 @@ class ContactColumns:
         return str(self.columns["against"][0]) if "against" in self.columns else ""
 
     @property
-    def touching(self) -> npt.NDArray[np.bool_]:
+    def touching(self) -> Flags:
         """The nodes in contact, shape (n,)."""
         return np.asarray(self.columns["state"] != "open")
 
@@ -113,7 +111,7 @@ class ContactColumns:
         return [str(key) for key in np.where(self.touching, closed, "open")]
 
 
-def by_boundary(table: Mapping[str, Any], polygons: Rows) -> Iterator[tuple[ContactColumns, Rows]]:
+def by_boundary(table: Mapping[str, Any], polygons: Ints) -> Iterator[tuple[ContactColumns, Ints]]:
     """Each contact boundary in 3D with its polygons; ``polygons``: rows of the table, shape (m,
     k).
     """
@@ -132,11 +130,11 @@ class PlaneBoundary(ContactColumns):
     start.
     """
 
-    coordinate: Floats
+    coordinate: Array
     label: str
     starts: list[int]
 
-    def draw(self, axes: Axes, values: Floats, **style: Any) -> None:
+    def draw(self, axes: Axes, values: Array, **style: Any) -> None:
         """A line that is interrupted between the pieces."""
         axes.plot(
             np.insert(self.coordinate, self.starts[1:], np.nan),
@@ -144,7 +142,7 @@ class PlaneBoundary(ContactColumns):
             **style,
         )
 
-    def at(self, rows: Rows) -> PlaneBoundary:
+    def at(self, rows: Ints) -> PlaneBoundary:
         """Some nodes, which are connected where they are neighbours."""
         piece = np.searchsorted(self.starts, rows, side="right")
         apart = (np.abs(np.diff(rows)) > 1) | (np.diff(piece) != 0)
@@ -177,7 +175,7 @@ class PlaneBoundary(ContactColumns):
 
 
 # A name for the legend, "" for none, values at the nodes, and the style of the line.
-Curve = tuple[str, Floats, Mapping[str, Any]]
+Curve = tuple[str, Array, Mapping[str, Any]]
 
 
 @dataclass(frozen=True)
@@ -321,7 +319,7 @@ def boundaries_of(table: ContactTable) -> list[PlaneBoundary]:
     """The boundaries in 2D in the order in which they appear; a closed piece ends with its first
     row.
     """
-    paths = defaultdict[str, list[Rows]](list)
+    paths = defaultdict[str, list[Ints]](list)
     for path in table.paths:
         paths[str(table.columns["boundary"][path[0]])].append(path)
     boundaries = []

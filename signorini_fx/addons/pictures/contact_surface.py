@@ -11,7 +11,6 @@ from typing import Any
 
 import matplotlib as mpl
 import numpy as np
-import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.colors import to_rgba
@@ -33,8 +32,6 @@ from signorini_fx.addons.pictures.style import (
     STYLE,
     TIMES,
     VALUES,
-    Floats,
-    Rows,
     decimal_power,
     largest_of,
     number,
@@ -42,6 +39,7 @@ from signorini_fx.addons.pictures.style import (
     readable,
     unit_of,
 )
+from signorini_fx.arrays import Array, Flags, Ints
 from signorini_fx.mechanics.statement.units import bracketed, unit
 from signorini_fx.tuned import CLOSED_IN_PICTURE, LONGEST_ARROW, MOST_ARROWS, SURFACE_MARGIN
 
@@ -62,27 +60,27 @@ class VisibleSide(ContactColumns):
 
     # of its facets that face the foundation along the direction of sight, rows of ``columns``, (m,
     # 3 or 4)
-    polygons: Rows
+    polygons: Ints
     view: view.View  # along the outward normal, so from within the body
 
-    def flat(self, begin: str) -> Floats:
+    def flat(self, begin: str) -> Array:
         """Vectors at the nodes, in the picture, shape (n, 2)."""
         return self.view.flat(self.vectors(begin))
 
     @property
-    def nodes(self) -> Floats:
+    def nodes(self) -> Array:
         """Nodes in the picture, shape (n, 2)."""
         return self.flat("")
 
     @property
-    def shown(self) -> npt.NDArray[np.bool_]:
+    def shown(self) -> Flags:
         """Nodes of the polygons, shape (n,)."""
         seen = np.zeros(len(self.columns["x"]), dtype=bool)
         seen[self.polygons.ravel()] = True
         return seen
 
 
-def sides_of(table: Mapping[str, Any], facets: Rows) -> list[VisibleSide]:
+def sides_of(table: Mapping[str, Any], facets: Ints) -> list[VisibleSide]:
     """The contact boundaries in their order, each as seen along the mean normal of the facets in
     contact.
 
@@ -110,7 +108,7 @@ def sides_of(table: Mapping[str, Any], facets: Rows) -> list[VisibleSide]:
 
 
 @mpl.rc_context(STYLE)
-def contact_surface(table: Mapping[str, Any], facets: Rows) -> Figure:
+def contact_surface(table: Mapping[str, Any], facets: Ints) -> Figure:
     """Draw each contact boundary of a body in 3D, seen along its outward normal through the body.
 
     Contact pressure in colour where a facet is in contact, linear between the nodes, and the shear
@@ -158,7 +156,7 @@ def contact_surface(table: Mapping[str, Any], facets: Rows) -> Figure:
     return figure
 
 
-def _window(side: VisibleSide) -> tuple[Floats, Floats, bool]:
+def _window(side: VisibleSide) -> tuple[Array, Array, bool]:
     """Lower and upper corner of the visible part, each of shape (2,), and whether it is only a part
     of the boundary.
     """
@@ -180,12 +178,12 @@ def _window(side: VisibleSide) -> tuple[Floats, Floats, bool]:
     return low - margin, high + margin, False
 
 
-def _size(low: Floats, high: Floats) -> float:
+def _size(low: Array, high: Array) -> float:
     """Length of the longer side."""
     return float(np.max(high - low))
 
 
-def _frame(axes: Axes, side: VisibleSide, low: Floats, high: Floats) -> None:
+def _frame(axes: Axes, side: VisibleSide, low: Array, high: Array) -> None:
     """Equal axes with the coordinates in 3D."""
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
     for kind, direction in (("x", side.view.right), ("y", side.view.up)):
@@ -200,7 +198,7 @@ def _frame(axes: Axes, side: VisibleSide, low: Floats, high: Floats) -> None:
 
 
 def _pressure_panel(
-    figure: Figure, axes: Axes, side: VisibleSide, low: Floats, high: Floats, heading: str
+    figure: Figure, axes: Axes, side: VisibleSide, low: Array, high: Array, heading: str
 ) -> None:
     pressure = np.nan_to_num(side.floats("pressure"), posinf=0.0, neginf=0.0)
     nodes = side.nodes
@@ -255,9 +253,7 @@ def _pressure_panel(
     axes.set_title(text, loc="left", fontsize=8)
 
 
-def _state_panel(
-    axes: Axes, side: VisibleSide, low: Floats, high: Floats, heading: str
-) -> set[str]:
+def _state_panel(axes: Axes, side: VisibleSide, low: Array, high: Array, heading: str) -> set[str]:
     states = side.states
     nodes = side.nodes
     where, owner = _around_nodes(nodes, side.polygons)
@@ -286,7 +282,7 @@ def _rim(side: VisibleSide) -> LineCollection:
     return LineCollection(list(edges), colors=MUTED, linewidths=0.8, zorder=3)
 
 
-def _triangles(polygons: Rows, nodes: Floats, values: Floats) -> tuple[Floats, Rows, Floats]:
+def _triangles(polygons: Ints, nodes: Array, values: Array) -> tuple[Array, Ints, Array]:
     """Points, triangles and values; quadrilaterals are cut at their middle, as a diagonal would not
     be symmetric.
     """
@@ -298,7 +294,7 @@ def _triangles(polygons: Rows, nodes: Floats, values: Floats) -> tuple[Floats, R
     return points, triangles, np.concatenate((values, values[polygons].mean(axis=1)))
 
 
-def _around_nodes(nodes: Floats, polygons: Rows) -> tuple[Floats, Rows]:
+def _around_nodes(nodes: Array, polygons: Ints) -> tuple[Array, Ints]:
     """Each polygon cut into a quadrilateral for each of its nodes, shape (., 4, 2), and the node of
     each.
     """
@@ -312,10 +308,10 @@ def _around_nodes(nodes: Floats, polygons: Rows) -> tuple[Floats, Rows]:
 def _arrows(
     axes: Axes,
     side: VisibleSide,
-    vectors: Floats,
-    where: npt.NDArray[np.bool_],
-    low: Floats,
-    high: Floats,
+    vectors: Array,
+    where: Flags,
+    low: Array,
+    high: Array,
     factor: float | None = None,
 ) -> float:
     """Draw vectors at nodes among ``where``, times the factor or, without one, scaled to the room

@@ -16,14 +16,15 @@ from signorini_fx.addons.pictures.body import DrawnBody
 from signorini_fx.addons.pictures.fields import FIELDS
 from signorini_fx.addons.pictures.foundation import Foundation, magnification, magnified
 from signorini_fx.addons.pictures.marks import Largest, Tones, mark_largest, usual_range
-from signorini_fx.addons.pictures.style import INK, MUTED, STYLE, VALUES, Floats
+from signorini_fx.addons.pictures.style import INK, MUTED, STYLE, VALUES
+from signorini_fx.arrays import Array
 from signorini_fx.mechanics.statement.units import bracketed
 from signorini_fx.tuned import SMALL_ZONE, VISIBLE_CELL
 
 _TRIANGLES = 15_000  # of which a field is made up at least
 _FAINT = (0.0, 0.0, 0.0, 0.22)
 _WIDEST = {1: 4.8, 2: 2.6}  # inches of a panel, by their number
-Window = tuple[Floats, Floats]
+Window = tuple[Array, Array]
 
 
 @mpl.rc_context(STYLE)
@@ -100,18 +101,18 @@ def _small_zone(foundations: Sequence[Foundation], size: float) -> Window | None
     return low - around, high + around
 
 
-def _lines(foundations: Sequence[Foundation], factor: float) -> list[Floats]:
+def _lines(foundations: Sequence[Foundation], factor: float) -> list[Array]:
     """The rigid foundations, the body on the left of each line; the whole of one where nothing is
     magnified.
     """
-    lines: list[Floats] = []
+    lines: list[Array] = []
     for part in foundations:
         if part.rigid:
             lines += [part.drawn(factor)] if factor != 1 or part.surface is None else part.surface
     return lines
 
 
-def _window(body: DrawnBody, factor: float, lines: Sequence[Floats]) -> Window:
+def _window(body: DrawnBody, factor: float, lines: Sequence[Array]) -> Window:
     """What is seen: the body, and a foundation that runs far away not much further than that."""
     points = np.concatenate((body.moved(factor), body.points))
     low = points.min(axis=0)
@@ -160,7 +161,7 @@ def _draw_body(
     axes.add_collection(outline, autolim=False)
 
 
-def _refined(corners: Floats, enough: int) -> Floats:
+def _refined(corners: Array, enough: int) -> Array:
     """Triangles, linear between corners, cut into four until there are at least so many, shape (t,
     3, ...).
     """
@@ -171,15 +172,15 @@ def _refined(corners: Floats, enough: int) -> Floats:
     return corners
 
 
-def _areas(corners: Floats) -> Floats:
+def _areas(corners: Array) -> Array:
     """Areas of polygons of shape (m, k, 2)."""
     x = corners[..., 0]
     y = corners[..., 1]
-    twice: Floats = np.abs((x * np.roll(y, -1, axis=1) - y * np.roll(x, -1, axis=1)).sum(axis=1))
+    twice: Array = np.abs((x * np.roll(y, -1, axis=1) - y * np.roll(x, -1, axis=1)).sum(axis=1))
     return 0.5 * twice
 
 
-def _draw_foundation(axes: Axes, line: Floats, length: float) -> None:
+def _draw_foundation(axes: Axes, line: Array, length: float) -> None:
     """A line of shape (k, 2), with short strokes on its right; the body is on its left."""
     along = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))))
     if not along[-1] > 0:

@@ -9,7 +9,6 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from signorini_fx.addons.pictures.body import DrawnBody, normals_of
 from signorini_fx.addons.pictures.boundary_profiles import (
@@ -17,7 +16,8 @@ from signorini_fx.addons.pictures.boundary_profiles import (
     boundaries_of,
     by_boundary,
 )
-from signorini_fx.addons.pictures.style import TIMES, Floats, Rows, number, readable
+from signorini_fx.addons.pictures.style import TIMES, number, readable
+from signorini_fx.arrays import Array, Flags, Ints
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable
 from signorini_fx.results.fields import facets_of
 from signorini_fx.tuned import SEEN_AS_IT_IS, SHARP_EDGE, SMALL_PART
@@ -31,11 +31,11 @@ class Foundation:
     left.
     """
 
-    nodes: Floats  # positions of the contact nodes, length, in 2D in order, shape (k, d)
-    normals: Floats  # towards what they may touch, shape (k, d)
-    gap: Floats  # d from each node along its normal to that, length, shape (k,)
-    touching: npt.NDArray[np.bool_]  # nodes in contact, shape (k,)
-    facets: Rows | None = (
+    nodes: Array  # positions of the contact nodes, length, in 2D in order, shape (k, d)
+    normals: Array  # towards what they may touch, shape (k, d)
+    gap: Array  # d from each node along its normal to that, length, shape (k,)
+    touching: Flags  # nodes in contact, shape (k,)
+    facets: Ints | None = (
         None  # in 3D nodes of each facet, in order along its perimeter, shape (m, 3) or (m, 4)
     )
     rigid: bool = True  # False: another body, which is drawn itself
@@ -43,7 +43,7 @@ class Foundation:
     # [] of the others; None: only what is opposite of the nodes is known
     surface: Any = None
 
-    def drawn(self, factor: float) -> Floats:
+    def drawn(self, factor: float) -> Array:
         """What is opposite of the nodes with the gap times a factor, shape (k, d)."""
         return np.asarray(self.nodes + factor * self.gap[:, None] * self.normals)
 
@@ -92,7 +92,7 @@ class Foundation:
 
 def foundations_of(
     table: ContactTable,
-    motions: Mapping[str, Callable[[Floats], Floats]],
+    motions: Mapping[str, Callable[[Array], Array]],
     shapes: Mapping[str, Any],
 ) -> list[Foundation]:
     """What each contact boundary may touch, in 2D each connected part of it.
@@ -118,7 +118,7 @@ def foundations_of(
     return foundations
 
 
-def _parts(table: ContactTable) -> Iterator[tuple[ContactColumns, Rows | None]]:
+def _parts(table: ContactTable) -> Iterator[tuple[ContactColumns, Ints | None]]:
     """The boundaries in 3D with their facets, or the connected parts of those in 2D that have a
     gap.
     """

@@ -10,21 +10,19 @@ from typing import Any
 import basix
 import mpi4py.MPI  # noqa: F401  # first, see signorini_fx.mechanics.body
 import numpy as np
-import numpy.typing as npt
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 
 from signorini_fx.addons.pictures.body import DrawnBody, normals_of, tiling
 from signorini_fx.addons.pictures.fields import FIELDS
-from signorini_fx.addons.pictures.style import Floats
+from signorini_fx.arrays import Array, Indices, Ints
 from signorini_fx.machine import compat, parallel, terminal
 from signorini_fx.mechanics.assembly.mesh_entities import facet_entities
 from signorini_fx.results.solution import Solution
 from signorini_fx.tuned import ROOT_OF_EPS
 
-Cells = npt.NDArray[np.int32]
 # Of reference points in cells of this rank, shape (cells, points, ...).
-Values = Callable[[Floats, Cells], Floats]
+Values = Callable[[Array, Indices], Array]
 # Corners of a triangle and of a quadrilateral as basix numbers them, in order along the perimeter.
 _PERIMETER = {3: [0, 1, 2], 4: [0, 1, 3, 2]}
 # Straight pieces that stand for a side that may be curved; and of a whole picture, to the square.
@@ -64,7 +62,7 @@ def gather_body(solution: Solution, fields: Sequence[str] = ()) -> DrawnBody | N
     ]
     points = [tiles.within(*corners[way]) for way in ways]
 
-    def at(values: Values) -> Floats:
+    def at(values: Values) -> Array:
         """Values at the points of each cell or facet."""
         found = [values(where, cells[place == k]) for k, where in enumerate(points)]
         sampled = np.zeros((len(cells), *found[0].shape[1:]))
@@ -110,9 +108,7 @@ def gather_body(solution: Solution, fields: Sequence[str] = ()) -> DrawnBody | N
     )
 
 
-def _joined(
-    solution: Solution, columns: Floats, cells: Cells
-) -> tuple[Floats, npt.NDArray[np.int64]]:
+def _joined(solution: Solution, columns: Array, cells: Indices) -> tuple[Array, Ints]:
     """Points of all ranks with displacements, and the rows of each facet; bodies that touch share
     none; collective.
     """
@@ -142,7 +138,7 @@ def _pieces(solution: Solution, polygons: int) -> int:
     return max(1, min(_PIECES, math.isqrt(_MOST_POINTS // max(polygons, 1)))) if curved else 1
 
 
-def _positions(mesh: dmesh.Mesh, points: Floats, cells: Cells) -> Floats:
+def _positions(mesh: dmesh.Mesh, points: Array, cells: Indices) -> Array:
     basis = _basis(compat.geometry_element(mesh), points)
     nodes = compat.geometry_cells(mesh)[cells]
     return np.asarray(
@@ -150,7 +146,7 @@ def _positions(mesh: dmesh.Mesh, points: Floats, cells: Cells) -> Floats:
     )
 
 
-def _values_at(function: fem.Function, points: Floats, cells: Cells) -> Floats:
+def _values_at(function: fem.Function, points: Array, cells: Indices) -> Array:
     """A function at reference points in cells of this rank, shape (cells, points, components)."""
     space = function.function_space
     basis = _basis(space.element.basix_element, points)
@@ -158,7 +154,7 @@ def _values_at(function: fem.Function, points: Floats, cells: Cells) -> Floats:
     return np.asarray(np.einsum("pk,ckx->cpx", basis, nodal))
 
 
-def _basis(element: Any, points: Floats) -> Floats:
+def _basis(element: Any, points: Array) -> Array:
     return np.asarray(element.tabulate(0, np.ascontiguousarray(points))[0]).reshape(
         len(points), element.dim
     )
@@ -182,7 +178,7 @@ def _fields(solution: Solution, fields: Sequence[str]) -> tuple[dict[str, Values
     }, recovered
 
 
-def _field_at(name: str, function: fem.Function, points: Floats, cells: Cells) -> Floats:
+def _field_at(name: str, function: fem.Function, points: Array, cells: Indices) -> Array:
     """A field at reference points of cells, shape (cells, points)."""
     values = _values_at(function, points, cells)
     if name == "displacement":

@@ -21,12 +21,12 @@ from signorini_fx.addons.pictures.style import (
     ORANGE,
     RULE,
     STYLE,
-    Floats,
     decimal_power,
     largest_of,
     plain,
     unit_of,
 )
+from signorini_fx.arrays import Array
 from signorini_fx.records import Status
 from signorini_fx.tuned import NEGLIGIBLE, ZERO_IN_SOLUTION
 
@@ -39,8 +39,8 @@ class _Curve:
     """A column of the table, drawn over another one."""
 
     label: str
-    over: Floats
-    values: Floats
+    over: Array
+    values: Array
     dashed: bool = False
 
 

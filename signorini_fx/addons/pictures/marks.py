@@ -18,15 +18,8 @@ from matplotlib.figure import Figure
 
 from signorini_fx.addons.pictures.body import DrawnBody
 from signorini_fx.addons.pictures.fields import Field
-from signorini_fx.addons.pictures.style import (
-    INK,
-    MUTED,
-    VALUES,
-    Floats,
-    decimal_power,
-    number,
-    unit_of,
-)
+from signorini_fx.addons.pictures.style import INK, MUTED, VALUES, decimal_power, number, unit_of
+from signorini_fx.arrays import Array
 from signorini_fx.mechanics.statement.units import unit
 from signorini_fx.tuned import ARROWS_AROUND, DIGITS_OF_FILES, USUAL_COLOURS
 
@@ -34,7 +27,7 @@ if TYPE_CHECKING:
     from signorini_fx.addons.pictures.view import Camera
 
 
-def draw_lengths(axes: Axes, points: Floats, camera: Camera) -> None:
+def draw_lengths(axes: Axes, points: Array, camera: Camera) -> None:
     """An arrow beside a body in 3D along each axis, with the length of the undeformed body, whose
     points are given.
     """
@@ -77,7 +70,7 @@ def draw_lengths(axes: Axes, points: Floats, camera: Camera) -> None:
 class Largest:
     """The largest value of a field, as all figures of a result have it."""
 
-    place: Floats  # in the undeformed body, length, shape (d,)
+    place: Array  # in the undeformed body, length, shape (d,)
     text: str  # its value, a number in digits
 
     @classmethod
@@ -99,7 +92,7 @@ class Largest:
         next_to = away <= away.min() + DIGITS_OF_FILES * body.size
         return int(points[np.argmax(np.where(next_to, sizes, -1.0))])
 
-    def moved(self, body: DrawnBody, field: str, factor: float) -> Floats:
+    def moved(self, body: DrawnBody, field: str, factor: float) -> Array:
         """Return the place of the largest value where the displacement is multiplied by a factor,
         shape (d,).
         """
@@ -107,7 +100,7 @@ class Largest:
         return np.asarray(self.place + body.moved(factor)[point] - body.points[point])
 
 
-def mark_largest(axes: Axes, point: Floats, text: str, *, behind: bool = False) -> None:
+def mark_largest(axes: Axes, point: Array, text: str, *, behind: bool = False) -> None:
     """A small circle at a place in the picture, shape (2,), with a number; open if it is behind."""
     text = number(float(text)) + (" behind" if behind else "")
     fill = "none" if behind else "white"
@@ -127,7 +120,7 @@ def mark_largest(axes: Axes, point: Floats, text: str, *, behind: bool = False) 
     )
 
 
-def usual_range(values: Floats, area: Floats, *, signed: bool = False) -> tuple[float, float]:
+def usual_range(values: Array, area: Array, *, signed: bool = False) -> tuple[float, float]:
     """Lowest and highest value of a scale that contains zero; where these are far off, as at a
     singular corner, what is beyond 99 % of the area at either end has the last colour; ``signed``:
     whether the scale may begin below zero.
@@ -153,7 +146,7 @@ class Tones:
     """The scale of a field."""
 
     field: Field
-    values: Floats  # of cells or points, shape (m,)
+    values: Array  # of cells or points, shape (m,)
     low: float  # the value of the first colour
     high: float  # that of the last one
 
@@ -191,7 +184,7 @@ class Tones:
         return bar
 
 
-def spaced(points: Floats, rows: npt.NDArray[np.intp], spacing: float) -> npt.NDArray[np.intp]:
+def spaced(points: Array, rows: npt.NDArray[np.intp], spacing: float) -> npt.NDArray[np.intp]:
     """Rows of points of shape (m, 2) in their order, without those that are closer than this to an
     earlier one.
 

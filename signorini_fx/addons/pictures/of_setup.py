@@ -8,14 +8,13 @@ from typing import Any
 
 import mpi4py.MPI  # noqa: F401  # first, see signorini_fx.mechanics.body
 import numpy as np
-import numpy.typing as npt
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
 from signorini_fx.addons.pictures.body import normals_of
 from signorini_fx.addons.pictures.rigid_shapes import lines_of
 from signorini_fx.addons.pictures.setup import NamedBoundary, Setup
-from signorini_fx.addons.pictures.style import Floats
+from signorini_fx.arrays import Array, Indices
 from signorini_fx.errors import OutputError, cannot_be_written
 from signorini_fx.machine import parallel
 from signorini_fx.machine.compat import geometry_cells
@@ -124,7 +123,7 @@ def _draw(gather: Callable[[], Setup], comm: MPI.Comm, file: Path) -> None:
     parallel.on_root(comm, draw)
 
 
-def _corners(tagged: TaggedMesh, dim: int, entities: npt.NDArray[np.int32]) -> Floats:
+def _corners(tagged: TaggedMesh, dim: int, entities: Indices) -> Array:
     """Corners of sides or cells along their perimeters, shape (n, k, d)."""
     x = tagged.mesh.geometry.x[:, : tagged.dimension].astype(np.float64)
     mesh = tagged.mesh
@@ -182,7 +181,7 @@ def _boundary(tagged: TaggedMesh, name: str, acting: list[Effect], time: float) 
     return NamedBoundary(name, kinds, corners, normals, load, moved, tuple(held), grounded)
 
 
-def _density(load: ForceDensity, on: SampledPoints) -> Floats:
+def _density(load: ForceDensity, on: SampledPoints) -> Array:
     """Shape (d, n); zero where another package says it by functions of UFL, which have no value at
     points.
     """
@@ -192,7 +191,7 @@ def _density(load: ForceDensity, on: SampledPoints) -> Floats:
         return np.zeros_like(on.position)
 
 
-def _sides(tagged: TaggedMesh, facets: npt.NDArray[np.int32]) -> tuple[Floats, Floats]:
+def _sides(tagged: TaggedMesh, facets: Indices) -> tuple[Array, Array]:
     """Corners of facets, shape (f, k, d), in 3D counterclockwise from outside, and normals as long
     as their areas.
     """

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from signorini_fx.addons.pictures.body import normals_of
-from signorini_fx.addons.pictures.style import Floats, Rows
+from signorini_fx.arrays import Array, Ints
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.rigid_shape import Distance
@@ -21,10 +21,10 @@ from signorini_fx.tuned import (
     WHOLE_FOUNDATION,
 )
 
-Triangles = tuple[Floats, Rows]
+Triangles = tuple[Array, Ints]
 
 
-def lines_of(distance: Distance, tagged: TaggedMesh) -> list[Floats]:
+def lines_of(distance: Distance, tagged: TaggedMesh) -> list[Array]:
     """The lines of a shape in 2D near the body, each of shape (k, 2), the body on its left;
     collective.
     """
@@ -63,7 +63,7 @@ def triangles_of(distance: Distance, tagged: TaggedMesh) -> Triangles:
     return points, triangles
 
 
-def rigid_motions_of(solution: Solution) -> dict[str, Callable[[Floats], Floats]]:
+def rigid_motions_of(solution: Solution) -> dict[str, Callable[[Array], Array]]:
     """Return for each boundary that a rigid body may touch the motion of the rigid body at points
     of shape (n, d).
     """
@@ -104,7 +104,7 @@ def drawn_shapes(solution: Solution) -> dict[str, Any]:
     return drawn
 
 
-def _axes(distance: Distance, tagged: TaggedMesh, count: int) -> list[Floats]:
+def _axes(distance: Distance, tagged: TaggedMesh, count: int) -> list[Array]:
     """Coordinates along the axes of a grid around the body, and a round thing that is not much
     larger; collective.
     """

@@ -26,11 +26,11 @@ from signorini_fx.addons.pictures.style import (
     ORANGE,
     SCREEN,
     STYLE,
-    Floats,
     finish,
     number,
     plain,
 )
+from signorini_fx.arrays import Array
 from signorini_fx.mechanics.statement.units import bracketed, labelled, unit
 from signorini_fx.tuned import (
     BODY_INCHES,
@@ -69,19 +69,17 @@ class NamedBoundary:
 
     name: str  # in the mesh
     kinds: tuple[str, ...]  # labels of the effects that act on it, such as ``traction``
-    corners: Floats  # of each facet, along its perimeter, length, shape (f, k, d)
-    normals: Floats  # outward unit normals, shape (f, d)
-    load: (
-        Floats  # force per area at the middle of each facet, with a load factor of 1, shape (f, d)
-    )
-    moved: Floats  # the same of the prescribed displacement, length; nought where it is free
+    corners: Array  # of each facet, along its perimeter, length, shape (f, k, d)
+    normals: Array  # outward unit normals, shape (f, d)
+    load: Array  # force per area at the middle of each facet, with a load factor of 1, shape (f, d)
+    moved: Array  # the same of the prescribed displacement, length; nought where it is free
     held: tuple[
         str, ...
     ] = ()  # names of the components of the displacement that are prescribed: x, y, z or normal
     grounded: bool = False  # whether it may touch a rigid foundation
 
     @property
-    def middles(self) -> Floats:
+    def middles(self) -> Array:
         """Return the middles of the facets, shape (f, d)."""
         return np.asarray(self.corners.mean(axis=1))
 
@@ -111,13 +109,13 @@ class Setup:
     title: str  # any text
     # corners of cells in 2D, or of facets of the outer surface in 3D, counterclockwise as seen from
     # outside, shape (m, k, d)
-    polygons: Floats
+    polygons: Array
     boundaries: Sequence[NamedBoundary]  # those with a name
     units: Mapping[str, str] = field(
         default_factory=dict
     )  # for labels, see ``signorini_fx.mechanics.statement.units``
     # in 2D, lines of the foundations that have shapes, lengths, each of shape (k, 2)
-    foundations: Sequence[Floats] = ()
+    foundations: Sequence[Array] = ()
 
     def draw(self, path_stem: str | Path, suffixes: Sequence[str] = SCREEN) -> None:
         """Write the picture.
@@ -195,7 +193,7 @@ class Setup:
         axes.spines[:].set_visible(False)
         return figure, np.asarray, None
 
-    def _space(self) -> tuple[Figure, Callable[[Any], Any], Floats]:
+    def _space(self) -> tuple[Figure, Callable[[Any], Any], Array]:
         """The colours of the boundaries are those of their facets."""
         from signorini_fx.addons.pictures.solid import Solid, figure_of
 
@@ -225,7 +223,7 @@ class Setup:
         draw_lengths(axes, self.polygons.reshape(-1, 3), camera)
         return figure, camera.flat, seen.toward
 
-    def _mark(self, axes: Axes, flat: Callable[[Any], Any], toward: Floats | None) -> None:
+    def _mark(self, axes: Axes, flat: Callable[[Any], Any], toward: Array | None) -> None:
         """Arrows and supports, on the sides that face the viewer, or on those behind where there
         are no others.
         """
@@ -267,9 +265,9 @@ class Setup:
         self,
         axes: Axes,
         flat: Callable[[Any], Any],
-        at: Floats,
-        normals: Floats,
-        vectors: Floats,
+        at: Array,
+        normals: Array,
+        vectors: Array,
         **style: Any,
     ) -> None:
         """Draw arrows of vectors of length 1 at most; those into the body end at it, the others
@@ -336,6 +334,6 @@ class Setup:
             figure.legend(handles=handles, loc="outside lower center", ncols=columns)
 
 
-def _spaced_rows(points: Floats, spacing: float) -> npt.NDArray[np.intp]:
+def _spaced_rows(points: Array, spacing: float) -> npt.NDArray[np.intp]:
     """Rows of points of shape (m, 2) so far apart, from one end of them to the other."""
     return spaced(points, np.lexsort(np.round(points.T / spacing, 6)), spacing)

@@ -30,8 +30,9 @@ from signorini_fx.addons.pictures.marks import (
     mark_largest,
     usual_range,
 )
-from signorini_fx.addons.pictures.style import INK, MUTED, STYLE, VALUES, Floats, Rows
+from signorini_fx.addons.pictures.style import INK, MUTED, STYLE, VALUES
 from signorini_fx.addons.pictures.view import Camera, View
+from signorini_fx.arrays import Array, Ints
 from signorini_fx.errors import PYVISTA, PictureError
 from signorini_fx.tuned import (
     AMBIENT_LIGHT,
@@ -57,17 +58,17 @@ _WITHOUT_DISPLAY = (
 class Solid:
     """The surface of a body with a field, and what is around it."""
 
-    points: Floats  # where they are drawn, shape (n, 3)
-    triangles: Rows  # of the surface, counterclockwise as seen from outside, shape (t, 3)
-    values: Floats  # the field at their corners, shape (t, 3)
+    points: Array  # where they are drawn, shape (n, 3)
+    triangles: Ints  # of the surface, counterclockwise as seen from outside, shape (t, 3)
+    values: Array  # the field at their corners, shape (t, 3)
     limits: tuple[float, float]  # values of the first and the last colour
     colours: Any = None  # a colour map of matplotlib; None: that of all fields
-    edges: Rows | None = None  # lines of the mesh to draw, pairs of points, shape (e, 2)
-    at_rest: Floats | None = (
+    edges: Ints | None = None  # lines of the mesh to draw, pairs of points, shape (e, 2)
+    at_rest: Array | None = (
         None  # the undeformed points, shape (n, 3), whose outline is drawn; None: it is not
     )
     # points and polygons of each foundation, seen from the side of the body only
-    grounds: Sequence[tuple[Floats, Rows]] = ()
+    grounds: Sequence[tuple[Array, Ints]] = ()
 
 
 @mpl.rc_context(STYLE)
@@ -129,7 +130,7 @@ def deformed_solid(
     return figure, magnified(foundations, factor)
 
 
-def ground_of(foundation: Foundation, factor: float) -> tuple[Floats, Rows]:
+def ground_of(foundation: Foundation, factor: float) -> tuple[Array, Ints]:
     """Points and polygons of a foundation, counterclockwise as seen from the body; of a plane a
     rectangle around it.
     """
@@ -147,7 +148,7 @@ def ground_of(foundation: Foundation, factor: float) -> tuple[Floats, Rows]:
     return points, np.where(outwards[:, None], facets[:, ::-1], facets)
 
 
-def _plane_of(points: Floats) -> Floats | None:
+def _plane_of(points: Array) -> Array | None:
     """Corners of a rectangle around points that lie in a plane, in order along its perimeter, shape
     (4, 3).
     """
@@ -185,13 +186,13 @@ def telling_view(body: DrawnBody, name: str) -> View:
     return views[best] if shown[best] > PREFERRED_GAIN * shown[0] else views[0]
 
 
-def _edges(body: DrawnBody) -> Rows:
+def _edges(body: DrawnBody) -> Ints:
     """Pairs of points along the perimeters of all facets, each once, shape (e, 2)."""
     pairs = np.stack((body.perimeters, np.roll(body.perimeters, -1, axis=1)), axis=2).reshape(-1, 2)
     return np.unique(np.sort(pairs, axis=1), axis=0)
 
 
-def _extent(solid: Solid, at_rest: Floats, ends: Sequence[Floats]) -> Floats:
+def _extent(solid: Solid, at_rest: Array, ends: Sequence[Array]) -> Array:
     """Points that a picture shows; of a foundation that runs far away only the part next to the
     body.
     """
@@ -301,7 +302,7 @@ def _draw(plotter: Any, solid: Solid) -> None:
         plotter.add_mesh(rim, color=MUTED, line_width=1.5)
 
 
-def _surface(points: Floats, polygons: Rows) -> Any:
+def _surface(points: Array, polygons: Ints) -> Any:
     import pyvista
 
     faces = np.column_stack((np.full(len(polygons), polygons.shape[1]), polygons))

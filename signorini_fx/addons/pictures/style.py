@@ -18,15 +18,13 @@ from typing import Any
 
 import matplotlib as mpl
 import numpy as np
-import numpy.typing as npt
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 
+from signorini_fx.arrays import Array
 from signorini_fx.machine.terminal import printable
 from signorini_fx.mechanics.statement.units import bracketed, unit
 
-Floats = npt.NDArray[np.float64]
-Rows = npt.NDArray[np.int64]
 _PNG_DPI = 200
 _RASTER_DPI = 300  # of what is an image in a PDF or SVG
 SCREEN = (".png",)
@@ -82,7 +80,7 @@ def plain(text: str) -> str:
     return printable(text).replace("$", r"\$")
 
 
-def largest_of(*curves: Floats) -> float:
+def largest_of(*curves: Array) -> float:
     """The largest finite entry by size, 0 if there is none."""
     values = np.abs(np.concatenate(curves))
     return float(values[np.isfinite(values)].max(initial=0.0))

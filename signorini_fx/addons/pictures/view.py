@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from signorini_fx.addons.pictures.style import MINUS, Floats
+from signorini_fx.addons.pictures.style import MINUS
+from signorini_fx.arrays import Array, Ints
 from signorini_fx.tuned import ALONG_AXIS
 
 _MARGIN = 0.06  # around what is seen, of the longer side of the window
@@ -22,16 +22,16 @@ class View:
             viewer; each of shape (3,).
     """
 
-    right: Floats
-    up: Floats
-    toward: Floats
+    right: Array
+    up: Array
+    toward: Array
 
-    def flat(self, points: Floats) -> Floats:
+    def flat(self, points: Array) -> Array:
         """Points of shape (..., 3) in the picture, shape (..., 2)."""
         return np.stack((points @ self.right, points @ self.up), axis=-1)
 
     @classmethod
-    def against(cls, sight: Floats, up: Floats) -> View:
+    def against(cls, sight: Array, up: Array) -> View:
         """Along a unit vector, with another one upwards as far as possible."""
         up = up - (up @ sight) * sight
         up = up / np.linalg.norm(up)
@@ -43,11 +43,11 @@ class Camera:
     """A view in parallel projection, of the part of space that is seen in a window."""
 
     view: View  # its directions
-    centre: Floats  # the point in the middle of the window, shape (3,)
-    half: Floats  # half the width and height of the window, length, shape (2,)
+    centre: Array  # the point in the middle of the window, shape (3,)
+    half: Array  # half the width and height of the window, length, shape (2,)
 
     @classmethod
-    def on(cls, view: View, points: Floats) -> Camera:
+    def on(cls, view: View, points: Array) -> Camera:
         """Return a camera that sees all points, shape (n, 3)."""
         axes = np.stack((view.right, view.up, view.toward))
         low = (points @ axes.T).min(axis=0)
@@ -55,12 +55,12 @@ class Camera:
         half = 0.5 * (high - low)[:2]
         return cls(view, 0.5 * (low + high) @ axes, half + _MARGIN * (float(half.max()) or 1.0))
 
-    def flat(self, points: Floats) -> Floats:
+    def flat(self, points: Array) -> Array:
         """Points of shape (..., 3) in the picture, shape (..., 2)."""
         return self.view.flat(points - self.centre)
 
 
-def along(direction: Floats) -> View:
+def along(direction: Array) -> View:
     """The view along a direction, shape (3,): upright as far as possible.
 
     A direction close to a coordinate axis is replaced by it.  Upwards is z, or y if one looks up or
@@ -80,7 +80,7 @@ def oblique(azimuth: float = -58.0, elevation: float = 24.0) -> View:
     return View.against(sight, np.eye(3)[2])
 
 
-def coordinate(direction: Floats) -> tuple[str, bool]:
+def coordinate(direction: Array) -> tuple[str, bool]:
     """The name of the coordinate to write at an axis of a picture, and whether it decreases in the
     given direction: against a coordinate axis the coordinate itself is written.
     """
@@ -90,7 +90,7 @@ def coordinate(direction: Floats) -> tuple[str, bool]:
     return combination(direction), False
 
 
-def combination(direction: Floats) -> str:
+def combination(direction: Array) -> str:
     """A unit vector as a combination of coordinates."""
     text = ""
     for axis, share in enumerate(direction):
@@ -102,7 +102,7 @@ def combination(direction: Floats) -> str:
     return text
 
 
-def outline(points: Floats, polygons: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+def outline(points: Array, polygons: Ints) -> Ints:
     """Edges that belong to one polygon only, shape (e, 2), of polygons of shape (m, k)."""
     a = polygons.ravel()
     b = np.roll(polygons, -1, axis=1).ravel()

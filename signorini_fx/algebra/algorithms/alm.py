@@ -22,9 +22,9 @@ import numpy as np
 from signorini_fx.algebra.algorithms.ssn import SemismoothNewton
 from signorini_fx.algebra.contact.active_sets import ActiveSets
 from signorini_fx.algebra.contact.complementarity import RegularisedData, slip_of
-from signorini_fx.algebra.contact.nodal_vectors import Nodal, inner, unit
-from signorini_fx.algebra.contact.nodal_vectors import length as length_of
 from signorini_fx.algebra.contact.points import shares
+from signorini_fx.arrays import Array, inner, unit
+from signorini_fx.arrays import length as length_of
 from signorini_fx.records import Status
 from signorini_fx.tuned import GAMMA_GROWTH, NEGLIGIBLE
 
@@ -52,11 +52,11 @@ class Augmentation:
     newton: SemismoothNewton
     natural: float
     tolerance: float
-    changes: tuple[Nodal, Nodal] = (np.array([np.nan]), np.array([np.nan]))
+    changes: tuple[Array, Array] = (np.array([np.nan]), np.array([np.nan]))
     slow: tuple[bool, bool] = (False, False)
     left: float = np.inf
     violation: float = np.inf
-    _stiffness: Nodal = field(init=False)
+    _stiffness: Array = field(init=False)
 
     def __post_init__(self) -> None:
         system = self.newton.problem.system

@@ -8,7 +8,6 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
 from signorini_fx.algebra.algorithms.ssn import SemismoothNewton
 from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
@@ -17,6 +16,7 @@ from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.friction import PointFriction, as_given
 from signorini_fx.algebra.contact.statics import largest_multiple, no_balance, reactions
 from signorini_fx.algebra.regularised import RegularisedProblem
+from signorini_fx.arrays import Flags
 from signorini_fx.machine import parallel
 from signorini_fx.records import Status
 from signorini_fx.tuned import AUTOMATIC_GAMMA, CERTIFICATE_TOLERANCE, CONTINUATION_SHARE
@@ -35,7 +35,7 @@ def coulomb_start(task: Task, data: RegularisedData) -> RegularisedData:
     motions = task.motions
     everywhere = task.motions.points.everywhere
 
-    def possible(stick: npt.NDArray[np.bool_]) -> bool:
+    def possible(stick: Flags) -> bool:
         """Whether contact can hold the body and balance its load if these nodes stick, and no other
         ones rub.
         """

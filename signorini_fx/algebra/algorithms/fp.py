@@ -14,8 +14,8 @@ from signorini_fx.algebra.algorithms.ssn import SemismoothNewton
 from signorini_fx.algebra.contact.active_sets import ActiveSets
 from signorini_fx.algebra.contact.complementarity import RegularisedData, slip_of
 from signorini_fx.algebra.contact.friction import PointFriction
-from signorini_fx.algebra.contact.nodal_vectors import Nodal, length
 from signorini_fx.algebra.contact.points import shares
+from signorini_fx.arrays import Array, length
 from signorini_fx.records import Status
 from signorini_fx.tuned import CERTIFICATE_TOLERANCE, NEGLIGIBLE
 
@@ -27,7 +27,7 @@ def fixed_point(
     newton: SemismoothNewton,
     data: RegularisedData,
     law: PointFriction,
-    start: tuple[Nodal, Nodal],
+    start: tuple[Array, Array],
     first_sets: ActiveSets | None,
     *,
     tolerance: float,
@@ -50,7 +50,7 @@ def fixed_point(
     """
     g = start[0]
     norms = newton.problem.groups.norms
-    previous: Nodal | None = None
+    previous: Array | None = None
     if augmentation is not None:
         data = replace(data, lambda_hat=start[0], mu_hat=start[1])
     for _ in range(max_outer):
@@ -88,14 +88,14 @@ def fixed_point(
 
 
 def _change(
-    newton: SemismoothNewton, data: RegularisedData, g: Nodal, augmentation: Augmentation | None
+    newton: SemismoothNewton, data: RegularisedData, g: Array, augmentation: Augmentation | None
 ) -> float:
     """The largest d_g of a group of points; with shifts the larger change of the two."""
     change = float(_changes(newton, g).max())
     return change if augmentation is None else max(change, augmentation.measure(data))
 
 
-def _changes(newton: SemismoothNewton, g: Nodal) -> Nodal:
+def _changes(newton: SemismoothNewton, g: Array) -> Array:
     """d_g of section 7 of each group of points: the new g is the pressure for the old one;
     collective.
     """

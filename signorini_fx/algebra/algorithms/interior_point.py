@@ -35,7 +35,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from petsc4py import PETSc
 
 from signorini_fx.algebra.contact.active_sets import ActiveSets, next_sets
@@ -46,9 +45,9 @@ from signorini_fx.algebra.contact.complementarity import (
     trial_pressure,
     trial_shear,
 )
-from signorini_fx.algebra.contact.nodal_vectors import Nodal, inner, length
 from signorini_fx.algebra.linalg import finite, petsc_calls, petsc_options
 from signorini_fx.algebra.linalg.petsc_calls import factor_lacks_memory, unprinted
+from signorini_fx.arrays import Array, Flags, inner, length
 from signorini_fx.machine import parallel
 from signorini_fx.records import Status
 from signorini_fx.tuned import (
@@ -133,10 +132,10 @@ class _Inside:
     - 1).
     """
 
-    pressure: Nodal
-    opening: Nodal
-    shear: Nodal
-    rate: Nodal
+    pressure: Array
+    opening: Array
+    shear: Array
+    rate: Array
 
     def moved(self, step: _Inside, share: float) -> _Inside:
         """The point after a share of a step."""
@@ -171,7 +170,7 @@ class _Programme:
         self._change = newton.x.duplicate()
         self._steps = 0
 
-    def _number(self, where: npt.NDArray[np.bool_]) -> float:
+    def _number(self, where: Flags) -> float:
         """How many points of all ranks; collective."""
         return float(parallel.global_sum(self._comm, np.count_nonzero(where)))
 
@@ -224,9 +223,7 @@ class _Programme:
         sets = _sets_of(newton, self._data)
         return replace(sets, contact=np.where(self._one_sided, closed, sets.contact))
 
-    def _indicated(
-        self, begin: _Inside, end: _Inside
-    ) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
+    def _indicated(self, begin: _Inside, end: _Inside) -> tuple[Flags, Flags]:
         """The points in contact and those that slip, by the quotients of two iterates."""
         one = self._one_sided
         rubs = self._rubs
@@ -255,7 +252,7 @@ class _Programme:
         blocks[:, 0, 0] = soft.stiffness
         blocks[:, 1:, 1:] = np.where(rough, soft.gamma_t, 0.0)[:, None] * np.eye(size)
 
-        def tractions() -> tuple[Nodal, Nodal]:
+        def tractions() -> tuple[Array, Array]:
             u_n, u_t = contact.traces(x)
             return trial_pressure(u_n, soft), np.where(rough, trial_shear(u_t, soft), 0.0)
 
@@ -276,7 +273,7 @@ class _Programme:
             np.divide(product, self._room(shear), out=np.zeros_like(pressure), where=self._rubs),
         )
 
-    def _room(self, shear: Nodal) -> Nodal:
+    def _room(self, shear: Array) -> Array:
         """(F^2 g^2 - |mu|^2) / 2 where there is a disc, at least its round-off; elsewhere not zero;
         shape (n,).
         """
@@ -319,7 +316,7 @@ class _Programme:
         return at.moved(step, share), share
 
     def _direction(
-        self, at: _Inside, normal_target: Nodal, disc_target: Nodal, blocks: Nodal
+        self, at: _Inside, normal_target: Array, disc_target: Array, blocks: Array
     ) -> _Inside | None:
         """The whole step to two products, to its end the iterate goes; None if the solve fails;
         collective.
@@ -337,7 +334,7 @@ class _Programme:
         pull = np.divide(disc_target, room, out=none.copy(), where=rubs)[:, None] * at.shear
         across = slip_of(u_t, data) - (at.shear - data.mu_hat) / data.gamma_t - pull
 
-        def answer(normal: Nodal, across: Nodal) -> tuple[Nodal, Nodal]:
+        def answer(normal: Array, across: Array) -> tuple[Array, Array]:
             return blocks[:, 0, 0] * normal, np.einsum("nij,nj->ni", blocks[:, 1:, 1:], across)
 
         pressure, shear = answer(normal, across)
@@ -356,7 +353,7 @@ class _Programme:
         )
         return _Inside(pressure, opens - at.opening, shear, slides - at.rate)
 
-    def _blocks(self, at: _Inside, room: Nodal) -> Nodal:
+    def _blocks(self, at: _Inside, room: Array) -> Array:
         """D, the derivative of (lambda, mu) by the displacement, stress per length, shape (n, d,
         d).
         """
@@ -391,7 +388,7 @@ class _Programme:
             )
         return -parallel.global_max(self._comm, -float(np.min(shares, initial=np.inf)))
 
-    def _moves(self, pressure: Nodal, shear: Nodal, blocks: Nodal, closed: int) -> bool:
+    def _moves(self, pressure: Array, shear: Array, blocks: Array, closed: int) -> bool:
         """Move the iterate by z, (A + B^T D B) z = b - A x - B^T W (lambda, mu), if there is one;
         collective.
         """

@@ -27,8 +27,8 @@ from petsc4py import PETSc
 from signorini_fx.algebra.algorithms.ssn import SemismoothNewton
 from signorini_fx.algebra.contact.active_sets import ActiveSets, tangent
 from signorini_fx.algebra.contact.complementarity import RegularisedData, slip_of
-from signorini_fx.algebra.contact.nodal_vectors import Nodal, length
 from signorini_fx.algebra.linalg import petsc_calls
+from signorini_fx.arrays import Array, length
 from signorini_fx.machine import parallel
 from signorini_fx.records import Status
 from signorini_fx.tuned import GAMMA_GROWTH, NEGLIGIBLE, NOTABLE
@@ -66,7 +66,7 @@ def path_model(newton: SemismoothNewton, data: RegularisedData) -> PathModel:
     ):  # where the contact itself is soft a larger gamma_1 changes no pressure
         blocks[data.share != 1.0, :, 0] = 0.0
 
-    def contact_force(vector: PETSc.Vec, gap: Nodal, origin: Nodal) -> PETSc.Vec:
+    def contact_force(vector: PETSc.Vec, gap: Array, origin: Array) -> PETSc.Vec:
         """C (vector - (gap, origin)), with gamma_1 taken out."""
         force = vector.duplicate()
         force.set(0.0)

@@ -17,9 +17,9 @@ from signorini_fx.algebra.algorithms.task import Outcome
 from signorini_fx.algebra.contact.active_sets import tangent
 from signorini_fx.algebra.contact.complementarity import slip_of
 from signorini_fx.algebra.contact.friction import PointFriction
-from signorini_fx.algebra.contact.nodal_vectors import Nodal, inner, length, unit
 from signorini_fx.algebra.linalg import finite, petsc_calls, petsc_options
 from signorini_fx.algebra.linalg.petsc_calls import unprinted
+from signorini_fx.arrays import Array, inner, length, unit
 from signorini_fx.machine import parallel
 from signorini_fx.records import MAY_JUMP, TOO_SHORT, Status
 from signorini_fx.tuned import NO_FORCE, SLOW_STEPS, SLOWEST_STEPS, WRONG_SLOPE
@@ -91,7 +91,7 @@ def least_durations(
 
 
 def _largest_eigenvalue(
-    newton: SemismoothNewton, blocks: Nodal, direction: Nodal, falls: Nodal, dt: float
+    newton: SemismoothNewton, blocks: Array, direction: Array, falls: Array, dt: float
 ) -> float:
     """Return the largest eigenvalue of S^-1 C by powers of it; infinite where S is singular.
 

@@ -17,7 +17,6 @@ from signorini_fx.algebra.contact.complementarity import (
     project,
     slip_of,
 )
-from signorini_fx.algebra.contact.nodal_vectors import Nodal, length, unit
 from signorini_fx.algebra.linalg import finite, petsc_calls, petsc_options
 from signorini_fx.algebra.linalg.petsc_calls import (
     call,
@@ -29,6 +28,7 @@ from signorini_fx.algebra.linalg.petsc_calls import (
     weakly,
 )
 from signorini_fx.algebra.regularised import RegularisedProblem
+from signorini_fx.arrays import Array, length, unit
 from signorini_fx.machine import parallel
 from signorini_fx.records import History, IterationRecord, OuterRecord, Status
 from signorini_fx.tuned import (
@@ -364,11 +364,11 @@ class SemismoothNewton:
         self.problem.set_data(data, sets)
         self.problem.sets = self.problem.next.sets
 
-    def multipliers(self) -> tuple[Nodal, Nodal]:
+    def multipliers(self) -> tuple[Array, Array]:
         """(lambda, mu) of the last iterate."""
         return self.problem.multipliers(self.x, self.problem.sets)
 
-    def shifts(self, data: RegularisedData) -> tuple[Nodal, Nodal]:
+    def shifts(self, data: RegularisedData) -> tuple[Array, Array]:
         """(lambda, mu) made feasible, as the next lambda_hat and mu_hat.
 
         Where a point slips but cannot move in some tangential direction, because of supports or of
@@ -535,7 +535,7 @@ class SemismoothNewton:
         numbers = history.step, history.linear_solves + 1, len(history.outer), iteration
         history.add(IterationRecord(*numbers, *counts, residual, factorised, seconds))
 
-    def _counts(self, bound: Nodal, next_bound: Nodal) -> list[int]:
+    def _counts(self, bound: Array, next_bound: Array) -> list[int]:
         """Nodes in contact and slipping either way, nodes that change, and what tells the next sets
         from others.
         """

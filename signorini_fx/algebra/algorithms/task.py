@@ -11,7 +11,6 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from petsc4py import PETSc
 
 from signorini_fx.algebra import Settings
@@ -20,10 +19,10 @@ from signorini_fx.algebra.contact.active_sets import ActiveSets, slip_multiplier
 from signorini_fx.algebra.contact.complementarity import RegularisedData, slip_of
 from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.contact.motions import FreeMotions, ReferenceMotion, reference_motion
-from signorini_fx.algebra.contact.nodal_vectors import Nodal, length
 from signorini_fx.algebra.contact.state import PointState
 from signorini_fx.algebra.linalg import ElasticSystem
 from signorini_fx.algebra.regularised import RegularisedProblem
+from signorini_fx.arrays import Array, Flags, length
 from signorini_fx.records import History, Status
 
 
@@ -49,17 +48,17 @@ class Start:
 
     data: RegularisedData
     law: PointFriction | None
-    elastic_slip: Nodal
+    elastic_slip: Array
     sets: ActiveSets | None = None
     iteration: int = 1
-    multipliers: tuple[Nodal, Nodal] | None = None
+    multipliers: tuple[Array, Array] | None = None
     step: int = 0
     place: float = 0.0
-    factors: Nodal | None = None
+    factors: Array | None = None
     regularisation_error: float | None = None
     several: bool = False
 
-    def begin_from(self, sets: ActiveSets, multipliers: tuple[Nodal, Nodal]) -> Start:
+    def begin_from(self, sets: ActiveSets, multipliers: tuple[Array, Array]) -> Start:
         """Return this start with the sets and (lambda, mu) of another mesh, of fewer contact nodes,
         or of another load.
         """
@@ -124,12 +123,12 @@ class Task:
         cls,
         system: ElasticSystem,
         motions: FreeMotions,
-        gap: Nodal,
+        gap: Array,
         law: PointFriction | None = None,
         *,
         settings: Settings,
         natural_gamma: float,
-        bilateral: npt.NDArray[np.bool_] | None = None,
+        bilateral: Flags | None = None,
         **options: Any,
     ) -> Task:
         """A problem that starts with contact and stick everywhere, from its reference motion;

@@ -29,8 +29,8 @@ from signorini_fx.algebra.contact.complementarity import (
 )
 from signorini_fx.algebra.contact.friction import Evaluated
 from signorini_fx.algebra.contact.motions import FreeMotions
-from signorini_fx.algebra.contact.nodal_vectors import Nodal, inner, length, unit
 from signorini_fx.algebra.contact.points import ContactPoints
+from signorini_fx.arrays import Array, Flags, Ints, inner, length, unit
 from signorini_fx.machine import parallel
 from signorini_fx.records import Status
 
@@ -50,16 +50,14 @@ class ActiveSets:
             ``PointFriction.line``; None: that of no pressure and no slip.
     """
 
-    contact: npt.NDArray[np.bool_]
-    slip: npt.NDArray[np.bool_]
-    direction: Nodal
-    turning: Nodal
+    contact: Flags
+    slip: Flags
+    direction: Array
+    turning: Array
     line: Evaluated | None = None
 
     @classmethod
-    def of(
-        cls, contact: npt.NDArray[np.bool_], direction: Nodal, turning: Nodal | None = None
-    ) -> ActiveSets:
+    def of(cls, contact: Flags, direction: Array, turning: Array | None = None) -> ActiveSets:
         """Sets from the contact set and the directions, which are zero where the point sticks."""
         slip = length(direction) > 0.5
         return cls(contact, slip, direction, np.zeros(slip.size) if turning is None else turning)
@@ -81,20 +79,20 @@ class ActiveSets:
         return signs.astype(np.int8)
 
     @property
-    def turned(self) -> Nodal:
+    def turned(self) -> Array:
         """The directions of the points whose shear resists perpendicular slip, shape (n, d - 1);
         zero at the others.
         """
         return np.where((self.slip & (self.turning > 0))[:, None], self.direction, 0.0)
 
-    def changed(self, reference: ActiveSets) -> npt.NDArray[np.bool_]:
+    def changed(self, reference: ActiveSets) -> Flags:
         """The points in another set than in ``reference``, or whose direction has turned by more
         than a right angle.
         """
         turned = inner(self.direction, reference.direction) < 0
         return (self.contact != reference.contact) | (self.slip != reference.slip) | turned
 
-    def sticking(self, where: npt.NDArray[np.bool_]) -> ActiveSets:
+    def sticking(self, where: Flags) -> ActiveSets:
         """The sets with the points ``where`` put into I_f."""
         slip = self.slip & ~where
         return ActiveSets(
@@ -105,7 +103,7 @@ class ActiveSets:
             self.line,
         )
 
-    def across(self, vectors: Nodal) -> Nodal:
+    def across(self, vectors: Array) -> Array:
         """(I - e e^T) v, shape (n, d - 1); zero in 2D."""
         return vectors - inner(self.direction, vectors)[:, None] * self.direction
 
@@ -124,8 +122,8 @@ def line_of_bound(sets: ActiveSets, data: RegularisedData) -> Evaluated:
 
 
 def multipliers(
-    sets: ActiveSets, u_n: Nodal, u_t: Nodal, data: RegularisedData
-) -> tuple[Nodal, Nodal]:
+    sets: ActiveSets, u_n: Array, u_t: Array, data: RegularisedData
+) -> tuple[Array, Array]:
     """(lambda, mu) of step 4, affine in (tau_N y, tau_T y) for fixed sets.
 
     lambda is lambda_hat + gamma_1 (tau_N y - d) on A_c and zero on I_c; mu is mu_hat + gamma_2
@@ -144,7 +142,7 @@ def multipliers(
     )
 
 
-def sliding_shear(sets: ActiveSets, bound: Nodal, trial: Nodal, per: float = 1.0) -> Nodal:
+def sliding_shear(sets: ActiveSets, bound: Array, trial: Array, per: float = 1.0) -> Array:
     """F g e + k (I - e e^T) s on A_f with s = ``trial`` / ``per``, where the second term is zero in
     2D; zero on
     I_f, where the bound may be infinite.
@@ -157,14 +155,14 @@ def sliding_shear(sets: ActiveSets, bound: Nodal, trial: Nodal, per: float = 1.0
     )
 
 
-def slip_multiplier(sets: ActiveSets, mu: Nodal, u_t: Nodal, data: RegularisedData) -> Nodal:
+def slip_multiplier(sets: ActiveSets, mu: Array, u_t: Array, data: RegularisedData) -> Array:
     """Xi of step 5: tau_T y + (mu_hat - mu) / gamma_2, which is zero on I_f; length, shape (n, d -
     1).
     """
     return np.where(sets.slip[:, None], slip_of(u_t, data) + (data.mu_hat - mu) / data.gamma_t, 0.0)
 
 
-def next_sets(u_n: Nodal, u_t: Nodal, xi: Nodal, mu: Nodal, data: RegularisedData) -> ActiveSets:
+def next_sets(u_n: Array, u_t: Array, xi: Array, mu: Array, data: RegularisedData) -> ActiveSets:
     """The active sets from an iterate (y, xi, mu), step 2 of Algorithm (SSN).
 
     A point that ``slips`` by (3.3c) does so in the direction of mu + xi / sigma.  A point whose
@@ -185,7 +183,7 @@ def next_sets(u_n: Nodal, u_t: Nodal, xi: Nodal, mu: Nodal, data: RegularisedDat
     return ActiveSets.of(contact, direction, turning)
 
 
-def classify(sets: ActiveSets, u_n: Nodal, u_t: Nodal, data: RegularisedData) -> ActiveSets:
+def classify(sets: ActiveSets, u_n: Array, u_t: Array, data: RegularisedData) -> ActiveSets:
     """The active sets k + 1 from the iterate y^k, which was computed with ``sets``."""
     trial = trial_shear(u_t, data)
     if data.bound is None:
@@ -218,7 +216,7 @@ def release(sets: ActiveSets, data: RegularisedData) -> ActiveSets:
     return ActiveSets(sets.contact, sets.slip | free, direction, sets.turning, sets.line)
 
 
-def tangent(sets: ActiveSets, data: RegularisedData) -> Nodal:
+def tangent(sets: ActiveSets, data: RegularisedData) -> Array:
     """Derivative (1.5) of (lambda, mu) by (tau_N y, tau_T y) for fixed sets, stress per length,
     shape (n, d, d).
 
@@ -243,7 +241,7 @@ def tangent(sets: ActiveSets, data: RegularisedData) -> Nodal:
     return blocks
 
 
-def law_residual(sets: ActiveSets, u_n: Nodal, u_t: Nodal, data: RegularisedData) -> Nodal:
+def law_residual(sets: ActiveSets, u_n: Array, u_t: Array, data: RegularisedData) -> Array:
     """How far mu of these sets is from the projection (3.4) of the iterate, stress, shape (n,).
 
     Zero in 2D once the sets repeat.  In 3D a direction may still change while the sets stay the
@@ -256,8 +254,8 @@ def law_residual(sets: ActiveSets, u_n: Nodal, u_t: Nodal, data: RegularisedData
 def hold(
     following: ActiveSets,
     sets: ActiveSets,
-    u_t: Nodal,
-    multipliers: Callable[[], tuple[Nodal, Nodal]],
+    u_t: Array,
+    multipliers: Callable[[], tuple[Array, Array]],
     data: RegularisedData,
     motions: FreeMotions,
     escaping: Callable[[], Status | None],
@@ -323,7 +321,7 @@ def holds(sets: ActiveSets, data: RegularisedData, motions: FreeMotions) -> bool
     return motions.held_by(sets.contact, _stick(sets, data), sets.turned)
 
 
-def _stick(sets: ActiveSets, data: RegularisedData) -> npt.NDArray[np.bool_]:
+def _stick(sets: ActiveSets, data: RegularisedData) -> Flags:
     """Return which points resist tangential motion: those that stick, and those whose friction
     grows with the slip.
     """
@@ -332,9 +330,7 @@ def _stick(sets: ActiveSets, data: RegularisedData) -> npt.NDArray[np.bool_]:
     return ~sets.slip if sets.line is None else ~sets.slip | (sets.line[2] > 0)
 
 
-def _ranked(
-    points: ContactPoints, candidates: npt.NDArray[np.bool_], violation: Nodal
-) -> npt.NDArray[np.int64]:
+def _ranked(points: ContactPoints, candidates: Flags, violation: Array) -> Ints:
     """Place of each candidate in the order of the violation over all ranks, from 0; -1 for the
     other nodes.
     """
@@ -347,7 +343,7 @@ def _ranked(
     return result
 
 
-def _count(points: ContactPoints, places: npt.NDArray[np.int64]) -> int:
+def _count(points: ContactPoints, places: Ints) -> int:
     return int(parallel.global_sum(points.comm, np.array(np.count_nonzero(places >= 0))))
 
 
@@ -359,9 +355,7 @@ def _shares(count: int) -> list[float]:
     return [*shares, 1 - 1 / count] if count > 1 else []
 
 
-def _least(
-    points: ContactPoints, places: npt.NDArray[np.int64], share: float
-) -> npt.NDArray[np.bool_]:
+def _least(points: ContactPoints, places: Ints, share: float) -> Flags:
     """The share of the candidates with the least violation, never all of them."""
     count = _count(points, places)
     return (places >= 0) & (places < min(round(share * count), count - 1))

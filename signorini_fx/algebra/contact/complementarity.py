@@ -26,11 +26,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from signorini_fx.algebra import Settings
 from signorini_fx.algebra.contact.friction import PointFriction
-from signorini_fx.algebra.contact.nodal_vectors import Nodal, inner, length, unit
+from signorini_fx.arrays import Array, Flags, inner, length, unit
 from signorini_fx.tuned import AUTOMATIC_GAMMA, SAME_NUMBER
 
 
@@ -60,29 +59,29 @@ class RegularisedData:
         share: of gamma_1, the stiffness of soft contact, shape (n,); None: gamma_1 holds.
     """
 
-    gap: Nodal
+    gap: Array
     gamma_n: float
     gamma_t: float
     sigma: float
-    lambda_hat: Nodal
-    mu_hat: Nodal
-    bound: Nodal | None
-    bilateral: npt.NDArray[np.bool_]
-    immovable: npt.NDArray[np.bool_]
-    slip_origin: Nodal
+    lambda_hat: Array
+    mu_hat: Array
+    bound: Array | None
+    bilateral: Flags
+    immovable: Flags
+    slip_origin: Array
     follows: PointFriction | None = None
-    share: Nodal | None = None
+    share: Array | None = None
 
     @classmethod
     def unshifted(
         cls,
-        gap: Nodal,
+        gap: Array,
         tangents: int,
         settings: Settings,
         natural_gamma: float,
         law: PointFriction | None,
-        bilateral: npt.NDArray[np.bool_],
-        immovable: npt.NDArray[np.bool_],
+        bilateral: Flags,
+        immovable: Flags,
     ) -> RegularisedData:
         """The problem without shifts, for points with so many tangents, with the given part of the
         friction bound;
@@ -103,7 +102,7 @@ class RegularisedData:
         )
 
     @property
-    def stiffness(self) -> Nodal | float:
+    def stiffness(self) -> Array | float:
         """gamma_1, or that of soft contact, stress per length, shape (n,)."""
         return self.gamma_n if self.share is None else self.gamma_n * self.share
 
@@ -113,7 +112,7 @@ class RegularisedData:
         share = None if self.share is None else np.minimum(self.stiffness, stiffness) / gamma_n
         return replace(self, gamma_n=gamma_n, gamma_t=min(self.gamma_t, stiffness), share=share)
 
-    def friction_bound(self, pressure: Nodal, u_t: Nodal) -> Nodal:
+    def friction_bound(self, pressure: Array, u_t: Array) -> Array:
         """Return the bound of |mu| at the contact pressure lambda and the displacement tau_T y,
         stress, shape (n,); zero without friction.
         """
@@ -125,12 +124,12 @@ class RegularisedData:
         return self.follows.evaluate(pushing, length(slip_of(u_t, self)))[0]
 
 
-def slip_of(u_t: Nodal, data: RegularisedData) -> Nodal:
+def slip_of(u_t: Array, data: RegularisedData) -> Array:
     """The tangential displacement that friction opposes, length, shape (n, d - 1)."""
     return u_t - data.slip_origin
 
 
-def trial_pressure(u_n: Nodal, data: RegularisedData) -> Nodal:
+def trial_pressure(u_n: Array, data: RegularisedData) -> Array:
     """lambda_hat + gamma_1 (tau_N y - d), whose positive part is lambda (3.3b); zero at immovable
     points.
     """
@@ -138,12 +137,12 @@ def trial_pressure(u_n: Nodal, data: RegularisedData) -> Nodal:
     return np.where(data.immovable, 0.0, trial)
 
 
-def trial_shear(u_t: Nodal, data: RegularisedData) -> Nodal:
+def trial_shear(u_t: Array, data: RegularisedData) -> Array:
     """mu_hat + gamma_2 tau_T y, whose projection onto the disc |mu| <= F g is mu (3.4)."""
     return data.mu_hat + data.gamma_t * slip_of(u_t, data)
 
 
-def slips(xi: Nodal, mu: Nodal, bound: Nodal, data: RegularisedData) -> npt.NDArray[np.bool_]:
+def slips(xi: Array, mu: Array, bound: Array, data: RegularisedData) -> Flags:
     """Return at which points the friction condition (3.3c) lets slip: |mu + xi / sigma| > F g,
     shape (n,).
 
@@ -163,7 +162,7 @@ def slips(xi: Nodal, mu: Nodal, bound: Nodal, data: RegularisedData) -> npt.NDAr
     return data.sigma * over * (size + bound) + leaning > 0
 
 
-def onto_disc(shear: Nodal, bound: Nodal) -> Nodal:
+def onto_disc(shear: Array, bound: Array) -> Array:
     """The projection of (3.4): the shear where |mu| <= F g, else F g mu / |mu|; the bound may be
     infinite.
     """
@@ -172,8 +171,8 @@ def onto_disc(shear: Nodal, bound: Nodal) -> Nodal:
 
 
 def project(
-    pressure: Nodal, shear: Nodal, u_t: Nodal, data: RegularisedData
-) -> tuple[Nodal, Nodal]:
+    pressure: Array, shear: Array, u_t: Array, data: RegularisedData
+) -> tuple[Array, Array]:
     """(lambda, mu) made feasible, lambda >= 0 and |mu| <= F g, as section 7 does before the update
     of inexact ALM.
     """

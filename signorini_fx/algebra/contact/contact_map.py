@@ -19,8 +19,8 @@ import numpy as np
 import numpy.typing as npt
 from petsc4py import PETSc
 
-from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.algebra.contact.points import ContactPoints
+from signorini_fx.arrays import Array, Flags
 from signorini_fx.machine import parallel
 
 
@@ -42,12 +42,12 @@ class ContactMap:
 
     operator: PETSc.Mat
     points: ContactPoints
-    fixed: npt.NDArray[np.bool_]
+    fixed: Flags
     lift: PETSc.Mat | None = None
     paired: bool = False
-    elsewhere: Nodal | None = None
+    elsewhere: Array | None = None
 
-    def traces(self, x: PETSc.Vec) -> tuple[Nodal, Nodal]:
+    def traces(self, x: PETSc.Vec) -> tuple[Array, Array]:
         """(tau_N y, tau_T y), lengths, shapes (n,) and (n, d - 1); collective."""
         self.operator.mult(x, self._relative)
         relative = self._relative.getArray(readonly=True).reshape(-1, self.points.dimension)
@@ -55,7 +55,7 @@ class ContactMap:
             relative = relative + self.elsewhere
         return relative[:, 0].copy(), relative[:, 1:].copy()
 
-    def add_forces(self, pressure: Nodal, shear: Nodal, force: PETSc.Vec) -> None:
+    def add_forces(self, pressure: Array, shear: Array, force: PETSc.Vec) -> None:
         """Add (lambda, tau_N .) + (mu, tau_T .) to a residual, prescribed unknowns left out;
         collective.
         """
@@ -68,7 +68,7 @@ class ContactMap:
         force.axpy(1.0, self._force)
 
     @property
-    def touched(self) -> npt.NDArray[np.bool_]:
+    def touched(self) -> Flags:
         """Which unknowns of this rank contact can act on; collective."""
         _, columns, values = self.operator.getValuesCSR()
         mark = self.operator.createVecRight()
@@ -76,7 +76,7 @@ class ContactMap:
         mark.assemble()
         return np.asarray(mark.getArray(readonly=True) > 0)
 
-    def after(self, change: PETSc.Mat, fixed: npt.NDArray[np.bool_]) -> ContactMap:
+    def after(self, change: PETSc.Mat, fixed: Flags) -> ContactMap:
         """The map of a system in other unknowns x~ with x = ``change`` x~; collective."""
         lift = (
             None if self.lift is None else change.transposeMatMult(self.lift)
@@ -95,7 +95,7 @@ class ContactMap:
         operator = self.operator.createSubMatrix(*sets)
         return replace(self, operator=operator, fixed=self.fixed[unknowns], lift=None)
 
-    def near(self, far: npt.NDArray[np.bool_], x: PETSc.Vec) -> ContactMap:
+    def near(self, far: Flags, x: PETSc.Vec) -> ContactMap:
         """The map without the rows of points that are ``far``, which stay where ``x`` tells; one
         rank.
         """
@@ -108,7 +108,7 @@ class ContactMap:
         elsewhere = np.where(far[:, None], np.column_stack(self.traces(x)), 0.0)
         return replace(self, operator=operator, elsewhere=elsewhere)
 
-    def law(self, blocks: Nodal, into: PETSc.Mat | None = None) -> PETSc.Mat:
+    def law(self, blocks: Array, into: PETSc.Mat | None = None) -> PETSc.Mat:
         """The matrix with a block of shape (d, d) for each point on its diagonal; ``into``: an
         earlier one, which is filled again; collective.
         """
@@ -148,7 +148,7 @@ class ContactMap:
         wider.axpy(1.0, room, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
         return wider
 
-    def stiffness(self, diagonal: PETSc.Vec) -> Nodal:
+    def stiffness(self, diagonal: PETSc.Vec) -> Array:
         """What a relative displacement meets at each point if only the diagonal of A resists: 1 /
         (w B diag(A)^-1 B^T), the stiffest component that is not prescribed, stress per length,
         shape (n,); collective.

@@ -13,12 +13,10 @@ from functools import cached_property
 from typing import Any, ClassVar, Protocol
 
 import numpy as np
-import numpy.typing as npt
 
-Nodal = npt.NDArray[np.float64]
+from signorini_fx.arrays import Array, Flags, Ints
 
-
-Evaluated = tuple[Nodal, Nodal, Nodal]  # a bound, stress; its derivatives by pressure and by slip
+Evaluated = tuple[Array, Array, Array]  # a bound, stress; its derivatives by pressure and by slip
 
 
 class FrictionBound(Protocol):
@@ -27,15 +25,15 @@ class FrictionBound(Protocol):
     follows_slip: ClassVar[bool]
 
     def evaluate(
-        self, pressure: Nodal, slip: Nodal, dt: float
-    ) -> tuple[Nodal, Nodal | float, Nodal | float]:
+        self, pressure: Array, slip: Array, dt: float
+    ) -> tuple[Array, Array | float, Array | float]:
         """Return the largest shear and its derivatives, see ``PointFriction.evaluate``."""
 
-    def at(self, points: npt.NDArray[np.int64]) -> FrictionBound:
+    def at(self, points: Ints) -> FrictionBound:
         """Return the law at some of the points, by their numbers."""
 
 
-def envelope_at(given: Nodal, coefficient: Nodal, cap: Nodal | None, pressure: Nodal) -> Evaluated:
+def envelope_at(given: Array, coefficient: Array, cap: Array | None, pressure: Array) -> Evaluated:
     """Return min(given + coefficient lambda, cap) and its derivatives at pressures that are not
     negative; arrays of shape (n,).
     """
@@ -54,7 +52,7 @@ class LawAtPoints:
     """
 
     law: FrictionBound
-    points: npt.NDArray[np.int64]
+    points: Ints
     unknown: str
 
 
@@ -75,15 +73,15 @@ class PointFriction:
             negative; None: the pressure decides.
     """
 
-    given: Nodal
-    coefficient: Nodal
-    cap: Nodal | None = None
-    ends_open: npt.NDArray[np.bool_] | None = None
+    given: Array
+    coefficient: Array
+    cap: Array | None = None
+    ends_open: Flags | None = None
     laws: tuple[LawAtPoints, ...] = ()
     dt: float = 0.0
-    pressure: Nodal | None = None
+    pressure: Array | None = None
 
-    def evaluate(self, pressure: Nodal, slip: Nodal | float) -> Evaluated:
+    def evaluate(self, pressure: Array, slip: Array | float) -> Evaluated:
         """Return the bound of the shear at the n points, F g with g = lambda at Coulomb points
         (6.1), and its derivatives by pressure and by slip.
 
@@ -137,18 +135,18 @@ class PointFriction:
         return any(entry.law.follows_slip for entry in self.laws)
 
     @property
-    def acts(self) -> npt.NDArray[np.bool_]:
+    def acts(self) -> Flags:
         """Points that can transmit shear, shape (n,)."""
         return np.asarray((self.given > 0) | (self.coefficient > 0))
 
-    def without_pressure(self, where: npt.NDArray[np.bool_]) -> PointFriction:
+    def without_pressure(self, where: Flags) -> PointFriction:
         """Return the law for points of which some have no pressure, shape (n,): there the bound is
         that of zero pressure.
         """
         given = np.where(where, self.evaluate(np.zeros_like(self.given), 0.0)[0], self.given)
         return replace(self, given=given, coefficient=np.where(where, 0.0, self.coefficient))
 
-    def without_points(self, where: npt.NDArray[np.bool_]) -> PointFriction:
+    def without_points(self, where: Flags) -> PointFriction:
         """Return the law without friction at some points, shape (n,)."""
         laws = []
         for entry in self.laws:
@@ -159,7 +157,7 @@ class PointFriction:
         )
         return replace(self, given=given, coefficient=coefficient, laws=tuple(laws))
 
-    def forces(self, weight: Nodal) -> PointFriction:
+    def forces(self, weight: Array) -> PointFriction:
         """The envelope, which no bound exceeds, with forces for stresses at points with such
         weights, shape (n,).
         """
@@ -169,10 +167,10 @@ class PointFriction:
 
     def line(
         self,
-        pressure: Nodal,
-        bilateral: npt.NDArray[np.bool_],
-        slip: Nodal | float = 0.0,
-        along: Nodal | float = 0.0,
+        pressure: Array,
+        bilateral: Flags,
+        slip: Array | float = 0.0,
+        along: Array | float = 0.0,
         careful: bool = False,
     ) -> Evaluated:
         """Return the tangent of the bound, at_zero + by_pressure lambda + by_slip s.

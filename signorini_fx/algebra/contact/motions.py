@@ -17,11 +17,10 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
 from signorini_fx.algebra.contact.complementarity import RegularisedData
-from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.algebra.contact.points import ContactPoints, PointGroups
+from signorini_fx.arrays import Array, Flags, Ints
 from signorini_fx.machine import parallel
 from signorini_fx.tuned import (
     CERTIFICATE_TOLERANCE,
@@ -39,12 +38,12 @@ class RigidLoad:
     number of that assembly.
     """
 
-    work: Nodal
-    size: Nodal
-    assembly: npt.NDArray[np.int64]
+    work: Array
+    size: Array
+    assembly: Ints
 
 
-def total_work(loads: Sequence[tuple[float, RigidLoad]], count: int) -> Nodal:
+def total_work(loads: Sequence[tuple[float, RigidLoad]], count: int) -> Array:
     """The work of loads times their factors on the free motions, shape (k,); zero for an assembly
     whose loads balance each other to round-off. This is the only place that decides whether a load
     acts on a rigid body.
@@ -75,9 +74,9 @@ class FreeMotions:
     """
 
     points: ContactPoints
-    relative: Nodal
-    assembly: npt.NDArray[np.int64]
-    of_point: npt.NDArray[np.int64]
+    relative: Array
+    assembly: Ints
+    of_point: Ints
     groups: PointGroups
 
     @cached_property
@@ -86,26 +85,26 @@ class FreeMotions:
         return int(self.assembly.size)
 
     @property
-    def normal(self) -> Nodal:
+    def normal(self) -> Array:
         """The motions along the normal of each point, shape (n, k)."""
         return self.relative[:, 0]
 
     @property
-    def tangential(self) -> Nodal:
+    def tangential(self) -> Array:
         """The motions along its tangents, shape (n, d - 1, k)."""
         return self.relative[:, 1:]
 
     @cached_property
-    def assemblies(self) -> list[tuple[int, npt.NDArray[np.bool_]]]:
+    def assemblies(self) -> list[tuple[int, Flags]]:
         """The assemblies that can move: number, and which motions are theirs, shape (k,)."""
         return [(int(number), self.assembly == number) for number in np.unique(self.assembly)]
 
     def unheld(
         self,
-        normal: npt.NDArray[np.bool_],
-        stick: npt.NDArray[np.bool_],
-        directions: Nodal | None = None,
-    ) -> npt.NDArray[np.bool_]:
+        normal: Flags,
+        stick: Flags,
+        directions: Array | None = None,
+    ) -> Flags:
         """Which assemblies have a motion that neither contact at ``normal`` points nor stick at
         ``stick`` points resists, nor, perpendicular to it, slip in ``directions``, shape (n, d -
         1), where these are not zero; shape (assemblies,); collective.
@@ -134,7 +133,7 @@ class FreeMotions:
             unresisted[number] = not (real and values[0] > ROOT_OF_EPS * values[-1] > 0)
         return unresisted
 
-    def untouched(self, numbers: Sequence[int], pressed: npt.NDArray[np.bool_]) -> list[int]:
+    def untouched(self, numbers: Sequence[int], pressed: Flags) -> list[int]:
         """Which of these assemblies have no contact point with tractions; ``pressed``: which points
         have, shape (n,); collective.
         """
@@ -147,15 +146,15 @@ class FreeMotions:
         ]
 
     @cached_property
-    def _moved(self) -> Nodal:
+    def _moved(self) -> Array:
         """How much each motion moves the points of this rank, squared, shape (1, k)."""
         return np.asarray(np.square(self.relative).sum(axis=(0, 1))[None])
 
     def held_by(
         self,
-        normal: npt.NDArray[np.bool_],
-        stick: npt.NDArray[np.bool_],
-        directions: Nodal | None = None,
+        normal: Flags,
+        stick: Flags,
+        directions: Array | None = None,
     ) -> bool:
         """Whether points in contact, sticking, and slipping in another direction resist every
         motion; collective.
@@ -170,10 +169,10 @@ class ReferenceMotion:
     counted, ``displacement``, length, ghosts included, shape (dofs,).
     """
 
-    motion: npt.NDArray[np.float64]
-    u_n: Nodal
-    u_t: Nodal
-    displacement: npt.NDArray[np.float64] | None = None
+    motion: Array
+    u_n: Array
+    u_t: Array
+    displacement: Array | None = None
 
     def data_from(self, data: RegularisedData) -> RegularisedData:
         """The problem for displacements that are counted from this place."""
@@ -181,10 +180,10 @@ class ReferenceMotion:
 
 
 def reference_motion(
-    gap: Nodal,
-    bilateral: npt.NDArray[np.bool_],
+    gap: Array,
+    bilateral: Flags,
     motions: FreeMotions,
-    resultant: npt.NDArray[np.float64],
+    resultant: Array,
 ) -> ReferenceMotion | None:
     """Return the place to which the load moves the rigid body; None if nothing stops it without
     friction, or if supports hold it; collective.
@@ -217,15 +216,15 @@ def reference_motion(
 
 
 def _rest_of(
-    normal_modes: npt.NDArray[np.float64],
-    gap: npt.NDArray[np.float64],
-    load: npt.NDArray[np.float64],
-) -> npt.NDArray[np.float64] | None:
+    normal_modes: Array,
+    gap: Array,
+    load: Array,
+) -> Array | None:
     """How far the free motions of one assembly go, lengths, shape (k,); None where nothing stops
     it, or it rests.
     """
     values, vectors = np.linalg.eigh(normal_modes.T @ normal_modes)
-    resisted: npt.NDArray[np.float64] = vectors[:, values > CERTIFICATE_TOLERANCE * values[-1]]
+    resisted: Array = vectors[:, values > CERTIFICATE_TOLERANCE * values[-1]]
     work = resisted.T @ load
     size = float(np.abs(gap).max())
     largest = float(np.abs(work).max(initial=0.0))
@@ -237,9 +236,7 @@ def _rest_of(
     return None if coefficients is None else size * (resisted @ coefficients)
 
 
-def _furthest(
-    rows: npt.NDArray[np.float64], gap: npt.NDArray[np.float64], work: npt.NDArray[np.float64]
-) -> npt.NDArray[np.float64] | None:
+def _furthest(rows: Array, gap: Array, work: Array) -> Array | None:
     """The coefficients q with rows q <= gap for which work . q is largest; None where it has no
     bound.
     """
@@ -255,7 +252,5 @@ def _furthest(
         return None
     # The programme is solved to its own tolerance; the gaps that it closes are closed exactly.
     closed = rows @ result.x >= gap - CERTIFICATE_TOLERANCE
-    coefficients: npt.NDArray[np.float64] = np.linalg.lstsq(rows[closed], gap[closed], rcond=None)[
-        0
-    ]
+    coefficients: Array = np.linalg.lstsq(rows[closed], gap[closed], rcond=None)[0]
     return coefficients

@@ -12,15 +12,14 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 from mpi4py import MPI
 
-from signorini_fx.algebra.contact.nodal_vectors import Nodal, length
+from signorini_fx.arrays import Array, Flags, Ints, length
 from signorini_fx.machine import parallel
 from signorini_fx.tuned import NO_FORCE, ROOT_OF_EPS, SAME_LENGTH, ZERO_IN_SOLUTION
 
 
-def pushed(depth: Nodal, size: float) -> npt.NDArray[np.bool_]:
+def pushed(depth: Array, size: float) -> Flags:
     """Return where supports push the body of this size into its foundation by more than round-off,
     shape (n,); ``depth``: see ``PointState.held_inside``, length.
     """
@@ -33,9 +32,9 @@ class SharedNodes:
     the second one in the frame of the first one, shape (m, d).
     """
 
-    here: npt.NDArray[np.int64]
-    beside: npt.NDArray[np.int64]
-    normal: Nodal
+    here: Ints
+    beside: Ints
+    normal: Array
 
 
 @dataclass(frozen=True)
@@ -53,9 +52,9 @@ class ContactPoints:
     """
 
     comm: MPI.Comm
-    weight: Nodal
-    movable: Nodal
-    x: Nodal
+    weight: Array
+    movable: Array
+    x: Array
     shared: SharedNodes | None = None
 
     @cached_property
@@ -69,12 +68,12 @@ class ContactPoints:
         return int(self.movable.shape[1])
 
     @cached_property
-    def everywhere(self) -> npt.NDArray[np.bool_]:
+    def everywhere(self) -> Flags:
         """True at all points, shape (n,)."""
         return np.ones(self.size, dtype=bool)
 
     @cached_property
-    def immovable(self) -> npt.NDArray[np.bool_]:
+    def immovable(self) -> Flags:
         """Points that cannot move along their normal because they are free only perpendicular to
         it, shape (n,).
 
@@ -84,7 +83,7 @@ class ContactPoints:
         return np.asarray(np.linalg.norm(self.movable[:, 0], axis=1) <= ROOT_OF_EPS)
 
     @cached_property
-    def still(self) -> Nodal:
+    def still(self) -> Array:
         """Projections onto the tangential directions in which supports let a point not move, shape
         (n, d - 1, d - 1).
 
@@ -92,7 +91,7 @@ class ContactPoints:
         """
         return np.eye(self.dimension - 1) - onto_range(self.movable[:, 1:, 1:])
 
-    def dragged(self, slip: Nodal, motion: Nodal) -> npt.NDArray[np.bool_]:
+    def dragged(self, slip: Array, motion: Array) -> Flags:
         """Points that supports move along their tangents, whatever the friction there, shape (n,);
         ``slip``: what friction opposes, shape (n, d - 1), ``motion``: (tau_N y, tau_T y), shape (n,
         d), lengths.
@@ -101,7 +100,7 @@ class ContactPoints:
             length(np.einsum("nij,nj->ni", self.still, slip)) > ZERO_IN_SOLUTION * length(motion)
         )
 
-    def closed(self, contact: npt.NDArray[np.bool_], entered: Nodal) -> tuple[Nodal, Nodal]:
+    def closed(self, contact: Flags, entered: Array) -> tuple[Array, Array]:
         """``still`` and the direction that another contact of the same node closes, where one is
         left to slip in.
 
@@ -134,14 +133,14 @@ class ContactPoints:
             slips[:, None], moved, 0.0
         )
 
-    def norm(self, values: Nodal) -> float:
+    def norm(self, values: Array) -> float:
         """The norm of L2(Gamma_c) by the nodal rule, of scalars (n,) or vectors (n, k);
         collective.
         """
         squares = np.tensordot(self.weight, values**2, axes=1).sum()
         return float(np.sqrt(parallel.global_sum(self.comm, squares)))
 
-    def felt(self, values: Nodal, beside: Nodal | None = None) -> Nodal:
+    def felt(self, values: Array, beside: Array | None = None) -> Array:
         """Size of the part of a pressure (n,) or a shear (n, d - 1) that no support takes, stress,
         shape (n,). What supports take does nothing to the body: it is no scale for other nodes.
         Neither is what the other one of the two, ``beside``, undoes.
@@ -154,7 +153,7 @@ class ContactPoints:
             else np.minimum(size, np.linalg.norm(alone + self._felt(beside), axis=1))
         )
 
-    def _felt(self, values: Nodal) -> Nodal:
+    def _felt(self, values: Array) -> Array:
         """A pressure (n,) or a shear (n, d - 1) as vectors without what supports take, shape (n,
         d).
         """
@@ -163,7 +162,7 @@ class ContactPoints:
         return np.asarray(np.einsum("nij,nj->ni", self.movable[:, :, 1:], values))
 
 
-def onto_range(matrices: Nodal) -> Nodal:
+def onto_range(matrices: Array) -> Array:
     """Orthogonal projectors onto the ranges of symmetric matrices of order one, shape (n, k, k)."""
     values, vectors = np.linalg.eigh(matrices)
     return np.asarray(
@@ -179,11 +178,11 @@ class PointGroups:
     """
 
     points: ContactPoints
-    number: npt.NDArray[np.int64]
-    pieces: npt.NDArray[np.bool_]
+    number: Ints
+    pieces: Flags
 
     @classmethod
-    def of(cls, points: ContactPoints, reached: npt.NDArray[np.bool_]) -> PointGroups:
+    def of(cls, points: ContactPoints, reached: Flags) -> PointGroups:
         """The groups of points whose relative displacements are those of the pieces ``reached``,
         shape (n, pieces).
         """
@@ -200,20 +199,20 @@ class PointGroups:
         """Number of groups, g."""
         return len(self.pieces)
 
-    def norms(self, values: Nodal) -> Nodal:
+    def norms(self, values: Array) -> Array:
         """The norms of ``ContactPoints.norm`` over each group, shape (g,)."""
         columns = values[:, None] if values.ndim == 1 else values  # a rank may have no point
         squares = (self.points.weight[:, None] * columns**2).sum(axis=1)
         sums = parallel.sums_by(self.points.comm, self.number, squares[:, None], self.count)
         return np.asarray(np.sqrt(sums[:, 0]))
 
-    def largest(self, values: Nodal) -> Nodal:
+    def largest(self, values: Array) -> Array:
         """The largest of values that are not below zero, shape (n,), in each group, shape (g,)."""
         found = np.zeros(self.count)
         np.maximum.at(found, self.number, values)
         return parallel.largest_of_each(self.points.comm, found)
 
-    def scales(self, sizes: Nodal, *, lengths: bool = False) -> Nodal:
+    def scales(self, sizes: Array, *, lengths: bool = False) -> Array:
         """What each group is judged by, shape (g,), at least what is round-off of the largest of
         all sizes.
 
@@ -227,7 +226,7 @@ class PointGroups:
         return np.asarray(np.maximum(scales, NO_FORCE * sizes.max()))
 
 
-def shares(parts: Nodal, wholes: Nodal, of_nothing: float | Nodal = 0.0) -> Nodal:
+def shares(parts: Array, wholes: Array, of_nothing: float | Array = 0.0) -> Array:
     """Parts over wholes, ``of_nothing`` where a whole is zero, shape (g,)."""
     found = np.array(np.broadcast_to(of_nothing, parts.shape), dtype=np.float64)
     return np.divide(parts, wholes, out=found, where=wholes > 0)

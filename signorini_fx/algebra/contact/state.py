@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from signorini_fx.algebra.contact.active_sets import ActiveSets
-from signorini_fx.algebra.contact.nodal_vectors import Nodal, inner, length
 from signorini_fx.algebra.contact.points import ContactPoints
+from signorini_fx.arrays import Array, Flags, inner, length
 from signorini_fx.machine import parallel
 from signorini_fx.tuned import ZERO_IN_SOLUTION
 
@@ -40,18 +40,18 @@ class PointState:
     """
 
     points: ContactPoints
-    gap: Nodal
-    u_n: Nodal
-    u_t: Nodal
-    pressure: Nodal
-    shear: Nodal
-    bound: Nodal
-    in_contact: npt.NDArray[np.bool_]
-    direction: Nodal
+    gap: Array
+    u_n: Array
+    u_t: Array
+    pressure: Array
+    shear: Array
+    bound: Array
+    in_contact: Flags
+    direction: Array
     has_friction: bool
-    bilateral: npt.NDArray[np.bool_]
-    slip_length: Nodal
-    xi: Nodal
+    bilateral: Flags
+    slip_length: Array
+    xi: Array
     dt: float
 
     def __repr__(self) -> str:
@@ -61,14 +61,14 @@ class PointState:
         )
 
     @property
-    def speed(self) -> Nodal | None:
+    def speed(self) -> Array | None:
         """Return the speed of slip, length per time, shape (n,); None: friction does not follow
         it.
         """
         return np.asarray(length(self.slip_length) / self.dt) if self.dt else None
 
     @property
-    def held_inside(self) -> Nodal:
+    def held_inside(self) -> Array:
         """How far immovable points lie inside the foundation, or, where contact cannot open, off it
         too; zero at all others, length, shape (n,).
         """
@@ -77,7 +77,7 @@ class PointState:
         return np.where(self.points.immovable, depth, 0.0)
 
     @property
-    def friction_energy(self) -> Nodal:
+    def friction_energy(self) -> Array:
         """Energy dissipated by slip in this load step at each point per area, mu . xi with xi of
         (3.3c), force per length, shape (n,).
 

@@ -22,11 +22,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from signorini_fx.algebra.contact.friction import PointFriction, as_given
 from signorini_fx.algebra.contact.motions import FreeMotions
-from signorini_fx.algebra.contact.nodal_vectors import Nodal, length, unit
+from signorini_fx.arrays import Array, Flags, Ints, length, unit
 from signorini_fx.machine import parallel
 from signorini_fx.records import Status
 from signorini_fx.tuned import (
@@ -57,10 +56,10 @@ class Escape:
 
 def no_balance(
     law: PointFriction | None,
-    bilateral: npt.NDArray[np.bool_],
+    bilateral: Flags,
     motions: FreeMotions,
-    load: Nodal,
-    gap: Nodal | None = None,
+    load: Array,
+    gap: Array | None = None,
 ) -> Escape | None:
     """A proof that a contact problem has no solution, to be asked before anything is tried: how the
     first assembly moves away, of those that loads drive, then of others; None: not proved of any;
@@ -125,15 +124,15 @@ class Reactions:
         assembly: number of the assembly that the node is in, shape (n,).
     """
 
-    normal: Nodal
-    tangential: Nodal
-    given: Nodal
-    coefficient: Nodal
-    cap: Nodal
-    bilateral: npt.NDArray[np.bool_]
-    assembly: npt.NDArray[np.int64]
+    normal: Array
+    tangential: Array
+    given: Array
+    coefficient: Array
+    cap: Array
+    bilateral: Flags
+    assembly: Ints
 
-    def of(self, number: int, columns: npt.NDArray[np.bool_]) -> Reactions:
+    def of(self, number: int, columns: Flags) -> Reactions:
         """The nodes and the motions of one assembly."""
         normal, tangential, *others = (
             values[self.assembly == number] for values in vars(self).values()
@@ -141,20 +140,18 @@ class Reactions:
         return Reactions(normal[:, columns], tangential[:, :, columns], *others)
 
     @property
-    def friction(self) -> npt.NDArray[np.bool_]:
+    def friction(self) -> Flags:
         """The nodes with friction, shape (n,)."""
         return np.asarray((self.given > 0) | (self.coefficient > 0))
 
-    def unlimited(self, where: npt.NDArray[np.bool_]) -> Reactions:
+    def unlimited(self, where: Flags) -> Reactions:
         """Return the reactions with unlimited given friction at some nodes, and none at
         the others.
         """
         bound = np.where(where, np.inf, 0.0)
         return replace(self, given=bound, cap=np.full_like(bound, np.inf))
 
-    def against(
-        self, motion: Nodal, unit_of_force: float
-    ) -> tuple[Nodal, Nodal, npt.NDArray[np.int64], Nodal]:
+    def against(self, motion: Array, unit_of_force: float) -> tuple[Array, Array, Ints, Array]:
         """The tractions that do most work on a motion of shape (k,).
 
         Returns:
@@ -199,8 +196,8 @@ class Reactions:
 def reactions(
     motions: FreeMotions,
     law: PointFriction | None,
-    bilateral: npt.NDArray[np.bool_],
-    pressing: npt.NDArray[np.bool_] | None = None,
+    bilateral: Flags,
+    pressing: Flags | None = None,
 ) -> Reactions:
     """What contact can do against the free rigid motions; ``law``: of friction, stresses, None
     without; ``bilateral``: nodes whose contact cannot open, ``pressing``: at which the foundation
@@ -240,13 +237,13 @@ class NearestTractions:
     load.
     """
 
-    motion: Nodal
-    pressed: npt.NDArray[np.int64]
+    motion: Array
+    pressed: Ints
     balanced: bool
     unbalanced: bool
 
 
-def nearest(contact: Reactions, load: Nodal, *, unlimited: bool = False) -> NearestTractions:
+def nearest(contact: Reactions, load: Array, *, unlimited: bool = False) -> NearestTractions:
     """The tractions of one assembly nearest to a load, its work on the motions, whose size is the
     unit of force. A limited resultant z is the column (z, 1), an unlimited edge e the column (e,
     0), and the load (W, 1). ``unlimited``: whether tractions with a given bound are left out; how
@@ -259,9 +256,9 @@ def nearest(contact: Reactions, load: Nodal, *, unlimited: bool = False) -> Near
     passive: list[int] = []
     previous = np.inf
     stalled = 0
-    proof: tuple[Nodal, list[int]] | None = None
+    proof: tuple[Array, list[int]] | None = None
 
-    def proves(motion: Nodal) -> bool:
+    def proves(motion: Array) -> bool:
         """Whether admissible tractions do less work than the load: those with a bound, and others
         as far as round-off of the motion lets them, whose sum is at most
         ``LARGEST_BALANCING_FORCE`` times it.
@@ -306,8 +303,8 @@ def nearest(contact: Reactions, load: Nodal, *, unlimited: bool = False) -> Near
 
 
 def combination(
-    columns: Nodal, target: Nodal, passive: list[int]
-) -> tuple[list[int], Nodal, Nodal]:
+    columns: Array, target: Array, passive: list[int]
+) -> tuple[list[int], Array, Array]:
     """The combination of columns of length 1, one per row, with non-negative coefficients that is
     nearest to the
     target: the rows with positive coefficients, these, and what is left of the target; ``passive``:
@@ -348,7 +345,7 @@ def combination(
     return passive, values, residual
 
 
-def _solve(columns: Nodal, target: Nodal) -> Nodal:
+def _solve(columns: Array, target: Array) -> Array:
     """The coefficients of the columns, one per row, that come nearest to the target."""
     return (
         np.asarray(np.linalg.lstsq(columns.T, target, rcond=None)[0])
@@ -357,7 +354,7 @@ def _solve(columns: Nodal, target: Nodal) -> Nodal:
     )
 
 
-def escape(contact: Reactions, load: Nodal) -> tuple[Status, Nodal] | None:
+def escape(contact: Reactions, load: Array) -> tuple[Status, Array] | None:
     """How a load, its work on the motions, not zero, moves one assembly away, and the motion that
     it drives, shape (k,); None: not proved.
     """
@@ -380,7 +377,7 @@ def escape(contact: Reactions, load: Nodal) -> tuple[Status, Nodal] | None:
     return (Status.TIPS if still else Status.OPEN), motion
 
 
-def along_contact(contact: Reactions, motion: Nodal, pressed: npt.NDArray[np.int64]) -> Nodal:
+def along_contact(contact: Reactions, motion: Array, pressed: Ints) -> Array:
     """A motion that keeps pressed nodes in contact, shape (k,).
 
     Where friction follows the pressure, the motion on which tractions can do no more work lifts
@@ -388,7 +385,7 @@ def along_contact(contact: Reactions, motion: Nodal, pressed: npt.NDArray[np.int
     of it.
     """
     rows = contact.normal[pressed]
-    sliding: Nodal = (
+    sliding: Array = (
         motion - np.linalg.lstsq(rows, rows @ motion, rcond=NO_FORCE)[0] if len(rows) else motion
     )
     return sliding if np.linalg.norm(sliding) > NO_FORCE * np.linalg.norm(motion) else motion
@@ -416,7 +413,7 @@ def separable(contact: Reactions) -> bool:
     ).unbalanced
 
 
-def squeezed(contact: Reactions, gap: Nodal) -> bool:
+def squeezed(contact: Reactions, gap: Array) -> bool:
     """Whether one assembly is held by its foundation without a load, as in an interference fit with
     these gaps at its contact nodes. Its nodes overlap with the foundation wherever it is if
     pressures in balance do work on the gaps that is negative.
@@ -433,7 +430,7 @@ def squeezed(contact: Reactions, gap: Nodal) -> bool:
     return bool(np.linalg.norm(residual) <= NO_FORCE)
 
 
-def largest_multiple(contact: Reactions, load: Nodal) -> float:
+def largest_multiple(contact: Reactions, load: Array) -> float:
     """The largest multiple of a load, its work on the motions, not zero, that admissible tractions
     of one assembly balance; infinite beyond ``LARGEST_BALANCING_FORCE``. The motion that a larger
     multiple drives shows how much the tractions can do against it at most: Newton's method for the

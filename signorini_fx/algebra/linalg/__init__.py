@@ -12,13 +12,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol, Self
 
 import numpy as np
-import numpy.typing as npt
 from mpi4py import MPI
 from petsc4py import PETSc
 
 from signorini_fx.algebra.contact.contact_map import ContactMap
 from signorini_fx.algebra.contact.motions import RigidLoad, total_work
 from signorini_fx.algebra.linalg.factorisation import use_factorisation
+from signorini_fx.arrays import Array, Flags
 
 if TYPE_CHECKING:
     from signorini_fx.algebra.linalg.schur import SchurComplement
@@ -65,7 +65,7 @@ class Level(Protocol):
         """
 
     @property
-    def positions(self) -> npt.NDArray[np.float64]:
+    def positions(self) -> Array:
         """Return the positions of the unknowns of this rank, shape (n, 3)."""
 
     @property
@@ -82,7 +82,7 @@ class FarPoints:
     tell where they are, as long as no others are known.
     """
 
-    points: npt.NDArray[np.bool_]
+    points: Flags
     at: PETSc.Vec
 
 
@@ -118,7 +118,7 @@ class Elasticity:
     eliminated: SchurComplement | None = None
 
     @property
-    def positions(self) -> npt.NDArray[np.float64] | None:
+    def positions(self) -> Array | None:
         """Return the positions of the displacements of this rank, its first unknowns; None:
         unknown.
         """
@@ -205,7 +205,7 @@ class ElasticSystem:
         """
         return unchanged
 
-    def set_load(self, factors: npt.NDArray[np.float64]) -> None:
+    def set_load(self, factors: Array) -> None:
         """Make ``load`` and ``start`` those of the load cases times their factors, one for each."""
         self.load.set(0.0)
         self.start.set(0.0)
@@ -214,7 +214,7 @@ class ElasticSystem:
             self.start.axpy(factor, case.start)
         self._set_resultant(factors)
 
-    def _set_resultant(self, factors: npt.NDArray[np.float64]) -> None:
+    def _set_resultant(self, factors: Array) -> None:
         resultants = (case.resultant for case in self.cases)
         self.resultant = total_work(
             list(zip(factors, resultants, strict=True)), self.elasticity.free

@@ -15,7 +15,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 from petsc4py import PETSc
 
 from signorini_fx.algebra.linalg import (
@@ -27,11 +26,10 @@ from signorini_fx.algebra.linalg import (
     row_by_row,
 )
 from signorini_fx.algebra.linalg.petsc_calls import called_back
+from signorini_fx.arrays import Array, Indices, Ints
 
 if TYPE_CHECKING:
     from signorini_fx.algebra.linalg.kernels import BlockProduct
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -49,11 +47,11 @@ class BlockRows:
         fill: copies to the latter what the other ranks have, collective; None: there is one rank.
     """
 
-    starts: npt.NDArray[np.int64]
-    columns: npt.NDArray[np.int32]
+    starts: Ints
+    columns: Indices
     blocks: Array
     diagonal: Array
-    names: npt.NDArray[np.int64]
+    names: Ints
     multiply: BlockProduct
     extended: Array
     fill: Callable[[], None] | None
@@ -63,7 +61,7 @@ class BlockRows:
         """Return the size of the blocks, the spatial dimension d."""
         return int(self.blocks.shape[1])
 
-    def rows_at(self, unknowns: npt.NDArray[np.int64]) -> tuple[Any, Any, Any]:
+    def rows_at(self, unknowns: Ints) -> tuple[Any, Any, Any]:
         """Row starts, global columns and entries of the rows of some unknowns, local numbers."""
         node, component = np.divmod(unknowns, self.size)
         counts = np.diff(self.starts)[node]

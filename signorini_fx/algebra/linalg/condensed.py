@@ -22,15 +22,13 @@ from dataclasses import dataclass, field, replace
 from typing import Self
 
 import numpy as np
-import numpy.typing as npt
 from petsc4py import PETSc
 
 from signorini_fx.algebra.linalg import Elasticity, ElasticSystem, LoadCase
 from signorini_fx.algebra.linalg.factorisation import factor_type
 from signorini_fx.algebra.linalg.schur import SchurComplement
+from signorini_fx.arrays import Array
 from signorini_fx.machine import parallel
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass

@@ -15,12 +15,12 @@ import numpy as np
 import numpy.typing as npt
 from mpi4py import MPI
 
+from signorini_fx.arrays import Array, Indices, Ints
 from signorini_fx.errors import MachineError
 from signorini_fx.machine import parallel
 from signorini_fx.machine.compilation import library
 from signorini_fx.tuned import PREFETCHED_BYTES
 
-Array = npt.NDArray[np.float64]
 SIZES = (2, 3)  # of blocks
 _HEAD = (
     "void multiply_{size}(int64_t rows, const int64_t *starts, const int32_t *columns, "
@@ -94,8 +94,8 @@ class BlockProduct:
     def __init__(
         self,
         folder: Path,
-        starts: npt.NDArray[np.int64],
-        columns: npt.NDArray[np.int32],
+        starts: Ints,
+        columns: Indices,
         blocks: Array,
     ) -> None:
         module = _LOADED[str(folder)]

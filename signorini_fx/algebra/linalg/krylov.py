@@ -13,7 +13,6 @@ from types import SimpleNamespace
 from typing import Self
 
 import numpy as np
-import numpy.typing as npt
 from petsc4py import PETSc
 
 from signorini_fx.algebra.linalg import Elasticity, ElasticSystem, is_by_blocks, petsc_options
@@ -27,6 +26,7 @@ from signorini_fx.algebra.linalg.factorisation import (
 )
 from signorini_fx.algebra.linalg.multigrid import ContactLevels, ContactPreconditioner, Hierarchy
 from signorini_fx.algebra.linalg.petsc_calls import call, called_back, weakly
+from signorini_fx.arrays import Ints
 from signorini_fx.machine import parallel
 from signorini_fx.tuned import (
     ATTAINABLE_SHARE,
@@ -104,7 +104,7 @@ class KrylovSystem(ElasticSystem):
         return ContactLevels(self.hierarchy, self.matrix, self._touched, self.contact, rigid=rigid)
 
     @cached_property
-    def _touched(self) -> npt.NDArray[np.int64]:
+    def _touched(self) -> Ints:
         """The unknowns of this rank that contact can act on, ascending; prescribed ones left
         out.
         """

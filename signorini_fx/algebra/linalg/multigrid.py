@@ -24,7 +24,6 @@ import ctypes
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 import scipy.sparse as sp
 from petsc4py import PETSc
 
@@ -35,10 +34,10 @@ from signorini_fx.algebra.linalg.factorisation import use_direct
 from signorini_fx.algebra.linalg.petsc_calls import call, called_back
 from signorini_fx.algebra.linalg.rigid_unknowns import bordered, relative_to_rigid_bodies
 from signorini_fx.algebra.linalg.truncation import NodalBlocks, TruncatedLevels
+from signorini_fx.arrays import Array, Flags, Ints
 from signorini_fx.machine import parallel
 from signorini_fx.tuned import FEWEST_BLOCK_UNKNOWNS, NEGLIGIBLE, NOTABLE, NOTHING_LEFT, SAME_NUMBER
 
-Array = npt.NDArray[np.float64]
 _ESTIMATING_STEPS = 10
 _FEW = (
     300  # unknowns that PETSc's own factor, without the overhead of a package, is good enough for
@@ -81,9 +80,7 @@ class Hierarchy:
             coarse += below.coarse
         return cls(tuple(interpolations), tuple(coarse), _largest_eigenvalue(matrix))
 
-    def with_rigid_bodies(
-        self, free: npt.NDArray[np.bool_], stiffness: npt.NDArray[np.float64]
-    ) -> Hierarchy:
+    def with_rigid_bodies(self, free: Flags, stiffness: Array) -> Hierarchy:
         """Return the hierarchy with the unknowns of rigid bodies on each level, see
         ``rigid_unknowns``, on coarse levels the free ones; ``stiffness``: of their springs;
         collective.
@@ -197,7 +194,7 @@ class ContactLevels:
         self,
         hierarchy: Hierarchy,
         matrix: PETSc.Mat,
-        unknowns: npt.NDArray[np.int64],
+        unknowns: Ints,
         contact: ContactMap,
         *,
         rigid: int = 0,
@@ -312,9 +309,7 @@ class ContactPreconditioner:
     ``fixed``: the prescribed unknowns of this rank.
     """
 
-    def __init__(
-        self, levels: ContactLevels, fixed: npt.NDArray[np.bool_], *, symmetric: bool
-    ) -> None:
+    def __init__(self, levels: ContactLevels, fixed: Flags, *, symmetric: bool) -> None:
         self._levels = levels
         self._fixed = fixed
         self._symmetric = symmetric

@@ -23,10 +23,9 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from signorini_fx.algebra.linalg.petsc_calls import call
+from signorini_fx.arrays import Array, Indices, Ints
 from signorini_fx.tuned import SAME_LENGTH
 
-Array = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.int64]
 Numbers = npt.NDArray[np.intp]
 _FACTOR_LU, _FACTOR_CHOLESKY = 1, 2  # MAT_FACTOR_LU and MAT_FACTOR_CHOLESKY of petscmat.h
 _LU_SYMBOLIC = 25  # MATOP_LUFACTOR_SYMBOLIC
@@ -56,7 +55,7 @@ class PartialFactor:
     def __init__(
         self,
         rows: sp.csr_array,
-        places: Indices,
+        places: Ints,
         count: int,
         loads: Sequence[Array] = (),
         positions: Array | None = None,
@@ -304,7 +303,7 @@ def _nested_dissection(graph: sp.csr_array, positions: Array) -> Numbers:
     return inside[np.argsort((path | behind)[inside], kind="stable")]
 
 
-def _paths(positions: Array, piece: npt.NDArray[np.int32]) -> npt.NDArray[np.int64]:
+def _paths(positions: Array, piece: Indices) -> Ints:
     """Return for each node its piece, and a bit for each halving of the piece, on which side the
     node is, shape (n,).
     """

@@ -11,10 +11,10 @@ these nodes with it: with E of ``multigrid`` and motions G of the contact unknow
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from petsc4py import PETSc
 
 from signorini_fx.algebra.contact.contact_map import ContactMap
+from signorini_fx.arrays import Array, Flags
 from signorini_fx.machine import parallel
 from signorini_fx.tuned import KRYLOV_STEPS, SAME_NUMBER
 
@@ -38,9 +38,7 @@ def embedding(rotation: PETSc.Mat | None, own: PETSc.Mat, whole: PETSc.Mat) -> P
     return PETSc.Mat().createAIJ((rows, whole.getSizes()[1]), csr=csr, comm=own.comm)
 
 
-def bordered(
-    matrix: PETSc.Mat, free: npt.NDArray[np.bool_], entries: npt.NDArray[np.float64]
-) -> PETSc.Mat:
+def bordered(matrix: PETSc.Mat, free: Flags, entries: Array) -> PETSc.Mat:
     """[A 0; 0 D] with a row more for each unknown of a rigid body and a column for each free one;
     collective.
     """

@@ -14,17 +14,14 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-import numpy.typing as npt
 import scipy.sparse as sp
 from mpi4py import MPI
 from petsc4py import PETSc
 from scipy.linalg import cholesky, solve_triangular
 
 from signorini_fx.algebra.linalg.partial_factor import ERROR_IN_LIBRARY, PartialFactor
+from signorini_fx.arrays import Array, Ints
 from signorini_fx.machine import parallel
-
-Array = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.int64]
 
 
 class SchurComplement:
@@ -49,7 +46,7 @@ class SchurComplement:
     def __init__(
         self,
         matrix: PETSc.Mat,
-        retained: Indices,
+        retained: Ints,
         loads: Sequence[Array] = (),
         positions: Array | None = None,
         *,
@@ -62,7 +59,7 @@ class SchurComplement:
         rows, foreign = _own_columns_first(matrix)
         owned = last - first
         stay = parallel.gather_rows(self._comm, first + retained)
-        self._border: Indices = np.zeros(0, dtype=np.int64)
+        self._border: Ints = np.zeros(0, dtype=np.int64)
         if foreign.size:
             separating = np.zeros(owned + foreign.size, dtype=bool)
             separating[owned:] = (foreign >= last) & ~np.isin(foreign, stay)
@@ -188,7 +185,7 @@ class SchurComplement:
         )
         return joint_load[self._cut :] - self._across.T @ between, between
 
-    def _parts(self, places: Indices, values: Array) -> Iterator[tuple[Indices, Array]]:
+    def _parts(self, places: Ints, values: Array) -> Iterator[tuple[Ints, Array]]:
         """Numbers of joint unknowns of each rank, and its values there, flat."""
         gathered = [parallel.gather_rows(self._comm, rows) for rows in (places, np.ravel(values))]
         ends = [np.cumsum(self._comm.allgather(size))[:-1] for size in (places.size, values.size)]
@@ -197,7 +194,7 @@ class SchurComplement:
         )
 
 
-def _own_columns_first(matrix: PETSc.Mat) -> tuple[sp.csr_array, Indices]:
+def _own_columns_first(matrix: PETSc.Mat) -> tuple[sp.csr_array, Ints]:
     """The rows of this rank, their columns those of this rank first, then those of others, and the
     names of these.
     """
@@ -217,7 +214,7 @@ def _own_columns_first(matrix: PETSc.Mat) -> tuple[sp.csr_array, Indices]:
     return rows, foreign.astype(np.int64) + first
 
 
-def _places_in(names: Indices, wanted: Indices) -> Indices:
+def _places_in(names: Ints, wanted: Ints) -> Ints:
     """Return the position of each of some names among others, -1: it has none."""
     order = np.argsort(names)
     places = order[np.minimum(np.searchsorted(names[order], wanted), names.size - 1)]

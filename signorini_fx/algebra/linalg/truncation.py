@@ -16,7 +16,6 @@ So the pattern of each product is found once, which takes five to ten times as l
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from petsc4py import PETSc
 
 from signorini_fx.algebra.linalg import (
@@ -27,9 +26,8 @@ from signorini_fx.algebra.linalg import (
     row_by_row,
 )
 from signorini_fx.algebra.linalg.blocks import with_added
+from signorini_fx.arrays import Array, Flags, Ints
 from signorini_fx.tuned import NOTHING_LEFT
-
-Array = npt.NDArray[np.float64]
 
 
 def stiff_and_soft(added: Array, scale: Array) -> tuple[Array, Array]:
@@ -55,7 +53,7 @@ class NodalBlocks:
     stiffness of each node, force per length.
     """
 
-    def __init__(self, elastic: PETSc.Mat, unknowns: npt.NDArray[np.int64], size: int) -> None:
+    def __init__(self, elastic: PETSc.Mat, unknowns: Ints, size: int) -> None:
         self._comm = elastic.comm
         self._sizes = elastic.getSizes()
         self._first = elastic.getOwnershipRange()[0]
@@ -74,7 +72,7 @@ class NodalBlocks:
             trace, self._components().sum(axis=1), out=np.ones_like(trace), where=trace > 0
         )
 
-    def _components(self) -> npt.NDArray[np.bool_]:
+    def _components(self) -> Flags:
         present = np.zeros(self.shape[:2], dtype=bool)
         present[self._node, self._component] = True
         return present

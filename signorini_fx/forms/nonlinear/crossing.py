@@ -15,10 +15,10 @@ from dataclasses import dataclass
 
 import basix
 import numpy as np
-import numpy.typing as npt
 from dolfinx import mesh as dmesh
 from scipy.spatial import cKDTree
 
+from signorini_fx.arrays import Array, Flags, Indices, Ints
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import facet_entities, facet_nodes, marked_nodes
@@ -26,10 +26,6 @@ from signorini_fx.mechanics.assembly.pieces import find_pieces
 from signorini_fx.mechanics.obstacles.shapes_inside import BodyCells
 from signorini_fx.mechanics.state import State
 from signorini_fx.tuned import DIGITS_OF_FILES, NOTABLE
-
-Array = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.int64]
-Flags = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -59,9 +55,9 @@ class InnerPoints:
     """
 
     x: Array
-    vertices: Indices
-    piece: Indices
-    named: Indices
+    vertices: Ints
+    piece: Ints
+    named: Ints
     touching: Flags
 
     @classmethod
@@ -82,7 +78,7 @@ class InnerPoints:
         piece = find_pieces(space.mesh).of_cell[entities[:, 0]]
         return cls(x, cells.vertices[entities[:, 0]], piece, named, touching)
 
-    def taken(self, chosen: Indices | Flags) -> InnerPoints:
+    def taken(self, chosen: Ints | Flags) -> InnerPoints:
         """Return some of the points."""
         return InnerPoints(*(values[chosen] for values in vars(self).values()))
 
@@ -166,14 +162,14 @@ def behind(linear: LinearisedProblem, last: State) -> dict[int, str]:
     return passed
 
 
-def _corners_of(cells: BodyCells, entities: npt.NDArray[np.int32], places: Array) -> Array:
+def _corners_of(cells: BodyCells, entities: Indices, places: Array) -> Array:
     """Return the vertices of facets, given by cell and facet of the cell, shape (n, v, d)."""
     corners = cells.corners(places)[entities[:, 0]]
     on_facets = np.array(basix.topology(cells.kind)[-2])[entities[:, 1]]
     return np.asarray(np.take_along_axis(corners, on_facets[:, :, None], axis=1))
 
 
-def _named(linear: LinearisedProblem, facets: npt.NDArray[np.int32]) -> Indices:
+def _named(linear: LinearisedProblem, facets: Indices) -> Ints:
     """Return the numbers of the names of facets, -1 without one, shape (n,)."""
     named = np.full(facets.size, -1)
     for number, part in enumerate(linear.names.values()):

@@ -27,6 +27,7 @@ from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.linalg import ElasticSystem, LoadCase
 from signorini_fx.algebra.linalg.condensed import CondensedSystem
+from signorini_fx.arrays import Array, Flags, Indices
 from signorini_fx.errors import FormError
 from signorini_fx.forms.elasticity import NOT_POSITIVE, NOT_SYMMETRIC, MatrixError, elastic_body
 from signorini_fx.forms.given_forms import conditions_of, given_forms
@@ -62,9 +63,6 @@ from signorini_fx.results.solution import ConvergenceError
 from signorini_fx.solving.frames import Posed, in_frames, rotations, start_of, state_of
 from signorini_fx.solving.step import with_contact
 from signorini_fx.tuned import NO_FORCE, RETAINED_REACH, UNITS_OF_NO_LOAD
-
-Array = npt.NDArray[np.float64]
-
 
 # How a contact problem ends whose sets are not found.
 _WITHOUT_SETS = (Status.CYCLING, Status.MAX_ITERATIONS, Status.OUTER_MAX_ITERATIONS)
@@ -205,7 +203,7 @@ class MovingFoundations(Foundations):
         self._pairs[number] = paired
         return paired.boundary()
 
-    def alone(self, boundary: ContactBoundary) -> npt.NDArray[np.bool_]:
+    def alone(self, boundary: ContactBoundary) -> Flags:
         alone = super().alone(boundary)
         for number, pair in self.sliding.items():
             alone[boundary.part == number] = pair.alone
@@ -311,7 +309,7 @@ class LinearisedProblem(FormSolver):
         )
         forms = replace(forms, original=(tangents.bilinear, evaluated.form))
         # Facets of parts of the boundary by their names, for messages.
-        self.names: Mapping[str, npt.NDArray[np.int32]] = forms.boundaries
+        self.names: Mapping[str, Indices] = forms.boundaries
         super().__init__(forms, increment, bcs, settings, options, effects)
         self._evaluated = evaluated
         self._straighten()
@@ -504,7 +502,7 @@ class LinearisedProblem(FormSolver):
             way if previous is None or previous.moved is None else np.asarray(way - previous.moved)
         )
 
-    def _body(self, fixed: npt.NDArray[np.bool_], boundary: ContactBoundary) -> Model:
+    def _body(self, fixed: Flags, boundary: ContactBoundary) -> Model:
         """A tangent that is not definite is factorised whole, without fall-backs: a smaller
         increment is what helps.
         """
@@ -661,7 +659,7 @@ class LinearisedProblem(FormSolver):
     def begin_anew(self) -> None:
         """A new load: the tangent is definite until a factorisation refuses it."""
         self.definite, self.symmetric, self._round_off = True, True, None
-        self._near: npt.NDArray[np.bool_] | None = None
+        self._near: Flags | None = None
         self._last_values: Array | None = None  # of the displacement in the last iteration
 
     def solve(self, *, keeps_stiffness: bool = False) -> None:
@@ -709,9 +707,7 @@ class LinearisedProblem(FormSolver):
         curved = bool(self.curvature.nodes.size or self.curvature.joint)
         return parallel.any_rank(self.space.mesh.comm, curved)
 
-    def _far_points(
-        self, boundary: ContactBoundary
-    ) -> tuple[npt.NDArray[np.bool_], fem.Function] | None:
+    def _far_points(self, boundary: ContactBoundary) -> tuple[Flags, fem.Function] | None:
         """Which points are farther from their shapes than an increment may bring them, shape (n,),
         and the displacement of now; None: none is.  The dense matrix of a body in 3D on one rank
         does without them; the next iteration has those that are inside of their shapes.
@@ -911,7 +907,7 @@ class LinearisedProblem(FormSolver):
 
     # --- what the verdict on stability asks for ---
 
-    def sticks(self, state: ContactState) -> npt.NDArray[np.bool_]:
+    def sticks(self, state: ContactState) -> Flags:
         """Which points friction has held, in contact or by a bound without it, shape (n,)."""
         part = state.boundary.part
         rough = np.array(

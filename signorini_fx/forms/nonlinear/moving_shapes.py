@@ -20,9 +20,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from dolfinx import fem
 
+from signorini_fx.arrays import Array, Flags, Ints
 from signorini_fx.errors import FormError
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
@@ -33,15 +33,13 @@ from signorini_fx.mechanics.statement.rigid_body import COMPONENTS
 from signorini_fx.mechanics.statement.rigid_shape import Shape
 from signorini_fx.tuned import DIFFERENCE_STEP, MOST_TURNED, NEGLIGIBLE
 
-Array = npt.NDArray[np.float64]
-
 
 @dataclass
 class MovingShape:
     """The shape of one foundation where it is."""
 
     shape: Shape  # where it is now
-    nodes: npt.NDArray[np.int64]  # of the foundation, local numbers, ghosts included, shape (n,)
+    nodes: Ints  # of the foundation, local numbers, ghosts included, shape (n,)
     x: Array  # their initial positions, length, shape (n, d)
     u: fem.Function  # the displacement of the body
     turns: bool  # whether forces may turn it, see ``fitting``
@@ -252,7 +250,7 @@ class ToolMotion(RigidBodyMotion):
         """Return the entry of a rigid body; its gap is not linearised and has no error."""
         return super().as_dict(contact, contacts, kinematics) | {"gap_error": None}
 
-    def arms(self, contact: ContactState, touching: npt.NDArray[np.bool_]) -> Array:
+    def arms(self, contact: ContactState, touching: Flags) -> Array:
         """Arms of the displaced points, from their displacement relative to the tool, r = X + a - c
         - psi x a.
         """

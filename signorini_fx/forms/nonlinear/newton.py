@@ -18,9 +18,9 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from dolfinx import fem
 
+from signorini_fx.arrays import Array
 from signorini_fx.errors import FormError
 from signorini_fx.forms.elasticity import NOT_FINITE, MatrixError
 from signorini_fx.forms.nonlinear.crossing import behind, crossing
@@ -55,8 +55,6 @@ from signorini_fx.tuned import (
     UNITS_OF_PLACES,
     WHOLE_SLOPE,
 )
-
-Array = npt.NDArray[np.float64]
 
 # What is said of linear bodies alone.
 OF_LINEAR_BODIES = (*OF_THE_BODY, Status.SLIDES_AT_PRESSURES, Status.SINGULAR)

@@ -9,10 +9,10 @@ from dataclasses import replace
 from typing import Any, ClassVar
 
 import numpy as np
-import numpy.typing as npt
 import ufl
 from dolfinx import fem
 
+from signorini_fx.arrays import Array, Indices
 from signorini_fx.errors import FormError
 from signorini_fx.forms.contact_problem import ProblemOfForms
 from signorini_fx.forms.elasticity import exterior_facets
@@ -290,7 +290,7 @@ class NonlinearContactProblem(ProblemOfForms):
             names = tuple(step.name for step in steps)
             path = LoadPath(tuple(step.time for step in steps), names if any(names) else ())
 
-        def errors(strain: bool) -> tuple[npt.NDArray[np.float64], Norms] | str:
+        def errors(strain: bool) -> tuple[Array, Norms] | str:
             """Return the estimated errors of the body as it is now."""
             if self._solver.solved is not solved:
                 return "there is no estimate of the error of an earlier solve"
@@ -331,7 +331,7 @@ class NonlinearContactProblem(ProblemOfForms):
         displaced = {*moving.moving, *moving.sliding}
         return shares * work, work / 2, displaced, stress / strain
 
-    def _errors_now(self, *, strain: bool) -> tuple[npt.NDArray[np.float64], Norms] | str:
+    def _errors_now(self, *, strain: bool) -> tuple[Array, Norms] | str:
         """What each owned cell has of the squared relative error of the stress in L2, shape
         (cells,), or with ``strain`` also of that of the strain, shape (2, cells), and the norms of
         both; or why they are not known; collective.
@@ -352,7 +352,7 @@ class NonlinearContactProblem(ProblemOfForms):
         norms = (float(np.sqrt(size)), float(np.sqrt(of_strain or size)))
         return np.array([shares, strains]), norms
 
-    def _loaded(self) -> npt.NDArray[np.int32]:
+    def _loaded(self) -> Indices:
         """The exterior facets of this rank on which F has forces."""
         integrals = self._solver.tangents.lowered.integrals_by_type("exterior_facet")
         mesh = self.u.function_space.mesh

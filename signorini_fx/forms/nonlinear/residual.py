@@ -11,13 +11,13 @@ from typing import Any, Protocol
 
 import basix
 import numpy as np
-import numpy.typing as npt
 import ufl
 from dolfinx import fem
 from ufl.algorithms import compute_form_data
 from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
 from ufl.algorithms.apply_derivatives import apply_derivatives
 
+from signorini_fx.arrays import Array, Flags, Indices
 from signorini_fx.errors import FormError
 from signorini_fx.machine import parallel
 from signorini_fx.machine.compilation import compiling
@@ -32,8 +32,6 @@ from signorini_fx.tuned import (
     SAME_TANGENT,
     UNITS_OF_DIFFERENCE,
 )
-
-Array = npt.NDArray[np.float64]
 
 
 class Remembers(Protocol):
@@ -58,7 +56,7 @@ class KeptFunctions:
 
     functions: Mapping[str, fem.Function]
 
-    def _dofs(self, name: str) -> tuple[Array, npt.NDArray[np.int32]]:
+    def _dofs(self, name: str) -> tuple[Array, Indices]:
         """The values of one, a row for each node, and the nodes of the owned cells."""
         space = self.functions[name].function_space
         topology = space.mesh.topology
@@ -259,9 +257,7 @@ def derivative(F: Any, u: fem.Function, trial: Any) -> Any:
     )
 
 
-def is_derivative(
-    form: fem.Form, residual: Residual, values: Array, free: npt.NDArray[np.bool_]
-) -> bool:
+def is_derivative(form: fem.Form, residual: Residual, values: Array, free: Flags) -> bool:
     """Whether the product of a bilinear form with random displacements is what F changes by at
     values of ``u``, at owned ``free`` unknowns; collective.  Where a change leads across a yield
     surface, forces change otherwise ahead than behind: either is a derivative.

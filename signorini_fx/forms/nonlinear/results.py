@@ -14,15 +14,14 @@ from types import SimpleNamespace
 from typing import Any, ClassVar
 
 import numpy as np
-import numpy.typing as npt
 import scipy.sparse.linalg
 import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 
 from signorini_fx.algebra import Settings
+from signorini_fx.arrays import Array, Flags, Indices, Ints
 from signorini_fx.forms.elasticity import acting_on, prescribed_nodes
-from signorini_fx.forms.given_forms import Facets
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
 from signorini_fx.machine import parallel
 from signorini_fx.machine.compilation import compiling
@@ -46,7 +45,6 @@ from signorini_fx.results.resultants import ActingForces
 from signorini_fx.results.stresses import RawStresses
 from signorini_fx.tuned import CERTIFICATE_TOLERANCE, FACETS_OF_KEPT_PARTNERS
 
-Array = npt.NDArray[np.float64]
 Norms = tuple[float, float]  # of the stress, and of the strain
 
 
@@ -56,9 +54,7 @@ class ResidualMechanics:
 
     forces: Balance  # the residual as forces on the body without contact
     contact: ContactConditions | None  # at the displaced points; None: there is no contact
-    fixed: npt.NDArray[
-        np.bool_
-    ]  # which dofs of this rank are prescribed, ghosts included, shape (dofs,)
+    fixed: Flags  # which dofs of this rank are prescribed, ghosts included, shape (dofs,)
 
 
 @dataclass(frozen=True)
@@ -70,7 +66,7 @@ class NonlinearMechanics(Mechanics):
     no_bounds: ClassVar[str] = "a nonlinear body has no guaranteed bound"
 
     ends: Sequence[tuple[StepResult, ResidualMechanics]]  # the last load step at least
-    boundaries: Mapping[str, Facets]  # that were given a name
+    boundaries: Mapping[str, Indices]  # that were given a name
     # At the last load step, see ``NonlinearContactProblem._errors_now``, with that of the strain or
     # without it.
     errors_now: Callable[[bool], tuple[Array, Norms] | str]
@@ -157,9 +153,7 @@ def _moved_with_corners(
     return np.where(boundary.at_nodes[:, None], moved, way - slips)
 
 
-def _conditions(
-    linear: LinearisedProblem, fixed: npt.NDArray[np.bool_], values: Array
-) -> ContactConditions:
+def _conditions(linear: LinearisedProblem, fixed: Flags, values: Array) -> ContactConditions:
     """What holds at the contact points: distances and normals of shapes, and the maps of pairs, at
     displaced points.
     """
@@ -303,7 +297,7 @@ def slid_past_partners(linear: LinearisedProblem) -> Iterator[Finding]:
 
 
 def squared_errors(
-    field: fem.Function, u: fem.Function, parts: Sequence[Facets]
+    field: fem.Function, u: fem.Function, parts: Sequence[Indices]
 ) -> tuple[Array, float]:
     """What each owned cell has of the squared error in L2 of a stress or a strain of ``stress_of``,
     by its recovery, and the squared norm of it; ``parts``: cells of each material, local numbers,
@@ -334,7 +328,7 @@ def green_strain(u: fem.Function) -> Any:
     return ufl.inner(ufl.as_matrix(strain), ufl.grad(ufl.TestFunction(u.function_space))) * ufl.dx
 
 
-def traction_left(linear: LinearisedProblem, loaded: Facets, field: fem.Function) -> Array:
+def traction_left(linear: LinearisedProblem, loaded: Indices, field: fem.Function) -> Array:
     """The squared traction, times h, that the stress P of ``stress_of`` leaves where there is none,
     of each owned cell, see ``squared_residual``: off the contact, the ``loaded`` facets, and
     components that are prescribed; collective.
@@ -353,7 +347,7 @@ def traction_left(linear: LinearisedProblem, loaded: Facets, field: fem.Function
         displacement=linear.at, sigma=ufl.as_matrix(components.tolist()), modulus=1.0, around=1.0
     )
 
-    def of(numbers: npt.NDArray[np.int64], residual: Any) -> tuple[Any, list[Any], bool]:
+    def of(numbers: Ints, residual: Any) -> tuple[Any, list[Any], bool]:
         return ufl.as_vector([0.0 if k in numbers else residual[k] for k in range(dim)]), [], False
 
     cellwise = ufl.TestFunction(fem.functionspace(mesh, ("DG", 0)))

@@ -7,10 +7,8 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from math import inf
 
-import numpy as np
-import numpy.typing as npt
-
 from signorini_fx.algebra.algorithms.task import Outcome
+from signorini_fx.arrays import Array
 from signorini_fx.errors import FormError
 from signorini_fx.forms.elasticity import MatrixError
 from signorini_fx.forms.nonlinear.newton import EquilibriumSolver
@@ -26,8 +24,6 @@ from signorini_fx.solving.increments import FINAL, HalvedIncrements
 from signorini_fx.solving.load_path import run
 from signorini_fx.solving.restart import Figures, StoredStates
 from signorini_fx.solving.step import refuse_no_duration
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)

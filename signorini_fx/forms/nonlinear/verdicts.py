@@ -11,7 +11,6 @@ from dataclasses import dataclass, field
 from functools import reduce
 
 import numpy as np
-import numpy.typing as npt
 from dolfinx import fem
 from petsc4py import PETSc
 from scipy.sparse.linalg import LinearOperator, eigsh
@@ -20,6 +19,7 @@ from scipy.spatial import cKDTree
 from signorini_fx.algebra.linalg.condensed import CondensedSystem
 from signorini_fx.algebra.linalg.factorisation import enough_memory, factor_memory
 from signorini_fx.algebra.regularised import ContactTangent
+from signorini_fx.arrays import Array, Flags, Ints
 from signorini_fx.errors import FormError
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem, MovingFoundations
 from signorini_fx.forms.nonlinear.moving_shapes import turning_of
@@ -34,10 +34,6 @@ from signorini_fx.mechanics.obstacles.shapes_inside import BodyCells, InsideBody
 from signorini_fx.mechanics.state import State
 from signorini_fx.records import Status
 from signorini_fx.tuned import HOLDING_STIFFNESS, MOST_PLACES, NEGLIGIBLE, NO_FORCE, SHAPE_INSIDE
-
-Array = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.int64]
-Flags = npt.NDArray[np.bool_]
 
 
 @dataclass
@@ -316,7 +312,7 @@ def overlap_of_bodies(foundations: MovingFoundations, last: State) -> str:
     return ""
 
 
-def _within(cells: BodyCells, places: Array, piece: Indices, at: Array, of_node: Array) -> Flags:
+def _within(cells: BodyCells, places: Array, piece: Ints, at: Array, of_node: Array) -> Flags:
     """Which points, of the pieces ``of_node``, are in a cell of this rank that belongs to another
     piece, shape (m,).
     """

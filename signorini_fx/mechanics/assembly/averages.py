@@ -24,9 +24,8 @@ from dolfinx import fem
 from mpi4py import MPI
 from petsc4py import PETSc
 
+from signorini_fx.arrays import Array, Flags, Ints
 from signorini_fx.tuned import NEGLIGIBLE
-
-_Floats = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -36,16 +35,12 @@ class Averages:
     shares: (
         Any  # share of each node in each point, rows with the sum one, scipy sparse, shape (n, m)
     )
-    nodes: npt.NDArray[
-        np.int64
-    ]  # global numbers, shape (m,); a node of two contact boundaries is there twice
-    x: _Floats  # positions of the nodes, length, shape (m, d)
-    fixed: npt.NDArray[
-        np.bool_
-    ]  # which displacement components are prescribed at the nodes, shape (m, d)
+    nodes: Ints  # global numbers, shape (m,); a node of two contact boundaries is there twice
+    x: Array  # positions of the nodes, length, shape (m, d)
+    fixed: Flags  # which displacement components are prescribed at the nodes, shape (m, d)
     # Where the force of each point acts on the body of its node, length, shape (n, d); None: at the
     # average.
-    centre: _Floats | None = None
+    centre: Array | None = None
     # Displacements of some nodes along one direction that move the points of two bodies by one, (m,
     # n); None: unknown.
     lift: Any = None
@@ -54,9 +49,7 @@ class Averages:
     )
 
     @classmethod
-    def at_nodes(
-        cls, nodes: npt.NDArray[np.int64], x: _Floats, fixed: npt.NDArray[np.bool_]
-    ) -> Averages:
+    def at_nodes(cls, nodes: Ints, x: Array, fixed: Flags) -> Averages:
         """Return the averages of points that have the displacement of their nodes."""
         itself = sp.eye_array(nodes.size, format="csr")
         return cls(itself, nodes, x, fixed, lift=itself)
@@ -88,14 +81,14 @@ class Averages:
         return self.between is not None
 
     @property
-    def arm(self) -> _Floats:
+    def arm(self) -> Array:
         """Return the vector from each node to the point where the force acts on its body, length,
         shape (n, d).
         """
         return np.asarray(self.shares @ self.x) if self.centre is None else self.centre
 
     @cached_property
-    def point(self) -> npt.NDArray[np.int64]:
+    def point(self) -> Ints:
         """The point of each entry of ``shares``."""
         return np.repeat(np.arange(self.shares.shape[0]), np.diff(self.shares.indptr))
 
@@ -108,7 +101,7 @@ class Averages:
             return self.between
         return sp.csr_array(sp.kron(self.shares, sp.eye_array(self.x.shape[1]), format="csr"))
 
-    def of_gap(self, vertices: _Floats, values: _Floats) -> _Floats:
+    def of_gap(self, vertices: Array, values: Array) -> Array:
         """Return the gap of the points, length, shape (n,): averages of ``values`` at the nodes.
 
         Where the gap jumps or bends between nodes an average means nothing, and may lie below all
@@ -132,7 +125,7 @@ class Averages:
                 gap[point] = vertices[point]
         return gap
 
-    def any_of(self, flags: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+    def any_of(self, flags: Flags) -> Flags:
         """Whether any node of a point has a flag, from shape (m, k) to shape (n, k)."""
         return np.asarray(abs(self.shares) @ flags.astype(np.float64) > 0)
 
@@ -144,7 +137,7 @@ def averaging(space: fem.FunctionSpace) -> bool:
     )
 
 
-def from_owners(owned_rows: _Floats, nodes: npt.NDArray[Any], comm: MPI.Comm) -> _Floats:
+def from_owners(owned_rows: Array, nodes: npt.NDArray[Any], comm: MPI.Comm) -> Array:
     """Rows of ``owned_rows``, which has one per owned node, for global numbers of nodes;
     collective.
     """
@@ -158,7 +151,7 @@ def from_owners(owned_rows: _Floats, nodes: npt.NDArray[Any], comm: MPI.Comm) ->
     return np.array(received.getArray(readonly=True)).reshape(-1, width)
 
 
-def to_owners(values: _Floats, nodes: npt.NDArray[Any], comm: MPI.Comm, owned: int) -> _Floats:
+def to_owners(values: Array, nodes: npt.NDArray[Any], comm: MPI.Comm, owned: int) -> Array:
     """Sums of rows for global numbers of nodes over all ranks, at the owned nodes, shape (owned,
     k); collective.
     """

@@ -10,11 +10,11 @@ from typing import Any
 
 import basix
 import numpy as np
-import numpy.typing as npt
 import ufl
 from dolfinx import fem, jit, la
 from dolfinx import mesh as dmesh
 
+from signorini_fx.arrays import Array, Flags, Indices
 from signorini_fx.machine import compat, parallel
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.kinematics.protocol import SPACE, Kinematics
@@ -28,11 +28,11 @@ _IN_ANY_ORDER = ["-fassociative-math", "-fno-signed-zeros", "-fno-trapping-math"
 _ATTRIBUTE = "_signorini_fx_node_positions"
 
 
-def node_positions(space: fem.FunctionSpace) -> npt.NDArray[np.float64]:
+def node_positions(space: fem.FunctionSpace) -> Array:
     """X of the nodes of this rank, ghosts included: length, shape (nodes, 3), read-only; kept with
     the space, as dolfinx passes over all cells at every call.
     """
-    positions: npt.NDArray[np.float64] | None = getattr(space, _ATTRIBUTE, None)
+    positions: Array | None = getattr(space, _ATTRIBUTE, None)
     if positions is None:
         positions = np.asarray(space.tabulate_dof_coordinates(), dtype=np.float64)
         positions.flags.writeable = False
@@ -62,7 +62,7 @@ def stiffness_form(term: Any, dimension: int) -> fem.Form:
         return fem.form(term, jit_options={"cffi_extra_compile_args": arguments})
 
 
-def facet_entities(mesh: dmesh.Mesh, facets: npt.NDArray[np.int32]) -> npt.NDArray[np.int32]:
+def facet_entities(mesh: dmesh.Mesh, facets: Indices) -> Indices:
     """(cell, facet of the cell) of exterior facets, shape (facets, 2)."""
     dim = mesh.topology.dim
     mesh.topology.create_connectivity(dim - 1, dim)
@@ -78,7 +78,7 @@ def facet_entities(mesh: dmesh.Mesh, facets: npt.NDArray[np.int32]) -> npt.NDArr
     )
 
 
-def facet_vertices(mesh: dmesh.Mesh, facets: npt.NDArray[np.int32]) -> npt.NDArray[np.float64]:
+def facet_vertices(mesh: dmesh.Mesh, facets: Indices) -> Array:
     """The vertices of each facet, m of them, shape (facets, m, 3)."""
     if facets.size == 0:  # dolfinx divides by their number
         return np.empty((0, mesh.topology.dim, 3))
@@ -87,7 +87,7 @@ def facet_vertices(mesh: dmesh.Mesh, facets: npt.NDArray[np.int32]) -> npt.NDArr
     )
 
 
-def facet_nodes(space: fem.FunctionSpace, facets: npt.NDArray[np.int32]) -> npt.NDArray[np.int32]:
+def facet_nodes(space: fem.FunctionSpace, facets: Indices) -> Indices:
     """The nodes of exterior facets, all with as many, local numbers in the order of basix, shape
     (facets, nodes).
     """
@@ -101,7 +101,7 @@ def facet_nodes(space: fem.FunctionSpace, facets: npt.NDArray[np.int32]) -> npt.
     return np.asarray(space.dofmap.list[entities[:, :1], closures[entities[:, 1]]])
 
 
-def marked_nodes(space: fem.FunctionSpace, nodes: npt.NDArray[np.int32]) -> npt.NDArray[np.bool_]:
+def marked_nodes(space: fem.FunctionSpace, nodes: Indices) -> Flags:
     """Which nodes of this rank, ghosts included, any rank has named, shape (nodes,); collective."""
     mark = la.vector(space.dofmap.index_map, 1, dtype=np.int32)
     mark.array[nodes] = 1
@@ -110,9 +110,7 @@ def marked_nodes(space: fem.FunctionSpace, nodes: npt.NDArray[np.int32]) -> npt.
     return np.asarray(mark.array > 0)
 
 
-def measure(
-    mesh: dmesh.Mesh, parts: Sequence[npt.NDArray[np.int32]], metadata: dict[str, Any]
-) -> Any:
+def measure(mesh: dmesh.Mesh, parts: Sequence[Indices], metadata: dict[str, Any]) -> Any:
     """Integration over lists of facets, numbered from 1 on every mesh, so that forms are compiled
     once.
     """
@@ -123,14 +121,12 @@ def measure(
     return ufl.Measure("ds", domain=mesh, subdomain_data=data, metadata=metadata)
 
 
-def assemble(form: fem.Form) -> npt.NDArray[np.float64]:
+def assemble(form: fem.Form) -> Array:
     """A linear form, summed over the ranks, shape (owned dofs,); collective."""
     return _summed(fem.assemble_vector(form))
 
 
-def action(
-    elastic: tuple[fem.Form, ...], function: fem.Function, blocks: npt.NDArray[np.int32]
-) -> npt.NDArray[np.float64]:
+def action(elastic: tuple[fem.Form, ...], function: fem.Function, blocks: Indices) -> Array:
     """a(function, .) with the values at the nodes ``blocks`` only, shape (owned dofs,): dolfinx
     lifts prescribed values by assembling the same form cell by cell, so that no further form is
     compiled.
@@ -141,7 +137,7 @@ def action(
     return -_summed(result.x)
 
 
-def _summed(vector: la.Vector) -> npt.NDArray[np.float64]:
+def _summed(vector: la.Vector) -> Array:
     """The owned entries of a vector, to which the other ranks add theirs; collective.
 
     No vector of PETSc is made of it: dolfinx destroys such vectors when the garbage collector finds
@@ -172,9 +168,7 @@ def shared_in(holder: str) -> Callable[[Callable[[Any], Any]], Any]:
     return kept
 
 
-def prescribed(
-    space: fem.FunctionSpace, bcs: Sequence[fem.DirichletBC]
-) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.float64]]:
+def prescribed(space: fem.FunctionSpace, bcs: Sequence[fem.DirichletBC]) -> tuple[Flags, Array]:
     """Which dofs of this rank are prescribed, and to what, else zero, shape (dofs,); the last
     condition applies.
     """
@@ -213,7 +207,7 @@ def parallelepipeds(mesh: dmesh.Mesh) -> bool:
         return False
     dim = mesh.topology.dim
     # Shape (d, corners of a cell, cells), corners in the order of basix: along x[0] first.
-    x: npt.NDArray[np.float64] = np.ascontiguousarray(mesh.geometry.x.T[:dim], dtype=np.float64)
+    x: Array = np.ascontiguousarray(mesh.geometry.x.T[:dim], dtype=np.float64)
     corners = x[:, compat.geometry_cells(mesh).T]
     relative = corners - corners[:, :1]
     edges = relative[:, 2 ** np.arange(dim)]

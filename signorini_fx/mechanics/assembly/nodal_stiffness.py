@@ -16,17 +16,16 @@ from dolfinx import fem, jit, la
 from petsc4py import PETSc
 
 from signorini_fx.algebra.linalg.blocks import BlockRows, block_matrix
+from signorini_fx.arrays import Array, Flags, Ints
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.averages import from_owners
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class JointStiffness:
     """Between the components of some nodes, the same on every rank."""
 
-    nodes: npt.NDArray[np.int64]  # global numbers, shape (m,)
+    nodes: Ints  # global numbers, shape (m,)
     matrix: sp.csr_array  # force per length, shape (m d, m d)
 
     def times(self, displacement: Array, space: fem.FunctionSpace) -> Array:
@@ -44,7 +43,7 @@ class JointStiffness:
         np.add.at(at_owned, self.nodes[here] - index_map.local_range[0], forces[here])
         return at_owned.ravel()
 
-    def add_to(self, matrix: PETSc.Mat, dim: int, fixed: npt.NDArray[np.bool_] | None) -> None:
+    def add_to(self, matrix: PETSc.Mat, dim: int, fixed: Flags | None) -> None:
         """To the unknowns that are not fixed; entries for which the matrix has no room are made;
         collective.
         """
@@ -77,7 +76,7 @@ class JointStiffness:
 class NodalStiffness:
     """A block for each of some nodes."""
 
-    nodes: npt.NDArray[np.int64]  # owned nodes of this rank, local numbers, each once, shape (n,)
+    nodes: Ints  # owned nodes of this rank, local numbers, each once, shape (n,)
     blocks: Array  # force per length, symmetric, shape (n, d, d)
     joint: tuple[JointStiffness, ...] = ()  # between nodes, which is added to them
 
@@ -110,7 +109,7 @@ class NodalStiffness:
             sum((joint.times(displacement, space) for joint in self.joint), forces.ravel())
         )
 
-    def add_to(self, matrix: PETSc.Mat, fixed: npt.NDArray[np.bool_] | None = None) -> None:
+    def add_to(self, matrix: PETSc.Mat, fixed: Flags | None = None) -> None:
         """Add it to the assembled matrix of a form on the same space, without rows and columns that
         are ``fixed``, shape (owned dofs,); collective.
         """
@@ -132,7 +131,7 @@ class NodalStiffness:
 
 
 def block_stiffness(
-    forms: Sequence[fem.Form], fixed: npt.NDArray[np.bool_], beside: NodalStiffness | None = None
+    forms: Sequence[fem.Form], fixed: Flags, beside: NodalStiffness | None = None
 ) -> PETSc.Mat:
     """The matrix of a sum of bilinear forms of a vector Lagrange space by blocks, with what is
     ``beside``; rows and columns of ``fixed`` unknowns of this rank are left out, and have the
@@ -151,7 +150,7 @@ def block_stiffness(
     nodes = entries.index_map(1)
     owned = entries.index_map(0).size_local
     starts = np.asarray(entries.indptr[: owned + 1], dtype=np.int64)
-    data: npt.NDArray[np.float64] = np.asarray(entries.data, dtype=np.float64)
+    data: Array = np.asarray(entries.data, dtype=np.float64)
     columns = entries.indices[: starts[-1]]
     blocks = data.reshape(-1, size, size)[: starts[-1]]
     of_row = np.repeat(np.arange(owned, dtype=columns.dtype), np.diff(starts))
@@ -162,7 +161,7 @@ def block_stiffness(
     extended.array[: fixed.size] = fixed
     extended.scatter_forward()
     held = extended.array.reshape(-1, size) > 0
-    some: npt.NDArray[np.bool_] = np.asarray(held.any(axis=1))
+    some: Flags = np.asarray(held.any(axis=1))
     block = np.flatnonzero(some[of_row] | some[columns])
     blocks[block] = np.where(
         held[of_row[block], :, None] | held[columns[block], None, :], 0.0, blocks[block]

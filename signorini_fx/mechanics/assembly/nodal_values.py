@@ -8,18 +8,16 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import ufl
 from dolfinx import fem
 
+from signorini_fx.arrays import Array, Indices
 from signorini_fx.errors import FormError
 from signorini_fx.machine import compat, parallel
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.assembly.mesh_entities import marked_nodes, node_positions
 from signorini_fx.mechanics.statement.expressions import in_space, real_numbers
 from signorini_fx.tuned import LARGEST_NUMBER
-
-Array = npt.NDArray[np.float64]
 
 
 class NodalValues:
@@ -30,7 +28,7 @@ class NodalValues:
     taken.
     """
 
-    def __init__(self, space: fem.FunctionSpace, facets: npt.NDArray[np.int32]) -> None:
+    def __init__(self, space: fem.FunctionSpace, facets: Indices) -> None:
         self._space = space
         self._dimension = int(space.mesh.geometry.dim)
         nodes = fem.locate_dofs_topological(space, space.mesh.topology.dim - 1, facets)
@@ -38,7 +36,7 @@ class NodalValues:
         self._compiled: dict[int, tuple[fem.Expression, fem.Function, Any]] = {}
 
     @cached_property
-    def _cells(self) -> npt.NDArray[np.int32]:
+    def _cells(self) -> Indices:
         """The cells of this rank at the nodes."""
         return np.flatnonzero(np.isin(self._space.dofmap.list, self.nodes).any(axis=1)).astype(
             np.int32

@@ -21,10 +21,10 @@ from mpi4py import MPI
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import connected_components
 
+from signorini_fx.arrays import Array, Indices, Ints
 from signorini_fx.errors import MeshError
 from signorini_fx.machine import compat, parallel
 
-_Labels = npt.NDArray[np.int64]
 # With more pieces the cells of the mesh do not share their nodes; rigid motions are dense objects
 # of this size.
 MOST_PIECES = 200
@@ -37,13 +37,11 @@ class BodyPieces:
     """The pieces of a body; all but ``of_cell`` are the same on every rank."""
 
     # number of the piece that each cell of this rank is in, ghosts included, shape (cells,)
-    of_cell: _Labels
-    cells: npt.NDArray[np.int64]  # number of cells of each piece, shape (pieces,)
-    bounds: npt.NDArray[
-        np.float64
-    ]  # smallest and largest coordinates of each piece, lengths, shape (pieces, 2, d)
+    of_cell: Ints
+    cells: Ints  # number of cells of each piece, shape (pieces,)
+    bounds: Array  # smallest and largest coordinates of each piece, lengths, shape (pieces, 2, d)
     # number of the assembly of bodies that may touch each other of each piece, shape (pieces,)
-    assembly: _Labels
+    assembly: Ints
     bodies: tuple[str, ...] = ()  # name of the body of each piece; empty where bodies have no names
 
     @cached_property
@@ -62,7 +60,7 @@ class BodyPieces:
         )
         return f"{number} ({cells} cell{'s' * (cells > 1)}, {extent(self.bounds[piece])})"
 
-    def of_bodies(self, comm: MPI.Comm, cells: Mapping[str, npt.NDArray[np.int32]]) -> BodyPieces:
+    def of_bodies(self, comm: MPI.Comm, cells: Mapping[str, Indices]) -> BodyPieces:
         """Return the pieces with the names of bodies, each of which has these cells on this rank;
         collective.
         """
@@ -73,7 +71,7 @@ class BodyPieces:
         majority = parallel.global_sum(comm, np.array(counts)).argmax(axis=0)
         return replace(self, bodies=tuple(np.array(list(cells), dtype=object)[majority]))
 
-    def of_regions(self, comm: MPI.Comm, cells: Mapping[str, npt.NDArray[np.int32]]) -> BodyPieces:
+    def of_regions(self, comm: MPI.Comm, cells: Mapping[str, Indices]) -> BodyPieces:
         """Return the same with the names of regions, if each piece is a whole region; ``cells``:
         of each region those that this rank owns; collective.
         """
@@ -157,7 +155,7 @@ def _pieces_of(mesh: dmesh.Mesh) -> BodyPieces:
     x = mesh.geometry.x[:, :dim].astype(np.float64)
     corners = compat.geometry_cells(mesh)
     numbers = np.empty(count, dtype=np.int64)
-    bounds: npt.NDArray[np.float64] = np.empty((count, 2, dim))
+    bounds: Array = np.empty((count, 2, dim))
     for piece in range(count):
         in_piece = of_cell == piece
         bounds[piece] = parallel.global_bounds(
@@ -174,7 +172,7 @@ def _pieces_of(mesh: dmesh.Mesh) -> BodyPieces:
     return BodyPieces(position[of_cell], numbers[order], bounds[order], np.arange(count))
 
 
-def _local_components(topology: Any) -> tuple[Any, _Labels]:
+def _local_components(topology: Any) -> tuple[Any, Ints]:
     """The sides of the cells of this rank, and a label for each of its cells: those that share a
     side have the same.
     """
@@ -191,7 +189,7 @@ def _local_components(topology: Any) -> tuple[Any, _Labels]:
     return sides, labels[:cells].astype(np.int64)  # every side has a cell, so every label has one
 
 
-def _labels_of(entities: npt.NDArray[np.int32], labels: _Labels, index_map: Any) -> _Labels:
+def _labels_of(entities: Indices, labels: Ints, index_map: Any) -> Ints:
     """The label of a cell at each vertex or side (any of them, if there are several), -1 where
     there is no cell.
     """
@@ -200,7 +198,7 @@ def _labels_of(entities: npt.NDArray[np.int32], labels: _Labels, index_map: Any)
     return entity_labels
 
 
-def _disagreements(labels: _Labels, index_map: Any) -> _Labels:
+def _disagreements(labels: Ints, index_map: Any) -> Ints:
     """Ghosts to which this rank and their owner give different labels: (entity, own label,
     owner's); collective.
     """
@@ -211,7 +209,7 @@ def _disagreements(labels: _Labels, index_map: Any) -> _Labels:
     return np.column_stack((different, labels[different], vector.array[different])).astype(np.int64)
 
 
-def _refuse_hinges(mesh: dmesh.Mesh, of_cell: _Labels) -> None:
+def _refuse_hinges(mesh: dmesh.Mesh, of_cell: Ints) -> None:
     """Refuse pieces that share a vertex; collective."""
     topology = mesh.topology
     dim = mesh.geometry.dim
@@ -220,7 +218,7 @@ def _refuse_hinges(mesh: dmesh.Mesh, of_cell: _Labels) -> None:
     of_corner = np.repeat(of_cell, vertices.size // max(of_cell.size, 1))
     between = _disagreements(of_vertex, topology.index_map(0))[:, 0]
     shared = np.concatenate((vertices[of_vertex[vertices] != of_corner], between)).astype(np.int32)
-    nodes: npt.NDArray[np.int32] = np.empty(0, dtype=np.int32)
+    nodes: Indices = np.empty(0, dtype=np.int32)
     if shared.size:  # dolfinx divides by their number
         topology.create_connectivity(0, topology.dim)
         nodes = dmesh.entities_to_geometry(mesh, 0, shared).ravel()

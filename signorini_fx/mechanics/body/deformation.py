@@ -11,14 +11,12 @@ from dataclasses import dataclass
 
 import basix
 import numpy as np
-import numpy.typing as npt
 from dolfinx import fem
 
+from signorini_fx.arrays import Array
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.mesh.points import determinants, inverses
 from signorini_fx.mechanics.model import Model
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)

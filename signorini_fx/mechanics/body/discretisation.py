@@ -12,13 +12,13 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
-import numpy.typing as npt
 import ufl
 from dolfinx import fem
 from mpi4py import MPI
 
 from signorini_fx.algebra import Settings
 from signorini_fx.algebra.contact.friction import PointFriction
+from signorini_fx.arrays import Array, Indices
 from signorini_fx.errors import FormError, MeshError, SceneError, together
 from signorini_fx.extensions import is_of_package
 from signorini_fx.machine import compat, parallel
@@ -103,7 +103,7 @@ def _refuse_missing_files(statement: Statement, comm: MPI.Comm) -> None:
 def _prepared(
     statement: Statement,
     tagged: TaggedMesh,
-    facets: dict[str, npt.NDArray[np.int32]],
+    facets: dict[str, Indices],
     timings: Timings,
 ) -> Model:
     check_materials(statement.material)
@@ -184,7 +184,7 @@ def _prepared(
     return replace(model, applied=tuple(applied), **contact)
 
 
-def _loaded(on: FormCoefficients, facets: dict[str, npt.NDArray[np.int32]]) -> dict[str, Any]:
+def _loaded(on: FormCoefficients, facets: dict[str, Indices]) -> dict[str, Any]:
     """The fields of a model that follow from supports and loads; collective."""
     supports = Supports.of(on.statement, on.space, facets, on.tagged)
     test = ufl.TestFunction(on.space)
@@ -303,9 +303,7 @@ def placements(statement: Statement) -> tuple[Placement | None, ...]:
     return tuple(getattr(contact.foundation, "placement", None) for contact in statement.contact)
 
 
-def moved_since(
-    model: Model, earlier: Sequence[Placement | None]
-) -> npt.NDArray[np.float64] | None:
+def moved_since(model: Model, earlier: Sequence[Placement | None]) -> Array | None:
     """How far foundations have moved at the contact points since they were placed in another way,
     length, shape (n, d);
     None: none moves.
@@ -340,11 +338,11 @@ def _foundations(model: Model, statement: Statement) -> Foundations:
     return Foundations(model.space, foundations_of(statement, on, masters), on, names, masters)
 
 
-def boundary_facets(statement: Statement, tagged: TaggedMesh) -> dict[str, npt.NDArray[np.int32]]:
+def boundary_facets(statement: Statement, tagged: TaggedMesh) -> dict[str, Indices]:
     """Facets of every boundary that the scene names; all missing and empty ones are reported
     together.
     """
-    facets: dict[str, npt.NDArray[np.int32]] = {}
+    facets: dict[str, Indices] = {}
     problems: list[tuple[str, str]] = []
     for path, effect in statement.listed():
         for key, name in (
@@ -458,7 +456,7 @@ def _values(entry: Any) -> Iterator[tuple[str, Any]]:
             yield key, component
 
 
-def _points_of(entry: Any, tagged: TaggedMesh) -> npt.NDArray[np.float64]:
+def _points_of(entry: Any, tagged: TaggedMesh) -> Array:
     """Nodes of the region of an entry, of its boundary with middles of facets, or of the mesh,
     shape (3, n).
     """

@@ -24,15 +24,14 @@ from dataclasses import replace
 from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
-import numpy.typing as npt
 import ufl
 from dolfinx import default_scalar_type, fem
 from dolfinx import mesh as dmesh
 from petsc4py import PETSc
 from pydantic import model_validator
 
-from signorini_fx.algebra.contact.nodal_vectors import inner
 from signorini_fx.algebra.linalg import LoadCase
+from signorini_fx.arrays import Array, inner
 from signorini_fx.errors import FormError, SceneError
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import (
@@ -57,7 +56,6 @@ from signorini_fx.mechanics.step_effect import AddedForces, StepContact, StepEff
 from signorini_fx.records import Finding
 from signorini_fx.tuned import SAME_LENGTH, SAME_NUMBER
 
-Array = npt.NDArray[np.float64]
 _LEAST_STEP = 0.5  # of the time that a wave takes through a cell: below it the mesh rings
 
 

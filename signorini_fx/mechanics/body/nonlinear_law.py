@@ -22,10 +22,10 @@ from typing import Any
 import basix
 import basix.ufl
 import numpy as np
-import numpy.typing as npt
 import ufl
 from dolfinx import fem
 
+from signorini_fx.arrays import Array, Indices
 from signorini_fx.mechanics.assembly.mesh_entities import measure as surface_measure
 from signorini_fx.mechanics.assembly.mesh_entities import strain_degree
 from signorini_fx.mechanics.elasticity.moduli import reduced_degree
@@ -40,9 +40,6 @@ from signorini_fx.mechanics.state import Field, at_cells
 from signorini_fx.mechanics.statement.effect import Resistance
 from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.mechanics.statement.statement import Statement
-
-Array = npt.NDArray[np.float64]
-Cells = npt.NDArray[np.int32]
 
 
 def at_rest(statement: Statement) -> Statement:
@@ -64,7 +61,7 @@ def volume_degree(statement: Statement, tagged: TaggedMesh) -> int | None:
     return reduced_degree(at_rest(statement), tagged.mesh, nearly=flows)
 
 
-def cells_of(material: Any, tagged: TaggedMesh) -> Cells:
+def cells_of(material: Any, tagged: TaggedMesh) -> Indices:
     """The cells of a material that this rank owns, ascending."""
     cells = tagged.cells(material.region)
     return np.sort(
@@ -77,7 +74,7 @@ class MaterialPoints:
     """The state of one material at the q points of quadrature of each of its c cells."""
 
     material: PathDependent
-    cells: Cells
+    cells: Indices
     # From the displacement of now, less that of the temperature, components ``PAIRS``, of shear
     # twice epsilon_ij.
     strain: fem.Expression
@@ -292,7 +289,7 @@ def _energies(material: Any, change: Any, free: Any | None) -> list[Any]:
 
 def _points(
     material: PathDependent,
-    cells: Cells,
+    cells: Indices,
     kinematics: Kinematics,
     space: fem.FunctionSpace,
     strain: Any,

@@ -16,7 +16,6 @@ from itertools import permutations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 import scipy.sparse as sp
 import ufl
 from dolfinx import default_scalar_type, fem
@@ -25,6 +24,7 @@ from petsc4py import PETSc
 
 from signorini_fx.algebra.contact.contact_map import ContactMap
 from signorini_fx.algebra.contact.points import ContactPoints, SharedNodes, onto_range
+from signorini_fx.arrays import Array, Flags, Indices, Ints
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.assembly.averages import Averages, averaging, from_owners
 from signorini_fx.mechanics.assembly.mesh_entities import (
@@ -44,8 +44,6 @@ from signorini_fx.tuned import ROOT_OF_EPS, ZERO_COMPONENT
 if TYPE_CHECKING:
     from signorini_fx.mechanics.contact_points.turned_supports import TurnedNodes
 
-Array = npt.NDArray[np.float64]
-
 
 @dataclass(frozen=True)
 class MovingFoundation:
@@ -61,13 +59,13 @@ class MovingFoundation:
     """
 
     modes: Array
-    fixed: npt.NDArray[np.bool_]
-    stiffness: npt.NDArray[np.float64]
-    number: npt.NDArray[np.int64]
+    fixed: Flags
+    stiffness: Array
+    number: Ints
     bodies: Sequence[RigidBody]
 
     @property
-    def loose(self) -> npt.NDArray[np.bool_]:
+    def loose(self) -> Flags:
         """Which unknowns contact alone holds, shape (k,)."""
         return ~self.fixed & (self.stiffness == 0.0)
 
@@ -88,15 +86,15 @@ class CornerPoints:
         slope: tangent of the angle between the facet and the nearer side, nan at nodes, shape (n,).
     """
 
-    number: npt.NDArray[np.int64]
+    number: Ints
     opening: Array
-    alone: npt.NDArray[np.bool_]
+    alone: Flags
     place: Array
     facet: Array
     slope: Array
 
     @classmethod
-    def at_nodes(cls, alone: npt.NDArray[np.bool_], reach: float, dimension: int) -> CornerPoints:
+    def at_nodes(cls, alone: Flags, reach: float, dimension: int) -> CornerPoints:
         """Return those of points that are all at nodes, some of them alone."""
         unknown = np.full(alone.size, np.nan)
         return cls(
@@ -143,14 +141,14 @@ class ContactBoundary:
     """
 
     comm: MPI.Comm
-    nodes: npt.NDArray[np.int32]
+    nodes: Indices
     x: Array
     weight: Array
     normal: Array
-    part: npt.NDArray[np.int32]
-    free: npt.NDArray[np.bool_]
-    surface: tuple[tuple[fem.FunctionSpace, npt.NDArray[np.int32], int], ...]
-    global_nodes: npt.NDArray[np.int64]
+    part: Indices
+    free: Flags
+    surface: tuple[tuple[fem.FunctionSpace, Indices, int], ...]
+    global_nodes: Ints
     averages: Averages
     axes: Array
     kinematics: Kinematics
@@ -160,12 +158,12 @@ class ContactBoundary:
     corners: CornerPoints | None = None
 
     @cached_property
-    def at_nodes(self) -> npt.NDArray[np.bool_]:
+    def at_nodes(self) -> Flags:
         """Which points are those of nodes, shape (n,): a force at a corner is no pressure."""
         return np.asarray(self.number < 0)
 
     @property
-    def number(self) -> npt.NDArray[np.int64]:
+    def number(self) -> Ints:
         """The number of each point among those of corners, -1 at nodes, shape (n,)."""
         return np.full(self.size, -1) if self.corners is None else self.corners.number
 
@@ -195,7 +193,7 @@ class ContactBoundary:
         return int(self.nodes.size)
 
     @cached_property
-    def segments(self) -> npt.NDArray[np.int64]:
+    def segments(self) -> Ints:
         """Facets of this rank: the part, then global node numbers, shape (facets, 1 + points of a
         facet); in the plane in order along the facet, in 3D as basix has them.
         """
@@ -349,9 +347,7 @@ def join(parts: list[ContactBoundary]) -> ContactBoundary:
     )
 
 
-def unit_contact_form(
-    space: fem.FunctionSpace, facets: npt.NDArray[np.int32], factor: Any = None
-) -> fem.Form:
+def unit_contact_form(space: fem.FunctionSpace, facets: Indices, factor: Any = None) -> fem.Form:
     """(lambda, tau_N z) for lambda = 1: the nodal weights times the normals; ``factor``: of the
     surface measure.
     """
@@ -373,7 +369,7 @@ def unit_contact_form(
 
 def nodal_points(
     space: fem.FunctionSpace, form: fem.Form, least: float
-) -> tuple[npt.NDArray[np.int32], Array, Array]:
+) -> tuple[Indices, Array, Array]:
     """Local numbers of contact nodes, their weights and normals, from the unit contact form; nodes
     whose weight is no larger than ``least`` times the largest one are no points; collective.
     """
@@ -385,9 +381,9 @@ def nodal_points(
 
 def contact_part(
     space: fem.FunctionSpace,
-    points: tuple[npt.NDArray[np.int32], Array, Array],
+    points: tuple[Indices, Array, Array],
     averages: Averages,
-    facets: npt.NDArray[np.int32],
+    facets: Indices,
     index: int,
     turned: TurnedNodes | None = None,
 ) -> ContactBoundary:
@@ -421,9 +417,7 @@ def no_points(space: fem.FunctionSpace) -> ContactBoundary:
     return contact_part(space, (nowhere, np.zeros(0), x), averages, nowhere, 0)
 
 
-def segments_of(
-    space: fem.FunctionSpace, facets: npt.NDArray[np.int32], part: int
-) -> npt.NDArray[np.int64]:
+def segments_of(space: fem.FunctionSpace, facets: Indices, part: int) -> Ints:
     """The segments of one part of a contact boundary."""
     side = space.mesh.topology.dim - 1
     local_nodes = facet_nodes(space, facets)
@@ -438,7 +432,7 @@ def segments_of(
 
 def contact_map(
     boundary: ContactBoundary,
-    fixed: npt.NDArray[np.bool_],
+    fixed: Flags,
     matrix: PETSc.Mat,
     rotation: PETSc.Mat | None,
     behind: int = 0,

@@ -8,13 +8,11 @@ from dataclasses import dataclass, fields
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
 from signorini_fx.algebra.contact.state import PointState
+from signorini_fx.arrays import Array
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, repr=False)
@@ -31,7 +29,7 @@ class ContactState(PointState):
         )
 
     @cached_property
-    def forces(self) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    def forces(self) -> tuple[Array, Array]:
         """Resultants that the foundation exerts on the body: contact force, friction force, shape
         (d,); collective.
         """
@@ -39,7 +37,7 @@ class ContactState(PointState):
         return contact, friction
 
     @cached_property
-    def forces_of_each(self) -> npt.NDArray[np.float64]:
+    def forces_of_each(self) -> Array:
         """``forces`` of each contact boundary, in the order of the scene, shape (boundaries, 2, d);
         collective.
 
@@ -53,7 +51,7 @@ class ContactState(PointState):
         return parallel.global_sum(boundary.comm, sums)
 
     @property
-    def _forces(self) -> npt.NDArray[np.float64]:
+    def _forces(self) -> Array:
         """Contact force and friction force on the body at each point, shape (n, 2, d)."""
         boundary = self.boundary
         none_n = np.zeros_like(self.pressure)
@@ -62,7 +60,7 @@ class ContactState(PointState):
         return -np.stack([boundary.nodal_forces(*traction) for traction in tractions], axis=1)
 
     @cached_property
-    def moments(self) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    def moments(self) -> tuple[Array, Array]:
         """Moments of ``forces`` about the origin, in 3D only, shape (3,); of a section those about
         the axis x[1], as others cancel over a revolution; collective.
         """

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from signorini_fx.algebra.contact.nodal_vectors import length
+from signorini_fx.arrays import Array, Flags, Ints, length
 from signorini_fx.machine import parallel
 from signorini_fx.machine.display import clean, html_table
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
@@ -44,8 +44,8 @@ class ContactTable:
 
     columns: dict[str, npt.NDArray[Any]]
     chains: list[range]
-    nodes: npt.NDArray[np.int64] | None = None
-    facets: npt.NDArray[np.int64] | None = None
+    nodes: Ints | None = None
+    facets: Ints | None = None
 
     def __repr__(self) -> str:
         return f"<ContactTable: {len(self.columns['x'])} nodes, columns {', '.join(self.columns)}>"
@@ -73,7 +73,7 @@ class ContactTable:
         return int(np.count_nonzero(self.columns["state"] != "open"))
 
     @property
-    def paths(self) -> list[npt.NDArray[np.int64]]:
+    def paths(self) -> list[Ints]:
         """The rows along each connected piece; at the end of a closed one its first row again."""
         to_next = self.columns.get("to_next")
         closed = [to_next is not None and to_next[piece.stop - 1] > 0 for piece in self.chains]
@@ -82,16 +82,14 @@ class ContactTable:
             for c, loop in zip(self.chains, closed, strict=True)
         ]
 
-    def arc(self, path: npt.NDArray[np.int64]) -> npt.NDArray[np.float64]:
+    def arc(self, path: Ints) -> Array:
         """Arc length at the rows of one of ``paths``, from its first row."""
         s = np.array(self.columns["s"][path])
         if is_closed(path):
             s[-1] = s[-2] + self.columns["to_next"][path[-2]]
         return s
 
-    def unrolled(
-        self, path: npt.NDArray[np.int64]
-    ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.float64], slice]:
+    def unrolled(self, path: Ints) -> tuple[Ints, Array, slice]:
         """Rows and arc length along one of ``paths``, and which of the intervals between them are
         its own.
 
@@ -104,7 +102,7 @@ class ContactTable:
         rows = np.concatenate((path[:-1], path[:-1], path))
         return rows, np.concatenate((s[:-1] - s[-1], s[:-1], s + s[-1])), slice(count, 2 * count)
 
-    def zones(self, mask: npt.NDArray[np.bool_]) -> list[list[list[float]]]:
+    def zones(self, mask: Flags) -> list[list[list[float]]]:
         """Runs of neighbouring nodes where ``mask`` holds, each as [first point, last point].
 
         A run across the first row of a closed piece is one; one all around goes from the first row
@@ -127,7 +125,7 @@ class ContactTable:
         return zones
 
 
-def is_closed(path: npt.NDArray[np.int64]) -> bool:
+def is_closed(path: Ints) -> bool:
     """Whether a path of rows ends where it began."""
     return path.size > 1 and bool(path[0] == path[-1])
 
@@ -208,7 +206,7 @@ def contact_table(
     return ContactTable(columns, pieces, numbers[order], facets)
 
 
-def _in_line(x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+def _in_line(x: Array) -> Array:
     """Positions relative to their extent, shape (n, d), rounded: else round-off would order points
     in line.
     """
@@ -216,9 +214,7 @@ def _in_line(x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
     return np.asarray(np.round(x / extent, 9)) if extent > 0 else np.zeros_like(x)
 
 
-def _chains(
-    numbers: npt.NDArray[np.int64], segments: npt.NDArray[np.int64], x: npt.NDArray[np.float64]
-) -> tuple[list[range], npt.NDArray[np.int64], list[bool]]:
+def _chains(numbers: Ints, segments: Ints, x: Array) -> tuple[list[range], Ints, list[bool]]:
     """Connected pieces, their nodes in order, and whether each is closed, whatever the numbers of
     nodes and ranks.
     """
@@ -254,9 +250,7 @@ def _chains(
     return [range(a, b) for a, b in limits], np.array([*chain(*paths)], dtype=np.int64), closed
 
 
-def _rows_of(
-    numbers: npt.NDArray[np.int64], segments: npt.NDArray[np.int64]
-) -> npt.NDArray[np.int64]:
+def _rows_of(numbers: Ints, segments: Ints) -> Ints:
     """``ContactTable.facets`` from the part and the global number of each row and
     ``ContactBoundary.segments``.
     """
@@ -268,7 +262,7 @@ def _rows_of(
     return np.where(row_keys[rows] == wanted, rows, -1)
 
 
-def _components(name: str, vectors: npt.NDArray[np.float64]) -> dict[str, npt.NDArray[np.float64]]:
+def _components(name: str, vectors: Array) -> dict[str, Array]:
     """Values as columns: themselves; of tangential vectors in 3D their lengths and components."""
     if vectors.shape[1] == 1:
         return {name: vectors[:, 0]}
@@ -278,9 +272,7 @@ def _components(name: str, vectors: npt.NDArray[np.float64]) -> dict[str, npt.ND
     }
 
 
-def _along(
-    x: npt.NDArray[np.float64], pieces: list[range], closed: list[bool]
-) -> dict[str, npt.NDArray[np.float64]]:
+def _along(x: Array, pieces: list[range], closed: list[bool]) -> dict[str, Array]:
     """Arc length along each connected piece, from its beginning, and the distance from each node to
     the next one.
     """

@@ -16,10 +16,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from signorini_fx.arrays import Array, Flags, Indices, Ints
 from signorini_fx.mechanics.effects.displacement import Displacement
 from signorini_fx.tuned import ROOT_OF_EPS
-
-_Floats = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -31,9 +30,9 @@ class SkewSupport:
 
     effect: Displacement
     position: int
-    nodes: npt.NDArray[np.int32]
-    normal: _Floats
-    values: _Floats
+    nodes: Indices
+    normal: Array
+    values: Array
 
 
 @dataclass(frozen=True)
@@ -49,14 +48,14 @@ class TurnedNodes:
         supports: the skew supports, s of them.
     """
 
-    nodes: npt.NDArray[np.int32]
-    frames: _Floats
-    fixed: npt.NDArray[np.bool_]
-    from_given: _Floats
+    nodes: Indices
+    frames: Array
+    fixed: Flags
+    from_given: Array
     supports: Sequence[SkewSupport]
 
     @classmethod
-    def of(cls, supports: Sequence[SkewSupport], axes: npt.NDArray[np.int64]) -> TurnedNodes:
+    def of(cls, supports: Sequence[SkewSupport], axes: Ints) -> TurnedNodes:
         """The frames of all nodes with skew supports, of which there is one; ``axes``: position in
         ``scene.displacement`` of the support that prescribes each component, -1 where none does,
         ghosts included, shape (nodes, d).
@@ -77,7 +76,7 @@ class TurnedNodes:
             fixed[of_kind, :count] = True
         return cls(nodes.astype(np.int32), frames, fixed, from_given, supports)
 
-    def place(self, y: _Floats, active: Sequence[Any]) -> None:
+    def place(self, y: Array, active: Sequence[Any]) -> None:
         """Put what the active effects prescribe into nodal displacements, shape (nodes, d), which
         have what supports along the axes prescribe.
         """
@@ -88,7 +87,7 @@ class TurnedNodes:
                 given[support.nodes, column] = support.values
         y[self.nodes] = np.einsum("nij,nj->ni", self.from_given, given[self.nodes])
 
-    def frames_at(self, nodes: npt.NDArray[np.integer[Any]]) -> _Floats:
+    def frames_at(self, nodes: npt.NDArray[np.integer[Any]]) -> Array:
         """The frame of each of some nodes, the axes where it is not turned, shape (n, d, d)."""
         frames = np.tile(np.eye(self.frames.shape[1]), (len(nodes), 1, 1))
         turned = np.isin(nodes, self.nodes)
@@ -96,7 +95,7 @@ class TurnedNodes:
         return frames
 
 
-def _frame(directions: _Floats, prescribes: npt.NDArray[np.int64]) -> tuple[_Floats, int, _Floats]:
+def _frame(directions: Array, prescribes: Ints) -> tuple[Array, int, Array]:
     """The frame of a node, how many components are prescribed, and its motion: later supports apply
     before earlier.
     """

@@ -8,7 +8,8 @@ from typing import Annotated, Any, ClassVar, Self
 import numpy as np
 from pydantic import Field, PrivateAttr, model_validator
 
-from signorini_fx.mechanics.statement.effect import Array, Contradictions, Features, Load
+from signorini_fx.arrays import Array
+from signorini_fx.mechanics.statement.effect import Contradictions, Features, Load
 from signorini_fx.mechanics.statement.expressions import sample
 from signorini_fx.mechanics.statement.values import Direction, Entries, TimedSampledValue, Vector
 

@@ -14,9 +14,9 @@ from typing import Any, ClassVar, Literal, Self, cast
 import numpy as np
 from pydantic import PrivateAttr, model_validator
 
+from signorini_fx.arrays import Array
 from signorini_fx.errors import SceneError
 from signorini_fx.mechanics.statement.effect import (
-    Array,
     BodyCoefficients,
     Coefficients,
     Contradictions,

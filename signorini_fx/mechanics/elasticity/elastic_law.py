@@ -16,10 +16,10 @@ from typing import Any, ClassVar
 import basix
 import basix.ufl
 import numpy as np
-import numpy.typing as npt
 import ufl
 from dolfinx import default_scalar_type, fem
 
+from signorini_fx.arrays import Array, Indices
 from signorini_fx.machine import compat, parallel
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.assembly.mesh_entities import assemble, stiffness_form, strain_degree
@@ -28,7 +28,6 @@ from signorini_fx.mechanics.kinematics.protocol import Kinematics, components, p
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.statement import Statement
 
-_Floats = npt.NDArray[np.float64]
 # A function, and the expression that it is to be interpolated from.
 Interpolation = tuple[fem.Function, fem.Expression]
 
@@ -48,7 +47,7 @@ class ElementStress:
     shear_modulus: Any
     interpolated: Sequence[Interpolation] = ()  # what it does not see of the displacement itself
     # The cells of each part within which the stress has no jumps, local numbers, ghosts included.
-    parts: Sequence[npt.NDArray[np.int32]] = ()
+    parts: Sequence[Indices] = ()
     move: Callable[[float], None] = lambda place: None  # takes jumps and initial strains to a place
 
     def refresh(self, step: float) -> None:
@@ -215,7 +214,7 @@ class SceneLaw:
         terms = self.terms(ufl.TrialFunction(space), ufl.TestFunction(space))
         return tuple(stiffness_form(term, space.mesh.topology.dim) for term in terms)
 
-    def assembled(self, forms: Sequence[fem.Form], owned: int) -> tuple[_Floats, _Floats | None]:
+    def assembled(self, forms: Sequence[fem.Form], owned: int) -> tuple[Array, Array | None]:
         """Compiled terms of an initial strain or a jump at the owned unknowns of the displacement,
         and of the pressure,
         None: there is none.
@@ -302,7 +301,7 @@ class CellwiseLaw(SceneLaw):
 
 
 def cellwise_stress(
-    y: fem.Function, kinematics: Kinematics, sigma: Any, moduli: _Floats, shear_modulus: Any
+    y: fem.Function, kinematics: Kinematics, sigma: Any, moduli: Array, shear_modulus: Any
 ) -> ElementStress:
     """Return the stress in 3D by moduli that are constant in each cell: components of the stress,
     see ``Kinematics.pairs``, over those of the strain, of shear twice epsilon_ij, shape (cells, m,

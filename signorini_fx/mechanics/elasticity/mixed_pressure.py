@@ -21,7 +21,6 @@ from itertools import product
 from typing import Any, ClassVar
 
 import numpy as np
-import numpy.typing as npt
 import ufl
 from dolfinx import default_scalar_type, fem, la
 from dolfinx.fem import petsc as fem_petsc
@@ -29,6 +28,7 @@ from petsc4py import PETSc
 
 from signorini_fx.algebra.linalg.factorisation import has_package
 from signorini_fx.algebra.linalg.rigid_unknowns import embedding
+from signorini_fx.arrays import Array, Flags, Indices
 from signorini_fx.errors import needs_fenicsx
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.assembly.mesh_entities import assemble, compile_form
@@ -42,8 +42,6 @@ from signorini_fx.mechanics.elasticity.elastic_law import (
 from signorini_fx.mechanics.elasticity.moduli import of_materials
 from signorini_fx.mechanics.scales import Scales
 from signorini_fx.tuned import NOTHING_LEFT
-
-_Floats = npt.NDArray[np.float64]
 
 
 class MixedDisplacement(fem.Function):
@@ -79,7 +77,7 @@ class MixedLaw(SceneLaw):
         return len(self.statement.material)
 
     @cached_property
-    def _part(self) -> npt.NDArray[np.int32]:
+    def _part(self) -> Indices:
         """Number of the material of each cell of this rank, ghosts included, shape (cells,)."""
         part = np.zeros(len(compat.geometry_cells(self.tagged.mesh)), dtype=np.int32)
         for number, material in enumerate(self.statement.material):
@@ -99,11 +97,11 @@ class MixedLaw(SceneLaw):
         return q if self._materials == 1 else ufl.inner(self._component, q)
 
     @property
-    def _rows(self) -> npt.NDArray[np.int32]:
+    def _rows(self) -> Indices:
         """The unknowns of the pressure in each cell of this rank, shape (cells, vertices)."""
         return self.own.dofmap.list * self._materials + self._part[:, None]
 
-    def _over_cells(self, values: _Floats) -> _Floats:
+    def _over_cells(self, values: Array) -> Array:
         """The mean of values in cells, shape (cells, vertices), at each owned unknown of the
         pressure; collective.
         """
@@ -188,7 +186,7 @@ class MixedLaw(SceneLaw):
         dilation = ufl.tr(self.kinematics.strain(jump)) * self._pressure(ufl.TestFunction(self.own))
         return *self.terms(jump, z), self._integral(-dilation, self.degree)
 
-    def assembled(self, forms: Sequence[fem.Form], owned: int) -> tuple[_Floats, _Floats | None]:
+    def assembled(self, forms: Sequence[fem.Form], owned: int) -> tuple[Array, Array | None]:
         """Return the assembled forces: a strain acts on the pressure alone, a jump on displacement
         and pressure.
         """
@@ -271,7 +269,7 @@ class MixedLaw(SceneLaw):
         return matrix
 
     def joined(
-        self, stiffness: PETSc.Mat, rotation: PETSc.Mat | None, fixed: npt.NDArray[np.bool_]
+        self, stiffness: PETSc.Mat, rotation: PETSc.Mat | None, fixed: Flags
     ) -> tuple[PETSc.Mat, PETSc.Mat | None, PETSc.Mat | None]:
         """K, from A without prescribed rows and columns, and what turns its unknowns into
         displacements, with and without rigid bodies, of which there are none; ``rotation``: from
@@ -296,7 +294,7 @@ class MixedLaw(SceneLaw):
         displacements = embedding(rotation, stiffness, matrix)
         return matrix, displacements, displacements
 
-    def lifted(self, prescribed: _Floats, pressure_load: _Floats | None = None) -> _Floats:
+    def lifted(self, prescribed: Array, pressure_load: Array | None = None) -> Array:
         """The load at the unknowns of the pressure, -B y_D, with the ``pressure_load`` of an
         ``AppliedLoad``.
         """
@@ -306,7 +304,7 @@ class MixedLaw(SceneLaw):
         lifted = -np.array(divergences.getArray(readonly=True))
         return lifted if pressure_load is None else lifted - self.unit * pressure_load
 
-    def displacement(self, values: _Floats | None = None) -> MixedDisplacement:
+    def displacement(self, values: Array | None = None) -> MixedDisplacement:
         """A displacement, zero so far, with the values of the pressure, None: zero."""
         pressure = fem.Function(self.own, name="hydrostatic pressure")
         if values is not None:
@@ -320,7 +318,7 @@ class MixedLaw(SceneLaw):
             pressure = cellwise
         return MixedDisplacement(self.space, pressure)
 
-    def unknowns(self, displacement: fem.Function) -> _Floats:
+    def unknowns(self, displacement: fem.Function) -> Array:
         """Return the unknowns of the pressure that belong to a displacement, shape (count,)."""
         pressure = fields_of(displacement)[1]
         values = pressure.x.array[: self.count]
@@ -328,14 +326,14 @@ class MixedLaw(SceneLaw):
             values = self._over_cells(pressure.x.array[pressure.function_space.dofmap.list])
         return np.asarray(values / self.unit)
 
-    def encloses(self, vector: Callable[[_Floats], PETSc.Vec], held: npt.NDArray[np.bool_]) -> bool:
+    def encloses(self, vector: Callable[[Array], PETSc.Vec], held: Flags) -> bool:
         """Whether what is ``held`` lets no part of one material with nu = 1/2 change its volume, so
         that constant pressures do no work; ``vector``: see ``Model``.
         """
         part = self._part
         pieces = find_pieces(self.space.mesh)
         comm = self.space.mesh.comm
-        works = list[_Floats]()
+        works = list[Array]()
         soft = [
             number
             for number, material in enumerate(self.statement.material)

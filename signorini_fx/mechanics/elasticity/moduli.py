@@ -12,13 +12,13 @@ from typing import Any
 
 import basix
 import numpy as np
-import numpy.typing as npt
 from dolfinx import default_scalar_type, fem
 from dolfinx import mesh as dmesh
 
+from signorini_fx.arrays import Array, Indices
 from signorini_fx.errors import SceneError
 from signorini_fx.machine import compat, parallel
-from signorini_fx.mechanics.materials.protocol import PAIRS, Array
+from signorini_fx.mechanics.materials.protocol import PAIRS
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.expressions import sample
 from signorini_fx.mechanics.statement.statement import Statement
@@ -90,7 +90,7 @@ def lame_coefficients(statement: Statement, tagged: TaggedMesh) -> tuple[Any, An
     return first, second
 
 
-def middles(tagged: TaggedMesh, cells: npt.NDArray[np.int32]) -> npt.NDArray[np.float64]:
+def middles(tagged: TaggedMesh, cells: Indices) -> Array:
     """The middles of the corners of cells, whose other nodes depend on how curves are drawn, shape
     (3, n).
     """

@@ -12,11 +12,9 @@ from itertools import combinations
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from signorini_fx.arrays import Array, Flags
 from signorini_fx.tuned import DIGITS_OF_FILES
-
-_Floats = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -86,7 +84,7 @@ class Kinematics:
             [[int(i == j and (i, j) in self.stressed) for j in range(3)] for i in range(3)]
         )
 
-    def turned(self, arms: _Floats, vectors: _Floats) -> _Floats:
+    def turned(self, arms: Array, vectors: Array) -> Array:
         """Arms times vectors, shape (..., d): moments of forces, one per rotation, shape (...,
         rotations).
         """
@@ -97,7 +95,7 @@ class Kinematics:
         return np.stack([positive - negative for positive, negative in pairs], axis=-1)
 
     @cached_property
-    def unbalanced(self) -> npt.NDArray[np.bool_]:
+    def unbalanced(self) -> Flags:
         """Along which rigid motions forces on the whole body do not cancel by symmetry, shape
         (motions,).
         """
@@ -139,7 +137,7 @@ class Kinematics:
         """
         return 1
 
-    def measure_at(self, x: _Floats) -> _Floats:
+    def measure_at(self, x: Array) -> Array:
         """``measure`` at points of shape (d, n), not below zero by round-off."""
         return np.maximum(self.measure(x), 0.0)
 
@@ -175,7 +173,7 @@ def components(tensor: Any, pairs: Iterable[tuple[int, int]]) -> Any:
     return ufl.as_vector([tensor[i, j] if i == j else 2 * tensor[i, j] for i, j in pairs])
 
 
-def tensors(values: _Floats, pairs: Iterable[tuple[int, int]]) -> _Floats:
+def tensors(values: Array, pairs: Iterable[tuple[int, int]]) -> Array:
     """Symmetric tensors, shape (..., 3, 3), from their components."""
     tensors = np.zeros((*values.shape[:-1], 3, 3))
     for column, (i, j) in enumerate(pairs):

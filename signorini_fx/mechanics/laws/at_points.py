@@ -8,10 +8,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
 from signorini_fx.algebra.contact.friction import LawAtPoints, PointFriction
-from signorini_fx.mechanics.laws.protocol import Array, FrictionLaw
+from signorini_fx.arrays import Array, Flags, Ints
+from signorini_fx.mechanics.laws.protocol import FrictionLaw
 from signorini_fx.tuned import (
     NEGLIGIBLE,
     PRESSURES_PER_DECADE,
@@ -35,9 +35,7 @@ def friction_of(law: FrictionLaw | None, count: int) -> PointFriction:
     return PointFriction(given, coefficient, cap, ends, laws)
 
 
-def joined(
-    parts: Sequence[PointFriction], points: Sequence[npt.NDArray[np.int64]]
-) -> PointFriction:
+def joined(parts: Sequence[PointFriction], points: Sequence[Ints]) -> PointFriction:
     """The friction of several parts of the contact points as one; ``points``: the numbers of those
     of each part, which together are all.
     """
@@ -79,7 +77,7 @@ def fault_of(law: FrictionLaw, count: int, modulus: float) -> str:
         bound = given + coefficient * at
         return np.asarray(bound if cap is None else np.minimum(bound, cap))
 
-    def faults() -> Iterator[tuple[Array, str, npt.NDArray[np.bool_]]]:
+    def faults() -> Iterator[tuple[Array, str, Flags]]:
         limit, derivative, _ = _values(law, points, pressure, 0.0)
         # The bound may be a difference of numbers as large.
         round_off = 4 * np.finfo(np.float64).eps * limit[-1]
@@ -111,11 +109,11 @@ class _Fault(Exception):
 def _faults_at(
     speed: float,
     law: FrictionLaw,
-    points: npt.NDArray[np.int64],
+    points: Ints,
     pressure: Array,
     envelope: Array,
     round_off: Array,
-) -> Iterator[tuple[str, npt.NDArray[np.bool_]]]:
+) -> Iterator[tuple[str, Flags]]:
     """What is wrong at a speed, see ``_faults``."""
     bound, _, by_slip = _values(law, points, pressure, speed)
     if not law.follows_slip:
@@ -135,9 +133,7 @@ def _faults_at(
     yield f"by_slip {where} is not the derivative of its bound", ~(abs(slope - by_slip) <= within)
 
 
-def _values(
-    law: FrictionLaw, points: npt.NDArray[np.int64], pressure: Array, speed: float
-) -> list[Array]:
+def _values(law: FrictionLaw, points: Ints, pressure: Array, speed: float) -> list[Array]:
     """Return what a law says at m points, k pressures of shape (k, 1) and one speed: the bound and
     its derivatives by pressure and slip, each of shape (k, m).
     """
@@ -172,7 +168,7 @@ def _faults(
     derivative: Array,
     envelope: Array,
     round_off: Array,
-) -> Iterator[tuple[str, npt.NDArray[np.bool_]]]:
+) -> Iterator[tuple[str, Flags]]:
     """What is wrong in words, with places for law and pressure, and where: k ascending pressures, m
     points, (k, m).
     """

@@ -8,8 +8,9 @@ from typing import ClassVar, Literal
 
 from pydantic import Field
 
+from signorini_fx.arrays import Array
 from signorini_fx.mechanics.laws.directed import DirectedLaw
-from signorini_fx.mechanics.laws.protocol import Array, Envelope, FrictionLaw, Parameter, acting
+from signorini_fx.mechanics.laws.protocol import Envelope, FrictionLaw, Parameter, acting
 
 
 class NoFriction(FrictionLaw):

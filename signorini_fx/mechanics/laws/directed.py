@@ -18,8 +18,9 @@ from typing import Annotated, Any, ClassVar, Self
 import numpy as np
 from pydantic import BeforeValidator, Field, WithJsonSchema, WrapValidator, model_validator
 
+from signorini_fx.arrays import Array
 from signorini_fx.errors import FormError
-from signorini_fx.mechanics.laws.protocol import Array, FrictionLaw
+from signorini_fx.mechanics.laws.protocol import FrictionLaw
 from signorini_fx.mechanics.statement.base import refused
 from signorini_fx.mechanics.statement.expressions import sample
 from signorini_fx.mechanics.statement.values import Entries, SampledValue, value

@@ -14,15 +14,13 @@ from collections.abc import Callable
 from typing import Annotated, Any, ClassVar, NamedTuple, Self
 
 import numpy as np
-import numpy.typing as npt
 from pydantic import BeforeValidator, WithJsonSchema
 
+from signorini_fx.arrays import Array
 from signorini_fx.errors import FormError, SceneError
 from signorini_fx.mechanics.statement.base import Table
 from signorini_fx.mechanics.statement.effect import is_zero
 from signorini_fx.mechanics.statement.values import not_negative, timed
-
-Array = npt.NDArray[np.float64]
 
 # A parameter of a law: not negative, a number, an expression of position and time, a callable f(x)
 # of points of shape (3, n), or in forms UFL.

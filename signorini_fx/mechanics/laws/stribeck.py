@@ -7,8 +7,9 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 import numpy as np
 from pydantic import AfterValidator, Field, model_validator
 
+from signorini_fx.arrays import Array
 from signorini_fx.mechanics.laws.directed import DirectedLaw
-from signorini_fx.mechanics.laws.protocol import Array, Envelope, Parameter, acting
+from signorini_fx.mechanics.laws.protocol import Envelope, Parameter, acting
 from signorini_fx.mechanics.statement.base import refused
 from signorini_fx.mechanics.statement.values import NonNegative, Positive, bounded
 

@@ -14,11 +14,11 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 import ufl
 from dolfinx import default_scalar_type, fem
 from dolfinx import mesh as dmesh
 
+from signorini_fx.arrays import Array, Flags, Indices
 from signorini_fx.errors import SceneError
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.assembly.averages import from_owners
@@ -40,9 +40,6 @@ if TYPE_CHECKING:
     from signorini_fx.mechanics.contact_points.turned_supports import TurnedNodes
     from signorini_fx.mechanics.effects.loads import Preload
 
-_Floats = npt.NDArray[np.float64]
-_Flags = npt.NDArray[np.bool_]
-
 
 @dataclass(frozen=True)
 class Jump:
@@ -51,12 +48,12 @@ class Jump:
     path: str  # of its entry in the scene
     entry: Preload
     amount: Callable[[float], float]  # s, length, at a place in the lists of factors
-    axis: _Floats  # n, shape (d,)
-    nodes: _Flags  # which nodes lie on its section, ghosts included, shape (nodes,)
-    cells: npt.NDArray[np.int32]  # the cells beyond it with such nodes, ghosts included, shape (c,)
+    axis: Array  # n, shape (d,)
+    nodes: Flags  # which nodes lie on its section, ghosts included, shape (nodes,)
+    cells: Indices  # the cells beyond it with such nodes, ghosts included, shape (c,)
 
     @property
-    def at_nodes(self) -> _Floats:
+    def at_nodes(self) -> Array:
         """J: what an amount of one adds to the displacement of nodes in cells beyond it, shape
         (nodes, d).
         """
@@ -84,8 +81,8 @@ def jump_at(
     of_cells = space.dofmap.list
     corners = compat.geometry_cells(mesh)
     middle = mesh.geometry.x[corners, :dim].mean(axis=1)
-    inside: _Flags = np.ones(len(middle), dtype=bool)
-    nodes: _Flags = np.zeros(len(node_positions(space)), dtype=bool)
+    inside: Flags = np.ones(len(middle), dtype=bool)
+    nodes: Flags = np.zeros(len(node_positions(space)), dtype=bool)
     key = "section"
     if effect.section is not None:
         facets = _inner_facets(effect.section, path, tagged)
@@ -128,7 +125,7 @@ def jump_at(
     return Jump(path, effect, partial(effect.shortening_at, statement), axis, nodes, cells)
 
 
-def _inner_facets(name: str, path: str, tagged: TaggedMesh) -> npt.NDArray[np.int32]:
+def _inner_facets(name: str, path: str, tagged: TaggedMesh) -> Indices:
     """The facets inside the mesh with a name, those of this rank."""
     mesh = tagged.mesh
     if name not in tagged.boundaries:
@@ -150,8 +147,8 @@ def _inner_facets(name: str, path: str, tagged: TaggedMesh) -> npt.NDArray[np.in
 
 
 def _plane(
-    space: fem.FunctionSpace, nodes: _Flags, tagged: TaggedMesh, path: str
-) -> tuple[_Floats, _Floats]:
+    space: fem.FunctionSpace, nodes: Flags, tagged: TaggedMesh, path: str
+) -> tuple[Array, Array]:
     """A point and the unit normal of the plane through nodes."""
     comm = space.mesh.comm
     owned = space.dofmap.index_map.size_local
@@ -206,7 +203,7 @@ def jump_loads(
 
 def holds(
     jump: Jump,
-    fixed: npt.NDArray[np.bool_],
+    fixed: Flags,
     turned: TurnedNodes | None,
     boundary: ContactBoundary | None,
     bonded: Sequence[int] = (),

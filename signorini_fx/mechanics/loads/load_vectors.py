@@ -9,11 +9,11 @@ from itertools import count
 from typing import Any, TypeVar
 
 import numpy as np
-import numpy.typing as npt
 import ufl
 from dolfinx import default_scalar_type, fem
 from mpi4py import MPI
 
+from signorini_fx.arrays import Array, Indices
 from signorini_fx.errors import SceneError, together
 from signorini_fx.extensions import is_of_package
 from signorini_fx.machine import parallel
@@ -65,7 +65,7 @@ class AppliedLoad:
     forms: tuple[
         fem.Form, ...
     ]  # the compiled terms of L; none if there are prescribed displacements only
-    forces: npt.NDArray[np.float64]  # L at the owned dofs, shape (owned dofs,)
+    forces: Array  # L at the owned dofs, shape (owned dofs,)
     prescribed: fem.Function  # zero, with its prescribed displacements put in
     # From a place to the same at the time of that place, collective; None: it does not depend on
     # the time.
@@ -77,7 +77,7 @@ class AppliedLoad:
     entry: Load | None = None  # the entry of the scene that it is of alone; None: of several
     # The work of an initial strain at the owned unknowns of a pressure, volumes; None: forces say
     # it.
-    pressure_load: npt.NDArray[np.float64] | None = None
+    pressure_load: Array | None = None
 
     def at(self, step: float) -> AppliedLoad:
         """Return the load at the time of a place; itself if it does not depend on it;
@@ -86,16 +86,16 @@ class AppliedLoad:
         return self if self.again is None else self.again(step)
 
     @property
-    def pushing(self) -> npt.NDArray[np.float64]:
+    def pushing(self) -> Array:
         """The forces that may do work on rigid motions, shape (owned dofs,): round-off does
         none.
         """
         return np.zeros_like(self.forces) if self.balanced else self.forces
 
     @property
-    def start(self) -> npt.NDArray[np.float64]:
+    def start(self) -> Array:
         """The prescribed displacements at the owned dofs, shape (owned dofs,)."""
-        values: npt.NDArray[np.float64] = self.prescribed.x.array[: self.forces.size]
+        values: Array = self.prescribed.x.array[: self.forces.size]
         return values
 
 
@@ -219,7 +219,7 @@ class FormCoefficients:
             (path for path, entry in self.statement.listed() if entry is effect), effect.label
         )
 
-    def value(self, value: Any, cells: npt.NDArray[np.int32] | None = None) -> Any:
+    def value(self, value: Any, cells: Indices | None = None) -> Any:
         """A value as a coefficient; a callable is interpolated in some cells, without them in
         all.
         """

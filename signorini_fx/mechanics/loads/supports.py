@@ -9,10 +9,10 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 from dolfinx import default_scalar_type, fem
 from dolfinx import mesh as dmesh
 
+from signorini_fx.arrays import Array, Flags, Indices, Ints
 from signorini_fx.errors import SceneError
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import (
@@ -44,17 +44,15 @@ class Supports:
     )
     skew: list[SkewSupport]  # those along the normals of flat boundaries across no axis
     turned: TurnedNodes | None  # the nodes of these; None: there are none
-    fixed: npt.NDArray[
-        np.bool_
-    ]  # the prescribed owned dofs, in the frames of turned nodes, shape (owned dofs,)
-    _place: tuple[Statement, fem.FunctionSpace, dict[str, npt.NDArray[np.int32]], TaggedMesh]
+    fixed: Flags  # the prescribed owned dofs, in the frames of turned nodes, shape (owned dofs,)
+    _place: tuple[Statement, fem.FunctionSpace, dict[str, Indices], TaggedMesh]
 
     @classmethod
     def of(
         cls,
         statement: Statement,
         space: fem.FunctionSpace,
-        facets: dict[str, npt.NDArray[np.int32]],
+        facets: dict[str, Indices],
         tagged: TaggedMesh,
     ) -> Supports:
         """Return the Dirichlet conditions of a statement; collective."""
@@ -101,7 +99,7 @@ class Supports:
 def conditions_on(
     statement: Statement,
     space: fem.FunctionSpace,
-    facets: dict[str, npt.NDArray[np.int32]],
+    facets: dict[str, Indices],
     tagged: TaggedMesh,
 ) -> tuple[Conditions, list[SkewSupport]]:
     """Dirichlet conditions, one per component, of which the later one applies where two meet; and
@@ -164,12 +162,12 @@ def _times(sign: float, value: Any) -> Any:
 _ON_AXIS = Displacement(boundary="on the axis", x=0.0)
 
 
-def on_axis(x: npt.NDArray[np.float64], tagged: TaggedMesh) -> npt.NDArray[np.bool_]:
+def on_axis(x: Array, tagged: TaggedMesh) -> Flags:
     """Which of some points of shape (n, 3) or (n, 2) are on the axis of revolution, shape (n,)."""
     return np.asarray(np.abs(x[:, 0]) <= ROOT_OF_EPS * tagged.size)
 
 
-def flat_normal(effect: Displacement, index: int, tagged: TaggedMesh) -> npt.NDArray[np.float64]:
+def flat_normal(effect: Displacement, index: int, tagged: TaggedMesh) -> Array:
     """Outward unit normal of a flat boundary, exact where it is along an axis, shape (d,);
     collective.
     """
@@ -207,8 +205,8 @@ def at_rest(
     space: fem.FunctionSpace,
     supports: Sequence[tuple[Displacement, fem.DirichletBC]],
     turned: TurnedNodes | None,
-    fixed: npt.NDArray[np.bool_],
-) -> npt.NDArray[np.bool_]:
+    fixed: Flags,
+) -> Flags:
     """Which of the prescribed dofs are zero at all times, shape (owned dofs,); of turned nodes in
     their frames.
     """
@@ -230,7 +228,7 @@ def at_rest(
 def check_overlap(
     statement: Statement,
     boundary: ContactBoundary,
-    facets: dict[str, npt.NDArray[np.int32]],
+    facets: dict[str, Indices],
     tagged: TaggedMesh,
 ) -> None:
     """Refuse a prescribed normal displacement on contact facets, where it contradicts the contact
@@ -266,9 +264,7 @@ def check_overlap(
 # --- what acts at single nodes --------------------------------------------------------------------
 
 
-def node_at(
-    space: fem.FunctionSpace, effect: Any, path: str, tagged: TaggedMesh
-) -> npt.NDArray[np.int64]:
+def node_at(space: fem.FunctionSpace, effect: Any, path: str, tagged: TaggedMesh) -> Ints:
     """The node of this rank at the point ``at`` of an effect, of its region if it names one, ghosts
     included, shape (1,) or (0,); there must be one on all ranks together; ``path``: for errors;
     collective.
@@ -303,9 +299,7 @@ def node_at(
     return candidates
 
 
-def forces_at_nodes(
-    load: Any, path: str, space: fem.FunctionSpace, tagged: TaggedMesh
-) -> npt.NDArray[np.float64]:
+def forces_at_nodes(load: Any, path: str, space: fem.FunctionSpace, tagged: TaggedMesh) -> Array:
     """A ``PointForce`` as the part of L that it is, shape (owned dofs,), or the error of
     ``node_at``; collective.
     """

@@ -38,10 +38,11 @@ from typing import Annotated, Any, ClassVar
 import numpy as np
 from pydantic import Field
 
+from signorini_fx.arrays import Array
 from signorini_fx.extensions import is_of_package
 from signorini_fx.mechanics.kinematics import KINDS
 from signorini_fx.mechanics.materials.isotropic import LinearElastic
-from signorini_fx.mechanics.materials.protocol import Array, Material
+from signorini_fx.mechanics.materials.protocol import Material
 from signorini_fx.mechanics.statement.effect import Contradictions, Features, Resistance
 from signorini_fx.tuned import NEAR_ONE
 

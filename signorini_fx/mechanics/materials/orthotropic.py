@@ -14,7 +14,8 @@ from typing import Annotated, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from signorini_fx.mechanics.materials.protocol import PAIRS, Array, Material
+from signorini_fx.arrays import Array
+from signorini_fx.mechanics.materials.protocol import PAIRS, Material
 from signorini_fx.mechanics.statement.base import Table, refused
 from signorini_fx.mechanics.statement.effect import Contradictions
 from signorini_fx.mechanics.statement.expressions import Expression, sample

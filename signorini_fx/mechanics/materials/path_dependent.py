@@ -10,13 +10,14 @@ from typing import Annotated, Any, ClassVar, Literal, Self, cast
 import numpy as np
 from pydantic import Field, PrivateAttr, model_validator
 
+from signorini_fx.arrays import Array
 from signorini_fx.mechanics.materials.nonlinear import (
     DEVIATORIC,
     PathDependent,
     PoissonBelowHalf,
     deviator,
 )
-from signorini_fx.mechanics.materials.protocol import PAIRS, Array
+from signorini_fx.mechanics.materials.protocol import PAIRS
 from signorini_fx.mechanics.statement.base import refused
 from signorini_fx.mechanics.statement.effect import Contradictions
 from signorini_fx.mechanics.statement.values import Accepts, NonNegative, Positive

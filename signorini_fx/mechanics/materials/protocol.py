@@ -13,15 +13,14 @@ from functools import cache
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
-import numpy.typing as npt
 from pydantic import AfterValidator
 
+from signorini_fx.arrays import Array
 from signorini_fx.mechanics.kinematics import CARTESIAN, HYPOTHESES, hypotheses
 from signorini_fx.mechanics.kinematics.protocol import tensors
 from signorini_fx.mechanics.statement.effect import Contradictions, Effect, Features
 from signorini_fx.mechanics.statement.values import Finite, NonNegative, SampledValue
 
-Array = npt.NDArray[np.float64]
 # The components of a symmetric tensor in 3D, in the order of ``Kinematics.pairs``.
 PAIRS = tuple(CARTESIAN[3].pairs)
 

@@ -12,8 +12,9 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.distance import cdist
 
+from signorini_fx.arrays import Array, Ints
 from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, rows_of, sides_of
-from signorini_fx.mechanics.mesh.files.cells import CELLS, Cell, Floats, Ints, straight
+from signorini_fx.mechanics.mesh.files.cells import CELLS, Cell, straight
 
 # The ends of the sides whose middles are the corners of children that have no corner of their
 # parent.  The order of Bey (Computing 55, 1995): however often they are divided, tetrahedra have
@@ -90,7 +91,7 @@ def halved(mesh: MeshArrays) -> MeshArrays:
     )
 
 
-def _numbered(mesh: MeshArrays, degree: int) -> tuple[Ints, Floats, Floats]:
+def _numbered(mesh: MeshArrays, degree: int) -> tuple[Ints, Array, Array]:
     """A number for each node, shape (m, k), the same in cells that share it, their positions, and
     nodes of a cell.
     """
@@ -116,7 +117,7 @@ def _numbered(mesh: MeshArrays, degree: int) -> tuple[Ints, Floats, Floats]:
     return number, points, lattice
 
 
-def _places(kind: Cell, corners: Floats, lattice: Floats) -> Ints:
+def _places(kind: Cell, corners: Array, lattice: Array) -> Ints:
     """Return the numbers of the nodes on the ``lattice`` that cells or facets of a kind between
     such corners have, shape (..., k).
     """
@@ -125,7 +126,7 @@ def _places(kind: Cell, corners: Floats, lattice: Floats) -> Ints:
     return np.asarray(places.reshape(nodes.shape[:-1]), dtype=np.int64)
 
 
-def _children(kind: Cell, corners: Floats) -> Floats:
+def _children(kind: Cell, corners: Array) -> Array:
     """The corners of each child of a cell or facet with some corners, shape (children, corners,
     d).
     """

@@ -10,8 +10,9 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+from signorini_fx.arrays import Ints
 from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, bounds, extent, row_keys, sides_of
-from signorini_fx.mechanics.mesh.files.cells import Ints, measures
+from signorini_fx.mechanics.mesh.files.cells import measures
 from signorini_fx.mechanics.mesh.files.formats import read_file
 from signorini_fx.mechanics.statement.mesh_sources import MeshFile
 from signorini_fx.tuned import NOTHING_LEFT

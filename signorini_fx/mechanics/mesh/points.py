@@ -15,15 +15,13 @@ from typing import Any
 import basix
 import mpi4py.MPI  # noqa: F401  # first, see signorini_fx.mechanics.body
 import numpy as np
-import numpy.typing as npt
 from dolfinx import geometry
 from dolfinx import mesh as dmesh
 
+from signorini_fx.arrays import Array, Indices, Ints
 from signorini_fx.machine import compat, parallel
 from signorini_fx.tuned import MANY_STEPS, NOTHING_LEFT
 
-Array = npt.NDArray[np.float64]
-Cells = npt.NDArray[np.int32]
 _SIMPLICES = (basix.CellType.triangle, basix.CellType.tetrahedron)
 # So many pairs of a point and a cell are treated at once: they and their shape functions fit into
 # 100 megabytes.
@@ -34,8 +32,8 @@ def at_points(
     mesh: dmesh.Mesh,
     x: Array,
     outside: float,
-    evaluate: Callable[[Cells, Array], Array],
-    pieces: tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]] | None = None,
+    evaluate: Callable[[Indices, Array], Array],
+    pieces: tuple[Ints, Ints] | None = None,
 ) -> Array | None:
     """Return the values at points that the ranks with the nearest cells evaluate; collective.
 
@@ -92,8 +90,8 @@ def cells_of_points(
     mesh: dmesh.Mesh,
     x: Array,
     outside: float,
-    pieces: tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]] | None = None,
-) -> tuple[Cells, Array, Array]:
+    pieces: tuple[Ints, Ints] | None = None,
+) -> tuple[Indices, Array, Array]:
     """The cell of this rank that each point is in, or else least outside.
 
     Args:

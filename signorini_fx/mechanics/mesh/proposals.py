@@ -17,9 +17,10 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+from signorini_fx.arrays import Array, Ints
 from signorini_fx.errors import MeshError
 from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, row_keys, rows_of, sides_of
-from signorini_fx.mechanics.mesh.files.cells import Floats, Ints, measures
+from signorini_fx.mechanics.mesh.files.cells import measures
 from signorini_fx.tuned import JUDGED_SAME_PLACE, LEAST_PAIR, NEAR_BODIES, SAME_LENGTH, SHARP_EDGE
 
 _SMOOTH = np.cos(np.radians(SHARP_EDGE))
@@ -75,7 +76,7 @@ class Proposals:
 
     bodies: tuple[str, ...]
     contacts: tuple[ProposedContact, ...]
-    unnamed: tuple[Floats, ...]
+    unnamed: tuple[Array, ...]
 
 
 def proposed_contacts(mesh: MeshArrays, within: float | None = None) -> Proposals:
@@ -149,13 +150,13 @@ class _Facets:
         neighbours: pairs of labels whose surfaces meet smoothly.
     """
 
-    corners: Floats
-    normal: Floats
-    area: Floats
+    corners: Array
+    normal: Array
+    area: Array
     body: Ints
     label: Ints
-    length: Floats
-    sagitta: Floats
+    length: Array
+    sagitta: Array
     neighbours: frozenset[tuple[int, int]]
 
     @classmethod
@@ -237,7 +238,7 @@ def _labels(mesh: MeshArrays, nodes: Ints, first: Ints, second: Ints) -> Ints:
     return np.where(label < 0, -1 - surface, label)
 
 
-def _nearest(facets: _Facets, reach: Floats) -> tuple[Ints, Ints, Floats]:
+def _nearest(facets: _Facets, reach: Array) -> tuple[Ints, Ints, Array]:
     """Return which facet of another body each facet faces first, along its normal.
 
     Args:
@@ -280,7 +281,7 @@ def _nearest(facets: _Facets, reach: Floats) -> tuple[Ints, Ints, Floats]:
     return first[once], second[once], distance[once]
 
 
-def _along_normal(facets: _Facets, centre: Floats, first: Ints, second: Ints) -> Floats:
+def _along_normal(facets: _Facets, centre: Array, first: Ints, second: Ints) -> Array:
     """Return the distance from the middle of the first facets to the second ones along the normal
     of the first, length, shape (p,), infinite where the line misses them.
     """
@@ -315,10 +316,10 @@ class _Pair:
     share: float
     sagitta: float
     lengths: tuple[float, float]
-    place: Floats
+    place: Array
 
 
-def _pairs(facets: _Facets, first: Ints, second: Ints, distance: Floats) -> Iterator[_Pair]:
+def _pairs(facets: _Facets, first: Ints, second: Ints, distance: Array) -> Iterator[_Pair]:
     """Yield the pairs of surfaces that facets of either side have found."""
     keys = np.stack((facets.body[first], facets.label[first]), axis=1)
     opposite = np.stack((facets.body[second], facets.label[second]), axis=1)

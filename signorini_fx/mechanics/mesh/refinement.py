@@ -16,20 +16,18 @@ from typing import Any
 import basix
 import mpi4py.MPI  # noqa: F401  # first, see signorini_fx.mechanics.body
 import numpy as np
-import numpy.typing as npt
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
+from signorini_fx.arrays import Array, Indices, Ints
 from signorini_fx.errors import MeshError
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.mesh.files.size_field import SizeField
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, arrays_of, from_arrays
 from signorini_fx.tuned import SHORTEST_CHILD, SIZE_GROWTH
 
-Floats = npt.NDArray[np.float64]
 
-
-def mark(comm: MPI.Comm, squares: Floats, share: float = 0.5) -> npt.NDArray[np.int32]:
+def mark(comm: MPI.Comm, squares: Array, share: float = 0.5) -> Indices:
     """The smallest number of cells that have a share of the squared error together (Doerfler), over
     all ranks: those of this rank, from the squared errors of its owned cells, shape (cells,);
     collective.
@@ -61,7 +59,7 @@ def check_divisible(tagged: TaggedMesh) -> None:
         )
 
 
-def refine(tagged: TaggedMesh, cells: npt.NDArray[np.int32] | None = None) -> TaggedMesh:
+def refine(tagged: TaggedMesh, cells: Indices | None = None) -> TaggedMesh:
     """Bisect triangles or tetrahedra, at least some cells of this rank, None: all; the mesh stays
     conforming.
 
@@ -117,7 +115,7 @@ def refine(tagged: TaggedMesh, cells: npt.NDArray[np.int32] | None = None) -> Ta
 _NO_TAG = np.iinfo(np.int32).min
 
 
-def _table(tags: dmesh.MeshTags, index_map: Any) -> npt.NDArray[np.int32]:
+def _table(tags: dmesh.MeshTags, index_map: Any) -> Indices:
     """The tag of every entity of this rank, ghosts included; _NO_TAG where there is none."""
     table = np.full(index_map.size_local + index_map.num_ghosts, _NO_TAG, dtype=np.int32)
     table[tags.indices] = tags.values
@@ -129,13 +127,13 @@ def _table(tags: dmesh.MeshTags, index_map: Any) -> npt.NDArray[np.int32]:
 
 def shorter_lengths(
     comm: MPI.Comm,
-    squares: Floats,
-    lengths: Floats,
+    squares: Array,
+    lengths: Array,
     factor: float,
     degree: int,
     dimension: int,
     finer: float,
-) -> Floats:
+) -> Array:
     """The lengths of cells for an error ``factor`` times as small, with the fewest cells;
     collective.
 
@@ -158,7 +156,7 @@ def shorter_lengths(
     if not largest > 0:
         return lengths
 
-    def shares(level: float) -> Floats:
+    def shares(level: float) -> Array:
         with np.errstate(divide="ignore"):
             wanted = (level / errors) ** (1 / (degree + dimension / 2))
         return np.asarray(np.clip(wanted, SHORTEST_CHILD, 1.0))
@@ -177,7 +175,7 @@ def shorter_lengths(
     return lengths * shares(np.exp(low))
 
 
-def lengths_of_cells(tagged: TaggedMesh) -> Floats:
+def lengths_of_cells(tagged: TaggedMesh) -> Array:
     """The mean length of the edges of each owned cell, shape (cells,)."""
     owned = tagged.mesh.topology.index_map(tagged.dimension).size_local
     x = tagged.mesh.geometry.x[compat.geometry_cells(tagged.mesh)[:owned]]
@@ -189,8 +187,8 @@ def lengths_of_cells(tagged: TaggedMesh) -> Floats:
 
 def size_fields(
     tagged: TaggedMesh,
-    lengths: Floats,
-    parts: Sequence[npt.NDArray[np.int32]],
+    lengths: Array,
+    parts: Sequence[Indices],
     finer: float = np.inf,
 ) -> list[SizeField]:
     """Lengths that grow slowly from the shortest ones, also from body to body; collective.
@@ -217,15 +215,15 @@ def size_fields(
     corners = arrays.corners
     if not parallel.is_root(comm):
         return [SizeField(x, corners, np.empty(0)) for _ in parts]
-    longest: Floats = np.zeros(len(x))
-    around: Floats = np.zeros(len(x))
+    longest: Array = np.zeros(len(x))
+    around: Array = np.zeros(len(x))
     np.add.at(longest, corners, of_cell[:, :1])
     np.add.at(around, corners, 1.0)
     longest /= np.maximum(around, 1.0)
     share = np.ones(len(x))
     np.minimum.at(share, corners, of_cell[:, 1:] / of_cell[:, :1])
     used = np.flatnonzero(around)
-    sizes: Floats = longest.copy()
+    sizes: Array = longest.copy()
     sizes[used] = _graded(x[used], longest[used] * share[used])
     sizes = _affordable(sizes, longest, corners, of_cell[:, 0], dim, finer)
     fields = []
@@ -236,18 +234,18 @@ def size_fields(
 
 
 def _affordable(
-    sizes: Floats,
-    longest: Floats,
-    corners: npt.NDArray[np.int64],
-    old: Floats,
+    sizes: Array,
+    longest: Array,
+    corners: Ints,
+    old: Array,
     dimension: int,
     finer: float,
-) -> Floats:
+) -> Array:
     """Lengths at all nodes, by a factor longer than ``sizes`` if these take too many cells, up to
     those of the mesh.
     """
 
-    def longer(factor: float) -> Floats:
+    def longer(factor: float) -> Array:
         return np.minimum(factor * sizes, longest)
 
     def finer_by(factor: float) -> float:
@@ -264,7 +262,7 @@ def _affordable(
     return longer(high)
 
 
-def _graded(x: Floats, sizes: Floats) -> Floats:
+def _graded(x: Array, sizes: Array) -> Array:
     """Lengths at points that differ by no more than ``SIZE_GROWTH`` times their distance, or about
     that.
     """

@@ -23,6 +23,7 @@ from mpi4py import MPI
 from scipy.spatial import ConvexHull, QhullError
 from scipy.spatial.distance import cdist
 
+from signorini_fx.arrays import Array, Flags, Indices, Ints
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.statement.base import TaggedMeshBase
@@ -32,7 +33,6 @@ from signorini_fx.tuned import SAME_LENGTH
 
 if TYPE_CHECKING:
     from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, Selection
-    from signorini_fx.mechanics.mesh.files.cells import Ints
     from signorini_fx.mechanics.mesh.files.size_field import Sizes
     from signorini_fx.mechanics.statement.mesh_sources import MeshFile
     from signorini_fx.mechanics.statement.statement import Statement
@@ -81,7 +81,7 @@ class TaggedMesh(TaggedMeshBase):
         """Return the dimension d of points and cells, 2 or 3."""
         return int(self.mesh.topology.dim)
 
-    def cells(self, region: str | None) -> npt.NDArray[np.int32]:
+    def cells(self, region: str | None) -> Indices:
         """Return the cells of the region on this rank, ghosts included (local numbers); None: all
         of them.
         """
@@ -94,7 +94,7 @@ class TaggedMesh(TaggedMeshBase):
             )
         return _tagged(self.cell_tags, self.regions[region])
 
-    def facets(self, name: str) -> npt.NDArray[np.int32]:
+    def facets(self, name: str) -> Indices:
         """Return the exterior facets of the boundary ``name`` whose cell this rank owns (local
         numbers, sorted).
 
@@ -121,7 +121,7 @@ class TaggedMesh(TaggedMeshBase):
         )
 
     @cached_property
-    def _exterior(self) -> npt.NDArray[np.bool_]:
+    def _exterior(self) -> Flags:
         """Return which facets of this rank, shape (facets,), are exterior and have a cell here."""
         topology = self.mesh.topology
         across = self.dimension - 1
@@ -172,7 +172,7 @@ def diameter_of(mesh: dmesh.Mesh) -> float:
     return parallel.on_root(mesh.comm, of_hull)
 
 
-def _tagged(tags: dmesh.MeshTags, values: int | tuple[int, ...]) -> npt.NDArray[np.int32]:
+def _tagged(tags: dmesh.MeshTags, values: int | tuple[int, ...]) -> Indices:
     """Entities with any of the tags, sorted."""
     tags_wanted = (values,) if isinstance(values, int) else values
     return np.sort(np.concatenate([np.empty(0, dtype=np.int32), *map(tags.find, tags_wanted)]))
@@ -465,9 +465,7 @@ def from_arrays(comm: MPI.Comm, make: Callable[[], MeshArrays]) -> TaggedMesh:
     )
 
 
-def _meshtags(
-    mesh: dmesh.Mesh, dim: int, nodes: Ints, values: npt.NDArray[np.int32]
-) -> dmesh.MeshTags:
+def _meshtags(mesh: dmesh.Mesh, dim: int, nodes: Ints, values: Indices) -> dmesh.MeshTags:
     """Tags of entities, given on the first rank by their nodes."""
     local, of_local = distribute_entity_data(mesh, dim, nodes, values)
     mesh.topology.create_connectivity(dim, 0)
@@ -532,7 +530,7 @@ def arrays_of(tagged: TaggedMesh) -> MeshArrays:
     )
 
 
-def _global_nodes(mesh: dmesh.Mesh, rows: npt.NDArray[np.int32]) -> Ints:
+def _global_nodes(mesh: dmesh.Mesh, rows: Indices) -> Ints:
     """Global numbers of geometry nodes, of the same shape."""
     numbers: Ints = mesh.geometry.index_map().local_to_global(np.ascontiguousarray(rows).ravel())
     return numbers.reshape(rows.shape)
@@ -603,14 +601,14 @@ def gmsh_mesh(
     return from_arrays(comm, make)
 
 
-def _rule(text: str) -> Callable[[npt.NDArray[np.float64]], Any]:
+def _rule(text: str) -> Callable[[Array], Any]:
     """An expression that is true or positive, as a marker."""
     expression = Expression(text)
     return lambda x: expression(x) > 0
 
 
 def tag_boundaries(
-    mesh: dmesh.Mesh, markers: Mapping[str, str | Callable[[npt.NDArray[np.float64]], Any]]
+    mesh: dmesh.Mesh, markers: Mapping[str, str | Callable[[Array], Any]]
 ) -> TaggedMesh:
     """Name the exterior facets whose vertices all satisfy a marker; collective.
 
@@ -646,7 +644,7 @@ def tag_boundaries(
     return tagged_mesh(mesh, facets)
 
 
-def tagged_mesh(mesh: dmesh.Mesh, boundaries: Mapping[str, npt.NDArray[np.int32]]) -> TaggedMesh:
+def tagged_mesh(mesh: dmesh.Mesh, boundaries: Mapping[str, Indices]) -> TaggedMesh:
     """A mesh with names of parts of its boundary, each with its facets; a facet may have several
     names; collective.
     """
@@ -657,7 +655,7 @@ def tagged_mesh(mesh: dmesh.Mesh, boundaries: Mapping[str, npt.NDArray[np.int32]
 
 def _combined(
     comm: MPI.Comm, groups: Mapping[str, npt.NDArray[Any]]
-) -> tuple[Ints, npt.NDArray[np.int32], _Tags]:
+) -> tuple[Ints, Indices, _Tags]:
     """Return one tag for each combination of groups that overlap: members, the tag of each, the
     tags of groups; collective.
     """

@@ -13,10 +13,10 @@ from dataclasses import dataclass, replace
 
 import basix
 import numpy as np
-import numpy.typing as npt
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 
+from signorini_fx.arrays import Array, Indices, Ints
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import (
     facet_entities,
@@ -28,8 +28,6 @@ from signorini_fx.mechanics.interfaces import PlacedShape
 from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodyMotion
 from signorini_fx.mechanics.statement.rigid_shape import Corners
 from signorini_fx.tuned import DIGITS_OF_FILES, NOTABLE, SAME_LENGTH
-
-Array = npt.NDArray[np.float64]
 
 # Numbers that are compared at a time.
 _AT_A_TIME = 1_000_000
@@ -64,8 +62,8 @@ class BodySurface:
     """
 
     space: fem.FunctionSpace
-    pieces: npt.NDArray[np.int32]
-    behind: npt.NDArray[np.int32]
+    pieces: Indices
+    behind: Indices
 
     @classmethod
     def of(cls, space: fem.FunctionSpace) -> BodySurface:
@@ -132,7 +130,7 @@ def deepest_corner(
     deformed boundary of the body, if that is a notable share of the deformation; ``rigid``: how
     forces have moved foundations; None: there is none; collective.
     """
-    felt: npt.NDArray[np.int64] = np.zeros((0, 2), dtype=np.int64)
+    felt: Ints = np.zeros((0, 2), dtype=np.int64)
     if boundary is not None and (at := boundary.corners) is not None:
         rows = np.column_stack((boundary.part, at.number // 2))
         felt = parallel.gather_rows(boundary.comm, rows[~boundary.at_nodes & ~at.alone])
@@ -236,7 +234,7 @@ def _points_of(
     return x[inside], radius[inside]
 
 
-def _split(dim: int, nodes: int) -> npt.NDArray[np.int64]:
+def _split(dim: int, nodes: int) -> Ints:
     """The flat pieces of a facet with so many nodes, vertices first, by their numbers, shape
     (pieces, d).
     """

@@ -20,10 +20,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 import scipy.sparse as sp
 from dolfinx import fem
 
+from signorini_fx.arrays import Array, Flags, Indices, Ints
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.averages import Averages, from_owners
 from signorini_fx.mechanics.assembly.mesh_entities import (
@@ -43,9 +43,6 @@ from signorini_fx.tuned import (
     ZERO_COMPONENT,
 )
 
-Array = npt.NDArray[np.float64]
-Numbers = npt.NDArray[np.int64]
-
 
 @dataclass(frozen=True)
 class BoundaryLine:
@@ -54,13 +51,13 @@ class BoundaryLine:
     positions ``x``, and those of the undeformed body, lengths, shape (m, p + 1, 2).
     """
 
-    nodes: Numbers
+    nodes: Ints
     x: Array
     initial: Array
 
     @classmethod
     def of(
-        cls, space: fem.FunctionSpace, facets: npt.NDArray[np.int32], displacement: Array | None
+        cls, space: fem.FunctionSpace, facets: Indices, displacement: Array | None
     ) -> BoundaryLine:
         """Return the line of owned facets of this rank and those of the others; ``displacement``:
         of the nodes of this rank, ghosts included, length, shape (nodes, d); None: none;
@@ -142,12 +139,12 @@ class CornerFeet:
     or 1, that of the closest facet, -1: it has no foot, shape (k,).
     """
 
-    facet: Numbers
+    facet: Ints
     xi: Array
-    alone: npt.NDArray[np.bool_]
-    beside: Numbers
-    on: Numbers
-    first: Numbers
+    alone: Flags
+    beside: Ints
+    on: Ints
+    first: Ints
 
     @classmethod
     def of(cls, line: BoundaryLine, corners: Corners) -> CornerFeet:
@@ -197,9 +194,7 @@ class CornerFeet:
             nearest,
         )
 
-    def rows(
-        self, line: BoundaryLine, corners: Corners
-    ) -> tuple[Array, Numbers, Array, Array, Array]:
+    def rows(self, line: BoundaryLine, corners: Corners) -> tuple[Array, Ints, Array, Array, Array]:
         """Return of each of the 2 k points the functions of the nodes and these, shapes (2 k, p +
         1), the normal at the foot, shape (2 k, 2), the gap without what is given, and the tangent
         of the angle between the facet and the nearer side, shapes (2 k,).
@@ -223,7 +218,7 @@ class CornerFeet:
         x)(n . x' + kappa xi) / m^2 - (n . x') xi with the variation of the foot xi = (g n . x' - a
         . x) / (m^2 - g kappa), the derivative a of the facet, m = |a|, and kappa = n . x''.
         """
-        nodes = list[Numbers]()
+        nodes = list[Ints]()
         pieces = list[Array]()
         for point in np.flatnonzero((forces != 0.0) & ~self.alone.ravel()):
             facet = int(self.facet.ravel()[point])
@@ -260,9 +255,7 @@ class CornerFeet:
                 moved[k] = line.place(*at)[1] - places[k]
         return np.repeat(moved, 2, axis=0)
 
-    def left_out(
-        self, line: BoundaryLine, nodes: Numbers, direction: Array
-    ) -> npt.NDArray[np.bool_]:
+    def left_out(self, line: BoundaryLine, nodes: Ints, direction: Array) -> Flags:
         """Which nodes, global numbers, lose their points, whose direction of contact is given,
         shapes (n,) and (n, 2).
         """
@@ -282,7 +275,7 @@ def with_corners(
     corners: Corners,
     line: BoundaryLine,
     feet: CornerFeet,
-    fixed: npt.NDArray[np.bool_],
+    fixed: Flags,
     factor: Array | None,
     reach: float,
 ) -> ContactBoundary:
@@ -362,7 +355,7 @@ def _functions(degree: int, xi: float) -> tuple[Array, Array, Array]:
     return values + (xi - at) * slopes, slopes, bends
 
 
-def _in_order(nodes: Numbers, rows: Array) -> Sequence[int]:
+def _in_order(nodes: Ints, rows: Array) -> Sequence[int]:
     """Facets one behind the other, the pieces of the boundary in the order of their places."""
     behind = {int(first): k for k, first in enumerate(nodes[:, 0])}
     follows = np.isin(nodes[:, 0], nodes[:, -1])

@@ -11,12 +11,12 @@ from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 from dolfinx import fem
 
 from signorini_fx.algebra import Settings
 from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.friction import PointFriction, as_given
+from signorini_fx.arrays import Array, Flags, Indices, Ints
 from signorini_fx.errors import FormError, SceneError
 from signorini_fx.extensions import is_of_package
 from signorini_fx.machine import parallel
@@ -56,8 +56,6 @@ if TYPE_CHECKING:
     from signorini_fx.mechanics.obstacles.paired_points import FacingSides, PairedSides
     from signorini_fx.mechanics.obstacles.shapes_inside import BodyCells
 
-Array = npt.NDArray[np.float64]
-
 
 @dataclass(frozen=True)
 class ShapeDistances:
@@ -96,9 +94,9 @@ class Foundations:
         self,
         space: fem.FunctionSpace,
         contact: Sequence[Foundation | Pair],
-        facets: Sequence[npt.NDArray[np.int32]],
+        facets: Sequence[Indices],
         names: Sequence[str],
-        masters: Mapping[int, npt.NDArray[np.int32]],
+        masters: Mapping[int, Indices],
     ) -> None:
         self._space = space
         self._contact = contact
@@ -359,8 +357,8 @@ class Foundations:
     def boundary(
         self,
         shapes: Sequence[ShapeDistances],
-        fixed: npt.NDArray[np.bool_],
-        at_rest: npt.NDArray[np.bool_],
+        fixed: Flags,
+        at_rest: Flags,
         turned: TurnedNodes | None = None,
     ) -> ContactBoundary:
         """Weights, frames and positions of the points; ``fixed``: which owned dofs are prescribed,
@@ -385,7 +383,7 @@ class Foundations:
         self,
         number: int,
         shape: ShapeDistances,
-        fixed: npt.NDArray[np.bool_],
+        fixed: Flags,
         turned: TurnedNodes | None,
     ) -> ContactBoundary:
         """The points of a rigid foundation."""
@@ -427,7 +425,7 @@ class Foundations:
         number: int,
         part: ContactBoundary,
         factor: Array | None,
-        fixed: npt.NDArray[np.bool_],
+        fixed: Flags,
         turned: TurnedNodes | None,
     ) -> ContactBoundary:
         """Return the points of a rigid foundation with those of its corners; collective."""
@@ -482,7 +480,7 @@ class Foundations:
         found = [of_cell[facet_entities(mesh, facets)[:, 0], None] for facets in self.facets]
         return [np.unique(parallel.gather_rows(mesh.comm, pieces)).size for pieces in found]
 
-    def at_rest(self, fixed: npt.NDArray[np.bool_], values: Array) -> npt.NDArray[np.bool_]:
+    def at_rest(self, fixed: Flags, values: Array) -> Flags:
         """Which dofs are prescribed to be zero, if pairs are there, which alone take notice of
         it.
         """
@@ -502,9 +500,9 @@ class Foundations:
         self,
         number: int,
         factor: Array | None,
-        fixed: npt.NDArray[np.bool_],
+        fixed: Flags,
         turned: TurnedNodes | None,
-        at_rest: npt.NDArray[np.bool_],
+        at_rest: Flags,
     ) -> FacingSides:
         """Return both sides of a pair before they are paired, with the factor of its measure, see
         ``boundary``.
@@ -650,7 +648,7 @@ class Foundations:
             gap, self._dimension - 1, settings, scales.gamma, *points
         ), law
 
-    def alone(self, boundary: ContactBoundary) -> npt.NDArray[np.bool_]:
+    def alone(self, boundary: ContactBoundary) -> Flags:
         """Which points do not see the other side, shape (n,): nothing holds them, without pressure
         or with.
         """
@@ -678,7 +676,7 @@ class Foundations:
             zip(self.friction() if friction is None else friction, points, strict=True)
         ):
 
-            def at_points(_: str, values: Array, at: npt.NDArray[np.int64] = at) -> Array:
+            def at_points(_: str, values: Array, at: Ints = at) -> Array:
                 return boundary.interpolated(values)[at]
 
             law = None if of_all is None else of_all.with_values(at_points)

@@ -10,11 +10,11 @@ from functools import cached_property
 
 import basix
 import numpy as np
-import numpy.typing as npt
 import scipy.sparse as sp
 from dolfinx import fem
 from scipy.spatial import cKDTree
 
+from signorini_fx.arrays import Array, Flags, Indices, Ints
 from signorini_fx.errors import FormError
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.assembly.averages import Averages, from_owners
@@ -44,10 +44,6 @@ from signorini_fx.mechanics.pairs.search import default_reach
 from signorini_fx.mechanics.pairs.sliding import SlidingCoupling, slide
 from signorini_fx.tuned import ASKEW_NORMAL, DIGITS_OF_FILES, ROOT_OF_EPS, SAME_LENGTH, SAME_NUMBER
 
-Array = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.int32]
-Flags = npt.NDArray[np.bool_]
-
 
 @dataclass(frozen=True)
 class PairedSide:
@@ -58,7 +54,7 @@ class PairedSide:
     """
 
     surface: PairSurface
-    nodes: npt.NDArray[np.int64]
+    nodes: Ints
     facets: Indices
 
     @classmethod
@@ -103,7 +99,7 @@ def averaged_points(
     space: fem.FunctionSpace,
     facets: Indices,
     factor: Array | None,
-    fixed: npt.NDArray[np.bool_],
+    fixed: Flags,
     gap: Array,
 ) -> tuple[tuple[Indices, Array, Array], Averages]:
     """Return the points of a rigid foundation on a side whose displacements are averaged: local
@@ -130,7 +126,7 @@ def averaged_points(
     gap_on_side = from_owners(owned_gap, side.nodes, comm)[:, 0]
     least = gap_on_side.min(initial=np.inf) - SAME_LENGTH * float(np.ptp(surface.x))
 
-    def averaged(*, by_hats: bool) -> tuple[npt.NDArray[np.int64], Array, Averages, Array]:
+    def averaged(*, by_hats: bool) -> tuple[Ints, Array, Averages, Array]:
         """Return the numbers of the points on the side, their areas, averages and gaps."""
         tested = Tested(surface, surface, itself, by_hats)
         mine = np.flatnonzero((tested.areas > 0) & side.owned(space))
@@ -149,7 +145,7 @@ def averaged_points(
     return (local, area, surface.nodal_normals[mine]), averages
 
 
-def held_along(normal: Array, frames: Array, fixed: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+def held_along(normal: Array, frames: Array, fixed: Flags) -> Flags:
     """Which nodes supports hold along their normals, zero where there is none, shape (n, d): no
     component that is free, not ``fixed``, in their frames, one direction per column, shape (n, d,
     d), has any of it; shape (n,).
@@ -233,7 +229,7 @@ class FacingSides:
     index: int
     slave: PairedSide
     master: PairedSide
-    fixed: npt.NDArray[np.bool_]
+    fixed: Flags
     turned: TurnedNodes | None
 
     @classmethod
@@ -242,10 +238,10 @@ class FacingSides:
         space: fem.FunctionSpace,
         facets: tuple[Indices, Indices],
         index: int,
-        fixed: npt.NDArray[np.bool_],
+        fixed: Flags,
         taken: Sequence[Indices],
         turned: TurnedNodes | None,
-        at_rest: npt.NDArray[np.bool_],
+        at_rest: Flags,
         factor: Array | None,
     ) -> FacingSides:
         """Two parts of the boundary, the ``facets`` of the slave and of the master, owned, local
@@ -297,7 +293,7 @@ class FacingSides:
         return cls(space, index, slave, master, fixed, turned)
 
     @cached_property
-    def nodes(self) -> npt.NDArray[np.int64]:
+    def nodes(self) -> Ints:
         """Global numbers of the nodes of both sides, those of the slave first, shape (m,)."""
         return np.concatenate((self.slave.nodes, self.master.nodes))
 
@@ -318,14 +314,14 @@ class FacingSides:
             from_owners(owned, self.master.nodes, self.space.mesh.comm)
         )
 
-    def local(self, nodes: npt.NDArray[np.int64]) -> Indices:
+    def local(self, nodes: Ints) -> Indices:
         """Local numbers of nodes of the slave that this rank owns."""
         return np.asarray(
             self.slave.nodes[nodes] - self.space.dofmap.index_map.local_range[0], dtype=np.int32
         )
 
     def points_at(
-        self, nodes: npt.NDArray[np.int64], weight: Array, normal: Array, averages: Averages
+        self, nodes: Ints, weight: Array, normal: Array, averages: Averages
     ) -> ContactBoundary:
         """The contact points at nodes of the slave that this rank owns; planes of symmetry hold
         them.
@@ -542,7 +538,7 @@ class MovingPair:
         return slide(slave, master, self.points, self.reach)
 
     @cached_property
-    def mine(self) -> npt.NDArray[np.int64]:
+    def mine(self) -> Ints:
         """Which of the points this rank owns."""
         return np.flatnonzero(self.sides.slave.owned(self.sides.space)[self.points])
 
@@ -611,7 +607,7 @@ class MovingPair:
         return self.coupling.slip(self.begun)
 
     @property
-    def alone(self) -> npt.NDArray[np.bool_]:
+    def alone(self) -> Flags:
         """Which of the points of this rank do not see the other side, shape (n,)."""
         return np.asarray(~self.coupling.frames.partnered[self.mine])
 

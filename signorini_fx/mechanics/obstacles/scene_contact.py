@@ -16,10 +16,10 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from dolfinx import fem
 from scipy.spatial import cKDTree
 
+from signorini_fx.arrays import Array, Indices
 from signorini_fx.errors import SceneError
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import facet_entities, facet_vertices
@@ -30,13 +30,13 @@ from signorini_fx.mechanics.statement.expressions import sample
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.tuned import COARSER_FACETS, STIFFER_BODY
 
-Facets = Mapping[str, npt.NDArray[np.int32]]
+Facets = Mapping[str, Indices]
 
 
 def foundations_of(
     statement: Statement,
-    facets: Sequence[npt.NDArray[np.int32]],
-    masters: Mapping[int, npt.NDArray[np.int32]],
+    facets: Sequence[Indices],
+    masters: Mapping[int, Indices],
 ) -> list[Foundation | Pair]:
     """The contact of a scene as foundations, on the facets of each, and as pairs, by their places
     the masters.
@@ -91,9 +91,7 @@ class _ShapeOfSection:
 
     shape: Any
 
-    def distance(
-        self, x: npt.NDArray[np.float64]
-    ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    def distance(self, x: Array) -> tuple[Array, Array]:
         """Signed distance and unit normal; the normal has no component out of the section."""
         away, normal = self.shape.distance(np.ascontiguousarray(x[:, :2]))
         return away, np.pad(normal, ((0, 0), (0, 1)))
@@ -118,7 +116,7 @@ class SideFigures:
 
     stiffness: float
     size: float
-    vertices: npt.NDArray[np.float64]
+    vertices: Array
 
     @classmethod
     def of(cls, name: str, tagged: TaggedMesh, shear_modulus: Any) -> SideFigures:

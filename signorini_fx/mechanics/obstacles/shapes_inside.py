@@ -28,10 +28,10 @@ from typing import Any
 
 import basix
 import numpy as np
-import numpy.typing as npt
 from dolfinx import fem
 from scipy.spatial import cKDTree
 
+from signorini_fx.arrays import Array, Indices, Ints
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import node_positions
 from signorini_fx.tuned import (
@@ -42,8 +42,6 @@ from signorini_fx.tuned import (
     SHAPE_MIDDLE,
     WRONG_SLOPE,
 )
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -67,7 +65,7 @@ class BodyCells:
     """
 
     kind: basix.CellType
-    nodes: npt.NDArray[np.int32]
+    nodes: Indices
     x: Array
     space: fem.FunctionSpace
 
@@ -93,15 +91,13 @@ class BodyCells:
         return np.asarray(places[self.nodes[:, : len(basix.topology(self.kind)[0])]])
 
     @cached_property
-    def vertices(self) -> npt.NDArray[np.int64]:
+    def vertices(self) -> Ints:
         """Global numbers of the vertices of the cells, shape (c, v)."""
         local = self.nodes[:, : len(basix.topology(self.kind)[0])]
         numbers = self.space.dofmap.index_map.local_to_global(local.ravel())
         return np.asarray(numbers.reshape(local.shape), dtype=np.int64)
 
-    def covering(
-        self, places: Array, x: Array, cells: npt.NDArray[np.int64] | None = None
-    ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    def covering(self, places: Array, x: Array, cells: Ints | None = None) -> tuple[Ints, Ints]:
         """Return the numbers of points and of cells of this rank that cover them, one pair of
         both after the other, shapes (k,); ``places``: see ``placed``; ``x``: of the points, shape
         (n, d); ``cells``: among which they are sought, ascending, None: all.

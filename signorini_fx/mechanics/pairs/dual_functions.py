@@ -10,16 +10,13 @@ to their neighbours.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 import scipy.sparse as sp
 
+from signorini_fx.arrays import Array, Flags, Ints
 from signorini_fx.mechanics.pairs.pair_side import Overlap, PairSurface
 from signorini_fx.tuned import KEPT_WEIGHT, NEGLIGIBLE, NOTHING_LEFT, SAME_NUMBER, WHOLE_WEIGHT
 
-Array = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.int64]
-Flags = npt.NDArray[np.bool_]
-Pairs = tuple[Indices, Indices]
+Pairs = tuple[Ints, Ints]
 
 
 def constrained(movable: Array) -> Flags:
@@ -45,8 +42,8 @@ def dual_coefficients(tests: Array, overlap: Overlap, count: int) -> Array:
 
 
 def carried(
-    side: PairSurface, covered: Indices, weight: Array, unable: npt.NDArray[np.bool_]
-) -> tuple[Indices, sp.csr_array]:
+    side: PairSurface, covered: Ints, weight: Array, unable: Flags
+) -> tuple[Ints, sp.csr_array]:
     """Return the nodes of the slave that carry a point, shape (n,), and the share of the function
     of each node in each point, sparse, shape (n, N), with columns whose sum is one.
 
@@ -74,8 +71,8 @@ def carried(
 
 
 def carried_evenly(
-    side: PairSurface, covered: Indices, weight: Array, movable: Array
-) -> tuple[Indices, sp.csr_array]:
+    side: PairSurface, covered: Ints, weight: Array, movable: Array
+) -> tuple[Ints, sp.csr_array]:
     """Redistribute the functions of points of a side that slides, evenly as weights change;
     ``movable``: see ``Tested``.
 
@@ -102,7 +99,7 @@ def carried_evenly(
     return carried(side, covered, weight, side.unable | constrained(movable))
 
 
-def _absorbed(pairs: Pairs, portion: Array, nodes: Indices) -> sp.csr_array:
+def _absorbed(pairs: Pairs, portion: Array, nodes: Ints) -> sp.csr_array:
     """Return the shares of functions that ``nodes`` take over, shape (n, N), columns of sum one:
     each keeps its portion, and nodes beside it get the rest.
     """
@@ -136,9 +133,7 @@ def _absorbed(pairs: Pairs, portion: Array, nodes: Indices) -> sp.csr_array:
     return _by_rows(entries, rows, columns, (nodes.size, portion.size))
 
 
-def _by_rows(
-    values: Array, rows: Indices, columns: Indices, shape: tuple[int, int]
-) -> sp.csr_array:
+def _by_rows(values: Array, rows: Ints, columns: Ints, shape: tuple[int, int]) -> sp.csr_array:
     """A sparse matrix of entries at different places: in a third of the time of one that looks for
     the same.
     """
@@ -148,7 +143,7 @@ def _by_rows(
 
 
 def _mixed(
-    shares: sp.csr_array, nodes: Indices, weights: tuple[Array, Array], portion: Array
+    shares: sp.csr_array, nodes: Ints, weights: tuple[Array, Array], portion: Array
 ) -> sp.csr_array:
     """The shares of points that are not all their own with those of the points that took over the
     rest of them.
@@ -180,7 +175,7 @@ def _mixed(
     return _by_rows(entries, rows, columns, (nodes.size, nodes.size)) @ shares
 
 
-def extended(side: PairSurface, nodes: Indices, values: Array) -> Array:
+def extended(side: PairSurface, nodes: Ints, values: Array) -> Array:
     """Values at some nodes, ascending, shape (n, k), and at all others with test functions the
     means of those beside them, ring by ring, shape (N, k); zero where no ring arrives.
     """
@@ -196,7 +191,7 @@ def extended(side: PairSurface, nodes: Indices, values: Array) -> Array:
     return extension
 
 
-def _together(side: PairSurface, facets: Indices) -> tuple[Pairs, Flags]:
+def _together(side: PairSurface, facets: Ints) -> tuple[Pairs, Flags]:
     """The nodes of a side, two each, that have test functions on one of some facets, in both
     orders, ascending, and which nodes have any there, shape (N,).
     """
@@ -209,7 +204,7 @@ def _together(side: PairSurface, facets: Indices) -> tuple[Pairs, Flags]:
     return (first[others], second[others]), tested_nodes
 
 
-def _taken_over(pairs: Pairs, able: Flags) -> tuple[Indices, sp.csr_array]:
+def _taken_over(pairs: Pairs, able: Flags) -> tuple[Ints, sp.csr_array]:
     """Nodes that carry a point, and how they take over the functions of others, ring by ring."""
     to, of = pairs
     nodes = np.flatnonzero(able)

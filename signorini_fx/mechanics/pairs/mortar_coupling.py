@@ -31,11 +31,11 @@ from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 import scipy.sparse as sp
 from mpi4py import MPI
 from scipy.spatial import cKDTree
 
+from signorini_fx.arrays import Array, Flags, Ints
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.pairs.dual_functions import (
     carried,
@@ -59,9 +59,6 @@ from signorini_fx.tuned import (
     SAME_LENGTH,
     SAME_NUMBER,
 )
-
-Array = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.int64]
 
 
 class PairingError(ValueError):
@@ -89,7 +86,7 @@ class Coupling:
         met: the same with where nothing can move, see ``Tested.moving``.
     """
 
-    nodes: Indices
+    nodes: Ints
     weight: Array
     normal: Array
     distance: Array
@@ -143,7 +140,7 @@ class Tested:
     overlap: Overlap
     bonded: bool = False
 
-    def chosen(self, pieces: npt.NDArray[np.bool_]) -> Tested:
+    def chosen(self, pieces: Flags) -> Tested:
         """Return the tested functions on some of the pieces, shape (p,)."""
         if pieces.all():
             return self
@@ -278,7 +275,7 @@ class Tested:
         return np.where(self.slave.held, 1.0 - np.clip(seen, 0.0, 1.0), 1.0)
 
     @property
-    def covered(self) -> Indices:
+    def covered(self) -> Ints:
         """The facets of the slave that meet the other side."""
         return np.flatnonzero(self.area)
 
@@ -301,7 +298,7 @@ def couple(
     nominal: bool = False,
     reach: float | None = None,
     comm: MPI.Comm = MPI.COMM_SELF,
-    mine: npt.NDArray[np.bool_] | None = None,
+    mine: Flags | None = None,
 ) -> Coupling:
     """The map of a pair; collective.
 
@@ -352,7 +349,7 @@ def couple(
 
 
 def coupled(
-    tested: Tested, nodes: Indices, shares: sp.csr_array, *, nominal: bool = False
+    tested: Tested, nodes: Ints, shares: sp.csr_array, *, nominal: bool = False
 ) -> Coupling:
     """The map of both sides at nodes that take over such shares of functions; those that take none
     are alone.

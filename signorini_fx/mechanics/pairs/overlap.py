@@ -15,16 +15,13 @@ from __future__ import annotations
 
 import basix
 import numpy as np
-import numpy.typing as npt
 from mpi4py import MPI
 
+from signorini_fx.arrays import Array, Ints
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.pairs.pair_side import Lagrange, Overlap, PairSurface
 from signorini_fx.mechanics.pairs.search import Parts, candidates
 from signorini_fx.tuned import MANY_STEPS, NOTHING_LEFT, SAME_LENGTH, SAME_NUMBER, ZERO_COMPONENT
-
-Array = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.int64]
 
 # Degrees of the quadrature on each triangle, by the degree of the functions; on quadrilaterals and
 # on curved triangles integrands are no polynomials, but bilinear functions on parallelograms are.
@@ -122,7 +119,7 @@ def _along(side: PairSurface, parts: Parts, directions: Array) -> tuple[Array, A
     return along, sine / cosine
 
 
-def _affine(side: PairSurface, facets: Indices) -> bool:
+def _affine(side: PairSurface, facets: Ints) -> bool:
     """Whether maps from the reference facet to these facets are affine."""
     corners = side.corners[np.unique(facets)]
     places = side.functions.places
@@ -144,7 +141,7 @@ def _degree(functions: tuple[Lagrange, Lagrange], *, affine: bool) -> int:
 
 
 def projected_places(
-    side: PairSurface, facets: Indices, at: Array, p: Array, centre: Array, axes: Array
+    side: PairSurface, facets: Ints, at: Array, p: Array, centre: Array, axes: Array
 ) -> Array:
     """The places on curved facets whose projections are the points p of the planes, by Newton's
     method from ``at``.
@@ -188,7 +185,7 @@ def _cross(a: Array, b: Array) -> Array:
     return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
 
 
-def _areas(polygon: Array, count: Indices) -> Array:
+def _areas(polygon: Array, count: Ints) -> Array:
     """Signed areas of polygons of shape (m, v, 2), of which the first ``count`` corners are there,
     shape (m,).
     """
@@ -203,7 +200,7 @@ def counterclockwise(polygon: Array) -> Array:
     return np.where((area < 0)[:, None, None], polygon[:, ::-1], polygon)
 
 
-def clip(subject: Array, window: Array) -> tuple[Array, Indices]:
+def clip(subject: Array, window: Array) -> tuple[Array, Ints]:
     """Convex polygons, or lines of two corners, cut by convex windows (Sutherland and Hodgman),
     both counterclockwise, shapes (m, a, 2) and (m, b, 2): corners of what is left, shape (m, v, 2),
     and how many of them are there, shape (m,).
@@ -234,7 +231,7 @@ def clip(subject: Array, window: Array) -> tuple[Array, Indices]:
     return polygon, count
 
 
-def _fan(polygon: Array, count: Indices) -> tuple[Array, Indices]:
+def _fan(polygon: Array, count: Ints) -> tuple[Array, Ints]:
     """Triangles around the centre of each polygon, shape (t, 3, 2), and which polygon each is of,
     shape (t,).
     """

@@ -16,16 +16,12 @@ from itertools import product
 
 import basix
 import numpy as np
-import numpy.typing as npt
 import scipy.sparse as sp
 from mpi4py import MPI
 
+from signorini_fx.arrays import Array, Flags, Ints
 from signorini_fx.machine import parallel
 from signorini_fx.tuned import SAME_NUMBER, ZERO_COMPONENT
-
-Array = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.int64]
-Flags = npt.NDArray[np.bool_]
 
 # Degree of quadrature for areas of one side alone: exact on affine facets.
 _DEGREE = 8
@@ -168,7 +164,7 @@ class PairSurface:
             same.
     """
 
-    nodes: Indices
+    nodes: Ints
     x: Array
     functions: Lagrange
     sign: Array
@@ -181,7 +177,7 @@ class PairSurface:
     @classmethod
     def of(
         cls,
-        nodes: Indices,
+        nodes: Ints,
         x: Array,
         functions: Lagrange,
         sign: Array,
@@ -209,17 +205,17 @@ class PairSurface:
         return np.asarray(self.x[self.nodes])
 
     @property
-    def points(self) -> Indices:
+    def points(self) -> Ints:
         """Numbers of the nodes of each facet that test functions belong to, shape (f, t)."""
         return self.nodes[:, : len(self.functions.tests.places)]
 
-    def normals(self, facets: Indices, at: Array) -> Array:
+    def normals(self, facets: Ints, at: Array) -> Array:
         """Outward normals times the area (in 2D: length) of a unit of the reference facet at points
         of some facets, shape (m, q, d - 1), or the same of all, (1, q, d - 1): shape (m, q, d).
         """
         return self._crossed(facets, at) * self.sign[facets][:, None, None]
 
-    def sizes(self, facets: Indices, at: Array) -> Array:
+    def sizes(self, facets: Ints, at: Array) -> Array:
         """Undeformed area (in 2D: length) of a unit of the reference facet times the measure, shape
         (m, q), see ``normals``.
         """
@@ -232,11 +228,11 @@ class PairSurface:
             ]
         return np.asarray(sizes)
 
-    def _crossed(self, facets: Indices, at: Array) -> Array:
+    def _crossed(self, facets: Ints, at: Array) -> Array:
         """Normals up to their signs."""
         return across(self.functions.slopes(at) @ self.corners[facets])
 
-    def positions(self, facets: Indices, at: Array) -> Array:
+    def positions(self, facets: Ints, at: Array) -> Array:
         """Positions of points of each facet, length, shapes as in ``normals``."""
         return np.asarray(self.functions.values(at) @ self.corners[facets])
 
@@ -260,7 +256,7 @@ class PairSurface:
         return self._areas[0]
 
     @property
-    def without_area(self) -> npt.NDArray[np.bool_]:
+    def without_area(self) -> Flags:
         """Nodes whose test functions have none because of the measure, shape (N,).
 
         Of a quadratic node on an axis of revolution the function is zero, but for the curvature of
@@ -290,7 +286,7 @@ class PairSurface:
         np.add.at(moments, self.points, tests.T @ normals)
         return moments
 
-    def in_planes(self, vectors: Array, nodes: Indices) -> Array:
+    def in_planes(self, vectors: Array, nodes: Ints) -> Array:
         """Vectors at some nodes, shape (m, d), without what they have across planes of symmetry,
         and of length one; zero where they are.
         """
@@ -326,7 +322,7 @@ class PairSurface:
         )
 
     @cached_property
-    def turning_places(self) -> tuple[Indices, Indices, Indices]:
+    def turning_places(self) -> tuple[Ints, Ints, Ints]:
         """Return the pattern of the sparse matrix that sums ``turning``, shape (d N, d N): the
         entry to which each value is added, the columns of the entries, and their number in each
         row.
@@ -383,8 +379,8 @@ class Overlap:
             shape (p, q).
     """
 
-    slave: Indices
-    master: Indices
+    slave: Ints
+    master: Ints
     at: Array
     over: Array
     weight: Array
@@ -396,7 +392,7 @@ class Overlap:
         )
 
 
-def summed(shape: tuple[int, int], *parts: tuple[Array, Indices, Indices]) -> sp.csr_array:
+def summed(shape: tuple[int, int], *parts: tuple[Array, Ints, Ints]) -> sp.csr_array:
     """A sparse matrix, the sum of entries: values, rows and columns, of each part of shapes that
     are broadcast.
     """
@@ -405,7 +401,7 @@ def summed(shape: tuple[int, int], *parts: tuple[Array, Indices, Indices]) -> sp
     return sp.csr_array((values, places), shape=shape)
 
 
-def in_rows(values: Array, columns: Indices, width: int) -> sp.csr_array:
+def in_rows(values: Array, columns: Ints, width: int) -> sp.csr_array:
     """A sparse matrix with i rows for each of p pieces: values of shape (p, i, c), in columns that
     all rows of a piece have, shape (p, c).
     """
@@ -415,7 +411,7 @@ def in_rows(values: Array, columns: Indices, width: int) -> sp.csr_array:
     return sp.csr_array((values.ravel(), indices.ravel(), ends), shape=(count * rows, width))
 
 
-def components(nodes: Indices, dimension: int) -> Indices:
+def components(nodes: Ints, dimension: int) -> Ints:
     """The numbers of the components of vectors at nodes, shape (..., k): shape (..., d k)."""
     return (dimension * nodes[..., None] + np.arange(dimension)).reshape(
         *nodes.shape[:-1], dimension * nodes.shape[-1]
@@ -504,7 +500,7 @@ def turned_normals(*sides: PairSurface, turned_too: Array | None = None) -> sp.c
     """Return the derivative of ``nodal_normals`` by displacements of the nodes of sides, sparse,
     shape (d m, d m); ``turned_too``: maps these turns to those of other vectors, shape (m, d, d).
     """
-    parts = list[tuple[Array, Indices, Indices]]()
+    parts = list[tuple[Array, Ints, Ints]]()
     first = 0
     for side in sides:
         values = side.turning

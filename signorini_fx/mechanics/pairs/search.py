@@ -7,14 +7,11 @@ from functools import cached_property
 from itertools import chain
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial import cKDTree
 
+from signorini_fx.arrays import Array, Ints
 from signorini_fx.mechanics.pairs.pair_side import PairSurface, across
 from signorini_fx.tuned import DEEPEST_OVERLAP, FACING_SIDES, SAME_LENGTH
-
-Array = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.int64]
 
 # At most so many balls reach from a patch to its farthest partners: few, for time, and enough, for
 # memory.
@@ -56,11 +53,11 @@ class Parts(Patches):
     """
 
     side: PairSurface
-    facet: Indices
+    facet: Ints
     reference: Array
 
     @classmethod
-    def of(cls, side: PairSurface, facets: Indices) -> Parts:
+    def of(cls, side: PairSurface, facets: Ints) -> Parts:
         """Return the parts of some facets."""
         parts = side.functions.parts
         facet = np.repeat(facets, len(parts))
@@ -85,9 +82,7 @@ def default_reach(slave: Array, master: Array) -> float:
     return nearest + DEEPEST_OVERLAP * min(sizes)
 
 
-def candidates(
-    slave: Patches, master: Patches, reach: float, turning: Array
-) -> tuple[Indices, Indices]:
+def candidates(slave: Patches, master: Patches, reach: float, turning: Array) -> tuple[Ints, Ints]:
     """Pairs of patches that face each other, one over the other as seen along its normal, and
     within reach, length: numbers of both patches of each pair, ascending, shape (m,) each;
     ``turning``: tangent of the angle between the directions of projection and the normal of each

@@ -25,9 +25,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 import scipy.sparse as sp
 
+from signorini_fx.arrays import Array, Flags, Ints
 from signorini_fx.mechanics.pairs.dual_functions import carried_evenly
 from signorini_fx.mechanics.pairs.mortar_coupling import coupled, projected
 from signorini_fx.mechanics.pairs.overlap import axes_across
@@ -39,9 +39,6 @@ from signorini_fx.mechanics.pairs.pair_side import (
     turned_normals,
 )
 from signorini_fx.mechanics.pairs.sliding_pieces import SlidingPieces, rotations_at_nodes
-
-Array = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -56,7 +53,7 @@ class Frames:
 
     both: sp.csr_array
     tangents: Array
-    partnered: npt.NDArray[np.bool_]
+    partnered: Flags
 
 
 @dataclass(frozen=True)
@@ -84,7 +81,7 @@ class SlidingCoupling:
 
     slave: PairSurface
     master: PairSurface
-    nodes: Indices
+    nodes: Ints
     weight: Array
     normal: Array
     gap: Array
@@ -121,7 +118,7 @@ class SlidingCoupling:
         (n,); ``shear``: mu along T_i, stress, shape (n, d - 1).
         """
         shears = np.einsum("n,ndk,nk->nd", self.weight, self.frames.tangents, shear)
-        turning = list[tuple[Array, Indices, Indices]]()
+        turning = list[tuple[Array, Ints, Ints]]()
         if shear.any():
             turns = self._turning(shears).T.tocsr() @ self.normal_rows
             row = np.repeat(np.arange(turns.shape[0]), np.diff(turns.indptr))
@@ -143,7 +140,7 @@ class SlidingCoupling:
 def slide(
     slave: PairSurface,
     master: PairSurface,
-    points: Indices,
+    points: Ints,
     reach: float,
 ) -> SlidingCoupling:
     """The map of two deformed sides, see ``PairSurface.displaced``, in 3D of degree 1; ``points``:
@@ -177,7 +174,7 @@ def slide(
     return SlidingCoupling(slave, master, *at_points, found.covered, pieces)
 
 
-def tangents_of_points(slave: PairSurface, points: Indices, normals: Array) -> Array:
+def tangents_of_points(slave: PairSurface, points: Ints, normals: Array) -> Array:
     """T_i of points at some nodes, shape (n, d, d - 1): in 3D they turn with the slave around the
     node; the first one of a point in a plane of symmetry, where neither half turns about the normal
     alone, stays across it.

@@ -27,9 +27,9 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 import scipy.sparse as sp
 
+from signorini_fx.arrays import Array, Ints
 from signorini_fx.mechanics.pairs.mortar_coupling import Tested
 from signorini_fx.mechanics.pairs.overlap import (
     axes_across,
@@ -50,9 +50,6 @@ from signorini_fx.mechanics.pairs.pair_side import (
     turning_of,
 )
 from signorini_fx.tuned import NOTHING_LEFT
-
-Array = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.int64]
 
 # Pieces whose products are made at once: few, for memory.
 _AT_ONCE = 2048
@@ -89,7 +86,7 @@ class SlidingPieces:
     mean: sp.csr_array
     tested: Tested = field(repr=False)
     projection: Projection = field(repr=False)
-    blocks: Indices
+    blocks: Ints
     spread: sp.csr_array
     share: Array = field(repr=False)
     turns: Array = field(repr=False)
@@ -172,7 +169,7 @@ class SlidingPieces:
         return self._at_points(means_along(along, self.mean), total)
 
     def stiffness(
-        self, pressing: Array, shears: Array, more: Sequence[tuple[Array, Indices, Indices]] = ()
+        self, pressing: Array, shears: Array, more: Sequence[tuple[Array, Ints, Ints]] = ()
     ) -> sp.csr_array:
         """Minus the second derivative of the gaps with forces at the points, shape (n,), and what
         shears there, shape (n, d), change of the forces on the master as places shift, and
@@ -206,7 +203,7 @@ class SlidingPieces:
         joint = summed((self.spread.shape[0],) * 2, *parts, *more)
         return self.spread.T.tocsr() @ joint @ self.spread
 
-    def _second(self, pieces: Indices, forces: Array, shears: Array) -> Array:
+    def _second(self, pieces: Ints, forces: Array, shears: Array) -> Array:
         """The products of some pieces, shape (k, d c, d c)."""
         share = self.share[pieces]
         facing = self.facing[pieces]
@@ -264,7 +261,7 @@ class Projection:
     """
 
     vectors: Array
-    numbers: Indices
+    numbers: Ints
     turning: sp.csr_array
 
     @classmethod
@@ -287,7 +284,7 @@ class Projection:
             ways, np.arange(facets)[:, None], along_vectors(across, in_blocks(mean, 3)) @ turning
         )
 
-    def at(self, facets: Indices, shape: Array) -> tuple[Array, Array]:
+    def at(self, facets: Ints, shape: Array) -> tuple[Array, Array]:
         """N at points of facets from the functions of the slave there, shape (m, q, k), and the
         shares of the vectors in dN, which has no part along N: shapes (m, q, d) and (m, q, r).
         """
@@ -314,9 +311,9 @@ class Kinks:
         across: the direction in which they pass by, of length one, shape (v, d).
     """
 
-    pieces: Indices
+    pieces: Ints
     functions: Array
-    blocks: Indices
+    blocks: Ints
     share: Array
     across: Array
 
@@ -401,8 +398,8 @@ def _turned(vectors: Array) -> Array:
 
 
 def _at_vertices(
-    slave: PairSurface, projection: Projection, facet: Indices, x: Array
-) -> tuple[Indices, Array, Array, Array]:
+    slave: PairSurface, projection: Projection, facet: Ints, x: Array
+) -> tuple[Ints, Array, Array, Array]:
     """Return the vertices that facets of the slave see, their places there, the shares of the
     vertex, and lengths (one).
     """
@@ -413,8 +410,8 @@ def _at_vertices(
 
 
 def _on_edges(
-    slave: PairSurface, projection: Projection, facet: Indices, x: Array
-) -> tuple[Indices, Array, Array, Array]:
+    slave: PairSurface, projection: Projection, facet: Ints, x: Array
+) -> tuple[Ints, Array, Array, Array]:
     """Return points where facets of the slave are opposite edges: edge, place on the facet, shares
     of its ends, and length.
     """
@@ -448,7 +445,7 @@ def _on_edges(
     return rows, at, np.column_stack((1 - at_edge, at_edge)), width * length * np.tile(weights, cut)
 
 
-def rotations_at_nodes(side: PairSurface, nodes: Indices) -> Array:
+def rotations_at_nodes(side: PairSurface, nodes: Ints) -> Array:
     """Return the mean rotation of the facets around some nodes since the side was undeformed, by
     least squares with areas, shape (n, 3, 3).
     """

@@ -19,11 +19,10 @@ from dolfinx import fem
 from petsc4py import PETSc
 
 from signorini_fx.algebra.linalg import row_by_row
+from signorini_fx.arrays import Array, Flags
 from signorini_fx.mechanics.assembly.mesh_entities import node_positions
 from signorini_fx.mechanics.rigid.rigid_motions import RigidMotions, rigid_modes
 from signorini_fx.tuned import NOTHING_LEFT, OUTSIDE_COARSER_MESH
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(eq=False)
@@ -41,7 +40,7 @@ class MeshLevel:
     """
 
     space: fem.FunctionSpace
-    fixed: npt.NDArray[np.bool_]
+    fixed: Flags
     rotation: PETSc.Mat | None
     motions: RigidMotions
     coarser: MeshLevel | None
@@ -59,7 +58,7 @@ class MeshLevel:
         return int(self.space.dofmap.index_map_bs)
 
     @property
-    def positions(self) -> npt.NDArray[np.float64]:
+    def positions(self) -> Array:
         """Return the positions of the unknowns of this rank, shape (n, 3)."""
         return np.repeat(self.motions.x[: self.owned], self.block, axis=0)
 

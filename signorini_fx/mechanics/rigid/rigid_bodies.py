@@ -26,8 +26,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from signorini_fx.arrays import Array, Flags
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary, MovingFoundation
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
@@ -36,9 +36,8 @@ from signorini_fx.mechanics.rigid.rigid_motions import rigid_modes
 from signorini_fx.mechanics.statement.rigid_body import RigidBody
 from signorini_fx.mechanics.statement.rigid_shape import turning
 
-_Floats = npt.NDArray[np.float64]
 # Force and moment on a rigid body, and the components that are prescribed, nan where they are free.
-Drive = tuple[_Floats, _Floats]
+Drive = tuple[Array, Array]
 
 
 @dataclass(frozen=True)
@@ -47,8 +46,8 @@ class Driven:
     prescribed, lengths, else zero, shapes (k,).
     """
 
-    forces: _Floats
-    motion: _Floats
+    forces: Array
+    motion: Array
 
     @classmethod
     def together(cls, parts: Sequence[tuple[float, Driven]]) -> Driven | None:
@@ -74,7 +73,7 @@ class RigidBodies:
     length: float
 
     @property
-    def units(self) -> _Floats:
+    def units(self) -> Array:
         """Unknowns per component: one of a translation, L of a rotation, shape (m,)."""
         rotations = len(self.kinematics.rotations)
         return np.array([1.0] * self.kinematics.dimension + [self.length] * rotations)
@@ -102,7 +101,7 @@ class RigidBodies:
             )
         return moving
 
-    def places(self, boundary: ContactBoundary) -> _Floats:
+    def places(self, boundary: ContactBoundary) -> Array:
         """Return the places of the points in the undeformed body, length, shape (n, d)."""
         return boundary.centre
 
@@ -111,7 +110,7 @@ class RigidBodies:
         return [body.motion.drive(self.kinematics.dimension, time) for body in self.bodies]
 
     @property
-    def fixed(self) -> npt.NDArray[np.bool_]:
+    def fixed(self) -> Flags:
         """Which unknowns are prescribed, shape (k,)."""
         prescribed = [
             ~np.isnan(motion) | ~self.kinematics.unbalanced for _, motion in self.drives()
@@ -119,7 +118,7 @@ class RigidBodies:
         return np.array(prescribed, dtype=bool).ravel()
 
     @property
-    def stiffness(self) -> _Floats:
+    def stiffness(self) -> Array:
         """Return the stiffness of the springs at the pivots, force / length, shape (k,)."""
         dim = self.kinematics.dimension
         of_bodies = [
@@ -138,7 +137,7 @@ class RigidBodies:
             (drives[:, 0] / self.units).ravel(), np.nan_to_num(drives[:, 1] * self.units).ravel()
         )
 
-    def moved(self, unknowns: _Floats) -> tuple[RigidBodyMotion, ...]:
+    def moved(self, unknowns: Array) -> tuple[RigidBodyMotion, ...]:
         """How they have moved, from their unknowns in a displacement, see
         ``Model.driven``.
         """
@@ -150,7 +149,7 @@ class RigidBodies:
             for k, body in enumerate(self.bodies)
         )
 
-    def unknowns(self, motions: Sequence[RigidBodyMotion]) -> _Floats:
+    def unknowns(self, motions: Sequence[RigidBodyMotion]) -> Array:
         """The inverse of ``moved``, shape (k,)."""
         rows = [
             np.concatenate((motion.translation, motion.rotation)) * self.units for motion in motions
@@ -170,11 +169,11 @@ class RigidBodyMotion:
     """
 
     body: RigidBody
-    reference: _Floats
-    translation: _Floats
-    rotation: _Floats
+    reference: Array
+    translation: Array
+    rotation: Array
 
-    def at(self, x: _Floats) -> _Floats:
+    def at(self, x: Array) -> Array:
         """The displacement of the rigid body at points of shape (n, d), length."""
         motion = np.concatenate((self.translation, self.rotation))
         return np.asarray(rigid_modes(x, self.reference, np.array(1.0)) @ motion)
@@ -199,11 +198,11 @@ class RigidBodyMotion:
                 off.append(np.abs(moved - gap + np.sum(normal * self.at(x), axis=1)))
         return parallel.largest(boundary.comm, np.concatenate(off))
 
-    def arms(self, contact: ContactState, touching: npt.NDArray[np.bool_]) -> _Floats:
+    def arms(self, contact: ContactState, touching: Flags) -> Array:
         """Return the vectors from the pivot to some of the contact points, length, shape (m, d)."""
         return np.asarray(contact.boundary.centre[touching] - self.reference)
 
-    def lever(self, x: _Floats, displacements: _Floats) -> _Floats:
+    def lever(self, x: Array, displacements: Array) -> Array:
         """Return the vectors from the pivot to displaced points that were at x, length, shape (n,
         d).
         """
@@ -252,7 +251,7 @@ class RigidBodyMotion:
         }
 
     def unbalanced(
-        self, drive: Drive, resultant: tuple[_Floats, float, float], least: float = 0.0
+        self, drive: Drive, resultant: tuple[Array, float, float], least: float = 0.0
     ) -> float:
         """The largest force or moment on a free component that contact tractions with such a
         ``resultant``, see ``ContactNodes.resultant``, do not balance, and the largest miss of a
@@ -279,7 +278,7 @@ class RigidBodyMotion:
         return max(force_share, missed / far if far > 0 else float(missed > 0))
 
 
-def turn_of(turn: _Floats) -> _Floats:
+def turn_of(turn: Array) -> Array:
     """The matrix of a rotation vector in radians, in 2D of an angle, shape (d, d)."""
     degrees = [float(angle) for angle in np.degrees(turn)]
     return turning(tuple(degrees), 3) if turn.size == 3 else turning(degrees[0], 2)

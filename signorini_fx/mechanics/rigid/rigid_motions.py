@@ -18,6 +18,7 @@ from petsc4py import PETSc
 
 from signorini_fx.algebra.contact.motions import FreeMotions, RigidLoad
 from signorini_fx.algebra.contact.points import PointGroups
+from signorini_fx.arrays import Array, Flags, Ints
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.averages import from_owners
 from signorini_fx.mechanics.assembly.mesh_entities import node_positions
@@ -30,7 +31,6 @@ from signorini_fx.tuned import CERTIFICATE_TOLERANCE, LEFT_BY_SOLVES, ROOT_OF_EP
 if TYPE_CHECKING:
     from signorini_fx.mechanics.contact_points.turned_supports import TurnedNodes
 
-_Floats = npt.NDArray[np.float64]
 # Number of pieces that a message lists.
 MOST_LISTED = 4
 
@@ -58,19 +58,19 @@ class RigidMotions:
     """
 
     pieces: BodyPieces
-    x: _Floats
-    piece: npt.NDArray[np.int64]
+    x: Array
+    piece: Ints
     owned: int
-    centre: _Floats
-    length: _Floats
-    supported: _Floats
-    free: _Floats
-    assembly: npt.NDArray[np.int64]
-    foundations: _Floats | None = None
+    centre: Array
+    length: Array
+    supported: Array
+    free: Array
+    assembly: Ints
+    foundations: Array | None = None
     moving: MovingFoundation | None = None
 
     @property
-    def of_all(self) -> _Floats:
+    def of_all(self) -> Array:
         """``free``, and below it ``foundations``."""
         return self.free if self.foundations is None else np.vstack((self.free, self.foundations))
 
@@ -136,30 +136,30 @@ class RigidMotions:
             moving=moving,
         )
 
-    def _pieces_at(self, boundary: ContactBoundary) -> npt.NDArray[np.int64]:
+    def _pieces_at(self, boundary: ContactBoundary) -> Ints:
         """The pieces that the nodes of averages are in, shape (m,); collective."""
         owned_pieces = self.piece[: self.owned, None].astype(np.float64)
         return from_owners(owned_pieces, boundary.averages.nodes, boundary.comm)[:, 0].astype(
             np.int64
         )
 
-    def displacement(self, motion: _Floats) -> _Floats:
+    def displacement(self, motion: Array) -> Array:
         """The free motions times coefficients of shape (k,) at all nodes of this rank, shape
         (nodes, d).
         """
         return self.of_pieces(self.free @ motion)
 
     def of_pieces(
-        self, motion: _Floats, nodes: npt.NDArray[np.signedinteger[Any]] | slice = slice(None)
-    ) -> _Floats:
+        self, motion: Array, nodes: npt.NDArray[np.signedinteger[Any]] | slice = slice(None)
+    ) -> Array:
         """The motions of all pieces times coefficients of shape (m p,) at nodes of this rank, shape
         (n, d).
         """
         coefficients = motion.reshape(-1, self.each)[self.piece[nodes]]
-        moved: _Floats = np.einsum("ijk,ik->ij", self.modes(nodes), coefficients)
+        moved: Array = np.einsum("ijk,ik->ij", self.modes(nodes), coefficients)
         return moved
 
-    def load_of(self, forces: _Floats, comm: MPI.Comm, driving: _Floats | None = None) -> RigidLoad:
+    def load_of(self, forces: Array, comm: MPI.Comm, driving: Array | None = None) -> RigidLoad:
         """The work of forces at the owned dofs, shape (owned dofs,), on the free motions, and of
         forces that drive foundations, by their unknowns; collective.
         """
@@ -181,13 +181,13 @@ class RigidMotions:
             size = size + np.bincount(self.assembly, np.abs(driven).sum(axis=0))[self.assembly]
         return RigidLoad(work, size, self.assembly)
 
-    def modes(self, nodes: npt.NDArray[np.signedinteger[Any]] | slice) -> _Floats:
+    def modes(self, nodes: npt.NDArray[np.signedinteger[Any]] | slice) -> Array:
         """The motions of their pieces at nodes of this rank, shape (n, d, m)."""
         piece = self.piece[nodes]
         return rigid_modes(self.x[nodes], self.centre[piece], self.length[piece])
 
 
-def _joined(links: npt.NDArray[np.int64], count: int, comm: MPI.Comm) -> npt.NDArray[np.int64]:
+def _joined(links: Ints, count: int, comm: MPI.Comm) -> Ints:
     """The number of the component that each of so many things is in, linked in pairs of all ranks;
     collective.
     """
@@ -199,7 +199,7 @@ def _joined(links: npt.NDArray[np.int64], count: int, comm: MPI.Comm) -> npt.NDA
     return np.unique(number, return_inverse=True)[1].astype(np.int64)
 
 
-def rigid_modes(x: _Floats, centre: _Floats, length: _Floats) -> _Floats:
+def rigid_modes(x: Array, centre: Array, length: Array) -> Array:
     """Translations along and rotations about the axes at points of shape (n, d), shape (n, d, m);
     ``centre``: about which each of them rotates, shape (n, d) or (d,); ``length``: at which a
     rotation moves by one, shape (n,) or ().
@@ -217,7 +217,7 @@ def rigid_modes(x: _Floats, centre: _Floats, length: _Floats) -> _Floats:
 
 def rigid_motions(
     space: fem.FunctionSpace,
-    fixed: npt.NDArray[np.bool_],
+    fixed: Flags,
     pieces: BodyPieces,
     turned: TurnedNodes | None,
     kinematics: Kinematics,
@@ -254,7 +254,7 @@ def rigid_motions(
 
 
 def without_energy(
-    motions: RigidMotions, matrix: PETSc.Mat, vector: Callable[[_Floats], PETSc.Vec]
+    motions: RigidMotions, matrix: PETSc.Mat, vector: Callable[[Array], PETSc.Vec]
 ) -> RigidMotions:
     """The motions of these for which a(r, r) = 0: springs, and what else resists rigid motions,
     count as supports;
@@ -291,11 +291,11 @@ def without_energy(
 
 def nearest_motion(
     motions: RigidMotions,
-    fixed: npt.NDArray[np.bool_],
-    prescribed: _Floats,
+    fixed: Flags,
+    prescribed: Array,
     turned: TurnedNodes | None,
     comm: MPI.Comm,
-) -> _Floats:
+) -> Array:
     """The motions of the pieces that are nearest to prescribed displacements of the owned nodes, of
     which components are ``fixed``, at ``turned`` nodes in their frames, shapes (owned nodes, d);
     shape (m p,); collective.
@@ -306,11 +306,11 @@ def nearest_motion(
 
 def _at_supports(
     motions: RigidMotions,
-    fixed: npt.NDArray[np.bool_],
-    prescribed: _Floats,
+    fixed: Flags,
+    prescribed: Array,
     turned: TurnedNodes | None,
     comm: MPI.Comm,
-) -> tuple[_Floats, _Floats]:
+) -> tuple[Array, Array]:
     """Products of motions with each other at prescribed components, (p, m, m), and with what is
     prescribed, (p, m).
     """
@@ -320,7 +320,7 @@ def _at_supports(
     if turned is not None:
         columns = np.einsum("nij,nik->njk", turned.frames_at(node), columns)
     rows = columns[np.arange(node.size), component]
-    products: _Floats = np.zeros((motions.pieces.count, motions.each, motions.each + 1))
+    products: Array = np.zeros((motions.pieces.count, motions.each, motions.each + 1))
     for number in range(motions.pieces.count):
         mine = rows[piece == number]
         products[number] = mine[:, :-1].T @ mine
@@ -329,8 +329,8 @@ def _at_supports(
 
 
 def _null_space(
-    supported: _Floats, motions: RigidMotions, kinematics: Kinematics
-) -> tuple[_Floats, npt.NDArray[np.int64]]:
+    supported: Array, motions: RigidMotions, kinematics: Kinematics
+) -> tuple[Array, Ints]:
     """The motions of each piece that kinematics and supports allow, and the number of their
     piece.
     """
@@ -344,7 +344,7 @@ def _null_space(
         ways[:, :dim] = rigid_modes(motions.centre, np.zeros(dim), motions.length)
         ways = ways[:, :, kinematics.unbalanced]
         ways = ways / np.linalg.norm(ways, axis=1, keepdims=True)
-    columns = list[_Floats]()
+    columns = list[Array]()
     numbers = list[int]()
     for piece, (products, admitted) in enumerate(zip(supported, ways, strict=True)):
         scaled = products / max(float(np.linalg.eigvalsh(products)[-1]), 1e-300)
@@ -357,9 +357,7 @@ def _null_space(
     return np.concatenate(columns, axis=1), np.array(numbers, dtype=np.int64)
 
 
-def names_of(
-    moved: _Floats, motions: RigidMotions, members: npt.NDArray[np.int64], *, one_way: bool = False
-) -> str:
+def names_of(moved: Array, motions: RigidMotions, members: Ints, *, one_way: bool = False) -> str:
     """Names of motions of an assembly with these pieces, combinations as in
     ``RigidMotions.of_all``, one per column;
     ``one_way``: whether a single motion is meant in its direction, not in the opposite one as well.
@@ -390,7 +388,7 @@ def names_of(
     return ", ".join(descriptions[:MOST_LISTED]) + suffix
 
 
-def _names_of_piece(motions: _Floats, dim: int, *, one_way: bool) -> str:
+def _names_of_piece(motions: Array, dim: int, *, one_way: bool) -> str:
     """Names of motions of one piece (translations, then rotations, see ``rigid_modes``), one per
     column.
     """
@@ -412,7 +410,7 @@ def _names_of_piece(motions: _Floats, dim: int, *, one_way: bool) -> str:
     return " and ".join(names)
 
 
-def _direction(vector: _Floats, *, upwards: bool = True) -> str:
+def _direction(vector: Array, *, upwards: bool = True) -> str:
     """The direction of a vector in a message, or its opposite, so that its largest component is
     positive.
     """

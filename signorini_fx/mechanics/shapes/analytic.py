@@ -10,24 +10,16 @@ from dataclasses import replace
 from typing import Annotated, Literal, Self
 
 import numpy as np
-import numpy.typing as npt
 from pydantic import Field, model_validator
 
-from signorini_fx.mechanics.statement.rigid_shape import (
-    Array,
-    Corners,
-    Shape,
-    across,
-    normalised,
-    unit,
-)
+from signorini_fx.arrays import Array, Ints
+from signorini_fx.mechanics.statement.rigid_shape import Corners, Shape, across, normalised, unit
 from signorini_fx.mechanics.statement.values import Accepts, Direction, Finite, Positive, Vector
 from signorini_fx.tuned import SAME_ANGLE, SAME_NUMBER
 
 # Numbers that are compared at a time.
 _AT_A_TIME = 1_000_000
 
-Rows = npt.NDArray[np.int64]
 
 Points = Annotated[
     Accepts[Sequence[Sequence[float]], tuple[tuple[Finite, Finite], ...]],
@@ -230,7 +222,7 @@ class StraightPieces:
     and go on at a free end.
     """
 
-    def __init__(self, corners: Array, pieces: Rows) -> None:
+    def __init__(self, corners: Array, pieces: Ints) -> None:
         self._pieces = pieces
         self._corners = corners
         self._begin = corners[pieces[:, 0]]
@@ -289,7 +281,7 @@ class StraightPieces:
             Corners.none(2), places=self._corners[at], radius=np.zeros(at.size), sides=sides
         )
 
-    def _nearest(self, x: Array) -> tuple[Rows, Array]:
+    def _nearest(self, x: Array) -> tuple[Ints, Array]:
         """The closest piece of each point, the first one of several, and the place of the closest
         point on it.
         """
@@ -325,7 +317,7 @@ def crossing_pieces(points: Array) -> tuple[int, int] | None:
     around = (first == 0) & (second == len(way) - 1) & (points[0] == points[-1]).all()
     first, second = (pieces[(second > first + 1) & ~around] for pieces in (first, second))
 
-    def sides(piece: Rows, other: Rows) -> Array:
+    def sides(piece: Ints, other: Ints) -> Array:
         """Return the side of pieces on which each end of others is, 1, -1 or 0, shape (2, p)."""
         away = np.stack((points[other], points[other + 1])) - points[piece]
         return np.asarray(np.sign(way[piece, 0] * away[..., 1] - way[piece, 1] * away[..., 0]))

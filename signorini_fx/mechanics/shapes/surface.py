@@ -13,9 +13,10 @@ from typing import Any, Literal
 
 import numpy as np
 
+from signorini_fx.arrays import Array, Ints
 from signorini_fx.errors import MeshError, SceneError
-from signorini_fx.mechanics.shapes.analytic import Rows, StraightPieces
-from signorini_fx.mechanics.statement.rigid_shape import Array, Corners, Shape
+from signorini_fx.mechanics.shapes.analytic import StraightPieces
+from signorini_fx.mechanics.statement.rigid_shape import Corners, Shape
 from signorini_fx.mechanics.statement.values import Positive
 from signorini_fx.tuned import CORNER_ANGLE, INRADIUS_GRID, ROOT_OF_EPS, SAME_NUMBER
 
@@ -143,7 +144,7 @@ def _read(file: Path, size: float | None) -> Any:
     )
 
 
-def _stl(file: Path) -> tuple[Array, Rows]:
+def _stl(file: Path) -> tuple[Array, Ints]:
     """Points and triangles of an STL file, points that are the same joined."""
     from signorini_fx.mechanics.mesh.files.formats import read_meshio
 
@@ -157,7 +158,7 @@ def _stl(file: Path) -> tuple[Array, Rows]:
     return points, triangles[~flat]
 
 
-def _rim(points: Array, cells: Rows) -> Rows:
+def _rim(points: Array, cells: Ints) -> Ints:
     """The sides of cells counterclockwise; ``cells``: their corners along their perimeters, shape
     (m, 3 or 4).
     """
@@ -174,7 +175,7 @@ class InThePlane(StraightPieces):
 
     dimension = 2
 
-    def __init__(self, points: Array, sides: Rows) -> None:
+    def __init__(self, points: Array, sides: Ints) -> None:
         outer = ~np.isin(
             sides[:, 0] * len(points) + sides[:, 1], sides[:, 1] * len(points) + sides[:, 0]
         )
@@ -194,7 +195,7 @@ class InSpace:
 
     dimension = 3
 
-    def __init__(self, file: Path, points: Array, triangles: Rows) -> None:
+    def __init__(self, file: Path, points: Array, triangles: Ints) -> None:
         sides = np.sort(
             np.stack((triangles, np.roll(triangles, -1, axis=1)), axis=2).reshape(-1, 2), axis=1
         )
@@ -231,7 +232,7 @@ class InSpace:
         self._triangles = order
 
     @cached_property
-    def _edges(self) -> tuple[Rows, Array, Array, Array, Array]:
+    def _edges(self) -> tuple[Ints, Array, Array, Array, Array]:
         """The edges: their ends, shape (e, 2), normals of both triangles, shape (e, 3) each, the
         sines by which these turn, positive where the solid is convex, and the mean height of both
         triangles over the edge, length, shape (e,) each.

@@ -16,16 +16,15 @@ from types import GenericAlias
 from typing import Annotated, Any, ClassVar, Protocol, TypeVar
 
 import numpy as np
-import numpy.typing as npt
 from pydantic import BaseModel, BeforeValidator, Field, TypeAdapter, ValidationInfo
 from pydantic.fields import FieldInfo
 
+from signorini_fx.arrays import Array
 from signorini_fx.extensions import EFFECTS, load_class, names_of, on_registered
 from signorini_fx.mechanics.statement.base import Table
 from signorini_fx.mechanics.statement.expressions import in_space, sample
 from signorini_fx.mechanics.statement.values import Entries, Finite, TimedValue
 
-Array = npt.NDArray[np.float64]
 Keys = tuple[str | int, ...]
 Contradictions = Iterator[tuple[Keys, str]]
 Features = tuple[tuple[str, Keys], ...]

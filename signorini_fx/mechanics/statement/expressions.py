@@ -19,8 +19,8 @@ from itertools import pairwise
 from typing import Any, Self
 
 import numpy as np
-import numpy.typing as npt
 
+from signorini_fx.arrays import Array
 from signorini_fx.tuned import SAME_NUMBER
 
 _ONE_ARGUMENT = ("abs", "cos", "exp", "log", "sign", "sin", "sqrt", "tan", "tanh")
@@ -248,13 +248,13 @@ class Expression:
             (int(node.value) + 1 for node in nodes if isinstance(node, ast.Constant)), default=0
         )
 
-    def __call__(self, x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    def __call__(self, x: Array) -> Array:
         """Values at points ``x`` of shape (dim or 3, n), shape (n,); inf or nan where it is not
         defined.
         """
         return self.of_part(self.tree, x)
 
-    def of_part(self, node: ast.expr, x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    def of_part(self, node: ast.expr, x: Array) -> Array:
         """Values of a part of its tree, as of all of it."""
         with np.errstate(all="ignore"):
             value = _Evaluator(_NUMPY, x, self._present_time).value(node)
@@ -280,7 +280,7 @@ class Expression:
         )
 
 
-def sample(value: Any, x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+def sample(value: Any, x: Array) -> Array:
     """Values of a number, an ``Expression`` or a callable at points ``x`` of shape (3, n), shape
     (n,).
 
@@ -304,7 +304,7 @@ def number(value: Any) -> float:
     return float(sample(value, np.zeros((3, 1)))[0])
 
 
-def real_numbers(values: Any) -> npt.NDArray[np.float64]:
+def real_numbers(values: Any) -> Array:
     """Values that a function of a user gives, as an array, if they are real: NumPy would leave out
     imaginary parts.
     """
@@ -313,7 +313,7 @@ def real_numbers(values: Any) -> npt.NDArray[np.float64]:
     return np.asarray(values, dtype=float)
 
 
-def in_space(x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+def in_space(x: Array) -> Array:
     """Points of shape (n, 2) or (n, 3) as expressions and callables take them, shape (3, n).
 
     dolfinx puts nodes of x = 0 at -7e-18, where sqrt(x) is no number and x, as a bound, negative:

@@ -13,14 +13,13 @@ from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
 import numpy as np
-import numpy.typing as npt
 from pydantic import AfterValidator
 
+from signorini_fx.arrays import Array
 from signorini_fx.mechanics.statement.base import Table, at_time
 from signorini_fx.mechanics.statement.expressions import Expression, number
 from signorini_fx.mechanics.statement.values import Entries, NonNegative, TimedSampledValue, shown
 
-Array = npt.NDArray[np.float64]
 Component = Literal["x", "y", "z", "rotation", "rotation_x", "rotation_y", "rotation_z"]
 COMPONENTS: dict[int, tuple[Component, ...]] = {
     2: ("x", "y", "rotation"),

@@ -23,9 +23,9 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import numpy as np
-import numpy.typing as npt
 from pydantic import BeforeValidator, TypeAdapter, ValidationError, WithJsonSchema
 
+from signorini_fx.arrays import Array
 from signorini_fx.errors import SceneError
 from signorini_fx.extensions import SHAPES, is_of_package, load_class, names_of
 from signorini_fx.mechanics.statement.base import Table, problems_of
@@ -40,7 +40,6 @@ from signorini_fx.mechanics.statement.rigid_body import (
 from signorini_fx.mechanics.statement.values import Vector, kind_of, shown
 from signorini_fx.tuned import DIFFERENCE_STEP, SAME_LENGTH, WRONG_SLOPE, ZERO_IN_SOLUTION
 
-Array = npt.NDArray[np.float64]
 # Shift, length, rotation, degrees, and pivot, length, as numbers; None: it has none.
 Placement = tuple[
     tuple[float, ...] | None, float | tuple[float, ...] | None, tuple[float, ...] | None

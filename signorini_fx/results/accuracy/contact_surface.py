@@ -12,15 +12,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
+from signorini_fx.arrays import Array, Flags, Ints
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable
 from signorini_fx.tuned import CORNER_SHARE, KINK_SHARE
-
-Floats = npt.NDArray[np.float64]
-Ints = npt.NDArray[np.int64]
 
 # Corners of the pieces of a facet with so many nodes, one after the other around the piece.  Nodes
 # as basix has them: vertices, middles of edges, the middle.
@@ -38,7 +35,7 @@ _PIECES = {
 class ContactSurface:
     """The pieces, k corners each, 3 or 4."""
 
-    x: Floats  # position of the nodes, length, shape (rows, 3)
+    x: Array  # position of the nodes, length, shape (rows, 3)
     # the rows of the contact table at the corners of each piece, around it, shape (pieces, k)
     corners: Ints
     per_facet: int  # how many pieces a facet has; those of one facet follow each other
@@ -61,34 +58,34 @@ class ContactSurface:
         return cls(x, corners, len(pieces), complete, len(facets))
 
     @cached_property
-    def _normal_area(self) -> Floats:
+    def _normal_area(self) -> Array:
         x = self.x[self.corners]
         return np.asarray(np.cross(x, np.roll(x, -1, axis=1)).sum(axis=1) / 2)
 
     @cached_property
-    def area(self) -> Floats:
+    def area(self) -> Array:
         """Return the area of each piece, shape (pieces,)."""
         return np.asarray(np.linalg.norm(self._normal_area, axis=1))
 
     @cached_property
-    def normal(self) -> Floats:
+    def normal(self) -> Array:
         """Unit normal of each piece, in or out, shape (pieces, 3)."""
         return np.asarray(self._normal_area / self.area[:, None])
 
     @cached_property
-    def _edges(self) -> Floats:
+    def _edges(self) -> Array:
         x = self.x[self.corners]
         return np.asarray(np.roll(x, -1, axis=1) - x)
 
     @cached_property
-    def sides(self) -> Floats:
+    def sides(self) -> Array:
         """Length of the sides of each piece, the first from its first corner to its second, shape
         (pieces, k).
         """
         return np.asarray(np.linalg.norm(self._edges, axis=2))
 
     @cached_property
-    def outward(self) -> Floats:
+    def outward(self) -> Array:
         """Unit vectors in the plane of each piece, across each side and out of the piece, shape
         (pieces, k, 3).
         """
@@ -114,17 +111,17 @@ class ContactSurface:
         return np.asarray(opposite.reshape(self.corners.shape))
 
     @cached_property
-    def rim(self) -> npt.NDArray[np.bool_]:
+    def rim(self) -> Flags:
         """Which sides have no neighbour: there the contact boundary ends; shape (pieces, k)."""
         return np.asarray(self.across < 0)
 
     @property
-    def rim_nodes(self) -> npt.NDArray[np.bool_]:
+    def rim_nodes(self) -> Flags:
         """Which rows of the table are on the rim, shape (rows,)."""
         ends = np.stack((self.corners, np.roll(self.corners, -1, axis=1)), axis=2)[self.rim]
         return np.isin(np.arange(len(self.x)), ends)
 
-    def jumps(self, values: Floats) -> Floats:
+    def jumps(self, values: Array) -> Array:
         """How much the slope across each side changes from one piece to the next, shape (pieces,
         k); 0 at the rim;
         ``values``: at the nodes, shape (rows,).
@@ -136,7 +133,7 @@ class ContactSurface:
         slopes = np.einsum("ik,ijk->ij", gradient, self.outward)
         return np.where(self.rim, 0.0, slopes + slopes.ravel()[self.across])
 
-    def turns(self) -> Floats:
+    def turns(self) -> Array:
         """Angle between each piece and its neighbours, radians, shape (pieces, k); 0 at the rim."""
         neighbour_normal = self.normal[np.maximum(self.across, 0) // self.corners.shape[1]]
         # Orders around pieces may differ: then one normal points in.
@@ -144,7 +141,7 @@ class ContactSurface:
         sine = np.linalg.norm(np.cross(self.normal[:, None, :], neighbour_normal), axis=2)
         return np.where(self.rim, 0.0, np.arctan2(sine, cosine))
 
-    def squares(self, pressure: Floats) -> Floats:
+    def squares(self, pressure: Array) -> Array:
         """Estimated squared error of the pressure on each piece, stress^2 times area, shape
         (pieces,).
 
@@ -157,7 +154,7 @@ class ContactSurface:
         squares = KINK_SHARE / 2 * kinks.sum(axis=1)
         return np.maximum(squares, CORNER_SHARE * self._convex(pressure, jumps, kinks))
 
-    def growing(self, pressure: Floats) -> npt.NDArray[np.bool_]:
+    def growing(self, pressure: Array) -> Flags:
         """Which rows in contact are on the rim, with a pressure that is convex towards it, shape
         (rows,).
         """
@@ -166,7 +163,7 @@ class ContactSurface:
         beside = np.isin(np.arange(len(self.x)), self.corners[pieces])
         return beside & self.rim_nodes & (pressure > 0)
 
-    def _convex(self, pressure: Floats, jumps: Floats, kinks: Floats) -> Floats:
+    def _convex(self, pressure: Array, jumps: Array, kinks: Array) -> Array:
         """Sums of what the sides of each piece have, shape (pieces,), where the pressure is convex
         towards the rim, and may be singular there; at a plane of symmetry it is concave.
         """
@@ -180,7 +177,7 @@ class ContactSurface:
         inside = both_pressed & ~(on_rim | np.roll(on_rim, -1, axis=1)) & (jumps < 0)
         return np.asarray(np.where(inside, kinks, 0.0).sum(axis=1) * on_rim.any(axis=1))
 
-    def of_rank(self, boundary: ContactBoundary, values: Floats) -> Floats:
+    def of_rank(self, boundary: ContactBoundary, values: Array) -> Array:
         """Sums of what the pieces have for each facet of this rank, as in ``boundary.segments``;
         ``values``: of each piece, shape (pieces,); collective.
         """
@@ -190,6 +187,6 @@ class ContactSurface:
         return np.asarray(facets[first : first + len(boundary.segments)])
 
 
-def places(table: ContactTable) -> npt.NDArray[np.float64]:
+def places(table: ContactTable) -> Array:
     """The positions of the nodes in 2D, length, shape (rows, 2)."""
     return np.column_stack((table.columns["x"], table.columns["y"]))

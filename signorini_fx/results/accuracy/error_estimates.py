@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import ufl
 from dolfinx import default_scalar_type, fem
 from scipy.spatial import cKDTree
 
+from signorini_fx.arrays import Array
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import assemble, compile_form, facet_entities
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
@@ -32,8 +32,6 @@ from signorini_fx.results.accuracy.pressure_error import (
     pressure_square,
 )
 from signorini_fx.tuned import NOTABLE, POLLUTION
-
-Floats = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -63,7 +61,7 @@ class Errors:
     loads: float
     size: float
     pressed: float
-    squares: dict[str, Floats]
+    squares: dict[str, Array]
 
 
 def estimate_errors(
@@ -87,9 +85,9 @@ def estimate_errors(
 def combined(
     model: Model,
     table: ContactTable,
-    recovery: Floats,
+    recovery: Array,
     energy: float,
-    missed: Floats | float = 0.0,
+    missed: Array | float = 0.0,
     displaced: Collection[int] = (),
     modulus: float | None = None,
 ) -> Errors:
@@ -111,7 +109,7 @@ def combined(
     body = shares[0]
     missed = np.zeros(shares.shape[1]) + missed
 
-    def total(squares: Floats) -> float:
+    def total(squares: Array) -> float:
         return float(parallel.global_sum(boundary.comm, squares.sum()))
 
     loads = total(missed)
@@ -171,7 +169,7 @@ def combined(
     )
 
 
-def missed_gaps(model: Model, table: ContactTable, step: float) -> Floats:
+def missed_gaps(model: Model, table: ContactTable, step: float) -> Array:
     """The force that acts on facets where a gap is another one between the nodes than there, by a
     notable share of the displacements, and opens or closes the contact: as where it jumps within a
     facet; of each owned cell, shape (cells,); collective.
@@ -220,7 +218,7 @@ def missed_by_points(
     table: ContactTable,
     kinematics: Kinematics,
     displaced: Collection[int],
-) -> tuple[Floats, Floats]:
+) -> tuple[Array, Array]:
     """What contact at the nodes misses between them, for each facet of this rank as in
     ``boundary.segments``: the work of the pressure on distances that are not those of a straight
     line, and the force that ends somewhere between a node in contact and one that is not, times the
@@ -286,7 +284,7 @@ def worst_of(steps: Sequence[Errors]) -> Errors:
         if step.pressure is not None
     ]
 
-    def added(name: str, weights: list[float]) -> Floats:
+    def added(name: str, weights: list[float]) -> Array:
         parts = [share**2 * step.squares[name] for step, share in zip(steps, weights, strict=True)]
         return np.asarray(np.sum(parts, axis=0))
 
@@ -306,7 +304,7 @@ _ALONG = 16  # points along each axis of a facet at which a gap is looked at
 _AT_ONCE = 4096  # facets: 200 MB of their points in 3D
 
 
-def _inside(nodes: int, dimension: int) -> dict[int, Floats]:
+def _inside(nodes: int, dimension: int) -> dict[int, Array]:
     """The corners of a facet with so many nodes, by their places among them, and their shares at
     points within it, shape (points,) each.
     """
@@ -327,7 +325,7 @@ def _inside(nodes: int, dimension: int) -> dict[int, Floats]:
     return {0: 1 - first - second, 1: first, 2: second}
 
 
-def _areas(corners: Floats) -> Floats:
+def _areas(corners: Array) -> Array:
     """Return the areas of facets with these corners, shape (f, k, d), in 2D lengths, shape (f,)."""
     sides = corners[:, 1:] - corners[:, :1]
     if sides.shape[1] == 1:
@@ -342,7 +340,7 @@ _FACET_DEGREE = {2: 60, 3: 40}
 _CELL_DEGREE = {2: 18, 3: 12}
 
 
-def missed_loads(model: Model, step: float) -> Floats:
+def missed_loads(model: Model, step: float) -> Array:
     """The part of the loads that the quadrature of each owned cell misses, a force (in 2D per
     thickness), shape (cells,); collective.
     """

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from pydantic import ConfigDict, InstanceOf
 
 from signorini_fx.algebra.algorithms.path_following import path_model
 from signorini_fx.algebra.algorithms.task import Outcome, Task
 from signorini_fx.algebra.linalg import petsc_calls, petsc_options
+from signorini_fx.arrays import Array
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable
@@ -45,7 +45,7 @@ class LevelResult(Price):
     polygon: float = 0.0
     pressure_regularisation: float
     table: InstanceOf[ContactTable]
-    forces: npt.NDArray[np.float64]
+    forces: Array
     krylov_from: float
 
     @property

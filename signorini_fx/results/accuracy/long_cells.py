@@ -10,21 +10,20 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 from mpi4py import MPI
 from scipy.spatial import cKDTree
 
+from signorini_fx.arrays import Array, Indices
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.assembly.mesh_entities import facet_vertices
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.tuned import FEW_NODES
 
-Floats = npt.NDArray[np.float64]
 # A cell is long that is as long as so many facets beside it, and as so many times its distance.
 _LONG = FEW_NODES // 2
 
 
-def under_long_cells(tagged: TaggedMesh, facets: npt.NDArray[np.int32], squares: Floats) -> Floats:
+def under_long_cells(tagged: TaggedMesh, facets: Indices, squares: Array) -> Array:
     """The squared error of the pressure times area for which each owned cell stands, shape
     (cells,): at each facet the largest squared error of the stress in the cells that are longer
     than a few times the facet and their distance from it; collective.

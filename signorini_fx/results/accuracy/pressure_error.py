@@ -14,8 +14,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from signorini_fx.arrays import Array, Ints
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable, is_closed
 from signorini_fx.mechanics.kinematics.protocol import PLANE_STRAIN, Kinematics
@@ -35,11 +35,8 @@ from signorini_fx.tuned import (
     SMALLEST_JUMP,
 )
 
-Floats = npt.NDArray[np.float64]
-Ints = npt.NDArray[np.int64]
 
-
-def interval_squares(table: ContactTable, kinematics: Kinematics = PLANE_STRAIN) -> list[Floats]:
+def interval_squares(table: ContactTable, kinematics: Kinematics = PLANE_STRAIN) -> list[Array]:
     """Estimated squared error of the pressure between neighbouring nodes, stress^2 times length, or
     area of a ring, one array for each path of the table, shape (rows - 1,).
     """
@@ -62,7 +59,7 @@ def interval_squares(table: ContactTable, kinematics: Kinematics = PLANE_STRAIN)
     return squares
 
 
-def bends(table: ContactTable, path: Ints, values: Floats) -> Floats:
+def bends(table: ContactTable, path: Ints, values: Array) -> Array:
     """How much the slope of nodal values changes at each row of one of ``paths``; at ends as
     much as beside them, shape (rows of it,).
     """
@@ -72,7 +69,7 @@ def bends(table: ContactTable, path: Ints, values: Floats) -> Floats:
     return changes[own.start : own.stop + 1]
 
 
-def _corners(table: ContactTable, rows: Ints, s: Floats) -> list[tuple[int, int]]:
+def _corners(table: ContactTable, rows: Ints, s: Array) -> list[tuple[int, int]]:
     """Intervals beside corners and ends in contact towards which the pressure is convex, and their
     other nodes.
     """
@@ -113,7 +110,7 @@ def growing_rows(table: ContactTable) -> Ints:
     return np.array(sorted(large, key=lambda row: -pressure[row]), dtype=np.int64)
 
 
-def turning(x: Floats, y: Floats) -> Floats:
+def turning(x: Array, y: Array) -> Array:
     """Angle from each interval to the next, radians, shape (nodes - 2,)."""
     angle = np.diff(np.arctan2(np.diff(y), np.diff(x)))
     return np.abs((angle + np.pi) % (2 * np.pi) - np.pi)
@@ -137,7 +134,7 @@ def polygon_error(table: ContactTable, modulus: float) -> float:
     )
 
 
-def chords(table: ContactTable, degree: int = 1) -> tuple[Floats, Floats]:
+def chords(table: ContactTable, degree: int = 1) -> tuple[Array, Array]:
     """Return angles between the facets that are pressed and their neighbours, radians, corners left
     out, and lengths of these facets; ``degree``: of the geometry.
 
@@ -170,7 +167,7 @@ def chords(table: ContactTable, degree: int = 1) -> tuple[Floats, Floats]:
     return (angle[curved] if degree == 1 else angle[curved] ** 3 / 4), length[curved]
 
 
-def beside(table: ContactTable, rows: Ints) -> list[Floats]:
+def beside(table: ContactTable, rows: Ints) -> list[Array]:
     """Equal shares of 1 for the intervals beside these rows, one array for each path, shape
     (intervals,).
     """
@@ -184,7 +181,7 @@ def pressure_square(table: ContactTable) -> float:
     return float(np.dot(table.columns["weight"], table.columns["pressure"] ** 2))
 
 
-def on_facets(boundary: ContactBoundary, table: ContactTable, intervals: list[Floats]) -> Floats:
+def on_facets(boundary: ContactBoundary, table: ContactTable, intervals: list[Array]) -> Array:
     """Sums over the intervals between nodes, for each facet of this rank, as in
     ``boundary.segments``; ``intervals``: one array for each path of the table, shape (rows - 1,).
     """
@@ -224,8 +221,8 @@ class _Place:
 
     row: int
     corner: bool
-    pressure: Floats
-    spacing: Floats
+    pressure: Array
+    spacing: Array
 
     @classmethod
     def on(cls, tables: Sequence[ContactTable], rows: Sequence[int], *, corner: bool) -> _Place:
@@ -241,7 +238,7 @@ class _Place:
         return cls(rows[-1], corner, pressure[meshes], spacing[meshes])
 
     @property
-    def growth(self) -> Floats:
+    def growth(self) -> Array:
         """The powers of 1 / h with which the pressure grows from mesh to mesh; infinite where it
         begins.
         """
@@ -395,7 +392,7 @@ def corner_rows(table: ContactTable) -> Ints:
     return np.flatnonzero((_turns(table) > CORNER_ANGLE) & (table.columns["pressure"] > 0))
 
 
-def _turns(table: ContactTable) -> Floats:
+def _turns(table: ContactTable) -> Array:
     """How far the boundary turns at each node in 2D, radians; infinite at its ends."""
     x = places(table)
     turns = np.full(len(table.columns["x"]), np.inf)
@@ -405,7 +402,7 @@ def _turns(table: ContactTable) -> Floats:
     return turns
 
 
-def _spacing(table: ContactTable) -> Floats:
+def _spacing(table: ContactTable) -> Array:
     """The length of the smaller interval beside each node; in 3D the side of the area that belongs
     to it.
     """

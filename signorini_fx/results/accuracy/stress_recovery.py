@@ -8,7 +8,6 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import ufl
 from dolfinx import default_scalar_type, fem
 from dolfinx import mesh as dmesh
@@ -16,6 +15,7 @@ from dolfinx.fem import petsc as fem_petsc
 from petsc4py import PETSc
 
 from signorini_fx.algebra.linalg import petsc_options
+from signorini_fx.arrays import Array, Flags, Indices, Ints
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import (
     assemble,
@@ -92,7 +92,7 @@ class StressRecovery:
         degree = model.elastic.degree if plain and parallelepipeds(model.tagged.mesh) else None
         return cls(stress, partial(boundary_residual, model, stress), degree)
 
-    def _choose(self, cells: npt.NDArray[np.int32]) -> None:
+    def _choose(self, cells: Indices) -> None:
         """Restrict the forms to these cells (local numbers, ghosts included)."""
         self._weight.x.array[:] = 0.0
         self._weight.x.array[self._weight.function_space.dofmap.list[cells, 0]] = 1.0
@@ -135,10 +135,10 @@ class StressRecovery:
         """
         return float(np.sqrt(parallel.global_sum(self._comm, self.squares(y, step).sum())))
 
-    def squares(self, y: fem.Function, step: float = 0) -> npt.NDArray[np.float64]:
+    def squares(self, y: fem.Function, step: float = 0) -> Array:
         """Return the squared error of each owned cell, shape (cells,); collective."""
         self._fill(y, step)
-        total: npt.NDArray[np.float64] = np.zeros(1)
+        total: Array = np.zeros(1)
         for cells in self._parts:
             self._project(cells)
             total = total + assemble(self._squares)
@@ -147,9 +147,7 @@ class StressRecovery:
             total = total + assemble(self._residual)
         return np.maximum(total, 0.0)
 
-    def smoothed(
-        self, y: fem.Function, step: float = 0
-    ) -> list[tuple[npt.NDArray[np.int32], npt.NDArray[np.float64]]]:
+    def smoothed(self, y: fem.Function, step: float = 0) -> list[tuple[Indices, Array]]:
         """The projected stress of a displacement in each material: the cells, local numbers, ghosts
         included, shape (m,), and at their vertices ``ElementStress.components``, shape (m,
         vertices, components); collective.
@@ -173,7 +171,7 @@ class StressRecovery:
         self._displacement.x.scatter_forward()
         self._stress.refresh(step)
 
-    def _project(self, cells: npt.NDArray[np.int32]) -> None:
+    def _project(self, cells: Indices) -> None:
         """Project the stress in one material, to which the forms are then restricted."""
         self._choose(cells)
         ksp = self._projection()
@@ -221,7 +219,7 @@ def boundary_residual(
         for constant, effect in zip(factors, effects, strict=True):
             constant.value, _ = statement.now(effect, step)
 
-    def of(numbers: npt.NDArray[np.int64], traction: Any) -> tuple[Any, list[Any], bool]:
+    def of(numbers: Ints, traction: Any) -> tuple[Any, list[Any], bool]:
         residual = traction
         away = []
         acting = [(effects[k], factors[k]) for k in numbers]
@@ -264,9 +262,9 @@ def _away(effect: Displacement, y: Any, factor: Any, on: FormCoefficients) -> li
 
 def squared_residual(
     stress: ElementStress,
-    facets: npt.NDArray[np.int32],
-    on: npt.NDArray[np.bool_],
-    of: Callable[[npt.NDArray[np.int64], Any], tuple[Any, list[Any], bool]],
+    facets: Indices,
+    on: Flags,
+    of: Callable[[Ints, Any], tuple[Any, list[Any], bool]],
     z: Any,
 ) -> Any:
     """The form of the squared residual of the traction, times h over the stiffness, of each cell,

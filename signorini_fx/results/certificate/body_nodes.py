@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
 
+from signorini_fx.arrays import Array, Flags, Ints
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import node_positions
 from signorini_fx.mechanics.assembly.pieces import find_pieces
@@ -17,9 +18,6 @@ from signorini_fx.mechanics.rigid.rigid_motions import rigid_modes
 
 if TYPE_CHECKING:
     from signorini_fx.mechanics.contact_points.turned_supports import TurnedNodes
-
-
-Array = npt.NDArray[np.float64]
 
 
 class RigidPart:
@@ -108,11 +106,10 @@ class RigidPart:
 class PrescribedNodes:
     """The prescribed displacements of the owned nodes."""
 
-    fixed: npt.NDArray[np.bool_]  # at turned nodes in their frames
+    fixed: Flags  # at turned nodes in their frames
     value: Array  # along the axes
-    by: npt.NDArray[
-        np.int64
-    ]  # place in ``scene.displacement`` of what prescribes a component along the axes, else -1
+    # place in ``scene.displacement`` of what prescribes a component along the axes, else -1
+    by: Ints
     turned: TurnedNodes | None = None
 
     def missed(self, y: Array) -> Array:
@@ -121,7 +118,7 @@ class PrescribedNodes:
         """
         return np.abs(self._in_frames(y - self.value)[self.fixed])
 
-    def among(self, of_node: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+    def among(self, of_node: Ints) -> Ints:
         """Numbers that the owned nodes have, in the order of ``missed``."""
         return np.asarray(np.broadcast_to(of_node[:, None], self.fixed.shape)[self.fixed])
 

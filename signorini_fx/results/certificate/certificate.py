@@ -11,9 +11,9 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 from dolfinx import fem
 
+from signorini_fx.arrays import Array
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.rigid.rigid_bodies import Drive, RigidBodyMotion
 from signorini_fx.mechanics.scales import Scales
@@ -37,8 +37,6 @@ from signorini_fx.tuned import CERTIFICATE_TOLERANCE, LOST_UNITS, NEGLIGIBLE, NO
 
 if TYPE_CHECKING:
     from signorini_fx.results.certificate.nodal_forces import NodalForces
-
-Nodal = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, repr=False)
@@ -227,7 +225,7 @@ def judged(
     at = nodes.pieces(pieces.piece)
     figures["coupling"] = max((pair.error() for pair in contact.pairs.values()), default=0.0)
 
-    def largest(values: Nodal) -> Nodal:
+    def largest(values: Array) -> Array:
         """Return the largest value of the points of each piece, from either side."""
         return pieces.largest(np.concatenate((values, values)), np.concatenate(at))
 
@@ -326,9 +324,9 @@ def judged(
 
 def contact_conditions(
     nodes: ContactNodes,
-    u_n: Nodal,
-    slip: Nodal,
-    origin: Nodal,
+    u_n: Array,
+    slip: Array,
+    origin: Array,
     law: Law,
     units: PieceScales,
 ) -> dict[str, float]:
@@ -389,7 +387,7 @@ def contact_conditions(
     return {name: share(comm, violation, unit) for name, (violation, unit) in figures.items()}
 
 
-def _smaller(a: Nodal, unit_a: Nodal, b: Nodal, unit_b: Nodal) -> Nodal:
+def _smaller(a: Array, unit_a: Array, b: Array, unit_b: Array) -> Array:
     """min(|a|, max(b, 0)), each in its own unit: zero where one of two conditions holds."""
     first, second = (np.where(unit > 0, unit, 1.0) for unit in (unit_a, unit_b))
     return np.minimum(np.abs(a) / first, np.maximum(b, 0.0) / second)

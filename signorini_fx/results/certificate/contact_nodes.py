@@ -14,6 +14,7 @@ import numpy.typing as npt
 import scipy.sparse as sp
 
 from signorini_fx.algebra.contact.friction import PointFriction
+from signorini_fx.arrays import Array, Flags, Ints
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.averages import from_owners, to_owners
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
@@ -25,8 +26,6 @@ from signorini_fx.tuned import NEGLIGIBLE
 if TYPE_CHECKING:
     from signorini_fx.results.certificate.pair_points import PairPoints
 
-Nodal = npt.NDArray[np.float64]
-
 
 @dataclass(frozen=True)
 class ContactConditions:
@@ -35,22 +34,22 @@ class ContactConditions:
     """
 
     boundary: ContactBoundary
-    gap: Nodal  # d, length, shape (n,)
+    gap: Array  # d, length, shape (n,)
     law: PointFriction | None  # of friction; None: there is none
-    bilateral: npt.NDArray[np.bool_]  # where contact cannot open, shape (n,)
+    bilateral: Flags  # where contact cannot open, shape (n,)
     pairs: Mapping[int, PairPoints]  # the points of two bodies, by the numbers of their contacts
 
-    def part(self, *numbers: int) -> npt.NDArray[np.int64]:
+    def part(self, *numbers: int) -> Ints:
         """The points of some contacts."""
         return np.flatnonzero(np.isin(self.boundary.part, numbers))
 
     @cached_property
-    def of_pairs(self) -> list[tuple[PairPoints, npt.NDArray[np.int64]]]:
+    def of_pairs(self) -> list[tuple[PairPoints, Ints]]:
         """The pairs, and which points are theirs."""
         return [(pair, self.part(number)) for number, pair in self.pairs.items()]
 
     @cached_property
-    def paired(self) -> npt.NDArray[np.bool_]:
+    def paired(self) -> Flags:
         """Which points are those of pairs, shape (n,)."""
         return np.isin(self.boundary.part, list(self.pairs))
 
@@ -61,8 +60,8 @@ class ContactNodes(ContactConditions):
     nodes, shape (owned nodes, d); methods are collective.
     """
 
-    pressure: Nodal  # stress, shape (n,)
-    shear: Nodal  # as vectors of space, stress, shape (n, d)
+    pressure: Array  # stress, shape (n,)
+    shear: Array  # as vectors of space, stress, shape (n, d)
 
     @classmethod
     def of(cls, contact: ContactConditions, tractions: Tractions) -> ContactNodes:
@@ -70,7 +69,7 @@ class ContactNodes(ContactConditions):
         known = {field.name: getattr(contact, field.name) for field in fields(ContactConditions)}
         return cls(**known, pressure=tractions.pressure, shear=tractions.shear)
 
-    def bound(self, slip: Nodal) -> Nodal:
+    def bound(self, slip: Array) -> Array:
         """Return the largest shear that friction allows for at lengths of slip, both of shape (n,);
         stress.
         """
@@ -78,7 +77,7 @@ class ContactNodes(ContactConditions):
             return np.zeros_like(self.pressure)
         return self.law.evaluate(self.pressure, slip)[0]
 
-    def rounded(self, vectors: Nodal, power: int) -> Nodal:
+    def rounded(self, vectors: Array, power: int) -> Array:
         """Tangential vectors with their part across the direction of friction times r^power: with
         -1 admissible shears fill a disc, and with 1 slips that are normal to the ellipse are normal
         to that.
@@ -90,18 +89,18 @@ class ContactNodes(ContactConditions):
         part = np.sum(vectors * across, axis=1) * (axes.ratio**power - 1)
         return np.asarray(vectors + part[:, None] * across)
 
-    def along(self, vectors: Nodal) -> Nodal:
+    def along(self, vectors: Array) -> Array:
         """The part of vectors at the points that is tangential, shape (n, d)."""
         return np.asarray(
             vectors - np.sum(vectors * self.boundary.normal, axis=1)[:, None] * self.boundary.normal
         )
 
     @property
-    def traction(self) -> Nodal:
+    def traction(self) -> Array:
         """Pressure and shear as one vector, stress, shape (n, d)."""
         return np.asarray(self.pressure[:, None] * self.boundary.normal + self.shear)
 
-    def traces(self, y: Nodal, rigid: Sequence[RigidBodyMotion] = ()) -> tuple[Nodal, Nodal]:
+    def traces(self, y: Array, rigid: Sequence[RigidBodyMotion] = ()) -> tuple[Array, Array]:
         """(tau_N y, tau_T y), shapes (n,) and (n, d), relative to rigid bodies that have moved."""
         averages = self.boundary.averages
         values = from_owners(y, averages.nodes, self.boundary.comm)
@@ -115,14 +114,12 @@ class ContactNodes(ContactConditions):
         return np.sum(relative * self.boundary.normal, axis=1), self.along(relative)
 
     @property
-    def _x(self) -> Nodal:
+    def _x(self) -> Array:
         """Positions of the points on one body, length, shape (n, d)."""
         averages = self.boundary.averages
         return np.where(self.paired[:, None], self.boundary.x, averages.shares @ averages.x)
 
-    def pieces(
-        self, of_node: npt.NDArray[np.int64]
-    ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    def pieces(self, of_node: Ints) -> tuple[Ints, Ints]:
         """The piece of the body at each point, and that on the other side, -1 where the foundation
         is rigid, shape (n,); ``of_node``: the piece that each owned node is in.
         """
@@ -131,7 +128,7 @@ class ContactNodes(ContactConditions):
             opposite[part] = pair.on_other_side(of_node)
         return of_node[self.boundary.nodes], opposite
 
-    def resultant(self, motion: RigidBodyMotion, y: Nodal) -> tuple[Nodal, float, float]:
+    def resultant(self, motion: RigidBodyMotion, y: Array) -> tuple[Array, float, float]:
         """Return the resultant of the contact tractions on a rigid body: force and moment about its
         pivot, shape (m,), the sum of the magnitudes of forces, and their distance from the pivot.
         """
@@ -150,7 +147,7 @@ class ContactNodes(ContactConditions):
         reach = parallel.largest(comm, np.linalg.norm(arm, axis=1))
         return total[:-1], float(total[-1]), reach
 
-    def terms(self, y: Nodal) -> Nodal:
+    def terms(self, y: Array) -> Array:
         """The sums of the magnitudes of what relative displacements of two bodies are added up of,
         0 on a rigid foundation, shape (n,).
         """
@@ -165,7 +162,7 @@ class ContactNodes(ContactConditions):
             self.paired, np.linalg.norm(sums.reshape(self.boundary.normal.shape), axis=1), 0.0
         )
 
-    def forces(self, owned: int, *parts: int) -> tuple[npt.NDArray[Any], Nodal, Nodal]:
+    def forces(self, owned: int, *parts: int) -> tuple[npt.NDArray[Any], Array, Array]:
         """What the tractions do to so many owned nodes, or those of some contacts: the local nodes
         that they act on, shape (m,), the forces on them, shape (m, d), and their areas, shape (m,).
         """
@@ -192,7 +189,7 @@ class ContactNodes(ContactConditions):
         return reached, rows[reached, :-1], area
 
     @property
-    def felt(self) -> Nodal:
+    def felt(self) -> Array:
         """The larger of pressure and shear without what supports take of them, or what one undoes
         of the other.
         """

@@ -8,18 +8,16 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 import scipy.sparse as sp
 from numpy.polynomial import polynomial
 
+from signorini_fx.arrays import Array, Flags, Ints
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.interfaces import PlacedShape
 from signorini_fx.mechanics.obstacles.corner_points import BoundaryLine, CornerFeet
 from signorini_fx.mechanics.statement.rigid_shape import Corners
 from signorini_fx.tuned import ALONG_FACET, BEYOND_FACET, DIGITS_OF_FILES, ROOT_OF_EPS, SAME_LENGTH
-
-Array = npt.NDArray[np.float64]
 
 
 def judged_corners(
@@ -199,9 +197,7 @@ def _away(line: BoundaryLine, facet: int, c: Array, at: Array) -> Array:
     return np.array([np.linalg.norm(line.place(facet, float(xi))[1] - c) for xi in at])
 
 
-def _left_out(
-    line: BoundaryLine, feet: CornerFeet, nodes: npt.NDArray[np.int64], direction: Array
-) -> npt.NDArray[np.bool_]:
+def _left_out(line: BoundaryLine, feet: CornerFeet, nodes: Ints, direction: Array) -> Flags:
     """Return which nodes lose their points, whose direction of contact is given."""
     cosine = np.full(len(nodes), -np.inf)
     for j in range(line.nodes.shape[1]):

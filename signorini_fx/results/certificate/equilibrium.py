@@ -9,9 +9,9 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from mpi4py import MPI
 
+from signorini_fx.arrays import Array, Flags, Ints
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.scales import Scales
 from signorini_fx.mechanics.step_effect import AddedForces
@@ -28,9 +28,6 @@ from signorini_fx.tuned import (
     UNITS_OF_PLACES,
 )
 
-Nodal = npt.NDArray[np.float64]
-Numbers = npt.NDArray[np.int64]
-
 
 @dataclass(frozen=True)
 class Balance:
@@ -39,20 +36,20 @@ class Balance:
     """
 
     pieces: RigidPart  # those of the body
-    internal: Nodal  # a(y, .) of the strains
-    external: Nodal  # L
+    internal: Array  # a(y, .) of the strains
+    external: Array  # L
     supports: PrescribedNodes  # what is prescribed
     scales: Scales  # of lengths and stresses
     stiffest: Scales  # the same with the largest modulus
-    resisted: Nodal  # what resists the displacement on the boundary, the rest of a(y, .)
-    initial: Nodal | float = 0.0  # those of initial strains where they are prevented
+    resisted: Array  # what resists the displacement on the boundary, the rest of a(y, .)
+    initial: Array | float = 0.0  # those of initial strains where they are prevented
     prevented: float = 0.0  # energy of their stress then
-    dilation: tuple[Nodal, Nodal] | None = (
+    dilation: tuple[Array, Array] | None = (
         None  # see ``NodalForces.dilation``; None: the pressure is no unknown
     )
     # round-off of ``internal`` that does not decrease with y, as that of a finite deformation I +
     # grad u
-    lost: Nodal | None = None
+    lost: Array | None = None
     with_loads: bool = (
         False  # whether ``internal`` is a whole residual, from which loads cannot be told
     )
@@ -69,7 +66,7 @@ class Balance:
             added=added,
         )
 
-    def residual(self, pressed: Nodal | float = 0.0) -> Nodal:
+    def residual(self, pressed: Array | float = 0.0) -> Array:
         """Return forces that are not in balance, those that supports take among them, shape (owned
         nodes, d).
 
@@ -80,19 +77,19 @@ class Balance:
         return residual if self.added is None else residual + self.added.resisting
 
     @cached_property
-    def energies(self) -> Nodal:
+    def energies(self) -> Array:
         """Energies of effects in time, shape (pieces,)."""
         if self.added is None:
             return np.zeros(self.pieces.count)
         return self.pieces.sums(self.added.energy[:, None])[:, 0]
 
-    def works(self, y: Nodal) -> Nodal:
+    def works(self, y: Array) -> Array:
         """What internal and initial forces do on displacements of the owned nodes, energies, shape
         (pieces, 2).
         """
         return self.pieces.sums(np.stack((self.internal * y, self.initial * y), axis=1).sum(axis=2))
 
-    def strain_energy(self, works: Nodal) -> float:
+    def strain_energy(self, works: Array) -> float:
         """The energy of the stress from ``works``: of the strains, and what initial ones take of
         it, but round-off.
         """
@@ -109,14 +106,14 @@ class Balance:
         return replace(self.scales, size=size), replace(self.stiffest, size=size)
 
     @cached_property
-    def imposed(self) -> npt.NDArray[np.bool_]:
+    def imposed(self) -> Flags:
         """Which pieces a support moves, shape (pieces,)."""
         missed = self.supports.missed(np.zeros_like(self.external))
         moved = self.pieces.largest(missed, self.supports.among(self.pieces.piece))
         return np.asarray(moved > 0)
 
     @cached_property
-    def unloaded(self) -> npt.NDArray[np.bool_]:
+    def unloaded(self) -> Flags:
         """Pieces that no load strains and no support moves, shape (pieces,): if others pass on no
         force to them, all that is there is round-off of the joint system, as large as the motions
         of others make it.
@@ -131,12 +128,12 @@ class PieceScales(NamedTuple):
     round-off is a share where two bodies meet by the regularised law.
     """
 
-    length: Nodal
-    far: Nodal
-    stress: Nodal
-    penalty: Nodal
+    length: Array
+    far: Array
+    stress: Array
+    penalty: Array
 
-    def between(self, piece: Numbers, other: Numbers) -> PieceScales:
+    def between(self, piece: Ints, other: Ints) -> PieceScales:
         """Return the scales of points on a piece and another one, -1: on a rigid foundation, from
         those of pieces; the smaller stress of both: forces that press the other one elsewhere say
         nothing of this contact.
@@ -150,7 +147,7 @@ class PieceScales(NamedTuple):
 
 
 def equilibrium(
-    balance: Balance, y: Nodal, nodes: ContactNodes | None, units: PieceScales, reach: float
+    balance: Balance, y: Array, nodes: ContactNodes | None, units: PieceScales, reach: float
 ) -> tuple[float, tuple[int, ...], float]:
     """The residual of (3.3a) in the free unknowns, of each piece and of the worst contact node as a
     stress; pieces of which it says nothing, as all forces on them are round-off of the joint
@@ -192,7 +189,7 @@ def equilibrium(
     acting = [supports.left(loads), supports.left(balance.resisted)]
     if balance.added is not None:
         acting.append(supports.left(balance.added.resisting))
-    pressed: Nodal | float = 0.0
+    pressed: Array | float = 0.0
     reacting = np.maximum(pieces.norms(balance.internal), pieces.norms(loads))
     slight = NEGLIGIBLE * reacting
     if nodes is not None:
@@ -287,7 +284,7 @@ def change_of_volume(balance: Balance, far: float, strain_energy: float) -> floa
     return share(comm, np.array(left - lost * size), np.array(strain * size))
 
 
-def share(comm: MPI.Comm, parts: Nodal, wholes: Nodal) -> float:
+def share(comm: MPI.Comm, parts: Array, wholes: Array) -> float:
     """The largest part over its whole on all ranks: 0 for parts <= 0, also of nothing, and else inf
     for a whole <= 0: a residual where no force acts is never small; collective.
     """

@@ -9,9 +9,9 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 from dolfinx import fem
 
+from signorini_fx.arrays import Array
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodyMotion
@@ -19,8 +19,6 @@ from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodyMotion
 if TYPE_CHECKING:
     from signorini_fx.mechanics.effects.contact import Overclosure
     from signorini_fx.mechanics.statement.statement import Statement
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)

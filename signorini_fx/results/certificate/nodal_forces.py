@@ -15,10 +15,10 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import ufl
 from dolfinx import fem
 
+from signorini_fx.arrays import Array
 from signorini_fx.machine import parallel
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.assembly.mesh_entities import assemble, node_positions, shared_in
@@ -36,8 +36,6 @@ from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.effect import ForceDensity, InitialStrain, Resistance
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.results.certificate.body_nodes import PrescribedNodes, RigidPart
-
-Array = npt.NDArray[np.float64]
 
 
 class NodalForces:

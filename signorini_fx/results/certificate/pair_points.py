@@ -17,15 +17,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from signorini_fx.arrays import Array, Flags, Ints
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.averages import from_owners
 from signorini_fx.mechanics.obstacles.paired_points import FacingSides, MovingPair, PairedSides
 from signorini_fx.mechanics.rigid.rigid_motions import rigid_modes
-
-Array = npt.NDArray[np.float64]
-Numbers = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -74,7 +71,7 @@ class PairPoints:
         slip = np.where(pair.alone[:, None], 0.0, pair.sliding_along(pair.slip))
         return slip - pair.coupling.gap[pair.mine][:, None] * normal
 
-    def on_other_side(self, of_node: Numbers) -> Numbers:
+    def on_other_side(self, of_node: Ints) -> Ints:
         """Numbers that the owned nodes have, at the node of the other side that each point meets
         most, else -1, shape (n,).
         """
@@ -115,7 +112,7 @@ class PairPoints:
             x = sides.x
             weight = coupling.weight
             covered = coupling.covered
-            facing: npt.NDArray[np.bool_] = np.ones(weight.size, dtype=bool)
+            facing: Flags = np.ones(weight.size, dtype=bool)
             balanced = facing
             turning = not self.kept.followed
             apart = self.slave @ sides.slave.surface.x - self.master @ sides.master.surface.x

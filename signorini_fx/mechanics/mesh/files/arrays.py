@@ -9,12 +9,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from signorini_fx.arrays import Array, Flags, Ints
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.mechanics.mesh.files.cells import (
     CELLS,
     Cell,
-    Floats,
-    Ints,
     check_shape,
     completed,
     dimension,
@@ -26,7 +25,7 @@ from signorini_fx.tuned import LARGEST_NUMBER
 
 # A boundary or region is selected by numbers in the cell data of the file, or by a rule, a function
 # of the position.
-Selection = int | tuple[int, ...] | Callable[[Floats], Floats]
+Selection = int | tuple[int, ...] | Callable[[Array], Array]
 
 
 def plain(values: npt.NDArray[Any]) -> Any:
@@ -34,7 +33,7 @@ def plain(values: npt.NDArray[Any]) -> Any:
     return values.tolist()
 
 
-def bounds(points: Floats) -> list[list[float]]:
+def bounds(points: Array) -> list[list[float]]:
     """The smallest and the largest coordinates."""
     found: list[list[float]] = [plain(points.min(axis=0)), plain(points.max(axis=0))]
     return found
@@ -53,7 +52,7 @@ class RawMesh:
     by block.
     """
 
-    points: Floats  # positions, shape (n, 2) or (n, 3)
+    points: Array  # positions, shape (n, 2) or (n, 3)
     blocks: list[
         tuple[str, Ints]
     ]  # (kind in meshio's words, nodes of shape (elements, nodes of each))
@@ -112,7 +111,7 @@ def rows_of(wanted: Ints, table: Ints) -> Ints:
 class MeshArrays:
     """A mesh of one kind of cell in 2D or in 3D, with the names of its boundaries and regions."""
 
-    points: Floats  # positions of the nodes, each of which belongs to a cell, shape (n, d)
+    points: Array  # positions of the nodes, each of which belongs to a cell, shape (n, d)
     kind: str  # a kind of cell of ``CELLS``, of d dimensions
     cells: Ints  # nodes of each cell, shape (m, k)
     # nodes of each exterior facet, and of named ones inside the body, shape (f, l)
@@ -262,7 +261,7 @@ def from_raw(
     )
 
 
-def _check_crossing(points: Floats, cells: Ints, cell: Cell, name: str) -> None:
+def _check_crossing(points: Array, cells: Ints, cell: Cell, name: str) -> None:
     """Refuse cells that cross by a ``MeshError``: a node in the middle of corners is in the middle
     of no others, and all cells with these corners have that node.
     """
@@ -285,7 +284,7 @@ def _check_crossing(points: Floats, cells: Ints, cell: Cell, name: str) -> None:
         )
 
 
-def _with_several(keys: Ints, values: Ints) -> npt.NDArray[np.bool_]:
+def _with_several(keys: Ints, values: Ints) -> Flags:
     """Return whether the key of each row has several values, shape (rows,)."""
     one = np.zeros(int(keys.max(initial=0)) + 1, dtype=np.int64)
     one[keys] = values
@@ -386,7 +385,7 @@ def _body(raw: RawMesh, name: str) -> tuple[str, list[int]]:
     return kind, [n for n, (k, _) in enumerate(raw.blocks) if k == kind]
 
 
-def _points_of(positions: Floats, cells: Ints, dim: int, name: str) -> tuple[Floats, Ints, Ints]:
+def _points_of(positions: Array, cells: Ints, dim: int, name: str) -> tuple[Array, Ints, Ints]:
     """Points that cells use, the cells in their numbers, and the new number of every point (-1:
     dropped).
     """
@@ -407,7 +406,7 @@ def _points_of(positions: Floats, cells: Ints, dim: int, name: str) -> tuple[Flo
     return np.ascontiguousarray(points[:, :dim]), renumber[cells], renumber
 
 
-def _check_plane(points: Floats, name: str) -> None:
+def _check_plane(points: Array, name: str) -> None:
     """Refuse cells of two dimensions that are not in a plane x[2] = constant."""
     spread = np.ptp(points, axis=0)
     if spread[2] <= 1e-9 * max(spread[:2]):
@@ -422,7 +421,7 @@ def _check_plane(points: Floats, name: str) -> None:
     )
 
 
-def _complete(points: Floats, cells: Ints, cell: Cell, weights: Floats) -> tuple[Floats, Ints]:
+def _complete(points: Array, cells: Ints, cell: Cell, weights: Array) -> tuple[Array, Ints]:
     """Points and cells with the nodes in the middle of faces that the cells lack, joined where
     cells meet.
     """

@@ -10,15 +10,12 @@ from typing import Any
 
 import basix
 import numpy as np
-import numpy.typing as npt
 
+from signorini_fx.arrays import Array, Flags, Ints
 from signorini_fx.errors import MeshError
 from signorini_fx.tuned import SAME_NUMBER
 
-Ints = npt.NDArray[np.int64]
-Floats = npt.NDArray[np.float64]
 Corners = tuple[int, ...]
-_Truths = npt.NDArray[np.bool_]
 
 _DIGITS = np.finfo(float).precision
 # Volumes of curved cells are integrated exactly.
@@ -44,7 +41,7 @@ class Cell:
         return self.corners.shape[1]
 
     @cached_property
-    def corners(self) -> Floats:
+    def corners(self) -> Array:
         """Return the corners on the reference cell, shape (corners, dim)."""
         return np.asarray(basix.geometry(self.basix_type))
 
@@ -73,7 +70,7 @@ class Cell:
         return np.array(self._element.entity_closure_dofs[self.dim - 1])
 
     @property
-    def places(self) -> Floats:
+    def places(self) -> Array:
         """Return the nodes on the reference cell, shape (nodes, dim)."""
         return np.asarray(self._element.points)
 
@@ -82,7 +79,7 @@ class Cell:
         even = basix.LagrangeVariant.equispaced
         return basix.create_element(basix.ElementFamily.P, self.basix_type, self.degree, even)
 
-    def shape(self, x: Floats) -> Floats:
+    def shape(self, x: Array) -> Array:
         """Shape functions at places of the reference cell, shape (places, dim) -> (places,
         nodes).
         """
@@ -90,7 +87,7 @@ class Cell:
         # symmetry.
         return np.asarray(self._element.tabulate(0, x)[0, :, :, 0].round(_DIGITS))
 
-    def gradient(self, x: Floats) -> Floats:
+    def gradient(self, x: Array) -> Array:
         """Return the derivatives of the basis functions at places, shape (places, dim) -> (dim,
         places, nodes).
         """
@@ -147,7 +144,7 @@ _COMPLETE = {"quad8": "quad9", "hexahedron20": "hexahedron27"}
 _DIMENSIONS = {"vertex": 0, "line": 1, "triangle": 2, "quad": 2, "polygon": 2}
 
 
-def completed(kind: str) -> tuple[Cell, Floats] | None:
+def completed(kind: str) -> tuple[Cell, Array] | None:
     """Return the kind of the same shape that completes an element without nodes in the middle of
     its faces, and the weights of the existing nodes in each of its nodes, shape (nodes, existing
     nodes); None for any other kind.
@@ -181,7 +178,7 @@ def dimension(kind: str) -> int:
 # --- elements of a mesh ---------------------------------------------------------------------------
 
 
-def measures(points: Floats, nodes: Ints, cell: Cell) -> Floats:
+def measures(points: Array, nodes: Ints, cell: Cell) -> Array:
     """Length, area or volume of each element, on its curved shape if it is one, shape (m,), from
     points, shape (n, d), and the nodes of each, shape (m, k), of a kind of d dimensions or of one
     less.
@@ -189,7 +186,7 @@ def measures(points: Floats, nodes: Ints, cell: Cell) -> Floats:
     return np.asarray(nodal_measures(points, nodes, cell).sum(axis=1))
 
 
-def nodal_measures(points: Floats, nodes: Ints, cell: Cell) -> Floats:
+def nodal_measures(points: Array, nodes: Ints, cell: Cell) -> Array:
     """The integral of each shape function over each element, which is the share of its node, shape
     (m, k).
     """
@@ -206,12 +203,12 @@ def nodal_measures(points: Floats, nodes: Ints, cell: Cell) -> Floats:
     return np.concatenate(shares)
 
 
-def _jacobian(points: Floats, nodes: Ints, cell: Cell, x: Floats) -> Floats:
+def _jacobian(points: Array, nodes: Ints, cell: Cell, x: Array) -> Array:
     """Derivatives of the position at places of the reference cell, shape (m, places, d, dim)."""
     return np.asarray(np.einsum("jqk,mkd->mqdj", cell.gradient(x), points[nodes], optimize=True))
 
 
-def curvature(points: Floats, cells: Ints, cell: Cell) -> float:
+def curvature(points: Array, cells: Ints, cell: Cell) -> float:
     """The largest distance of a node between corners from where that of a straight cell would be, a
     length.
     """
@@ -222,7 +219,7 @@ def curvature(points: Floats, cells: Ints, cell: Cell) -> float:
     return float(np.linalg.norm(away, axis=2).max(initial=0.0))
 
 
-def check_shape(points: Floats, cells: Ints, cell: Cell, name: str) -> None:
+def check_shape(points: Array, cells: Ints, cell: Cell, name: str) -> None:
     """Refuse cells that are flat or folded by a ``MeshError``: how many there are and where the
     first one is.
     """
@@ -245,7 +242,7 @@ def check_shape(points: Floats, cells: Ints, cell: Cell, name: str) -> None:
             )
 
 
-def _spoilt(points: Floats, cells: Ints, cell: Cell) -> tuple[_Truths, _Truths]:
+def _spoilt(points: Array, cells: Ints, cell: Cell) -> tuple[Flags, Flags]:
     """Return which cells are flat at a corner, and which are inverted between two nodes."""
     jacobian = _jacobian(points, cells, cell, cell.places)
     size = np.linalg.det(jacobian)

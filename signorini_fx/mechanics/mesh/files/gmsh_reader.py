@@ -14,9 +14,10 @@ from typing import Any
 
 import numpy as np
 
+from signorini_fx.arrays import Ints
 from signorini_fx.errors import InstallationError, MeshError, SignoriniError
 from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, Numbering, RawMesh
-from signorini_fx.mechanics.mesh.files.cells import CELLS, Ints, completed, order_in
+from signorini_fx.mechanics.mesh.files.cells import CELLS, completed, order_in
 from signorini_fx.mechanics.mesh.files.size_field import Sizes, with_sizes
 from signorini_fx.mechanics.statement.mesh_sources import MeshFile
 

@@ -14,9 +14,10 @@ from typing import Any
 
 import numpy as np
 
+from signorini_fx.arrays import Array, Ints
 from signorini_fx.errors import SceneError
 from signorini_fx.mechanics.mesh.files.arrays import MeshArrays
-from signorini_fx.mechanics.mesh.files.cells import CELLS, Floats, Ints, order_in
+from signorini_fx.mechanics.mesh.files.cells import CELLS, order_in
 from signorini_fx.mechanics.statement.mesh_sources import ContactSize
 from signorini_fx.tuned import LONGEST_FACET, SIZE_GROWTH
 
@@ -28,9 +29,9 @@ _VIEWS = {"triangle": "ST", "quad": "SQ", "tetra": "SS", "hexahedron": "SH"}
 class SizeField:
     """Lengths of cells at the corners of a mesh."""
 
-    points: Floats  # positions, shape (n, d)
+    points: Array  # positions, shape (n, d)
     cells: Ints  # corners of each cell, shape (m, c)
-    sizes: Floats  # length of the cells at each point, shape (n,)
+    sizes: Array  # length of the cells at each point, shape (n,)
 
     def apply(self, gmsh: Any, unit: float = 1.0) -> None:
         """Let the current model of gmsh, which has a unit of this length, have cells of these
@@ -141,7 +142,7 @@ def _graded_at(mesh: MeshArrays, wanted: Sequence[ContactSize]) -> SizeField:
     return SizeField(points, mesh.cells, sizes)
 
 
-def _longest_edges(mesh: MeshArrays, boundary: str) -> Floats:
+def _longest_edges(mesh: MeshArrays, boundary: str) -> Array:
     """The longest edge of each facet of a boundary, shape (f,)."""
     x = mesh.points[mesh.facet_corners[mesh.boundaries[boundary]]]
     return np.asarray(

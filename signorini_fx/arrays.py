@@ -1,24 +1,27 @@
-"""Tangential vectors at contact points: one entry per point of this rank, shape (n, d - 1)."""
+"""The types of numpy arrays, by their entries; and lengths and products of their rows."""
 
 from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
 
-Nodal = npt.NDArray[np.float64]
+Array = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
+Indices = npt.NDArray[np.int32]  # local numbers of nodes, cells and facets, as dolfinx has them
+Ints = npt.NDArray[np.int64]
 
 
-def length(vectors: Nodal) -> Nodal:
+def length(vectors: Array) -> Array:
     """Euclidean length of each row, shape (n,); exact for rows of one component."""
     return np.asarray(np.hypot.reduce(vectors, axis=1, initial=0.0))
 
 
-def inner(a: Nodal, b: Nodal) -> Nodal:
+def inner(a: Array, b: Array) -> Array:
     """Scalar product of each pair of rows, shape (n,)."""
     return np.einsum("ij,ij->i", a, b)
 
 
-def unit(vectors: Nodal) -> Nodal:
+def unit(vectors: Array) -> Array:
     """Each row over its length; the first axis where a row is zero.  In R^1: the sign, +1 for
     zero.
     """
