@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from importlib.util import find_spec
-from typing import Any
+from typing import Any, Self
 
 
 class SignoriniError(Exception):
@@ -34,7 +34,10 @@ class SceneError(SignoriniError):
         2 ('young', 'must be greater than 0, got -1.0')
     """
 
-    def __init__(self, problems: list[tuple[str, str]], source: str = "scene") -> None:
+    _of = "scene"  # what is wrong, unless a source is named
+
+    def __init__(self, problems: list[tuple[str, str]], source: str | None = None) -> None:
+        source = self._of if source is None else source
         self.problems = problems
         self.source = source
         super().__init__(
@@ -43,6 +46,11 @@ class SceneError(SignoriniError):
                 for path, message in problems
             )
         )
+
+    @classmethod
+    def at(cls, path: str, message: str, source: str | None = None) -> Self:
+        """Return the error of a single problem."""
+        return cls([(path, message)], source)
 
     def of(self, source: object) -> SceneError:
         """Return the same errors for a scene that is called ``source``."""
@@ -64,8 +72,7 @@ class FormError(SceneError, ValueError):
         1 ('coefficient', 'must not be negative, got -0.3')
     """
 
-    def __init__(self, problems: list[tuple[str, str]], source: str = "contact problem") -> None:
-        super().__init__(problems, source)
+    _of = "contact problem"
 
 
 def together(*checks: Callable[[], Any]) -> list[Any]:

@@ -132,7 +132,7 @@ class ProblemOfForms:
             wrong = (
                 "there is none, so its pressure has no error; stress.error is that of the stress"
             )
-            raise FormError([("contact", wrong)])
+            raise FormError.at("contact", wrong)
         return self.errors_of(self.solution)
 
     def errors_of(self, solution: Solution) -> Errors:
@@ -246,12 +246,12 @@ class ProblemOfForms:
         if self.status is not Status.CONVERGED:
             raise RuntimeError("there is no solution to differentiate")
         if not self.contact:
-            raise FormError(
-                [("contact", "there is none: derivatives are those of contact problems")]
+            raise FormError.at(
+                "contact", "there is none: derivatives are those of contact problems"
             )
         if self.assembled.rigid.bodies:
-            raise FormError(
-                [("contact", "derivatives are not possible yet where forces move a foundation")]
+            raise FormError.at(
+                "contact", "derivatives are not possible yet where forces move a foundation"
             )
         return add_on("gradient")(of, by, *self._differentiated())
 
@@ -452,7 +452,7 @@ class ContactProblem(ProblemOfForms):
         stress = self._stress_of(lambda: solution)
         if self.assembled.forms.measures:
             wrong = "there is no error estimate where the forms are multiplied by a measure"
-            raise FormError([("stress", wrong)])
+            raise FormError.at("stress", wrong)
         return stress.squares, stress.energy, (), None
 
     def _titled(self, title: str) -> Solution:
@@ -504,7 +504,7 @@ class ContactProblem(ProblemOfForms):
             raise RuntimeError("there is no solution to differentiate")
         if solver.density is not None:
             reason = "derivatives of motions with inertia are not possible yet"
-            raise FormError([("density", reason)])
+            raise FormError.at("density", reason)
         solved = (
             solver.elastic,
             solver.task,

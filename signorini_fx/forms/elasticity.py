@@ -357,15 +357,10 @@ def stress_of(law: Law, y: fem.Function, parts: Sequence[Indices]) -> ElementStr
     full_stress = law(y)
     if not hasattr(full_stress, "ufl_shape") or full_stress.ufl_shape not in ((dim, dim), (3, 3)):
         shape = getattr(full_stress, "ufl_shape", "none")
-        raise FormError([("stress", f"has the shape {shape}; ({dim}, {dim}) or (3, 3) is needed")])
+        raise FormError.at("stress", f"has the shape {shape}; ({dim}, {dim}) or (3, 3) is needed")
     if _by_quadrature(full_stress):
-        raise FormError(
-            [
-                (
-                    "stress",
-                    "has a Function of a quadrature element, which has no values at other points",
-                )
-            ]
+        raise FormError.at(
+            "stress", "has a Function of a quadrature element, which has no values at other points"
         )
     known = full_stress.ufl_shape[0] == 3  # else that out of the plane is not
     kinematics = CARTESIAN[dim] if known else PLANE_STRESS
@@ -378,8 +373,8 @@ def stress_of(law: Law, y: fem.Function, parts: Sequence[Indices]) -> ElementStr
             shear_modulus.x.array[:] = lame[1]
         return replace(cellwise_stress(y, kinematics, sigma, moduli, shear_modulus), parts=parts)
     except np.linalg.LinAlgError:
-        raise FormError(
-            [("stress", "is zero for some strain: nothing can be measured in its energy")]
+        raise FormError.at(
+            "stress", "is zero for some strain: nothing can be measured in its energy"
         ) from None
 
 

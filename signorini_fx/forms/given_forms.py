@@ -174,8 +174,8 @@ _NOT_HERE = {
 def law_of(stress: Any, u: fem.Function) -> Law | None:
     """What ``ContactProblem`` is given, as a function of the displacement."""
     if stress is not None and is_section(u.function_space.mesh):
-        raise FormError(
-            [("stress", "stresses and their estimates are not possible yet on a plane mesh in 3D")]
+        raise FormError.at(
+            "stress", "stresses and their estimates are not possible yet on a plane mesh in 3D"
         )
     if stress is None or (callable(stress) and not hasattr(stress, "ufl_shape")):
         return stress
@@ -187,51 +187,40 @@ def law_of(stress: Any, u: fem.Function) -> Law | None:
 def space_of(a: Any, L: Any, u: fem.Function | None) -> fem.FunctionSpace:
     """The space of the displacements."""
     if np.issubdtype(default_scalar_type, np.complexfloating):
-        raise FormError([("a", "PETSc is built for complex numbers; contact needs a real build")])
+        raise FormError.at("a", "PETSc is built for complex numbers; contact needs a real build")
     if not isinstance(u, fem.Function | None):
-        raise FormError([("u", f"must be a Function, not {kind_of(u)}")])
+        raise FormError.at("u", f"must be a Function, not {kind_of(u)}")
     spaces: list[Any] = []
     for name, form, rank in (("a", a, 2), ("L", L, 1)):
         if not isinstance(form, ufl.Form | fem.Form):
-            raise FormError([(name, f"must be a UFL form or a compiled form, not {kind_of(form)}")])
+            raise FormError.at(name, f"must be a UFL form or a compiled form, not {kind_of(form)}")
         of_ufl = isinstance(form, ufl.Form)
         if of_ufl and not form.arguments():
-            raise FormError([(name, "the form is identically zero")])
+            raise FormError.at(name, "the form is identically zero")
         of_form = (
             [one.ufl_function_space() for one in form.arguments()]
             if of_ufl
             else form.function_spaces
         )
         if len(of_form) != rank:
-            raise FormError(
-                [(name, f"must have {rank} argument{'s' * (rank > 1)}, not {len(of_form)}")]
+            raise FormError.at(
+                name, f"must have {rank} argument{'s' * (rank > 1)}, not {len(of_form)}"
             )
         spaces += [(name, space) for space in of_form]
     known = [space for _, space in spaces if isinstance(space, fem.FunctionSpace)]
     if u is not None:
         known.insert(0, u.function_space)
     elif not known:
-        raise FormError(
-            [
-                (
-                    "u",
-                    "must be given where both forms are compiled: their space is that of this "
-                    "Function",
-                )
-            ]
+        raise FormError.at(
+            "u", "must be given where both forms are compiled: their space is that of this Function"
         )
     space = supported(known[0], "a")
     for name, candidate in spaces:
         inner = compat.wrapped(candidate) if isinstance(candidate, fem.FunctionSpace) else candidate
         if inner != compat.wrapped(space):
-            raise FormError(
-                [
-                    (
-                        name,
-                        "its arguments are on another space than those of a"
-                        + " or u" * (u is not None),
-                    )
-                ]
+            raise FormError.at(
+                name,
+                "its arguments are on another space than those of a" + " or u" * (u is not None),
             )
     return space
 
@@ -251,13 +240,13 @@ def supported(space: fem.FunctionSpace, name: str) -> fem.FunctionSpace:
     except RuntimeError:  # one made of several
         fits = False
     if not fits or dim not in (2, 3) or space.dofmap.index_map_bs != mesh.geometry.dim:
-        raise FormError([(name, f"its space is {space.ufl_element()}: {wanted}")])
+        raise FormError.at(name, f"its space is {space.ufl_element()}: {wanted}")
     if mesh.topology.cell_name() not in ("triangle", "quadrilateral", "tetrahedron", "hexahedron"):
-        raise FormError(
-            [(name, f"its mesh has {mesh.topology.cell_name()} cells, which are not supported")]
+        raise FormError.at(
+            name, f"its mesh has {mesh.topology.cell_name()} cells, which are not supported"
         )
     if is_section(mesh) and parallel.any_rank(mesh.comm, bool(mesh.geometry.x[:, 2].any())):
-        raise FormError([(name, "its mesh of plane cells in 3D must lie in 2D x[2] = 0")])
+        raise FormError.at(name, "its mesh of plane cells in 3D must lie in 2D x[2] = 0")
     return space
 
 
@@ -266,12 +255,12 @@ def conditions_of(bcs: Any, space: fem.FunctionSpace) -> list[fem.DirichletBC]:
     bcs = [bcs] if isinstance(bcs, fem.DirichletBC) else bcs or []
     for k, condition in enumerate(bcs):
         if not isinstance(condition, fem.DirichletBC):
-            raise FormError(
-                [(f"bcs[{k}]", f"must be a DirichletBC of dolfinx, not {kind_of(condition)}")]
+            raise FormError.at(
+                f"bcs[{k}]", f"must be a DirichletBC of dolfinx, not {kind_of(condition)}"
             )
         if not compat.wrapped(space).contains(condition.function_space):
-            raise FormError(
-                [(f"bcs[{k}]", "is on another space than a, and on none of its components")]
+            raise FormError.at(
+                f"bcs[{k}]", "is on another space than a, and on none of its components"
             )
     return list(bcs)
 
@@ -288,13 +277,9 @@ def settings_of(options: dict[str, Any]) -> SolverSettings:
     except SceneError as error:
         raise FormError(error.problems) from None
     if (settings.algorithm, settings.regularisation_error) == ("path-following", "auto"):
-        raise FormError(
-            [
-                (
-                    "regularisation_error",
-                    "must be a number: there is no estimate of the discretisation error",
-                )
-            ]
+        raise FormError.at(
+            "regularisation_error",
+            "must be a number: there is no estimate of the discretisation error",
         )
     return settings
 
@@ -306,7 +291,7 @@ def foundations_of(contact: Any) -> tuple[Foundation | Pair, ...]:
         contacts = [contact]
     elif isinstance(contact, str | np.ndarray) or not isinstance(contact, Iterable | None):
         reason = f"must be Foundations and Pairs, not {kind_of(contact)}: Foundation(facets)"
-        raise FormError([("contact", reason)])
+        raise FormError.at("contact", reason)
     else:
         contacts = list(contact or [])
     for k, entry in enumerate(contacts):
@@ -410,7 +395,7 @@ def parts_of(materials: Any, mesh: dmesh.Mesh) -> list[Indices]:
         error = "must be tags on the cells of the mesh"
     elif materials.indices.size < all_cells.size:
         error = f"has no tag on {all_cells.size - materials.indices.size} cells of this rank"
-    parallel.raise_together(mesh.comm, None if error is None else FormError([("materials", error)]))
+    parallel.raise_together(mesh.comm, None if error is None else FormError.at("materials", error))
     tags = parallel.gather_rows(mesh.comm, np.unique(materials.values)[:, None])
     return [materials.find(int(tag)).astype(np.int32) for tag in np.unique(tags)]
 

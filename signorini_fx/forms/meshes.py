@@ -47,12 +47,13 @@ class MeshedForms(meshed_problem.MeshedProblem):
         """The problem on this mesh; collective."""
         problem = self.make(self.tagged.mesh if self.plain else self.tagged)
         if not isinstance(problem, ContactProblem):
-            raise FormError(
-                [("make", f"must return a ContactProblem, not {kind_of(problem)}")], "make"
+            raise FormError.at(
+                "make", f"must return a ContactProblem, not {kind_of(problem)}", "make"
             )
         if not problem.contact:
-            raise FormError(
-                [("make", "must return a problem with contact; others need no sequence of meshes")],
+            raise FormError.at(
+                "make",
+                "must return a problem with contact; others need no sequence of meshes",
                 "make",
             )
         if self.changed is not None:
@@ -141,8 +142,8 @@ def solve_nested(
         [30, 90, 270]
     """
     if not isinstance(levels, int) or levels < 1:
-        raise FormError(
-            [("levels", f"must be a whole number from 1, got {levels!r}")], "solve_nested"
+        raise FormError.at(
+            "levels", f"must be a whole number from 1, got {levels!r}", "solve_nested"
         )
     first = _first(make, mesh, observers)
 
@@ -258,13 +259,8 @@ def _tagged(mesh: Any) -> TaggedMesh:
     if isinstance(mesh, TaggedMesh):
         return mesh
     if not isinstance(mesh, dmesh.Mesh):
-        raise FormError(
-            [
-                (
-                    "mesh",
-                    "must be a mesh, a TaggedMesh, or a function that makes one, not "
-                    f"{kind_of(mesh)}",
-                )
-            ]
+        raise FormError.at(
+            "mesh",
+            f"must be a mesh, a TaggedMesh, or a function that makes one, not {kind_of(mesh)}",
         )
     return tag_boundaries(mesh, {})

@@ -169,7 +169,7 @@ class FormSolver:
         """
         if any(effect.overrides("body") for effect in self.effects):
             lasts = "a step with inertia has a duration: use step(state, time) or run, not solve"
-            raise FormError([("density", lasts)])
+            raise FormError.at("density", lasts)
         self.timings = Timings()
         guess = self.last
         self.foundations.without_times()
@@ -336,7 +336,7 @@ class FormSolver:
                     "bcs prescribe the displacement along the normal at all of its points, or "
                     "measure is zero"
                 )
-                raise FormError([(f"contact[{k}]", wrong)])
+                raise FormError.at(f"contact[{k}]", wrong)
         self.boundary = boundary
         if renewed:
             owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
@@ -388,7 +388,7 @@ class FormSolver:
         forces, lifted = self._forces(values)
         for name, entries in (("bcs", values), ("L", forces)):
             if parallel.any_rank(self.space.mesh.comm, not np.isfinite(entries).all()):
-                raise FormError([(name, "is not finite somewhere")])
+                raise FormError.at(name, "is not finite somewhere")
         return self.elastic.case(forces, values, self.driven, lifted=lifted)
 
     def _body(self, fixed: Flags, boundary: ContactBoundary) -> Model:

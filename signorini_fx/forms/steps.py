@@ -146,30 +146,24 @@ def begun_path(
     one; collective.
     """
     if not isinstance(path, LoadPath | Iterable):
-        raise FormError([("path", f"must be times, or a LoadPath, not {kind_of(path)}")], "run")
+        raise FormError.at("path", f"must be times, or a LoadPath, not {kind_of(path)}", "run")
     path = path if isinstance(path, LoadPath) else LoadPath(tuple(path))
     scalar = isinstance(at, fem.Constant) and at.value.ndim == 0
     clock: Any = partial(setattr, at, "value") if scalar else at
     if isinstance(clock, fem.Constant) or not callable(clock):
-        raise FormError(
-            [
-                (
-                    "at",
-                    "must be a function of the time or a Constant with one value, not "
-                    f"{kind_of(at)}",
-                )
-            ]
+        raise FormError.at(
+            "at", f"must be a function of the time or a Constant with one value, not {kind_of(at)}"
         )
     if folder is None:
         if restart:
-            raise FormError([("restart", "needs the folder of the checkpoint")])
+            raise FormError.at("restart", "needs the folder of the checkpoint")
         return path, clock, None
     if (place := folder_path(folder).resolve()) in solver.folders:
         reason = (
             f"{folder} has the load steps of another run of this problem: give each run a "
             "folder of its own"
         )
-        raise FormError([("folder", reason)], "run")
+        raise FormError.at("folder", reason, "run")
     forms = solver.forms
     dofmap = solver.space.dofmap
     topology = forms.mesh.topology

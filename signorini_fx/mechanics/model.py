@@ -632,7 +632,7 @@ class Model:
             return full_contact, 0
         inside = sample(region, in_space(self.boundary.x)) > 0
         if not parallel.any_rank(self.comm, bool(inside.any())):
-            raise SceneError([("solver.initial_contact", "holds no contact node")])
+            raise SceneError.at("solver.initial_contact", "holds no contact node")
         return ActiveSets.of(inside, full_contact.direction), 1
 
     @shared_in("of_body")

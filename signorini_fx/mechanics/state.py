@@ -152,7 +152,7 @@ class State:
         elif counts.get(at) is not None and len(values) != counts[at]:
             wrong = f"has {len(values)} rows, and there are {counts[at]} {at} on this rank"
         if wrong:
-            raise SceneError([(f"field {name!r}", wrong)])
+            raise SceneError.at(f"field {name!r}", wrong)
         return replace(self, fields={**self.fields, name: Field(at, np.array(values, dtype=float))})
 
     def save(self, path: str | Path, problem: HasPoints) -> None:
@@ -256,7 +256,7 @@ class State:
                 state = cls._from(table, described, boundary, space)
         except (OSError, ValueError, EOFError, KeyError, TypeError, BadZipFile) as error:
             wrong = f"is no state of this mesh and contact: {error}"
-        parallel.raise_together(comm, SceneError([(str(path), wrong)]) if wrong else None)
+        parallel.raise_together(comm, SceneError.at(str(path), wrong) if wrong else None)
         assert state is not None
         return state
 
@@ -315,7 +315,7 @@ def at_cells(fields: Mapping[str, Field], like: Mapping[str, Array]) -> dict[str
     shapes = {name: values.shape for name, values in rows.items()}
     if wrong := [name for name, one in like.items() if shapes.get(name) != one.shape]:
         reason = f"is that of another material: it has no such {', '.join(wrong)}"
-        raise SceneError([("state", reason)])
+        raise SceneError.at("state", reason)
     return rows
 
 

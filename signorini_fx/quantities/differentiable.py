@@ -168,7 +168,7 @@ def functional_of(model: Model, text: str) -> Functional:
         return known[name](model, *words)
     except (KeyError, TypeError, ValueError):  # there is none of this name, or the words do not fit
         there = ", ".join(map(repr, DIFFERENTIABLE))
-        raise SceneError([(f"of {text!r}", f"is no result; there are {there}")]) from None
+        raise SceneError.at(f"of {text!r}", f"is no result; there are {there}") from None
 
 
 def _force(model: Model, boundary: str, axis: str) -> Functional:
@@ -181,7 +181,7 @@ def _moment(model: Model, boundary: str, axis: str = "z") -> Functional:
     if model.dimension == 2 and axis != "z":
         raise ValueError(axis)
     if reason := model.kinematics.refuses.get("moment"):
-        raise SceneError([(f"of moment {boundary}", reason)])
+        raise SceneError.at(f"of moment {boundary}", reason)
     component = 0 if model.dimension == 2 else _axis_of(model.dimension, axis)
     return ContactForce(_contact_of(model.statement, boundary), component, moment=True)
 
@@ -190,8 +190,8 @@ def _pressure(model: Model, boundary: str, power: str = "8") -> Functional:
     part = _contact_of(model.statement, boundary)
     number = float(power)
     if not 1 < number <= 1000:
-        raise SceneError(
-            [(f"of pressure {boundary} {power}", "the power must be above 1, and 1000 at most")]
+        raise SceneError.at(
+            f"of pressure {boundary} {power}", "the power must be above 1, and 1000 at most"
         )
     return LargestPressure(part, number)
 
@@ -203,13 +203,13 @@ def _mean(model: Model, boundary: str, axis: str) -> Functional:
     try:
         facets = model.tagged.facets(boundary)
     except MeshError as error:
-        raise SceneError([(f"of mean {boundary}", str(error))]) from None
+        raise SceneError.at(f"of mean {boundary}", str(error)) from None
     ds = measure(model.space.mesh, [facets], {})(1)
     around = model.kinematics.measure(ufl.SpatialCoordinate(model.space.mesh))
     weights = assemble(compile_form(z[component] * around * ds))
     area = float(parallel.global_sum(model.comm, weights.sum()))
     if area == 0:
-        raise SceneError([(f"of mean {boundary}", "this boundary has no area")])
+        raise SceneError.at(f"of mean {boundary}", "this boundary has no area")
     return OfDisplacement(np.asarray(weights / area, dtype=np.float64))
 
 
@@ -226,7 +226,7 @@ def _displacement(model: Model, point: str, axis: str) -> Functional:
     cells, reference_points, gap = cells_of_points(space.mesh, x, DIGITS_OF_FILES)
     gaps = model.comm.allgather(float(gap[0]))
     if np.isinf(min(gaps)):
-        raise SceneError([(f"of displacement {point}", "this point is outside of the body")])
+        raise SceneError.at(f"of displacement {point}", "this point is outside of the body")
     row = fem.Function(space)
     if int(np.argmin(gaps)) == model.comm.rank:
         basis = space.element.basix_element.tabulate(0, np.ascontiguousarray(reference_points))[
@@ -254,7 +254,7 @@ def _axis_of(dimension: int, name: str) -> int:
 def _contact_of(statement: Statement, boundary: str) -> int:
     names = [effect.boundary for effect in statement.contact]
     if boundary not in names:
-        raise SceneError(
-            [(f"of {boundary!r}", f"is no contact boundary; there are: {', '.join(names)}")]
+        raise SceneError.at(
+            f"of {boundary!r}", f"is no contact boundary; there are: {', '.join(names)}"
         )
     return names.index(boundary)

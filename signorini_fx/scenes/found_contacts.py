@@ -136,11 +136,11 @@ def with_contacts(text: str, file: Path, contacts: Sequence[ProposedContact]) ->
     try:
         data = tomllib.loads(own)
     except tomllib.TOMLDecodeError as error:
-        raise SceneError([("file", f"is not a TOML file: {error}")], str(file)) from None
+        raise SceneError.at("file", f"is not a TOML file: {error}", str(file)) from None
     stated = data.get("contact", [])
     if isinstance(stated, dict) or (stated and "[[contact]]" not in own):
         reason = "is an inline table, to which nothing can be added: write it as [[contact]]"
-        raise SceneError([("contact", reason)], str(file))
+        raise SceneError.at("contact", reason, str(file))
     pairs = [{entry.get("boundary"), entry.get("against")} for entry in stated]
     new = [contact for contact in contacts if {_side(contact, 0), _side(contact, 1)} not in pairs]
     mesh = data.get("mesh", {})
@@ -152,7 +152,7 @@ def with_contacts(text: str, file: Path, contacts: Sequence[ProposedContact]) ->
     if missing:
         names = ", ".join(f"{name} = {numbers}" for name, numbers in missing.items())
         reason = f"add these names, which the contacts need: {names}"
-        raise SceneError([("mesh.boundaries", reason)], str(file))
+        raise SceneError.at("mesh.boundaries", reason, str(file))
     block = f"{_FIRST}\n\n{as_entries(new)}\n\n{_LAST}\n"
     return f"{own.rstrip()}\n\n{block}"
 

@@ -34,7 +34,7 @@ def load_mesh(scene: Scene, comm: MPI.Comm) -> TaggedMesh:
                 "needs CAD or a gmsh generator: these meshes are ready-made, so make their cells "
                 "in contact smaller"
             )
-            raise SceneError([(sizes[0].path, reason)])
+            raise SceneError.at(sizes[0].path, reason)
         scene = with_cells_alike(scene, comm)
         return together(scene.body, partial(_load_one, scene), comm)
     return _load_one(scene, None, comm)
@@ -87,7 +87,7 @@ def _load_one(scene: Scene, number: int | None, comm: MPI.Comm, halvings: int = 
                     "the mesh is given with its cells: make those in contact shorter where "
                     "it is made"
                 )
-                raise SceneError([(sizes[0].path, reason)])
+                raise SceneError.at(sizes[0].path, reason)
         case MeshFile():
             # A drawing gets curved cells if the degree of the elements permits.
             curved = scene.element.degree == 2 and source.drawn

@@ -115,7 +115,7 @@ def _remade(scene: Scene, comm: MPI.Comm) -> Plan | None:
             if not several:
                 return None
             message = f"{mesh.generator!r}{name} can only be refined uniformly: use 'uniform'"
-            raise SceneError([("accuracy.refinement", message)])
+            raise SceneError.at("accuracy.refinement", message)
     if not several and isinstance(scene.mesh, MeshFile):
         tagged = load_mesh(
             scene.model_copy(update={"element": scene.element.model_copy(update={"degree": 2})}),
@@ -209,13 +209,13 @@ def _planned_generator(scene: Scene, goal: Accuracy) -> Plan:
             f"{several} cannot be divided one by one and stay conforming: use cell = "
             f"'{simplex}', or 'uniform'"
         )
-        raise SceneError([("accuracy.refinement", message)])
+        raise SceneError.at("accuracy.refinement", message)
     if goal.refinement == "adaptive" and triangles is None:
         message = (
             f"the arcs of {scene.mesh.generator} would stay the polygon that they are on "
             "the first mesh: use 'uniform'"
         )
-        raise SceneError([("accuracy.refinement", message)])
+        raise SceneError.at("accuracy.refinement", message)
     if cell in _SOLIDS:
         local = _divides(goal, scene, cell, straight=triangles is not None)
         takes = local and goal.refinement == "auto" and goal.of == "energy"
@@ -244,7 +244,7 @@ def _planned_file(scene: Scene, file: MeshFile, goal: Accuracy, comm: MPI.Comm) 
                 "ones only, and these "
                 "would stay the polygon that they are; use 'uniform'"
             )
-            raise SceneError([("accuracy.refinement", message)])
+            raise SceneError.at("accuracy.refinement", message)
         straight = load_file(file, comm, degree=1, sizes=sizes)
         return _planned_cells(scene, straight, goal, polygonal=not drawn and degree == 1)
     planned_scene = _of_degree_2(scene) if better else scene

@@ -103,7 +103,7 @@ def linear_body(scene: Scene, comm: mpi4py.MPI.Comm, timings: Timings) -> Model:
             "along no axis is not possible yet with a nonlinear material: turn the mesh, or "
             "take bilateral contact"
         )
-        raise SceneError([(f"displacement[{number}].normal", reason)])
+        raise SceneError.at(f"displacement[{number}].normal", reason)
     return model
 
 

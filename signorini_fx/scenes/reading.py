@@ -71,10 +71,10 @@ def read_scene_text(path: Path) -> str:
     try:
         return path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError:
-        raise SceneError([("file", "is not a text file (UTF-8)")], str(path)) from None
+        raise SceneError.at("file", "is not a text file (UTF-8)", str(path)) from None
     except (OSError, ValueError) as error:  # ValueError: a null byte in the path
         reason = getattr(error, "strerror", None) or error
-        raise SceneError([("file", f"cannot be read: {reason}")], str(path)) from None
+        raise SceneError.at("file", f"cannot be read: {reason}", str(path)) from None
 
 
 def parse_scene_text(text: str, path: Path, changes: Changes = MappingProxyType({})) -> Scene:
@@ -89,7 +89,7 @@ def parse_scene_text(text: str, path: Path, changes: Changes = MappingProxyType(
         ValueError,
         RecursionError,
     ) as error:  # TOMLDecodeError, a number with thousands of digits, deep nesting
-        raise SceneError([("syntax", _syntax(text, str(error)))], str(path)) from None
+        raise SceneError.at("syntax", _syntax(text, str(error)), str(path)) from None
     return parse_scene(changed(data, changes), str(path), path.parent)
 
 
@@ -201,7 +201,7 @@ def _with(entry: Any, way: list[str | int], value: Any, at: str) -> Any:
             reason = (
                 f"has {len(entry)}, counted from 0" if isinstance(entry, list) else "is no list"
             )
-            raise SceneError([(f"{at}[{key}]", f"is not there: {at} {reason}")])
+            raise SceneError.at(f"{at}[{key}]", f"is not there: {at} {reason}")
         return [
             *entry[:key],
             _with(entry[key], inner_way, value, f"{at}[{key}]"),
@@ -211,10 +211,10 @@ def _with(entry: Any, way: list[str | int], value: Any, at: str) -> Any:
         isinstance(element, Mapping | BaseModel) for element in entry
     ):
         if len(entry) != 1:
-            raise SceneError([(at, f"is a list of {len(entry)}: give a number, from {at}[0] on")])
+            raise SceneError.at(at, f"is a list of {len(entry)}: give a number, from {at}[0] on")
         return [_with(entry[0], way, value, f"{at}[0]")]
     if not isinstance(entry, Mapping | None):
-        raise SceneError([(at, "must be a table")])
+        raise SceneError.at(at, "must be a table")
     return {
         **(entry or {}),
         key: _with((entry or {}).get(key), inner_way, value, f"{at}.{key}".lstrip(".")),

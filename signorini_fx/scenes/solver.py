@@ -161,7 +161,7 @@ def _refuse_state(scene: Scene) -> None:
             "takes several meshes, and state and effects are for one: leave out accuracy and "
             "solver.levels"
         )
-        raise SceneError([("accuracy", reason)])
+        raise SceneError.at("accuracy", reason)
 
 
 def _effects_of(effects: Sequence[StepEffect | str]) -> list[StepEffect]:
@@ -180,7 +180,7 @@ def _checkpoint(
 ) -> StoredStates | None:
     """The checkpoint of a run; None if there is nothing to store."""
     if folder is None and restart:
-        raise SceneError([("restart", "needs the folder of the checkpoint")])
+        raise SceneError.at("restart", "needs the folder of the checkpoint")
     without = None
     if scene.accuracy is not None:
         without = "a run with a requested accuracy"
@@ -190,13 +190,8 @@ def _checkpoint(
         without = "a scene with one load step on one mesh"
     if folder is None or without is not None:
         if restart:
-            raise SceneError(
-                [
-                    (
-                        "restart",
-                        f"{without} has no checkpoint to go on from: solve it without restart",
-                    )
-                ]
+            raise SceneError.at(
+                "restart", f"{without} has no checkpoint to go on from: solve it without restart"
             )
         return None
     from signorini_fx.solving.restart import StoredStates

@@ -205,7 +205,7 @@ class SweepFolder(ResultFolder):
         for key, value in self._study.items():
             if stored["study"][key] != value:
                 reason = "is another one in the sweep to go on from: leave out --restart"
-                raise SceneError([(key, reason)])
+                raise SceneError.at(key, reason)
         return list(stored["rows"])
 
 

@@ -830,7 +830,7 @@ def refuse_beforehand(model: Model, *, linear: bool = True) -> None:
             "the pressure is not determined, because supports hold the whole boundary of the "
             "incompressible body: leave a part of it free"
         )
-        raise SceneError([("displacement", reason)])
+        raise SceneError.at("displacement", reason)
     if model.boundary is not None:
         model.first_sets()
     moving = [k for k, effect in enumerate(model.statement.contact) if effect.moves]

@@ -135,7 +135,7 @@ def _following(posed: Posed, state: State, values: ContactValues) -> tuple[Start
     first = posed.first
     boundary = posed.boundary
     if not _fits(values, boundary):
-        raise FormError([("contact", "its points cannot change between the steps of a loop")])
+        raise FormError.at("contact", "its points cannot change between the steps of a loop")
     rotation = rotations(values.normal, boundary.normal, posed.spin)
     sets, (pressure, mu) = in_frames(values, rotation, boundary)
     _, slips = body.contact.traces(_unknowns(posed, state))

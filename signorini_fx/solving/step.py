@@ -260,7 +260,7 @@ def refuse_no_duration(dt: float) -> None:
     """
     if not dt > 0:
         reason = f"must go on from the last load step, the next one would last {dt:g}"
-        raise FormError([("times", f"{reason}: friction follows the speed of slip")])
+        raise FormError.at("times", f"{reason}: friction follows the speed of slip")
 
 
 def with_contact(posed: Posed, effects: Sequence[StepEffect], state: State) -> Posed:

@@ -84,7 +84,7 @@ class SolvedStep:
         """
         if law is not None and law.follows_slip:
             reason = "derivatives are not possible yet where it follows the speed of slip"
-            raise FormError([("contact.friction", reason)])
+            raise FormError.at("contact.friction", reason)
         exact = not all(np.isfinite(task.promised(outcome)[:2]))
         data = start.data if exact else outcome.problem.data
         gamma = data.gamma_n, data.gamma_t
@@ -101,7 +101,7 @@ class SolvedStep:
                     "derivatives are not possible yet where it holds points without pressure "
                     "while a shape turns"
                 )
-                raise FormError([("contact.friction", reason)])
+                raise FormError.at("contact.friction", reason)
             boundary = state.boundary
             turns = (turning[0] != 0.0).any() or (np.abs(turning[1]) > ROOT_OF_EPS).any()
             if parallel.any_rank(
@@ -112,7 +112,7 @@ class SolvedStep:
                     "derivatives are not possible yet where it depends on the direction of "
                     "slip and a shape turns it"
                 )
-                raise FormError([("contact.friction", reason)])
+                raise FormError.at("contact.friction", reason)
         return cls(
             body,
             task.system,
@@ -135,7 +135,7 @@ class SolvedStep:
         row = np.zeros(self.body.fixed.size) if row is None else row
         if self.curvature is not None and isinstance(of, ContactForce):
             if of.moment:
-                raise FormError([("of", "a moment at displaced points has no derivative yet")])
+                raise FormError.at("of", "a moment at displaced points has no derivative yet")
             forces = row.reshape(-1, self.body.dimension).copy()
             np.subtract.at(
                 forces,

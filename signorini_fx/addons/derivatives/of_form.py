@@ -60,7 +60,7 @@ def _quantity_of(wanted: Any, u: fem.Function, body: Callable[[], Model]) -> Fun
     """
     if isinstance(wanted, ufl.Form):
         if wanted.arguments():
-            raise FormError([("of", "has arguments: a number is expected, a form of u alone")])
+            raise FormError.at("of", "has arguments: a number is expected, a form of u alone")
         with compiling():
             test = ufl.TestFunction(u.function_space)
             return OfForm(fem.form(wanted), fem.form(ufl.derivative(wanted, u, test)), u)

@@ -170,9 +170,9 @@ def sensitivity(
     scene = as_scene(scene)
     statement = scene.statement
     if not statement.contact:
-        raise SceneError([("contact", "there is none: a problem without contact is linear")])
+        raise SceneError.at("contact", "there is none: a problem without contact is linear")
     if reason := statement.kinematics.refuses.get("derivatives"):
-        raise SceneError([("material.hypothesis", reason)])
+        raise SceneError.at("material.hypothesis", reason)
     _refuse(statement, REFUSES)
     wanted = [of] if isinstance(of, str) else list(of)
     if statement.nonlinear:
@@ -329,7 +329,7 @@ def _at_step(models: Sequence[Model], text: str) -> tuple[int, Functional]:
         return len(models) - 1, functional_of(models[-1], text)
     number = int(words[2]) if words[2].strip().isdecimal() else 0
     if not 1 <= number <= len(models):
-        raise SceneError([(f"of {text!r}", f"there are load steps 1 to {len(models)}")])
+        raise SceneError.at(f"of {text!r}", f"there are load steps 1 to {len(models)}")
     return number - 1, functional_of(models[number - 1], words[0])
 
 
@@ -591,23 +591,18 @@ def _entry_of(
     if path.startswith("material") and not all(
         material.isotropic for material in statement.material
     ):
-        raise SceneError([(path, "is possible where all materials are isotropic")])
+        raise SceneError.at(path, "is possible where all materials are isotropic")
     if any(part in path for part in (".friction.ratio", ".friction.along", ".foundation.spring")):
-        raise SceneError([(path, "cannot differentiate with respect to this entry")])
+        raise SceneError.at(path, "cannot differentiate with respect to this entry")
     if path.endswith("grading"):
-        raise SceneError(
-            [
-                (
-                    path,
-                    "cannot differentiate with respect to this entry: use young instead",
-                )
-            ]
+        raise SceneError.at(
+            path, "cannot differentiate with respect to this entry: use young instead"
         )
     *_, (parent, _), (value, _) = _way(statement, path, dimension)
     if isinstance(value, Load):
         return 1.0, 1e-3
     if isinstance(parent, FrictionLaw | Resistance) and value == 0.0:
-        raise SceneError([(path, "no derivative at 0: use a small value")])
+        raise SceneError.at(path, "no derivative at 0: use a small value")
     root = path.partition("[")[0].partition(".")[0]
     if (
         isinstance(value, Expression)
@@ -653,7 +648,7 @@ def _way(statement: Statement, path: str, dimension: int) -> list[tuple[Any, str
     """The tables on the way to a number, each with the key that leads on, and the number."""
     keys: list[str | int] = way_of(path) if PATH.fullmatch(path) else []
     if not keys or keys[0] not in statement.effects:
-        raise SceneError([(path, f"cannot differentiate with respect to this entry, {_EXAMPLE}")])
+        raise SceneError.at(path, f"cannot differentiate with respect to this entry, {_EXAMPLE}")
     value: Any = statement.effects
     way: list[tuple[Any, str | int]] = []
     for key in keys:
@@ -672,10 +667,10 @@ def _way(statement: Statement, path: str, dimension: int) -> list[tuple[Any, str
         if value is None and key == "shift" and isinstance(keys[-1], int):
             value = (0.0,) * dimension
         if value is None:
-            raise SceneError([(path, f"there is no such entry, or it has no value; {_EXAMPLE}")])
+            raise SceneError.at(path, f"there is no such entry, or it has no value; {_EXAMPLE}")
     if isinstance(value, tuple) and len(value) == 1:
         way = [*way, (value, 0)]
         value = value[0]
     if isinstance(value, bool) or not isinstance(value, int | float | Expression | Load):
-        raise SceneError([(path, f"is no number; {_EXAMPLE}")])
+        raise SceneError.at(path, f"is no number; {_EXAMPLE}")
     return [*way, (value, "")]

@@ -91,7 +91,7 @@ class MovingFoundations(Foundations):
                 reason = (
                     "on quadratic tetrahedra a shape must be a plane: take hexahedra, or degree 1"
                 )
-                raise FormError([(f"contact[{number}].shape", reason)])
+                raise FormError.at(f"contact[{number}].shape", reason)
             turns = self._contact[number].measure is None and not averages
             shape = fitting(number, distance.shape, self._dimension, turns=turns)
             nodes = self._values[number].nodes
@@ -106,8 +106,8 @@ class MovingFoundations(Foundations):
     def _put(self, number: int, distance: Distance) -> None:
         moving = self.moving[number]
         if distance.shape.driven is not moving.shape.driven:
-            raise FormError(
-                [(f"contact[{number}].shape", "forces move it, or they do not: that cannot change")]
+            raise FormError.at(
+                f"contact[{number}].shape", "forces move it, or they do not: that cannot change"
             )
         moving.shape = fitting(number, distance.shape, self._dimension, turns=moving.turns)
 
@@ -135,7 +135,7 @@ class MovingFoundations(Foundations):
             turn = np.array([1.0 if value is None else value for value in rotations])
             for part in body.parts:
                 if reason := self.moving[part].turned_otherwise(turn):
-                    raise FormError([(f"contact[{part}].shape.rotation", reason)])
+                    raise FormError.at(f"contact[{part}].shape.rotation", reason)
 
     def carry_to(self, coordinates: Array) -> None:
         """Put tools where they are at coordinates of shape (k,)."""
@@ -557,7 +557,7 @@ class LinearisedProblem(FormSolver):
 
     def _renew_mesh(self) -> None:
         reason = "the coordinates of its mesh have changed: make a new problem on this mesh"
-        raise FormError([("u", reason)])
+        raise FormError.at("u", reason)
 
     def _set_up(
         self, shapes: Sequence[ShapeDistances], *, renewed: bool
@@ -857,7 +857,7 @@ class LinearisedProblem(FormSolver):
             values, boundary, gap, law = self.contact_now(solved)
             motion = self.foundations.motion_at(boundary, self.begin if begun is None else begun)
             if (residual := self._evaluated.at(at.copy())) is None:
-                raise FormError([("F", "is not finite beside the solution")])
+                raise FormError.at("F", "is not finite beside the solution")
             return [], -residual, values, boundary, gap, law, motion
         finally:
             at[:] = kept

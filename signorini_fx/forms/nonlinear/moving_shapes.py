@@ -76,7 +76,7 @@ class MovingShape:
         update: dict[str, Any] = {"shift": tuple(map(float, moved))}
         if turn.any() or self.shape.rotation is not None:
             if reason := self.turned_otherwise(turn):
-                raise FormError([("contact", reason)])
+                raise FormError.at("contact", reason)
             angles = (np.asarray(home.angles()) + np.degrees(turn)).tolist()
             update["rotation"] = tuple(angles) if dim == 3 else angles[0]
         self.shape = self.shape.model_copy(update=update)
@@ -208,7 +208,7 @@ def fitting(number: int, shape: Any, dimension: int, *, turns: bool = True) -> S
     path = f"contact[{number}].shape"
     if not isinstance(shape, Shape):
         cure = "derive its class from Shape of signorini_fx.mechanics.statement.rigid_shape"
-        raise FormError([(path, f"{type(shape).__name__} meets a nonlinear body: {cure}")])
+        raise FormError.at(path, f"{type(shape).__name__} meets a nonlinear body: {cure}")
     rotations = COMPONENTS[dimension][dimension:] if shape.drives else ()
     values = {key: shape.prescribes(key) for key in rotations}
     if not turns and any(value != 0.0 for value in values.values()):
@@ -217,7 +217,7 @@ def fitting(number: int, shape: Any, dimension: int, *, turns: bool = True) -> S
             "a rigid body that forces turn is not possible yet with these contact points: "
             f"prescribe {cure}"
         )
-        raise FormError([(f"{path}.prescribed", reason)])
+        raise FormError.at(f"{path}.prescribed", reason)
     free = [key for key in rotations if values[key] is None]
     wrong = [key for key in rotations if values[key]]
     if len(free) > 1 or (free and wrong):
@@ -227,7 +227,7 @@ def fitting(number: int, shape: Any, dimension: int, *, turns: bool = True) -> S
             "nonlinear body"
         )
         cure = f"prescribe {others}, or all of {', '.join(rotations)}"
-        raise FormError([(f"{path}.prescribed", f"{reason}: {cure}")])
+        raise FormError.at(f"{path}.prescribed", f"{reason}: {cure}")
     return shape
 
 

@@ -284,7 +284,7 @@ class EquilibriumSolver(Stability):
                 "keeps what the material remembers where no state has it, so that no step can "
                 "begin from one: give kept, the Functions that it changes"
             )
-            raise FormError([("commit", reason)])
+            raise FormError.at("commit", reason)
 
     def _recall(self, state: State) -> None:
         """Let the material remember what it does in a state; collective."""

@@ -235,11 +235,11 @@ class NonlinearContactProblem(ProblemOfForms):
         contact = checked(F, u, J, foundations_of(contact))
         if not isinstance(max_newton, int | np.integer) or max_newton < 1:
             reason = f"must be a whole number from 1, got {max_newton!r}"
-            raise FormError([("max_newton", reason)])
+            raise FormError.at("max_newton", reason)
         hooks = ("body", "load", "forces", "solved")
         if any(effect.overrides(name) for effect in effects for name in hooks):
             reason = "change loads, the body or its balance, which is not possible yet with one"
-            raise FormError([("effects", f"{reason} that is nonlinear: contact and after are")])
+            raise FormError.at("effects", f"{reason} that is nonlinear: contact and after are")
         options: dict[str, Any] = {
             "form_compiler_options": form_compiler_options,
             "jit_options": jit_options,
@@ -499,8 +499,8 @@ def linearised_at(solver: EquilibriumSolver, linear: LinearisedProblem) -> tuple
     residual = solver.residual
     for number, entry in enumerate(linear.contact):
         if entry.against is not None and not entry.bonded:
-            raise FormError(
-                [(f"contact[{number}]", "derivatives are not possible yet where two bodies touch")]
+            raise FormError.at(
+                f"contact[{number}]", "derivatives are not possible yet where two bodies touch"
             )
     if residual.update is not None and linear.step > 0:
         why = (
@@ -515,6 +515,6 @@ def linearised_at(solver: EquilibriumSolver, linear: LinearisedProblem) -> tuple
             "is needed: the derivative of F by UFL does not contain the changes that update makes"
         )
         wrong = "is not the derivative of F at the solution: leave it out, or mend it"
-        raise FormError([("J", wrong if solver.tangents.given else unseen)])
+        raise FormError.at("J", wrong if solver.tangents.given else unseen)
     assert solver.solved is not None
     return linear.derivative_at(solver.solved.linear.begin)

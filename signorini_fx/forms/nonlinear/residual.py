@@ -146,7 +146,7 @@ class Residual:
         named = (
             None
             if error is None
-            else FormError([("update", f"raised {type(error).__name__}: {error}")])
+            else FormError.at("update", f"raised {type(error).__name__}: {error}")
         )
         try:
             parallel.raise_together(self.u.function_space.mesh.comm, named)
@@ -363,4 +363,4 @@ def refuse_miscompiled(
             "for something else, "
         )
         cure = f"{wrong / size:.1e} from the sum over its rules; take no quadrature_degree below 2"
-        raise FormError([("F", why + cure)])
+        raise FormError.at("F", why + cure)

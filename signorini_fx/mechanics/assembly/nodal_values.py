@@ -74,9 +74,9 @@ class NodalValues:
                 wanted = f"a number of at most {LARGEST_NUMBER:g}"
                 wanted += "" if minimum == -np.inf else ", and not negative"
                 wrong = ", ".join(f"{c:g}" for c in at[bad[0]])
-                error = FormError([(name, f"is {wrong} at ({position}); it must be {wanted}")])
+                error = FormError.at(name, f"is {wrong} at ({position}); it must be {wanted}")
         except Exception as failure:  # of the user's callable, perhaps on one rank only
-            error = FormError([(name, f"cannot be evaluated at the contact points: {failure}")])
+            error = FormError.at(name, f"cannot be evaluated at the contact points: {failure}")
         parallel.raise_together(comm, error)
         return nodal_values[:, 0] if components == 1 else nodal_values
 

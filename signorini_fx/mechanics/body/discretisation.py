@@ -225,8 +225,8 @@ def _check_measure(kinematics: Kinematics, tagged: TaggedMesh) -> None:
         parallel.any_rank(tagged.mesh.comm, bool((measures < -SAME_NUMBER * most).any()))
         or most <= 0
     ):
-        raise SceneError(
-            [("material.hypothesis", f"measure of {kinematics.words!r} is not positive")]
+        raise SceneError.at(
+            "material.hypothesis", f"measure of {kinematics.words!r} is not positive"
         )
 
 

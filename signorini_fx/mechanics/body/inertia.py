@@ -220,7 +220,7 @@ class Inertia(Effect, StepEffect):
             model.comm, bool((np.abs(held[model.fixed]) > SAME_LENGTH * size).any())
         ):
             reason = "moves a node whose displacement is prescribed: leave these nodes at rest"
-            raise SceneError([("initial_velocity", reason)])
+            raise SceneError.at("initial_velocity", reason)
         return velocity.ravel()
 
     def _check(self, model: Model) -> None:
@@ -234,7 +234,7 @@ class Inertia(Effect, StepEffect):
                 f"is {self.time_step:g}: waves pass {ratio:.2g} of the smallest cell in contact, "
                 f"{height:.3g} high, and the mesh rings: make it {least:.3g} at least"
             )
-            raise SceneError([("inertia.time_step", reason)])
+            raise SceneError.at("inertia.time_step", reason)
 
     def courant(self, model: Model) -> tuple[float, float]:
         """Return how many of the smallest cells in contact a wave passes in a step, and their
@@ -474,14 +474,14 @@ def density_of(given: Any, space: fem.FunctionSpace) -> Any:
         spaces = [one.ufl_function_space() for one in given.arguments()]
         if len(spaces) != 2 or any(one != space for one in spaces):
             reason = "must be bilinear on the space of a, where it is a form: the mass"
-            raise FormError([("density", reason)])
+            raise FormError.at("density", reason)
         return given
     if isinstance(given, int | float) and not isinstance(given, bool) and 0 < given < np.inf:
         return fem.Constant(space.mesh, default_scalar_type(given))
     if isinstance(given, ufl.core.expr.Expr) and not given.ufl_shape:
         return given
     reason = "must be a positive number, UFL without components, or the form of the mass"
-    raise FormError([("density", f"{reason}, not {kind_of(given)}")])
+    raise FormError.at("density", f"{reason}, not {kind_of(given)}")
 
 
 def _mass_form(model: Model, factor: float | None = None) -> fem.Form:

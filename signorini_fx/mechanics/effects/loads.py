@@ -617,4 +617,4 @@ def _distinct(file: Path, points: Array, values: Array) -> tuple[Array, Array]:
 
 
 def _wrong_file(file: Path, message: str) -> SceneError:
-    return SceneError([("temperature.file", f"{file}: it {message}")])
+    return SceneError.at("temperature.file", f"{file}: it {message}")

@@ -44,17 +44,12 @@ def check_covers(statement: Statement, tagged: TaggedMesh) -> None:
             if parallel.any_rank(comm, bool(np.isin(bare, tagged.cells(name)).any()))
         ]
         of_bodies = f" of {' and '.join(map(repr, names))}" if names else ""
-        raise SceneError(
-            [
-                (
-                    "material",
-                    f"{count} cells{of_bodies} are in none of the regions that have a material",
-                )
-            ]
+        raise SceneError.at(
+            "material", f"{count} cells{of_bodies} are in none of the regions that have a material"
         )
     if twice := int(parallel.global_sum(comm, np.array(np.sum(covered[: cells.size_local] > 1)))):
-        raise SceneError(
-            [("material", f"{twice} cells are in several of the regions that have a material")]
+        raise SceneError.at(
+            "material", f"{twice} cells are in several of the regions that have a material"
         )
 
 
@@ -139,7 +134,7 @@ def reduced_degree(statement: Statement, mesh: dmesh.Mesh, *, nearly: bool = Fal
         plane = kind == "triangle"
         cure = "use degree = 2, or quadrilaterals" if plane else "use hexahedra"
         message = f"linear {'triangles' if plane else 'tetrahedra'} have no reduced form: {cure}"
-        raise SceneError([("element.volumetric", message)])
+        raise SceneError.at("element.volumetric", message)
     nearly = nearly or any(material.locks for material in statement.material)
     apart = all(material.isotropic for material in statement.material)
     asked = volumetric == "reduced" or (volumetric == "auto" and nearly)

@@ -115,7 +115,7 @@ def _refuse_where(wrong: Any, key: str, reason: str, comm: Any) -> None:
     from signorini_fx.machine import parallel
 
     if parallel.any_rank(comm, bool(wrong.any())):
-        raise FormError([(key, reason)])
+        raise FormError.at(key, reason)
 
 
 class DirectedLaw(FrictionLaw):
@@ -161,13 +161,8 @@ class DirectedLaw(FrictionLaw):
         if self.ratio is None:
             return None
         if dimension < 3:
-            raise FormError(
-                [
-                    (
-                        f"{path}.ratio",
-                        "the mesh is plane: friction has one direction there, leave it out",
-                    )
-                ]
+            raise FormError.at(
+                f"{path}.ratio", "the mesh is plane: friction has one direction there, leave it out"
             )
         ratio = at(self.ratio, f"{path}.ratio", minimum=0.0)
         _refuse_where(np.isfinite(ratio) & ~(ratio > 0), f"{path}.ratio", "must be above 0", comm)

@@ -117,7 +117,7 @@ def jump_at(
         ),
     ):
         if parallel.any_rank(mesh.comm, wrong):
-            raise SceneError([(f"{path}.{key}", reason)])
+            raise SceneError.at(f"{path}.{key}", reason)
     cells = np.flatnonzero(touching & beyond).astype(np.int32)
     axis = np.append(
         axis, np.zeros(space.dofmap.index_map_bs - dim)
@@ -130,8 +130,8 @@ def _inner_facets(name: str, path: str, tagged: TaggedMesh) -> Indices:
     mesh = tagged.mesh
     if name not in tagged.boundaries:
         boundary_names = ", ".join(sorted(tagged.boundaries)) or "none"
-        raise SceneError(
-            [(f"{path}.section", f"the mesh has no facets {name!r}; it has: {boundary_names}")]
+        raise SceneError.at(
+            f"{path}.section", f"the mesh has no facets {name!r}; it has: {boundary_names}"
         )
     mesh.topology.create_connectivity(mesh.topology.dim - 1, mesh.topology.dim)
     tags = tagged.boundaries[name]
@@ -140,8 +140,8 @@ def _inner_facets(name: str, path: str, tagged: TaggedMesh) -> Indices:
         np.int32
     )
     if not parallel.any_rank(mesh.comm, inner_facets.size > 0):
-        raise SceneError(
-            [(f"{path}.section", f"{name!r} has no facets inside the mesh: it is on its boundary")]
+        raise SceneError.at(
+            f"{path}.section", f"{name!r} has no facets inside the mesh: it is on its boundary"
         )
     return inner_facets
 
@@ -157,8 +157,8 @@ def _plane(
     point = sums[:-1] / sums[-1]
     spread, directions = np.linalg.eigh(parallel.global_sum(comm, (x - point).T @ (x - point)))
     if np.sqrt(max(spread[0], 0.0) / sums[-1]) > DIGITS_OF_FILES * tagged.size:
-        raise SceneError(
-            [(f"{path}.section", "its facets are not in one plane: give point and axis instead")]
+        raise SceneError.at(
+            f"{path}.section", "its facets are not in one plane: give point and axis instead"
         )
     return point, directions[:, 0]
 
@@ -182,13 +182,8 @@ def jump_loads(
     loads = []
     for jump in jumps:
         if parallel.any_rank(space.mesh.comm, held(jump)):
-            raise SceneError(
-                [
-                    (
-                        jump.path,
-                        "contact or a support holds nodes of the section along its axis: move it",
-                    )
-                ]
+            raise SceneError.at(
+                jump.path, "contact or a support holds nodes of the section along its axis: move it"
             )
         terms = elastic.jump_terms(jump.on(space), z)
         forms = tuple(map(compile_form, terms))

@@ -209,7 +209,7 @@ class FormCoefficients:
             )
             if not abs(integral) > SAME_NUMBER * largest * scales.surface:
                 wrong = f"its integral over {boundary!r} is {integral:g}: it must not be 0"
-                raise SceneError([(f"{self.path(effect)}.spread", wrong)])
+                raise SceneError.at(f"{self.path(effect)}.spread", wrong)
             self._totals[boundary, spread] = fem.Constant(mesh, default_scalar_type(integral))
         return self._totals[boundary, spread]
 
@@ -243,8 +243,8 @@ class FormCoefficients:
                 for key, entry in vars(effect).items()
             )
             path = next((f"{at}.{key}" for at, key, entry in keys if entry is value), "scene")
-            error = SceneError(
-                [(path, f"cannot be evaluated at the nodes of the whole mesh: {failure}")]
+            error = SceneError.at(
+                path, f"cannot be evaluated at the nodes of the whole mesh: {failure}"
             )
         parallel.raise_together(mesh.comm, error)
         return function
@@ -418,7 +418,7 @@ def _asked(effect: Any, method: str, on: FormCoefficients, *arguments: Any) -> A
         if value.ufl_shape == wanted:
             return value
         reason = f"{method} of {name} has the shape {value.ufl_shape}, not {wanted}"
-    raise SceneError([(on.path(effect), reason)])
+    raise SceneError.at(on.path(effect), reason)
 
 
 def _compiled(

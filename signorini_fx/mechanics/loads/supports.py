@@ -197,7 +197,7 @@ def flat_normal(effect: Displacement, index: int, tagged: TaggedMesh) -> Array:
         message = (
             f"boundary {effect.boundary!r} is not flat: use bilateral contact without friction"
         )
-        raise SceneError([(f"displacement[{index}].normal", message)])
+        raise SceneError.at(f"displacement[{index}].normal", message)
     return np.pad(normal, (0, mesh.geometry.dim - dim))
 
 
@@ -284,8 +284,8 @@ def node_at(space: fem.FunctionSpace, effect: Any, path: str, tagged: TaggedMesh
             np.round(nearest[np.argmin(nearest[:, 0]), 1:] / tagged.size, 9) * tagged.size
         )
         at = ", ".join(f"{value:.6g}" for value in nearest_point)
-        raise SceneError(
-            [(f"{path}.at", f"no node of the mesh is at {effect.place}; near is ({at})")]
+        raise SceneError.at(
+            f"{path}.at", f"no node of the mesh is at {effect.place}; near is ({at})"
         )
     owned = candidates[candidates < space.dofmap.index_map.size_local]
     count = int(parallel.global_sum(tagged.mesh.comm, np.array(owned.size)))
@@ -295,7 +295,7 @@ def node_at(space: fem.FunctionSpace, effect: Any, path: str, tagged: TaggedMesh
             "name the region of one "
             "of them, or choose a point at which there is one node"
         )
-        raise SceneError([(f"{path}.at", message)])
+        raise SceneError.at(f"{path}.at", message)
     return candidates
 
 

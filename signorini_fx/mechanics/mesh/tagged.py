@@ -314,8 +314,8 @@ def generate_mesh(
     finally:
         _LOCAL_SIZES.reset(reset)
     if not isinstance(tagged, TaggedMesh):
-        raise SceneError(
-            [("mesh.generator", f"{name!r} has made {kind_of(tagged)}, a TaggedMesh is expected")]
+        raise SceneError.at(
+            "mesh.generator", f"{name!r} has made {kind_of(tagged)}, a TaggedMesh is expected"
         )
     # Lengths of all cells are asked of generators alone that make cells of several.
     asked = (
@@ -325,7 +325,7 @@ def generate_mesh(
     )
     if in_rows and asked:
         cure = "make all of them smaller by its parameters, or draw the body in a .geo"
-        raise SceneError([(asked[0], f"the cells of the generator {name!r} are in rows: {cure}")])
+        raise SceneError.at(asked[0], f"the cells of the generator {name!r} are in rows: {cure}")
     return replace(tagged, origin={"generator": name, "parameters": dict(parameters)})
 
 

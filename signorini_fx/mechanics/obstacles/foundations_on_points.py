@@ -142,9 +142,7 @@ class Foundations:
 
     def _refuse(self, path: str, fault: str) -> None:
         """Raise an error on all ranks if any of them has a fault."""
-        parallel.raise_together(
-            self._space.mesh.comm, FormError([(path, fault)]) if fault else None
-        )
+        parallel.raise_together(self._space.mesh.comm, FormError.at(path, fault) if fault else None)
 
     @cached_property
     def _length(self) -> float:
@@ -217,7 +215,7 @@ class Foundations:
         shape = self.placed_shape(number)
         driven = self.driven
         if not isinstance(shape, Shape):
-            raise FormError([(path, "this foundation has no shape that can be placed")])
+            raise FormError.at(path, "this foundation has no shape that can be placed")
         if driven[number] is not None and (wrong := set(placement) - set(RigidMotion.model_fields)):
             raise FormError(
                 [
@@ -237,7 +235,7 @@ class Foundations:
             raise FormError([(f"{path}.{key}", reason) for key, reason in error.problems]) from None
         driven[number] = moved.shape
         if reason := driven_twice(driven, number):
-            raise FormError([(f"{path}.rigid", reason)])
+            raise FormError.at(f"{path}.rigid", reason)
         self._put(number, moved)
 
     def _put(self, number: int, distance: Distance) -> None:
@@ -349,7 +347,7 @@ class Foundations:
                 direction = at(along, f"contact[{k}].direction", self._dimension)
                 size = np.hypot.reduce(direction, axis=1, keepdims=True)
                 if parallel.any_rank(self._space.mesh.comm, bool((size == 0).any())):
-                    raise FormError([(f"contact[{k}].direction", "is zero somewhere")])
+                    raise FormError.at(f"contact[{k}].direction", "is zero somewhere")
                 direction = direction / size
             shapes.append(ShapeDistances(factor, direction, axes))
         return shapes
@@ -563,7 +561,7 @@ class Foundations:
                     "belongs there, or "
                     "reverse the order of the points of a line, which has the body on its left"
                 )
-                raise FormError([(f"contact[{number}]", message)])
+                raise FormError.at(f"contact[{number}]", message)
         if self._outside.get(number) == distance.shape:
             return distances
         if (swallowed := self.cells.swallowed(distance.shape)) is not None:
@@ -573,7 +571,7 @@ class Foundations:
                 "start with the shape outside the body; in load steps a nonlinear body may be "
                 "pressed farther"
             )
-            raise FormError([(f"contact[{number}]", message)])
+            raise FormError.at(f"contact[{number}]", message)
         self._outside[number] = distance.shape
         return distances
 

@@ -252,8 +252,8 @@ class FacingSides:
         the sides are curved and the displacement is linear; collective.
         """
         if compat.geometry_degree(space.mesh) > space.element.basix_element.degree:
-            raise FormError(
-                [(f"contact[{index}]", "two bodies with curved cells need a space of degree 2")]
+            raise FormError.at(
+                f"contact[{index}]", "two bodies with curved cells need a space of degree 2"
             )
         comm = space.mesh.comm
         dim = space.mesh.topology.dim
@@ -361,7 +361,7 @@ class PairedSides:
                 mine=facing.slave.owned(facing.space),
             )
         except PairingError as error:
-            raise FormError([(f"contact[{facing.index}]", str(error))]) from None
+            raise FormError.at(f"contact[{facing.index}]", str(error)) from None
         return cls(facing, coupling)
 
     def deformed(self, displacement: Array) -> PairedSides:
@@ -491,18 +491,13 @@ class MovingPair:
         surface = sides.slave.surface
         name = f"contact[{sides.index}]"
         if np.intersect1d(sides.slave.nodes, sides.master.nodes).size:
-            raise FormError(
-                [
-                    (
-                        name,
-                        "sides that slide must not share nodes: give parts that do not meet",
-                    )
-                ]
+            raise FormError.at(
+                name, "sides that slide must not share nodes: give parts that do not meet"
             )
         points = np.flatnonzero(~surface.unable & (surface.area > 0.0) & ~surface.without_area)
         if not points.size:
-            raise FormError(
-                [(name, "other contacts own all nodes of its side: exchange facets and against")]
+            raise FormError.at(
+                name, "other contacts own all nodes of its side: exchange facets and against"
             )
         self.sides = sides
         self.points = points

@@ -193,7 +193,7 @@ def with_chosen_sides(
                 f"{effect.against!r} shares facets with {existing!r} of another contact: "
                 "leave the points on"
             )
-            raise SceneError([(f"contact[{number}].points", f"{message} {effect.boundary!r}")])
+            raise SceneError.at(f"contact[{number}].points", f"{message} {effect.boundary!r}")
     if all(
         contact is existing for contact, existing in zip(contacts, statement.contact, strict=True)
     ):

@@ -56,13 +56,13 @@ def found_generator(
     generators = known_generators(name)
     if name not in generators:
         message = f"no generator {name!r}; there are: {', '.join(generators) or 'none'}"
-        raise SceneError([("mesh.generator", message)])
+        raise SceneError.at("mesh.generator", message)
     try:
         generate: Callable[..., Any] = generators[name]()
         types_of(generate)
     except Exception as error:  # of the code of the user
         message = f"{name!r} cannot be imported: {type(error).__name__}: {error}"
-        raise SceneError([("mesh.generator", message)]) from error
+        raise SceneError.at("mesh.generator", message) from error
     names = [
         key for key, p in inspect.signature(generate).parameters.items() if p.kind is p.KEYWORD_ONLY
     ]

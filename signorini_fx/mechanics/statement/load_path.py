@@ -149,7 +149,7 @@ class LoadPath:
             within = stations[0] <= time <= stations[-1]
         if not within:
             ends = ", ".join(f"{each:g}" for each in self.times)
-            raise SceneError([("time", f"no load step ends at time {time:g}: they end at {ends}")])
+            raise SceneError.at("time", f"no load step ends at time {time:g}: they end at {ends}")
         return place
 
     def name_at(self, step: float) -> str:

@@ -135,7 +135,7 @@ class MeshGenerator(Table):
         coarser = getattr(self._generate(), "coarser", None)
         if coarser is None:
             message = f"the generator {self.generator!r} makes no coarser meshes: use levels = 1"
-            raise SceneError([("solver.levels", message)])
+            raise SceneError.at("solver.levels", message)
         return self.model_copy(update={"parameters": coarser(self.parameters, factor)})
 
     def coarsest(self, factor: float) -> float:

@@ -352,7 +352,7 @@ def distance_from(source: Any, dimension: int, *, turns: bool = True) -> Distanc
     except ValidationError as error:
         raise SceneError(problems_of(error, source, shape_class(source["shape"]))) from None
     except ValueError as error:
-        raise SceneError([("", str(error))]) from None
+        raise SceneError.at("", str(error)) from None
     if isinstance(shape, Shape) and (
         problems := list(shape.contradictions(dimension, turns=turns))
     ):

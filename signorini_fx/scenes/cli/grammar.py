@@ -241,7 +241,7 @@ def several_values(entries: dict[str, Any]) -> tuple[str, list[Any]]:
     }
     if len(ranges) != 1:
         found = f"several ranges, of {', '.join(ranges)}," if ranges else "no range"
-        raise SceneError([("sweep", f"{found} found: write --set PATH=0.1:0.8:8 or PATH=1,2,3")])
+        raise SceneError.at("sweep", f"{found} found: write --set PATH=0.1:0.8:8 or PATH=1,2,3")
     return ranges.popitem()
 
 
@@ -256,8 +256,8 @@ def _values(path: str, value: Any) -> list[Any]:
             last = float(match[2])
             count = int(match[3])
         except ValueError:
-            raise SceneError(
-                [(path, f"{value!r} is no range: FROM:TO:COUNT is expected, such as 0.1:0.8:8")]
+            raise SceneError.at(
+                path, f"{value!r} is no range: FROM:TO:COUNT is expected, such as 0.1:0.8:8"
             ) from None
         return [
             float(f"{first + k / max(count - 1, 1) * (last - first):.12g}") for k in range(count)

@@ -481,7 +481,7 @@ def _numbers(entities: _Entities, data: str | None, name: str) -> Mapping[int, I
         return possible[0] if len(possible) == 1 else None
     if data not in entities.data:
         labels = ", ".join(map(repr, entities.data)) or "none"
-        raise SceneError(
-            [("mesh.data", f"{name}: no cell data {data!r} of whole numbers; there are: {labels}")]
+        raise SceneError.at(
+            "mesh.data", f"{name}: no cell data {data!r} of whole numbers; there are: {labels}"
         )
     return entities.data[data]

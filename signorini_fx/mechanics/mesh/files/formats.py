@@ -55,14 +55,9 @@ def read_file(
         raise MeshError(f"{file}: no such file")
     if mesh.size is not None and suffix not in CAD:
         suffixes = ", ".join(CAD)
-        raise SceneError(
-            [
-                (
-                    "mesh.size",
-                    f"a {file.suffix} file determines the size of its cells; a size is for "
-                    f"{suffixes}",
-                )
-            ]
+        raise SceneError.at(
+            "mesh.size",
+            f"a {file.suffix} file determines the size of its cells; a size is for {suffixes}",
         )
     if not mesh.drawn and not isinstance(sizes, SizeField) and sizes:
         message = (
@@ -70,7 +65,7 @@ def read_file(
             "or let "
             "[accuracy] with refinement = 'adaptive' divide straight triangles or tetrahedra"
         )
-        raise SceneError([(sizes[0].path, message)])
+        raise SceneError.at(sizes[0].path, message)
 
     def named(raw: RawMesh) -> MeshArrays:
         return from_raw(raw, str(file), mesh.boundaries, mesh.regions, mesh.data)

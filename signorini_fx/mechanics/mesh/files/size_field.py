@@ -109,7 +109,7 @@ def with_sizes(
                     f"the facets of {size.boundary!r} are no longer than {longest:.3g} "
                     "without it: give less"
                 )
-                raise SceneError([(size.path, message)])
+                raise SceneError.at(size.path, message)
         if not wanted:
             return None
         field = _graded_at(own, wanted)
@@ -119,8 +119,8 @@ def with_sizes(
     for size in wanted:
         length = float(np.median(_longest_edges(mesh, size.boundary)))
         if length > LONGEST_FACET * size.size:
-            raise SceneError(
-                [(size.path, f"gmsh has made facets of {length:.3g} of {size.boundary!r}: {cure}")]
+            raise SceneError.at(
+                size.path, f"gmsh has made facets of {length:.3g} of {size.boundary!r}: {cure}"
             )
     return mesh
 
