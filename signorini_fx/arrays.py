@@ -13,7 +13,7 @@ Ints = npt.NDArray[np.int64]
 
 def length(vectors: Array) -> Array:
     """Euclidean length of each row, shape (n,); exact for rows of one component."""
-    return np.asarray(np.hypot.reduce(vectors, axis=1, initial=0.0))
+    return np.hypot.reduce(vectors, axis=1, initial=0.0)
 
 
 def inner(a: Array, b: Array) -> Array:

@@ -297,7 +297,7 @@ class RegularisedProblem:
         unsigned = x.copy()
         unsigned.abs()
         terms = length(np.column_stack(self._unsigned.traces(unsigned)))
-        return np.asarray(NO_FORCE * max(self.data.gamma_n, self.data.gamma_t) * terms)
+        return NO_FORCE * max(self.data.gamma_n, self.data.gamma_t) * terms
 
     def least_share(self, x: PETSc.Vec) -> float:
         """The tractions of the group with the smallest ones as a share of the largest;

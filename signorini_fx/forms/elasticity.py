@@ -187,7 +187,7 @@ def _met_at_nodes(space: fem.FunctionSpace, boundary: ContactBoundary, facets: I
         np.add.at(array[:, :2], local, np.column_stack((inverse, np.ones(inverse.size))))
     sums.x.scatter_reverse(la.InsertMode.add)
     with np.errstate(invalid="ignore"):
-        return np.asarray(space.element.basix_element.degree * array[:, 0] / array[:, 1])
+        return space.element.basix_element.degree * array[:, 0] / array[:, 1]
 
 
 # --- what results are made of ---------------------------------------------------------------------
@@ -542,7 +542,7 @@ def exterior_facets(integral: Any, mesh: dmesh.Mesh) -> Indices:
     if data is None or "everywhere" in wanted:
         return np.asarray(dmesh.exterior_facet_indices(mesh.topology))
     if hasattr(data, "values"):
-        return np.asarray(data.indices[np.isin(data.values, wanted)])
+        return data.indices[np.isin(data.values, wanted)]
     pairs = np.concatenate(
         [np.empty(0, int), *(entities for number, entities in data if number in wanted)]
     )

@@ -412,7 +412,7 @@ def _listed(selection: Any, mesh: dmesh.Mesh, dim: int, count: int) -> Indices:
             raise ValueError(f"the tags are on entities of dimension {tags.dim}, not {dim}")
         if compat.topology(tags) != compat.topology(mesh):
             raise ValueError("the tags are of another mesh")
-        return np.asarray(tags.indices[np.isin(tags.values, wanted)])
+        return tags.indices[np.isin(tags.values, wanted)]
     facets = np.asarray(selection)
     if facets.ndim != 1 or not (facets.size == 0 or np.issubdtype(facets.dtype, np.integer)):
         raise TypeError("local numbers of facets are expected, shape (n,), or (meshtags, tag)")

@@ -45,7 +45,7 @@ _cell = cache(ufl.Cell)
 def interpolation_points(element: Any) -> Array:
     """Reference points of ``element``: a method until 0.9, a property since."""
     points = element.interpolation_points
-    return np.asarray(points() if callable(points) else points)
+    return points() if callable(points) else points
 
 
 def _cmap(geometry: Any) -> Any:
@@ -75,7 +75,7 @@ def lagrange(cell: str, degree: int, variant: basix.LagrangeVariant) -> Any:
 def geometry_cells(domain: mesh.Mesh) -> Indices:
     """Geometry nodes of the cells of this rank, shape (cells, nodes of each)."""
     geometry: Any = domain.geometry
-    return np.asarray(geometry.dofmaps[0] if VERSION >= (0, 11) else geometry.dofmap)
+    return geometry.dofmaps[0] if VERSION >= (0, 11) else geometry.dofmap
 
 
 def wrapped(holder: fem.FunctionSpace | mesh.Mesh | fem.Form | mesh.Geometry) -> Any:

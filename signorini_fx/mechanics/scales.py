@@ -51,7 +51,7 @@ class Scales:
 
     def side(self, area: Array) -> Array:
         """Lengths of the sides of pieces of the surface with these areas (in 2D: lengths)."""
-        return np.asarray((area / self.depth) ** (1.0 / (self.dimension - 1)))
+        return (area / self.depth) ** (1.0 / (self.dimension - 1))
 
     def stiffness(self, spacing: Any) -> Any:
         """Force at a node that is moved by a unit of length, at this distance from its

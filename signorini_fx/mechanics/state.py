@@ -339,7 +339,7 @@ def _by_cell(space: fem.FunctionSpace, values: Array) -> Array:
     is that of the input.
     """
     nodes = space.dofmap.index_map.size_local + space.dofmap.index_map.num_ghosts
-    return np.asarray(values.reshape(nodes, -1)[space.dofmap.list[: _owned_cells(space)]])
+    return values.reshape(nodes, -1)[space.dofmap.list[: _owned_cells(space)]]
 
 
 def _of_cells(space: fem.FunctionSpace, stored: Array) -> Array:

@@ -52,9 +52,9 @@ def present_pressure(
     for total, area in zip((before, after), areas, strict=True):
         np.add.at(total, corners, area[:, None])
     np.divide(after, before, out=stretch, where=(before > 0) & (after > 0))
-    return np.asarray(table.columns["pressure"] / stretch)
+    return table.columns["pressure"] / stretch
 
 
 def _lengths(x: Array, corners: Ints) -> Array:
     """The length of each interval, shape (intervals,)."""
-    return np.asarray(np.linalg.norm(x[corners[:, 1]] - x[corners[:, 0]], axis=1))
+    return np.linalg.norm(x[corners[:, 1]] - x[corners[:, 0]], axis=1)

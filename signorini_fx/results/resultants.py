@@ -187,7 +187,7 @@ class Resultants:
         shape (nodes, d).
         """
         y = self.displacement.x.array.reshape(-1, self.tagged.mesh.geometry.dim)
-        return np.asarray(y if self.acting.displaced else np.zeros_like(y))
+        return y if self.acting.displaced else np.zeros_like(y)
 
     @cached_property
     def _x(self) -> Array:
@@ -221,7 +221,7 @@ class Resultants:
         collective.
         """
         balance = self.acting.balance
-        return np.asarray(
+        return (
             balance.internal
             + balance.resisted
             - balance.external
@@ -345,7 +345,7 @@ def arm(moment: Array, force: Array, normal: Array | None) -> Array:
         axis = normal
     if force.size == 2:
         return np.array([axis[1], -axis[0]]) * moment[0] / (axis @ force)
-    return np.asarray(np.cross(axis, moment) / (axis @ force))
+    return np.cross(axis, moment) / (axis @ force)
 
 
 def _plain(moment: Array) -> float | Array:

@@ -210,7 +210,7 @@ def _material(body: Model, cell: int) -> tuple[Any, ...]:
 def _normal(vertices: Array, inside: Array) -> Array:
     """The unit normal of a facet that points away from a point inside."""
     normal = np.linalg.svd(vertices - vertices.mean(axis=0))[2][-1]
-    return np.asarray(normal * np.sign(normal @ (vertices.mean(axis=0) - inside)))
+    return normal * np.sign(normal @ (vertices.mean(axis=0) - inside))
 
 
 def _condition(

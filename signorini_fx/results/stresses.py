@@ -438,7 +438,7 @@ class RawStresses(StressFields):
 def von_mises_of(sigma: Array) -> Array:
     """The von Mises stress of tensors, from shape (n, 3, 3) to (n,)."""
     deviator = sigma - np.trace(sigma, axis1=1, axis2=2)[:, None, None] / 3 * np.eye(3)
-    return np.asarray(np.sqrt(1.5 * np.einsum("ijk,ijk->i", deviator, deviator)))
+    return np.sqrt(1.5 * np.einsum("ijk,ijk->i", deviator, deviator))
 
 
 def principal_of(sigma: Array) -> Array:

@@ -336,12 +336,12 @@ def in_frames(
 
 def vectors_of(components: Array, tangents: Array) -> Array:
     """Tangential components, shape (n, d - 1), as vectors of space, shape (n, d)."""
-    return np.asarray(np.einsum("nij,nj->ni", tangents, components))
+    return np.einsum("nij,nj->ni", tangents, components)
 
 
 def _components(vectors: Array, cotangents: Array) -> Array:
     """The inverse of ``_vectors``, with the dual basis."""
-    return np.asarray(np.einsum("nij,ni->nj", cotangents, vectors))
+    return np.einsum("nij,ni->nj", cotangents, vectors)
 
 
 def _along(boundary: ContactBoundary, moved: Array | None) -> Any:
@@ -369,7 +369,7 @@ def rotations(earlier: Array, later: Array, spin: Array | None = None) -> Array:
     rotation = identity + np.where(
         turns[:, None, None], 2 * np.einsum("ni,nj->nij", later, earlier) - across, 0.0
     )
-    return np.asarray(rotation if spin is None else rotation @ spin)
+    return rotation if spin is None else rotation @ spin
 
 
 def turned(earlier: ContactBoundary, later: ContactBoundary, spin: Array | None = None) -> Array:
@@ -377,4 +377,4 @@ def turned(earlier: ContactBoundary, later: ContactBoundary, spin: Array | None 
     shape (n, d - 1, d - 1).
     """
     rotation = rotations(earlier.normal, later.normal, spin)
-    return np.asarray(np.einsum("nij,nil,nlk->njk", later.cotangents, rotation, earlier.tangents))
+    return np.einsum("nij,nil,nlk->njk", later.cotangents, rotation, earlier.tangents)

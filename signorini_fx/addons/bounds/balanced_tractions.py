@@ -43,9 +43,8 @@ class AdmissibleTractions:
 
     def work(self, pressure: Array, shear: Array) -> Array:
         """Return the work of the tractions on the free motions, shape (n,)."""
-        return np.asarray(
-            np.einsum("fak,fa->k", self.normal, pressure)
-            + np.einsum("fadk,fad->k", self.across, shear)
+        return np.einsum("fak,fa->k", self.normal, pressure) + np.einsum(
+            "fadk,fad->k", self.across, shear
         )
 
     def distance(self, pressure: Array, shear: Array) -> float:
@@ -75,9 +74,8 @@ class AdmissibleTractions:
         )
         along = np.einsum("fadk,fad->fak", self.across, unit_shear) * ~inside[..., None]
         across = share[:, :, None, None] * (self.across - unit_shear[..., None] * along[:, :, None])
-        return np.asarray(
-            np.einsum("fak,fal->kl", self.normal / unit, self.normal * room)
-            + np.einsum("fadk,fadl->kl", self.across / unit[..., None], across)
+        return np.einsum("fak,fal->kl", self.normal / unit, self.normal * room) + np.einsum(
+            "fadk,fadl->kl", self.across / unit[..., None], across
         )
 
 
@@ -135,4 +133,4 @@ def onto_disc(shear: Array, least: Array) -> Array:
     """The closest vectors of a size of at most ``least``, shape (..., d)."""
     size = np.linalg.norm(shear, axis=-1)
     share = np.divide(least, size, out=np.ones_like(size), where=size > least) * (1 - 2 * EPS)
-    return np.asarray(shear * share[..., None])
+    return shear * share[..., None]

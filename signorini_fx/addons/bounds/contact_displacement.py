@@ -108,4 +108,4 @@ def _moved(places: Ints, depth: Array, normal: Array, free: Array) -> Array:
         np.minimum.at(least, column, np.einsum("md,md->m", ways[column], normal))
     movable = (least > _MOVABLE) & np.isfinite(least)
     scale = np.divide(deepest, least, out=np.zeros_like(deepest), where=movable)
-    return np.asarray(scale[:, None] * ways)
+    return scale[:, None] * ways

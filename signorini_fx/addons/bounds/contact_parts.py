@@ -286,7 +286,7 @@ def _sizes(corners: Array) -> Array:
     """Lengths or areas of simplices in a plane of facets, with signs, shape (m, d, d - 1) to
     (m,).
     """
-    return np.asarray(np.linalg.det(corners[:, 1:] - corners[:, :1]) / factorial(corners.shape[2]))
+    return np.linalg.det(corners[:, 1:] - corners[:, :1]) / factorial(corners.shape[2])
 
 
 def _barycentric(simplices: Array, points: Array) -> Array:

@@ -84,7 +84,7 @@ def _moments(
     forces = np.bincount(places.ravel(), alone.ravel(), size) + matrix @ held_values
     u = held_values + basis @ solved(tied, basis.T @ (loads.ravel() - forces))
     moments = (compliance @ u[places][:, :, None])[:, :, 0] + alone
-    return np.asarray(moments.reshape(len(t.corners), d + 1, d, d))
+    return moments.reshape(len(t.corners), d + 1, d, d)
 
 
 def _tied(matrix: sp.csr_matrix, modes: Array) -> sp.csr_matrix:

@@ -209,7 +209,7 @@ class Bounded(PlainProblem):
         shape (n,).
         """
         apart = np.sqrt(square(self.t, from_strain(self.t, strain) - self.stress.stress))
-        return np.asarray((apart + self.lifted) ** 2)
+        return (apart + self.lifted) ** 2
 
     @cached_property
     def size(self) -> float:
@@ -287,7 +287,7 @@ class Bounded(PlainProblem):
         work = pressure * ((surface.gap - normal) @ values.T).clip(min=0.0)
         size = np.linalg.norm(tangential, axis=2) @ values.T
         work += (bound * size - (shear * (values @ tangential)).sum(axis=2)).clip(min=0.0)
-        return np.asarray(parts.area * (work @ WEIGHTS[d]))
+        return parts.area * (work @ WEIGHTS[d])
 
     def _balance(self) -> None:
         """Change pressures and shears so that they balance the loads of bodies that supports do not

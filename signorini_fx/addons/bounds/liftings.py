@@ -166,16 +166,14 @@ class Liftings:
         closest = self.facet.parts.reshape(-1, d) @ (self.facet.mean @ on_parts)
         difference = (on_parts - closest).reshape(n, -1)
         squares = np.einsum("nk,nkl,nl->n", difference, self.forms, difference, optimize=True)
-        return np.asarray(
-            self.constant * np.sqrt(missed / self.facet.times) + np.sqrt(squares.clip(min=0.0))
-        )
+        return self.constant * np.sqrt(missed / self.facet.times) + np.sqrt(squares.clip(min=0.0))
 
 
 def _areas(corners: Array) -> Array:
     """Return the areas of the facets opposite the last corners, shape (n, d + 1, d) to (n,)."""
     d = corners.shape[2]
     along = corners[:, 1:d] - corners[:, :1]
-    return np.asarray(np.sqrt(np.linalg.det(along @ along.transpose(0, 2, 1))) / factorial(d - 1))
+    return np.sqrt(np.linalg.det(along @ along.transpose(0, 2, 1))) / factorial(d - 1)
 
 
 def rounded(corners: Array, moduli: Moduli) -> Array:
@@ -186,7 +184,7 @@ def rounded(corners: Array, moduli: Moduli) -> Array:
     edges = (corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1) @ np.linalg.inv(regular)
     root = np.sqrt(TWICE[d])
     sizes = np.linalg.eigvalsh(moduli.stiffness * root[:, None] / root)
-    return np.asarray(ROUNDED_FORMS * EPS * sizes[:, -1] / sizes[:, 0] * np.linalg.cond(edges) ** 4)
+    return ROUNDED_FORMS * EPS * sizes[:, -1] / sizes[:, 0] * np.linalg.cond(edges) ** 4
 
 
 def _forms(facet: DividedFacet, corners: Array, moduli: Moduli) -> Array:
@@ -250,7 +248,7 @@ def _reference_liftings(d: int) -> Array:
     matrix = np.concatenate(equilibrium)
     right = np.concatenate((np.zeros((len(matrix) - len(forces), d * d)), -forces))
     liftings = np.linalg.pinv(matrix) @ right
-    return np.asarray(liftings.T.reshape(d * d, count, -1, len(ROWS[d])))
+    return liftings.T.reshape(d * d, count, -1, len(ROWS[d]))
 
 
 @cache

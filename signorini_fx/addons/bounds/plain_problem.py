@@ -163,7 +163,7 @@ def _of_cells(model: Model, y: fem.Function) -> Rows:
 def _values_of(part: Any, cells: Ints) -> Array:
     """Return the values of a coefficient in cells, shape (n,)."""
     if isinstance(part, fem.Function):
-        return np.asarray(part.x.array[part.function_space.dofmap.list[cells, 0]])
+        return part.x.array[part.function_space.dofmap.list[cells, 0]]
     return np.full(len(cells), float(part.value))
 
 
@@ -200,7 +200,7 @@ class FacetsInContact:
         """
         pressure = self.parts.on_parts(self.pressure)
         shear = self.parts.on_parts(self.shear)
-        return np.asarray(-pressure[:, :, None] * self.parts.normal[:, None] - shear)
+        return -pressure[:, :, None] * self.parts.normal[:, None] - shear
 
     def excess(self, displacement: Array) -> Array:
         """Coefficients of Bernstein of what a displacement is beyond the foundation or the other
@@ -293,7 +293,7 @@ class PlainProblem:
             parts.restricted(coefficients(y[nodes[parts.facet(side)]]), side)
             for side in parts.sides
         ]
-        return np.asarray(of_sides[SLAVE] - of_sides[MASTER] if surface.paired else of_sides[SLAVE])
+        return of_sides[SLAVE] - of_sides[MASTER] if surface.paired else of_sides[SLAVE]
 
     def _undivided(self, name: str) -> Ints:
         """Facets of the undivided cells that rows with a name are."""
@@ -304,7 +304,7 @@ class PlainProblem:
 
     def _facets(self, name: str) -> Ints:
         """Return the facets of a boundary, the halves of each one together."""
-        return np.asarray(self._halves[self._undivided(name)].ravel())
+        return self._halves[self._undivided(name)].ravel()
 
     def _loads(self) -> tuple[Array, Array]:
         """Force per volume at corners, and per area at the vertices of facets."""
@@ -465,12 +465,12 @@ def _sampled(value: Any, x: Array) -> Array:
 
 def _inside(x: Array) -> Array:
     """Points inside simplices, half-way from their centroids to their corners, shape (m, k, d)."""
-    return np.asarray((x + x.mean(axis=1, keepdims=True)) / 2)
+    return (x + x.mean(axis=1, keepdims=True)) / 2
 
 
 def _from_inside(values: Array) -> Array:
     """Values of linear functions at corners from those at points ``_inside``, shape (m, k, ...)."""
-    return np.asarray(2 * values - values.mean(axis=1, keepdims=True))
+    return 2 * values - values.mean(axis=1, keepdims=True)
 
 
 def _density(load: ForceDensity, x: Array, normal: Array, mass: Array, area: float) -> Array:

@@ -73,7 +73,7 @@ class Moduli:
     @property
     def stiffest(self) -> Array:
         """More than the largest sigma : epsilon over epsilon : epsilon, stress, shape (n,)."""
-        return np.asarray(np.trace(self.stiffness, axis1=1, axis2=2))
+        return np.trace(self.stiffness, axis1=1, axis2=2)
 
     def stress(self, strain: Array) -> Array:
         """Return the stresses of strains, shape (n, ..., m)."""
@@ -200,12 +200,12 @@ class Simplices:
         cell = self.sides[:, 0]
         scaled = -self.dimension * self.volume[:, None, None] * self.gradients
         opposite = (self.facets_of[cell] == np.arange(len(cell))[:, None]).argmax(axis=1)
-        return np.asarray(scaled[cell, opposite])
+        return scaled[cell, opposite]
 
     @cached_property
     def area(self) -> Array:
         """Return the area of each facet, shape (f,)."""
-        return np.asarray(np.linalg.norm(self._scaled_normals, axis=1))
+        return np.linalg.norm(self._scaled_normals, axis=1)
 
     @cached_property
     def normal(self) -> Array:
@@ -248,16 +248,14 @@ class Simplices:
                 gradient[:, b] += 4 * bubble[:, k, :, None] * g[:, a, None]
         rows = ROWS[d]
         columns = COLUMNS[d]
-        return np.asarray((gradient[..., rows, columns] + gradient[..., columns, rows]) / 2)
+        return (gradient[..., rows, columns] + gradient[..., columns, rows]) / 2
 
 
 def _times(matrix: Array, components: Array) -> Array:
     """Return the products of the matrix of each cell with components, shape (n, ..., m)."""
     count = components.shape[0]
     m = components.shape[-1]
-    return np.asarray(
-        (components.reshape(count, -1, m) @ matrix.swapaxes(1, 2)).reshape(components.shape)
-    )
+    return (components.reshape(count, -1, m) @ matrix.swapaxes(1, 2)).reshape(components.shape)
 
 
 def with_hats(values: Array, measure: Array) -> Array:
@@ -266,7 +264,7 @@ def with_hats(values: Array, measure: Array) -> Array:
     """
     count = values.shape[1]
     shape = (-1, *[1] * (values.ndim - 1))
-    return np.asarray(
+    return (
         measure.reshape(shape)
         / (count * (count + 1))
         * (values + values.sum(axis=1, keepdims=True))
@@ -284,7 +282,7 @@ def closest_linear(moments: Array) -> Array:
     products with the barycentric coordinates, both of shape (n, k, ...).
     """
     count = moments.shape[1]
-    return np.asarray(count * (count + 1) * moments - count * moments.sum(axis=1, keepdims=True))
+    return count * (count + 1) * moments - count * moments.sum(axis=1, keepdims=True)
 
 
 def lagrange(d: int, degree: int, points: Array) -> tuple[Array, Array]:

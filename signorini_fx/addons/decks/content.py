@@ -215,7 +215,7 @@ class Deck:
     @cached_property
     def names(self) -> Ints:
         """The numbers in the file of the nodes of the body, in the order of ``numbers``."""
-        return np.asarray(self.model.places.numbers[self.numbers])
+        return self.model.places.numbers[self.numbers]
 
     @cached_property
     def bodies(self) -> dict[str, Ints]:

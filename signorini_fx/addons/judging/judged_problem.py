@@ -214,7 +214,7 @@ class SolutionOnMesh:
         difference = np.where(missing, 0.0, (v - self.displacement).ravel())
         within = sp.csc_array(self.stiffness[missing][:, missing])
         difference[missing] = splu(within).solve(-(self.stiffness @ difference)[missing])
-        return np.asarray(np.where(np.isnan(v), self.displacement + difference.reshape(v.shape), v))
+        return np.where(np.isnan(v), self.displacement + difference.reshape(v.shape), v)
 
     @cached_property
     def held(self) -> Flags:

@@ -41,7 +41,7 @@ class Tiling:
         d).
         """
         s, t = self.points.T[:, :, None]
-        return np.asarray(first + s * (second - first) + t * (last - first))
+        return first + s * (second - first) + t * (last - first)
 
 
 @lru_cache
@@ -149,4 +149,4 @@ class DrawnBody:
 def normals_of(corners: Array) -> Array:
     """Normals of polygons by the order of their corners, as long as their areas, shape (m, 3)."""
     corners = corners - corners.mean(axis=1, keepdims=True)
-    return np.asarray(0.5 * np.cross(corners, np.roll(corners, -1, axis=1)).sum(axis=1))
+    return 0.5 * np.cross(corners, np.roll(corners, -1, axis=1)).sum(axis=1)

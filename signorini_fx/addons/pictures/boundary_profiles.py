@@ -99,7 +99,7 @@ class ContactColumns:
     @property
     def touching(self) -> Flags:
         """The nodes in contact, shape (n,)."""
-        return np.asarray(self.columns["state"] != "open")
+        return self.columns["state"] != "open"
 
     @property
     def states(self) -> list[str]:

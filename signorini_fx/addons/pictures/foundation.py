@@ -45,7 +45,7 @@ class Foundation:
 
     def drawn(self, factor: float) -> Array:
         """What is opposite of the nodes with the gap times a factor, shape (k, d)."""
-        return np.asarray(self.nodes + factor * self.gap[:, None] * self.normals)
+        return self.nodes + factor * self.gap[:, None] * self.normals
 
     def keeps_shape(self, factor: float, size: float) -> bool:
         """Whether it looks like itself with the gap times a factor; ``size``: of the body,

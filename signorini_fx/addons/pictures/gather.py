@@ -141,9 +141,7 @@ def _pieces(solution: Solution, polygons: int) -> int:
 def _positions(mesh: dmesh.Mesh, points: Array, cells: Indices) -> Array:
     basis = _basis(compat.geometry_element(mesh), points)
     nodes = compat.geometry_cells(mesh)[cells]
-    return np.asarray(
-        np.einsum("pk,ckx->cpx", basis, mesh.geometry.x[nodes][..., : mesh.topology.dim])
-    )
+    return np.einsum("pk,ckx->cpx", basis, mesh.geometry.x[nodes][..., : mesh.topology.dim])
 
 
 def _values_at(function: fem.Function, points: Array, cells: Indices) -> Array:
@@ -151,7 +149,7 @@ def _values_at(function: fem.Function, points: Array, cells: Indices) -> Array:
     space = function.function_space
     basis = _basis(space.element.basix_element, points)
     nodal = function.x.array.reshape(-1, space.dofmap.bs)[space.dofmap.list[cells]]
-    return np.asarray(np.einsum("pk,ckx->cpx", basis, nodal))
+    return np.einsum("pk,ckx->cpx", basis, nodal)
 
 
 def _basis(element: Any, points: Array) -> Array:
@@ -182,7 +180,7 @@ def _field_at(name: str, function: fem.Function, points: Array, cells: Indices) 
     """A field at reference points of cells, shape (cells, points)."""
     values = _values_at(function, points, cells)
     if name == "displacement":
-        return np.asarray(np.linalg.norm(values, axis=2))
+        return np.linalg.norm(values, axis=2)
     if name == "pressure":
-        return np.asarray(-values[..., [0, 4, 8]].sum(axis=2) / 3)
+        return -values[..., [0, 4, 8]].sum(axis=2) / 3
     return values[..., 2 if name == "around" else 0]

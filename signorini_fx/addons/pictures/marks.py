@@ -97,7 +97,7 @@ class Largest:
         shape (d,).
         """
         point = self.nearest(body, field)
-        return np.asarray(self.place + body.moved(factor)[point] - body.points[point])
+        return self.place + body.moved(factor)[point] - body.points[point]
 
 
 def mark_largest(axes: Axes, point: Array, text: str, *, behind: bool = False) -> None:

@@ -137,7 +137,7 @@ def _corners(tagged: TaggedMesh, dim: int, entities: Indices) -> Array:
     )
     if not entities.size:  # dolfinx divides by their number
         return np.empty((0, len(order), tagged.dimension))
-    return np.asarray(x[dmesh.entities_to_geometry(mesh, dim, entities)[:, order]])
+    return x[dmesh.entities_to_geometry(mesh, dim, entities)[:, order]]
 
 
 def _boundary(tagged: TaggedMesh, name: str, acting: list[Effect], time: float) -> NamedBoundary:

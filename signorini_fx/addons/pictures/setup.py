@@ -81,7 +81,7 @@ class NamedBoundary:
     @property
     def middles(self) -> Array:
         """Return the middles of the facets, shape (f, d)."""
-        return np.asarray(self.corners.mean(axis=1))
+        return self.corners.mean(axis=1)
 
     @property
     def label(self) -> str:

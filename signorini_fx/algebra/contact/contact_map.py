@@ -74,7 +74,7 @@ class ContactMap:
         mark = self.operator.createVecRight()
         mark.setValues(columns[values != 0], np.ones(np.count_nonzero(values)))
         mark.assemble()
-        return np.asarray(mark.getArray(readonly=True) > 0)
+        return mark.getArray(readonly=True) > 0
 
     def after(self, change: PETSc.Mat, fixed: Flags) -> ContactMap:
         """The map of a system in other unknowns x~ with x = ``change`` x~; collective."""

@@ -137,7 +137,7 @@ class PointFriction:
     @property
     def acts(self) -> Flags:
         """Points that can transmit shear, shape (n,)."""
-        return np.asarray((self.given > 0) | (self.coefficient > 0))
+        return (self.given > 0) | (self.coefficient > 0)
 
     def without_pressure(self, where: Flags) -> PointFriction:
         """Return the law for points of which some have no pressure, shape (n,): there the bound is

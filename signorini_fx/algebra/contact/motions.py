@@ -148,7 +148,7 @@ class FreeMotions:
     @cached_property
     def _moved(self) -> Array:
         """How much each motion moves the points of this rank, squared, shape (1, k)."""
-        return np.asarray(np.square(self.relative).sum(axis=(0, 1))[None])
+        return np.square(self.relative).sum(axis=(0, 1))[None]
 
     def held_by(
         self,

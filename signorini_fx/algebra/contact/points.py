@@ -23,7 +23,7 @@ def pushed(depth: Array, size: float) -> Flags:
     """Return where supports push the body of this size into its foundation by more than round-off,
     shape (n,); ``depth``: see ``PointState.held_inside``, length.
     """
-    return np.asarray(depth > SAME_LENGTH * size)
+    return depth > SAME_LENGTH * size
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ class ContactPoints:
         Supports decide alone about their distance, and would take whatever contact did there: it
         transmits no pressure.
         """
-        return np.asarray(np.linalg.norm(self.movable[:, 0], axis=1) <= ROOT_OF_EPS)
+        return np.linalg.norm(self.movable[:, 0], axis=1) <= ROOT_OF_EPS
 
     @cached_property
     def still(self) -> Array:
@@ -96,9 +96,7 @@ class ContactPoints:
         ``slip``: what friction opposes, shape (n, d - 1), ``motion``: (tau_N y, tau_T y), shape (n,
         d), lengths.
         """
-        return np.asarray(
-            length(np.einsum("nij,nj->ni", self.still, slip)) > ZERO_IN_SOLUTION * length(motion)
-        )
+        return length(np.einsum("nij,nj->ni", self.still, slip)) > ZERO_IN_SOLUTION * length(motion)
 
     def closed(self, contact: Flags, entered: Array) -> tuple[Array, Array]:
         """``still`` and the direction that another contact of the same node closes, where one is
@@ -159,15 +157,13 @@ class ContactPoints:
         """
         if values.ndim == 1:
             return self.movable[:, :, 0] * values[:, None]
-        return np.asarray(np.einsum("nij,nj->ni", self.movable[:, :, 1:], values))
+        return np.einsum("nij,nj->ni", self.movable[:, :, 1:], values)
 
 
 def onto_range(matrices: Array) -> Array:
     """Orthogonal projectors onto the ranges of symmetric matrices of order one, shape (n, k, k)."""
     values, vectors = np.linalg.eigh(matrices)
-    return np.asarray(
-        np.einsum("nik,nk,njk->nij", vectors, np.where(values > ROOT_OF_EPS, 1.0, 0.0), vectors)
-    )
+    return np.einsum("nik,nk,njk->nij", vectors, np.where(values > ROOT_OF_EPS, 1.0, 0.0), vectors)
 
 
 @dataclass(frozen=True)
@@ -204,7 +200,7 @@ class PointGroups:
         columns = values[:, None] if values.ndim == 1 else values  # a rank may have no point
         squares = (self.points.weight[:, None] * columns**2).sum(axis=1)
         sums = parallel.sums_by(self.points.comm, self.number, squares[:, None], self.count)
-        return np.asarray(np.sqrt(sums[:, 0]))
+        return np.sqrt(sums[:, 0])
 
     def largest(self, values: Array) -> Array:
         """The largest of values that are not below zero, shape (n,), in each group, shape (g,)."""
@@ -223,7 +219,7 @@ class PointGroups:
         of_pieces = np.where(self.pieces, sizes[:, None], 0.0).max(axis=0)
         counting = np.where(self.pieces, of_pieces, 0.0 if lengths else np.inf)
         scales = counting.max(axis=1) if lengths else counting.min(axis=1)
-        return np.asarray(np.maximum(scales, NO_FORCE * sizes.max()))
+        return np.maximum(scales, NO_FORCE * sizes.max())
 
 
 def shares(parts: Array, wholes: Array, of_nothing: float | Array = 0.0) -> Array:

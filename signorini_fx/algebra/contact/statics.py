@@ -142,7 +142,7 @@ class Reactions:
     @property
     def friction(self) -> Flags:
         """The nodes with friction, shape (n,)."""
-        return np.asarray((self.given > 0) | (self.coefficient > 0))
+        return (self.given > 0) | (self.coefficient > 0)
 
     def unlimited(self, where: Flags) -> Reactions:
         """Return the reactions with unlimited given friction at some nodes, and none at

@@ -146,7 +146,7 @@ class PartialFactor:
         self._right.set(0.0)
         self._right.getArray()[self._order] = right
         call("MatSolve", self._factor, self._right, self._solution)
-        return np.asarray(self._solution.getArray(readonly=True)[self._order] / self._unit)
+        return self._solution.getArray(readonly=True)[self._order] / self._unit
 
     def __del__(self) -> None:
         if getattr(self, "_factor", None):

@@ -82,7 +82,7 @@ class NodalBlocks:
         node = self._node[self._rows]
         row = self._component[self._rows]
         column = self._component[self.columns]
-        return np.asarray(blocks[node, row, column])
+        return blocks[node, row, column]
 
     def matrix(self, blocks: Array, into: PETSc.Mat | None = None) -> PETSc.Mat:
         """The matrix with these blocks; ``into``: an earlier one, which is filled again;
@@ -155,7 +155,7 @@ class NodalBlocks:
         free = np.eye(size) - held
         block = free @ (diagonal[:, :, None] * free)
         scale = self.scale[:, None, None]
-        return np.asarray(np.linalg.inv(block + scale * held) - held / scale)
+        return np.linalg.inv(block + scale * held) - held / scale
 
 
 class TruncatedLevels:

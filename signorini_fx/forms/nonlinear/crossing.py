@@ -166,7 +166,7 @@ def _corners_of(cells: BodyCells, entities: Indices, places: Array) -> Array:
     """Return the vertices of facets, given by cell and facet of the cell, shape (n, v, d)."""
     corners = cells.corners(places)[entities[:, 0]]
     on_facets = np.array(basix.topology(cells.kind)[-2])[entities[:, 1]]
-    return np.asarray(np.take_along_axis(corners, on_facets[:, :, None], axis=1))
+    return np.take_along_axis(corners, on_facets[:, :, None], axis=1)
 
 
 def _named(linear: LinearisedProblem, facets: Indices) -> Ints:

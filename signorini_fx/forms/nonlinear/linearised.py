@@ -914,4 +914,4 @@ class LinearisedProblem(FormSolver):
             [entry.friction is not None or entry.bonded for entry in self.contact], dtype=bool
         )[part]
         acts = state.in_contact | (state.bound > 0.0)
-        return np.asarray(rough & acts & (state.direction == 0.0).all(axis=1))
+        return rough & acts & (state.direction == 0.0).all(axis=1)

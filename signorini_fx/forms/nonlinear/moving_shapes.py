@@ -125,7 +125,7 @@ def hessians_at(
         for k, axis in enumerate(step * np.eye(dimension)):
             ahead, behind = (moving.shape.distance(at + sign * axis)[1] for sign in (1, -1))
             hessians[points, :, k] = (ahead - behind) / (2 * step)
-    return np.asarray((hessians + hessians.transpose(0, 2, 1)) / 2)
+    return (hessians + hessians.transpose(0, 2, 1)) / 2
 
 
 def curvature_of(hessians: Array, state: ContactState, *, symmetric: bool = True) -> Array:
@@ -144,7 +144,7 @@ def curvature_of(hessians: Array, state: ContactState, *, symmetric: bool = True
     blocks = turning - state.pressure[:, None, None] * hessians
     if symmetric:
         blocks += turning.transpose(0, 2, 1)
-    return np.asarray(boundary.weight[:, None, None] * blocks)
+    return boundary.weight[:, None, None] * blocks
 
 
 def turning_of(state: ContactState, size: float) -> Array:
@@ -182,7 +182,7 @@ def turned_slips(boundary: ContactBoundary, hessians: Array, way: Array) -> Arra
     """
     along = np.einsum("ni,ni->n", boundary.normal, way)  # - n_f . w
     bends = np.einsum("n,nki,nkl,nlj->nij", along, boundary.tangents, hessians, boundary.tangents)
-    return np.asarray((bends + bends.transpose(0, 2, 1)) / 2)
+    return (bends + bends.transpose(0, 2, 1)) / 2
 
 
 def left_by_turning(boundary: ContactBoundary, hessians: Array, way: Array, slip: Array) -> Array:
@@ -194,7 +194,7 @@ def left_by_turning(boundary: ContactBoundary, hessians: Array, way: Array, slip
     """
     sizes, axes = np.linalg.eigh(turned_slips(boundary, hessians, way))
     sizes = np.maximum(sizes, MOST_TURNED)
-    return np.asarray(np.einsum("nij,nj,nkj,nk->ni", axes, sizes / (1 + sizes), axes, slip))
+    return np.einsum("nij,nj,nkj,nk->ni", axes, sizes / (1 + sizes), axes, slip)
 
 
 def fitting(number: int, shape: Any, dimension: int, *, turns: bool = True) -> Shape:
@@ -238,7 +238,7 @@ class ToolMotion(RigidBodyMotion):
 
     def at(self, x: Array) -> Array:
         turned = (x - self.reference) @ (turn_of(self.rotation) - np.eye(self.reference.size)).T
-        return np.asarray(turned + self.translation)
+        return turned + self.translation
 
     def linear_at(self, places: Array) -> Array:
         """R q at displaced points, shape (n, d)."""
@@ -264,7 +264,7 @@ class ToolMotion(RigidBodyMotion):
 
     def lever(self, x: Array, displacements: Array) -> Array:
         """Return the arms of displaced points from the displaced pivot, length, shape (n, d)."""
-        return np.asarray(x + displacements - self.reference - self.translation)
+        return x + displacements - self.reference - self.translation
 
 
 @dataclass(frozen=True)
@@ -295,7 +295,7 @@ class MovingTools(RigidBodies):
         )
         for tool in self.motions:
             places[np.isin(boundary.part, tool.body.parts)] -= tool.translation
-        return np.asarray(places)
+        return places
 
     def relative_stiffness(self, state: ContactState, curvature: Array) -> tuple[Array, Array]:
         """What tractions t of contact points and ``curvature``, C, shape (n, d, d), are between

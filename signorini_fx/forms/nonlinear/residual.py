@@ -91,7 +91,7 @@ class Residual:
 
     def assembled(self) -> Array:
         """F less the loads at ``u`` as it is, at the owned unknowns; collective."""
-        return np.asarray(assemble(self.form) - self.loads)
+        return assemble(self.form) - self.loads
 
     def at(self, values: Array) -> Array | None:
         """F at the owned unknowns for values of ``u``, ghosts included, which it gets; None: it is
@@ -332,7 +332,7 @@ def round_off(residual: Residual, forces: Array) -> Array:
     comm = u.function_space.mesh.comm
     lost = np.abs(ahead - 2 * forces + behind) / np.sqrt(6)
     squares, count = parallel.global_sum(comm, np.array([lost @ lost, lost.size]))
-    return np.asarray(np.maximum(lost, np.sqrt(squares / count)))
+    return np.maximum(lost, np.sqrt(squares / count))
 
 
 def refuse_miscompiled(

@@ -127,7 +127,7 @@ class Averages:
 
     def any_of(self, flags: Flags) -> Flags:
         """Whether any node of a point has a flag, from shape (m, k) to shape (n, k)."""
-        return np.asarray(abs(self.shares) @ flags.astype(np.float64) > 0)
+        return abs(self.shares) @ flags.astype(np.float64) > 0
 
 
 def averaging(space: fem.FunctionSpace) -> bool:

@@ -98,7 +98,7 @@ def facet_nodes(space: fem.FunctionSpace, facets: Indices) -> Indices:
         [layout.entity_closure_dofs(side, k) for k in range(len(basix.topology(kind)[side]))]
     )
     entities = facet_entities(space.mesh, facets)
-    return np.asarray(space.dofmap.list[entities[:, :1], closures[entities[:, 1]]])
+    return space.dofmap.list[entities[:, :1], closures[entities[:, 1]]]
 
 
 def marked_nodes(space: fem.FunctionSpace, nodes: Indices) -> Flags:
@@ -107,7 +107,7 @@ def marked_nodes(space: fem.FunctionSpace, nodes: Indices) -> Flags:
     mark.array[nodes] = 1
     mark.scatter_reverse(la.InsertMode.add)
     mark.scatter_forward()
-    return np.asarray(mark.array > 0)
+    return mark.array > 0
 
 
 def measure(mesh: dmesh.Mesh, parts: Sequence[Indices], metadata: dict[str, Any]) -> Any:

@@ -105,9 +105,7 @@ class NodalStiffness:
         forces[self.nodes] = np.einsum(
             "nij,nj->ni", self.blocks, displacement.reshape(-1, dim)[self.nodes]
         )
-        return np.asarray(
-            sum((joint.times(displacement, space) for joint in self.joint), forces.ravel())
-        )
+        return sum((joint.times(displacement, space) for joint in self.joint), forces.ravel())
 
     def add_to(self, matrix: PETSc.Mat, fixed: Flags | None = None) -> None:
         """Add it to the assembled matrix of a form on the same space, without rows and columns that

@@ -160,7 +160,7 @@ class ContactBoundary:
     @cached_property
     def at_nodes(self) -> Flags:
         """Which points are those of nodes, shape (n,): a force at a corner is no pressure."""
-        return np.asarray(self.number < 0)
+        return self.number < 0
 
     @property
     def number(self) -> Ints:
@@ -172,7 +172,7 @@ class ContactBoundary:
         collective where there are corners.
         """
         if self.corners is None:
-            return np.asarray(values[self.nodes])
+            return values[self.nodes]
         owned = np.nan_to_num(values[: self.surface[0][0].dofmap.index_map.size_local, None])
         at_nodes = from_owners(owned, self.averages.nodes, self.comm)
         return np.where(self.at_nodes, values[self.nodes], (self.averages.shares @ at_nodes)[:, 0])
@@ -185,7 +185,7 @@ class ContactBoundary:
             return np.zeros_like(self.x)
         owned = displacement[: self.surface[0][0].dofmap.index_map.size_local]
         at_nodes = from_owners(owned, self.averages.nodes, self.comm)
-        return np.asarray((self.averages.operator @ at_nodes.ravel()).reshape(self.x.shape))
+        return (self.averages.operator @ at_nodes.ravel()).reshape(self.x.shape)
 
     @property
     def size(self) -> int:

@@ -101,7 +101,7 @@ class ContactState(PointState):
         """
         if vectors.shape[1] == 1:
             return vectors
-        return np.asarray(np.einsum("ijk,ik->ij", self.boundary.tangents, vectors))
+        return np.einsum("ijk,ik->ij", self.boundary.tangents, vectors)
 
     def displaced(self, vectors: Array) -> Array:
         """Return tangential displacements or slips as in tables, see ``tangential``."""

@@ -324,7 +324,7 @@ class MixedLaw(SceneLaw):
         values = pressure.x.array[: self.count]
         if self._materials > 1:
             values = self._over_cells(pressure.x.array[pressure.function_space.dofmap.list])
-        return np.asarray(values / self.unit)
+        return values / self.unit
 
     def encloses(self, vector: Callable[[Array], PETSc.Vec], held: Flags) -> bool:
         """Whether what is ``held`` lets no part of one material with nu = 1/2 change its volume, so

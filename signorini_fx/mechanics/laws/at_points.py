@@ -75,7 +75,7 @@ def fault_of(law: FrictionLaw, count: int, modulus: float) -> str:
     def envelope(at: Array) -> Array:
         given, coefficient, cap = law.at(points).envelope(np.zeros(points.size))
         bound = given + coefficient * at
-        return np.asarray(bound if cap is None else np.minimum(bound, cap))
+        return bound if cap is None else np.minimum(bound, cap)
 
     def faults() -> Iterator[tuple[Array, str, Flags]]:
         limit, derivative, _ = _values(law, points, pressure, 0.0)

@@ -164,7 +164,7 @@ _ON_AXIS = Displacement(boundary="on the axis", x=0.0)
 
 def on_axis(x: Array, tagged: TaggedMesh) -> Flags:
     """Which of some points of shape (n, 3) or (n, 2) are on the axis of revolution, shape (n,)."""
-    return np.asarray(np.abs(x[:, 0]) <= ROOT_OF_EPS * tagged.size)
+    return np.abs(x[:, 0]) <= ROOT_OF_EPS * tagged.size
 
 
 def flat_normal(effect: Displacement, index: int, tagged: TaggedMesh) -> Array:
@@ -222,7 +222,7 @@ def at_rest(
             moves = skew_support.nodes[(skew_support.values != 0) | skew_support.effect.timed]
             still &= ~np.isin(turned.nodes, moves)
         displacements[turned.nodes] = np.where(still, 0.0, np.nan)[:, None]
-    return np.asarray(fixed & (displacements.ravel()[: fixed.size] == 0))
+    return fixed & (displacements.ravel()[: fixed.size] == 0)
 
 
 def check_overlap(

@@ -332,6 +332,4 @@ def _beyond_line(change: Any, factors: Sequence[float], far: Any) -> Any:
 
 def deviator(tensor: Array) -> Array:
     """The tensor without its mean, shape (..., 3, 3)."""
-    return np.asarray(
-        tensor - np.trace(tensor, axis1=-2, axis2=-1)[..., None, None] * np.eye(3) / 3
-    )
+    return tensor - np.trace(tensor, axis1=-2, axis2=-1)[..., None, None] * np.eye(3) / 3

@@ -132,7 +132,7 @@ def _children(kind: Cell, corners: Array) -> Array:
     """
     count = len(corners)
     ends = [[(own, other) for other in range(count)] for own in range(count)]
-    return np.asarray(corners[np.array(ends + _WITHIN.get(straight(kind).kind, []))].mean(axis=2))
+    return corners[np.array(ends + _WITHIN.get(straight(kind).kind, []))].mean(axis=2)
 
 
 def _repeated(rows: Ints, times: int) -> Ints:

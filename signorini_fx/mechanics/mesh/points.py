@@ -193,16 +193,16 @@ def _nodes(mesh: dmesh.Mesh) -> Array:
 
 def _sizes(nodes: Array) -> Array:
     """The diagonals of the bounding boxes of cells."""
-    return np.asarray(np.linalg.norm(np.ptp(nodes, axis=1), axis=1))
+    return np.linalg.norm(np.ptp(nodes, axis=1), axis=1)
 
 
 def determinants(matrices: Array) -> Array:
     """Return the determinants of many matrices, shape (d, d, ...) -> (...), d = 2 or 3, by hand."""
     if len(matrices) == 2:
         (a, b), (c, d) = matrices
-        return np.asarray(a * d - b * c)
+        return a * d - b * c
     (a, b, c), (d, e, f), (g, h, i) = matrices
-    return np.asarray(a * (e * i - f * h) + b * (f * g - d * i) + c * (d * h - e * g))
+    return a * (e * i - f * h) + b * (f * g - d * i) + c * (d * h - e * g)
 
 
 def inverses(matrices: Array) -> Array:
@@ -247,4 +247,4 @@ def _clipped(element: Any, reference: Array) -> Array:
     inside = np.clip(reference, 0.0, None)
     if element.cell_type in _SIMPLICES:
         inside /= np.maximum(inside.sum(axis=1, keepdims=True), 1.0)
-    return np.asarray(np.minimum(inside, 1.0))
+    return np.minimum(inside, 1.0)

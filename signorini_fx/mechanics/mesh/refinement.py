@@ -159,7 +159,7 @@ def shorter_lengths(
     def shares(level: float) -> Array:
         with np.errstate(divide="ignore"):
             wanted = (level / errors) ** (1 / (degree + dimension / 2))
-        return np.asarray(np.clip(wanted, SHORTEST_CHILD, 1.0))
+        return np.clip(wanted, SHORTEST_CHILD, 1.0)
 
     allowed = finer**dimension * float(parallel.global_sum(comm, np.array(len(lengths))))
     low = np.log(largest) - 60.0
@@ -180,9 +180,7 @@ def lengths_of_cells(tagged: TaggedMesh) -> Array:
     owned = tagged.mesh.topology.index_map(tagged.dimension).size_local
     x = tagged.mesh.geometry.x[compat.geometry_cells(tagged.mesh)[:owned]]
     edges = basix.topology(getattr(basix.CellType, tagged.mesh.topology.cell_name()))[1]
-    return np.asarray(
-        np.mean([np.linalg.norm(x[:, a] - x[:, b], axis=1) for a, b in edges], axis=0)
-    )
+    return np.mean([np.linalg.norm(x[:, a] - x[:, b], axis=1) for a, b in edges], axis=0)
 
 
 def size_fields(

@@ -293,4 +293,4 @@ def _on_segments(points: Array, begin: Array, end: Array) -> Array:
     share = np.einsum("bmd,md->bm", points[:, None] - begin, along) / np.where(
         square > 0, square, 1.0
     )
-    return np.asarray(begin + np.clip(share, 0.0, 1.0)[..., None] * along)
+    return begin + np.clip(share, 0.0, 1.0)[..., None] * along

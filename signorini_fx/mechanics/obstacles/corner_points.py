@@ -84,7 +84,7 @@ class BoundaryLine:
     @property
     def lengths(self) -> Array:
         """The distance between both ends of each facet, length, shape (m,)."""
-        return np.asarray(np.linalg.norm(self.x[:, -1] - self.x[:, 0], axis=1))
+        return np.linalg.norm(self.x[:, -1] - self.x[:, 0], axis=1)
 
     def behind(self, facet: int, *, last: bool) -> int | None:
         """The facet behind the last vertex of a facet, or before the first; None: there is none."""

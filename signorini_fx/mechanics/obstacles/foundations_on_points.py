@@ -482,7 +482,7 @@ class Foundations:
         """Which dofs are prescribed to be zero, if pairs are there, which alone take notice of
         it.
         """
-        return np.asarray(fixed & (values == 0) & bool(self._masters))
+        return fixed & (values == 0) & bool(self._masters)
 
     def _paired(self, number: int, *known: Any) -> ContactBoundary:
         """The points of a pair; ``known``: the further arguments of ``facing``."""

@@ -426,14 +426,14 @@ class PairedSides:
         symmetry.
         """
         sums = self.coupling.master @ master.directions
-        return np.asarray(sums - np.einsum("nij,nj->ni", self.across, sums))
+        return sums - np.einsum("nij,nj->ni", self.across, sums)
 
     @property
     def across(self) -> Array:
         """Projectors onto the directions across planes of symmetry at the points, shape (n, d,
         d).
         """
-        return np.asarray(self.sides.slave.surface.across[self.coupling.nodes])
+        return self.sides.slave.surface.across[self.coupling.nodes]
 
     @cached_property
     def relative(self) -> sp.csr_array:
@@ -547,7 +547,7 @@ class MovingPair:
         """Projectors onto the directions across planes of symmetry at the points of all ranks,
         shape (n, d, d).
         """
-        return np.asarray(self.sides.slave.surface.across[self.points])
+        return self.sides.slave.surface.across[self.points]
 
     @property
     def _sliding(self) -> Array:
@@ -555,7 +555,7 @@ class MovingPair:
         (n, d, d - 1).
         """
         tangents = self.coupling.frames.tangents
-        return np.asarray(tangents - np.einsum("nij,njk->nik", self.across, tangents))
+        return tangents - np.einsum("nij,njk->nik", self.across, tangents)
 
     def boundary(self) -> ContactBoundary:
         """The contact points of this rank; those without a partner do not move, and those in a
@@ -604,7 +604,7 @@ class MovingPair:
     @property
     def alone(self) -> Flags:
         """Which of the points of this rank do not see the other side, shape (n,)."""
-        return np.asarray(~self.coupling.frames.partnered[self.mine])
+        return ~self.coupling.frames.partnered[self.mine]
 
     @property
     def opening(self) -> Array:

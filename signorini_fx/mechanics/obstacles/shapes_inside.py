@@ -88,7 +88,7 @@ class BodyCells:
 
     def corners(self, places: Array) -> Array:
         """Positions of the vertices of the cells, shape (c, v, d), see ``placed``."""
-        return np.asarray(places[self.nodes[:, : len(basix.topology(self.kind)[0])]])
+        return places[self.nodes[:, : len(basix.topology(self.kind)[0])]]
 
     @cached_property
     def vertices(self) -> Ints:
@@ -260,6 +260,4 @@ def _reach(corners: Array) -> Array:
     """Return the largest distance from the middle of each cell to its vertices, shape (c,);
     ``corners``: shape (c, v, d).
     """
-    return np.asarray(
-        np.linalg.norm(corners - corners.mean(axis=1, keepdims=True), axis=2).max(axis=1)
-    )
+    return np.linalg.norm(corners - corners.mean(axis=1, keepdims=True), axis=2).max(axis=1)

@@ -23,7 +23,7 @@ def constrained(movable: Array) -> Flags:
     """Nodes of the slave that are held over what is held of the master, by more than half; see
     ``Tested.movable``.
     """
-    return np.asarray(movable < 0.5 - SAME_NUMBER)
+    return movable < 0.5 - SAME_NUMBER
 
 
 def dual_coefficients(tests: Array, overlap: Overlap, count: int) -> Array:

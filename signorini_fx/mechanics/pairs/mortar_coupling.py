@@ -206,7 +206,7 @@ class Tested:
     def weighted(self) -> Array:
         """The functions times areas at the points of the overlap, shape (p, q, t)."""
         coefficients = self.coefficients[self.overlap.slave]
-        return np.asarray(self.tests @ coefficients.swapaxes(1, 2) * self.overlap.weight[..., None])
+        return self.tests @ coefficients.swapaxes(1, 2) * self.overlap.weight[..., None]
 
     @cached_property
     def areas(self) -> Array:
@@ -234,7 +234,7 @@ class Tested:
         """
         on_slave = self.slave.corners[self.overlap.slave]
         on_master = self.master.corners[self.overlap.master]
-        return np.asarray(self.shapes[1] @ on_master - self.shapes[0] @ on_slave)
+        return self.shapes[1] @ on_master - self.shapes[0] @ on_slave
 
     def mean(self, shares: sp.csr_array) -> sp.csr_array:
         """Return the matrix from integrals of the functions on all pieces to means of points with

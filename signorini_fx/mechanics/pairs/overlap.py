@@ -191,7 +191,7 @@ def _areas(polygon: Array, count: Ints) -> Array:
     """
     valid = np.arange(polygon.shape[1]) < count[:, None]
     arms = np.where(valid[..., None], polygon - polygon[:, :1], 0.0)
-    return np.asarray(_cross(arms[:, :-1], arms[:, 1:]).sum(axis=1) / 2)
+    return _cross(arms[:, :-1], arms[:, 1:]).sum(axis=1) / 2
 
 
 def counterclockwise(polygon: Array) -> Array:

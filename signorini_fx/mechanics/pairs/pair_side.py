@@ -71,7 +71,7 @@ class Lagrange:
 
     def values(self, at: Array) -> Array:
         """Return the values at points of shape (..., d - 1), shape (..., k)."""
-        return np.asarray(self._monomials(at) @ self._coefficients)
+        return self._monomials(at) @ self._coefficients
 
     def slopes(self, at: Array) -> Array:
         """Return the derivatives along the d - 1 directions, shape (d - 1, ..., k)."""
@@ -83,7 +83,7 @@ class Lagrange:
         """Return the factors of the powers of the place, ascending, of the polynomials that
         interpolate nodal values in an interval, shape (..., k, d) as theirs.
         """
-        return np.asarray(self._coefficients @ values)
+        return self._coefficients @ values
 
     @property
     def curvatures(self) -> Array:
@@ -202,7 +202,7 @@ class PairSurface:
     @cached_property
     def corners(self) -> Array:
         """Positions of the nodes of each facet, shape (f, k, d)."""
-        return np.asarray(self.x[self.nodes])
+        return self.x[self.nodes]
 
     @property
     def points(self) -> Ints:
@@ -226,7 +226,7 @@ class PairSurface:
             sizes *= (self.functions.values(at) @ self.measure[self.nodes[facets]][..., None])[
                 ..., 0
             ]
-        return np.asarray(sizes)
+        return sizes
 
     def _crossed(self, facets: Ints, at: Array) -> Array:
         """Normals up to their signs."""
@@ -234,7 +234,7 @@ class PairSurface:
 
     def positions(self, facets: Ints, at: Array) -> Array:
         """Positions of points of each facet, length, shapes as in ``normals``."""
-        return np.asarray(self.functions.values(at) @ self.corners[facets])
+        return self.functions.values(at) @ self.corners[facets]
 
     @cached_property
     def _areas(self) -> tuple[Array, Array]:
@@ -265,7 +265,7 @@ class PairSurface:
         if self.measure is None:
             return np.zeros(len(self.x), dtype=bool)
         least = SAME_NUMBER * self.measure.max() if self.functions.degree > 1 else -np.inf
-        return np.asarray((self.measure <= least) | (self.area <= SAME_NUMBER * self.area.max()))
+        return (self.measure <= least) | (self.area <= SAME_NUMBER * self.area.max())
 
     @cached_property
     def nodal_normals(self) -> Array:
@@ -317,9 +317,7 @@ class PairSurface:
         size = np.linalg.norm((within @ self.moments[..., None])[..., 0], axis=1)
         inverse = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0)
         across = inverse[:, None, None] * (within - normals[:, :, None] * normals[:, None])
-        return np.asarray(
-            across[self.points][:, :, None] @ (turning * self.sign[:, None, None, None, None])
-        )
+        return across[self.points][:, :, None] @ (turning * self.sign[:, None, None, None, None])
 
     @cached_property
     def turning_places(self) -> tuple[Ints, Ints, Ints]:

@@ -33,12 +33,12 @@ class Patches:
     @cached_property
     def centre(self) -> Array:
         """Shape (p, d)."""
-        return np.asarray(self.corners.mean(axis=1))
+        return self.corners.mean(axis=1)
 
     @cached_property
     def radius(self) -> Array:
         """Return the radius of a ball around the centre of each patch, shape (p,)."""
-        return np.asarray(np.linalg.norm(self.corners - self.centre[:, None], axis=2).max(axis=1))
+        return np.linalg.norm(self.corners - self.centre[:, None], axis=2).max(axis=1)
 
     @cached_property
     def tree(self) -> cKDTree:

@@ -144,9 +144,7 @@ class SlidingPieces:
     @property
     def gap(self) -> Array:
         """Return the gap at the points, length, shape (n,)."""
-        return np.asarray(
-            self.mean @ np.einsum("pqt,pq->pt", self.tested.weighted, self.distance).ravel()
-        )
+        return self.mean @ np.einsum("pqt,pq->pt", self.tested.weighted, self.distance).ravel()
 
     @property
     def rows(self) -> sp.csr_array:
@@ -228,7 +226,7 @@ class SlidingPieces:
                 total[:, first:last] -= np.matmul(
                     _along(self.slope[k, pieces], shears).swapaxes(1, 2), shift
                 )
-        return np.asarray(total)
+        return total
 
     def _rows(self, factor: Array, vectors: Array, across: Array) -> Array:
         """Vectors (p, q, d) times factors (p, q, c) as rows, (p, q, d c); ``across``: those without
@@ -459,4 +457,4 @@ def rotations_at_nodes(side: PairSurface, nodes: Ints) -> Array:
     )
     left_vectors, _, right_vectors = np.linalg.svd(products)
     left_vectors[:, :, 2] *= np.linalg.det(left_vectors @ right_vectors)[:, None]  # no reflection
-    return np.asarray(left_vectors @ right_vectors)
+    return left_vectors @ right_vectors

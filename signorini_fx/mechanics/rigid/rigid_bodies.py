@@ -176,7 +176,7 @@ class RigidBodyMotion:
     def at(self, x: Array) -> Array:
         """The displacement of the rigid body at points of shape (n, d), length."""
         motion = np.concatenate((self.translation, self.rotation))
-        return np.asarray(rigid_modes(x, self.reference, np.array(1.0)) @ motion)
+        return rigid_modes(x, self.reference, np.array(1.0)) @ motion
 
     def gap_error(self, contact: ContactState, shapes: Mapping[int, Any]) -> float:
         """Return the largest difference of the gap in the final position of the rigid body from the
@@ -200,13 +200,13 @@ class RigidBodyMotion:
 
     def arms(self, contact: ContactState, touching: Flags) -> Array:
         """Return the vectors from the pivot to some of the contact points, length, shape (m, d)."""
-        return np.asarray(contact.boundary.centre[touching] - self.reference)
+        return contact.boundary.centre[touching] - self.reference
 
     def lever(self, x: Array, displacements: Array) -> Array:
         """Return the vectors from the pivot to displaced points that were at x, length, shape (n,
         d).
         """
-        return np.asarray(x - self.reference)
+        return x - self.reference
 
     def as_dict(
         self, contact: ContactState, contacts: Sequence[Any], kinematics: Kinematics

@@ -301,7 +301,7 @@ def nearest_motion(
     shape (m p,); collective.
     """
     _, moved = _at_supports(motions, fixed, prescribed, turned, comm)
-    return np.asarray(np.einsum("pij,pj->pi", motions.supported, moved).ravel())
+    return np.einsum("pij,pj->pi", motions.supported, moved).ravel()
 
 
 def _at_supports(

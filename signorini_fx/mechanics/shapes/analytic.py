@@ -320,7 +320,7 @@ def crossing_pieces(points: Array) -> tuple[int, int] | None:
     def sides(piece: Ints, other: Ints) -> Array:
         """Return the side of pieces on which each end of others is, 1, -1 or 0, shape (2, p)."""
         away = np.stack((points[other], points[other + 1])) - points[piece]
-        return np.asarray(np.sign(way[piece, 0] * away[..., 1] - way[piece, 1] * away[..., 0]))
+        return np.sign(way[piece, 0] * away[..., 1] - way[piece, 1] * away[..., 0])
 
     ahead = sides(first, second)
     behind = sides(second, first)

@@ -139,7 +139,7 @@ class RigidBody:
 
     def pivot(self, dimension: int) -> Array:
         """The point that it turns about, length, shape (d,)."""
-        return np.asarray(self.motion.reference(dimension))
+        return self.motion.reference(dimension)
 
     @property
     def called(self) -> str:

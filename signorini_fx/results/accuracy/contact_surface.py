@@ -60,29 +60,29 @@ class ContactSurface:
     @cached_property
     def _normal_area(self) -> Array:
         x = self.x[self.corners]
-        return np.asarray(np.cross(x, np.roll(x, -1, axis=1)).sum(axis=1) / 2)
+        return np.cross(x, np.roll(x, -1, axis=1)).sum(axis=1) / 2
 
     @cached_property
     def area(self) -> Array:
         """Return the area of each piece, shape (pieces,)."""
-        return np.asarray(np.linalg.norm(self._normal_area, axis=1))
+        return np.linalg.norm(self._normal_area, axis=1)
 
     @cached_property
     def normal(self) -> Array:
         """Unit normal of each piece, in or out, shape (pieces, 3)."""
-        return np.asarray(self._normal_area / self.area[:, None])
+        return self._normal_area / self.area[:, None]
 
     @cached_property
     def _edges(self) -> Array:
         x = self.x[self.corners]
-        return np.asarray(np.roll(x, -1, axis=1) - x)
+        return np.roll(x, -1, axis=1) - x
 
     @cached_property
     def sides(self) -> Array:
         """Length of the sides of each piece, the first from its first corner to its second, shape
         (pieces, k).
         """
-        return np.asarray(np.linalg.norm(self._edges, axis=2))
+        return np.linalg.norm(self._edges, axis=2)
 
     @cached_property
     def outward(self) -> Array:
@@ -90,7 +90,7 @@ class ContactSurface:
         (pieces, k, 3).
         """
         across = np.cross(self._edges, self.normal[:, None, :])
-        return np.asarray(across / np.linalg.norm(across, axis=2, keepdims=True))
+        return across / np.linalg.norm(across, axis=2, keepdims=True)
 
     @cached_property
     def across(self) -> Ints:
@@ -108,12 +108,12 @@ class ContactSurface:
         total = np.zeros(len(first), dtype=np.int64)
         np.add.at(total, inverse, np.arange(len(inverse)))
         opposite = np.where(count[inverse] == 2, total[inverse] - np.arange(len(inverse)), -1)
-        return np.asarray(opposite.reshape(self.corners.shape))
+        return opposite.reshape(self.corners.shape)
 
     @cached_property
     def rim(self) -> Flags:
         """Which sides have no neighbour: there the contact boundary ends; shape (pieces, k)."""
-        return np.asarray(self.across < 0)
+        return self.across < 0
 
     @property
     def rim_nodes(self) -> Flags:
@@ -175,7 +175,7 @@ class ContactSurface:
             pressed[:, None] & pressed[np.maximum(self.across, 0) // self.corners.shape[1]]
         )
         inside = both_pressed & ~(on_rim | np.roll(on_rim, -1, axis=1)) & (jumps < 0)
-        return np.asarray(np.where(inside, kinks, 0.0).sum(axis=1) * on_rim.any(axis=1))
+        return np.where(inside, kinks, 0.0).sum(axis=1) * on_rim.any(axis=1)
 
     def of_rank(self, boundary: ContactBoundary, values: Array) -> Array:
         """Sums of what the pieces have for each facet of this rank, as in ``boundary.segments``;
@@ -184,7 +184,7 @@ class ContactSurface:
         first = parallel.rows_before(boundary.comm, len(boundary.segments))
         facets = np.zeros(self.count)
         facets[self.facets] = values.reshape(-1, self.per_facet).sum(axis=1)
-        return np.asarray(facets[first : first + len(boundary.segments)])
+        return facets[first : first + len(boundary.segments)]
 
 
 def places(table: ContactTable) -> Array:

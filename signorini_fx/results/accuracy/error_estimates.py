@@ -286,7 +286,7 @@ def worst_of(steps: Sequence[Errors]) -> Errors:
 
     def added(name: str, weights: list[float]) -> Array:
         parts = [share**2 * step.squares[name] for step, share in zip(steps, weights, strict=True)]
-        return np.asarray(np.sum(parts, axis=0))
+        return np.sum(parts, axis=0)
 
     return Errors(
         energy=max(step.energy * share for step, share in zip(steps, of_size, strict=True)),
@@ -329,9 +329,9 @@ def _areas(corners: Array) -> Array:
     """Return the areas of facets with these corners, shape (f, k, d), in 2D lengths, shape (f,)."""
     sides = corners[:, 1:] - corners[:, :1]
     if sides.shape[1] == 1:
-        return np.asarray(np.linalg.norm(sides[:, 0], axis=1))
+        return np.linalg.norm(sides[:, 0], axis=1)
     double = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
-    return np.asarray(double / (2 if sides.shape[1] == 2 else 1))
+    return double / (2 if sides.shape[1] == 2 else 1)
 
 
 # Quadrature to compare with, by dimension: 31 points along a facet and 100 in a cell; in 3D 441 and
@@ -365,4 +365,4 @@ def missed_loads(model: Model, step: float) -> Array:
             * where(metadata={"quadrature_degree": load.degree(model.statement.element.degree)}),
         ]
     missed = compile_form(sum(terms[1:], terms[0]))
-    return np.asarray(np.linalg.norm(assemble(missed).reshape(-1, model.dimension), axis=1))
+    return np.linalg.norm(assemble(missed).reshape(-1, model.dimension), axis=1)

@@ -244,7 +244,7 @@ class _Place:
         """
         with np.errstate(divide="ignore", invalid="ignore"):
             steps = np.diff(np.log(self.pressure))
-        return np.asarray(steps / -np.diff(np.log(self.spacing)))
+        return steps / -np.diff(np.log(self.spacing))
 
     @property
     def grows(self) -> bool:
@@ -407,7 +407,7 @@ def _spacing(table: ContactTable) -> Array:
     to it.
     """
     if table.facets is not None:
-        return np.asarray(np.sqrt(table.columns["weight"]))
+        return np.sqrt(table.columns["weight"])
     spacing = np.full(len(table.columns["x"]), np.inf)
     for path in table.paths:
         lengths = np.diff(table.arc(path))

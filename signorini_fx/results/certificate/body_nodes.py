@@ -89,11 +89,11 @@ class RigidPart:
         rows = vectors[:, None] if vectors.ndim == 1 else vectors
         squares = np.einsum("ni,ni->n", rows, rows)[:, None]
         pieces = self.piece if piece is None else piece
-        return np.asarray(np.sqrt(parallel.sums_by(self._comm, pieces, squares, self.count)[:, 0]))
+        return np.sqrt(parallel.sums_by(self._comm, pieces, squares, self.count)[:, 0])
 
     def _without_mean(self, values: Array) -> Array:
         sums = self.sums(np.column_stack((np.ones(len(values)), values)))
-        return np.asarray(values - (sums[:, 1:] / np.maximum(sums[:, :1], 1.0))[self.piece])
+        return values - (sums[:, 1:] / np.maximum(sums[:, :1], 1.0))[self.piece]
 
     def sums(self, values: Array) -> Array:
         """Sums over the owned nodes of each piece, shape (owned nodes, ...) to (pieces, ...);
@@ -120,7 +120,7 @@ class PrescribedNodes:
 
     def among(self, of_node: Ints) -> Ints:
         """Numbers that the owned nodes have, in the order of ``missed``."""
-        return np.asarray(np.broadcast_to(of_node[:, None], self.fixed.shape)[self.fixed])
+        return np.broadcast_to(of_node[:, None], self.fixed.shape)[self.fixed]
 
     def left(self, vectors: Array) -> Array:
         """Vectors at the owned nodes without the directions that are prescribed, shape (owned

@@ -87,18 +87,18 @@ class ContactNodes(ContactConditions):
             return vectors
         across = self.boundary.tangents[:, :, 1] / axes.ratio[:, None]
         part = np.sum(vectors * across, axis=1) * (axes.ratio**power - 1)
-        return np.asarray(vectors + part[:, None] * across)
+        return vectors + part[:, None] * across
 
     def along(self, vectors: Array) -> Array:
         """The part of vectors at the points that is tangential, shape (n, d)."""
-        return np.asarray(
+        return (
             vectors - np.sum(vectors * self.boundary.normal, axis=1)[:, None] * self.boundary.normal
         )
 
     @property
     def traction(self) -> Array:
         """Pressure and shear as one vector, stress, shape (n, d)."""
-        return np.asarray(self.pressure[:, None] * self.boundary.normal + self.shear)
+        return self.pressure[:, None] * self.boundary.normal + self.shear
 
     def traces(self, y: Array, rigid: Sequence[RigidBodyMotion] = ()) -> tuple[Array, Array]:
         """(tau_N y, tau_T y), shapes (n,) and (n, d), relative to rigid bodies that have moved."""

@@ -181,7 +181,7 @@ def _stationary(line: BoundaryLine, facet: int, c: Array) -> Array:
     )
     size = np.abs(slope).max()
     roots = polynomial.polyroots(polynomial.polytrim(slope, ROOT_OF_EPS * size))
-    return np.asarray(roots.real[np.abs(roots.imag) <= ROOT_OF_EPS])
+    return roots.real[np.abs(roots.imag) <= ROOT_OF_EPS]
 
 
 def _on_tangent(line: BoundaryLine, facet: int, c: Array, at: float) -> float:

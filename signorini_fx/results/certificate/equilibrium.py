@@ -110,7 +110,7 @@ class Balance:
         """Which pieces a support moves, shape (pieces,)."""
         missed = self.supports.missed(np.zeros_like(self.external))
         moved = self.pieces.largest(missed, self.supports.among(self.pieces.piece))
-        return np.asarray(moved > 0)
+        return moved > 0
 
     @cached_property
     def unloaded(self) -> Flags:
@@ -119,7 +119,7 @@ class Balance:
         of others make it.
         """
         loads = np.abs(self.external) + np.abs(self.initial)
-        return np.asarray((self.pieces.norms(loads) == 0) & ~self.imposed & (self.energies == 0))
+        return (self.pieces.norms(loads) == 0) & ~self.imposed & (self.energies == 0)
 
 
 class PieceScales(NamedTuple):

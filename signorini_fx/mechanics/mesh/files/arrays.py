@@ -290,7 +290,7 @@ def _with_several(keys: Ints, values: Ints) -> Flags:
     one[keys] = values
     several = np.zeros(len(one), dtype=bool)
     several[keys[one[keys] != values]] = True
-    return np.asarray(several[keys])
+    return several[keys]
 
 
 @dataclass(frozen=True)

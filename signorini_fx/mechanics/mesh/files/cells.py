@@ -43,7 +43,7 @@ class Cell:
     @cached_property
     def corners(self) -> Array:
         """Return the corners on the reference cell, shape (corners, dim)."""
-        return np.asarray(basix.geometry(self.basix_type))
+        return basix.geometry(self.basix_type)
 
     @cached_property
     def edges(self) -> list[list[int]]:
@@ -72,7 +72,7 @@ class Cell:
     @property
     def places(self) -> Array:
         """Return the nodes on the reference cell, shape (nodes, dim)."""
-        return np.asarray(self._element.points)
+        return self._element.points
 
     @cached_property
     def _element(self) -> Any:
@@ -85,13 +85,13 @@ class Cell:
         """
         # At nodes they are 0 and 1 but for round-off, with which a node would leave an axis of
         # symmetry.
-        return np.asarray(self._element.tabulate(0, x)[0, :, :, 0].round(_DIGITS))
+        return self._element.tabulate(0, x)[0, :, :, 0].round(_DIGITS)
 
     def gradient(self, x: Array) -> Array:
         """Return the derivatives of the basis functions at places, shape (places, dim) -> (dim,
         places, nodes).
         """
-        return np.asarray(self._element.tabulate(1, x)[1:, :, :, 0])
+        return self._element.tabulate(1, x)[1:, :, :, 0]
 
 
 _KINDS = (
@@ -183,7 +183,7 @@ def measures(points: Array, nodes: Ints, cell: Cell) -> Array:
     points, shape (n, d), and the nodes of each, shape (m, k), of a kind of d dimensions or of one
     less.
     """
-    return np.asarray(nodal_measures(points, nodes, cell).sum(axis=1))
+    return nodal_measures(points, nodes, cell).sum(axis=1)
 
 
 def nodal_measures(points: Array, nodes: Ints, cell: Cell) -> Array:
@@ -205,7 +205,7 @@ def nodal_measures(points: Array, nodes: Ints, cell: Cell) -> Array:
 
 def _jacobian(points: Array, nodes: Ints, cell: Cell, x: Array) -> Array:
     """Derivatives of the position at places of the reference cell, shape (m, places, d, dim)."""
-    return np.asarray(np.einsum("jqk,mkd->mqdj", cell.gradient(x), points[nodes], optimize=True))
+    return np.einsum("jqk,mkd->mqdj", cell.gradient(x), points[nodes], optimize=True)
 
 
 def curvature(points: Array, cells: Ints, cell: Cell) -> float:

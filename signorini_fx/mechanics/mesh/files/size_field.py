@@ -145,6 +145,4 @@ def _graded_at(mesh: MeshArrays, wanted: Sequence[ContactSize]) -> SizeField:
 def _longest_edges(mesh: MeshArrays, boundary: str) -> Array:
     """The longest edge of each facet of a boundary, shape (f,)."""
     x = mesh.points[mesh.facet_corners[mesh.boundaries[boundary]]]
-    return np.asarray(
-        np.max([np.linalg.norm(x[:, a] - x[:, b], axis=1) for a, b in mesh.facet.edges], axis=0)
-    )
+    return np.max([np.linalg.norm(x[:, a] - x[:, b], axis=1) for a, b in mesh.facet.edges], axis=0)
