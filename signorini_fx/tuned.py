@@ -406,9 +406,7 @@ SAME_ANGLE = 1.0
 # Width over height from which on a picture of a report is not made smaller than it can be read.
 BROAD_PICTURE = 1.6
 # Width and height of a body at most, and of the narrowest picture, for its lettering, inches.
-# Pixels per inch in 3D.
 BODY_INCHES, NARROWEST = 4.8, 3.4
-PIXELS_PER_INCH = 240.0
 # How far a foundation is drawn beside the body, over its longest side, and on a grid of how many
 # lines along that, in 2D and in 3D; a round one whose diameter is at most about this share of that
 # side is drawn whole.

@@ -213,16 +213,6 @@ def largest_von_mises(summary: dict[str, Any]) -> dict[str, Any] | None:
     return max(known, key=lambda entry: float(entry["value"])) if known else None
 
 
-def marked_stress(summary: dict[str, Any]) -> tuple[list[float], str] | None:
-    """The place of the largest von Mises stress and its value, as the answers have them; None: it
-    may not be used.
-    """
-    largest = largest_von_mises(summary) if validity_of(summary).solved else None
-    if largest is None or not largest["value"] > 0:
-        return None
-    return largest["place"], figure(largest["value"], between(summary["stress"]))
-
-
 def share_in_words(summary: dict[str, Any], of: str = "") -> str:
     """Return the share of the yield stress, named ``of``, that is used, with the digits of the
     stress: a share such as 41 %, far above it how many times, and no figure above it where the

@@ -33,7 +33,6 @@ from signorini_fx.machine.terminal import printable, say
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable, contact_table
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.values import kind_of
-from signorini_fx.quantities.shown import marked_stress
 from signorini_fx.quantities.values import of_fields
 from signorini_fx.records import Finding
 from signorini_fx.results.fields import (
@@ -196,7 +195,7 @@ class _Written:
                 solution.comm,
                 "pictures",
                 findings,
-                lambda: self._pictures(table, gather(solution), summary),
+                lambda: self._pictures(table, gather(solution)),
             )
             if len(findings) > count:
                 parallel.on_root(solution.comm, folder.clear)  # a file may be truncated
@@ -271,7 +270,7 @@ class _Written:
 
         self._on_root(write)
 
-    def _pictures(self, table: ContactTable | None, gathered: Any, summary: dict[str, Any]) -> None:
+    def _pictures(self, table: ContactTable | None, gathered: Any) -> None:
         """All pictures, beside the tables that some of them are drawn from."""
         solution = self.solution
         folder = self.folder
@@ -279,7 +278,7 @@ class _Written:
         def draw() -> None:
             several = read_csv(folder.path / "steps.csv") if len(solution.steps) > 1 else None
             try:
-                gathered.draw(folder.part, table, several, marked_stress(summary))
+                gathered.draw(folder.part, table, several)
             except PictureError as error:
                 say(f"the deformed body is not drawn: {error}")
 

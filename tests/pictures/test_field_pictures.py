@@ -11,6 +11,7 @@ from scenes import alone, example1, on_mesh, rectangle
 from scipy.spatial import cKDTree
 from spaces import block, box
 
+from signorini_fx.addons.pictures import deformed_body
 from signorini_fx.addons.pictures.deformed_body import deformed_mesh
 from signorini_fx.addons.pictures.gather import gather_body
 from signorini_fx.machine import parallel
@@ -234,6 +235,16 @@ def test_the_colour_bar_says_what_is_seen():
     assert label.split(" (unit")[0] == "size of the displacement"
     _, label = drawn_in_the_plane(replace(points, recovered=False))
     assert label == "von Mises stress, raw"
+
+
+def test_the_circle_is_at_the_largest_value_that_is_drawn(monkeypatch, tmp_path):
+    """Raw stresses may be larger, and are not drawn."""
+    marked = []
+    monkeypatch.setattr(deformed_body, "mark_largest", lambda *marks: marked.append(marks[2]))
+    solution = alone(example1(nx=6, ny=2))
+    write_results(solution, tmp_path, fields=False)
+    drawn = gather_body(solution, ("von_mises",)).values["von_mises"].max()
+    assert marked == [f"{drawn:.3g}"]
 
 
 @pytest.mark.mpi

@@ -83,7 +83,7 @@ def deformed_mesh(
         axes.locator_params(axis="x", nbins=max(2, min(7, round(1.4 * width))))
         axes.locator_params(axis="y", nbins=max(2, min(7, round(2.5 * height))))
     if largest is not None:
-        mark_largest(grid[0], largest.moved(body, name, factor), largest.text)
+        mark_largest(grid[0], moved[largest.point], largest.text)
     tones.bar(figure, list(grid))
     return figure, remark
 

@@ -21,7 +21,7 @@ from signorini_fx.addons.pictures.fields import Field
 from signorini_fx.addons.pictures.style import INK, MUTED, VALUES, decimal_power, number, unit_of
 from signorini_fx.arrays import Array
 from signorini_fx.mechanics.statement.units import unit
-from signorini_fx.tuned import ARROWS_AROUND, DIGITS_OF_FILES, USUAL_COLOURS
+from signorini_fx.tuned import ARROWS_AROUND, USUAL_COLOURS
 
 if TYPE_CHECKING:
     from signorini_fx.addons.pictures.view import Camera
@@ -68,36 +68,19 @@ def draw_lengths(axes: Axes, points: Array, camera: Camera) -> None:
 
 @dataclass(frozen=True)
 class Largest:
-    """The largest value of a field, as all figures of a result have it."""
+    """The largest value of the field that is drawn."""
 
-    place: Array  # in the undeformed body, length, shape (d,)
-    text: str  # its value, a number in digits
+    point: int  # its number in the body
+    text: str  # the value, a number in digits
 
     @classmethod
     def of(cls, body: DrawnBody, field: str) -> Largest | None:
-        """The value of the largest size; None: it is no number anywhere."""
+        """Return the value of the largest size; None: it is no number anywhere."""
         values = body.values[field].ravel()
         if not np.isfinite(values).any():
             return None
         at = int(np.nanargmax(np.abs(np.where(np.isfinite(values), values, np.nan))))
-        return cls(body.points[body.within.ravel()[at]], f"{values[at]:.3g}")
-
-    def nearest(self, body: DrawnBody, field: str) -> int:
-        """The point of the body next to it; of several, as of bodies that touch, that with the
-        largest value.
-        """
-        points = body.within.ravel()
-        away = np.linalg.norm(body.points[points] - self.place, axis=1)
-        sizes = np.abs(np.nan_to_num(body.values[field].ravel()))
-        next_to = away <= away.min() + DIGITS_OF_FILES * body.size
-        return int(points[np.argmax(np.where(next_to, sizes, -1.0))])
-
-    def moved(self, body: DrawnBody, field: str, factor: float) -> Array:
-        """Return the place of the largest value where the displacement is multiplied by a factor,
-        shape (d,).
-        """
-        point = self.nearest(body, field)
-        return self.place + body.moved(factor)[point] - body.points[point]
+        return cls(int(body.within.ravel()[at]), f"{values[at]:.3g}")
 
 
 def mark_largest(axes: Axes, point: Array, text: str, *, behind: bool = False) -> None:

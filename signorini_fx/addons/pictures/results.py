@@ -8,8 +8,6 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from signorini_fx.addons.pictures.body import DrawnBody
 from signorini_fx.addons.pictures.fields import FIELDS
 from signorini_fx.addons.pictures.gather import gather_body
@@ -18,6 +16,7 @@ from signorini_fx.addons.pictures.style import finish, plain
 from signorini_fx.machine.terminal import say
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable
 from signorini_fx.mechanics.statement.units import labelled
+from signorini_fx.records import Status
 from signorini_fx.results.fields import facets_of
 from signorini_fx.results.solution import Solution
 
@@ -85,10 +84,8 @@ class ResultPictures:
         folder: Path,
         contact: ContactTable | None,
         steps: Mapping[str, Any] | None,
-        largest: tuple[Sequence[float], str] | None,
     ) -> None:
-        """All of them.  ``steps``: columns of steps.csv; ``largest``: where the von Mises stress is
-        largest, and its value.
+        """All of them.  ``steps``: columns of steps.csv.
 
         Raises:
             PictureError: a body in 3D cannot be drawn; all other pictures are there.
@@ -99,7 +96,7 @@ class ResultPictures:
                 return
             self._draw_curves(folder, contact, steps)
             if self.body is not None:
-                self._draw_body(self.body, folder, contact, largest)
+                self._draw_body(self.body, folder, contact)
 
     @property
     def _dimension(self) -> int:
@@ -115,7 +112,6 @@ class ResultPictures:
         body: DrawnBody,
         folder: Path,
         contact: ContactTable | None,
-        largest: tuple[Sequence[float], str] | None,
     ) -> None:
         """Draw the body with each field on its foundation."""
         from signorini_fx.addons.pictures.foundation import foundations_of
@@ -136,15 +132,10 @@ class ResultPictures:
         if self._mirrored:
             body = body.with_mirror_image()
             foundations = [image for part in foundations for image in part.mirrored()]
+        solved = self.solution.last_step.status is Status.CONVERGED
         for name in self.fields:
-            marked = Largest.of(body, name)
-            if name == "von_mises":  # as all figures have it
-                marked = (
-                    None
-                    if largest is None
-                    else Largest(np.array(largest[0])[: self._dimension], largest[1])
-                )
-            figure, remark = draw(body, name, foundations=foundations, largest=marked)
+            largest = Largest.of(body, name) if solved else None
+            figure, remark = draw(body, name, foundations=foundations, largest=largest)
             self._write(
                 folder / ("deformed" if name == self.fields[0] else f"field_{name}"), figure, remark
             )

@@ -30,7 +30,7 @@ from signorini_fx.addons.pictures.marks import (
     mark_largest,
     usual_range,
 )
-from signorini_fx.addons.pictures.style import INK, MUTED, STYLE, VALUES
+from signorini_fx.addons.pictures.style import INK, MUTED, PNG_DPI, STYLE, VALUES
 from signorini_fx.addons.pictures.view import Camera, View
 from signorini_fx.arrays import Array, Ints
 from signorini_fx.errors import PYVISTA, PictureError
@@ -38,9 +38,7 @@ from signorini_fx.tuned import (
     AMBIENT_LIGHT,
     BODY_INCHES,
     NARROWEST,
-    PIXELS_PER_INCH,
     PREFERRED_GAIN,
-    SAME_LENGTH,
     SHARP_EDGE,
     SURFACE_MARGIN,
     VISIBLE_FACET,
@@ -117,13 +115,9 @@ def deformed_solid(
     figure, axes = figure_of(solid, camera, inch)
     draw_lengths(axes, body.points, camera)
     if largest is not None:
-        point = largest.nearest(body, name)
-        inside = np.linalg.norm(largest.place - body.points[point]) > SAME_LENGTH * body.size
-        around = body.triangles[(body.triangles == point).any(axis=1)]
-        behind = bool(inside or (normals_of(body.points[around]) @ seen.toward <= 0).all())
-        mark_largest(
-            axes, camera.flat(largest.moved(body, name, factor)), largest.text, behind=behind
-        )
+        around = body.triangles[(body.triangles == largest.point).any(axis=1)]
+        behind = bool((normals_of(body.points[around]) @ seen.toward <= 0).all())
+        mark_largest(axes, camera.flat(moved[largest.point]), largest.text, behind=behind)
     tones.bar(figure, axes)
     # the layout needs a second pass if equal axes do not fill their place
     figure.draw_without_rendering()
@@ -213,7 +207,7 @@ def figure_of(solid: Solid, camera: Camera, inch: float) -> tuple[Figure, Axes]:
     size = max(2 * inch * right + _LABELS, NARROWEST), 2 * inch * top + 0.9
     figure = Figure(figsize=size, layout="constrained")
     axes = figure.subplots()
-    picture = image(solid, camera, round(2 * inch * float(right) * PIXELS_PER_INCH))
+    picture = image(solid, camera, round(2 * inch * float(right) * PNG_DPI))
     axes.imshow(picture, extent=(-right, right, -top, top), aspect="equal")
     axes.set_axis_off()
     return figure, axes

@@ -25,7 +25,7 @@ from signorini_fx.arrays import Array
 from signorini_fx.machine.terminal import printable
 from signorini_fx.mechanics.statement.units import bracketed, unit
 
-_PNG_DPI = 200
+PNG_DPI = 200
 _RASTER_DPI = 300  # of what is an image in a PDF or SVG
 SCREEN = (".png",)
 INK = "#1a1a1a"
@@ -166,12 +166,12 @@ def finish(
         ".pdf": {"metadata": {"CreationDate": None}},
         ".svg": {"metadata": {"Date": None}},
     }
-    figure.set_dpi(_PNG_DPI)
+    figure.set_dpi(PNG_DPI)
     if title:
         _entitle(figure, title)
     if layout := figure.get_layout_engine():  # once: matplotlib would draw everything twice
         layout.execute(figure)
         figure.set_layout_engine(None)
     for suffix in suffixes:
-        dpi = _PNG_DPI if suffix == ".png" else _RASTER_DPI
+        dpi = PNG_DPI if suffix == ".png" else _RASTER_DPI
         figure.savefig(stem.with_name(f"{stem.name}{suffix}"), dpi=dpi, **of_kind[suffix])

@@ -31,7 +31,6 @@ from signorini_fx.quantities.shown import (
     brief_lines,
     has_friction,
     kinematics_of,
-    marked_stress,
     shown_lines,
     validity_of,
     was_solved,
@@ -146,7 +145,7 @@ def _warnings(summary: dict[str, Any]) -> list[dict[str, Any]]:
 
 
 _COLOURS = "Colour: von Mises stress, recovered, which smooths peaks narrower than a cell"
-_CIRCLE = "; circle: the largest one, recovered or raw. "
+_CIRCLE = "; circle: the largest one that is drawn. "
 _DISPLACEMENT = "Colour: size of the displacement; there is no stress. "
 _MAGNIFIED = "The title gives the magnification."
 _SETUP = (
@@ -168,7 +167,7 @@ def _overview(summary: dict[str, Any], folder: Path) -> Markup:
     scene = summary["scene"]
     solid = summary["dimension"] == 3
     iterate = no_result(summary)
-    marked = _CIRCLE if marked_stress(summary) is not None else ". "
+    marked = ". " if iterate else _CIRCLE
     colours = f"{_COLOURS}{marked}" if "stress" in scene.get("forms", ["stress"]) else _DISPLACEMENT
     grounded = any(not entry.get("against") for entry in scene.get("contact", ()))
     parts = f"{_SOLID_BODY * solid}{_FOUNDATION[solid] * grounded}"
