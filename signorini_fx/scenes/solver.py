@@ -110,8 +110,9 @@ def solve(
         solution = nonlinear.solved(stored, begin=state)
     else:
         load = partial(load_mesh, scene, comm)
-        more: dict[str, Any] = {"stored": stored, "begin": state, "effects": in_time}
-        solution = solve_mesh(scene.statement, load, history, None, **more)[0]
+        solution = solve_mesh(
+            scene.statement, load, history, None, stored=stored, begin=state, effects=in_time
+        )[0]
     if check and not solution.converged:
         raise ConvergenceError(solution)
     return solution

@@ -217,8 +217,14 @@ class Panel:
         axes.spines["bottom"].set_visible(False)
         axes.locator_params(axis="y", nbins=6)
         handles, labels = axes.get_legend_handles_labels()
-        where = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.01), "alignment": "left"}
-        legend = axes.legend(handles[::-1], labels[::-1], title=name or None, **where)
+        legend = axes.legend(
+            handles[::-1],
+            labels[::-1],
+            title=name or None,
+            loc="lower left",
+            bbox_to_anchor=(0.0, 1.01),
+            alignment="left",
+        )
         legend.get_title().set_fontweight("bold")
 
 

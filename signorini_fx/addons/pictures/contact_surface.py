@@ -27,6 +27,7 @@ from signorini_fx.addons.pictures.boundary_profiles import (
 )
 from signorini_fx.addons.pictures.marks import spaced, usual_range
 from signorini_fx.addons.pictures.style import (
+    IN_DATA_UNITS,
     INK,
     MUTED,
     STYLE,
@@ -209,34 +210,39 @@ def _pressure_panel(
     bottom = min(
         0.0, float(pressure[inside].min(initial=0.0))
     )  # in bilateral contact the pressure may be negative
-    flat: dict[str, Any] = {"linewidths": 0.4, "zorder": 1, "rasterized": True}
     ground = PolyCollection(
-        list(nodes[side.polygons]), facecolors=_UNTOUCHED, edgecolors=_UNTOUCHED, **flat
+        list(nodes[side.polygons]),
+        facecolors=_UNTOUCHED,
+        edgecolors=_UNTOUCHED,
+        linewidths=0.4,
+        zorder=1,
+        rasterized=True,
     )
     axes.add_collection(ground, autolim=False)
     points, triangles, values = _triangles(
         side.polygons[closed[side.polygons].any(axis=1)], nodes, pressure
     )
     if len(triangles):
-        limits = {"vmin": bottom * 10.0**power, "vmax": top * 10.0**power}
-        coloured: dict[str, Any] = {
-            "shading": "gouraud",
-            "cmap": VALUES,
-            "rasterized": True,
-            "zorder": 2,
-            **limits,
-        }
         colours = axes.tripcolor(
-            Triangulation(*points.T, triangles), values * 10.0**power, **coloured
+            Triangulation(*points.T, triangles),
+            values * 10.0**power,
+            shading="gouraud",
+            cmap=VALUES,
+            rasterized=True,
+            zorder=2,
+            vmin=bottom * 10.0**power,
+            vmax=top * 10.0**power,
         )
         above = float(pressure[inside].max(initial=0.0)) > 1.001 * top
-        where: dict[str, Any] = {
-            "orientation": "horizontal",
-            "shrink": 0.8,
-            "aspect": 40,
-            "pad": 0.02,
-        }
-        bar = figure.colorbar(colours, ax=axes, extend="max" if above else "neither", **where)
+        bar = figure.colorbar(
+            colours,
+            ax=axes,
+            extend="max" if above else "neither",
+            orientation="horizontal",
+            shrink=0.8,
+            aspect=40,
+            pad=0.02,
+        )
         bar.ax.locator_params(nbins=6)
         bar.set_label(f"contact pressure{unit_of(power, 'stress')}")
     axes.add_collection(_rim(side), autolim=False)
@@ -258,8 +264,14 @@ def _state_panel(axes: Axes, side: VisibleSide, low: Array, high: Array, heading
     nodes = side.nodes
     where, owner = _around_nodes(nodes, side.polygons)
     colours = np.array([to_rgba(STATES[state][0]) for state in states])[owner]
-    flat: dict[str, Any] = {"linewidths": 0.4, "zorder": 1, "rasterized": True}
-    regions = PolyCollection(list(where), facecolors=colours, edgecolors=colours, **flat)
+    regions = PolyCollection(
+        list(where),
+        facecolors=colours,
+        edgecolors=colours,
+        linewidths=0.4,
+        zorder=1,
+        rasterized=True,
+    )
     axes.add_collection(regions, autolim=False)
     axes.add_collection(_rim(side), autolim=False)
     moving = side.shown & np.asarray(side.columns["friction"] == "slip")
@@ -330,14 +342,17 @@ def _arrows(
     order = np.lexsort((*np.round(side.nodes[rows] / size, 9).T[::-1], lengths < longest))
     rows = spaced(side.nodes, rows[order], size / MOST_ARROWS)
     scaled = vectors[rows] * (LONGEST_ARROW * size / longest if factor is None else factor)
-    length: dict[str, Any] = {
-        "angles": "xy",
-        "scale_units": "xy",
-        "scale": 1.0,
-        "units": "inches",
-        "width": 0.018,
-    }
-    head = {"headwidth": 3.2, "headlength": 4.2, "headaxislength": 3.8, "minlength": 0.4}
-    colour = {"facecolor": "white", "edgecolor": INK, "linewidth": 0.35, "zorder": 4}
-    axes.quiver(*side.nodes[rows].T, *scaled.T, **length, **head, **colour)
+    axes.quiver(
+        *side.nodes[rows].T,
+        *scaled.T,
+        **IN_DATA_UNITS,
+        headwidth=3.2,
+        headlength=4.2,
+        headaxislength=3.8,
+        minlength=0.4,
+        facecolor="white",
+        edgecolor=INK,
+        linewidth=0.35,
+        zorder=4,
+    )
     return longest

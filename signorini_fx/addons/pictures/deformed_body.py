@@ -140,8 +140,17 @@ def _draw_body(
     parts = Triangulation(
         *corners[..., :2].reshape(-1, 2).T, np.arange(3 * len(corners)).reshape(-1, 3)
     )
-    colours = {"array": corners[..., 2].ravel(), "cmap": VALUES, "norm": tones.norm}
-    axes.add_collection(TriMesh(parts, rasterized=True, zorder=1, **colours), autolim=False)
+    axes.add_collection(
+        TriMesh(
+            parts,
+            rasterized=True,
+            zorder=1,
+            array=corners[..., 2].ravel(),
+            cmap=VALUES,
+            norm=tones.norm,
+        ),
+        autolim=False,
+    )
     cells = moved[body.perimeters]
     cell_size = math.sqrt(float(np.median(_areas(cells)))) * 72 * inch
     if cell_size >= VISIBLE_CELL:

@@ -144,13 +144,16 @@ def _draw(axes: Axes, over: str, kind: str, curves: Sequence[_Curve]) -> None:
     power = decimal_power(_largest(shown))
     along = 0 if over == "time" else decimal_power(largest_of(*(curve.over for curve in shown)))
     for number, curve in enumerate(shown):
-        style: dict[str, Any] = {
-            "color": _COLOURS[number % len(_COLOURS)],
-            "marker": "o",
-            "markersize": 2.5,
-        }
-        style |= {"linewidth": 1.3, "linestyle": (0, (4.5, 1.8)) if curve.dashed else "-"}
-        axes.plot(curve.over * 10.0**along, curve.values * 10.0**power, label=curve.label, **style)
+        axes.plot(
+            curve.over * 10.0**along,
+            curve.values * 10.0**power,
+            label=curve.label,
+            color=_COLOURS[number % len(_COLOURS)],
+            marker="o",
+            markersize=2.5,
+            linewidth=1.3,
+            linestyle=(0, (4.5, 1.8)) if curve.dashed else "-",
+        )
     axes.axhline(0.0, color=RULE, linewidth=0.6, zorder=0)
     length = "" if over == "time" else unit_of(along, "length")
     axes.set(xlabel=f"{over}{length}", ylabel=f"{kind}{unit_of(power, kind)}")

@@ -22,6 +22,7 @@ from signorini_fx.addons.pictures import view
 from signorini_fx.addons.pictures.marks import draw_lengths, spaced
 from signorini_fx.addons.pictures.style import (
     BLUE,
+    IN_DATA_UNITS,
     INK,
     ORANGE,
     SCREEN,
@@ -167,13 +168,15 @@ class Setup:
         )
         axes.add_collection(PolyCollection(list(self.polygons), facecolor=_BODY, **edges))
         for boundary, colour, line in self._coloured:
-            style: dict[str, Any] = {
-                "colors": colour,
-                "linewidths": 2.4,
-                "linestyles": [line],
-                "zorder": 4,
-            }
-            axes.add_collection(LineCollection(list(boundary.corners), **style))
+            axes.add_collection(
+                LineCollection(
+                    list(boundary.corners),
+                    colors=colour,
+                    linewidths=2.4,
+                    linestyles=[line],
+                    zorder=4,
+                )
+            )
             if boundary.grounded:  # strokes on the side where the foundation is
                 rows = _spaced_rows(boundary.middles, self._size / MOST_STROKES)
                 start = boundary.middles[rows]
@@ -248,18 +251,16 @@ class Setup:
                         axes, flat, at[rows], normals[rows], arrows, color=drawn, alpha=alpha
                     )
             if boundary.held and not boundary.moved.any():
-                style: dict[str, Any] = {
-                    "linestyle": "none",
-                    "marker": boundary.marker,
-                    "markersize": 4.5,
-                }
-                style |= {
-                    "markerfacecolor": "white",
-                    "markeredgecolor": colour,
-                    "alpha": alpha,
-                    "zorder": 5,
-                }
-                axes.plot(*flat(at[rows]).T, **style)
+                axes.plot(
+                    *flat(at[rows]).T,
+                    linestyle="none",
+                    marker=boundary.marker,
+                    markersize=4.5,
+                    markerfacecolor="white",
+                    markeredgecolor=colour,
+                    alpha=alpha,
+                    zorder=5,
+                )
 
     def _arrows(
         self,
@@ -282,16 +283,11 @@ class Setup:
             lengths >= SMALLEST_ARROW
         ]
         ends = start + steps[lengths >= SMALLEST_ARROW]
-        style |= {
-            "angles": "xy",
-            "scale_units": "xy",
-            "scale": 1.0,
-            "units": "inches",
-            "width": 0.018,
-        }
         tails = flat(start)
         tips = flat(ends)
-        arrows = axes.quiver(*tails.T, *(tips - tails).T, clip_on=False, zorder=6, **style)
+        arrows = axes.quiver(
+            *tails.T, *(tips - tails).T, clip_on=False, zorder=6, **IN_DATA_UNITS, **style
+        )
         arrows.set_in_layout(False)  # matplotlib takes their lengths for decorations of the axes
 
     def _largest(self, vectors: str) -> float:
@@ -306,15 +302,17 @@ class Setup:
         """The names of the boundaries, what acts on them, and how large the longest arrows are."""
         handles = []
         for boundary, colour, line in self._coloured:
-            style: dict[str, Any] = {
-                "color": colour,
-                "linewidth": 2.4,
-                "linestyle": line,
-                "marker": boundary.marker,
-            }
             handles.append(
                 Line2D(
-                    [], [], **style, markersize=4.5, markerfacecolor="white", label=boundary.label
+                    [],
+                    [],
+                    color=colour,
+                    linewidth=2.4,
+                    linestyle=line,
+                    marker=boundary.marker,
+                    markersize=4.5,
+                    markerfacecolor="white",
+                    label=boundary.label,
                 )
             )
         for vectors, kind, quantity in (

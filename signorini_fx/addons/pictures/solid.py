@@ -268,13 +268,15 @@ def _draw(plotter: Any, solid: Solid) -> None:
     body = _surface(smooth.points[corners], np.arange(len(corners)).reshape(-1, 3))
     body.point_data["field"] = solid.values.ravel()
     body.point_data.active_normals = smooth.point_data["Normals"][corners]
-    colours = {
-        "scalars": "field",
-        "cmap": solid.colours or VALUES,
-        "clim": solid.limits,
-        "nan_color": GROUND,
-    }
-    actor = plotter.add_mesh(body, show_scalar_bar=False, **colours, **light)
+    actor = plotter.add_mesh(
+        body,
+        show_scalar_bar=False,
+        scalars="field",
+        cmap=solid.colours or VALUES,
+        clim=solid.limits,
+        nan_color=GROUND,
+        **light,
+    )
     actor.prop.interpolation = "Phong"
     if solid.edges is not None and len(solid.edges):
         lines = pyvista.line_segments_from_points(solid.points[solid.edges].reshape(-1, 3))

@@ -121,8 +121,13 @@ class NodalStiffness:
         if rows.size:
             ends = np.arange(0, blocks.size + 1, dim, dtype=PETSc.IntType)
             columns = np.repeat(rows, dim, axis=0)
-            added = {"addv": PETSc.InsertMode.ADD_VALUES, "rowmap": rows.ravel()}
-            matrix.setValuesIJV(ends, columns.ravel(), blocks.ravel(), **added)
+            matrix.setValuesIJV(
+                ends,
+                columns.ravel(),
+                blocks.ravel(),
+                addv=PETSc.InsertMode.ADD_VALUES,
+                rowmap=rows.ravel(),
+            )
         matrix.assemble()
         for joint in self.joint:
             joint.add_to(matrix, dim, fixed)

@@ -110,12 +110,14 @@ def solve(options: argparse.Namespace, comm: MPI.Comm) -> int:
                     comm, f"{path}: the result of another scene, {older!r}, will be replaced"
                 )
             try:
-                given: dict[str, Any] = {
-                    "observers": observers,
-                    "checkpoint": path,
-                    "restart": options.restart,
-                }
-                solution = solver.solve(scene, comm, check=False, **given)
+                solution = solver.solve(
+                    scene,
+                    comm,
+                    check=False,
+                    observers=observers,
+                    checkpoint=path,
+                    restart=options.restart,
+                )
             finally:
                 line.erase()
             pictures = False if options.no_pictures else options.picture or True
