@@ -1,4 +1,6 @@
-"""The types of numpy arrays, by their entries; and lengths and products of their rows."""
+"""The types of numpy arrays, by their entries; lengths and products of their rows, and
+sides of polygons.
+"""
 
 from __future__ import annotations
 
@@ -30,3 +32,8 @@ def unit(vectors: Array) -> Array:
     units[:, :1] = 1.0
     np.divide(vectors, size[:, None], out=units, where=(size > 0)[:, None])
     return units
+
+
+def sides_of(polygons: Ints) -> Ints:
+    """Return both ends of each side of polygons by their corners in order, shape (m, k, 2)."""
+    return np.stack((polygons, np.roll(polygons, -1, axis=1)), axis=2)

@@ -31,7 +31,7 @@ from signorini_fx.addons.pictures.style import (
     number,
     plain,
 )
-from signorini_fx.arrays import Array
+from signorini_fx.arrays import Array, sides_of
 from signorini_fx.mechanics.statement.units import bracketed, labelled, unit
 from signorini_fx.tuned import (
     BODY_INCHES,
@@ -210,7 +210,7 @@ class Setup:
         k = points.shape[1]
         polygons = np.arange(len(points) * k).reshape(-1, k)
         fan = np.concatenate([polygons[:, [0, j, j + 1]] for j in range(1, k - 1)])
-        edges = np.stack((polygons, np.roll(polygons, -1, axis=1)), axis=2).reshape(-1, 2)
+        edges = sides_of(polygons).reshape(-1, 2)
         body = Solid(
             points.reshape(-1, 3),
             fan,

@@ -32,7 +32,7 @@ from signorini_fx.addons.pictures.marks import (
 )
 from signorini_fx.addons.pictures.style import INK, MUTED, PNG_DPI, STYLE, VALUES
 from signorini_fx.addons.pictures.view import Camera, View
-from signorini_fx.arrays import Array, Ints
+from signorini_fx.arrays import Array, Ints, sides_of
 from signorini_fx.errors import PYVISTA, PictureError
 from signorini_fx.tuned import (
     AMBIENT_LIGHT,
@@ -182,7 +182,7 @@ def telling_view(body: DrawnBody, name: str) -> View:
 
 def _edges(body: DrawnBody) -> Ints:
     """Pairs of points along the perimeters of all facets, each once, shape (e, 2)."""
-    pairs = np.stack((body.perimeters, np.roll(body.perimeters, -1, axis=1)), axis=2).reshape(-1, 2)
+    pairs = sides_of(body.perimeters).reshape(-1, 2)
     return np.unique(np.sort(pairs, axis=1), axis=0)
 
 

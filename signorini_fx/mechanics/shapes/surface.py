@@ -13,7 +13,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from signorini_fx.arrays import Array, Ints
+from signorini_fx.arrays import Array, Ints, sides_of
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.mechanics.shapes.analytic import StraightPieces
 from signorini_fx.mechanics.statement.rigid_shape import Corners, Shape
@@ -165,7 +165,7 @@ def _rim(points: Array, cells: Ints) -> Ints:
     x, y = points[cells].transpose(2, 0, 1)
     turning = (x * np.roll(y, -1, axis=1) - y * np.roll(x, -1, axis=1)).sum(axis=1)
     cells = np.where((turning < 0)[:, None], cells[:, ::-1], cells)
-    return np.stack((cells, np.roll(cells, -1, axis=1)), axis=2).reshape(-1, 2)
+    return sides_of(cells).reshape(-1, 2)
 
 
 class InThePlane(StraightPieces):
@@ -196,9 +196,7 @@ class InSpace:
     dimension = 3
 
     def __init__(self, file: Path, points: Array, triangles: Ints) -> None:
-        sides = np.sort(
-            np.stack((triangles, np.roll(triangles, -1, axis=1)), axis=2).reshape(-1, 2), axis=1
-        )
+        sides = np.sort(sides_of(triangles).reshape(-1, 2), axis=1)
         _, counts = np.unique(sides[:, 0] * len(points) + sides[:, 1], return_counts=True)
         if (counts != 2).any():
             raise MeshError(
@@ -244,7 +242,7 @@ class InSpace:
         )
         areas = np.maximum(np.linalg.norm(normals, axis=1), 1e-300)  # twice
         normals /= areas[:, None]
-        ends = np.stack((triangles, np.roll(triangles, -1, axis=1)), axis=2).reshape(-1, 2)
+        ends = sides_of(triangles).reshape(-1, 2)
         order = np.lexsort(np.sort(ends, axis=1).T)  # each edge twice, one after the other
         first = order[::2]
         second = order[1::2]

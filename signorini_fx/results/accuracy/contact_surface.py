@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from signorini_fx.arrays import Array, Flags, Ints
+from signorini_fx.arrays import Array, Flags, Ints, sides_of
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable
@@ -98,7 +98,7 @@ class ContactSurface:
         rim; shape (pieces, k).
         """
         ends = np.sort(
-            np.stack((self.corners, np.roll(self.corners, -1, axis=1)), axis=2).reshape(-1, 2),
+            sides_of(self.corners).reshape(-1, 2),
             axis=1,
         )
         _, first, inverse, count = np.unique(
@@ -118,7 +118,7 @@ class ContactSurface:
     @property
     def rim_nodes(self) -> Flags:
         """Which rows of the table are on the rim, shape (rows,)."""
-        ends = np.stack((self.corners, np.roll(self.corners, -1, axis=1)), axis=2)[self.rim]
+        ends = sides_of(self.corners)[self.rim]
         return np.isin(np.arange(len(self.x)), ends)
 
     def jumps(self, values: Array) -> Array:
