@@ -75,6 +75,8 @@ class Scene(Table):
         fluid: pressures of fluids at rest, see ``Fluid``; default: none.
         force: total forces, each spread over a boundary, see ``Force``; default: none.
         gravity: accelerations, see ``Gravity``; default: none.
+        inertia: of all bodies, with its time step, see ``Inertia``; default: none.
+        initial_velocity: velocities at the first time, see ``InitialVelocity``; default: none.
         point_force: forces at nodes, see ``PointForce``; default: none.
         preload: tightened sections of bolts, see ``Preload``; default: none.
         rotation: centrifugal forces of steady rotations, see ``Rotation``; default: none.

@@ -143,7 +143,7 @@ class EquilibriumSolver(Stability):
         "": there is one; collective.
         """
         begin = self.u.x.array.copy()
-        last = self._since = self.linear.last or replace(self.linear.begin, displacement=begin)
+        last = self._since = self.linear.last or self._beginning(begin)
         self.certificate = None
         self.status = None
         self.without = ""
@@ -256,6 +256,20 @@ class EquilibriumSolver(Stability):
         values = self.remembers.remembered()
         kept = {name: Field("cells", rows) for name, rows in values.items()}
         return replace(state, fields={**state.fields, **kept})
+
+    def _beginning(self, values: Array) -> State:
+        """The state from which the way of a step counts: where the step begins, but where bodies
+        and shapes are now if the user has put the body elsewhere before the first one, ``values``
+        of u; collective.
+        """
+        linear = self.linear
+        begin = linear.begin
+        comm = linear.space.mesh.comm
+        if begin.number or not parallel.any_rank(
+            comm, not np.array_equal(values, begin.displacement)
+        ):
+            return begin
+        return replace(begin, displacement=values, placed=linear.foundations.placed)
 
     def start(self, state: State) -> None:
         """Begin a step from a state, and from nothing else that another step has left; collective.

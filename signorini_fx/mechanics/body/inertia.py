@@ -70,6 +70,11 @@ class InitialVelocity(Effect):
         rotation: angular velocity, radians / time.
         about: a point of its axis, length; None: the origin.
         axis: its direction, only in 3D; None: x[2].
+
+    Examples:
+        >>> falling = sfx.InitialVelocity(y=-2.0)
+        >>> print(falling.velocities(np.zeros((3, 1)))[:, 0])
+        [ 0. -2.  0.]
     """
 
     key: ClassVar[str] = "initial_velocity"
@@ -118,9 +123,9 @@ class Inertia(Effect, StepEffect):
             ``undeformed``; None: the former where loads act and no initial velocity is given.
 
     Examples:
-        >>> from signorini_fx.mechanics.body.inertia import Inertia
-        >>> print(Inertia(time_step=0.1).next_time(problem.initial(), 0.25))
-        0.08333333333333333
+        >>> begin = sfx.build_problem(scene).initial()
+        >>> print(round(sfx.Inertia(time_step=0.1).next_time(begin, 0.25), 6))
+        0.083333
     """
 
     key: ClassVar[str] = "inertia"
