@@ -123,9 +123,15 @@ class Inertia(Effect, StepEffect):
             ``undeformed``; None: the former where loads act and no initial velocity is given.
 
     Examples:
-        >>> begin = sfx.build_problem(scene).initial()
-        >>> print(round(sfx.Inertia(time_step=0.1).next_time(begin, 0.25), 6))
-        0.083333
+        >>> thrown = sfx.Scene(
+        ...     mesh=block,
+        ...     material=sfx.LinearElastic(young=1000.0, poisson=0.3, density=1.0),
+        ...     inertia=sfx.Inertia(time_step=0.5),
+        ...     initial_velocity=sfx.InitialVelocity(y=2.0),
+        ...     load_steps=sfx.LoadSteps(times=[0.0, 1.0]),
+        ... )
+        >>> print(round(float(sfx.solve(thrown).state.displacement.max()), 6))
+        2.0
     """
 
     key: ClassVar[str] = "inertia"
