@@ -130,5 +130,5 @@ def test_a_pin_that_turns_freely_in_an_eye(tmp_path):
     error = failing(parse_scene(scene))
     assert error.solution.status is Status.NOT_HELD
     assert "body 'pin'" in error.solution.advice
-    assert "neither the supports nor what presses hold" in error.solution.advice
+    assert "neither supports nor pressed contact hold" in error.solution.advice
     assert "in rotations: prescribe a displacement" in error.solution.advice
