@@ -140,3 +140,27 @@ def test_a_node_that_a_support_drags_along_the_foundation(dimension, coulomb):
         np.linalg.norm(contact.shear, axis=1)[dragged], 0.3 * contact.pressure[dragged]
     )
     assert solution.history.linear_solves <= 30
+
+
+def test_round_off_of_a_direction_is_no_stiffness():
+    """A corner is held across the contact direction, but for its round-off: gamma grows as without."""
+
+    def ended(along):
+        return alone(
+            parse_scene(
+                {
+                    "mesh": {"generator": "rectangle", "parameters": {"nx": 8, "ny": 4}},
+                    "material": {"young": 100.0, "poisson": 0.3},
+                    "displacement": {"boundary": "left", "x": 0.0},
+                    "traction": {"boundary": "top", "y": -2.0},
+                    "contact": {
+                        "boundary": "bottom",
+                        "direction": [along, -1.0],
+                        "friction": {"law": "coulomb", "coefficient": 0.3},
+                    },
+                    "solver": {"algorithm": "alm", "gamma_n": 1e3, "gamma_t": 1e3},
+                }
+            )
+        )
+
+    assert ended(1e-10).parameters == pytest.approx(ended(0.0).parameters)

@@ -160,18 +160,14 @@ class ContactMap:
         scaled = self.operator.copy()
         scaled.diagonalScale(R=scale)
         starts, _, values = scaled.getValuesCSR()
-        rows = np.repeat(
-            np.arange(self.points.weight.size * self.points.dimension), np.diff(starts)
-        )
-        compliance = np.bincount(
-            rows, values**2, minlength=self.points.weight.size * self.points.dimension
-        )
-        compliance = np.where(
-            compliance == 0.0, np.inf, compliance
-        )  # which bincount counts where a rank has no points
-        return 1.0 / (
-            self.points.weight * compliance.reshape(-1, self.points.dimension).min(axis=1)
-        )
+        components = self.points.weight.size * self.points.dimension
+        rows = np.repeat(np.arange(components), np.diff(starts))
+        compliance = np.bincount(rows, values**2, minlength=components)
+        compliance = compliance.reshape(-1, self.points.dimension)
+        # Of a prescribed direction the round-off of normals may leave something.
+        free = compliance > np.finfo(float).eps * compliance.max(axis=1, initial=0.0)[:, None]
+        least = np.where(free, compliance, np.inf).min(axis=1, initial=np.inf)
+        return 1.0 / (self.points.weight * least)
 
     def natural_stiffness(self, diagonal: PETSc.Vec) -> float:
         """Return the stiffness of the stiffest contact point, times the share of its side in that
