@@ -181,7 +181,7 @@ def test_linear_limit(name, slave):
     assert across.any() == isinstance(settings.get("friction"), Tresca)
 
 
-def beside_a_rigid_plane(make, ways, friction, *, kind="unilateral", **settings):
+def beside_a_rigid_plane(make, ways, friction, *, contact="unilateral", **settings):
     """Forces on a block that is 1e5 times as stiff, and on a rigid plane, of which other code
     knows.
     """
@@ -192,13 +192,13 @@ def beside_a_rigid_plane(make, ways, friction, *, kind="unilateral", **settings)
             slave=1,
             friction=friction,
             algorithm="alm",
-            pair={"kind": kind},
+            pair={"kind": contact},
             **settings,
         )
         if rigid:
             up = np.eye(len(scene.u))[-1]
             plane = {"shape": "plane", "point": tuple(0.0 * up), "normal": tuple(up)}
-            tool = Foundation(scene.sides[1], shape=plane, friction=friction, kind=kind)
+            tool = Foundation(scene.sides[1], shape=plane, friction=friction, kind=contact)
             scene.problem = NonlinearContactProblem(
                 scene.form, scene.u, bcs=scene.bcs, contact=tool, algorithm="alm"
             )
@@ -214,7 +214,7 @@ PULLED = ((0.0, 0.05), (0.1, 0.1), (0.4, 0.1), (0.4, -0.1), (0.2, -0.1))
 @pytest.mark.parametrize("element", [{}, QUADRATIC], ids=["degree 1", "degree 2"])
 def test_a_guide_on_a_rigid_plane(element):
     """Pulled and slid over facets."""
-    forces = beside_a_rigid_plane(blocks, PULLED, ROUGH, kind="bilateral", **WIDE, **element)
+    forces = beside_a_rigid_plane(blocks, PULLED, ROUGH, contact="bilateral", **WIDE, **element)
     assert forces[1][:3, 1].max() < 0 < forces[1][3:, 1].min()
     assert forces[0] == pytest.approx(forces[1], abs=3e-5 * np.abs(forces[1]).max())
 
