@@ -13,6 +13,8 @@ import numpy as np
 
 # How an event begins that is about a requested accuracy.
 ACCURACY = "accuracy: "
+# How the reason begins why a scene has no requested accuracy.
+NO_ACCURACY = "a requested accuracy "
 # How events begin that say how long load steps must be in which friction falls with the speed: of
 # one that has failed, and of one with a solution that may not be the only one.
 TOO_SHORT = "friction falls faster than the body gives way in a load step: "

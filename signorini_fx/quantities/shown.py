@@ -19,7 +19,7 @@ from signorini_fx.mechanics.kinematics import of_data
 from signorini_fx.mechanics.kinematics.protocol import Kinematics
 from signorini_fx.mechanics.statement.units import with_unit
 from signorini_fx.quantities.summary import own_quantities
-from signorini_fx.records import JUDGED, SHORT_OF_ACCURACY, STEPS_UNESTIMATED, Status
+from signorini_fx.records import JUDGED, NO_ACCURACY, SHORT_OF_ACCURACY, STEPS_UNESTIMATED, Status
 from signorini_fx.tuned import CERTIFICATE_TOLERANCE, FAR_GAP, FEW_NODES, NEGLIGIBLE
 
 # Figures of a summary.
@@ -620,8 +620,10 @@ def _error_of_mesh(summary: Summary) -> str:
     if of_stress is not None:
         return f"of the stress {percent(of_stress)} in the mean, estimated"
     scene = summary.get("scene") or {}
+    refused = cost.get("statement", "").startswith(NO_ACCURACY)
     asks = scene.get("contact") and "forms" not in scene and "strain_energy" in summary
-    how = "run with --accuracy 5%" if asks else "solve on a finer mesh as well, and compare"
+    finer = "solve on a finer mesh as well, and compare"
+    how = "run with --accuracy 5%" if asks and not refused else finer
     return f"no estimate: {how}"
 
 

@@ -27,6 +27,7 @@ from signorini_fx.mechanics.statement.load_path import factor_at
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import (
     ACCURACY,
+    NO_ACCURACY,
     SHORT_OF_ACCURACY,
     STEPS_UNESTIMATED,
     TOO_SHORT,
@@ -426,7 +427,7 @@ class Solution:
         able = True
         if self.statement.units is not None and (why := accuracy_refused(self.statement, asked)):
             if self.statement.contact:
-                return f"a requested accuracy {why}"
+                return f"{NO_ACCURACY}{why}"
             able = False
         if not error:
             if prices and asked != "energy":

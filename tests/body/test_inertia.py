@@ -17,6 +17,7 @@ from signorini_fx.algebra.linalg.schur import SchurComplement
 from signorini_fx.errors import FormError, SceneError
 from signorini_fx.mechanics.state import State
 from signorini_fx.records import StepRecord
+from signorini_fx.scenes import cli
 from signorini_fx.scenes.checks import check_scene
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.solving.step import step
@@ -459,6 +460,26 @@ def test_nothing_is_imported_without_it():
         "del text['inertia'], text['initial_velocity'], text['load_steps']\n"
         "text['displacement'] = [{'boundary': 'top', 'y': -0.01, 'x': 0.0}]\n"
         "assert solve(parse_scene(text)).converged\n"
-        "assert 'signorini_fx.mechanics.body.inertia' not in sys.modules\n"
+        "assert not [name for name in sys.modules if name.endswith('.inertia')]\n"
     )
     subprocess.run([sys.executable, "-c", code], check=True, timeout=120)
+
+
+def test_no_accuracy_is_advised_where_none_can_be_requested(tmp_path, capsys):
+    """What is printed of a bar does not name an option that inertia refuses."""
+    (tmp_path / "bar.toml").write_text(BAR)
+    assert (
+        cli.main(
+            [
+                str(tmp_path / "bar.toml"),
+                "--out",
+                str(tmp_path / "out"),
+                "--no-pictures",
+                "--no-fields",
+            ]
+        )
+        == 0
+    )
+    shown = " ".join(capsys.readouterr().out.split())
+    assert "no estimate: solve on a finer mesh as well" in shown
+    assert "--accuracy" not in shown
