@@ -17,10 +17,10 @@ from signorini_fx.forms.contact_problem import ContactProblem as ContactProblem
 from signorini_fx.forms.meshes import solve_nested as solve_nested
 from signorini_fx.forms.meshes import solve_to_accuracy as solve_to_accuracy
 from signorini_fx.forms.nonlinear.problem import NonlinearContactProblem as NonlinearContactProblem
-from signorini_fx.mechanics.body.inertia import Inertia as Inertia
-from signorini_fx.mechanics.body.inertia import InitialVelocity as InitialVelocity
 from signorini_fx.mechanics.effects.contact import Contact as Contact
 from signorini_fx.mechanics.effects.displacement import Displacement as Displacement
+from signorini_fx.mechanics.effects.inertia import Inertia as Inertia
+from signorini_fx.mechanics.effects.inertia import InitialVelocity as InitialVelocity
 from signorini_fx.mechanics.effects.loads import BodyForce as BodyForce
 from signorini_fx.mechanics.effects.loads import Fluid as Fluid
 from signorini_fx.mechanics.effects.loads import Force as Force

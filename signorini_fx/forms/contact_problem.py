@@ -374,10 +374,10 @@ class ContactProblem(ProblemOfForms):
         )
         options_of_petsc = petsc_options_prefix, dict(petsc_options or {})
         if density is not None:
-            from signorini_fx.mechanics.body.inertia import Inertia, density_of
+            from signorini_fx.mechanics.body.inertia import MidpointRule, density_of
 
             density = density_of(density, forms.space)
-            effects = *effects, Inertia()
+            effects = *effects, MidpointRule()
         of_forms = forms, self.u, bcs, settings, options_of_petsc
         self.assembled = self._ended = FormSolver(*of_forms, tuple(effects), density)
         fields = self.assembled.fields

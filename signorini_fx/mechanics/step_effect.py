@@ -5,7 +5,7 @@ Other packages have more by entry points:
     [project.entry-points."signorini_fx.step_effects"]
     wear = "its.module:Wear"
 
-An entry of a scene that is one as well acts in the load steps of that scene.  What an effect
+An entry of a scene acts in the load steps of that scene by ``Effect.in_time``.  What an effect
 remembers is in fields of the state, which are carried along and stored with it.
 """
 
@@ -195,5 +195,6 @@ class StepEffect:
 
 
 def stated_effects(statement: Statement) -> list[StepEffect]:
-    """The entries of a statement that are effects in its load steps."""
-    return [entry for entry in statement.of(Effect) if isinstance(entry, StepEffect)]
+    """Return what the entries of a statement do from load step to load step."""
+    stated = (entry.in_time for entry in statement.of(Effect))
+    return [effect for effect in stated if effect is not None]

@@ -30,13 +30,13 @@ from signorini_fx.mechanics.mesh.tagged import check_fits
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.obstacles.scene_contact import foundations_of
 from signorini_fx.mechanics.state import State
-from signorini_fx.mechanics.statement.effect import Effect, ForceDensity
+from signorini_fx.mechanics.statement.effect import ForceDensity
 from signorini_fx.mechanics.statement.expressions import sample
 from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.mechanics.statement.rigid_body import COMPONENTS
 from signorini_fx.mechanics.statement.settings import SolverSettings
 from signorini_fx.mechanics.statement.statement import Statement
-from signorini_fx.mechanics.step_effect import StepEffect
+from signorini_fx.mechanics.step_effect import StepEffect, stated_effects
 from signorini_fx.records import Finding, History, Status, Timings
 from signorini_fx.results.mechanics import StepResult, acting_on
 from signorini_fx.results.nonlinear_stresses import NonlinearForces, nonlinear_stresses
@@ -79,8 +79,8 @@ def build_problem(
     timings = Timings()
     model = linear_body(scene, comm, timings)
     with timings.phase("compile"):
-        stated = (entry for entry in scene.statement.of(Effect) if isinstance(entry, StepEffect))
-        problem = ProblemOfScene.of(scene.statement, model, history, (*effects, *stated))
+        effects = *effects, *stated_effects(scene.statement)
+        problem = ProblemOfScene.of(scene.statement, model, history, effects)
     problem.timings = timings
     return problem
 

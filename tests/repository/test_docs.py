@@ -31,9 +31,9 @@ from scenes import alone, example1
 from setuptools import find_packages
 
 import signorini_fx
-from signorini_fx.mechanics.body.inertia import Inertia, InitialVelocity
 from signorini_fx.mechanics.effects import contact, displacement, loads
 from signorini_fx.mechanics.effects.contact import Overclosure
+from signorini_fx.mechanics.effects.inertia import Inertia, InitialVelocity
 from signorini_fx.mechanics.laws.coulomb import Coulomb, NoFriction, Tresca
 from signorini_fx.mechanics.laws.stribeck import SpeedTable, Stribeck
 from signorini_fx.mechanics.materials.hyperelastic import (

@@ -26,7 +26,7 @@ def of_effects() -> Iterator[tuple[str, type[Effect]]]:
         pkgutil.iter_modules(room.__path__, f"{room.__name__}.") for room in (effects, materials)
     )
     names = [module.name for module in chain.from_iterable(rooms)]
-    for module in (*names, "signorini_fx.mechanics.body.inertia"):
+    for module in names:
         for item in vars(import_module(module)).values():
             if isinstance(item, type) and issubclass(item, Effect) and item.__module__ == module:
                 yield module.rpartition(".")[2].replace("_", " "), item

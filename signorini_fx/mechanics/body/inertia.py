@@ -20,15 +20,14 @@ with each step like that of a dashpot; the law of y is twice as stiff, so that u
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
-from typing import Any, ClassVar, Literal, Self
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 import ufl
 from dolfinx import default_scalar_type, fem
 from dolfinx import mesh as dmesh
 from petsc4py import PETSc
-from pydantic import model_validator
 
 from signorini_fx.algebra.linalg import LoadCase
 from signorini_fx.arrays import Array, inner
@@ -40,18 +39,9 @@ from signorini_fx.mechanics.assembly.mesh_entities import (
     facet_entities,
     node_positions,
 )
-from signorini_fx.mechanics.effects.displacement import Displacement
 from signorini_fx.mechanics.model import Loads, Model, sum_of, vector_like
 from signorini_fx.mechanics.state import State
-from signorini_fx.mechanics.statement.effect import Contradictions, Effect, Features
-from signorini_fx.mechanics.statement.expressions import sample
-from signorini_fx.mechanics.statement.values import (
-    Direction,
-    Positive,
-    SampledValue,
-    Vector,
-    kind_of,
-)
+from signorini_fx.mechanics.statement.values import kind_of
 from signorini_fx.mechanics.step_effect import AddedForces, StepContact, StepEffect, StepEnd
 from signorini_fx.records import Finding
 from signorini_fx.tuned import SAME_LENGTH, SAME_NUMBER
@@ -59,134 +49,20 @@ from signorini_fx.tuned import SAME_LENGTH, SAME_NUMBER
 _LEAST_STEP = 0.5  # of the time that a wave takes through a cell: below it the mesh rings
 
 
-class InitialVelocity(Effect):
-    """Velocity of a body, or of a part of it, at the first time; several add up.
+@dataclass(frozen=True)
+class MidpointRule(StepEffect):
+    """Inertia of all bodies, by time steps of the midpoint rule.
 
     Attributes:
-        body: name of the part of the mesh; None: all of it.
-        x: component along x[0], length / time.
-        y: component along x[1], length / time.
-        z: component along x[2], length / time; only in 3D.
-        rotation: angular velocity, radians / time.
-        about: a point of its axis, length; None: the origin.
-        axis: its direction, only in 3D; None: x[2].
-
-    Examples:
-        >>> falling = sfx.InitialVelocity(y=-2.0)
-        >>> print(falling.velocities(np.zeros((3, 1)))[:, 0])
-        [ 0. -2.  0.]
+        time_step: longest duration of a step, time; load steps are divided into equal ones; None:
+            each load step is one.
+        start: see ``Inertia``.
     """
 
-    key: ClassVar[str] = "initial_velocity"
-    value_keys: ClassVar[tuple[str, ...]] = ("x", "y", "z", "rotation")
-    vectors: ClassVar[tuple[str, ...]] = ("about",)
-
-    body: str | None = None
-    x: SampledValue = 0.0
-    y: SampledValue = 0.0
-    z: SampledValue = 0.0
-    rotation: SampledValue | None = None
-    about: Vector | None = None
-    axis: Direction | None = None
-
-    @model_validator(mode="after")
-    def _axis_of_rotation(self) -> Self:
-        if self.rotation is None and (self.about or self.axis):
-            raise ValueError("about and axis need a rotation")
-        return self
-
-    @property
-    def region(self) -> str | None:
-        """The part of the mesh, as other entries call it."""
-        return self.body
-
-    def contradictions(self, statement: Any, number: int) -> Contradictions:
-        if not statement.effects.get("inertia"):
-            yield ("initial_velocity", number), "needs inertia = { time_step = ... }"
-
-    def velocities(self, x: Array) -> Array:
-        """Return velocities at points of shape (3, n), shape (3, n)."""
-        given: dict[str, Any] = {"x": self.x, "y": self.y, "z": self.z}
-        moved = Displacement(
-            boundary="", **given, rotation=self.rotation, about=self.about, axis=self.axis
-        )
-        return np.array([sample(component or 0.0, x) for component in moved.components])
-
-
-class Inertia(Effect, StepEffect):
-    """Inertia of all bodies; load steps are divided into time steps.
-
-    Attributes:
-        time_step: longest duration of a step; load steps are divided into equal ones; None, in
-            forms alone: each load step is one.
-        start: how the first time begins: ``static`` with the equilibrium of its loads, or
-            ``undeformed``; None: the former where loads act and no initial velocity is given.
-
-    Examples:
-        >>> thrown = sfx.Scene(
-        ...     mesh=block,
-        ...     material=sfx.LinearElastic(young=1000.0, poisson=0.3, density=1.0),
-        ...     inertia=sfx.Inertia(time_step=0.5),
-        ...     initial_velocity=sfx.InitialVelocity(y=2.0),
-        ...     load_steps=sfx.LoadSteps(times=[0.0, 1.0]),
-        ... )
-        >>> print(round(float(sfx.solve(thrown).state.displacement.max()), 6))
-        2.0
-    """
-
-    key: ClassVar[str] = "inertia"
-    value_keys: ClassVar[tuple[str, ...]] = ("time_step",)
     moves_bodies: ClassVar[bool] = True
-    refuses: ClassVar[Mapping[str, Mapping[str, str]]] = {
-        "inertia": {
-            "requested accuracy": "is not possible yet with inertia: its mesh is given",
-            "nested iteration": "is not possible yet with inertia: leave out solver.levels",
-            "mixed element": "is not possible yet with inertia: use 'reduced'",
-            "preload": "is not possible yet with inertia: prescribe a displacement",
-            "axisymmetric, torsion": "is not possible yet with inertia: leave out material.torsion",
-            "nonlinear material": "is not possible yet with inertia: it must be linear",
-            "driven foundation": "is not possible yet with inertia, as it has no mass: prescribe "
-            "its motion",
-        }
-    }
 
-    time_step: Positive | None = None
+    time_step: float | None = None
     start: Literal["static", "undeformed"] | None = None
-
-    @property
-    def timed(self) -> bool:
-        """It goes through the times of load steps."""
-        return True
-
-    def at_time(self, time: float) -> Self:
-        """Return itself."""
-        return self
-
-    @property
-    def features(self) -> Features:
-        return (("inertia", ()),)
-
-    def contradictions(self, statement: Any, number: int) -> Contradictions:
-        path = ("inertia",)
-        times = statement.load_steps.times
-        if number or self.time_step is None:
-            yield path, "give one table with a time_step"
-            return
-        if times is None or len(times) < 2:
-            yield (
-                ("load_steps", "times"),
-                "must be given with inertia, two or more: the first one is where motion begins",
-            )
-            return
-        if statement.load_steps.steps is not None:
-            yield ("load_steps", "steps"), "is no ramp with inertia: give inertia.time_step alone"
-        shortest = float(np.diff(times).min())
-        if self.time_step > shortest * (1 + SAME_NUMBER):
-            reason = f"is {self.time_step:g}, longer than a load step of {shortest:g}"
-            yield (*path, "time_step"), reason
-        for number, material in enumerate(statement.material):
-            if material.density is None:
-                yield ("material", number), "has no density, which inertia needs"
 
     # --- where motion begins ---
 
@@ -200,7 +76,7 @@ class Inertia(Effect, StepEffect):
         loads = model.loads_at(0.0)
         loaded = parallel.any_rank(model.comm, bool(loads.forces.any() or loads.prescribed.any()))
         if self.start is None:
-            static = loaded and not self._velocities(model)
+            static = loaded and not model.statement.effects.get("initial_velocity", ())
         else:
             static = self.start == "static"
         if static:
@@ -211,16 +87,13 @@ class Inertia(Effect, StepEffect):
         state = state.with_field("velocity", "dofs", self._initial_velocity(model))
         return state.with_field("load", "dofs", _with_ghosts(model, loads.forces))
 
-    def _velocities(self, model: Model) -> tuple[InitialVelocity, ...]:
-        return tuple(model.statement.effects.get("initial_velocity", ()))
-
     def _initial_velocity(self, model: Model) -> Array:
         """Return what is stated at the dofs of this rank, ghosts included."""
         space = model.space
         dim = model.dimension
         x = node_positions(space).T.astype(np.float64)
         velocity = np.zeros((x.shape[1], dim))
-        for entry in self._velocities(model):
+        for entry in model.statement.effects.get("initial_velocity", ()):
             nodes = np.arange(x.shape[1])
             if entry.body is not None:
                 nodes = np.unique(space.dofmap.list[model.tagged.cells(entry.body)])

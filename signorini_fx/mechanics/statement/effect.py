@@ -161,6 +161,11 @@ class Effect(Table):
         return not all(isinstance(value, float) for value in self.given.values())
 
     @property
+    def in_time(self) -> Any:
+        """Return what it does from load step to load step, a ``StepEffect``; None: nothing."""
+        return None
+
+    @property
     def features(self) -> Features:
         """The names by which other objects refuse it, see ``statement.features``, with the keys
         that ask for them.

@@ -1,0 +1,153 @@
+"""Inertia in a scene: its time steps, and velocities at the first time.
+
+What a step is, is in ``mechanics.body.inertia``, which is imported where one is solved.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, ClassVar, Literal, Self
+
+import numpy as np
+from pydantic import model_validator
+
+from signorini_fx.arrays import Array
+from signorini_fx.mechanics.effects.displacement import Displacement
+from signorini_fx.mechanics.statement.effect import Contradictions, Effect, Features
+from signorini_fx.mechanics.statement.expressions import sample
+from signorini_fx.mechanics.statement.values import Direction, Positive, SampledValue, Vector
+from signorini_fx.tuned import SAME_NUMBER
+
+
+class InitialVelocity(Effect):
+    """Velocity of a body, or of a part of it, at the first time; several add up.
+
+    Attributes:
+        body: name of the part of the mesh; None: all of it.
+        x: component along x[0], length / time.
+        y: component along x[1], length / time.
+        z: component along x[2], length / time; only in 3D.
+        rotation: angular velocity, radians / time.
+        about: a point of its axis, length; None: the origin.
+        axis: its direction, only in 3D; None: x[2].
+
+    Examples:
+        >>> falling = sfx.InitialVelocity(y=-2.0)
+        >>> print(falling.velocities(np.zeros((3, 1)))[:, 0])
+        [ 0. -2.  0.]
+    """
+
+    key: ClassVar[str] = "initial_velocity"
+    value_keys: ClassVar[tuple[str, ...]] = ("x", "y", "z", "rotation")
+    vectors: ClassVar[tuple[str, ...]] = ("about",)
+
+    body: str | None = None
+    x: SampledValue = 0.0
+    y: SampledValue = 0.0
+    z: SampledValue = 0.0
+    rotation: SampledValue | None = None
+    about: Vector | None = None
+    axis: Direction | None = None
+
+    @model_validator(mode="after")
+    def _axis_of_rotation(self) -> Self:
+        if self.rotation is None and (self.about or self.axis):
+            raise ValueError("about and axis need a rotation")
+        return self
+
+    @property
+    def region(self) -> str | None:
+        """The part of the mesh, as other entries call it."""
+        return self.body
+
+    def contradictions(self, statement: Any, number: int) -> Contradictions:
+        if not statement.effects.get("inertia"):
+            yield ("initial_velocity", number), "needs inertia = { time_step = ... }"
+
+    def velocities(self, x: Array) -> Array:
+        """Return velocities at points of shape (3, n), shape (3, n)."""
+        given: dict[str, Any] = {"x": self.x, "y": self.y, "z": self.z}
+        moved = Displacement(
+            boundary="", **given, rotation=self.rotation, about=self.about, axis=self.axis
+        )
+        return np.array([sample(component or 0.0, x) for component in moved.components])
+
+
+class Inertia(Effect):
+    """Inertia of all bodies; load steps are divided into time steps.
+
+    Attributes:
+        time_step: longest duration of a step, time; load steps are divided into equal ones.
+        start: how the first time begins: ``static`` with the equilibrium of its loads, or
+            ``undeformed``; None: the former where loads act and no initial velocity is given.
+
+    Examples:
+        >>> thrown = sfx.Scene(
+        ...     mesh=block,
+        ...     material=sfx.LinearElastic(young=1000.0, poisson=0.3, density=1.0),
+        ...     inertia=sfx.Inertia(time_step=0.5),
+        ...     initial_velocity=sfx.InitialVelocity(y=2.0),
+        ...     load_steps=sfx.LoadSteps(times=[0.0, 1.0]),
+        ... )
+        >>> print(round(float(sfx.solve(thrown).state.displacement.max()), 6))
+        2.0
+    """
+
+    key: ClassVar[str] = "inertia"
+    value_keys: ClassVar[tuple[str, ...]] = ("time_step",)
+    refuses: ClassVar[Mapping[str, Mapping[str, str]]] = {
+        "inertia": {
+            "requested accuracy": "is not possible yet with inertia: its mesh is given",
+            "nested iteration": "is not possible yet with inertia: leave out solver.levels",
+            "mixed element": "is not possible yet with inertia: use 'reduced'",
+            "preload": "is not possible yet with inertia: prescribe a displacement",
+            "axisymmetric, torsion": "is not possible yet with inertia: leave out material.torsion",
+            "nonlinear material": "is not possible yet with inertia: it must be linear",
+            "driven foundation": "is not possible yet with inertia, as it has no mass: prescribe "
+            "its motion",
+        }
+    }
+
+    time_step: Positive
+    start: Literal["static", "undeformed"] | None = None
+
+    @property
+    def timed(self) -> bool:
+        """It goes through the times of load steps."""
+        return True
+
+    def at_time(self, time: float) -> Self:
+        """Return itself."""
+        return self
+
+    @property
+    def features(self) -> Features:
+        return (("inertia", ()),)
+
+    def contradictions(self, statement: Any, number: int) -> Contradictions:
+        path = ("inertia",)
+        times = statement.load_steps.times
+        if number:
+            yield path, "give one table with a time_step"
+            return
+        if times is None or len(times) < 2:
+            yield (
+                ("load_steps", "times"),
+                "must be given with inertia, two or more: the first one is where motion begins",
+            )
+            return
+        if statement.load_steps.steps is not None:
+            yield ("load_steps", "steps"), "is no ramp with inertia: give inertia.time_step alone"
+        shortest = float(np.diff(times).min())
+        if self.time_step > shortest * (1 + SAME_NUMBER):
+            reason = f"is {self.time_step:g}, longer than a load step of {shortest:g}"
+            yield (*path, "time_step"), reason
+        for number, material in enumerate(statement.material):
+            if material.density is None:
+                yield ("material", number), "has no density, which inertia needs"
+
+    @property
+    def in_time(self) -> Any:
+        from signorini_fx.mechanics.body.inertia import MidpointRule
+
+        return MidpointRule(self.time_step, self.start)
