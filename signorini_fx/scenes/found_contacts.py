@@ -4,6 +4,7 @@ for a drawing or a mesh.
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import tomllib
@@ -34,16 +35,20 @@ def contacts_of(mesh: MeshFile, within: float | None = None) -> Proposals:
         MeshError: the file cannot be read, or is one body.
         SceneError: a length cannot be had.
     """
-    try:
-        return proposed_contacts(read_file(mesh), within)
-    except MeshError as error:
+    found = proposed_contacts(read_file(mesh), within)
+    if len(found.bodies) < 2:
         raise MeshError(
-            f"{mesh.file}: {error}".replace(f"{mesh.file}: {mesh.file}", f"{mesh.file}")
-        ) from None
+            f"{mesh.file}: the mesh is one body: all its cells hang together. Parts that a drawing "
+            "has joined share nodes: keep them apart there (in gmsh, without Coherence or "
+            "fragments)"
+        )
+    return found
 
 
 def in_words(found: Proposals) -> list[str]:
     """Return a line for each contact, with its kind, its mean gap and its area."""
+    if len(found.bodies) == 1:
+        return ["one body"]
     bodies = ", ".join(found.bodies[:12]) + ", ..." * (len(found.bodies) > 12)
     count = len(found.contacts)
     lines = [f"{len(found.bodies)} bodies: {bodies}; {count or 'no'} contact{'s' * (count != 1)}"]
@@ -70,11 +75,10 @@ def as_entries(contacts: Sequence[ProposedContact]) -> str:
     """
     entries = []
     for contact in contacts:
-        boundary, against = map(_side, (contact, contact), (0, 1))
         lines = [
             f"[[contact]]  # {contact.name}: {contact.kind}",
-            f'boundary = "{boundary}"',
-            f'against = "{against}"',
+            f"boundary = {_quoted(_side(contact, 0))}",
+            f"against = {_quoted(_side(contact, 1))}",
         ]
         if contact.fitted:
             lines.append('distance = "nominal"')
@@ -88,8 +92,12 @@ def as_entries(contacts: Sequence[ProposedContact]) -> str:
 def _side(contact: ProposedContact, number: int) -> str:
     """Return the name of a side in a scene: of its boundary, or one for several."""
     names = contact.sides[number]
-    other = contact.bodies[1 - number]
-    return names[0] if len(names) == 1 else f"{contact.bodies[number]}_on_{other}"
+    return names[0] if len(names) == 1 else f"{contact.name}_on_{contact.bodies[number]}"
+
+
+def _quoted(text: str) -> str:
+    """Return a text as TOML has it, in which quotes and backslashes are escaped as in JSON."""
+    return json.dumps(text, ensure_ascii=False)
 
 
 def joined_boundaries(contacts: Sequence[ProposedContact]) -> dict[str, list[int]]:
@@ -115,11 +123,11 @@ def joined_boundaries(contacts: Sequence[ProposedContact]) -> dict[str, list[int
 
 def mesh_entry(mesh: MeshFile, folder: Path, contacts: Sequence[ProposedContact]) -> str:
     """Return the entry ``mesh`` of a scene in a folder, in TOML."""
-    parts = [f'file = "{os.path.relpath(mesh.file, folder)}"']
+    parts = [f"file = {_quoted(os.path.relpath(mesh.file, folder))}"]
     if mesh.size is not None:
         parts.append(f"size = {mesh.size:g}")
     if joined := joined_boundaries(contacts):
-        names = ", ".join(f"{name} = {numbers}" for name, numbers in joined.items())
+        names = ", ".join(f"{_quoted(name)} = {numbers}" for name, numbers in joined.items())
         parts.append(f"boundaries = {{ {names} }}")
     return f"mesh = {{ {', '.join(parts)} }}"
 
@@ -180,8 +188,8 @@ def without_contact(entries: Sequence[Contact], mesh: MeshArrays) -> Iterator[Fi
         ]
         apart = "touch" if contact.kind == "touches" else f"have a gap of {contact.gap:.3g}"
         message = (
-            f"{sides[0]} and {sides[1]} {apart}, and no [[contact]] names them: signorini-fx "
-            "contacts FILE writes the entry"
+            f"{sides[0]} and {sides[1]} {apart}, and no [[contact]] names them: add one, or they "
+            "pass through each other"
         )
         yield Finding("note" if contact.kind == "clearance" else "warning", "contact", message)
 
@@ -194,29 +202,23 @@ def scene_of(mesh: MeshFile, file: Path) -> str:
         MeshError: the mesh cannot be read.
     """
     arrays = read_file(mesh)
-    bodies = [name for name, rows in arrays.regions.items() if len(rows)]
-    try:
-        found = proposed_contacts(arrays)
-        contacts = found.contacts
-        told = in_words(found)
-    except MeshError:
-        contacts = ()
-        told = ["one body"]
+    found = proposed_contacts(arrays)
+    contacts = found.contacts
     names = list(arrays.boundaries)
     shown = ", ".join(names[:20]) + ", ..." * (len(names) > 20)
     axes = ("x", "y", "z")[: arrays.dim]
     held = "\n".join(f"# {axis} = 0.0" for axis in axes)
     materials = "\n\n".join(
         "[[material]]\n"
-        + (f'region = "{body}"\n' if body else "")
+        + (f"region = {_quoted(body)}\n" if body else "")
         + "# young = 210000.0  # stress\n# poisson = 0.3"
-        for body in (bodies if contacts else [""])
+        for body in (arrays.regions if len(arrays.regions) > 1 else [""])
     )
-    head = "\n".join(f"# {line}" for line in told)
+    head = "\n".join(f"# {line}" for line in in_words(found))
     return (
         f"# Fill in what begins with #, then run: signorini-fx check {file.name}\n"
         f"# Boundaries: {shown}\n{head}\n\n"
-        f'title = "{mesh.file.stem}"\n'
+        f"title = {_quoted(mesh.file.stem)}\n"
         f"{mesh_entry(mesh, file.parent, contacts)}\n\n{materials}\n\n"
         f"[[displacement]]  # a support\n# boundary = \n{held}\n\n"
         f"[[traction]]  # a load\n# boundary = \n# pressure = 1.0  # stress\n"

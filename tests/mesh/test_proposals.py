@@ -198,7 +198,10 @@ def test_from_a_drawing_to_a_scene(capsys, tmp_path, monkeypatch, drawn):
     scene = read_scene(file)
     (contact,) = scene.contact
     assert (contact.distance, contact.gap) == ("nominal", 0.0)
-    assert {contact.boundary, contact.against} == {"region_1_on_region_2", "region_2_on_region_1"}
+    assert {contact.boundary, contact.against} == {
+        "region_1_region_2_on_region_1",
+        "region_1_region_2_on_region_2",
+    }
     assert not [f for f in check_scene(scene, MPI.COMM_SELF).findings if f.path == "contact"]
     again = run(capsys, "new", drawn(ring))
     assert again[0] == 2
@@ -262,7 +265,10 @@ def test_surfaces_without_contact_are_named(tmp_path, drawn):
     [
         ("contact = { boundary = 'a' }\n", "contact: is an inline table"),
         ("title = ", "is not a TOML file"),
-        ("", "mesh.boundaries: add these names, which the contacts need: region_1_on_region_2"),
+        (
+            "",
+            "mesh.boundaries: add these names, which the contacts need: region_1_region_2_on_region_",
+        ),
     ],
 )
 def test_a_scene_that_contacts_cannot_be_put_into(capsys, tmp_path, drawn, scene, message):
@@ -284,3 +290,13 @@ def test_one_body_has_no_contacts(capsys, tmp_path):
     assert err.count("one.geo") == 1
     assert "the mesh is one body" in err
     assert run(capsys, "contacts", tmp_path / "none.msh")[2].count("none.msh: no such file") == 1
+
+
+def test_names_that_toml_has_to_quote(capsys, tmp_path, monkeypatch, drawn):
+    """A file name with a quotation mark is one word of the scene."""
+    monkeypatch.chdir(tmp_path)
+    file = tmp_path / 'a "b".brep'
+    file.write_bytes(drawn(ring).read_bytes())
+    assert run(capsys, "new", file, "--size", "1")[0] == 0
+    scene = tomllib.loads((tmp_path / 'a "b".toml').read_text())
+    assert (scene["title"], scene["mesh"]["file"]) == ('a "b"', 'a "b".brep')

@@ -6,12 +6,10 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from signorini_fx.arrays import Ints
-from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, bounds, extent, row_keys, sides_of
+from signorini_fx.mechanics.mesh.files.arrays import bounds, extent, pieces_of
 from signorini_fx.mechanics.mesh.files.cells import measures
 from signorini_fx.mechanics.mesh.files.formats import read_file
 from signorini_fx.mechanics.statement.mesh_sources import MeshFile
@@ -59,7 +57,7 @@ def mesh_info(file: MeshFile) -> dict[str, Any]:
         "points": len(mesh.points),
         "bounds": bounds(places),
         measure: float(size.sum()),
-        "pieces": _pieces(mesh),
+        "pieces": int(pieces_of(mesh).max()) + 1,
         "coincident": len(np.unique(pairs[~apart])),
         "touching": len(np.unique(pairs[apart])),
         "boundaries": {name: facets(rows) for name, rows in mesh.boundaries.items()},
@@ -69,17 +67,6 @@ def mesh_info(file: MeshFile) -> dict[str, Any]:
             for name, rows in mesh.regions.items()
         },
     }
-
-
-def _pieces(mesh: MeshArrays) -> int:
-    """Number of parts that share no facet, so that they transmit no forces to each other."""
-    sides = row_keys(sides_of(mesh.cells, mesh.cell)[:, : len(mesh.facet.corners)])
-    cells = np.repeat(np.arange(len(mesh.cells)), len(mesh.cell.facet_nodes))
-    count = len(mesh.cells) + int(sides.max()) + 1
-    links = coo_array(
-        (np.ones(cells.size, dtype=bool), (cells, sides + len(mesh.cells))), shape=(count, count)
-    )
-    return int(connected_components(links, directed=False)[0])
 
 
 def render(info: Mapping[str, Any], name: str) -> str:

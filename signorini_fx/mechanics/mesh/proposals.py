@@ -18,16 +18,19 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from signorini_fx.arrays import Array, Ints
-from signorini_fx.errors import MeshError
-from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, row_keys, rows_of, sides_of
+from signorini_fx.mechanics.mesh.files.arrays import (
+    MeshArrays,
+    pieces_of,
+    row_keys,
+    rows_of,
+    sides_of,
+)
 from signorini_fx.mechanics.mesh.files.cells import measures
 from signorini_fx.tuned import JUDGED_SAME_PLACE, LEAST_PAIR, NEAR_BODIES, SAME_LENGTH, SHARP_EDGE
 
 _SMOOTH = np.cos(np.radians(SHARP_EDGE))
 # Facets face each other where the product of their normals is below this: within 45 degrees.
 _OPPOSITE = -np.sqrt(0.5)
-# A round pair of which a share between these is near is looked at again from farther away.
-_CUT_THROUGH = (0.15, 0.9)
 
 
 @dataclass(frozen=True)
@@ -69,7 +72,7 @@ class Proposals:
     """The contacts that a mesh suggests, by their area, largest first.
 
     Attributes:
-        bodies: names of the pieces of the mesh that share no node.
+        bodies: names of the pieces of the mesh.
         contacts: the pairs found.
         unnamed: places, shape (d,), beside which surfaces without a name are near another body.
     """
@@ -85,30 +88,14 @@ def proposed_contacts(mesh: MeshArrays, within: float | None = None) -> Proposal
     Args:
         mesh: its boundaries have names or numbers.
         within: distance, length, up to which surfaces are near; None: a quarter of a facet.
-
-    Raises:
-        MeshError: the mesh is one body.
     """
     names, piece = _bodies(mesh)
-    if len(names) < 2:
-        raise MeshError(
-            "the mesh is one body: all its cells hang together. Parts that a drawing has joined "
-            "share nodes: keep them apart there (in gmsh, without Coherence or fragments)"
-        )
     facets = _Facets.of(mesh, piece)
     reach = NEAR_BODIES * facets.length
     if within is not None:
         reach = np.full(len(facets.length), within)
-    found = _nearest(facets, reach)
-    pairs = list(_pairs(facets, *found))
-    if within is None:
-        for pair in pairs:
-            if pair.sagitta > 0.0 and _CUT_THROUGH[0] < pair.share < _CUT_THROUGH[1]:
-                near = np.isin(facets.label, pair.labels)
-                reach[near] = np.maximum(reach[near], 2.0 * abs(pair.gap))
-        found = _nearest(facets, reach)
-        pairs = list(_pairs(facets, *found))
-    pairs = [pair for pair in pairs if pair.share >= LEAST_PAIR]
+    found = _pairs(facets, *_nearest(facets, reach))
+    pairs = [pair for pair in found if pair.share >= LEAST_PAIR]
     named = [pair for pair in pairs if min(pair.labels) >= 0]
     lost = [pair for pair in pairs if min(pair.labels) < 0]
     contacts = _joined(named, facets, list(mesh.boundaries), names, mesh.diagonal)
@@ -116,16 +103,8 @@ def proposed_contacts(mesh: MeshArrays, within: float | None = None) -> Proposal
 
 
 def _bodies(mesh: MeshArrays) -> tuple[list[str], Ints]:
-    """Return the names of the pieces that share no node, and the piece of each cell, shape (m,)."""
-    corners = mesh.corners
-    cells = np.repeat(np.arange(len(corners)), corners.shape[1])
-    count = len(corners) + len(mesh.points)
-    links = coo_array(
-        (np.ones(cells.size, dtype=bool), (cells, corners.ravel() + len(corners))),
-        shape=(count, count),
-    )
-    numbers = connected_components(links, directed=False)[1][: len(corners)]
-    piece = np.unique(numbers, return_inverse=True)[1].reshape(-1)
+    """Return the names of the pieces of a mesh, and the number of that of each cell, shape (m,)."""
+    piece = pieces_of(mesh)
     names = [f"body_{number + 1}" for number in range(piece.max() + 1)]
     for name, rows in sorted(mesh.regions.items(), key=lambda item: -len(item[1])):
         inside = np.unique(piece[rows])

@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from signorini_fx.arrays import Array, Flags, Ints
 from signorini_fx.errors import MeshError, SceneError
@@ -447,6 +449,20 @@ def sides_of(cells: Ints, cell: Cell) -> Ints:
     facet).
     """
     return cells[:, cell.facet_nodes].reshape(-1, cell.facet_nodes.shape[1])
+
+
+def pieces_of(mesh: MeshArrays) -> Ints:
+    """Return the number of the piece that each cell is in, shape (m,): pieces share no facet, so
+    that they transmit no forces to each other.
+    """
+    sides = row_keys(sides_of(mesh.cells, mesh.cell)[:, : len(mesh.facet.corners)])
+    cells = np.repeat(np.arange(len(mesh.cells)), len(mesh.cell.facet_nodes))
+    count = len(mesh.cells) + int(sides.max()) + 1
+    links = coo_array(
+        (np.ones(cells.size, dtype=bool), (cells, sides + len(mesh.cells))), shape=(count, count)
+    )
+    # All facets are sides of cells, so that each piece has the number of some cell.
+    return connected_components(links, directed=False)[1][: len(mesh.cells)]
 
 
 def _exterior(sides: Ints, width: int, name: str) -> Ints:
