@@ -7,7 +7,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
@@ -271,8 +271,7 @@ def with_contact(posed: Posed, effects: Sequence[StepEffect], state: State) -> P
     if state.contact is not None and state.gammas is not None:
         data = replace(data, gamma_n=state.gammas[0], gamma_t=state.gammas[1])
     boundary = posed.boundary
-    model: Any = body
-    contact = StepContact(model, boundary, data.gap, data, first.law, posed.drift)
+    contact = StepContact(body, boundary, data.gap, data, first.law, posed.drift)
     for effect in effects:
         contact = effect.contact(contact, state, posed.dt)
     task = posed.task

@@ -7,6 +7,7 @@ import pytest
 import ufl
 from dolfinx import fem
 from mpi4py import MPI
+from step_effects import Counted, Wear
 from support.nonlinear_bodies import Killed, held, rectangle, residual
 from support.nonlinear_scenes import indented
 from test_nonlinear_scenes_of_two_bodies import two_blocks
@@ -18,7 +19,6 @@ from signorini_fx import (
     Foundation,
     NonlinearContactProblem,
     SceneError,
-    StepEffect,
     build_problem,
     solve,
 )
@@ -132,23 +132,8 @@ def test_from_one_rank_to_all(tmp_path, name):
     assert_again(problem.step(state, results[1].time), states[2], results[1], tolerance=1e-7)
 
 
-class Counted(StepEffect):
-    """Counts load steps, and adds up pressures."""
-
-    def after(self, state, new, ended):
-        new = self.added(new, "impulse", "points", ended.contact.pressure * ended.dt)
-        return self.added(new, "steps", "global", [1.0])
-
-
-class Wear(StepEffect):
-    """The gap grows by a share of the pressure of each load step."""
-
-    def contact(self, contact, state, dt):
-        worn = state.fields.get("worn")
-        return contact if worn is None else contact.with_gap(worn.values)
-
-    def after(self, state, new, ended):
-        return self.added(new, "worn", "points", 1e-3 * ended.contact.pressure)
+class Told(Wear):
+    """Wear that tells the vertical force of the supports."""
 
     def figures(self, state, new, ended):
         return {"support": ended.reactions()[:, 1].sum()}
@@ -183,7 +168,7 @@ def test_wear_of_rubber():
     supports = [{"boundary": "top", "x": 0.0, "y": -1e-3, "factors": [1.0, 1.0, 1.0, 1.0]}]
     law = {"law": "neo-hooke", "young": 10.0, "poisson": 0.0}
     scene = indented(law, cells=(4, 4), **text, displacement=supports)
-    solution = solve(scene, MPI.COMM_SELF, effects=[Wear()])
+    solution = solve(scene, MPI.COMM_SELF, effects=[Told(1e-3)])
     found = [step.contact.pressure.mean() for step in solution.steps]
     np.testing.assert_allclose(found, found[0] * 0.99 ** np.arange(4), rtol=3e-3)
     assert all(step.certificate.holds for step in solution.steps)

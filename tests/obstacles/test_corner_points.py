@@ -93,19 +93,26 @@ def test_friction(settings):
     assert friction == pytest.approx([-2.771, 0.0], abs=1e-3)
 
 
-def test_restart(tmp_path):
-    """A run that is killed in the third load step goes on, on a corner that moves over facets."""
-    moving = edge(1.05) | {"shift": ("-0.05*t", "0")}
-    scene = block(moving, contact=ROUGH, displacement=DRAGGED)
-    whole = solve(scene)
+def whole_and_restarted(scene, folder):
+    """The solution of a scene, and that of a run that is killed in the third load step and goes
+    on.
+    """
 
     def stop(record):
         if getattr(record, "step", 0) == 3:
             raise KeyboardInterrupt
 
+    whole = solve(scene)
     with pytest.raises(KeyboardInterrupt):
-        solve(scene, checkpoint=tmp_path, observers=[stop])
-    again = solve(scene, checkpoint=tmp_path, restart=True)
+        solve(scene, checkpoint=folder, observers=[stop])
+    return whole, solve(scene, checkpoint=folder, restart=True)
+
+
+def test_restart(tmp_path):
+    """A run that is killed in the third load step goes on, on a corner that moves over facets."""
+    moving = edge(1.05) | {"shift": ("-0.05*t", "0")}
+    scene = block(moving, contact=ROUGH, displacement=DRAGGED)
+    whole, again = whole_and_restarted(scene, tmp_path)
     assert np.array(again.contact.forces) == pytest.approx(np.array(whole.contact.forces), rel=1e-9)
     assert again.history.linear_solves == whole.history.linear_solves
 
@@ -271,15 +278,7 @@ def test_restart_of_a_nonlinear_body(tmp_path):
     """A killed run goes on with the slip of the body that was under the corner."""
     scene = dragged(3)
     scene["load_steps"] = {"times": [1.0, 1.1, 1.2]}
-    whole = solve(scene)
-
-    def stop(record):
-        if getattr(record, "step", 0) == 3:
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        solve(scene, checkpoint=tmp_path, observers=[stop])
-    again = solve(scene, checkpoint=tmp_path, restart=True)
+    whole, again = whole_and_restarted(scene, tmp_path)
     assert np.array(again.contact.forces) == pytest.approx(np.array(whole.contact.forces), abs=1e-6)
 
 

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from forms import Block
 from mpi4py import MPI
+from step_effects import Counted, Wear
 from test_restart import CASES, METHODS, MOVING, PUSHED, Killed, scene, until
 
 from signorini_fx import (
     ContactProblem,
     Coulomb,
     Foundation,
-    StepEffect,
     build_problem,
     extensions,
     solve,
@@ -271,25 +271,6 @@ def test_a_foundation_that_is_placed_anew_is_condensed_once(schur_complements):
 # --- what a user calls ----------------------------------------------------------------------------
 
 
-class Counted(StepEffect):
-    """Counts load steps, and adds up pressures."""
-
-    def after(self, state, new, ended):
-        new = self.added(new, "impulse", "points", ended.contact.pressure * ended.dt)
-        return self.added(new, "steps", "global", [1.0])
-
-
-class Wear(StepEffect):
-    """The gap grows by a share of the pressure of each load step."""
-
-    def contact(self, contact, state, dt):
-        worn = state.fields.get("worn")
-        return contact if worn is None else contact.with_gap(worn.values)
-
-    def after(self, state, new, ended):
-        return self.added(new, "worn", "points", 1e-5 * ended.contact.pressure)
-
-
 @pytest.mark.mpi
 def test_a_solve_goes_on_from_a_state():
     """The steps after a state are those of one run."""
@@ -342,13 +323,13 @@ def test_wear_in_scenes_and_forms():
     [[contact]]
     boundary = "bottom"
     """
-    solution = solve(scene(text), effects=[Wear()])
+    solution = solve(scene(text), effects=[Wear(1e-5)])
     found = [step.contact.pressure.mean() for step in solution.steps]
     # E / H times what is left of the displacement; gamma is 1e3 of it.
     np.testing.assert_allclose(found, 10.0 * 0.99 ** np.arange(4), rtol=2e-3)
     assert all(step.certificate.holds for step in solution.steps)
     block = Block((4, 4))
-    problem = ContactProblem(block.a, block.L, block.bcs, block.foundation, effects=[Wear()])
+    problem = ContactProblem(block.a, block.L, block.bcs, block.foundation, effects=[Wear(1e-5)])
     state, pressures = problem.initial(), []
     for time in range(3):
         state, result = problem.step(state, float(time))
