@@ -3,6 +3,7 @@
 import subprocess
 import sys
 import tomllib
+from dataclasses import replace
 from types import FunctionType
 
 import numpy as np
@@ -17,10 +18,11 @@ from signorini_fx.algebra.linalg.schur import SchurComplement
 from signorini_fx.errors import FormError, SceneError
 from signorini_fx.mechanics.state import State
 from signorini_fx.records import StepRecord
+from signorini_fx.results.certificate.law_of_method import Law, Tractions
 from signorini_fx.scenes import cli
 from signorini_fx.scenes.checks import check_scene
 from signorini_fx.scenes.reading import parse_scene
-from signorini_fx.solving.step import step
+from signorini_fx.solving.step import _added_forces, begun, step
 
 # A bar of c = rho = E = 1 and length 1 that meets a wall: pressure 1 (in units of the velocity) for
 # the time 2.
@@ -483,3 +485,33 @@ def test_no_accuracy_is_advised_where_none_can_be_requested(tmp_path, capsys):
     shown = " ".join(capsys.readouterr().out.split())
     assert "no estimate: solve on a finer mesh as well" in shown
     assert "--accuracy" not in shown
+
+
+@pytest.mark.parametrize("spoilt", ["nothing", "displacement", "pressure", "velocity", "mass"])
+def test_what_is_spoilt_is_refused(spoilt):
+    """A step in contact is certified, and one of which a thousandth is wrong, or that lacks its
+    mass, is not.
+    """
+    problem = build_problem(changed(BAR))
+    state, place = problem.initial(), problem.path.place_of(0.5)
+    for _ in range(5):
+        earlier = state
+        state, report = step(problem, earlier, place, time=earlier.time + 0.02)
+    factor = dict.fromkeys(["displacement", "pressure", "velocity"], 1.0)
+    factor |= {} if spoilt in ("nothing", "mass") else {spoilt: 1.001}
+    y = report.result.displacement.copy()
+    y.x.array[:] *= factor["displacement"]
+    tractions = Tractions.of(report.result.contact)
+    velocity = earlier.fields["velocity"].values * factor["velocity"]
+    begun_at = earlier.with_field("velocity", "dofs", velocity)
+    more = _added_forces(problem.effects, report.posed, report.mechanics, begun_at, place)
+    certificate = report.mechanics.certified(
+        y,
+        replace(tractions, pressure=factor["pressure"] * tractions.pressure),
+        law=Law(*report.posed.task.promised(report.outcome)),
+        step=place,
+        last=begun(problem, earlier, place, earlier.time + 0.02)[2],
+        rigid=(),
+        more=[] if spoilt == "mass" else more,
+    )
+    assert certificate.holds == (spoilt == "nothing")
