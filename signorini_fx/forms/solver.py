@@ -119,8 +119,8 @@ class FormSolver:
         self._modulus: float | None = None  # of the forms; None: they do not say it
         self.effects = effects
         self.density = density
-        # Durations and fields that effects make the matrix of; none: no effect changes it.
-        self._timed: tuple[float, tuple[str, ...]] | None = None
+        # Duration and beginning of the step that effects make the matrix for; None: none does.
+        self._timed: tuple[float, State] | None = None
         self.begin = self.initial()  # from which steps begin
         self.last: State | None = (
             None  # the last solution of the step that begins there, or of the one before
@@ -201,8 +201,7 @@ class FormSolver:
         collective.
         """
         if any(effect.overrides("body") for effect in self.effects):
-            self._timed = dt, tuple(sorted(state.fields))
-            self._from = state
+            self._timed = dt, state
         data, law = self.update()
         if (resting := self.task.rest) is not None:
             data = resting.data_from(data)
@@ -299,7 +298,8 @@ class FormSolver:
         of_points += [value for each in axes for value in (each.along, each.ratio)]
         of_body = [fixed, rigid.fixed, rigid.stiffness, *self._beside()]
         if self._timed is not None:
-            of_body += [np.array(self._timed[0]), np.array(" ".join(self._timed[1]))]
+            dt, state = self._timed
+            of_body += [np.array(dt), np.array(" ".join(sorted(state.fields)))]
         of_loads = [*compat.form_data(L), values, driven.forces, driven.motion]
         return {
             name: [np.asarray(one).tobytes() for one in arrays if one is not None]
@@ -393,7 +393,7 @@ class FormSolver:
 
     def _body(self, fixed: Flags, boundary: ContactBoundary) -> Model:
         points = boundary if self.contact else None
-        body: Any = elastic_body(
+        stated = body = elastic_body(
             self.space,
             self.forms.compiled[0],
             self.bcs,
@@ -403,10 +403,10 @@ class FormSolver:
             self.named,
             density=lambda: self.density,
         )
-        stated = body
         if self._timed is not None:
+            dt, state = self._timed
             for effect in self.effects:
-                body = effect.body(body, self._from, self._timed[0])
+                body = effect.body(body, state, dt)
         return stated if body is stated else replace(body, of_body={}, of_contact={})
 
     def _forces(self, values: Array) -> tuple[Array, Array]:

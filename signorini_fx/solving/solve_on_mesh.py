@@ -421,21 +421,22 @@ class StatedProblem:
 
     def _with_effects(self, body: Model, state: State, dt: float) -> Model:
         """The body of a step: what is assembled of it is kept for two durations."""
-        stepped: Any = body
+        stepped = body
         for effect in self.effects:
             stepped = effect.body(stepped, state, dt)
         if stepped is body:
             return body
-        kept = {"of_body": dict[str, Any](), "of_contact": dict[str, Any]()}
+        of_body = dict[str, Any]()
+        of_contact = dict[str, Any]()
         if dt in self._timed:
             earlier, timed = self._timed[dt]
-            kept = {
-                name: getattr(timed, name) if getattr(earlier, name) is getattr(body, name) else {}
-                for name in kept
-            }
+            if earlier.of_body is body.of_body:
+                of_body = timed.of_body
+            if earlier.of_contact is body.of_contact:
+                of_contact = timed.of_contact
         while len(self._timed) > 1:
             self._timed.pop(next(iter(self._timed)))
-        stepped = replace(stepped, **kept, eliminated=None)
+        stepped = replace(stepped, of_body=of_body, of_contact=of_contact, eliminated=None)
         self._timed[dt] = body, stepped
         return stepped
 
