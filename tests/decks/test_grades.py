@@ -48,7 +48,7 @@ REFUSED = (
         "HYPERELASTIC",
     ),
     (
-        "the step has no procedure: add *STATIC; CalculiX solves nothing in such a step",
+        "the step has no procedure: write *STATIC into it; CalculiX solves nothing in such a step",
         "the first one without *STATIC",
         "STEP",
     ),

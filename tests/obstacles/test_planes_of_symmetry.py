@@ -125,11 +125,11 @@ def differences(half, whole):
     ("kind", "degree", "counts", "given"),
     [
         ("quadrilateral", 1, (6, 5), {"friction": Coulomb(0.3), "linear_algebra": "full"}),
-        ("triangle", 2, (5, 6), {"kind": "bonded"}),
+        ("triangle", 2, (5, 6), {"bonded": True}),
         ("hexahedron", 1, (3, 4), {"friction": Coulomb(0.3)}),
         ("tetrahedron", 2, (2, 3), {"friction": Coulomb(0.3), "linear_algebra": "full"}),
         ("tetrahedron", 1, (4, 3), {"friction": Tresca(0.3), "linear_algebra": "krylov"}),
-        ("hexahedron", 1, (3, 2), {"kind": "bonded", "linear_algebra": "full"}),
+        ("hexahedron", 1, (3, 2), {"bonded": True, "linear_algebra": "full"}),
     ],
 )
 def test_half_a_model(kind, degree, counts, given):

@@ -367,8 +367,8 @@ def broken(folder, tmp_path, *names, **texts):
         (["summary.json"], {}, "half written"),
         (["steps.csv"], {}, r"steps\.csv is missing"),
         ([], {"summary_json": "{"}, "cannot be read"),
-        ([], {"summary_json": "[]"}, "is not what signorini-fx solve writes"),
-        ([], {"summary_json": '{"status": "converged"}'}, "is not what signorini-fx solve writes"),
+        ([], {"summary_json": "[]"}, "signorini-fx solve has not written it"),
+        ([], {"summary_json": '{"status": "converged"}'}, "signorini-fx solve has not written it"),
         (
             [],
             {"summary_json": '{"status": 1, "certificate": 2, "scene": 3, "linear_solves": 4}'},
