@@ -5,20 +5,21 @@ Other packages have more by entry points:
     [project.entry-points."signorini_fx.step_effects"]
     wear = "its.module:Wear"
 
-An entry of a scene acts in the load steps of that scene by ``Effect.in_time``.  What an effect
-remembers is in fields of the state, which are carried along and stored with it.
+An entry of a scene whose class names one of them acts by it in the load steps of that scene.  What
+an effect remembers is in fields of the state, which are carried along and stored with it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self, cast
 
 from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.linalg import LoadCase
 from signorini_fx.arrays import Array
+from signorini_fx.extensions import STEP_EFFECTS, load_class
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.model import Loads, Model
@@ -126,6 +127,11 @@ class StepEffect:
     # Whether bodies may move far without being deformed.
     moves_bodies: ClassVar[bool] = False
 
+    @classmethod
+    def of(cls, entry: Effect) -> Self:
+        """Return the effect that an entry of a scene states."""
+        return cls()
+
     def initial(self, model: Model | None, state: State) -> State:
         """Return the state before the first step with what the effect remembers; ``model``: None:
         of forms, which state nothing of it.
@@ -196,5 +202,8 @@ class StepEffect:
 
 def stated_effects(statement: Statement) -> list[StepEffect]:
     """Return what the entries of a statement do from load step to load step."""
-    stated = (entry.in_time for entry in statement.of(Effect))
-    return [effect for effect in stated if effect is not None]
+    return [
+        cast("type[StepEffect]", load_class(STEP_EFFECTS, entry.step_effect, StepEffect)).of(entry)
+        for entry in statement.of(Effect)
+        if entry.step_effect
+    ]

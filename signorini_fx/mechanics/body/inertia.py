@@ -21,7 +21,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
 import ufl
@@ -63,6 +63,10 @@ class MidpointRule(StepEffect):
 
     time_step: float | None = None
     start: Literal["static", "undeformed"] | None = None
+
+    @classmethod
+    def of(cls, entry: Any) -> Self:
+        return cls(entry.time_step, entry.start)
 
     # --- where motion begins ---
 

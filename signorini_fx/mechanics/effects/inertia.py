@@ -94,6 +94,7 @@ class Inertia(Effect):
     """
 
     key: ClassVar[str] = "inertia"
+    step_effect: ClassVar[str] = "inertia"
     value_keys: ClassVar[tuple[str, ...]] = ("time_step",)
     refuses: ClassVar[Mapping[str, Mapping[str, str]]] = {
         "inertia": {
@@ -145,9 +146,3 @@ class Inertia(Effect):
         for number, material in enumerate(statement.material):
             if material.density is None:
                 yield ("material", number), "has no density, which inertia needs"
-
-    @property
-    def in_time(self) -> Any:
-        from signorini_fx.mechanics.body.inertia import MidpointRule
-
-        return MidpointRule(self.time_step, self.start)

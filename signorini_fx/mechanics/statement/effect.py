@@ -104,6 +104,8 @@ class Effect(Table):
     # Of its features, by their names, those that do not go together with each, and why.
     refuses: ClassVar[Mapping[str, Mapping[str, str]]] = {}
 
+    # What it does from load step to load step, by its name among the step effects; empty: nothing.
+    step_effect: ClassVar[str] = ""
     # The key of its entries, where the name of the class is another one.
     key: ClassVar[str] = ""
     # Whether it changes the strain that the stress follows from.
@@ -159,11 +161,6 @@ class Effect(Table):
     def varies(self) -> bool:
         """Return whether the effect has more than constants."""
         return not all(isinstance(value, float) for value in self.given.values())
-
-    @property
-    def in_time(self) -> Any:
-        """Return what it does from load step to load step, a ``StepEffect``; None: nothing."""
-        return None
 
     @property
     def features(self) -> Features:
