@@ -208,7 +208,9 @@ class State:
                 name != "displacement" and self.fields[name.removeprefix("field ")].at == "cells"
             )
             own = column[: _owned_cells(space)] if at_cells else _by_cell(space, column)
-            table[name] = parallel.rows_on_root(comm, own.reshape(len(own), -1))
+            # A rank without cells does not know how long rows are.
+            width = max(comm.allgather(own.size // max(len(own), 1)))
+            table[name] = parallel.rows_on_root(comm, own.reshape(len(own), width))
             if table[name] is not None:
                 table[name] = table[name][np.argsort(order)]
         described = {
@@ -339,7 +341,8 @@ def _by_cell(space: fem.FunctionSpace, values: Array) -> Array:
     is that of the input.
     """
     nodes = space.dofmap.index_map.size_local + space.dofmap.index_map.num_ghosts
-    return values.reshape(nodes, -1)[space.dofmap.list[: _owned_cells(space)]]
+    of_nodes = values.reshape(nodes, values.size // max(nodes, 1))
+    return of_nodes[space.dofmap.list[: _owned_cells(space)]]
 
 
 def _of_cells(space: fem.FunctionSpace, stored: Array) -> Array:

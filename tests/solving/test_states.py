@@ -273,7 +273,9 @@ def test_a_foundation_that_is_placed_anew_is_condensed_once(schur_complements):
 
 @pytest.mark.mpi
 def test_a_solve_goes_on_from_a_state():
-    """The steps after a state are those of one run."""
+    """The steps after a state are those of one run, bit by bit; on three ranks and more two equal
+    runs differ by round-off.
+    """
     given = scene(PUSHED)
     whole = solve(given, effects=[Counted()])
     problem = build_problem(given, effects=[Counted()])
@@ -285,7 +287,9 @@ def test_a_solve_goes_on_from_a_state():
     assert [step.step for step in rest.steps] == [4, 5, 6]
     assert rest.state.number == whole.state.number == 6
     for ours, theirs in zip(rest.steps, whole.steps[3:], strict=True):
-        assert (ours.displacement.x.array == theirs.displacement.x.array).all()
+        u, expected = (one.displacement.x.array for one in (ours, theirs))
+        digits = 0.0 if MPI.COMM_WORLD.size < 3 else 1e-14
+        assert u == pytest.approx(expected, rel=0.0, abs=digits * np.abs(expected).max())
         assert (ours.linear_solves, ours.time) == (theirs.linear_solves, theirs.time)
     for name, field in whole.state.fields.items():
         np.testing.assert_allclose(rest.state.fields[name].values, field.values, rtol=1e-13)
