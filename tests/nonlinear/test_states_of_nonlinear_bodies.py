@@ -80,7 +80,9 @@ def ends_of(scene, comm=MPI.COMM_WORLD, **more):
 
 
 def assert_again(found, state, result, tolerance=1e-9):
-    """The same displacement, sets, history of the material, and linear solves."""
+    """The same displacement, sets, history of the material, and linear solves, of which round-off
+    on several ranks may need one more.
+    """
     new, again = found
     size = np.abs(state.displacement).max(initial=0.0)
     np.testing.assert_allclose(new.displacement, state.displacement, rtol=0, atol=tolerance * size)
@@ -93,7 +95,7 @@ def assert_again(found, state, result, tolerance=1e-9):
         size = np.abs(values).max(initial=0.0)
         ours = new.fields[name].values
         np.testing.assert_allclose(ours, values, rtol=0, atol=10 * tolerance * size)
-    assert again.linear_solves == result.linear_solves
+    assert abs(again.linear_solves - result.linear_solves) <= (MPI.COMM_WORLD.size > 1)
     assert again.certificate.holds
 
 
