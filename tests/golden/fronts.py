@@ -21,9 +21,9 @@ from signorini_fx import (
 )
 
 
-def solution_of(text, *, residual):
-    """That of a rectangle or a box with loads on sides, and a floor, a wall or a rigid circle that
-    stands still.
+def problem_of(text, *, residual):
+    """The problem of a rectangle or a box with loads on sides, and a floor, a wall or a rigid
+    circle that stands still; what gives the forms their values at a time; and the load path.
     """
     scene = tomllib.loads(text)
     tagged = generate_mesh(scene["mesh"]["generator"], scene["mesh"]["parameters"], MPI.COMM_WORLD)
@@ -86,16 +86,25 @@ def solution_of(text, *, residual):
         for moved, values, _ in supports:
             moved.x.array.reshape(-1, dim)[:] = factor.value * values
 
-    try:
-        if not residual:
-            problem = ContactProblem(
-                inner(ufl.TrialFunction(V)), L, bcs, contact, **scene["solver"]
-            )
-            return problem.run(LoadPath(tuple(times), steps=scene["load_steps"].get("steps")), at)
+    path = LoadPath(tuple(times), steps=scene["load_steps"].get("steps"))
+    if residual:
+        residual_form = inner(u) - L
         problem = NonlinearContactProblem(
-            inner(u) - L, u, bcs=bcs, contact=contact, **scene["solver"]
+            residual_form, u, bcs=bcs, contact=contact, **scene["solver"]
         )
-        for time in times:
+    else:
+        bilinear = inner(ufl.TrialFunction(V))
+        problem = ContactProblem(bilinear, L, bcs, contact, **scene["solver"])
+    return problem, at, path
+
+
+def solution_of(text, *, residual):
+    """That of ``problem_of``."""
+    try:
+        problem, at, path = problem_of(text, residual=residual)
+        if not residual:
+            return problem.run(path, at)
+        for time in path.times:
             at(time)
             problem.solve()
             problem.advance()
