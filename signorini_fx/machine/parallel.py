@@ -17,10 +17,14 @@ from typing import Any, TypeVar, cast
 import numpy as np
 import numpy.typing as npt
 from mpi4py import MPI
+from mpi4py.util import pkl5
 
 from signorini_fx.arrays import Array, Ints
 
 T = TypeVar("T")
+
+# Bytes that all ranks together send in one message at most: MPI counts them by 32 bits.
+LARGEST_MESSAGE = 2**30
 
 
 def is_root(comm: MPI.Comm) -> bool:
@@ -116,7 +120,8 @@ def on_root(comm: MPI.Comm, function: Callable[[], T]) -> T:
             outcome = (function(), None)
         except Exception as error:
             outcome = (None, _as_sent(error))
-    result, failure = comm.bcast(outcome)
+    # A message of mpi4py has less than 2^31 bytes; those of pkl5 are sent in pieces.
+    result, failure = pkl5.Intracomm(comm).bcast(outcome)
     if failure is not None:
         raise failure
     return cast(T, result)
@@ -168,7 +173,10 @@ def gather_rows(comm: MPI.Comm, rows: npt.NDArray[Any]) -> npt.NDArray[Any]:
     contact boundary at most;
     ``rows``: shape (n, ...), alike but for n, numbers or truth values.
     """
-    return np.concatenate(comm.allgather(rows)) if comm.size > 1 else np.array(rows, order="C")
+    if comm.size == 1:
+        return np.array(rows, order="C")
+    large = int(global_sum(comm, np.array(rows.nbytes))) > LARGEST_MESSAGE
+    return np.concatenate((pkl5.Intracomm(comm) if large else comm).allgather(rows))
 
 
 def rows_on_root(comm: MPI.Comm, rows: npt.NDArray[Any]) -> npt.NDArray[Any]:
@@ -177,7 +185,7 @@ def rows_on_root(comm: MPI.Comm, rows: npt.NDArray[Any]) -> npt.NDArray[Any]:
     """
     if comm.size == 1:
         return np.array(rows, order="C")
-    gathered = comm.gather(rows)
+    gathered = pkl5.Intracomm(comm).gather(rows)
     return rows[:0] if gathered is None else np.concatenate(gathered)
 
 

@@ -21,7 +21,6 @@ from dolfinx.graph import adjacencylist
 from dolfinx.io import distribute_entity_data
 from mpi4py import MPI
 from scipy.spatial import ConvexHull, QhullError
-from scipy.spatial.distance import cdist
 
 from signorini_fx.arrays import Array, Flags, Indices, Ints
 from signorini_fx.errors import MeshError, SceneError
@@ -164,12 +163,41 @@ def diameter_of(mesh: dmesh.Mesh) -> float:
         except QhullError:
             extents = " by ".join(f"{extent:g}" for extent in high - low)
             raise MeshError(f"the body is too thin to be meshed: it measures {extents}") from None
-        return max(
-            float(cdist(chunk, corners).max())
-            for chunk in np.array_split(corners, 1 + len(corners) // 1000)
-        )
+        return largest_distance(corners)
 
     return parallel.on_root(mesh.comm, of_hull)
+
+
+def largest_distance(x: Array) -> float:
+    """Return the largest distance of two points, shape (n, d): groups of them are halved, and pairs
+    of groups that hold none as large are left out.
+    """
+    start = x[np.linalg.norm(x - x[0], axis=1).argmax()]
+    largest = float(np.linalg.norm(x - start, axis=1).max())
+    size = 1 << (len(x) - 1).bit_length()
+    groups: Array = x[np.minimum(np.arange(size), len(x) - 1)][None]
+    pairs: Ints = np.zeros((1, 2), dtype=int)
+    while groups.shape[1] > 1 and len(pairs):
+        along = np.ptp(groups, axis=1).argmax(axis=1)
+        order = np.take_along_axis(groups, along[:, None, None], axis=2).argsort(axis=1)
+        groups = np.take_along_axis(groups, order, axis=1)
+        groups = groups.reshape(2 * len(groups), -1, x.shape[1])
+        pairs = (2 * pairs[:, None] + np.array([[0, 0], [0, 1], [1, 0], [1, 1]])).reshape(-1, 2)
+        one, other = pairs[pairs[:, 0] <= pairs[:, 1]].T
+        middle = groups.mean(axis=1)
+        radius = np.linalg.norm(groups - middle[:, None], axis=2).max(axis=1)
+        apart = middle[one] - middle[other]
+        length = np.linalg.norm(apart, axis=1)
+        largest = max(
+            largest, float(np.linalg.norm(groups[one, 0] - groups[other, 0], axis=1).max())
+        )
+        # Along the line through both middles, and across it.
+        line = apart / np.maximum(length, np.finfo(float).tiny)[:, None]
+        far = np.einsum("pmd,pd->pm", groups[one], line).max(axis=1)
+        near = np.einsum("pmd,pd->pm", groups[other], line).min(axis=1)
+        kept = np.hypot(far - near, radius[one] + radius[other]) > largest
+        pairs = np.column_stack((one[kept], other[kept]))
+    return largest
 
 
 def _tagged(tags: dmesh.MeshTags, values: int | tuple[int, ...]) -> Indices:
