@@ -36,7 +36,7 @@ scene = scene.model_copy(
 # %%
 coefficients = np.linspace(0.05, 1.0, 20)
 stick, drag, peak, solves = [], [], [], []
-for solution in sweep(scene, "contact.friction.coefficient", coefficients):
+for solution in sweep(scene, {"contact.friction.coefficient": coefficients}):
     assert solution.converged, solution.status
     columns = solution.table.columns
     touching = columns["pressure"] > 0

@@ -135,7 +135,7 @@ for state in ("stick", "slip+", "slip-"):
 # %%
 values = [0.05, 0.1, 0.2, 0.4, 0.8]
 for value, point in zip(
-    values, sfx.sweep(scene, "contact.friction.coefficient", values), strict=True
+    values, sfx.sweep(scene, {"contact.friction.coefficient": values}), strict=True
 ):
     largest = point.contact.pressure.max()
     print(f"F = {value:4.2f}: {point.history.linear_solves} linear solves, pressure {largest:.4f}")

@@ -1,15 +1,16 @@
-"""A scene with several values of one of its entries: a solution for each of them, and the rows of a
-table.
+"""A scene with several values of some of its entries: a solution for each combination of them, and
+the rows of a table.
 
-Each value is a problem of its own.  It begins with the contact of the value before, and where only
+Each of them is a problem of its own.  It begins with the contact of the one before, and where only
 gaps and friction of rigid foundations differ it has the condensed elastic system of that one, too.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -55,18 +56,21 @@ FIGURES = (
 
 
 def sweep(
-    scene: Scene | str | Path, path: str, values: Iterable[Any], comm: MPI.Comm = MPI.COMM_WORLD
+    scene: Scene | str | Path,
+    entries: Mapping[str, Iterable[Any]],
+    comm: MPI.Comm = MPI.COMM_WORLD,
 ) -> Iterator[Solution]:
-    """Solve a scene for each of several values of one entry, as the iterator advances; collective.
+    """Solve a scene for each combination of values of its entries, as the iterator advances;
+    collective.
 
     Args:
         scene: the scene, or the path of its file.
-        path: of the entry, such as ``contact[0].friction.coefficient`` or ``material.young``.
-        values: of this entry.
+        entries: values by paths of entries, such as ``contact[0].friction.coefficient`` or
+            ``material.young``; those of the last path change first.
         comm: the ranks that share the work.
 
     Returns:
-        The solution of each value, or its last iterate: look at ``Solution.status``.
+        The solution of each combination, or its last iterate: look at ``Solution.status``.
 
     Raises:
         TypeError: an argument is of the wrong kind.
@@ -74,14 +78,28 @@ def sweep(
             solve.
 
     Examples:
-        >>> results = sfx.sweep(scene, "material.young", [500.0, 1000.0])
+        >>> results = sfx.sweep(scene, {"material.young": [500.0, 1000.0]})
         >>> print([float(round(result.contact.forces[0][1], 6)) for result in results])
         [4.0, 4.0]
     """
     scene = as_scene(scene)
     refuse_other_than_comm(comm)
     petsc_options.refuse_exchanged()
-    return _solutions([parse_scene(changed(scene, {path: value})) for value in values], comm)
+    return solutions_of(scene, combinations(entries), comm)
+
+
+def combinations(entries: Mapping[str, Iterable[Any]]) -> list[dict[str, Any]]:
+    """Return all combinations of values of entries, each by the paths of the entries."""
+    if not isinstance(entries, Mapping):
+        raise TypeError("entries: a dictionary of values by paths is expected")
+    return [dict(zip(entries, values, strict=True)) for values in product(*entries.values())]
+
+
+def solutions_of(
+    scene: Scene, changes: Sequence[Mapping[str, Any]], comm: MPI.Comm
+) -> Iterator[Solution]:
+    """Solve a scene for each of several changes of its entries; all are looked at first."""
+    return _solutions([parse_scene(changed(scene, change)) for change in changes], comm)
 
 
 def _solutions(scenes: Sequence[Scene], comm: MPI.Comm) -> Iterator[Solution]:
@@ -139,10 +157,11 @@ def _same_system(scene: Scene, last: Scene) -> bool:
 
 
 class SweepFolder(ResultFolder):
-    """The folder of a sweep: its table, and a result folder for each value, ``001`` and so on.
+    """The folder of a sweep: its table, and a result folder for each combination of values, ``001``
+    and so on.
 
-    Every value is stored as soon as it is solved.  Every method is collective.
-    ``rows``: of the values that are stored, in their order.
+    Each is stored as soon as it is solved.  Every method is collective.
+    ``rows``: of those that are stored, in their order.
     """
 
     def __init__(
@@ -150,12 +169,11 @@ class SweepFolder(ResultFolder):
         comm: MPI.Comm,
         path: Path,
         scene: Scene,
-        entry: str,
-        values: Sequence[Any],
+        changes: Sequence[Mapping[str, Any]],
     ) -> None:
         super().__init__(comm, path, (_TABLE, _STORED))
-        self._values = values
-        study = {"entry": entry, "values": list(values), "scene": described_scene(scene)}
+        self._changes = changes
+        study = {"values": list(changes), "scene": described_scene(scene)}
         self._study = json.loads(json.dumps(study))
         self.rows: list[dict[str, Any]] = []
 
@@ -168,13 +186,13 @@ class SweepFolder(ResultFolder):
         self.rows = parallel.on_root(self._comm, self._stored)
 
     def store(self, solution: Solution) -> dict[str, Any]:
-        """Write the result of the next value, and return its row."""
+        """Write the next result, and return its row."""
         first = not self.rows
         number = len(self.rows) + 1
         if first:
             parallel.on_root(self._comm, self._remove_older)
         write_results(solution, self.path / f"{number:03d}", fields=False, pictures=False)
-        self.rows.append(row_of(self._values[number - 1], solution))
+        self.rows.append(row_of(self._changes[number - 1], solution))
         parallel.on_root(self._comm, self._write)
         if first:
             self.commit()
@@ -209,14 +227,14 @@ class SweepFolder(ResultFolder):
         return list(stored["rows"])
 
 
-def row_of(value: Any, solution: Solution) -> dict[str, Any]:
-    """The row of a value in sweep.csv; collective.
+def row_of(change: Mapping[str, Any], solution: Solution) -> dict[str, Any]:
+    """The row of a combination of values in sweep.csv; collective.
 
-    It has ``value``, ``status``, ``linear_solves``, ``certificate_holds`` and ``FIGURES``: sizes of
-    the contact and friction force (per thickness in 2D), between bodies the sum of those of all
-    boundaries, areas in contact and of what sticks (in 2D lengths); not a number where there is no
-    solution.  With several load steps they are those of the last one with a solution, and
-    ``solved_until`` is its time: where a ramp ends without one, its limit.
+    It has these values by their paths, ``status``, ``linear_solves``, ``certificate_holds`` and
+    ``FIGURES``: sizes of the contact and friction force (per thickness in 2D), between bodies the
+    sum of those of all boundaries, areas in contact and of what sticks (in 2D lengths); not a
+    number where there is no solution.  With several load steps they are those of the last one with
+    a solution, and ``solved_until`` is its time: where a ramp ends without one, its limit.
     """
     energy = solution.last_step.strain_energy
     figures = {
@@ -246,7 +264,7 @@ def row_of(value: Any, solution: Solution) -> dict[str, Any]:
     else:
         solves = solution.history.linear_solves
     outcome: dict[str, Any] = {
-        "value": value,
+        **change,
         "status": solution.status.value,
         "linear_solves": solves,
     }
@@ -256,15 +274,16 @@ def row_of(value: Any, solution: Solution) -> dict[str, Any]:
     return {**outcome, "certificate_holds": solution.certificate.holds, **figures}
 
 
-def heading(path: str) -> str:
-    """Two lines above those of the values."""
-    names = "  ".join(f"{name:>14s}" for name in FIGURES).replace("_", " ")
-    return f"{path}\n{'value':>12s}  {names}  outcome"
+def heading(paths: Sequence[str]) -> str:
+    """Return the line above those of the values, with the last word of each path."""
+    entries = [f"{path.rpartition('.')[2]:>12s}" for path in paths]
+    return "  ".join([*entries, *(f"{name:>14s}".replace("_", " ") for name in FIGURES), "outcome"])
 
 
-def line_of(row: dict[str, Any]) -> str:
+def line_of(paths: Sequence[str], row: dict[str, Any]) -> str:
     """A row as a line of text; without contact there are no figures of it."""
-    figures = "  ".join(f"{row[name]:14.6g}" if name in row else f"{'-':>14s}" for name in FIGURES)
+    values = [f"{row[path]!s:>12s}" for path in paths]
+    figures = [f"{row[name]:14.6g}" if name in row else f"{'-':>14s}" for name in FIGURES]
     unsolved = "solved_until" in row and row["status"] != Status.CONVERGED.value
     limit = f" after time {row['solved_until']:g}" if unsolved else ""
-    return f"{row['value']!s:>12s}  {figures}  {row['status']}{limit}"
+    return "  ".join([*values, *figures, f"{row['status']}{limit}"])

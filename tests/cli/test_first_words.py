@@ -108,6 +108,8 @@ def test_all_of_a_few_warnings(tmp_path, capsys):
     said = [line for line in capsys.readouterr().out.splitlines() if line.startswith("  warning ")]
     assert len(said) == len(warnings) == 2
     assert "contact[0].foundation" in said[0]
+    file = str(tmp_path / "s.toml")
+    assert [cli.main(["check", *words, file]) for words in ([], ["--strict"])] == [0, 2]
 
 
 def test_pieces_are_called_by_their_regions(tmp_path, capsys):

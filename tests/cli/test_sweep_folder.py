@@ -54,15 +54,15 @@ def test_a_killed_sweep_goes_on(sweep, tmp_path, monkeypatch, capfd):
     said = capfd.readouterr().err
     assert f"interrupted: 2 of 4 values are in {tmp_path / 'out'}/; --restart goes on" in said
     stored = read_csv(tmp_path / "out/sweep.csv")
-    assert stored["value"].tolist() == [0.1, 0.2]
+    assert stored[ENTRY].tolist() == [0.1, 0.2]
     with monkeypatch.context() as patch:
         solves = killed_after(patch, 9)
         assert sweep("0.1:0.4:4", "--restart") == 0
         assert len(solves) == 2
     table = read_csv(tmp_path / "out/sweep.csv")
-    for name in ("value", "contact_force", "friction_force", "max_pressure", "stick_area"):
+    for name in (ENTRY, "contact_force", "friction_force", "max_pressure", "stick_area"):
         assert table[name].tolist() == pytest.approx(whole[name], rel=1e-6)
-    for number, coefficient in enumerate(table["value"], start=1):
+    for number, coefficient in enumerate(table[ENTRY], start=1):
         summary = json.loads((tmp_path / f"out/{number:03d}/summary.json").read_text())
         assert summary["scene"]["contact"][0]["friction"]["coefficient"] == coefficient
 
@@ -84,4 +84,16 @@ def test_whole_numbers_are_no_time(sweep, tmp_path):
     """TOML reads 10:12:02 as a time of day."""
     words = ["--set", "mesh.parameters.nx=10:12:02", "--out", str(tmp_path / "out")]
     assert cli.main(["sweep", str(tmp_path / "s.toml"), *words]) == 0
-    assert read_csv(tmp_path / "out/sweep.csv")["value"].tolist() == [10.0, 12.0]
+    assert read_csv(tmp_path / "out/sweep.csv")["mesh.parameters.nx"].tolist() == [10.0, 12.0]
+
+
+def test_all_combinations(sweep, tmp_path, capsys):
+    """Of the values of two entries, those of the last one first."""
+    words = ["--set", "traction.y=-1,-2", "-o", str(tmp_path / "out")]
+    assert sweep("0.1,0.3", *words) == 0
+    table = read_csv(tmp_path / "out/sweep.csv")
+    assert table[ENTRY].tolist() == [0.1, 0.1, 0.3, 0.3]
+    assert table["traction.y"].tolist() == [-1.0, -2.0, -1.0, -2.0]
+    assert table["contact_force"].tolist() == pytest.approx([2.0, 4.0, 2.0, 4.0])
+    first = capsys.readouterr().out.splitlines()[0].split()
+    assert first[:2] == ["coefficient", "y"]

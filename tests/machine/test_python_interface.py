@@ -147,7 +147,7 @@ def test_wrong_kinds_in_a_scene(what):
     [
         (lambda: sfx.solve(None), "a Scene or the path of a scene file"),
         (lambda: sfx.solve(scene(), 2), "a communicator of mpi4py"),
-        (lambda: sfx.sweep(scene(), "contact.gap", [0.0], 2), "a communicator of mpi4py"),
+        (lambda: sfx.sweep(scene(), {"contact.gap": [0.0]}, 2), "a communicator of mpi4py"),
         (lambda: sfx.read_scene(scene()), "the path of a scene file"),
         (lambda: sfx.tag_boundaries(TAGGED, {}), "a mesh of dolfinx is expected, not TaggedMesh"),
         (lambda: sfx.tag_boundaries(DOLFINX_MESH, {"left": 3}), "boundary 'left'"),

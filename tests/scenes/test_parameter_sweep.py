@@ -56,7 +56,7 @@ def test_values_of_an_entry(path):
     """The elastic system is assembled anew only where it changes; a value may have no solution."""
     values, matrices = ENTRIES[path]
     wanted = [alone(leaning(path, value), check=False) for value in values]
-    points = list(sweep(leaning(), path, values))
+    points = list(sweep(leaning(), {path: values}))
     for point, solution in zip(points, wanted, strict=True):
         assert point.status is solution.status
         if solution.status is not Status.CONVERGED:
@@ -77,7 +77,7 @@ def test_load_steps_and_several_meshes():
     finer = leaning("solver", {"levels": 2})
     for scene, steps in ((slid, 2), (finer, 1)):
         for value, point in zip(
-            (0.1, 0.3), sweep(scene, "contact[0].friction.coefficient", (0.1, 0.3)), strict=True
+            (0.1, 0.3), sweep(scene, {"contact[0].friction.coefficient": (0.1, 0.3)}), strict=True
         ):
             wanted = alone(scene.remade(contact=point.statement.contact))
             assert point.statement.contact[0].friction.coefficient == value
@@ -90,6 +90,6 @@ def test_load_steps_and_several_meshes():
 def test_values_are_refused_by_their_place():
     """Before anything is solved."""
     with pytest.raises(SceneError, match=r"material\[0\].young"):
-        sweep(leaning(), "material.young", [1.0, -1.0])
+        sweep(leaning(), {"material.young": [1.0, -1.0]})
     with pytest.raises(SceneError, match=r"contact\[2\]"):
-        sweep(leaning(), "contact[2].gap", [1.0])
+        sweep(leaning(), {"contact[2].gap": [1.0]})

@@ -24,6 +24,7 @@ from signorini_fx.errors import (
 from signorini_fx.extensions import add_on
 from signorini_fx.machine import terminal
 from signorini_fx.scenes.cli.grammar import (
+    EXIT_BAD_INPUT,
     EXIT_INCOMPLETE,
     EXIT_NO_SOLUTION,
     EXIT_OK,
@@ -56,15 +57,17 @@ def _start_petsc(options: Sequence[str]) -> None:
         ) from None
 
 
-def _read_scene(options: argparse.Namespace, comm: MPI.Comm, leave_out: str = "") -> Scene:
-    """The scene on every rank, with what the command line changes but one entry; PETSc is
+def _read_scene(
+    options: argparse.Namespace, comm: MPI.Comm, leave_out: Sequence[str] = ()
+) -> Scene:
+    """The scene on every rank, with what the command line changes but some entries; PETSc is
     started.
     """
     from signorini_fx.machine import parallel
     from signorini_fx.scenes.reading import parse_scene_text, read_scene_text
 
     text = parallel.on_root(comm, lambda: read_scene_text(options.scene))
-    entries = {path: value for path, value in changes(options).items() if path != leave_out}
+    entries = {path: value for path, value in changes(options).items() if path not in leave_out}
     scene = parse_scene_text(text, options.scene, entries)
     _start_petsc(options.petsc_options)
     return scene
@@ -157,25 +160,27 @@ def solve(options: argparse.Namespace, comm: MPI.Comm) -> int:
 
 
 def sweep(options: argparse.Namespace, comm: MPI.Comm) -> int:
-    """Solve a scene for several values of one of its entries."""
+    """Solve a scene for several values of some of its entries."""
     from signorini_fx.records import Status
     from signorini_fx.scenes import sweep as study
 
     path = options.out or Path("results") / f"sweep_{options.scene.stem}"
-    entry, values = several_values(changes(options))
-    scene = _read_scene(options, comm, leave_out=entry)
-    with study.SweepFolder(comm, path, scene, entry, values) as folder:
+    entries = several_values(changes(options))
+    paths = list(entries)
+    scene = _read_scene(options, comm, leave_out=paths)
+    combinations = study.combinations(entries)
+    with study.SweepFolder(comm, path, scene, combinations) as folder:
         if options.restart:
             folder.recall()
-        terminal.say_once(comm, study.heading(entry))
-        solutions = study.sweep(scene, entry, values[len(folder.rows) :], comm)
+        terminal.say_once(comm, study.heading(paths))
+        solutions = study.solutions_of(scene, combinations[len(folder.rows) :], comm)
         for row in folder.rows:
-            terminal.say_once(comm, study.line_of(row))
+            terminal.say_once(comm, study.line_of(paths, row))
         try:
             for solution in solutions:
-                terminal.say_once(comm, study.line_of(folder.store(solution)))
+                terminal.say_once(comm, study.line_of(paths, folder.store(solution)))
         except KeyboardInterrupt:
-            done = f"{len(folder.rows)} of {len(values)} values are in {path}/"
+            done = f"{len(folder.rows)} of {len(combinations)} values are in {path}/"
             raise KeyboardInterrupt(f": {done}; --restart goes on from there") from None
     rows = folder.rows
     terminal.say_once(comm, f"results: {path}/")
@@ -208,7 +213,8 @@ def check(options: argparse.Namespace, comm: MPI.Comm) -> int:
         raise
     text = text_of(checked, verbose=options.verbose)
     terminal.say_once(comm, json.dumps(checked.as_dict(), indent=2) if options.json else text)
-    return EXIT_OK
+    warned = any(finding.level == "warning" for finding in checked.findings)
+    return EXIT_BAD_INPUT if options.strict and warned else EXIT_OK
 
 
 def info(_: argparse.Namespace, comm: MPI.Comm) -> int:

@@ -76,7 +76,7 @@ def parser() -> argparse.ArgumentParser:
     )
     judge = commands.add_parser("judge", help="check another program's result", epilog=judged)
     sweep = commands.add_parser(
-        "sweep", help="solve a scene for several values of one of its entries", epilog=epilog
+        "sweep", help="solve a scene for several values of some of its entries", epilog=epilog
     )
     new = commands.add_parser(
         "new", help="write a scene file to start from, with every key explained"
@@ -93,7 +93,9 @@ def parser() -> argparse.ArgumentParser:
     flag: dict[str, Any] = {"action": "store_true"}
     file: dict[str, Any] = {"type": named_path, "metavar": "FILE"}
     folder: dict[str, Any] = {"type": named_path, "metavar": "DIR"}
-    solve.add_argument("--out", **folder, help="result folder (default: results/NAME of the file)")
+    solve.add_argument(
+        "-o", "--out", **folder, help="result folder (default: results/NAME of the file)"
+    )
     wanted = "relative error to reach by refining, such as 0.05 or 5%% (overrides accuracy.target)"
     solve.add_argument("--accuracy", type=parsed_accuracy, metavar="E", help=wanted)
     of = (
@@ -115,21 +117,22 @@ def parser() -> argparse.ArgumentParser:
         "--picture", action="append", choices=("pressure", "displacement", "density"), help=drawn
     )
     said = solve.add_mutually_exclusive_group()
-    said.add_argument("--quiet", **flag, help="print nothing but errors")
+    said.add_argument("-q", "--quiet", **flag, help="print nothing but errors")
     said.add_argument(
-        "--verbose", **flag, help="print each iteration, and all that is in summary.json"
+        "-v", "--verbose", **flag, help="print each iteration, and all that is in summary.json"
     )
 
     output = check.add_mutually_exclusive_group()
     output.add_argument("--json", **flag, help="print JSON instead of text")
-    output.add_argument("--verbose", **flag, help="print all findings")
+    output.add_argument("-v", "--verbose", **flag, help="print all findings")
+    check.add_argument("--strict", **flag, help="end with exit code 2 where there is a warning")
     check.add_argument(
         "--picture", **file, help="draw mesh, loads, supports and contact: .png, .pdf or .svg"
     )
     report.add_argument(
         "folder", type=named_path, metavar="FOLDER", help="result folder that solve wrote"
     )
-    report.add_argument("--out", **file, help="the page (default: report.html in the folder)")
+    report.add_argument("-o", "--out", **file, help="the page (default: report.html in the folder)")
     judge.add_argument(
         "problem", type=named_path, metavar="PROBLEM", help="input file, .inp, or scene file (TOML)"
     )
@@ -141,12 +144,14 @@ def parser() -> argparse.ArgumentParser:
         "--restart", **flag, help="continue a killed sweep after its last complete value"
     )
     sweep.add_argument(
-        "--out", **folder, help="folder (default: results/sweep_NAME of the scene file)"
+        "-o", "--out", **folder, help="folder (default: results/sweep_NAME of the scene file)"
     )
     for command in (solve, check, sweep):
         command.add_argument("scene", type=named_path, metavar="SCENE", help="scene file (TOML)")
         several = (
-            "; one of them with several values, FROM:TO:COUNT or A,B,C" if command is sweep else ""
+            "; with several values, FROM:TO:COUNT or A,B,C, of all combinations"
+            if command is sweep
+            else ""
         )
         entry = (
             "entry of the scene, such as contact[0].friction.coefficient=0.3; may be "
@@ -232,17 +237,16 @@ _COMMA = re.compile(r",(?![^()]*\))")  # between values, and not between the arg
 _RANGE = re.compile(r"\s*([-+.\deE]+)\s*:\s*([-+.\deE]+)\s*:\s*(\d{1,5})\s*")
 
 
-def several_values(entries: dict[str, Any]) -> tuple[str, list[Any]]:
-    """Return the path of the only entry with several values, and these values: ``0.1:0.8:8``, from,
-    to, and number of them at equal distances, or ``0.1,0.2,0.4``.
+def several_values(entries: dict[str, Any]) -> dict[str, list[Any]]:
+    """Return the values of entries that have several, by their paths: ``0.1:0.8:8``, from, to, and
+    number of them at equal distances, or ``0.1,0.2,0.4``.
     """
     ranges = {
         path: values for path, value in entries.items() if len(values := _values(path, value)) > 1
     }
-    if len(ranges) != 1:
-        found = f"several ranges, of {', '.join(ranges)}," if ranges else "no range"
-        raise SceneError.at("sweep", f"{found} found: write --set PATH=0.1:0.8:8 or PATH=1,2,3")
-    return ranges.popitem()
+    if not ranges:
+        raise SceneError.at("sweep", "no range found: write --set PATH=0.1:0.8:8 or PATH=1,2,3")
+    return ranges
 
 
 def _values(path: str, value: Any) -> list[Any]:
