@@ -18,6 +18,7 @@ from typing import Any
 from signorini_fx.errors import InstallationError, MissingPackageError
 
 ADD_ONS = "signorini_fx.add_ons"
+CONTACT_PARTS = "signorini_fx.contact_parts"
 EFFECTS = "signorini_fx.effects"
 GENERATORS = "signorini_fx.generators"
 KINEMATICS = "signorini_fx.kinematics"
@@ -29,6 +30,7 @@ SHAPES = "signorini_fx.shapes"
 STEP_EFFECTS = "signorini_fx.step_effects"
 GROUPS = (
     ADD_ONS,
+    CONTACT_PARTS,
     EFFECTS,
     GENERATORS,
     KINEMATICS,

@@ -17,6 +17,7 @@ from pydantic import BaseModel
 
 from signorini_fx.arrays import Indices
 from signorini_fx.errors import FormError, SceneError
+from signorini_fx.extensions import CONTACT_PARTS, load_class, names_of
 from signorini_fx.machine import compat, parallel
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.effects.contact import Contact
@@ -25,6 +26,7 @@ from signorini_fx.mechanics.kinematics import of_components
 from signorini_fx.mechanics.laws.coulomb import NoFriction
 from signorini_fx.mechanics.laws.protocol import FrictionLaw
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, is_section, tagged_mesh
+from signorini_fx.mechanics.statement.effect import ContactPart
 from signorini_fx.mechanics.statement.load_path import LoadSteps
 from signorini_fx.mechanics.statement.settings import Element, SolverSettings
 from signorini_fx.mechanics.statement.statement import Statement
@@ -111,6 +113,7 @@ def contact_entry(entry: Foundation | Pair, name: str, against: str | None) -> C
     else:
         shape = entry.shape if isinstance(entry.shape, BaseModel) else None
         described |= {"direction": entry.direction, "foundation": shape}
+    described |= {part.key: part for part in entry.parts}
     return Contact.model_construct(**described)
 
 
@@ -321,6 +324,12 @@ def foundations_of(contact: Any) -> tuple[Foundation | Pair, ...]:
                     "depends on t: give numbers, and change them between steps",
                 )
             )
+        for key in names_of(CONTACT_PARTS):
+            if (part := getattr(entry, key, None)) is None:
+                continue
+            if not isinstance(part, wanted := load_class(CONTACT_PARTS, key, ContactPart)):
+                wrong = f"must be {wanted.__name__}(...), not {kind_of(part)}"
+                problems.append((f"contact[{k}].{key}", wrong))
     if problems:
         raise FormError(problems)
     return tuple(contacts)

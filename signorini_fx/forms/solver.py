@@ -52,7 +52,7 @@ from signorini_fx.mechanics.scales import Scales
 from signorini_fx.mechanics.state import State
 from signorini_fx.mechanics.statement.load_path import LoadPath, counted_path
 from signorini_fx.mechanics.statement.statement import Statement
-from signorini_fx.mechanics.step_effect import StepEffect
+from signorini_fx.mechanics.step_effect import StepEffect, effects_of_contact
 from signorini_fx.records import History, Status, Timings
 from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.contact_fields import ContactFields
@@ -117,7 +117,7 @@ class FormSolver:
         self._inputs_before: dict[str, list[bytes]] | None = None  # of what is assembled
         self._mesh_x = space.mesh.geometry.x.copy()  # with which it was, and all that is kept
         self._modulus: float | None = None  # of the forms; None: they do not say it
-        self.effects = effects
+        self.effects = (*effects_of_contact(forms.contact), *effects)
         self.density = density
         # Duration and beginning of the step that effects make the matrix for; None: none does.
         self._timed: tuple[float, State] | None = None

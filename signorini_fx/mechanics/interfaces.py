@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, Literal, NamedTuple
 
 from signorini_fx.mechanics.laws.protocol import FrictionLaw
+from signorini_fx.mechanics.statement.effect import ContactPart
 
 Kind = Literal["unilateral", "bilateral", "bonded"]
 
@@ -20,6 +21,11 @@ class _OfKind:
     """A part of the boundary with a kind of contact."""
 
     kind: Kind
+
+    @property
+    def parts(self) -> list[ContactPart]:
+        """Return what happens there beside contact and friction, such as wear."""
+        return [part for part in vars(self).values() if isinstance(part, ContactPart)]
 
     @property
     def bilateral(self) -> bool:

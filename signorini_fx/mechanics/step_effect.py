@@ -5,13 +5,14 @@ Other packages have more by entry points:
     [project.entry-points."signorini_fx.step_effects"]
     wear = "its.module:Wear"
 
-An entry of a scene whose class names one of them acts by it in the load steps of that scene.  What
-an effect remembers is in fields of the state, which are carried along and stored with it.
+An entry of a scene, or a part of a contact, whose class names one of them acts by it in the load
+steps of that scene.  What an effect remembers is in fields of the state, which are carried along
+and stored with it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Self, cast
 
@@ -24,7 +25,7 @@ from signorini_fx.mechanics.contact_points.contact_boundary import ContactBounda
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.model import Loads, Model
 from signorini_fx.mechanics.state import State
-from signorini_fx.mechanics.statement.effect import Effect
+from signorini_fx.mechanics.statement.effect import ContactPart, Effect
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import Finding
 
@@ -128,8 +129,10 @@ class StepEffect:
     moves_bodies: ClassVar[bool] = False
 
     @classmethod
-    def of(cls, entry: Effect) -> Self:
-        """Return the effect that an entry of a scene states."""
+    def of(cls, entry: Any) -> Self:
+        """Return the effect that an entry of a scene states, an ``Effect``, or that parts of
+        contacts do, ``ContactPart``s by the numbers of their contacts.
+        """
         return cls()
 
     def initial(self, model: Model | None, state: State) -> State:
@@ -200,10 +203,23 @@ class StepEffect:
         return state.with_field(name, at, values if earlier is None else earlier.values + values)
 
 
+def effects_of_contact(contacts: Sequence[Any]) -> list[StepEffect]:
+    """Return what the parts of contacts do from load step to load step: one effect for each kind,
+    made of all parts of this kind by the numbers of their contacts.
+    """
+    parts = dict[str, dict[int, ContactPart]]()
+    for number, contact in enumerate(contacts):
+        for part in filter(lambda part: part.step_effect, contact.parts):
+            parts.setdefault(part.step_effect, {})[number] = part
+    return [_class(name).of(several) for name, several in parts.items()]
+
+
 def stated_effects(statement: Statement) -> list[StepEffect]:
-    """Return what the entries of a statement do from load step to load step."""
-    return [
-        cast("type[StepEffect]", load_class(STEP_EFFECTS, entry.step_effect, StepEffect)).of(entry)
-        for entry in statement.of(Effect)
-        if entry.step_effect
-    ]
+    """Return what contacts and the entries of a statement do from load step to load step."""
+    named = (entry for entry in statement.of(Effect) if entry.step_effect)
+    of_entries = (_class(entry.step_effect).of(entry) for entry in named)
+    return [*effects_of_contact(statement.contact), *of_entries]
+
+
+def _class(name: str) -> type[StepEffect]:
+    return cast("type[StepEffect]", load_class(STEP_EFFECTS, name, StepEffect))

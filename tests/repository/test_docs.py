@@ -659,6 +659,7 @@ def test_returned_classes():
     inner = {
         "FormSolver",
         "ContactBoundary",
+        "ContactPart",
         "LoadCase",
         "Task",
         "Posed",

@@ -1,15 +1,24 @@
 """A load step depends on the state before it and on nothing else: any step again, in a fresh problem, from a file."""
 
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
 import pytest
 from forms import Block
 from mpi4py import MPI
-from step_effects import Counted, Wear
+from step_effects import (
+    Counted,
+    ErodedContact,
+    ErodedContacts,
+    ErodedFoundation,
+    Erosion,
+    Wear,
+)
 from test_restart import CASES, METHODS, MOVING, PUSHED, Killed, scene, until
 
 from signorini_fx import (
+    Contact,
     ContactProblem,
     Coulomb,
     Foundation,
@@ -18,7 +27,7 @@ from signorini_fx import (
     solve,
 )
 from signorini_fx.algebra.linalg.schur import SchurComplement
-from signorini_fx.errors import SceneError
+from signorini_fx.errors import FormError, SceneError
 from signorini_fx.mechanics.state import State
 from signorini_fx.records import History
 from signorini_fx.scenes.mesh import load_mesh
@@ -342,6 +351,39 @@ def test_wear_in_scenes_and_forms():
     ratio = np.array(pressures[1:]) / pressures[:-1]
     assert (ratio < 0.995).all()
     assert ratio[0] == pytest.approx(ratio[1], rel=1e-3)
+
+
+def test_a_part_of_a_contact(monkeypatch):
+    """A table within a contact, and its step effect, are found by their names; a scene and forms
+    with it are worn as by the effect itself, and what is wrong in it names its key.
+    """
+    monkeypatch.setattr(extensions, "_registered", {})
+    extensions.register("signorini_fx.contact_parts", "erosion", Erosion)
+    extensions.register("signorini_fx.step_effects", "erosion", ErodedContacts)
+    (stated,) = scene(PUSHED).contact
+    eroded = ErodedContact(**dict(stated), erosion={"rate": 1e-5})
+    given = scene(PUSHED).model_copy(update={"contact": eroded})
+    expected = solve(scene(PUSHED), effects=[Wear(1e-5)]).state.fields["worn"].values
+    np.testing.assert_array_equal(solve(given).state.fields["worn"].values, expected)
+    with pytest.raises(SceneError, match=r"erosion\.rate.*greater than 0"):
+        ErodedContact(boundary="bottom", erosion={"rate": -1.0})
+    with pytest.raises(SceneError, match="erosion: must be a table"):
+        ErodedContact(boundary="bottom", erosion=3)
+    with pytest.raises(SceneError, match="erosion: unknown key"):
+        Contact(boundary="bottom", erosion={"rate": 1e-5})
+
+    block = Block((4, 4))
+    worn = []
+    for more in (
+        {"contact": replace(block.foundation), "effects": [Wear(1e-5)]},
+        {"contact": ErodedFoundation(block.foundation.facets, erosion=Erosion(rate=1e-5))},
+    ):
+        problem = ContactProblem(block.a, block.L, block.bcs, **more)
+        worn.append(problem.step(problem.initial(), 1.0)[0].fields["worn"].values)
+    np.testing.assert_array_equal(*worn)
+    wrong = ErodedFoundation(block.foundation.facets, erosion=1e-5)
+    with pytest.raises(FormError, match=r"contact\[0\]\.erosion.*Erosion\(...\), not float"):
+        ContactProblem(block.a, block.L, block.bcs, wrong)
 
 
 def test_an_effect_by_its_name(monkeypatch):

@@ -14,7 +14,7 @@ from signorini_fx.extensions import LAWS, load_class, names_of
 from signorini_fx.mechanics.laws.coulomb import Coulomb, NoFriction, Tresca
 from signorini_fx.mechanics.laws.protocol import FrictionLaw
 from signorini_fx.mechanics.statement.base import Table, refused
-from signorini_fx.mechanics.statement.effect import Contradictions, Effect, Features
+from signorini_fx.mechanics.statement.effect import ContactPart, Contradictions, Effect, Features
 from signorini_fx.mechanics.statement.rigid_body import driven_twice
 from signorini_fx.mechanics.statement.rigid_shape import Distance, OneShape
 from signorini_fx.mechanics.statement.values import (
@@ -159,9 +159,19 @@ class Contact(Effect):
             ("friction axes", ("friction", "ratio"), self.friction.directed),
             ("soft contact", ("overclosure",), self.overclosure is not None),
         )
-        return tuple((name, keys) for name, keys, used in listed if used)
+        of_parts = (
+            (name, (part.key, *keys)) for part in self.parts for name, keys in part.features
+        )
+        return (*((name, keys) for name, keys, used in listed if used), *of_parts)
+
+    @property
+    def parts(self) -> list[ContactPart]:
+        """Return what happens at the contact beside contact and friction, such as wear."""
+        return [part for _, part in self if isinstance(part, ContactPart)]
 
     def contradictions(self, statement: Any, number: int) -> Contradictions:
+        for part in self.parts:
+            yield from part.contradictions(statement, number)
         if any(rival.boundary == self.boundary for rival in statement.contact[:number]):
             cure = "describe it in one [[contact]]"
             if self.against is not None:

@@ -20,7 +20,7 @@ from pydantic import BaseModel, BeforeValidator, Field, TypeAdapter, ValidationI
 from pydantic.fields import FieldInfo
 
 from signorini_fx.arrays import Array
-from signorini_fx.extensions import EFFECTS, load_class, names_of, on_registered
+from signorini_fx.extensions import CONTACT_PARTS, EFFECTS, load_class, names_of, on_registered
 from signorini_fx.mechanics.statement.base import Table
 from signorini_fx.mechanics.statement.expressions import in_space, sample
 from signorini_fx.mechanics.statement.values import Entries, Finite, TimedValue
@@ -245,6 +245,24 @@ class Resistance(Effect):
     def reaction(self, y: Any, on: Coefficients) -> Any:
         """Minus the force per area on the body, stress, UFL, shape (d,)."""
         raise NotImplementedError
+
+
+class ContactPart(Effect):
+    """A table within ``[[contact]]``, such as wear, of a file of its own, which is imported where
+    its key is written.  In ``contradictions`` the number is that of the contact.
+    """
+
+
+def _contact_part(entry: Any, info: ValidationInfo) -> Any:
+    """A part of a contact, from its table or of its class, which is found by the key."""
+    if entry is None:
+        return None
+    kind = load_class(CONTACT_PARTS, str(info.field_name), ContactPart)
+    return entry if isinstance(entry, kind) else TypeAdapter(kind).validate_python(entry)
+
+
+# A key of a contact for one, whose class is an entry point of that name.
+Part = Annotated[Any, BeforeValidator(_contact_part)]
 
 
 # --- those of other packages ----------------------------------------------------------------------

@@ -119,11 +119,16 @@ class Statement:
         )
 
     def listed(self) -> list[tuple[str, Any]]:
-        """All entries with their paths in the scene."""
-        return [
+        """All entries with their paths in the scene, and the parts of contacts."""
+        entries = [
             (key if key in self.single else f"{key}[{number}]", effect)
             for key, entries in self.effects.items()
             for number, effect in enumerate(entries)
+        ]
+        return entries + [
+            (f"contact[{number}].{part.key}", part)
+            for number, contact in enumerate(self.contact)
+            for part in contact.parts
         ]
 
     def of(self, kind: type[_Effect]) -> tuple[_Effect, ...]:
