@@ -45,6 +45,8 @@ class StepContact:
             have not.
         reference: a displacement from which the contact problem counts, ghosts included, length,
             shape (dofs,); None: that of the body.
+        part: of the duration of the step, after which the body is where the contact problem is
+            solved for.
     """
 
     model: Model
@@ -54,6 +56,7 @@ class StepContact:
     law: PointFriction | None
     drift: Array | None
     reference: Array | None = None
+    part: float = 1.0
 
     def with_gap(self, added: Any) -> StepContact:
         """Return the same with lengths added to the gap, shape (n,)."""

@@ -214,7 +214,7 @@ class StepResult:
         time: its time.
         name: its name; "": it has none.
         status: how it ended.
-        displacement: y, length.
+        displacement: y at its end, length.
         contact: nodal state of the contact boundary of this rank, None for a scene without contact.
         certificate: the check of the conditions of the step.
         deformation: how much the body is deformed.
@@ -224,6 +224,8 @@ class StepResult:
         figures: what effects in time tell of it, by names.
         between: the times and figures of shorter steps since the load step before.
         reason: why there is no solution; None: it is not known, or told by ``check``.
+        acting: gives what acts on the body beside contact, where that is not what is stated at its
+            displacement: forces of inertia; None: it is; collective.
     """
 
     step: int
@@ -241,6 +243,7 @@ class StepResult:
     figures: Mapping[str, float] = field(default_factory=dict)
     between: tuple[tuple[float, Mapping[str, float]], ...] = ()
     reason: Finding | None = None
+    acting: Callable[[], ActingForces] | None = None
 
     def __repr__(self) -> str:
         return f"<StepResult {self.step}: {self.status.value}, {self.linear_solves} linear solves>"

@@ -5,7 +5,7 @@ acts.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -22,6 +22,7 @@ from signorini_fx.mechanics.kinematics import CARTESIAN
 from signorini_fx.mechanics.kinematics.protocol import Kinematics
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.statement import Statement
+from signorini_fx.mechanics.step_effect import AddedForces
 from signorini_fx.results.certificate.contact_nodes import ContactConditions, ContactNodes
 from signorini_fx.results.certificate.equilibrium import Balance
 from signorini_fx.results.certificate.law_of_method import Tractions
@@ -95,6 +96,13 @@ class ActingForces:
     loads: Sequence[NamedForces]
     names: Sequence[str | None]  # of the parts of the boundary with any of them
     displaced: bool = False  # whether they act at the displaced points
+
+    def with_added(self, added: AddedForces) -> ActingForces:
+        """Return the same with the forces of an effect in time, of which those that resist motion
+        act in the body.
+        """
+        resisting = None, "inertia", -added.resisting
+        return replace(self, balance=self.balance.with_added(added), loads=[*self.loads, resisting])
 
 
 @dataclass(frozen=True, repr=False)
@@ -220,14 +228,7 @@ class Resultants:
         """What the stresses in the body leave to the supports, shape (owned nodes, d);
         collective.
         """
-        balance = self.acting.balance
-        return (
-            balance.internal
-            + balance.resisted
-            - balance.external
-            - balance.initial
-            + self._of_contact()
-        )
+        return self.acting.balance.residual(self._of_contact())
 
     def _through(self, boundary: str) -> ByCause:
         """The forces on the body at the nodes of a boundary."""

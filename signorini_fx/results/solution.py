@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -378,7 +378,7 @@ class Solution:
         """
         model = self.model
         y = self.displacement
-        acting = self.mechanics.acting(y, self._position)
+        acting = (self.last_step.acting or partial(self.mechanics.acting, y, self._position))()
         conditions = self.mechanics.conditions(y)
         return Resultants(self.statement, model.tagged, y, self.contact, conditions, acting)
 

@@ -20,7 +20,7 @@ from signorini_fx.arrays import Array, inner, length, unit
 from signorini_fx.errors import FormError
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary, no_points
-from signorini_fx.mechanics.model import Model
+from signorini_fx.mechanics.model import Loads, Model
 from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodies
 from signorini_fx.mechanics.state import ContactValues, Field, State, at_cells
 from signorini_fx.mechanics.statement.rigid_shape import Placement
@@ -47,6 +47,8 @@ class Posed:
         spin: see ``rotations``.
         gap: distances from foundations at the end of the step, length, shape (n,).
         dt: its duration.
+        part: see ``StepContact``.
+        loads: those at its end, where effects in time ask for them; else None.
         linear: whether the body is: the iterate of a step then begins with the last solution.
     """
 
@@ -59,6 +61,8 @@ class Posed:
     spin: Array | None = None
     gap: Array = field(default_factory=lambda: np.zeros(0))
     dt: float = 0.0
+    part: float = 1.0
+    loads: Loads | None = None
     linear: bool = True
 
     @property

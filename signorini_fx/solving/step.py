@@ -7,7 +7,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
@@ -34,6 +34,9 @@ from signorini_fx.results.certificate.law_of_method import (
 )
 from signorini_fx.results.mechanics import Mechanics, StepResult
 from signorini_fx.solving.frames import Posed, start_of, state_of, vectors_of
+
+if TYPE_CHECKING:
+    from signorini_fx.results.resultants import ActingForces
 
 _DIGITS = 9  # of durations, whose ends have round-off
 
@@ -146,6 +149,8 @@ def step(
 
             body, start, outcome, reason = solve_tightened(body, posed.task, start, budget)
             posed = replace(posed, body=body)
+            if posed.loads is not None:
+                posed = replace(posed, loads=problem.mechanics(body).loads_at(place))
             state = replace(state, found=found_in(body, place))
         else:
             outcome = solve_task(posed.task, start, budget)
@@ -185,17 +190,17 @@ def ended(
     if not problem.effects:
         return new, report
     posed = report.posed
-    mechanics = report.mechanics
-    place = report.start.place
-    y = report.result.displacement
+    result = report.result
+    assert posed.loads is not None
     with problem.timings.phase("certify"):
+        acting = partial(_acting, report, _added_forces(problem.effects, posed, state))
         end = StepEnd(
-            mechanics.model,
-            report.result.contact,
+            posed.body,
+            result.contact,
             posed.gap,
-            y.x.array,
-            mechanics.loads_at(place),
-            partial(_reactions, problem.effects, report, state),
+            result.displacement.x.array,
+            posed.loads,
+            lambda: _reactions(report, acting().balance),
             vectors_of(report.start.elastic_slip, posed.boundary.tangents),
             report.outcome.augmented,
             posed.dt,
@@ -204,8 +209,36 @@ def ended(
         for effect in problem.effects:
             new = new if stored else effect.after(state, new, end)
             figures |= effect.figures(state, new, end)
-    result = replace(report.result, figures=figures)
-    return new, replace(report, result=result)
+        if any(effect.overrides("solved") for effect in problem.effects):
+            result = replace(_at_the_end(problem, report, new), acting=acting)
+    return new, replace(report, result=replace(result, figures=figures))
+
+
+def _at_the_end(problem: Problem, report: Report, new: State) -> StepResult:
+    """What is shown of a step whose contact problem was solved for another displacement than that
+    of its end, which a state has: tractions are those of the step; collective.
+    """
+    posed = report.posed
+    body = posed.body
+    result = report.result
+    displacement = result.displacement.copy()
+    displacement.x.array[:] = new.displacement
+    contact = result.contact
+    if contact is not None:
+        u_n, u_t = body.contact.traces(body.vector(new.displacement))
+        slip, xi = (np.divide(way, posed.part) for way in (contact.slip_length, contact.xi))
+        dt = contact.dt / posed.part
+        contact = replace(contact, gap=posed.gap, u_n=u_n, u_t=u_t, slip_length=slip, xi=xi, dt=dt)
+    balance = report.mechanics.balance(displacement, report.start.place)
+    owned = displacement.x.array[: balance.internal.size].reshape(balance.internal.shape)
+    moves = any(effect.moves_bodies for effect in problem.effects)
+    return replace(
+        result,
+        displacement=displacement,
+        contact=contact,
+        deformation=deformation_of(body, displacement, body.tagged.size, moves=moves),
+        strain_energy=balance.strain_energy(balance.works(owned)),
+    )
 
 
 def begun(
@@ -233,7 +266,10 @@ def begun(
         for number, law in laws.items():
             share[body.boundary.part == number] = law.stiffness / start.data.gamma_n
         start = replace(start, data=replace(start.data, share=share))
-    factors = _loaded(problem.mechanics(body), posed, problem.effects, state, place)
+    mechanics = problem.mechanics(body)
+    if problem.effects:
+        posed = replace(posed, loads=mechanics.loads_at(place))
+    factors = _loaded(mechanics, posed, problem.effects, state, place)
     return posed, replace(start, place=place, factors=factors, several=problem.waits), before
 
 
@@ -285,7 +321,15 @@ def with_contact(posed: Posed, effects: Sequence[StepEffect], state: State) -> P
         rest = ReferenceMotion(np.zeros(0), u_n, u_t, contact.reference)
         task, data = task.counted_from(rest), rest.data_from(data)
     first = replace(first, data=data, law=contact.law)
-    return replace(posed, body=body, task=task, first=first, drift=contact.drift, gap=contact.gap)
+    return replace(
+        posed,
+        body=body,
+        task=task,
+        first=first,
+        drift=contact.drift,
+        gap=contact.gap,
+        part=contact.part,
+    )
 
 
 def _loaded(
@@ -293,12 +337,11 @@ def _loaded(
 ) -> Array:
     """Give a system the loads of a step, and return their factors; collective."""
     system = posed.task.system
-    if any(effect.overrides("load") for effect in effects):
-        loads = mechanics.loads_at(place)
-        for effect in effects:
-            if (case := effect.load(mechanics.model, loads, state, posed.dt)) is not None:
-                system.set_case(0, case)
-                return np.eye(len(system.cases))[0]
+    for effect in effects:
+        assert posed.loads is not None
+        if (case := effect.load(posed.body, posed.loads, state, posed.dt)) is not None:
+            system.set_case(0, case)
+            return np.eye(len(system.cases))[0]
     return mechanics.load(system, place)
 
 
@@ -331,7 +374,7 @@ def judged(
             step=place,
             last=before,
             rigid=rigid,
-            more=_added_forces(problem.effects, posed, mechanics, state, place),
+            more=_added_forces(problem.effects, posed, state),
         )
         moves = any(effect.moves_bodies for effect in problem.effects)
         deformation = deformation_of(body, displacement, body.tagged.size, moves=moves)
@@ -372,26 +415,33 @@ def judged(
 
 
 def _added_forces(
-    effects: Sequence[StepEffect], posed: Posed, mechanics: Mechanics, state: State, place: float
+    effects: Sequence[StepEffect], posed: Posed, state: State
 ) -> list[Callable[[Array], AddedForces | None]]:
-    """What effects add to the balance at a displacement; collective."""
-    more = [effect.forces for effect in effects if effect.overrides("forces")]
-    if not more:
-        return []
-    loads = mechanics.loads_at(place)
-    return [partial(add, mechanics.model, loads, state, posed.dt) for add in more]
+    """What effects add to the balance at a displacement."""
+    return [
+        partial(effect.forces, posed.body, posed.loads, state, posed.dt)
+        for effect in effects
+        if posed.loads is not None
+    ]
 
 
-def _reactions(effects: Sequence[StepEffect], report: Report, state: State) -> Array:
-    """The forces of supports on the owned nodes, shape (owned nodes, d); collective."""
-    mechanics = report.mechanics
-    place = report.start.place
+def _acting(report: Report, more: Sequence[Callable[[Array], AddedForces | None]]) -> ActingForces:
+    """What acts on the body beside contact as its contact problem was solved, what effects add
+    among it; collective.
+    """
     y = report.result.displacement
-    balance = mechanics.balance(y, place)
-    for add in _added_forces(effects, report.posed, mechanics, state, place):
+    acting = report.mechanics.acting(y, report.start.place)
+    for add in more:
         if (added := add(y.x.array)) is not None:
-            balance = balance.with_added(added)
-    return reactions_of(balance, mechanics.conditions(y), report.result.contact)
+            acting = acting.with_added(added)
+    return acting
+
+
+def _reactions(report: Report, balance: Balance) -> Array:
+    """The forces of supports on the owned nodes, shape (owned nodes, d); collective."""
+    result = report.result
+    conditions = report.mechanics.conditions(result.displacement)
+    return reactions_of(balance, conditions, result.contact)
 
 
 def reactions_of(

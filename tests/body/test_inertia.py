@@ -16,6 +16,7 @@ from mpi4py import MPI
 from signorini_fx import ContactProblem, Foundation, build_problem, sensitivity, solve
 from signorini_fx.algebra.linalg.schur import SchurComplement
 from signorini_fx.errors import FormError, SceneError
+from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.state import State
 from signorini_fx.records import StepRecord
 from signorini_fx.results.certificate.law_of_method import Law, Tractions
@@ -128,10 +129,37 @@ def test_load_steps_are_divided(monkeypatch):
     assert [len(each.between) for each in solution.steps] == [48, 48]
     np.testing.assert_allclose([time for time, _ in told(solution)], 0.05 * np.arange(1, 97))
     moved = solution.displacement.x.array.reshape(-1, 2)
-    # The last result is that of the middle of its step.
-    np.testing.assert_allclose(moved, np.tile([0.0, -4.775], (len(moved), 1)), atol=1e-9)
+    np.testing.assert_allclose(moved, np.tile([0.0, -4.8], (len(moved), 1)), atol=1e-9)
+    np.testing.assert_allclose(solution.contact.gap - solution.contact.u_n, 0.2, rtol=1e-9)
     assert solution.steps[-1].deformation.largest < 1e-9
     assert len(made) == 1
+
+
+@pytest.mark.mpi
+def test_results_are_those_of_the_end_of_a_step(monkeypatch):
+    """Displacement, energies and slip; friction takes the energy of a block that stops, and forces
+    are in balance with inertia; the loads of each step are evaluated once.
+    """
+    loads = []
+    at_place = Model.loads_at
+    monkeypatch.setattr(Model, "loads_at", lambda *of: loads.append(0) or at_place(*of))
+    times = [float(time) for time in np.arange(0.0, 3.6, 0.1)]
+    solution = solve(changed(BLOCK, load_steps={"times": times}))
+    assert len(loads) == len(times) + 1  # one more at the start
+    np.testing.assert_array_equal(solution.displacement.x.array, solution.state.displacement)
+    assert solution.last_step.strain_energy == pytest.approx(
+        solution.last_step.figures["strain_energy"], rel=1e-2
+    )
+    work = [each.contact.friction_work for each in solution.steps]
+    assert sum(work) == pytest.approx(0.25, rel=1e-3)
+    slips = [each.contact.slip_length.mean() for each in solution.steps[1:]]
+    way = solution.contact.u_t.mean() - solution.steps[0].contact.u_t.mean()
+    assert sum(slips) == pytest.approx(way, rel=1e-4)
+    braked = solution.at(solution.steps[10]).resultants
+    forces = [each.force for each in braked.every()]
+    np.testing.assert_allclose(np.sum(forces, axis=0), 0.0, atol=1e-9)
+    assert braked.body_force().acts == ("gravity", "inertia")
+    np.testing.assert_allclose(abs(braked.body_force().force[0]), 0.15, rtol=1e-3)
 
 
 @pytest.mark.parametrize(
@@ -199,6 +227,15 @@ def test_a_support_that_starts_to_move():
     for each in solution.steps:
         assert abs(each.figures["energy_error"]) < 1e-11
     assert solution.resultants.of("bottom").force[1] == pytest.approx(1e-4, rel=2e-3)
+    held = changed(
+        BAR,
+        initial_velocity=None,
+        contact=None,
+        material={"young": 1e4, "poisson": 0.0, "density": 1.0},
+        displacement=[{"boundary": "bottom", "x": 0.0, "y": "1e-3*t**3"}],
+        load_steps={"times": [0.0, 1.0]},
+    )
+    assert solve(held).resultants.of("bottom").force[1] == pytest.approx(5.94e-4, rel=0.02)
 
 
 def test_two_bars_exchange_their_momentum():
@@ -497,14 +534,15 @@ def test_what_is_spoilt_is_refused(spoilt):
     for _ in range(5):
         earlier = state
         state, report = step(problem, earlier, place, time=earlier.time + 0.02)
+    middle = 0.5 * (earlier.displacement + state.displacement)
     factor = dict.fromkeys(["displacement", "pressure", "velocity"], 1.0)
     factor |= {} if spoilt in ("nothing", "mass") else {spoilt: 1.001}
     y = report.result.displacement.copy()
-    y.x.array[:] *= factor["displacement"]
+    y.x.array[:] = middle * factor["displacement"]
     tractions = Tractions.of(report.result.contact)
     velocity = earlier.fields["velocity"].values * factor["velocity"]
     begun_at = earlier.with_field("velocity", "dofs", velocity)
-    more = _added_forces(problem.effects, report.posed, report.mechanics, begun_at, place)
+    more = _added_forces(problem.effects, report.posed, begun_at)
     certificate = report.mechanics.certified(
         y,
         replace(tractions, pressure=factor["pressure"] * tractions.pressure),

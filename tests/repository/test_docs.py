@@ -657,6 +657,7 @@ def test_returned_classes():
         for name in re.findall(r"(?m)^class (\w+)", file.read_text())
     }
     inner = {
+        "ActingForces",
         "FormSolver",
         "ContactBoundary",
         "ContactPart",

@@ -201,7 +201,7 @@ class MidpointRule(StepEffect):
             law = replace(law, dt=0.5 * dt)
         drift = None if contact.drift is None else 0.5 * contact.drift
         if model.boundary is None:
-            return replace(contact, law=law, drift=drift, reference=state.displacement)
+            return replace(contact, reference=state.displacement)
         u, _ = model.contact.traces(model.vector(state.displacement))
         v, _ = model.contact.traces(model.vector(state.fields["velocity"].values.ravel()))
         moved = np.zeros_like(contact.gap)
@@ -222,7 +222,8 @@ class MidpointRule(StepEffect):
                 on = contact.boundary.part == number
                 gap[on] = contact.gap[on] - 0.5 * moved[on]
         data = replace(data, gap=gap, gamma_n=2 * data.gamma_n, gamma_t=2 * data.gamma_t)
-        return replace(contact, data=data, law=law, drift=drift, reference=state.displacement)
+        reference = state.displacement
+        return replace(contact, data=data, law=law, drift=drift, reference=reference, part=0.5)
 
     def forces(
         self, model: Model, loads: Loads, state: State, dt: float, y: Array
