@@ -485,9 +485,15 @@ def test_forms_refuse():
 
 
 def test_check_tells_of_time_steps():
-    """Their number, and how far waves go in one."""
-    found = [str(finding) for finding in check_scene(changed(BAR)).findings]
+    """Their number, how far waves go in one, and solves of all; too short ones are refused."""
+    scene = changed(BAR)
+    checked = check_scene(scene)
+    found = [str(finding) for finding in checked.findings]
     assert any("125 time steps" in one and "waves pass 1 of the smallest" in one for one in found)
+    low, high = checked.cost.linear_solves
+    assert low <= solve(scene).history.linear_solves <= high
+    with pytest.raises(SceneError, match="the mesh rings"):
+        check_scene(changed(BAR, inertia={"time_step": 0.001}))
 
 
 def test_nothing_is_imported_without_it():

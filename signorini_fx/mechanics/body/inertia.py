@@ -148,10 +148,9 @@ class MidpointRule(StepEffect):
         return speed * self.time_step / height, height
 
     def findings(self, model: Model) -> Iterator[Finding]:
-        assert self.time_step is not None
-        times = np.array(model.statement.load_steps.times)
-        count = int(np.ceil(np.diff(times) / self.time_step * (1 - SAME_NUMBER)).sum())
-        text = f"{count} time steps"
+        self._check(model)
+        (entry,) = model.statement.effects["inertia"]
+        text = f"{entry.time_steps(model.path.times)} time steps"
         if model.boundary is not None:
             ratio, height = self.courant(model)
             text += (

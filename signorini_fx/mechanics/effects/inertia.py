@@ -5,7 +5,7 @@ What a step is, is in ``mechanics.body.inertia``, which is imported where one is
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
@@ -120,6 +120,9 @@ class Inertia(Effect):
     def at_time(self, time: float) -> Self:
         """Return itself."""
         return self
+
+    def time_steps(self, times: Sequence[float]) -> int:
+        return int(np.ceil(np.diff(times) / self.time_step * (1 - SAME_NUMBER)).sum())
 
     @property
     def features(self) -> Features:

@@ -9,7 +9,7 @@ Other packages have more by entry points, whose names are keys of a scene as wel
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from types import GenericAlias
@@ -174,6 +174,12 @@ class Effect(Table):
         among those of its kind: the place of the error in the scene, and the reason.
         """
         yield from ()
+
+    def time_steps(self, times: Sequence[float]) -> int:
+        """Return into how many steps it divides the way through the times of load steps; 0: into
+        none.
+        """
+        return 0
 
     def degree(self, element: int) -> int:
         """Quadrature degree of its integrals for elements of a degree; what varies on a boundary

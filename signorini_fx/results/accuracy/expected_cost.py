@@ -11,6 +11,7 @@ from signorini_fx.algebra.linalg import choice
 from signorini_fx.algebra.linalg.factorisation import factor_entries
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.model import Model
+from signorini_fx.mechanics.statement.effect import Effect
 from signorini_fx.mechanics.statement.features import accuracy_refused
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.results.accuracy.next_accuracy import next_refinement
@@ -46,7 +47,10 @@ class Cost:
 
 def linear_solves(statement: Statement, nodes: int) -> tuple[int, int]:
     """Linear solves to expect, from and to."""
-    steps = statement.path.expected
+    divided = max(
+        (entry.time_steps(statement.path.times) for entry in statement.of(Effect)), default=0
+    )
+    steps = statement.path.expected + divided
     finer = statement.solver.levels - 1
     if statement.nonlinear:
         return NEWTON_SOLVES[0] * steps, NEWTON_SOLVES[1] * steps
@@ -58,6 +62,8 @@ def linear_solves(statement: Statement, nodes: int) -> tuple[int, int]:
     # A later load step starts from the sets of the previous one, a finer mesh from those of the
     # coarser one.
     least, greatest = SOLVES_OF_START
+    if divided:  # in short steps sets hardly change
+        return divided, least * steps
     return low + least * (steps - 1 + finer * steps), high * steps + greatest * finer * steps
 
 
