@@ -16,6 +16,7 @@ from typing import Any
 from signorini_fx import __version__
 from signorini_fx.addons.report import sections
 from signorini_fx.addons.report.markup import Markup, joined, part, rendered
+from signorini_fx.addons.report.turning_body import turning_body
 from signorini_fx.errors import OutputError, ResultError, cannot_be_written
 from signorini_fx.machine import manifest
 from signorini_fx.machine.display import status_in_words
@@ -71,6 +72,7 @@ def _page(summary: dict[str, Any], folder: Path) -> str:
     # computed.
     chapters: dict[str, Markup] = {
         "Outcome": sections.outcome(summary, folder),
+        "Body": turning_body(summary, folder) if solved else Markup(""),
         "Figures": Markup("") if no_result else sections.figures(summary),
         "Further pictures": sections.further_pictures(folder),
     }
