@@ -173,7 +173,7 @@ _ADVICE = {
     ),
     Status.CROSSED: (
         "a part of the body is inside another part of it, where no contact is named: stop before "
-        "they meet, or name both as the sides of a contact (against)"
+        "they meet, or name both as the sides of a contact (against), which may be the same"
     ),
     Status.FOLDED: "the other surface folds over, so that a point has two partners: take smaller "
     "steps, or give a smaller reach",

@@ -367,8 +367,13 @@ def facets_of(
     for k, ((name, _), mark) in enumerate(zip(listed, marks, strict=True)):
         mark.scatter_reverse(la.InsertMode.add)
         marked = mark.array[owned] > 0
-        counts = np.array([marked.sum(), (marked & ~exterior).sum(), (marked & taken).sum()])
-        count, inside, twice = parallel.global_sum(mesh.comm, counts)
+        number = k if k < len(contact) else pairs[k - len(contact)]
+        other = marked != (marks[number].array[owned] > 0)
+        sets = (marked, marked & ~exterior, marked & taken, other)
+        sizes = np.array([flags.sum() for flags in sets])
+        count, inside, twice, differing = parallel.global_sum(mesh.comm, sizes)
+        if k != number and not differing:  # a side that may touch itself
+            twice = 0
         if k < len(contact):  # facets of a master may be those of several
             taken |= marked
         if not count:

@@ -329,7 +329,8 @@ class FormSolver:
         fixed, values = self.prescribed
         free_unused(space.mesh)
         boundary = self.contact_points(shapes, fixed, values)
-        counts = np.bincount(boundary.part[~boundary.points.immovable], minlength=len(shapes))
+        moving = ~boundary.points.immovable | self.foundations.alone(boundary)
+        counts = np.bincount(boundary.part[moving], minlength=len(shapes))
         for k, count in enumerate(parallel.global_sum(space.mesh.comm, counts)):
             if count == 0:
                 wrong = (

@@ -97,7 +97,8 @@ class Pair(_OfKind):
     Attributes:
         facets: exterior facets of the slave by their local numbers, or (meshtags, tag), with one
             tag or several.
-        against: those of the other side, the master.
+        against: those of the other side, the master; the same as ``facets``: of a nonlinear body
+            they may touch each other, and each step finds which of them carry points.
         gap: what is added to ``distance``, length: a number, a callable f(x) of points of shape
             (3, n), a UFL expression, or a Function.
         distance: of both sides, "geometry": as the meshes lie, along normals half-way between both,

@@ -254,7 +254,12 @@ class Resultants:
                 moved = np.where(
                     np.isin(points.part, placed)[:, None], 0.0, self._moved[points.nodes]
                 )
-                by_cause["contact"] = (points.centre + moved)[on_boundary], forces[on_boundary]
+                places = (points.centre + moved)[on_boundary]
+                acting = forces[on_boundary]
+                if "contact" in by_cause:  # it touches itself
+                    places = np.concatenate((by_cause["contact"][0], places))
+                    acting = np.concatenate((by_cause["contact"][1], acting))
+                by_cause["contact"] = places, acting
                 # The displacement has moved partners away from the points.
                 kept = any(part in pairs and not pairs[part].displaced for part in parts)
                 if key == "against" and self.acting.displaced and kept:

@@ -175,6 +175,8 @@ def _contacts(model: Model) -> list[str]:
         )
         law = effect.friction
         against = "" if effect.against is None else f"against {effect.against}, "
+        if effect.itself:
+            against = "may touch itself, "
         description = f"{effect.kind}, {against}{count} nodes"
         if effect.foundation is not None:
             shape = f"{effect.foundation.shape}, {given_in_words(effect.foundation)}"

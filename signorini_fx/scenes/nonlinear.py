@@ -131,14 +131,9 @@ class ProblemOfScene(NonlinearContactProblem):
         space = model.space
         tagged = model.tagged
         # The contact points of pairs are on the sides that have been chosen for the body.
-        sides = [
-            {"boundary": entry.boundary, "against": entry.against}
-            for entry in model.statement.contact
-        ]
-        chosen = zip(statement.contact, sides, strict=True)
-        statement = statement.changed(
-            contact=tuple(entry.model_copy(update=side) for entry, side in chosen)
-        )
+        sides = zip(statement.contact, model.statement.contact, strict=True)
+        chosen = [entry.on_sides_of(one) for entry, one in sides]
+        statement = statement.changed(contact=tuple(chosen))
         facets = boundary_facets(statement, tagged)
         on = [facets[entry.boundary] for entry in statement.contact]
         masters = {

@@ -192,11 +192,18 @@ def _allowed(linear: LinearisedProblem, points: InnerPoints) -> Flags:
         added = max(parallel.largest(linear.space.mesh.comm, gap[np.isfinite(gap)]), 0.0)
         moved = np.split(sides.gathered(owned), [sides.slave.nodes.size])
         both = (sides.slave.surface, sides.master.surface)
-        slave, master = (side.displaced(way) for side, way in zip(both, moved, strict=True))
-        for side, other in enumerate((master, slave)):
-            size = np.zeros(len(other.x))
-            extent = np.linalg.norm(np.ptp(other.corners, axis=1), axis=1)
-            np.maximum.at(size, other.nodes, extent[:, None])
-            distance, nearest = cKDTree(other.x).query(points.x)
-            allowed |= points.touching[:, pair, side] & (distance <= size[nearest] + added)
+        near = list[Flags]()
+        for side, way in zip(both, moved, strict=True):
+            nodes = np.unique(side.nodes)
+            if not nodes.size:  # a surface that may touch itself does not yet
+                near.append(np.zeros(len(points.x), dtype=bool))
+                continue
+            extent = np.linalg.norm(np.ptp(side.displaced(way).corners, axis=1), axis=1)
+            size = np.zeros(len(side.x))
+            np.maximum.at(size, side.nodes, extent[:, None])
+            distance, nearest = cKDTree((side.x + way)[nodes]).query(points.x)
+            near.append(distance <= size[nodes[nearest]] + added)
+        opposite = points.touching[:, pair] & np.column_stack(near[::-1])
+        # On a surface that touches itself it is near both parts.
+        allowed |= opposite.all(axis=1) if sides.one else opposite.any(axis=1)
     return allowed

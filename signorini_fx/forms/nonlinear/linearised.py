@@ -13,7 +13,8 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from copy import copy
 from dataclasses import replace
-from functools import partial
+from functools import partial, reduce
+from operator import or_
 from typing import Any
 
 import numpy as np
@@ -51,7 +52,7 @@ from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.obstacles.corner_points import BoundaryLine, CornerFeet
 from signorini_fx.mechanics.obstacles.foundations_on_points import Foundations, ShapeDistances
-from signorini_fx.mechanics.obstacles.paired_points import MovingPair, PairedSides
+from signorini_fx.mechanics.obstacles.paired_points import FacingSides, MovingPair, PairedSides
 from signorini_fx.mechanics.shapes.analytic import Plane
 from signorini_fx.mechanics.state import State
 from signorini_fx.mechanics.statement.rigid_body import COMPONENTS
@@ -270,6 +271,15 @@ class MovingFoundations(Foundations):
         return at(moving, f"{path}.shape")
 
 
+def _moving(sides: FacingSides, reach: float | None) -> MovingPair:
+    """Return two sides that slide, or one that may touch itself, where nothing is displaced."""
+    if not sides.one:
+        return MovingPair(sides, reach)
+    from signorini_fx.mechanics.obstacles.folded_side import FoldedSide
+
+    return FoldedSide(sides, reach)
+
+
 class LinearisedProblem(FormSolver):
     """The contact problem of one iteration, at the displacement ``at``."""
 
@@ -341,7 +351,7 @@ class LinearisedProblem(FormSolver):
                 k: foundations.facing(k, foundations.factor_of(k), fixed, None, at_rest)
                 for k in numbers
             }
-            pairs = {k: MovingPair(both, self.contact[k].reach) for k, both in facing.items()}
+            pairs = {k: _moving(both, self.contact[k].reach) for k, both in facing.items()}
             reason = (
                 "no point of its side has a partner within the reach: nothing would "
                 "hold both sides together"
@@ -358,9 +368,8 @@ class LinearisedProblem(FormSolver):
 
     def settle(self) -> None:
         """Slips of pairs count from where the step begins; collective."""
-        places = self._begun_places[: self.space.dofmap.index_map.size_local]
         for pair in self.foundations.sliding.values():
-            pair.settle(places)
+            pair.settle(self.begin)
 
     def points(self) -> tuple[ContactBoundary, fem.FunctionSpace]:
         self.slide()
@@ -768,8 +777,10 @@ class LinearisedProblem(FormSolver):
         residual has been judged.
         """
         assert self.last is not None
+        remembered = [pair.remembered() for pair in self.foundations.sliding.values()]
         self.last = replace(
             self.last,
+            fields=reduce(or_, remembered, dict(self.last.fields)),
             displacement=self.at.x.array.copy(),
             rigid=self.foundations.coordinates.copy(),
             placed=self.foundations.placed,

@@ -151,7 +151,8 @@ class NonlinearContactProblem(ProblemOfForms):
     at displaced places, half-way between the normals of both, and slip along it over any number of
     facets.  Areas, and so bounds of friction such as those of ``Tresca``, are those of the
     undeformed first side; a bound without pressure acts wherever a point sees the other side, in
-    contact or not.
+    contact or not.  Where both sides are the same, they may touch each other: each step finds the
+    parts that face each other.
 
     Args:
         F: the residual, a UFL form with one argument, nonlinear in ``u``.

@@ -28,6 +28,14 @@ class JointStiffness:
     nodes: Ints  # global numbers, shape (m,)
     matrix: sp.csr_array  # force per length, shape (m d, m d)
 
+    @classmethod
+    def of_nodes(cls, nodes: Ints, matrix: sp.csr_array, dim: int) -> JointStiffness:
+        """Return the stiffness between nodes of which some may be there several times."""
+        each, place = np.unique(nodes, return_inverse=True)
+        once = sp.csr_array((np.ones(nodes.size), (place, np.arange(nodes.size))))
+        spread = sp.csr_array(sp.kron(once, sp.eye_array(dim), format="csr"))
+        return cls(each, sp.csr_array(spread @ matrix @ spread.T))
+
     def times(self, displacement: Array, space: fem.FunctionSpace) -> Array:
         """Return the forces of the stiffness at the owned nodes, shape (owned nodes * d,);
         collective.

@@ -373,7 +373,7 @@ def boundary_facets(statement: Statement, tagged: TaggedMesh) -> dict[str, Indic
         (f"contact[{index}].{key}", name)
         for key in ("boundary", "against")
         for index, effect in enumerate(statement.contact)
-        if (name := getattr(effect, key)) is not None
+        if (name := getattr(effect, key)) is not None and not (key == "against" and effect.itself)
     ]
     for (earlier_path, earlier_name), (path, name) in combinations(sides, 2):
         # A body may carry several others on the same facets, if these have the contact points.

@@ -44,10 +44,11 @@ from signorini_fx.mechanics.statement.statement import Statement
 
 def at_rest(statement: Statement) -> Statement:
     """Return the statement with materials of small strains, and without loads that follow
-    the body.
+    the body, and contact of a boundary with itself.
     """
     return without_followers(statement).changed(
-        material=tuple(material.at_rest for material in statement.material)
+        material=tuple(material.at_rest for material in statement.material),
+        contact=tuple(contact.at_rest for contact in statement.contact),
     )
 
 

@@ -25,6 +25,7 @@ from signorini_fx.mechanics.statement.values import (
     TimedSampledValue,
     not_at_points,
 )
+from signorini_fx.tuned import LARGEST_NUMBER
 
 # By their names the classes of friction that follows the speed, of a file that is imported where
 # one of them is named.
@@ -80,8 +81,8 @@ class Contact(Effect):
 
     Attributes:
         boundary: name of the boundary where contact may occur.
-        against: name of the boundary of another body that it may touch; None: the foundation is
-            rigid.
+        against: name of the boundary of another body that it may touch, or its own name: it may
+            touch itself; None: the foundation is rigid.
         points: which of both carries the contact points; ``auto``: that of the softer body, or of
             the finer mesh, see ``obstacles.scene_contact``.
         distance: between two bodies, to which ``gap`` is added: ``geometry``, as the meshes lie;
@@ -222,11 +223,18 @@ class Contact(Effect):
                 yield ("contact", number, key), "is for contact against another boundary"
         if self.against is None:
             return
-        if self.against == self.boundary:
-            yield (
-                ("contact", number, "against"),
-                "is the boundary itself: two bodies have two boundaries",
-            )
+        if self.itself:
+            itself = "a boundary that touches itself"
+            if not statement.nonlinear or self.sliding == "small":
+                yield (
+                    ("contact", number, "against"),
+                    f"is the boundary itself: {itself} is that of a material with a nonlinear law, "
+                    "with sliding = 'finite': choose these, or name two parts that may touch",
+                )
+            for key in ("points", "distance", "adjust", "kind"):
+                if key in stated:
+                    reason = f"must be left out: each step finds both sides of {itself}"
+                    yield ("contact", number, key), reason
         if self.adjust is not None and self.distance == "nominal":
             yield (
                 ("contact", number, "adjust"),
@@ -237,6 +245,25 @@ class Contact(Effect):
                 ("contact", number, "direction"),
                 "between two bodies it is the normal: remove `direction`",
             )
+
+    @property
+    def itself(self) -> bool:
+        """Return whether the boundary may touch itself."""
+        return self.against == self.boundary
+
+    @property
+    def at_rest(self) -> Contact:
+        """Return the contact of a body of small strains, which does not touch itself."""
+        if not self.itself:
+            return self
+        nothing = {"against": None, "friction": NoFriction(), "gap": LARGEST_NUMBER}
+        return self.model_copy(update=nothing)
+
+    def on_sides_of(self, chosen: Contact) -> Contact:
+        """Return the contact with the points on the side that ``at_rest`` was given."""
+        if self.itself:
+            return self
+        return self.model_copy(update={"boundary": chosen.boundary, "against": chosen.against})
 
     @property
     def opens(self) -> bool:

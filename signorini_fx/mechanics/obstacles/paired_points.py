@@ -42,6 +42,7 @@ from signorini_fx.mechanics.pairs.pair_side import (
 )
 from signorini_fx.mechanics.pairs.search import default_reach
 from signorini_fx.mechanics.pairs.sliding import SlidingCoupling, slide
+from signorini_fx.mechanics.state import Field, State
 from signorini_fx.tuned import ASKEW_NORMAL, DIGITS_OF_FILES, ROOT_OF_EPS, SAME_LENGTH, SAME_NUMBER
 
 
@@ -260,7 +261,8 @@ class FacingSides:
         owned = len(fixed)
         sides = [PairedSide.of(space, entries, factor) for entries in facets]
         taken_nodes = np.zeros(owned, dtype=bool)
-        for taken_facets in (*taken, facets[1]):
+        opposite = [] if np.array_equal(*facets) else [facets[1]]
+        for taken_facets in (*taken, *opposite):
             reached = fem.locate_dofs_topological(space, dim - 1, taken_facets)
             taken_nodes[reached[reached < owned]] = True
         axes = (
@@ -296,6 +298,11 @@ class FacingSides:
     def nodes(self) -> Ints:
         """Global numbers of the nodes of both sides, those of the slave first, shape (m,)."""
         return np.concatenate((self.slave.nodes, self.master.nodes))
+
+    @property
+    def one(self) -> bool:
+        """Return whether it is one surface that may touch itself."""
+        return np.array_equal(self.slave.nodes, self.master.nodes)
 
     @cached_property
     def x(self) -> Array:
@@ -350,6 +357,12 @@ class PairedSides:
     @classmethod
     def from_facing(cls, facing: FacingSides, pair: Pair) -> PairedSides:
         """Pair two sides; a FormError: they do not fit together; collective."""
+        if facing.one:
+            reason = (
+                "is the side itself: a surface touches itself where it is that of a nonlinear body "
+                "and sliding is 'finite', else name two parts of it that may touch"
+            )
+            raise FormError.at(f"contact[{facing.index}].against", reason)
         try:
             coupling = couple(
                 facing.slave.surface,
@@ -490,10 +503,12 @@ class MovingPair:
         """Two sides, undeformed; ``reach``: None: a default."""
         surface = sides.slave.surface
         name = f"contact[{sides.index}]"
-        if np.intersect1d(sides.slave.nodes, sides.master.nodes).size:
-            raise FormError.at(
-                name, "sides that slide must not share nodes: give parts that do not meet"
+        if not sides.one and np.intersect1d(sides.slave.nodes, sides.master.nodes).size:
+            reason = (
+                "sides that slide must not share nodes: give parts that do not meet, or the same "
+                "boundary on both sides, which may touch itself"
             )
+            raise FormError.at(name, reason)
         points = np.flatnonzero(~surface.unable & (surface.area > 0.0) & ~surface.without_area)
         if not points.size:
             raise FormError.at(
@@ -518,11 +533,17 @@ class MovingPair:
             self.coupling = self._at(displacement)
         self.displacement = displacement
 
-    def settle(self, owned: Array) -> None:
-        """A step begins at a displacement of the owned nodes, see ``move``; collective."""
-        self.move(owned)
+    def settle(self, state: State) -> None:
+        """A step begins at a state, see ``move``; collective."""
+        dim = self.displacement.shape[1]
+        owned = self.sides.space.dofmap.index_map.size_local
+        self.move(state.displacement.reshape(-1, dim)[:owned])
         self.settled = self.displacement
         self.begun = self.coupling
+
+    def remembered(self) -> dict[str, Field]:
+        """Return what the next step has to know of both sides beside the displacement."""
+        return {}
 
     def _at(self, displacement: Array) -> SlidingCoupling:
         """The map at a displacement of the nodes of both sides, shape (m, d)."""
@@ -583,11 +604,8 @@ class MovingPair:
         translations[on_slave:] = 0.0
         pushing = np.asarray(coupling.normal_rows @ translations)[mine]
         points = sides.points_at(self.points[mine], coupling.weight[mine], normal, averages)
-        counted = coupling.frames.partnered | ~coupling.frames.partnered.any()
-        self._known = (
-            coupling,
-            replace(points, free=points.free & counted[mine, None], pushing=pushing),
-        )
+        free = points.free & coupling.frames.partnered[mine, None]
+        self._known = (coupling, replace(points, free=free, pushing=pushing))
         return self._known[1]
 
     def sliding_along(self, slip: Array) -> Array:

@@ -33,6 +33,7 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 from mpi4py import MPI
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from signorini_fx.arrays import Array, Flags, Ints
@@ -201,6 +202,32 @@ class Tested:
         return np.bincount(self.overlap.slave, areas, minlength=len(self.slave.nodes)).astype(
             np.float64
         )
+
+    @property
+    def twice(self) -> Ints:
+        """Facets of the slave that see more than one sheet of the master somewhere."""
+        return np.flatnonzero(self.area > (1.0 + NEGLIGIBLE) * self.slave.facet_areas)
+
+    @property
+    def of_nearest_sheets(self) -> Tested:
+        """Return the tested functions where a facet of the slave that sees several sheets of the
+        master has the nearest one alone.
+        """
+        overlap = self.overlap
+        several = np.flatnonzero(np.isin(overlap.slave, self.twice))
+        weight = overlap.weight[several].sum(axis=1)
+        moment = np.einsum("pq,pqd->pd", overlap.weight[several], self.distance[several])
+        distance = np.linalg.norm(moment, axis=1) / weight
+        kept = np.ones(len(overlap.slave), dtype=bool)
+        for facet in self.twice:
+            pieces = np.flatnonzero(overlap.slave[several] == facet)
+            seen = overlap.master[several[pieces]]
+            _, sheet = connected_components(self.master.neighbours[seen][:, seen])
+            mean = np.bincount(sheet, (weight * distance)[pieces]) / np.bincount(
+                sheet, weight[pieces]
+            )
+            kept[several[pieces[sheet != mean.argmin()]]] = False
+        return self.chosen(kept)
 
     @cached_property
     def weighted(self) -> Array:
@@ -422,16 +449,17 @@ def projected(
 
     def found(directions: Array | None) -> Tested:
         overlap = project(*parts, reach, directions, comm).over_ranks(comm)
-        return Tested(slave, master, overlap, bonded).within(reach)
+        tested = Tested(slave, master, overlap, bonded).within(reach)
+        return tested.of_nearest_sheets if apart and tested.twice.size else tested
 
     tested = found(None)
     if apart and not tested.area.any():
         return tested, slave.nodal_normals
-    _check(slave, master, tested.area, reach)
+    _check(tested, reach)
     directions = None if nominal else _mean_normals(tested)
     if directions is not None and turned(slave, directions) > SAME_NUMBER:
         tested = found(directions)
-        _check(slave, master, tested.area, reach)
+        _check(tested, reach)
     return tested, directions
 
 
@@ -454,16 +482,18 @@ def _mean_normals(tested: Tested) -> Array:
     return slave.in_planes(directions, np.arange(len(directions)))
 
 
-def _check(slave: PairSurface, master: PairSurface, covered: Array, reach: float) -> None:
+def _check(tested: Tested, reach: float) -> None:
     """Whether both sides meet, and every facet has one partner at most at each of its points."""
-    if not covered.any():
+    slave = tested.slave
+    if not tested.area.any():
+        nearest = _nearest(slave, tested.master)
         raise PairingError(
-            f"no facet faces the other side within {reach:.3g}; {_nearest(slave, master)}: check "
-            "the facets, and that the bodies do not lie inside each other; bodies that meet later "
+            f"no facet faces the other side within {reach:.3g}; {nearest}: check the "
+            "facets, and that the bodies do not lie inside each other; bodies that meet later "
             "begin where these sides face each other, above a gap if need be: move one of them "
             "there (in a scene by its shift)"
         )
-    twice = np.flatnonzero(covered > (1.0 + NEGLIGIBLE) * slave.facet_areas)
+    twice = tested.twice
     if twice.size:
         point = ", ".join(f"{c:g}" for c in slave.corners[twice[0]].mean(axis=0))
         raise PairingError(

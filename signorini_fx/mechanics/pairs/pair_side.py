@@ -162,6 +162,8 @@ class PairSurface:
             (N,); None: 1.
         undeformed: of which areas are, where ``x`` are positions of a deformed body; None: the
             same.
+        wall: how far behind each facet the back of its body is a part of the surface, length, inf:
+            nowhere, shape (f,); None: nowhere behind any.
     """
 
     nodes: Ints
@@ -173,6 +175,7 @@ class PairSurface:
     unable: Flags
     measure: Array | None = None
     undeformed: PairSurface | None = None
+    wall: Array | None = None
 
     @classmethod
     def of(
@@ -193,6 +196,14 @@ class PairSurface:
         """
         start = self if self.undeformed is None else self.undeformed
         return replace(start, x=start.x + displacement, undeformed=start)
+
+    def chosen(self, facets: Ints) -> PairSurface:
+        """Return the surface of some of its facets, with all of its nodes."""
+        start = None if self.undeformed is None else self.undeformed.chosen(facets)
+        wall = None if self.wall is None else self.wall[facets]
+        return replace(
+            self, nodes=self.nodes[facets], sign=self.sign[facets], wall=wall, undeformed=start
+        )
 
     @property
     def dimension(self) -> int:
@@ -352,6 +363,43 @@ class PairSurface:
     def facet_areas(self) -> Array:
         """Area (in 2D: length) of each facet, times the measure, shape (f,)."""
         return self._areas[1]
+
+    @cached_property
+    def neighbours(self) -> sp.csr_array:
+        """Which facets have a node in common, sparse, ones, shape (f, f)."""
+        if self.undeformed is not None:
+            return self.undeformed.neighbours
+        ends = np.arange(0, self.nodes.size + 1, self.nodes.shape[1])
+        shape = (len(self.nodes), len(self.x))
+        of_facets = sp.csr_array((np.ones(self.nodes.size), self.nodes.ravel(), ends), shape=shape)
+        shared = sp.csr_array(of_facets @ of_facets.T)
+        shared.data[:] = 1.0
+        return shared
+
+    @cached_property
+    def around_neighbours(self) -> sp.csr_array:
+        """Which facets have neighbours in common, sparse, shape (f, f)."""
+        if self.undeformed is not None:
+            return self.undeformed.around_neighbours
+        return sp.csr_array(self.neighbours @ self.neighbours)
+
+    @cached_property
+    def focus(self) -> Array:
+        """Return how strongly the surface is concave at each facet: one over the distance at which
+        its normals meet those of its neighbours, at most, zero where they part, shape (f,).
+        """
+        middle = self.functions.corners.mean(axis=0)[None, None]
+        facets = np.arange(len(self.nodes))
+        x, normals = (at(facets, middle)[:, 0] for at in (self.positions, self.normals))
+        normals = normals / np.linalg.norm(normals, axis=1, keepdims=True)
+        beside = self.neighbours.tocoo()
+        way = x[beside.col] - x[beside.row]
+        apart = np.einsum("md,md->m", way, way)
+        bent = -np.einsum("md,md->m", normals[beside.col] - normals[beside.row], way)
+        curvature = np.divide(bent, apart, out=np.zeros_like(bent), where=apart > 0.0)
+        focus = np.zeros(len(self.nodes))
+        np.maximum.at(focus, beside.row, curvature)
+        return focus
 
     @cached_property
     def around(self) -> sp.csr_array:

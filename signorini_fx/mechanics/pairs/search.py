@@ -45,6 +45,16 @@ class Patches:
         """Return the search tree of the centres."""
         return cKDTree(self.centre)
 
+    @property
+    def focus(self) -> Array:
+        """Return one over the distance at which normals meet in front of each patch, shape (p,)."""
+        return np.zeros(len(self.corners))
+
+    @property
+    def wall(self) -> Array:
+        """Return the thickness of the body behind each patch, length, shape (p,)."""
+        return np.full(len(self.corners), np.inf)
+
 
 @dataclass(frozen=True)
 class Parts(Patches):
@@ -55,6 +65,16 @@ class Parts(Patches):
     side: PairSurface
     facet: Ints
     reference: Array
+
+    @property
+    def focus(self) -> Array:
+        """Return how concave a deformed side is at each part, see ``PairSurface.focus``."""
+        return super().focus if self.side.undeformed is None else self.side.focus[self.facet]
+
+    @property
+    def wall(self) -> Array:
+        """Return the thickness of the body behind each part, see ``PairSurface.wall``."""
+        return super().wall if self.side.wall is None else self.side.wall[self.facet]
 
     @classmethod
     def of(cls, side: PairSurface, facets: Ints) -> Parts:
@@ -87,6 +107,9 @@ def candidates(slave: Patches, master: Patches, reach: float, turning: Array) ->
     within reach, length: numbers of both patches of each pair, ascending, shape (m,) each;
     ``turning``: tangent of the angle between the directions of projection and the normal of each
     patch of the slave, shape (p,).
+
+    Partners are nearer than half of the focus of a side that is concave, beyond which its normals
+    cross, and not behind the middle of the own wall.
     """
     if not len(slave.corners) or not len(master.corners):
         return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
@@ -120,4 +143,6 @@ def candidates(slave: Patches, master: Patches, reach: float, turning: Array) ->
     near = np.einsum("md,md->m", normal, master.normal[second]) < FACING_SIDES
     near &= (across <= aslant[first] * beyond) & (np.abs(along) <= reach + beyond)
     near &= np.linalg.norm(apart, axis=1) <= farthest[first]
+    near &= 2.0 * np.abs(along) * np.maximum(slave.focus[first], master.focus[second]) < 1.0
+    near &= 2.0 * along > -slave.wall[first]
     return first[near], second[near]

@@ -132,7 +132,8 @@ class SlidingCoupling:
         sparse, shape (n, d m).
         """
         sums = self.frames.both @ np.concatenate((self.slave.directions, self.master.directions))
-        along = along / np.linalg.norm(sums, axis=1)[:, None]
+        size = np.linalg.norm(sums, axis=1)[:, None]
+        along = np.divide(along, size, out=np.zeros_like(along), where=size > 0.0)
         turns = means_along(along, self.frames.both) @ turned_normals(self.slave, self.master)
         return turns - self.pieces.passing(along)
 
@@ -142,15 +143,18 @@ def slide(
     master: PairSurface,
     points: Ints,
     reach: float,
+    whole: PairSurface | None = None,
 ) -> SlidingCoupling:
     """The map of two deformed sides, see ``PairSurface.displaced``, in 3D of degree 1; ``points``:
     nodes of the slave that have a point, ascending, shape (n,); ``reach``: distance beyond which
-    facets are no partners, length; a
+    facets are no partners, length; ``whole``: the surface of which the slave is a part, which
+    points that see no partner belong to; None: the slave; a
     PairingError: a facet sees two sheets of the master.
     """
-    whole, directions = projected(slave, master, reach, apart=True)
+    tested, directions = projected(slave, master, reach, apart=True)
     assert directions is not None
-    tested = whole.moving
+    tested = tested.moving
+    whole = slave if whole is None else whole
     nodes, shares = carried_evenly(slave, tested.covered, tested.areas, tested.movable)
     partnered = np.asarray(np.isin(points, nodes))
     dim = slave.dimension
@@ -158,16 +162,16 @@ def slide(
     entries[1:][partnered] = np.diff(shares.indptr)
     placed = shares.data, shares.indices, entries.cumsum()
     found = coupled(tested, points, sp.csr_array(placed, shape=(points.size, shares.shape[1])))
-    normals = found.normal
+    normals = np.where(partnered[:, None], found.normal, whole.nodal_normals[points])
     both = found.both
-    tangents = tangents_of_points(slave, points, normals)
+    tangents = tangents_of_points(whole, points, normals)
     # Along T_i, with half of the rotations of both sides, see ``mortar_coupling``.
     tangent_rows = along_vectors(tangents, in_blocks(both, dim) + found.turning)
     pieces = SlidingPieces.of(tested, directions, found.mean)
     # A point alone moves with its node.
     own = means_along(np.where(partnered[:, None], 0.0, normals), both)
     gap = np.where(partnered, pieces.gap, reach)
-    weights = np.where(partnered, found.weight, slave.area[points])
+    weights = np.where(partnered, found.weight, whole.area[points])
     frames = Frames(both, tangents, partnered)
     rows = (own - pieces.rows, tangent_rows)
     at_points = (points, weights, normals, gap, frames, *rows, found.centre)

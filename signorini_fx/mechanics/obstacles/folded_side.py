@@ -1,0 +1,90 @@
+"""A boundary that touches itself: a pair of two parts of it, which are chosen as each step begins,
+see ``pairs.colours``.
+
+All of its nodes are contact points.  Those that are not on the part with points have no partner, so
+that points, and what is set up for them, are the same in all steps.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from signorini_fx.arrays import Array, Ints
+from signorini_fx.mechanics.assembly.averages import from_owners
+from signorini_fx.mechanics.assembly.nodal_stiffness import JointStiffness
+from signorini_fx.mechanics.contact_points.contact_state import ContactState
+from signorini_fx.mechanics.obstacles.paired_points import FacingSides, MovingPair
+from signorini_fx.mechanics.pairs.colours import chosen_sides, walls
+from signorini_fx.mechanics.pairs.search import default_reach
+from signorini_fx.mechanics.pairs.sliding import SlidingCoupling, slide
+from signorini_fx.mechanics.state import Field, State
+
+
+class FoldedSide(MovingPair):
+    """A side that may touch itself, and where it is.
+
+    Attributes:
+        whole: the undeformed surface, with the walls behind its facets.
+        side: 1 where facets carry points, -1 where they are the other side, else 0, shape (f,).
+        name: of the field of a state that has it at nodes.
+    """
+
+    side: Ints
+
+    def __init__(self, sides: FacingSides, reach: float | None) -> None:
+        """One surface on both sides, undeformed; ``reach``: None: a default."""
+        surface = sides.slave.surface
+        within = default_reach(surface.x, surface.x) if reach is None else reach
+        self.whole = replace(surface, wall=walls(surface, within))
+        self.name = f"sides of contact[{sides.index}]"
+        self.side = np.zeros(len(surface.nodes), dtype=np.int64)
+        self._parts = (self.whole.chosen(np.flatnonzero(self.side)),) * 2
+        super().__init__(sides, reach)
+
+    def settle(self, state: State) -> None:
+        """Choose both sides where a step begins, from those of the last one; collective."""
+        space = self.sides.space
+        owned = space.dofmap.index_map.size_local
+        displacement = state.displacement.reshape(-1, self.whole.dimension)[:owned]
+        before = np.zeros((owned, 1))
+        if self.name in state.fields:
+            before = state.fields[self.name].values[:owned]
+        rows = from_owners(
+            np.column_stack((displacement, before)), self.sides.slave.nodes, space.mesh.comm
+        )
+        of_nodes = rows[self.whole.nodes, -1]
+        known = np.where((of_nodes == of_nodes[:, :1]).all(axis=1), of_nodes[:, 0], 0.0)
+        surface = self.whole.displaced(rows[:, :-1])
+        side = chosen_sides(surface, self.reach, known.astype(np.int64))
+        if not np.array_equal(side, self.side):
+            self.side = side
+            first, second = (self.whole.chosen(np.flatnonzero(side == sign)) for sign in (1, -1))
+            self._parts = first, second
+            slave = replace(self.sides.slave, surface=first)
+            master = replace(self.sides.master, surface=second)
+            self.sides = replace(self.sides, slave=slave, master=master)
+            self.displacement = self.settled = np.tile(rows[:, :-1], (2, 1))
+            self.coupling = self.begun = self._at(self.displacement)
+        super().settle(state)
+
+    def remembered(self) -> dict[str, Field]:
+        """Return on which side the nodes of this rank are, 0: on none."""
+        index_map = self.sides.space.dofmap.index_map
+        count = index_map.size_local + index_map.num_ghosts
+        names = index_map.local_to_global(np.arange(count, dtype=np.int32))
+        of_nodes = np.zeros((count, 1))
+        for sign, part in zip((1.0, -1.0), self._parts, strict=True):
+            on_part = self.sides.slave.nodes[np.unique(part.nodes)]
+            of_nodes[np.isin(names, on_part)] = sign
+        return {self.name: Field("nodes", of_nodes)}
+
+    def _at(self, displacement: Array) -> SlidingCoupling:
+        on_nodes = displacement[: len(self.whole.x)]
+        slave, master = (part.displaced(on_nodes) for part in self._parts)
+        return slide(slave, master, self.points, self.reach, self.whole.displaced(on_nodes))
+
+    def stiffness(self, state: ContactState, *, symmetric: bool = True) -> JointStiffness:
+        joint = super().stiffness(state, symmetric=symmetric)
+        return JointStiffness.of_nodes(joint.nodes, joint.matrix, self.whole.dimension)
