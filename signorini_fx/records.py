@@ -70,6 +70,7 @@ class Status(Enum):
     CROSSED = "body passes through itself"
     FOLDED = "contact partner ambiguous"
     AT_END = "slid off the end of the other surface"
+    WORN = "worn too deep for the mesh"
     UNSTABLE = "unstable equilibrium"
     STABILITY_UNKNOWN = "stability unknown"
     LIMIT = "no equilibrium found beyond a load"
@@ -165,6 +166,10 @@ _ADVICE = {
     Status.CORNER: (
         "a corner between two nodes has no contact point: round it off with a radius of two "
         "facets or more, or take smaller facets"
+    ),
+    Status.WORN: (
+        "the depth is added to the gap, and cells keep their shape: take larger cells along the "
+        "contact, less slip, or remesh the worn body"
     ),
     Status.PASSED: (
         "a body is inside another one, or has passed through it, outside the named contacts: "

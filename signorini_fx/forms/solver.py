@@ -65,6 +65,8 @@ class FormSolver:
     """The contact problem of forms as it is now, and the end of the last step."""
 
     _stated_by: Sequence[str] = ()  # what a user gives; empty: forms a and L
+    # What of it parts of contacts may refuse, by the names of features, and the argument for each.
+    _refused_features: Sequence[tuple[str, str]] = ()
     _foundations_class: Callable[..., Foundations] = Foundations
 
     boundary: ContactBoundary
@@ -117,6 +119,7 @@ class FormSolver:
         self._inputs_before: dict[str, list[bytes]] | None = None  # of what is assembled
         self._mesh_x = space.mesh.geometry.x.copy()  # with which it was, and all that is kept
         self._modulus: float | None = None  # of the forms; None: they do not say it
+        self._check_parts(density)
         self.effects = (*effects_of_contact(forms.contact), *effects)
         self.density = density
         # Duration and beginning of the step that effects make the matrix for; None: none does.
@@ -126,6 +129,24 @@ class FormSolver:
             None  # the last solution of the step that begins there, or of the one before
         )
         self._state: ContactState | None = None
+
+    def _check_parts(self, density: Any) -> None:
+        """Refuse what parts of contacts, such as wear, do not go together with; collective.
+
+        Raises:
+            FormError: there is such a thing.
+        """
+        problems = list[tuple[str, str]]()
+        uses = [*self._refused_features, *([("inertia", "density")] * (density is not None))]
+        for number, contact in enumerate(self.contact):
+            for part in contact.parts:
+                wrong = part.contradictions(self.named[0], number)
+                for (_, _, *keys), reason in wrong:
+                    problems.append((".".join((f"contact[{number}]", *map(str, keys))), reason))
+                refused = part.refuses.get(part.key, {})
+                problems += [(name, refused[used]) for used, name in uses if used in refused]
+        if problems:
+            raise FormError(problems)
 
     @cached_property
     def named(self) -> tuple[Statement, TaggedMesh]:

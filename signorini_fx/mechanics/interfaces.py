@@ -63,6 +63,7 @@ class Foundation(_OfKind):
             direction, and ``gap`` is added to its distance.  With a force, a moment or prescribed
             components it is a rigid body, which they move.  None: gap and direction say where it
             is.
+        wear: such as ``Archard(1e-8)``; None: contact does not wear.
         against, reach, adjust, by_geometry, slides: those of a ``Pair``: there is no other side.
 
     Examples:
@@ -78,6 +79,7 @@ class Foundation(_OfKind):
     kind: Kind = "unilateral"
     measure: Any = None
     shape: Any = None
+    wear: ContactPart | None = None
     against: ClassVar[None] = None
     reach: ClassVar[None] = None
     adjust: ClassVar[None] = None
@@ -119,6 +121,7 @@ class Pair(_OfKind):
             Without effect on linear bodies, which never slide that far.
         reach: distance beyond which facets are no partners, length; None: a default from the sizes
             of both sides.
+        wear: such as ``Archard(1e-8)``; None: contact does not wear.
         shape, direction: those of a ``Foundation``: there is none.
 
     Examples:
@@ -137,6 +140,7 @@ class Pair(_OfKind):
     sliding: Literal["finite", "small"] = "finite"
     adjust: float | None = None
     measure: Any = None
+    wear: ContactPart | None = None
     shape: ClassVar[None] = None
     direction: ClassVar[None] = None
 

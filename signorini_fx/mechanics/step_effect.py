@@ -27,7 +27,7 @@ from signorini_fx.mechanics.model import Loads, Model
 from signorini_fx.mechanics.state import State
 from signorini_fx.mechanics.statement.effect import ContactPart, Effect
 from signorini_fx.mechanics.statement.statement import Statement
-from signorini_fx.records import Finding
+from signorini_fx.records import Finding, Status
 
 
 @dataclass(frozen=True)
@@ -47,6 +47,8 @@ class StepContact:
             shape (dofs,); None: that of the body.
         part: of the duration of the step, after which the body is where the contact problem is
             solved for.
+        softness: by how much the gap grows with the pressure, length per stress, shape (n,); None:
+            it does not.
     """
 
     model: Model
@@ -57,6 +59,7 @@ class StepContact:
     drift: Array | None
     reference: Array | None = None
     part: float = 1.0
+    softness: Array | None = None
 
     def with_gap(self, added: Any) -> StepContact:
         """Return the same with lengths added to the gap, shape (n,)."""
@@ -181,6 +184,12 @@ class StepEffect:
             ended: how it has ended.
         """
         return new
+
+    def outcome(self, state: State, new: State, ended: StepEnd) -> tuple[Status, Finding] | None:
+        """Return why a step that has a solution has none with the effect, as worn cells have not;
+        None: it has one.
+        """
+        return None
 
     def figures(self, state: State, new: State, ended: StepEnd) -> Mapping[str, float]:
         """Return what is told of a step that has a solution, by names of columns."""

@@ -49,6 +49,8 @@ class Posed:
         dt: its duration.
         part: see ``StepContact``.
         loads: those at its end, where effects in time ask for them; else None.
+        softness: by how much the gap grows with the pressure, length per stress, shape (n,); None:
+            it does not.
         linear: whether the body is: the iterate of a step then begins with the last solution.
     """
 
@@ -63,6 +65,7 @@ class Posed:
     dt: float = 0.0
     part: float = 1.0
     loads: Loads | None = None
+    softness: Array | None = None
     linear: bool = True
 
     @property

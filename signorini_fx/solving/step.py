@@ -209,6 +209,9 @@ def ended(
         for effect in problem.effects:
             new = new if stored else effect.after(state, new, end)
             figures |= effect.figures(state, new, end)
+        for effect in problem.effects:
+            if (wrong := effect.outcome(state, new, end)) is not None:
+                result = replace(result, status=wrong[0], reason=wrong[1])
         if any(effect.overrides("solved") for effect in problem.effects):
             result = replace(_at_the_end(problem, report, new), acting=acting)
     return new, replace(report, result=replace(result, figures=figures))
@@ -248,7 +251,8 @@ def begun(
     sees it.
     """
     dt = time - state.time
-    if problem.effects:  # steps of one duration have one matrix
+    if any(effect.overrides("body") for effect in problem.effects):
+        # Steps of one duration have one matrix.
         dt = float(f"{dt:.{_DIGITS}g}")
     posed = _lasting(replace(problem.pose_at(state, place, dt), dt=dt), dt)
     if problem.effects:
@@ -258,19 +262,28 @@ def begun(
     else:
         start, before = start_of(posed, state, guess)
     body = posed.body
-    laws = overclosures_of(body.statement)
-    if (
-        body.boundary is not None and laws
-    ):  # points of soft contact have the stiffness of their law for gamma_n
-        share = np.ones(body.boundary.size)
-        for number, law in laws.items():
-            share[body.boundary.part == number] = law.stiffness / start.data.gamma_n
-        start = replace(start, data=replace(start.data, share=share))
+    start = replace(start, data=_softened(start.data, posed))
     mechanics = problem.mechanics(body)
     if problem.effects:
         posed = replace(posed, loads=mechanics.loads_at(place))
     factors = _loaded(mechanics, posed, problem.effects, state, place)
     return posed, replace(start, place=place, factors=factors, several=problem.waits), before
+
+
+def _softened(data: RegularisedData, posed: Posed) -> RegularisedData:
+    """The data where points of soft contact have the stiffness of their law for gamma_n, and what
+    gives way with the pressure is in series with either.
+    """
+    boundary = posed.body.boundary
+    laws = overclosures_of(posed.body.statement)
+    if boundary is None or not (laws or posed.softness is not None):
+        return data
+    share = np.ones(boundary.size)
+    for number, law in laws.items():
+        share[boundary.part == number] = law.stiffness / data.gamma_n
+    if posed.softness is not None:
+        share /= 1.0 + data.gamma_n * share * posed.softness
+    return replace(data, share=share)
 
 
 def _lasting(posed: Posed, dt: float) -> Posed:
@@ -329,6 +342,7 @@ def with_contact(posed: Posed, effects: Sequence[StepEffect], state: State) -> P
         drift=contact.drift,
         gap=contact.gap,
         part=contact.part,
+        softness=contact.softness,
     )
 
 
@@ -366,11 +380,13 @@ def judged(
         contact = None
         if body.boundary is not None:
             contact = ContactState.of(task.contact(outcome, start), body.boundary)
+            if posed.softness is not None:
+                contact = replace(contact, gap=contact.gap + posed.softness * contact.pressure)
         rigid = body.rigid.moved(body.driven(unknowns, task.rest)) if body.rigid.bodies else ()
         certificate = mechanics.certified(
             displacement,
             None if contact is None else Tractions.of(contact),
-            law=Law(*task.promised(outcome)),
+            law=Law(*task.promised(outcome), softness=posed.softness),
             step=place,
             last=before,
             rigid=rigid,

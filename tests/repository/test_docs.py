@@ -34,6 +34,7 @@ import signorini_fx
 from signorini_fx.mechanics.effects import contact, displacement, loads
 from signorini_fx.mechanics.effects.contact import Overclosure
 from signorini_fx.mechanics.effects.inertia import Inertia, InitialVelocity
+from signorini_fx.mechanics.effects.wear import Archard
 from signorini_fx.mechanics.laws.coulomb import Coulomb, NoFriction, Tresca
 from signorini_fx.mechanics.laws.stribeck import SpeedTable, Stribeck
 from signorini_fx.mechanics.materials.hyperelastic import (
@@ -537,6 +538,7 @@ MODELS = {
         SpeedTable,
     ],
     ("`[[contact]]`", "key of `overclosure`"): [Overclosure],
+    ("`[[contact]]`", "key of `wear`"): [Archard],
     ("Rigid bodies", "key"): [RigidMotion],
     ("Two bodies", "key of `body`"): [scene.Body],
     ("`[load_steps]`", "key"): [LoadSteps],
@@ -586,7 +588,8 @@ def test_every_class_has_a_table():
     assert found - {Inertia, InitialVelocity} == {model}.union(*MODELS.values()) - {
         scene.Scene,
         RigidMotion,
-        Stribeck,  # of a file that is imported where a scene names the law
+        Archard,  # of files that are imported where a scene names them
+        Stribeck,
         SpeedTable,
     }
 

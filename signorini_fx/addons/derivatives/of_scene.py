@@ -57,6 +57,7 @@ REFUSES = {
     "material with a state": "derivatives are not possible yet with a material that has a state",
     "mixed element": "derivatives are not possible yet with the mixed element: remove 'mixed'",
     "soft contact": "derivatives are not possible yet with soft contact: remove 'overclosure'",
+    "wear": "derivatives are not possible yet with wear: remove 'wear'",
     "shortening by force": "derivatives are not possible yet where a force shortens a section",
     "driven foundation": "derivatives are not possible yet where a force moves it",
     "requested accuracy": "derivatives are those of one mesh, but the mesh depends on the data: "

@@ -284,6 +284,7 @@ class LinearisedProblem(FormSolver):
     """The contact problem of one iteration, at the displacement ``at``."""
 
     _stated_by = ("F",)
+    _refused_features = (("nonlinear material", "F"),)
     symmetric = definite = True  # as far as is known
     residual: Array | None = (
         None  # F at the displacement of now, less the loads; None: it has not been assembled yet

@@ -78,6 +78,30 @@ def facet_entities(mesh: dmesh.Mesh, facets: Indices) -> Indices:
     )
 
 
+def heights(mesh: dmesh.Mesh, facets: Indices) -> Array:
+    """The heights of the cells above exterior facets, twice the way from the middle of one to that
+    of the other, length, shape (facets,).
+    """
+    dim = mesh.topology.dim
+    cells = facet_entities(mesh, facets)[:, 0]
+    up = dmesh.compute_midpoints(mesh, dim, cells) - dmesh.compute_midpoints(mesh, dim - 1, facets)
+    return np.asarray(2 * np.linalg.norm(up, axis=1))
+
+
+def heights_at_nodes(space: fem.FunctionSpace, facets: Indices) -> Array:
+    """The mean of ``heights`` around each node of this rank, of facets of all ranks, length, shape
+    (nodes,); nan elsewhere; collective.
+    """
+    nodes = facet_nodes(space, facets)
+    each = np.repeat(heights(space.mesh, facets), nodes.shape[1])
+    sums = la.vector(space.dofmap.index_map, 2)
+    np.add.at(sums.array.reshape(-1, 2), nodes.ravel(), np.column_stack((each, np.ones(each.size))))
+    sums.scatter_reverse(la.InsertMode.add)
+    sums.scatter_forward()
+    total, count = sums.array.reshape(-1, 2).T
+    return np.asarray(np.divide(total, count, out=np.full(count.size, np.nan), where=count > 0))
+
+
 def facet_vertices(mesh: dmesh.Mesh, facets: Indices) -> Array:
     """The vertices of each facet, m of them, shape (facets, m, 3)."""
     if facets.size == 0:  # dolfinx divides by their number

@@ -26,7 +26,6 @@ from typing import Any, ClassVar, Literal, Self
 import numpy as np
 import ufl
 from dolfinx import default_scalar_type, fem
-from dolfinx import mesh as dmesh
 from petsc4py import PETSc
 
 from signorini_fx.algebra.linalg import LoadCase
@@ -36,7 +35,7 @@ from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import (
     action,
     compile_form,
-    facet_entities,
+    heights,
     node_positions,
 )
 from signorini_fx.mechanics.model import Loads, Model, sum_of, vector_like
@@ -133,17 +132,9 @@ class MidpointRule(StepEffect):
         for material in statement.material:
             first, second = material.lame
             speed = max(speed, float(np.sqrt((first + 2 * second) / material.density)))
-        height = np.inf
         mesh = model.space.mesh
-        dim = mesh.topology.dim
-        for contact in statement.contact:
-            facets = model.tagged.facets(contact.boundary)
-            cells = facet_entities(mesh, facets)[:, 0]
-            between = dmesh.compute_midpoints(mesh, dim, cells) - dmesh.compute_midpoints(
-                mesh, dim - 1, facets
-            )
-            height = min(height, float(2 * np.linalg.norm(between, axis=1).min(initial=np.inf)))
-        height = -parallel.largest(model.comm, np.array([-height]), -np.inf)
+        each = [heights(mesh, model.tagged.facets(one.boundary)) for one in statement.contact]
+        height = -parallel.largest(model.comm, -np.concatenate(each), -np.inf)
         assert self.time_step is not None
         return speed * self.time_step / height, height
 

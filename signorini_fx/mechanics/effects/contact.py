@@ -14,7 +14,13 @@ from signorini_fx.extensions import LAWS, load_class, names_of
 from signorini_fx.mechanics.laws.coulomb import Coulomb, NoFriction, Tresca
 from signorini_fx.mechanics.laws.protocol import FrictionLaw
 from signorini_fx.mechanics.statement.base import Table, refused
-from signorini_fx.mechanics.statement.effect import ContactPart, Contradictions, Effect, Features
+from signorini_fx.mechanics.statement.effect import (
+    ContactPart,
+    Contradictions,
+    Effect,
+    Features,
+    Part,
+)
 from signorini_fx.mechanics.statement.rigid_body import driven_twice
 from signorini_fx.mechanics.statement.rigid_shape import Distance, OneShape
 from signorini_fx.mechanics.statement.values import (
@@ -107,6 +113,7 @@ class Contact(Effect):
             lie, wherever the surface of a ``foundation`` is.
         overclosure: how far unilateral contact gives way under its pressure, ``Overclosure``; None:
             not at all, but for ``gamma_n``.
+        wear: its law, ``Archard``; None: contact does not wear.
 
     Examples:
         >>> contact = sfx.Contact(boundary="bottom", gap="0.001*x[0]")
@@ -129,6 +136,7 @@ class Contact(Effect):
     contact_size: Positive | None = None
     kind: Literal["unilateral", "bilateral", "bonded"] = "unilateral"
     overclosure: Overclosure | None = None
+    wear: Part = None
 
     @model_validator(mode="after")
     def _at_points(self) -> Self:

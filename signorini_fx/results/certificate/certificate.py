@@ -344,6 +344,8 @@ def contact_conditions(
     stress = units.stress
     unity = np.ones_like(stress)
     overlap = u_n - nodes.gap
+    if law.softness is not None:
+        overlap = overlap - law.softness * np.maximum(pressure, 0.0)
     sheared = np.linalg.norm(shear, axis=1)
     bound = nodes.bound(np.linalg.norm(slip, axis=1))
     entered = overlap - pressure / law.gamma_n

@@ -38,6 +38,8 @@ class Law:
     penalty: float = field(default=0.0, compare=False)
     # of contact that gives way by another law than gamma_n, by its place in ``statement.contact``
     overclosures: Mapping[int, Overclosure] = field(default_factory=dict, compare=False)
+    # By how much gaps grow with the pressure, length per stress, shape (n,); None: they do not.
+    softness: Array | None = field(default=None, compare=False)
 
     @property
     def regularised(self) -> bool:

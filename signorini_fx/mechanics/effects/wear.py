@@ -1,0 +1,59 @@
+"""Wear of contact in a scene: a table within ``[[contact]]``.
+
+What a step wears is in ``mechanics.contact_points.wear``, which is imported where one is solved.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+from pydantic import Field
+
+from signorini_fx.mechanics.statement.effect import ContactPart, Contradictions
+from signorini_fx.mechanics.statement.values import NonNegativeValue, TimedSampledValue
+
+_NOT_YET = "is not possible yet with wear"
+
+
+class Archard(ContactPart):
+    """Wear by Archard's law: its depth grows by the coefficient times pressure times slip.
+
+    Attributes:
+        coefficient: k, depth per pressure and slip, 1 / stress.
+        distance: by which the other surface has slid over each point at the time t, length, an
+            expression.
+
+    Examples:
+        >>> worn = sfx.Contact(boundary="bottom", wear=sfx.Archard(1e-6, distance="100*t"))
+        >>> result = sfx.solve(scene.model_copy(update={"contact": worn}))
+        >>> print(np.round(result.state.fields["wear"].values.max(), 6))
+        0.0002
+    """
+
+    key: ClassVar[str] = "wear"
+    step_effect: ClassVar[str] = "wear"
+    value_keys: ClassVar[tuple[str, ...]] = ("coefficient", "distance")
+    positional: ClassVar[tuple[str, ...]] = ("coefficient",)
+    refuses: ClassVar[Mapping[str, Mapping[str, str]]] = {
+        "wear": {
+            "inertia": _NOT_YET,
+            "requested accuracy": f"{_NOT_YET}: its mesh is given",
+            "nested iteration": f"{_NOT_YET}: leave out solver.levels",
+            "nonlinear material": f"{_NOT_YET}: it must be linear",
+        }
+    }
+
+    coefficient: NonNegativeValue = Field(kw_only=False)
+    distance: TimedSampledValue
+
+    def contradictions(self, statement: Any, number: int) -> Contradictions:
+        contact = statement.contact[number]
+        place = ("contact", number, "wear")
+        if not contact.opens:
+            yield place, f"is for unilateral contact, not for {contact.kind!r}"
+        if not getattr(self.distance, "timed", False):
+            yield (*place, "distance"), "must grow with the time t, such as '5e3*t'"
+        if statement.solver.algorithm not in ("auto", "ssn"):
+            reason = f"needs algorithm = 'ssn', not {statement.solver.algorithm!r}"
+            yield place, reason

@@ -1,0 +1,306 @@
+"""Wear: depths by closed forms, worn cylinders and pins, and what it does not go with."""
+
+import subprocess
+import sys
+import tomllib
+
+import numpy as np
+import pytest
+import ufl
+from dolfinx import fem
+from dolfinx import mesh as dmesh
+from forms import Block
+from mpi4py import MPI
+
+from signorini_fx import (
+    Archard,
+    Contact,
+    ContactProblem,
+    Displacement,
+    Foundation,
+    LinearElastic,
+    LoadSteps,
+    NonlinearContactProblem,
+    Scene,
+    Traction,
+    sensitivity,
+    solve,
+    tag_boundaries,
+)
+from signorini_fx.errors import FormError, SceneError
+from signorini_fx.records import Status
+from signorini_fx.scenes.checks import check_scene
+from signorini_fx.scenes.reading import parse_scene
+
+# A block that is pressed on a floor, which slides below it.
+BLOCK = """
+mesh = { generator = "rectangle", parameters = { length = 1.0, nx = 4, ny = 4 } }
+material = { young = 1000.0, poisson = 0.3 }
+traction = { boundary = "top", y = -5.0 }
+displacement = { boundary = "left", x = 0.0 }
+contact = { boundary = "bottom", wear = { coefficient = 1e-6, distance = "3e3*t" } }
+load_steps = { times = [0.1, 0.2, 0.3, 0.7, 1.0] }
+"""
+BOX = {
+    "mesh": {
+        "generator": "box",
+        "parameters": {"length": 1.0, "width": 1.0, "nx": 2, "ny": 2, "nz": 2},
+    },
+    "displacement": [{"boundary": "left", "x": 0.0}, {"boundary": "front", "y": 0.0}],
+    "traction": {"boundary": "top", "z": -5.0},
+}
+ROUND = {"material": {"young": 1000.0, "poisson": 0.3, "hypothesis": "axisymmetric"}}
+TWO = {
+    "mesh": None,
+    "body": [
+        {
+            "name": "low",
+            "mesh": {"generator": "rectangle", "parameters": {"length": 1.0, "nx": 4, "ny": 4}},
+        },
+        {
+            "name": "up",
+            "mesh": {"generator": "rectangle", "parameters": {"length": 1.0, "nx": 5, "ny": 5}},
+            "shift": [0.0, 1.0],
+        },
+    ],
+    "displacement": [
+        {"boundary": "low.bottom", "y": 0.0},
+        {"boundary": "low.left", "x": 0.0},
+        {"boundary": "up.left", "x": 0.0},
+    ],
+    "traction": {"boundary": "up.top", "y": -5.0},
+    "contact": {
+        "boundary": "up.bottom",
+        "against": "low.top",
+        "wear": {"coefficient": 1e-6, "distance": "3e3*t"},
+    },
+}
+
+
+def changed(text, **entries):
+    """A scene with other entries, None: without them."""
+    tables = {**tomllib.loads(text), **entries}
+    return parse_scene({key: entry for key, entry in tables.items() if entry is not None})
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize(
+    "more",
+    [{}, {"element": {"degree": 2}}, BOX, ROUND, TWO, {"solver": {"linear_algebra": "krylov"}}],
+    ids=["plane", "quadratic", "space", "revolution", "two", "krylov"],
+)
+def test_uniform_pressure(more):
+    """The depth is k p s at each point, whatever the steps are, and the certificate holds."""
+    solution = solve(changed(BLOCK, **more))
+    assert all(step.certificate.holds for step in solution.steps)
+    depth = solution.state.fields["wear"].values
+    digits = 1e-8 if "solver" in more else 3e-13
+    np.testing.assert_allclose(depth, 1e-6 * 5.0 * 3e3, rtol=digits)
+    last = solution.steps[-1].figures
+    assert last["wear"] == pytest.approx(0.015, rel=digits)
+    area = np.pi if more is ROUND else 1.0
+    assert last["worn_volume"] == pytest.approx(0.015 * area, rel=1e-8)
+    assert max(abs(step.figures["wear_error"]) for step in solution.steps) < 1e-8
+
+
+# --- Hertzian contact that is worn flat: R 8, E 200000, nu .3, P 200, k s = 5e-5 ---
+
+R, FORCE, WEAR = 8.0, 200.0, 5e-5
+
+
+def flattened(steps, columns=48, *, revolution=False):
+    """Half of a block whose lower side is a parabola, pressed on a plane that slides below it."""
+    counts = [columns, columns // 2]
+    mesh = dmesh.create_rectangle(
+        MPI.COMM_WORLD, [np.zeros(2), np.ones(2)], counts, dmesh.CellType.quadrilateral
+    )
+    x = mesh.geometry.x
+    x[:, 0] = 4.0 * x[:, 0] ** 2
+    low = x[:, 0] ** 2 / 2 / R
+    x[:, 1] = low + x[:, 1] ** 1.3 * (4.0 - low)
+    tagged = tag_boundaries(
+        mesh,
+        {
+            "low": lambda x: np.isclose(x[1], x[0] ** 2 / 2 / R),
+            "top": lambda x: np.isclose(x[1], 4.0),
+            "middle": lambda x: np.isclose(x[0], 0.0),
+        },
+    )
+    hypothesis = "axisymmetric" if revolution else "plane strain"
+    mean = FORCE / (np.pi * 4.0**2 if revolution else 2 * 4.0)
+    floor = {"shape": "plane", "point": [0.0, 0.0], "normal": [0.0, 1.0]}
+    return solve(
+        Scene(
+            mesh=tagged,
+            material=LinearElastic(young=2e5, poisson=0.3, hypothesis=hypothesis),
+            displacement=Displacement(boundary="middle", x=0.0),
+            traction=Traction(boundary="top", y=-mean),
+            contact=Contact(boundary="low", foundation=floor, wear=Archard(1e-8, distance="5e3*t")),
+            load_steps=LoadSteps(times=[(k + 1) / steps for k in range(steps)]),
+        )
+    )
+
+
+@pytest.mark.parametrize(
+    ("steps", "columns", "revolution"),
+    [
+        (5, 48, False),
+        (20, 48, False),
+        (20, 48, True),
+        pytest.param(80, 48, False, marks=pytest.mark.slow),
+        pytest.param(80, 48, True, marks=pytest.mark.slow),
+        pytest.param(20, 64, False, marks=pytest.mark.slow),
+    ],
+)
+def test_worn_flat(steps, columns, revolution):
+    """Half width of the contact within a cell, depth to 1 %, volume to round-off, and an even
+    pressure, as without elasticity: 2 b^3 / (3 R) of a cylinder, pi b^4 / (4 R) of a pin.
+    """
+    solution = flattened(steps, columns, revolution=revolution)
+    assert all(step.certificate.holds for step in solution.steps)
+    force = FORCE if revolution else FORCE / 2
+    b = (
+        (4 * R * FORCE * WEAR / np.pi) ** 0.25
+        if revolution
+        else (1.5 * R * FORCE * WEAR) ** (1 / 3)
+    )
+    pressure = FORCE / (np.pi * b**2) if revolution else FORCE / (2 * b)
+    x = solution.contact.boundary.x[:, 0]
+    wide = x[solution.contact.pressure > 0].max()
+    beyond = x[x > wide].min()
+    before = x[x < wide].max()
+    assert before < b < beyond
+    figures = solution.steps[-1].figures
+    assert figures["wear"] == pytest.approx(b**2 / (2 * R), rel=0.01)
+    assert figures["worn_volume"] == pytest.approx(WEAR * force, rel=1e-9)
+    assert max(abs(step.figures["wear_error"]) for step in solution.steps) < 1e-8
+    inner = solution.contact.pressure[x < 0.6 * b]
+    assert inner == pytest.approx(pressure, rel=0.06)
+
+
+def test_too_deep():
+    """Half a cell is where it ends, with the steps before."""
+    deep = changed(
+        BLOCK, contact={"boundary": "bottom", "wear": {"coefficient": 1e-6, "distance": "3e4*t"}}
+    )
+    solution = solve(deep, check=False)
+    assert solution.status is Status.WORN
+    assert [step.status for step in solution.steps] == [Status.CONVERGED] * 4 + [Status.WORN]
+    said = [one.message for one in solution.findings if one.path == "contact[0].wear"]
+    assert any("is 0.6 cells deep" in message for message in said)
+
+
+def test_what_check_says():
+    """How much more a step wears than an explicit rule could."""
+    solution_free = check_scene(changed(BLOCK))
+    (said,) = [one for one in solution_free.findings if one.path == "contact[0].wear"]
+    # k ds E / (2.2 h) of the step of .4
+    assert "2.18 times what an explicit rule could" in said.message
+
+
+def test_forms():
+    """Forms wear as the scene does."""
+    block = Block((4, 4))
+    worn = Archard(1e-6, distance="3e3*t")
+    foundation = Foundation(block.foundation.facets, wear=worn)
+    problem = ContactProblem(block.a, block.L, block.bcs, foundation)
+    state = problem.initial()
+    expected = 0.0
+    before = 0.0
+    for time in (0.1, 0.2, 0.3, 0.7, 1.0):
+        state, result = problem.step(state, time)
+        assert result.certificate.holds
+        expected = expected + 1e-6 * 3e3 * (time - before) * result.contact.pressure
+        before = time
+    np.testing.assert_allclose(state.fields["wear"].values, expected, rtol=1e-12)
+
+
+def wear(**more):
+    """The table of a contact."""
+    return {
+        "contact": {"boundary": "bottom", "wear": {"coefficient": 1e-6, "distance": "t", **more}}
+    }
+
+
+@pytest.mark.parametrize(
+    ("more", "key", "reason"),
+    [
+        (wear(coefficient=-1.0), "contact.wear.coefficient", "must not be negative"),
+        (wear(distance=3.0), "contact.wear.distance", "must grow with the time t"),
+        (
+            {"contact": {"boundary": "bottom", "wear": {"coefficient": 1.0}}},
+            "contact.wear.distance",
+            "is missing",
+        ),
+        (wear(rate=3.0), "contact.wear.rate", "unknown key"),
+        ({"contact": {"boundary": "bottom", "wear": 1e-8}}, "contact.wear", "must be a table"),
+        ({"solver": {"algorithm": "alm"}}, "contact.wear", "needs algorithm = 'ssn'"),
+        ({"solver": {"levels": 2}}, "solver.levels", "not possible yet with wear"),
+        ({"accuracy": {"target": 0.1}}, "accuracy", "not possible yet with wear"),
+        (
+            {
+                "material": {"young": 1e3, "poisson": 0.3, "density": 1.0},
+                "inertia": {"time_step": 0.1},
+            },
+            "inertia",
+            "not possible yet with wear",
+        ),
+        (
+            {"material": {"law": "neo-hooke", "young": 1e3, "poisson": 0.3}},
+            "material",
+            "not possible yet with wear",
+        ),
+        (
+            {"contact": {**wear()["contact"], "kind": "bilateral"}},
+            "contact.wear",
+            "is for unilateral contact",
+        ),
+    ],
+)
+def test_refusals(more, key, reason):
+    """One error names the key."""
+    with pytest.raises(SceneError) as error:
+        changed(BLOCK, **more)
+    assert [(path, reason in text) for path, text in error.value.problems][:1] == [(key, True)]
+
+
+def test_refusals_of_forms():
+    """Bad input, inertia, nonlinear problems and derivatives."""
+    block = Block((4, 4))
+    facets = block.foundation.facets
+    for contact, key, more in (
+        (Foundation(facets, wear=1e-8), r"contact\[0\]\.wear.*Archard\(...\), not float", {}),
+        (Foundation(facets, wear=Archard(1.0, distance=2.0)), r"contact\[0\]\.wear\.distance", {}),
+        (
+            Foundation(facets, wear=Archard(1.0, distance="t")),
+            "density.*not possible yet",
+            {"density": 1.0},
+        ),
+        (
+            Foundation(facets, wear=Archard(1.0, distance="t")),
+            r"contact\[0\]\.wear: needs",
+            {"algorithm": "alm"},
+        ),
+    ):
+        with pytest.raises(FormError, match=key):
+            ContactProblem(block.a, block.L, block.bcs, contact, **more)
+    space = block.a.arguments()[0].ufl_function_space()
+    u = fem.Function(space)
+    F = ufl.replace(block.a, {block.a.arguments()[1]: u}) - block.L
+    with pytest.raises(FormError, match=r"F.*not possible yet with wear"):
+        NonlinearContactProblem(F, u, contact=Foundation(facets, wear=Archard(1.0, distance="t")))
+    with pytest.raises(SceneError, match="not possible yet with wear"):
+        sensitivity(changed(BLOCK), of="energy", by="traction[0].y")
+
+
+def test_it_is_not_imported():
+    """Neither the table nor the step of wear, where no scene has it."""
+    code = (
+        "import sys, tomllib, signorini_fx as sfx;"
+        "from signorini_fx.scenes.reading import parse_scene;"
+        f"sfx.solve(parse_scene(tomllib.loads({BLOCK.partition('contact')[0]!r} + "
+        "'contact = {boundary = \"bottom\"}')));"
+        "print([name for name in sys.modules if 'wear' in name])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
