@@ -9,7 +9,7 @@ from dolfinx import fem
 from dolfinx.mesh import compute_midpoints
 from mpi4py import MPI
 from support.nonlinear_bodies import Killed
-from two_bodies import assembled, facets, grid
+from two_bodies import assembled, facets, grid, on
 
 from signorini_fx import (
     Coulomb,
@@ -18,6 +18,7 @@ from signorini_fx import (
     Pair,
     Scene,
     SceneError,
+    follower_pressure,
     solve,
 )
 from signorini_fx.mechanics.mesh.tagged import tagged_mesh
@@ -29,15 +30,19 @@ LOWER = {"shape": "plane", "point": (0.0, -3.0), "normal": (0.0, 1.0)}
 WAYS = (0.4, 1.1, 1.8, 2.4, 3.0, 3.6, 4.0, 4.2, 4.4)
 
 
-def ring(cells=(64, 3), angle=2.0 * np.pi, comm=MPI.COMM_SELF):
-    """The mesh of a ring of the radii 2 and 3, from y = 0 on, and its sides by their names."""
-    around, through = cells
-    listed, x = grid("quadrilateral", cells, [0.0, 0.0], [angle, 1.0])
+def ring(cells=(64, 3), angle=2.0 * np.pi, comm=MPI.COMM_SELF, kind="quadrilateral"):
+    """The mesh of a ring of the radii 2 and 3, from y = 0 on, and its sides by their names; in 3D
+    of the length 1 along z.
+    """
+    dim = len(cells)
+    listed, x = grid(kind, cells, [0.0] * dim, [angle, *[1.0] * (dim - 1)])
     if angle > 6.0:  # the end is the beginning
-        listed = listed % (around * (through + 1))
-        x = x[: around * (through + 1)]
-    x = (3.0 - x[:, 1:]) * np.column_stack((np.cos(x[:, 0]), np.sin(x[:, 0])))
-    mesh = assembled("quadrilateral", (listed, x), comm=comm)
+        count = int(cells[0] * np.prod(np.array(cells[1:]) + 1))
+        listed = listed % count
+        x = x[:count]
+    radii = 3.0 - x[:, 1:2]
+    x = np.hstack((radii * np.cos(x[:, :1]), radii * np.sin(x[:, :1]), x[:, 2:]))
+    mesh = assembled(kind, (listed, x), comm=comm)
 
     def side(marker):
         return facets(mesh, lambda x: marker(np.hypot(x[0], x[1]), x[1]))
@@ -47,6 +52,31 @@ def ring(cells=(64, 3), angle=2.0 * np.pi, comm=MPI.COMM_SELF):
         "upper": side(lambda r, y: (r > 3.0 - 1e-9) & (y > -1e-9)),
         "lower": side(lambda r, y: (r > 3.0 - 1e-9) & (y < 1e-9)),
     }
+
+
+def hyperelastic(u, radius=None):
+    """The residual of mu = 1 and lambda = 10; with a radius of a body of revolution."""
+    dim = len(u)
+    gradient = ufl.Identity(dim) + ufl.grad(u)
+    around = 1.0 if radius is None else 1.0 + u[0] / radius
+    volume = ufl.ln(ufl.det(gradient) * around)
+    energy = (ufl.inner(gradient, gradient) + around**2 - dim - 1) / 2 - volume + 5.0 * volume**2
+    measure = 1.0 if radius is None else 2 * np.pi * radius
+    dx = ufl.dx(metadata={"quadrature_degree": 2})
+    return ufl.derivative(energy * measure * dx, u, ufl.TestFunction(u.function_space))
+
+
+def zero(space, axis, marker):
+    """A displacement of zero along an axis at nodes."""
+    part = space.sub(axis)
+    nodes = fem.locate_dofs_geometrical((part, part.collapse()[0]), marker)[0]
+    return fem.dirichletbc(0.0, nodes, part)
+
+
+def placed(shape, dim):
+    """A plane of 2D in a space of this dimension."""
+    further = [0.0] * (dim - 2)
+    return shape | {key: (*shape[key], *further) for key in ("point", "normal")}
 
 
 class CrushedRing:
@@ -59,33 +89,41 @@ class CrushedRing:
         none.
         friction: on the plates.
         comm: the ranks.
+        kind: of the cells.
     """
 
-    def __init__(self, cells=(64, 3), half=False, pair=None, friction=None, comm=MPI.COMM_SELF):
-        mesh, sides = ring(cells, np.pi if half else 2.0 * np.pi, comm)
-        space = fem.functionspace(mesh, ("Lagrange", 1, (2,)))
+    def __init__(
+        self,
+        cells=(64, 3),
+        half=False,
+        pair=None,
+        friction=None,
+        comm=MPI.COMM_SELF,
+        kind="quadrilateral",
+    ):
+        mesh, sides = ring(cells, np.pi if half else 2.0 * np.pi, comm, kind)
+        dim = self.dim = len(cells)
+        space = fem.functionspace(mesh, ("Lagrange", 1, (dim,)))
         u = fem.Function(space)
-        gradient = ufl.Identity(2) + ufl.grad(u)
-        volume = ufl.ln(ufl.det(gradient))
-        energy = (ufl.inner(gradient, gradient) - 2) / 2 - volume + 5.0 * volume**2
-        form = ufl.derivative(
-            energy * ufl.dx(metadata={"quadrature_degree": 2}), u, ufl.TestFunction(space)
-        )
-        contact = [Foundation(sides["upper"], shape=UPPER, friction=friction)]
+        upper, lower = placed(UPPER, dim), placed(LOWER, dim)
+        contact = [Foundation(sides["upper"], shape=upper, friction=friction)]
         if half:
-            contact.append(Foundation(sides["inside"], shape=LOWER | {"point": (0.0, 0.0)}))
+            mirror = placed(LOWER | {"point": (0.0, 0.0)}, dim)
+            contact.append(Foundation(sides["inside"], shape=mirror))
         else:
-            contact.append(Foundation(sides["lower"], shape=LOWER, friction=friction))
+            contact.append(Foundation(sides["lower"], shape=lower, friction=friction))
         if pair is not None:
             contact.append(pair(mesh, sides["inside"]))
-        bcs = []
-        for axis in range((friction is None) + half):  # planes of symmetry
-            where = space.sub(axis)
-            nodes = fem.locate_dofs_geometrical(
-                (where, where.collapse()[0]), lambda x, axis=axis: np.isclose(x[axis], 0.0)
-            )
-            bcs.append(fem.dirichletbc(0.0, nodes[0], where))
-        self.problem = NonlinearContactProblem(form, u, bcs=bcs, contact=contact, stability=False)
+        bcs = [
+            zero(space, axis, lambda x, axis=axis: np.isclose(x[axis], 0.0))
+            for axis in range((friction is None) + half)
+        ]
+        if dim == 3:
+            ends = [lambda x, at=at: np.isclose(x[2], at) for at in (0.0, 1.0)]
+            bcs += [zero(space, 2, end) for end in ends]
+        self.problem = NonlinearContactProblem(
+            hyperelastic(u), u, bcs=bcs, contact=contact, stability=False
+        )
         self.share = 0.5 if half else 1.0
 
     def crush(self, ways=WAYS, along=None):
@@ -95,7 +133,8 @@ class CrushedRing:
         def move(t):
             at = np.arange(len(ways) + 1)
             shift = [np.interp(t, at, (0.0, *way)) for way in (along, ways)]
-            self.problem.place(0, shift=(shift[0], -self.share * shift[1]))
+            way = (shift[0], -self.share * shift[1], *[0.0] * (self.dim - 2))
+            self.problem.place(0, shift=way)
 
         self.solves = list[int]()
         times = [float(k) for k in range(1, len(ways) + 1)]
@@ -179,6 +218,113 @@ def test_a_ring_that_rolls():
     moments = moved[:, 0] * forces[:, 1] - moved[:, 1] * forces[:, 0]
     sums = np.array([*forces.sum(axis=0), moments.sum()])
     assert np.abs(problem.u.function_space.mesh.comm.allreduce(sums)).max() < 1e-12
+
+
+@pytest.mark.slow
+@pytest.mark.mpi
+@pytest.mark.parametrize(("kind", "error"), [("hexahedron", 2e-4), ("tetrahedron", 0.1)])
+def test_a_tube_in_space(kind, error):
+    """Between walls across its axis it is the plane one, but for the stiffness of tetrahedra."""
+    plane = CrushedRing((48, 2), pair=itself()).crush()
+    cells = (48, 2, 1)
+    tube = CrushedRing(cells, pair=itself(), kind=kind, comm=MPI.COMM_WORLD).crush()
+    assert tube == pytest.approx(plane, rel=error)
+
+
+def folded(revolved, half):
+    """The force with which a fold closes whose ends are pushed together: two legs and a bend of the
+    radius 0.3, plane or of revolution; ``half``: above a mirror.
+    """
+
+    def bent(x):
+        along = np.abs(x[:, 0]) * (1.0 + 0.15 * np.pi)
+        angle = np.minimum(along / 0.3, np.pi / 2)
+        normal = np.column_stack((np.cos(angle), np.sign(x[:, 0]) * np.sin(angle)))
+        middle = np.column_stack((2.0 - np.maximum(along - 0.15 * np.pi, 0.0), 0.0 * along))
+        return middle + (0.45 - 0.3 * x[:, 1:]) * normal
+
+    start, around = (0.0, 20) if half else (-1.0, 40)
+    cells = grid("quadrilateral", (around, 4), [start, 0.0], [1.0, 1.0], bent)
+    mesh = assembled("quadrilateral", cells)
+    space = fem.functionspace(mesh, ("Lagrange", 1, (2,)))
+    u = fem.Function(space)
+    radius = ufl.SpatialCoordinate(mesh)[0] if revolved else None
+    measure = {"measure": 2 * np.pi * radius} if revolved else {}
+    inside = facets(mesh, lambda x: (np.abs(x[1]) < 0.15 + 1e-9) & (x[0] < 2.15 + 1e-9))
+    legs = [facets(mesh, lambda x, y=y: np.isclose(x[1], y)) for y in (0.45, -0.45)]
+    plates = [
+        Foundation(leg, shape=plate | {"point": (0.0, y)}, **measure)
+        for leg, plate, y in zip(legs, (UPPER, LOWER), (0.45, -0.45), strict=True)
+        if leg.size
+    ]
+    bcs = [zero(space, 0, lambda x: np.isclose(x[0], 1.0))]
+    if half:
+        bcs.append(zero(space, 1, lambda x: np.isclose(x[1], 0.0)))
+        contact = Foundation(inside, shape=LOWER | {"point": (0.0, 0.0)}, **measure)
+    else:
+        contact = Pair(inside, inside, **measure)
+    problem = NonlinearContactProblem(
+        hyperelastic(u, radius), u, bcs=bcs, contact=[*plates, contact], stability=False
+    )
+    way = 0.18 if half else 0.36
+    problem.run([0.4, 0.8, 1.0], lambda t: problem.place(0, shift=(0.0, -way * t)))
+    assert problem.certificate.holds
+    state = problem.state
+    forces = state.boundary.weight * state.pressure
+    return float(forces[state.boundary.part == len(plates)].sum())
+
+
+@pytest.mark.parametrize("revolved", [False, True])
+def test_a_fold_that_closes(revolved):
+    """The section of a bellows is its own mirror image."""
+    force = folded(revolved, half=False)
+    assert force > 0.1
+    assert force == pytest.approx(folded(revolved, half=True), rel=5e-3)
+
+
+@pytest.mark.slow
+def test_an_elastica_under_pressure():
+    """Half of a thin tube whose opposite sides touch at a point: the forces there by an own program
+    for inextensible rods of half the thickness, at pressures p R^3 / (E I) that follow the tube
+    (Flaherty, Keller and Rubinow, SIAM J. Appl. Math. 23 (1972) 446-455).
+    """
+    thickness = 0.02
+    cells = grid("quadrilateral", (96, 2), [-np.pi / 2, 0.0], [np.pi / 2, 1.0])
+    radii = 1.0 + thickness * (0.5 - cells[1][:, 1:])
+    x = radii * np.column_stack((np.cos(cells[1][:, 0]), np.sin(cells[1][:, 0])))
+    mesh = assembled("quadrilateral", (cells[0], x))
+    space = fem.functionspace(mesh, ("Lagrange", 2, (2,)))
+    u, v = fem.Function(space), ufl.TestFunction(space)
+    gradient = ufl.Identity(2) + ufl.grad(u)
+    volume = ufl.ln(ufl.det(gradient))
+    energy = (ufl.inner(gradient, gradient) - 2) / 2 - volume + 0.75 * volume**2  # poisson 0.3
+    form = ufl.derivative(energy * ufl.dx(metadata={"quadrature_degree": 4}), u, v)
+    bending = 2.6 / (1.0 - 0.3**2) * thickness**3 / 12
+    pressure, push = fem.Constant(mesh, 0.0), fem.Constant(mesh, 0.0)
+    inner, outer = (
+        facets(mesh, lambda x, sign=sign: sign * (np.hypot(x[0], x[1]) - 1.0) > 0.005)
+        for sign in (-1.0, 1.0)
+    )
+    x = ufl.SpatialCoordinate(mesh)
+    loads = follower_pressure(pressure, u) + push * ufl.as_vector((x[0], -x[1]))
+    form -= ufl.inner(loads, v) * on(mesh, outer)
+    bcs = [zero(space, axis, lambda x, axis=axis: np.isclose(x[axis], 0.0)) for axis in (0, 1)]
+    problem = NonlinearContactProblem(form, u, bcs=bcs, contact=Pair(inner, inner), stability=False)
+    pressures = [2.8, 3.3, 4.0, 4.6, 5.1, 5.9406, 6.9307]
+    forces = dict[float, float]()
+
+    def load(t):
+        at = np.interp(t, np.arange(len(pressures) + 1), [0.0, *pressures])
+        pressure.value = at * bending
+        push.value = 0.02 * bending * (at < 3.5)  # until it has chosen a direction
+
+    def take(step):
+        contact = step.contact
+        forces[step.time] = float(contact.boundary.weight @ contact.pressure) / bending
+
+    problem.run([float(k) for k in range(1, len(pressures) + 1)], load, on_step=take)
+    found = [forces[float(k)] for k in range(5, len(pressures) + 1)]
+    assert 2.0 * np.array(found) == pytest.approx([0.0, 1.17148, 2.71794], rel=1e-3)
 
 
 # --- scenes ---
