@@ -17,6 +17,7 @@ from signorini_fx.forms.contact_problem import ContactProblem as ContactProblem
 from signorini_fx.forms.meshes import solve_nested as solve_nested
 from signorini_fx.forms.meshes import solve_to_accuracy as solve_to_accuracy
 from signorini_fx.forms.nonlinear.problem import NonlinearContactProblem as NonlinearContactProblem
+from signorini_fx.mechanics.effects.cohesion import Cohesion as Cohesion
 from signorini_fx.mechanics.effects.contact import Contact as Contact
 from signorini_fx.mechanics.effects.displacement import Displacement as Displacement
 from signorini_fx.mechanics.effects.inertia import Inertia as Inertia

@@ -174,7 +174,8 @@ class RegularisedProblem:
 
     def multipliers(self, x: PETSc.Vec, sets: ActiveSets) -> tuple[Array, Array]:
         """(lambda, mu) at the contact points for given sets."""
-        return multipliers(sets, *self.system.contact.traces(x), self.data)
+        traces = self.system.contact.traces(x)
+        return multipliers(sets, *traces, self.data.at(traces))
 
     def friction_bounds(self, x: PETSc.Vec) -> tuple[Array, Array]:
         """The friction bounds of the current and the next sets."""
@@ -187,6 +188,7 @@ class RegularisedProblem:
     def residual(self, snes: PETSc.SNES | None, x: PETSc.Vec, f: PETSc.Vec) -> None:
         """The residual with the sets that follow from x."""
         u_n, u_t = self.system.contact.traces(x)
+        self.data = self.data.at((u_n, u_t))
         trial = self.next.trial if self._forced_first else classify(self.sets, u_n, u_t, self.data)
         if self.data.follows is not None:
             pressure = trial_pressure(u_n, self.data)
@@ -201,9 +203,14 @@ class RegularisedProblem:
 
     def imbalance(self, x: PETSc.Vec, pressure: Array, shear: Array, f: PETSc.Vec) -> None:
         """R(x) for given (lambda, mu); collective."""
-        if self.springs is not None:
-            stiffness, position = self.springs
-            pulled = stiffness * (np.column_stack(self.system.contact.traces(x)) - position)
+        if self.springs is not None or self.data.bond is not None:
+            traces = self.system.contact.traces(x)
+            pulled = np.zeros(self.points.movable.shape[:2])
+            if self.springs is not None:
+                stiffness, position = self.springs
+                pulled += stiffness * (np.column_stack(traces) - position)
+            if self.data.bond is not None:
+                pulled += self.data.bond.tractions(traces)
             pressure = pressure + pulled[:, 0]
             shear = shear + pulled[:, 1:]
         self.system.matrix.mult(x, f)
@@ -381,6 +388,9 @@ class RegularisedProblem:
             return None if verdict is None else verdict.status
 
         iterate = self.sets, u_t, multipliers
+        if self.data.broken is not None and motions.held_by(*2 * (self.data.broken < 1.0,)):
+            self.next = NextSets(trial, trial)
+            return
         sets, escapes, repaired = hold(trial, *iterate, self.data, motions, escaping)
         self.next = NextSets(sets, trial, repaired, escapes)
 

@@ -64,6 +64,7 @@ class Foundation(_OfKind):
             components it is a rigid body, which they move.  None: gap and direction say where it
             is.
         wear: such as ``Archard(1e-8)``; None: contact does not wear.
+        cohesion: a bond that can tear, ``Cohesion``; None: there is none.
         against, reach, adjust, by_geometry, slides: those of a ``Pair``: there is no other side.
 
     Examples:
@@ -80,6 +81,7 @@ class Foundation(_OfKind):
     measure: Any = None
     shape: Any = None
     wear: ContactPart | None = None
+    cohesion: ContactPart | None = None
     against: ClassVar[None] = None
     reach: ClassVar[None] = None
     adjust: ClassVar[None] = None
@@ -122,6 +124,7 @@ class Pair(_OfKind):
         reach: distance beyond which facets are no partners, length; None: a default from the sizes
             of both sides.
         wear: such as ``Archard(1e-8)``; None: contact does not wear.
+        cohesion: a bond that can tear, ``Cohesion``; None: there is none.
         shape, direction: those of a ``Foundation``: there is none.
 
     Examples:
@@ -141,6 +144,7 @@ class Pair(_OfKind):
     adjust: float | None = None
     measure: Any = None
     wear: ContactPart | None = None
+    cohesion: ContactPart | None = None
     shape: ClassVar[None] = None
     direction: ClassVar[None] = None
 

@@ -65,7 +65,8 @@ class Mechanics(ABC):
             from signorini_fx.results.certificate.corner_feet import judged_corners
 
             points = judged_corners(*points, self.shapes())
-        return ContactConditions(*points, self.model.law, self.model.data.bilateral, pairs)
+        data = self.model.data
+        return ContactConditions(*points, self.model.law, data.bilateral, pairs, data.bond)
 
     def shapes(self, step: float | None = None) -> Sequence[PlacedShape]:
         """The shapes of hard foundations at a place in the lists of factors; None: the present."""

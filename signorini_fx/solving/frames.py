@@ -91,9 +91,8 @@ def start_of(
     start, before = (
         _first(posed, state) if state.contact is None else _following(posed, state, state.contact)
     )
-    begins = (
-        None if state.contact is None else state
-    )  # where the iterate begins; None: with what supports prescribe
+    # Where the iterate begins; None: with what supports prescribe, which would tear bonds.
+    begins = None if state.contact is None and posed.first.data.bond is None else state
     if guess is not None and guess.number == state.number + 1 and _fits(guess.contact, boundary):
         if posed.linear:
             begins = guess if guess.displacement.size else None
@@ -280,6 +279,9 @@ def solution_of(
             where = pressure, start.data.bilateral, length(slip), inner(sets.direction, slip)
             sets = replace(sets, line=start.law.line(*where))
             bound, _, _ = start.law.evaluate(0.0 * pressure, 0.0)
+        elif start.data.bond is not None:
+            broken = start.data.bond.damaged((u_n, u_t))
+            bound = np.divide(bound, broken, out=bound.copy(), where=sets.slip & (broken > 0))
         solved = replace(solved, bound=bound, follows=start.law if monolithic else None)
     if augmented:
         # Shifts with which the iterate has the tractions of the state; see ``sliding_shear``.

@@ -261,6 +261,10 @@ def begun(
         start, before = start_of(posed, replace(state, gammas=None), guess)
     else:
         start, before = start_of(posed, state, guess)
+    data = start.data
+    if data.bond is not None:
+        data = replace(data, bond=data.bond.begun(data.gap, data.slip_origin))
+        start = replace(start, data=data)
     body = posed.body
     start = replace(start, data=_softened(start.data, posed))
     mechanics = problem.mechanics(body)
@@ -328,7 +332,8 @@ def with_contact(posed: Posed, effects: Sequence[StepEffect], state: State) -> P
     if body.data is not None:
         # Displacements of its gap are not counted from the reference motion.
         unshifted = body.data.gap + (data.gap - posed.first.data.gap)
-        body = replace(body, data=replace(body.data, gap=unshifted), law=contact.law)
+        shown = replace(body.data, gap=unshifted, bond=data.bond)
+        body = replace(body, data=shown, law=contact.law)
     if contact.reference is not None:
         u_n, u_t = body.contact.traces(body.vector(contact.reference))
         rest = ReferenceMotion(np.zeros(0), u_n, u_t, contact.reference)

@@ -32,6 +32,7 @@ _EVALUATIONS = 60
 # More components of contact points than this are not looked at: the matrices are dense.
 _MOST_COMPONENTS = 1200
 _NOT_TRIED = {
+    "cohesion": "bonds soften, and the load may have several solutions",
     "driven foundation": "a force moves a foundation",
     "soft contact": "contact gives way under its pressure",
 }

@@ -176,7 +176,7 @@ def test_signature_of_a_table():
         "sliding='finite', gap=0.0, "
         "direction=None, foundation=None, friction=NoFriction(law='none'), contact_size=None, "
         "kind='unilateral', "
-        "overclosure=None, wear=None)"
+        "overclosure=None, wear=None, cohesion=None)"
     )
     assert str(inspect.signature(sfx.Contact)) == shown
     assert str(inspect.signature(sfx.LinearElastic)).startswith(

@@ -76,6 +76,7 @@ WITH = {
     "springs": {"springs": [{"boundary": "right", "x": 1.0}]},
     "point force": {"point_force": [{"at": [0.0, 0.5], "y": -1.0}]},
     "soft contact": {"contact": {"overclosure": {"stiffness": 1e3}}},
+    "cohesion": {"contact": {"cohesion": {"strength": 1.0, "energy": 0.1}}},
     "wear": {"contact": {"wear": {"coefficient": 1e-9, "distance": "t"}}},
     "gravity": {"gravity": {"y": -1.0}, "material": {"density": 1e-3}},
     "nonlinear material": {"material": {"law": "neo-hooke"}},
@@ -190,6 +191,7 @@ def compatible(one, other):
 # one.
 ONE_OF_BOTH = {
     ("contact that cannot open", "soft contact"),
+    ("contact that cannot open", "cohesion"),
     ("contact that cannot open", "wear"),
     ("local refinement", "mesh that no generator makes"),
     ("driven foundation", "moving foundation"),

@@ -53,6 +53,7 @@ from signorini_fx.tuned import DIFFERENCE_STEP
 
 # Features of a scene that have no derivatives.
 REFUSES = {
+    "cohesion": "derivatives are not possible yet with bonds that tear: remove 'cohesion'",
     "inertia": "derivatives of motions with inertia are not possible yet",
     "material with a state": "derivatives are not possible yet with a material that has a state",
     "mixed element": "derivatives are not possible yet with the mixed element: remove 'mixed'",

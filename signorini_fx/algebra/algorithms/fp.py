@@ -117,8 +117,9 @@ def _missed(newton: SemismoothNewton, data: RegularisedData, law: PointFriction)
     pressure, shear = newton.multipliers()
     points = newton.problem.points
     groups = newton.problem.groups
-    _, u_t = newton.problem.system.contact.traces(newton.x)
-    following, _, _ = law.evaluate(pressure, length(slip_of(u_t, data)))
+    u_n, u_t = newton.problem.system.contact.traces(newton.x)
+    data = data.at((u_n, u_t))
+    following = data.acting(law.evaluate(pressure, length(slip_of(u_t, data)))[0])
     bound = data.friction_bound(pressure, u_t)
     # The bound of a bond is infinite.
     away = np.abs(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from petsc4py import PETSc
@@ -41,6 +42,9 @@ from signorini_fx.tuned import (
     SLOW_STEPS,
     SLOWEST_STEPS,
 )
+
+if TYPE_CHECKING:
+    from signorini_fx.algebra.algorithms.softening import Descent
 
 _RENEW = -2
 _KEEP = -1
@@ -122,6 +126,13 @@ class SemismoothNewton:
         self.max_iterations = snes.getTolerances()[3]
         return snes
 
+    @cached_property
+    def _descent(self) -> Descent:
+        """What solves problems with bonds."""
+        from signorini_fx.algebra.algorithms.softening import Descent
+
+        return Descent(self)
+
     @called_back
     def _assemble_jacobian(
         self, snes: PETSc.SNES, x: PETSc.Vec, jacobian: PETSc.Mat, _: PETSc.Mat
@@ -164,6 +175,8 @@ class SemismoothNewton:
         self.close(data, status, solves_before, measure)
         if max_iterations is not None or status not in (Status.CYCLING, Status.MAX_ITERATIONS):
             return status
+        if data.bond is not None:
+            return status
         if self.problem.lost_to_round_off(self.x, NO_FORCE):
             return Status.ROUND_OFF
         # With a friction bound that depends on the pressure there is no energy, and no convex
@@ -201,7 +214,8 @@ class SemismoothNewton:
         max_iterations: int | None = None,
     ) -> Status:
         """The iteration itself, without fall-backs and without an outer record."""
-        self.problem.set_data(data, first_sets)
+        # Bonds hold what contact need not, and their sets follow from the iterate.
+        self.problem.set_data(data, None if data.bond is not None else first_sets)
         self._first_iteration = first_iteration
         self._solves_before = self.history.linear_solves
         self._seen: dict[int, float] = {}
@@ -215,6 +229,8 @@ class SemismoothNewton:
             return Status.MAX_ITERATIONS
         remaining = self.history.limit - self._solves_before
         limit = int(min(self.max_iterations, max_iterations or self.max_iterations, remaining))
+        if data.bond is not None:
+            return self._descent.descend(limit, first_iteration)
         self.snes.setTolerances(max_it=limit)
         self._may_keep = True
         self._loosened = False
@@ -406,7 +422,7 @@ class SemismoothNewton:
     def _test(self, snes: PETSc.SNES, k: int, norms: tuple[float, float, float]) -> int:
         """Step 3, after linear solve k (k = 0: before the first)."""
         problem = self.problem
-        active, plus, minus, changed, fingerprint = self._counts(*problem.friction_bounds(self.x))
+        active, plus, minus, changed, fingerprint = self.counts(*problem.friction_bounds(self.x))
         residual = norms[2] / problem.force_scale if problem.force_scale > 0 else norms[2]
         last_forces = self._last_forces
         self._last_forces = problem.force_scale
@@ -535,7 +551,7 @@ class SemismoothNewton:
         numbers = history.step, history.linear_solves + 1, len(history.outer), iteration
         history.add(IterationRecord(*numbers, *counts, residual, factorised, seconds))
 
-    def _counts(self, bound: Array, next_bound: Array) -> list[int]:
+    def counts(self, bound: Array, next_bound: Array) -> list[int]:
         """Nodes in contact and slipping either way, nodes that change, and what tells the next sets
         from others.
         """

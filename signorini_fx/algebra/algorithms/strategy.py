@@ -96,6 +96,8 @@ def solve_task(task: Task, start: Start, solve_budget: int | None = None) -> Out
         )
         return _without_contact(task, start.data, Status.CONVERGED)
     start = _first_loaded(task, start)
+    if start.data.bond is not None:
+        task = task.held_by(start.data.bond.damage < 1.0)
     begin = task.newton.checkpoint()
     waits = start.several or start.step > 0
     lost = no_balance(start.law, start.data.bilateral, task.motions, task.system.resultant)
@@ -160,9 +162,7 @@ def _near_the_last_place(task: Task, start: Start) -> Outcome | None:
         start = replace(start, law=law, data=replace(start.data, bound=law.given))
     held = replace(
         task,
-        motions=replace(
-            motions, relative=motions.relative[:, :, :0], assembly=motions.assembly[:0]
-        ),
+        motions=motions.none,
         has_coulomb=law is not None and parallel.any_rank(comm, law.follows_pressure),
         settings=replace(task.settings, algorithm="ssn"),
     )

@@ -184,6 +184,16 @@ class Task:
         object.__setattr__(other, "rest", rest)
         return other
 
+    def held_by(self, bonded: Flags) -> Task:
+        """Return the same without free motions where bonded points hold all bodies; collective."""
+        motions = self.motions
+        if not motions.held_by(bonded, bonded):
+            return self
+        _ = self.newton, self.unsymmetric_newton  # which both have
+        other = copy(self)
+        object.__setattr__(other, "motions", motions.none)
+        return other
+
     def begin_step(self, start: Start) -> None:
         """Apply the loads and prescribed displacements of a load step to the current iterate."""
         self.newton.lost = False
@@ -211,6 +221,15 @@ class Task:
             # Of the law itself: the iteration may have stopped with the bound of the previous
             # pressure.
             bound, _, _ = law.evaluate(pressure, length(slip))
+            bound = data.at((u_n, u_t)).acting(bound)
+        xi = slip_of(u_t, data)
+        if data.bound is not None:
+            xi = slip_multiplier(sets, shear, u_t, data)
+        held = damage = None
+        if data.bond is not None:
+            damage = data.bond.damaged((u_n, u_t))
+            held = data.bond.tractions((u_n, u_t))
+            pressure, shear = pressure + held[:, 0], shear + held[:, 1:]
         return PointState(
             points=self.system.contact.points,
             gap=data.gap + rest_n,
@@ -225,9 +244,9 @@ class Task:
             bilateral=data.bilateral,
             slip_length=slip,
             dt=law.dt if law is not None and law.follows_slip else 0.0,
-            xi=slip_multiplier(sets, shear, u_t, data)
-            if data.bound is not None
-            else slip_of(u_t, data),
+            xi=xi,
+            held=held,
+            damage=damage,
         )
 
     def promised(self, outcome: Outcome) -> tuple[float, float, float]:

@@ -117,8 +117,11 @@ def line_of_bound(sets: ActiveSets, data: RegularisedData) -> Evaluated:
     """
     assert data.bound is not None
     if data.follows is None:
-        return data.bound, np.zeros_like(data.bound), np.zeros_like(data.bound)
-    return sets.line or data.follows.line(np.zeros_like(data.bound), data.bilateral)
+        none = np.zeros_like(data.bound)
+        return data.acting(data.bound), none, none
+    line = sets.line or data.follows.line(np.zeros_like(data.bound), data.bilateral)
+    at_zero, by_pressure, by_slip = map(data.acting, line)
+    return at_zero, by_pressure, by_slip
 
 
 def multipliers(

@@ -24,6 +24,7 @@ stand here; which sets follow from them, and the derivatives for fixed sets, in 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -31,6 +32,9 @@ from signorini_fx.algebra import Settings
 from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.arrays import Array, Flags, inner, length, unit
 from signorini_fx.tuned import AUTOMATIC_GAMMA, SAME_NUMBER
+
+if TYPE_CHECKING:
+    from signorini_fx.algebra.contact.bond import Bond
 
 
 @dataclass(frozen=True)
@@ -57,6 +61,9 @@ class RegularisedData:
             bound (monolithic Coulomb friction), and ``bound`` its part without pressure; None where
             the bound is given.
         share: of gamma_1, the stiffness of soft contact, shape (n,); None: gamma_1 holds.
+        bond: what else holds points together; None: nothing.
+        broken: the share of the friction bound that acts, that of the bond that is broken, shape
+            (n,); None: all of it.
     """
 
     gap: Array
@@ -71,6 +78,8 @@ class RegularisedData:
     slip_origin: Array
     follows: PointFriction | None = None
     share: Array | None = None
+    bond: Bond | None = None
+    broken: Array | None = None
 
     @classmethod
     def unshifted(
@@ -119,9 +128,17 @@ class RegularisedData:
         if self.bound is None:
             return np.zeros_like(pressure)
         if self.follows is None:
-            return self.bound
+            return self.acting(self.bound)
         pushing = np.where(self.bilateral, pressure, np.maximum(pressure, 0.0))
-        return self.follows.evaluate(pushing, length(slip_of(u_t, self)))[0]
+        return self.acting(self.follows.evaluate(pushing, length(slip_of(u_t, self)))[0])
+
+    def at(self, traces: tuple[Array, Array]) -> RegularisedData:
+        """Return the data with what of bonds is broken at displacements (tau_N y, tau_T y)."""
+        return self if self.bond is None else replace(self, broken=self.bond.damaged(traces))
+
+    def acting(self, bound: Array) -> Array:
+        """Return what acts of a friction bound, or of its derivative, shape (n,)."""
+        return bound if self.broken is None else self.broken * bound
 
 
 def slip_of(u_t: Array, data: RegularisedData) -> Array:

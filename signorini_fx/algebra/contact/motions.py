@@ -150,6 +150,11 @@ class FreeMotions:
         """How much each motion moves the points of this rank, squared, shape (1, k)."""
         return np.square(self.relative).sum(axis=(0, 1))[None]
 
+    @property
+    def none(self) -> FreeMotions:
+        """Return those of bodies of which something holds all."""
+        return replace(self, relative=self.relative[:, :, :0], assembly=self.assembly[:0])
+
     def held_by(
         self,
         normal: Flags,

@@ -37,6 +37,8 @@ class PointState:
         xi: its part beyond the elastic slip of the regularisation, length; zero at stick nodes,
             shape (n, d - 1).
         dt: duration of the load step where friction follows the speed of slip, time; else 0.
+        held: what bonds have of pressure and shear, stress, shape (n, d); None: there are none.
+        damage: the share of bonds that is broken; None: there are none.
     """
 
     points: ContactPoints
@@ -53,6 +55,8 @@ class PointState:
     slip_length: Array
     xi: Array
     dt: float
+    held: Array | None
+    damage: Array | None
 
     def __repr__(self) -> str:
         return (
@@ -83,7 +87,8 @@ class PointState:
 
         xi is the slip without the elastic part that the regularisation adds, zero at stick nodes.
         """
-        return inner(self.shear, self.xi)
+        rubbing = self.shear if self.held is None else self.shear - self.held[:, 1:]
+        return inner(rubbing, self.xi)
 
     @cached_property
     def friction_work(self) -> float:

@@ -17,7 +17,7 @@ from petsc4py import PETSc
 
 from signorini_fx.algebra.contact.contact_map import ContactMap
 from signorini_fx.algebra.contact.motions import RigidLoad, total_work
-from signorini_fx.algebra.linalg.factorisation import use_factorisation
+from signorini_fx.algebra.linalg.factorisation import use_factorisation, with_inertia
 from signorini_fx.arrays import Array, Flags
 
 if TYPE_CHECKING:
@@ -204,6 +204,14 @@ class ElasticSystem:
         ``exact``: whether it must have full accuracy.
         """
         return unchanged
+
+    def is_definite(self, matrix: PETSc.Mat) -> bool:
+        """Whether a symmetric matrix of the system has no negative eigenvalue; collective."""
+        if is_by_blocks(matrix):
+            return False
+        factor, negative = with_inertia(matrix)
+        factor.destroy()
+        return negative == 0
 
     def set_load(self, factors: Array) -> None:
         """Make ``load`` and ``start`` those of the load cases times their factors, one for each."""

@@ -78,6 +78,13 @@ class CondensedSystem(ElasticSystem):
         alone = self.comm.size == 1
         ksp.getPC().setType(factor_type(symmetric=symmetric) if alone else PETSc.PC.Type.REDUNDANT)
 
+    def is_definite(self, matrix: PETSc.Mat) -> bool:
+        try:
+            np.linalg.cholesky(parallel.gather_rows(self.comm, matrix.getDenseArray()))
+        except np.linalg.LinAlgError:
+            return False
+        return True
+
     def find_far_points(self, x: PETSc.Vec) -> None:
         """Compute where the points are that no unknown reaches: one back substitution."""
         far = self.elasticity.far

@@ -110,3 +110,20 @@ def use_direct(pc: PETSc.PC, unknowns: int, *, symmetric: bool) -> None:
     call("PCSetType", inner, factor_type(symmetric=symmetric).encode())
     package = factorisation_package(MPI.COMM_SELF, symmetric=symmetric)
     call("PCFactorSetMatSolverType", inner, package.encode())
+
+
+def with_inertia(matrix: PETSc.Mat) -> tuple[PETSc.PC, int]:
+    """Return an LDL^T factorisation of a symmetric matrix by MUMPS, and how many negative
+    eigenvalues the matrix has; collective.
+    """
+    matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+    preconditioner = PETSc.PC().create(matrix.comm)
+    preconditioner.setOperators(matrix)
+    preconditioner.setType("cholesky")
+    preconditioner.setFactorSolverType("mumps")
+    preconditioner.setFactorSetUpSolverType()
+    # The inertia needs the root on one rank, and null pivots told from others.
+    for option in (13, 24):
+        preconditioner.getFactorMatrix().setMumpsIcntl(option, 1)
+    preconditioner.setUp()
+    return preconditioner, int(preconditioner.getFactorMatrix().getInertia()[0])

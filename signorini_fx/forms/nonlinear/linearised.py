@@ -421,6 +421,8 @@ class LinearisedProblem(FormSolver):
             slip_length=0.0 * shear,
             xi=0.0 * shear,
             dt=0.0,
+            held=None,
+            damage=None,
             boundary=boundary,
         )
         return self._turning

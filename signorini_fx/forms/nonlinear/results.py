@@ -183,7 +183,7 @@ def _conditions(linear: LinearisedProblem, fixed: Flags, values: Array) -> Conta
     for effect in linear.effects:
         contact = effect.contact(contact, linear.begin, foundations.dt)
     points = judged_corners(boundary, contact.gap, shapes, foundations.displacement)
-    return ContactConditions(*points, contact.law, regularised.bilateral, pairs)
+    return ContactConditions(*points, contact.law, regularised.bilateral, pairs, None)
 
 
 @dataclass(frozen=True)

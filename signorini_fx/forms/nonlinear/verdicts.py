@@ -17,7 +17,7 @@ from scipy.sparse.linalg import LinearOperator, eigsh
 from scipy.spatial import cKDTree
 
 from signorini_fx.algebra.linalg.condensed import CondensedSystem
-from signorini_fx.algebra.linalg.factorisation import enough_memory, factor_memory
+from signorini_fx.algebra.linalg.factorisation import enough_memory, factor_memory, with_inertia
 from signorini_fx.algebra.regularised import ContactTangent
 from signorini_fx.arrays import Array, Flags, Ints
 from signorini_fx.errors import FormError
@@ -76,11 +76,7 @@ class Stability:
         tangent = ContactTangent(system.matrix, system.contact)
         matrix = tangent.create()
         tangent.insert(matrix, self._springs / system.contact.points.weight[:, None, None])
-        try:
-            np.linalg.cholesky(parallel.gather_rows(system.comm, matrix.getDenseArray()))
-        except np.linalg.LinAlgError:
-            return False
-        return True
+        return system.is_definite(matrix)
 
     def _inertia(self) -> tuple[int, str] | None:
         """Negative directions of the derivative of F: how many, and where one is largest; None:
@@ -208,19 +204,7 @@ def negative_directions(matrix: PETSc.Mat) -> tuple[int, Array]:
     factorisation with MUMPS, and if there are any an unstable direction, shape (rows of this
     rank,); it is destroyed; collective.
     """
-    matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
-    preconditioner = PETSc.PC().create(matrix.comm)
-    preconditioner.setOperators(matrix)
-    preconditioner.setType("cholesky")
-    preconditioner.setFactorSolverType("mumps")
-    preconditioner.setFactorSetUpSolverType()
-    for option in (
-        13,
-        24,
-    ):  # the inertia needs the root on one rank, and null pivots told from others
-        preconditioner.getFactorMatrix().setMumpsIcntl(option, 1)
-    preconditioner.setUp()
-    negative = int(preconditioner.getFactorMatrix().getInertia()[0])
+    preconditioner, negative = with_inertia(matrix)
     comm, (x, y), own = (
         matrix.comm.tompi4py(),
         matrix.createVecs(),

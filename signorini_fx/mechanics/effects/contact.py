@@ -114,6 +114,7 @@ class Contact(Effect):
         overclosure: how far unilateral contact gives way under its pressure, ``Overclosure``; None:
             not at all, but for ``gamma_n``.
         wear: its law, ``Archard``; None: contact does not wear.
+        cohesion: a bond of both sides that can tear, ``Cohesion``; None: there is none.
 
     Examples:
         >>> contact = sfx.Contact(boundary="bottom", gap="0.001*x[0]")
@@ -137,6 +138,7 @@ class Contact(Effect):
     kind: Literal["unilateral", "bilateral", "bonded"] = "unilateral"
     overclosure: Overclosure | None = None
     wear: Part = None
+    cohesion: Part = None
 
     @model_validator(mode="after")
     def _at_points(self) -> Self:

@@ -305,7 +305,12 @@ def judged(
     blunter = np.divide(stress, own, out=np.ones_like(own), where=known).max()
     figures["checked"] = CERTIFICATE_TOLERANCE * max(1.0, float(blunter))
     figures |= contact_conditions(
-        nodes, u_n, nodes.rounded(slip, 1), nodes.rounded(origin, -1), law, points
+        nodes.without_bond(u_n, slip),
+        u_n,
+        nodes.rounded(slip, 1),
+        nodes.rounded(origin, -1),
+        law,
+        points,
     )
     unbalanced, unjudged, lost = equilibrium(balance, y, nodes, units, reach)
     for motion, drive in rigid:

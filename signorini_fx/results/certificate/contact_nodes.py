@@ -5,7 +5,7 @@ claimed tractions.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -24,6 +24,7 @@ from signorini_fx.results.certificate.law_of_method import Tractions
 from signorini_fx.tuned import NEGLIGIBLE
 
 if TYPE_CHECKING:
+    from signorini_fx.algebra.contact.bond import Bond
     from signorini_fx.results.certificate.pair_points import PairPoints
 
 
@@ -38,6 +39,7 @@ class ContactConditions:
     law: PointFriction | None  # of friction; None: there is none
     bilateral: Flags  # where contact cannot open, shape (n,)
     pairs: Mapping[int, PairPoints]  # the points of two bodies, by the numbers of their contacts
+    bond: Bond | None  # as the step begins; None: there is none
 
     def part(self, *numbers: int) -> Ints:
         """The points of some contacts."""
@@ -62,6 +64,7 @@ class ContactNodes(ContactConditions):
 
     pressure: Array  # stress, shape (n,)
     shear: Array  # as vectors of space, stress, shape (n, d)
+    broken: Array | None = None  # share of friction that acts, shape (n,); None: all of it
 
     @classmethod
     def of(cls, contact: ContactConditions, tractions: Tractions) -> ContactNodes:
@@ -75,7 +78,23 @@ class ContactNodes(ContactConditions):
         """
         if self.law is None:
             return np.zeros_like(self.pressure)
-        return self.law.evaluate(self.pressure, slip)[0]
+        bound = self.law.evaluate(self.pressure, slip)[0]
+        return bound if self.broken is None else self.broken * bound
+
+    def without_bond(self, u_n: Array, slip: Array) -> ContactNodes:
+        """Return the points with the tractions of contact and friction alone, at tau_N y and a slip
+        of the step, lengths, shapes (n,) and (n, d).
+        """
+        if self.bond is None:
+            return self
+        tangents = self.boundary.tangents
+        traces = u_n, np.einsum("ijk,ij->ik", tangents, slip)
+        bond = self.bond.begun(self.gap, np.zeros_like(traces[1]))
+        held = bond.tractions(traces)
+        shear = self.shear - np.einsum("ijk,ik->ij", tangents, held[:, 1:])
+        return replace(
+            self, pressure=self.pressure - held[:, 0], shear=shear, broken=bond.damaged(traces)
+        )
 
     def rounded(self, vectors: Array, power: int) -> Array:
         """Tangential vectors with their part across the direction of friction times r^power: with

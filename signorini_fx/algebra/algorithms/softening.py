@@ -1,0 +1,129 @@
+"""Newton's method for bonds that soften: tangents and secants blended, with a line search.
+
+Where bonds soften plain tangents cycle.  A blend theta T + (1 - theta) S of the tangent T of the
+bonds and of their secant S has the largest share theta that leaves the matrix definite, apart from
+the coupling of Coulomb friction; where it cannot grow, a secant step lowers the energy.  Line
+searches end where a step no longer goes far beyond balance along its way.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from petsc4py import PETSc
+
+from signorini_fx.algebra.contact.active_sets import tangent
+from signorini_fx.algebra.contact.complementarity import trial_pressure
+from signorini_fx.algebra.linalg import finite
+from signorini_fx.arrays import Array
+from signorini_fx.records import Status
+from signorini_fx.tuned import CERTIFICATE_TOLERANCE, LINE_SEARCH_STEPS, NO_FORCE, WHOLE_SLOPE
+
+Newton = Any  # ``ssn.SemismoothNewton``, which asks for this module
+
+_TANGENT_SHARES = (1.0, 0.97, 0.9, 0.7, 0.4, 0.0)
+_PATIENCE = 4  # steps in which round-off may leave the residual as it is
+
+
+class Descent:
+    """Solves the problems with bonds of an inner method, on its iterate; methods are collective."""
+
+    def __init__(self, newton: Newton) -> None:
+        problem = newton.problem
+        self._newton = newton
+        self._jacobian = problem.create_jacobian(symmetric=False)
+        self._symmetric = problem.tangent.create()
+        self._ksp = PETSc.KSP().create(problem.points.comm)
+        self._ksp.setOperators(self._jacobian)
+        problem.system.configure(self._ksp, symmetric=False)
+        problem.system.factorise(self._ksp, symmetric=False)
+
+    def descend(self, limit: int, first: int) -> Status:
+        """Iterate by at most so many linear solves, of which the first has this number."""
+        newton = self._newton
+        problem = newton.problem
+        x = newton.x
+        force = x.duplicate()
+        way = x.duplicate()
+        problem.residual(None, x, force)
+        left: list[float] = []
+        for k in range(limit):
+            if problem.next.escapes is not None:
+                return problem.next.escapes
+            problem.sets = problem.next.sets
+            self._assemble()
+            self._ksp.solve(force, way)
+            if self._ksp.getConvergedReason() < 0 or not finite(way):
+                return Status.SINGULAR
+            begun = way.dot(force)
+            share = 1.0
+            x.axpy(-1.0, way)
+            problem.residual(None, x, force)
+            while (
+                k > 0
+                and share > 0.5**LINE_SEARCH_STEPS
+                and -way.dot(force) > WHOLE_SLOPE * abs(begun)
+            ):
+                share /= 2
+                x.axpy(share, way)
+                problem.residual(None, x, force)
+            *counts, _ = newton.counts(*problem.friction_bounds(x))
+            size = force.norm()
+            residual = size / problem.force_scale if problem.force_scale > 0 else size
+            active, plus, minus, changed = counts
+            newton.record(k + first, (active, plus, minus, changed), residual, factorised=True)
+            if not np.isfinite(residual):
+                return Status.NOT_FINITE
+            left.append(residual)
+            law = 0.0
+            if residual <= NO_FORCE or self._stagnates(left):
+                problem.sets = problem.next.sets
+                law = 0.0 if problem.affine else problem.law_residual(x)
+                if law <= max(NO_FORCE, residual):
+                    return Status.CONVERGED
+            if newton.history.overdue():
+                break
+        return Status.MAX_ITERATIONS
+
+    @staticmethod
+    def _stagnates(left: list[float]) -> bool:
+        """Whether residuals are so small that round-off alone is left."""
+        last = left[-_PATIENCE:]
+        small = max(last) <= CERTIFICATE_TOLERANCE
+        return small and len(left) > _PATIENCE and last[-1] > WHOLE_SLOPE * last[0]
+
+    def _assemble(self) -> None:
+        """Make the matrix that of the iterate, with the largest share of the tangent that leaves it
+        definite.
+        """
+        problem = self._newton.problem
+        data = problem.data
+        bond = data.bond
+        assert bond is not None
+        traces = problem.system.contact.traces(self._newton.x)
+        contact = tangent(problem.sets, data)
+        uncoupled = contact.copy()
+        uncoupled[:, 1:, 0] = 0.0
+        for theta in _TANGENT_SHARES:
+            blocks = bond.blocks(traces, theta)
+            symmetric = 0.5 * (blocks + blocks.swapaxes(1, 2))
+            if theta == 0.0 or self._definite(uncoupled + symmetric):
+                break
+        coupling = np.zeros_like(blocks)
+        if data.bound is not None:
+            pressure = np.where(problem.sets.contact, trial_pressure(traces[0], data), 0.0)
+            # That of bonds that are broken.
+            whole = replace(data, broken=None).friction_bound(pressure, traces[1])
+            slips = problem.sets.slip & problem.sets.contact & np.isfinite(whole)
+            bound = np.where(slips, whole, 0.0)[:, None] * problem.sets.direction
+            coupling[:, 1:] = bound[:, :, None] * bond.damage_by(traces)[:, None, :]
+        problem.insert(self._jacobian, contact + blocks + coupling)
+
+    def _definite(self, blocks: Array) -> bool:
+        """Whether the matrix with such blocks is definite."""
+        problem = self._newton.problem
+        matrix = self._symmetric
+        problem.tangent.insert(matrix, blocks)
+        return bool(problem.system.is_definite(matrix))

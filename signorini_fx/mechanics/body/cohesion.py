@@ -1,0 +1,145 @@
+"""Bonds of contacts that soften and tear, from load step to load step.
+
+The state remembers by contact points the damage, the opening and slip since the bond was made, and
+the energy that has torn it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, Self
+
+import numpy as np
+
+from signorini_fx.algebra.contact.bond import Bond
+from signorini_fx.arrays import Array, inner
+from signorini_fx.errors import SceneError
+from signorini_fx.machine import parallel
+from signorini_fx.mechanics.contact_points.contact_state import ContactState
+from signorini_fx.mechanics.effects.cohesion import PARAMETERS, Cohesion
+from signorini_fx.mechanics.state import State
+from signorini_fx.mechanics.statement.expressions import sample
+from signorini_fx.mechanics.step_effect import StepContact, StepEffect, StepEnd
+from signorini_fx.tuned import ROOT_OF_EPS
+
+# The opening at which bonds begin to soften, over that at which they have torn, and what they
+# resist at least, over modulus and size of the body.
+_FIRST_OF_LAST = 1e-3
+_TIMES_BODY = 100.0
+
+
+@dataclass(frozen=True)
+class TearingBonds(StepEffect):
+    """The bonds of contacts, by the numbers of these."""
+
+    parts: Mapping[int, Cohesion] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, entry: Any) -> Self:
+        return cls(entry)
+
+    def contact(self, contact: StepContact, state: State, dt: float) -> StepContact:
+        bond = self._bond(contact)
+        if "damage" in state.fields:
+            separation = state.fields["separation"].values
+            bond = replace(
+                bond,
+                damage=state.fields["damage"].values,
+                separation=np.einsum("ijk,ij->ik", contact.boundary.tangents, separation),
+            )
+        return replace(contact, data=replace(contact.data, bond=bond))
+
+    def after(self, state: State, new: State, ended: StepEnd) -> State:
+        now = ended.contact
+        if now is None:
+            return new
+        boundary = now.boundary
+        bond, traces = _begun(now, ended)
+        earlier = state.fields.get("separation")
+        last = np.zeros_like(boundary.x) if earlier is None else earlier.values
+        first = bond.at(inner(last, boundary.normal), bond.separation)
+        slip = np.einsum("ijk,ik->ij", boundary.tangents, traces[1] - bond.position[:, 1:])
+        opened = np.maximum(now.gap - now.u_n, 0.0)
+        taken = bond.torn(traces)
+        taken = taken[:, 0] - taken[:, 1]
+        # What the tractions do on a way, of which both ends are known, and no bond has taken.
+        way = np.column_stack(traces) - np.column_stack(first)
+        work = inner(0.5 * (bond.tractions(traces) + bond.tractions(first)), way)
+        jumped = work - taken - bond.stored(traces) + bond.stored(first)
+        released = parallel.global_sum(boundary.comm, np.array(now.points.weight @ jumped))
+        new = new.with_field("damage", "points", bond.damaged(traces))
+        new = new.with_field("separation", "points", slip - opened[:, None] * boundary.normal)
+        new = self.added(new, "torn", "points", taken)
+        return self.added(new, "released", "global", np.array([released]))
+
+    def figures(self, state: State, new: State, ended: StepEnd) -> Mapping[str, float]:
+        now = ended.contact
+        if now is None or "damage" not in new.fields:
+            return {}
+        bond, _ = _begun(now, ended)
+        damage = new.fields["damage"].values
+        softens = (damage > bond.damage) & (damage < 1.0)
+        taken = new.fields["torn"].values
+        rows = [(damage >= 1.0) & (taken > 0), softens, taken]
+        sums = [np.dot(now.points.weight, row) for row in rows]
+        broken, zone, dissipated = parallel.global_sum(now.boundary.comm, np.array(sums))
+        return {
+            "broken": float(broken),
+            "process_zone": float(zone),
+            "dissipated": float(dissipated),
+            "released": float(new.fields["released"].values[0]),
+        }
+
+    def _bond(self, contact: StepContact) -> Bond:
+        """The bonds at first: of points where both sides touch and the strength is not zero.
+
+        Raises:
+            SceneError: a parameter is not possible somewhere, or a contact has no bond.
+        """
+        boundary = contact.boundary
+        comm = boundary.comm
+        x = np.zeros((3, boundary.size))
+        x[: boundary.x.shape[1]] = boundary.x.T
+        rows = np.ones((6, boundary.size))
+        near = contact.gap <= ROOT_OF_EPS * contact.model.tagged.size
+        damage = np.ones(boundary.size)
+        for number, part in self.parts.items():
+            at = np.flatnonzero(boundary.part == number)
+            values = [sample(1.0 if v is None else v, x[:, at]) for v in part.parameters]
+            where = f"contact[{number}].cohesion"
+            bonded = near[at] & (values[0] > 0)
+            for key, row in zip(PARAMETERS, values, strict=True):
+                wrong = ~(row >= 0) | (bonded & (row == 0))
+                if parallel.any_rank(comm, bool(wrong.any())):
+                    raise SceneError.at(f"{where}.{key}", "must be above 0 at all points")
+            if not parallel.any_rank(comm, bool(bonded.any())):
+                closest = -parallel.largest(comm, -contact.gap[at])
+                reason = f"bonds no point: the sides are {closest:.3g} apart, or its strength is 0"
+                raise SceneError.at(where, reason)
+            damage[at[bonded]] = 0.0
+            rows[1:, at[bonded]] = [row[bonded] for row in values]
+        none = np.zeros((boundary.size, boundary.x.shape[1] - 1))
+        laws = dict(zip(("stiffness", *PARAMETERS), rows, strict=True))
+        bond = Bond(**laws, damage=damage, separation=none, position=boundary.x)
+        least = bond.least_stiffness()
+        floor = _TIMES_BODY * contact.model.modulus / contact.model.tagged.size
+        stiff = np.minimum(np.maximum(least / _FIRST_OF_LAST, floor), contact.data.gamma_n)
+        for number, part in self.parts.items():
+            at = boundary.part == number
+            stiff[at] = stiff[at] if part.stiffness is None else part.stiffness
+            weak = at & (damage < 1.0) & (stiff <= least)
+            if parallel.any_rank(comm, bool(weak.any())):
+                needed = parallel.largest(comm, least[at & (damage < 1.0)], 0.0)
+                reason = f"must be above {needed:.4g}, or the bond has torn before it softens"
+                raise SceneError.at(f"contact[{number}].cohesion.stiffness", reason)
+        return replace(bond, stiffness=stiff)
+
+
+def _begun(now: ContactState, ended: StepEnd) -> tuple[Bond, tuple[Array, Array]]:
+    """The bonds as the step began, and the displacements (tau_N y, slip of the step) at its end."""
+    data = ended.model.data
+    assert data is not None
+    assert data.bond is not None
+    bond = data.bond.begun(now.gap, np.zeros_like(now.slip_length))
+    return bond, (now.u_n, now.slip_length)

@@ -1,0 +1,111 @@
+"""Cohesion of a contact: a bond of both sides that softens and tears, with damage that stays.
+
+What it does in a load step is in ``mechanics.body.cohesion``, which is imported where one is
+solved.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, ClassVar, Self
+
+from pydantic import Field, model_validator
+
+from signorini_fx.mechanics.statement.base import refused
+from signorini_fx.mechanics.statement.effect import ContactPart, Contradictions, Features
+from signorini_fx.mechanics.statement.values import NonNegativeValue, Positive
+
+PARAMETERS = ("strength", "shear_strength", "energy", "shear_energy", "exponent")
+_NOT_CONVEX = "is not possible with cohesion: bonds that soften have no convex energy"
+
+
+class Cohesion(ContactPart):
+    """A bond of both sides of a contact that touch at first; it softens once its tractions reach
+    its strength, and has torn when it has taken its energy.  The friction of the contact acts on
+    the share that is broken.
+
+    Attributes:
+        strength: against opening, stress; 0: there is no bond.
+        energy: that opening takes until the bond has torn, stress times length.
+        shear_strength: stress; None: ``strength``.
+        shear_energy: that slip takes; None: ``energy``.
+        exponent: of Benzeggagh and Kenane, for the energy that both together take; needed where
+            both energies differ.
+        stiffness: of the bond before it softens, stress per length; None: stiff enough.
+
+    Examples:
+        >>> glued = sfx.Contact(boundary="bottom", cohesion=sfx.Cohesion(30.0, 0.3))
+        >>> result = sfx.solve(scene.model_copy(update={"contact": glued}))
+        >>> print(result.state.fields["damage"].values.max())
+        0.0
+    """
+
+    key: ClassVar[str] = "cohesion"
+    step_effect: ClassVar[str] = "cohesion"
+    positional: ClassVar[tuple[str, ...]] = ("strength", "energy")
+    value_keys: ClassVar[tuple[str, ...]] = (
+        "strength",
+        "energy",
+        "shear_strength",
+        "shear_energy",
+    )
+    refuses: ClassVar[Mapping[str, Mapping[str, str]]] = {
+        "cohesion": {
+            "requested accuracy": "is not possible yet with cohesion: its mesh is given",
+            "nested iteration": "is not possible yet with cohesion: leave out solver.levels",
+            "mixed element": "is not possible yet with cohesion: use 'reduced'",
+            "axisymmetric, torsion": "is not possible yet with cohesion: leave out "
+            "material.torsion",
+            "nonlinear material": "is not possible yet with cohesion: it must be linear",
+            "driven foundation": "is not possible yet with cohesion: prescribe a displacement",
+            "friction axes": "is not possible with cohesion: leave out friction.ratio",
+            "inertia": "is not possible yet with cohesion",
+            "preload": "is not possible yet with cohesion: prescribe a displacement",
+            "statement of an error bound": _NOT_CONVEX,
+            "soft contact": "is not possible with cohesion, whose bond has a stiffness of its own",
+        }
+    }
+
+    strength: NonNegativeValue = Field(kw_only=False)
+    energy: NonNegativeValue = Field(kw_only=False)
+    shear_strength: NonNegativeValue | None = None
+    shear_energy: NonNegativeValue | None = None
+    exponent: Positive | None = None
+    stiffness: Positive | None = None
+
+    @model_validator(mode="after")
+    def _whole(self) -> Self:
+        keys = ("energy", "shear_energy", "shear_strength")
+        wrong = [((key,), "must be above 0") for key in keys if getattr(self, key) == 0]
+        if self.exponent is None and self.shear_energy not in (None, self.energy):
+            wrong.append((("shear_energy",), "differs from energy: give exponent, usually 2"))
+        if self.exponent is not None and self.exponent < 1:
+            wrong.append((("exponent",), f"must be 1 or more, got {self.exponent:g}"))
+        if wrong:
+            raise refused(type(self).__name__, wrong)
+        return self
+
+    @property
+    def parameters(self) -> tuple[Any, ...]:
+        """Return the values of ``PARAMETERS``."""
+        shear = self.strength if self.shear_strength is None else self.shear_strength
+        energy = self.energy if self.shear_energy is None else self.shear_energy
+        return self.strength, shear, self.energy, energy, self.exponent
+
+    @property
+    def features(self) -> Features:
+        return (("cohesion", ()),)
+
+    def contradictions(self, statement: Any, number: int) -> Contradictions:
+        path = ("contact", number, "cohesion")
+        contact = statement.contact[number]
+        friction = contact.friction
+        if not contact.opens:
+            yield path, f"is for unilateral contact, not for kind = {contact.kind!r}"
+        if friction.acts and not (friction.follows_pressure and not friction.ends_open):
+            yield path, "goes with Coulomb friction without cohesion, or none: bonds shear anyway"
+        if friction.follows_slip:
+            yield path, "is not possible yet with friction that follows the speed of slip"
+        algorithm = statement.solver.algorithm
+        if algorithm not in ("auto", "ssn"):
+            yield path, f"needs solver.algorithm = 'ssn', not {algorithm!r}"

@@ -1,0 +1,212 @@
+"""Bonds that tear, with the closed solutions of columns and blocks, and the beam theory of a double cantilever."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+import ufl
+from boxes import Box, boxes_mesh
+from forms import box, hooke, side
+from mpi4py import MPI
+
+import signorini_fx as sfx
+from signorini_fx.errors import SceneError
+
+COLUMN = sfx.Cohesion(1.0, 0.05, stiffness=1e4)
+PULLED = [0.05, 0.02, 0.05, -0.01, 0.1, 0.15]
+STRESS = [0.5561735, 0.2224694, 0.5561735, -1.0, 0.0, 0.0]
+MIXED = sfx.Cohesion(30.0, 0.3, shear_strength=50.0, shear_energy=0.9, exponent=2.1, stiffness=1e5)
+
+
+def column(way, height=10.0, **changed):
+    """A column without lateral strain that is bonded below, and whose top is moved."""
+    given = {
+        "mesh": {
+            "generator": "rectangle",
+            "parameters": {"length": 1.0, "height": height, "nx": 2, "ny": 2},
+        },
+        "material": sfx.LinearElastic(young=1000.0, poisson=0.0),
+        "displacement": [
+            sfx.Displacement(boundary="top", y=1.0, factors=way),
+            sfx.Displacement(boundary="left", x=0.0),
+        ],
+        "contact": sfx.Contact(boundary="bottom", cohesion=COLUMN),
+    }
+    return sfx.Scene(**given | changed)
+
+
+def test_pulled_and_released():
+    """A column follows the bond, unloads along its secant, presses, and tears."""
+    solution = sfx.solve(column(PULLED))
+    assert solution.converged
+    pressures = np.array([step.contact.pressure for step in solution.steps])
+    np.testing.assert_allclose(pressures, -np.outer(STRESS, np.ones(3)), rtol=2e-5, atol=1e-9)
+    last = solution.steps[-1].figures
+    assert last["dissipated"] == pytest.approx(0.05, rel=1e-9)
+    assert last["broken"] == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("pair", [False, True])
+def test_of_forms(pair):
+    """Foundations and pairs of forms are torn as those of scenes."""
+    if pair:
+        halves = boxes_mesh(
+            MPI.COMM_WORLD,
+            [Box("lower", 0.0, 0.0, 1.0, 5.0, 2, 2), Box("upper", 0.0, 5.0, 1.0, 5.0, 3, 2)],
+        )
+        mesh = halves.mesh
+        facets, other = halves.facets("bottom upper"), halves.facets("top lower")
+        contact = sfx.Pair(facets, other, cohesion=COLUMN)
+    else:
+        mesh = box((1.0, 10.0), (2, 2))
+        contact = sfx.Foundation(side(mesh, 1, 0.0), cohesion=COLUMN)
+    from dolfinx import fem
+
+    space = fem.functionspace(mesh, ("Lagrange", 1, (2,)))
+    top = fem.Constant(mesh, 0.0)
+    bcs = []
+    for axis, at, value in ((1, 10.0, top), (0, 0.0, 0.0)) + ((1, 0.0, 0.0),) * pair:
+        sub = space.sub(axis)
+        dofs = fem.locate_dofs_topological(sub, 1, side(mesh, 1 if axis else 0, at))
+        bcs.append(fem.dirichletbc(value if value is top else fem.Constant(mesh, value), dofs, sub))
+    u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
+    a = hooke(u, v, 1000.0, 0.0)
+    problem = sfx.ContactProblem(
+        a, ufl.inner(fem.Constant(mesh, (0.0, 0.0)), v) * ufl.dx, bcs, contact
+    )
+    state = problem.initial()
+    for number, (way, stress) in enumerate(zip(PULLED, STRESS, strict=True)):
+        top.value = way
+        state, result = problem.step(state, number + 1.0)
+        assert result.status is sfx.Status.CONVERGED
+        # Forces by mean: the sides of triangles do not share them evenly.
+        force = result.contact.forces[0][1]
+        assert force == pytest.approx(-stress, rel=2e-5, abs=1e-9)
+
+
+def test_pressed_and_sheared():
+    """A block on rollers that is pushed over its bond rubs with Coulomb friction, and back."""
+    way = [0.02, 0.05, 0.12, 0.06]
+    parameters = {"length": 20.0, "height": 5.0, "nx": 8, "ny": 2}
+    solution = sfx.solve(
+        column(
+            way,
+            mesh={"generator": "rectangle", "parameters": parameters},
+            material=sfx.LinearElastic(young=7e6, poisson=0.0),
+            displacement=sfx.Displacement(boundary="left", x=1.0, factors=way),
+            traction=sfx.Traction(boundary="top", pressure=20.0),
+            contact=sfx.Contact(boundary="bottom", friction=sfx.Coulomb(0.4), cohesion=MIXED),
+        )
+    )
+    first, last = 50.0 / 1e5, 2 * 0.9 / 50.0
+    damage = last * (0.02 - first) / (0.02 * (last - first))
+    shear = (1 - damage) * 1e5 * 0.02 + damage * 0.4 * 20.0
+    # The body is stiff, not rigid.
+    forces = [step.contact.forces[1][0] for step in solution.steps]
+    np.testing.assert_allclose(forces, [-20 * shear, -160.0, -160.0, 160.0], rtol=1e-2)
+    assert forces[1:] == pytest.approx([-160.0, -160.0, 160.0], rel=1e-9)
+    assert solution.steps[-1].figures["dissipated"] == pytest.approx(18.0, rel=1e-4)
+
+
+def cantilever(facet, steps, strength, *, opening=8.0, energy=0.3, **changed):
+    """Half of a double cantilever, whose opening is half of that of both, as are energies."""
+    factors = list(np.linspace(opening / steps, opening, steps) / 2)
+    parameters = {"length": 100.0, "height": 1.5, "nx": round(100 / facet), "ny": 2}
+    parameters["cell"] = "quadrilateral"
+    return sfx.Scene(
+        mesh={"generator": "rectangle", "parameters": parameters},
+        material=sfx.LinearElastic(young=70_000.0, poisson=0.0, hypothesis="plane stress"),
+        element=sfx.Element(degree=2),
+        displacement=[
+            sfx.Displacement(boundary="left", y=1.0, factors=factors),
+            sfx.Displacement(boundary="right", x=0.0),
+        ],
+        contact=sfx.Contact(
+            boundary="bottom",
+            cohesion=sfx.Cohesion(f"where(x[0] > 29.999, {strength}, 0)", energy / 2),
+        ),
+    ).model_copy(update=changed)
+
+
+def beam(opening, energy=0.3, young=70_000.0, height=1.5):
+    """The force at an opening of both arms, whatever the root is."""
+    c = np.sqrt(energy * young * height**3 / 12)
+    return c * np.sqrt(8 * c / (young * height**3 * opening))
+
+
+@pytest.mark.parametrize(
+    ("facet", "steps", "within"),
+    [(2.0, 10, 0.03), pytest.param(0.5, 80, 4e-3, marks=pytest.mark.slow)],
+)
+def test_double_cantilever(facet, steps, within):
+    """Its force is that of beam theory, and the energy to tear is that of the torn area."""
+    solution = sfx.solve(cantilever(facet, steps, 10.0))
+    assert solution.converged
+    assert beam(np.array([4.0, 6.0, 8.0])) == pytest.approx([1.96026, 1.60054, 1.38611], rel=1e-5)
+    openings = np.linspace(8.0 / steps, 8.0, steps)
+    forces = np.array([-step.contact.forces[0][1] for step in solution.steps])
+    away = (forces / beam(openings) - 1)[openings > 4]
+    assert abs(away.mean()) < within
+    last = solution.steps[-1]
+    damage = last.contact.damage
+    torn = last.contact.points.weight @ (damage >= 1.0) - 30.0
+    zone = last.figures["process_zone"]
+    assert 0.15 * (torn - facet) < last.figures["dissipated"] < 0.15 * (torn + zone + facet)
+
+
+BAD = {
+    "energy": ({"energy": 0.0}, r"cohesion\.energy: must be above 0"),
+    "strength": (
+        {"strength": "-x[0]"},
+        r"contact\[0\]\.cohesion\.strength: must be above 0 at all",
+    ),
+    "exponent": ({"shear_energy": 0.9}, "shear_energy: differs from energy: give exponent"),
+    "softer": ({"stiffness": 9.0}, r"cohesion\.stiffness: must be above 10, or the bond"),
+    "nowhere": ({"strength": 0.0}, r"contact\[0\]\.cohesion: bonds no point"),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_bad_bonds(name):
+    """One error names the key."""
+    changed, message = BAD[name]
+    given = {"strength": 1.0, "energy": 0.05} | changed
+    with pytest.raises(SceneError, match=message):
+        sfx.solve(column([0.1], contact=sfx.Contact(boundary="bottom", cohesion=given)))
+
+
+REFUSED = {
+    "gap": ({"gap": 0.1}, {}, "bonds no point: the sides are 0.1 apart"),
+    "kind": ({"kind": "bilateral"}, {}, "is for unilateral contact"),
+    "tresca": ({"friction": sfx.Tresca(0.4)}, {}, "goes with Coulomb friction"),
+    "soft": ({"overclosure": {"stiffness": 1e3}}, {}, "is not possible with cohesion"),
+    "alm": ({}, {"solver": {"algorithm": "alm"}}, "needs solver.algorithm = 'ssn'"),
+    "levels": ({}, {"solver": {"levels": 2}}, "is not possible yet with cohesion"),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_refused(name):
+    """What does not go together is refused by name."""
+    of_contact, of_scene, message = REFUSED[name]
+    contact = {"boundary": "bottom", "cohesion": COLUMN} | of_contact
+    with pytest.raises(SceneError, match=message):
+        sfx.solve(column([0.1], contact=[sfx.Contact(**contact)], **of_scene))
+
+
+def test_nothing_without_bonds():
+    """Scenes without bonds import nothing of them."""
+    program = (
+        "import sys, signorini_fx as sfx\n"
+        "block = {'generator': 'rectangle', 'parameters': {'nx': 2, 'ny': 2}}\n"
+        "pressed = sfx.Traction(boundary='top', pressure=1.0)\n"
+        "left = sfx.Displacement(boundary='left', x=0.0)\n"
+        "sfx.solve(sfx.Scene(mesh=block, material=sfx.LinearElastic(young=1000.0, poisson=0.0),\n"
+        "    traction=pressed, displacement=left, contact=sfx.Contact(boundary='bottom')))\n"
+        "print([m for m in sys.modules if 'cohesion' in m or 'softening' in m or 'bond' in m])\n"
+    )
+    found = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    )
+    assert found.stdout.splitlines()[-1] == "[]"
