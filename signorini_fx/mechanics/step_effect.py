@@ -175,6 +175,18 @@ class StepEffect:
         """
         return new.displacement
 
+    def repeat(self, state: State, new: State, ended: StepEnd) -> State | None:
+        """Return the state to begin the same step from again, with what its solution says in fields
+        of the effect; None: it says what they have.
+        """
+        return None
+
+    def last_begun(self, state: State, new: State) -> State:
+        """Return the state that a step between two states was begun from in the end, see
+        ``repeat``.
+        """
+        return state
+
     def after(self, state: State, new: State, ended: StepEnd) -> State:
         """Return the end of a step that has a solution, with what the effect remembers.
 
@@ -194,6 +206,16 @@ class StepEffect:
     def figures(self, state: State, new: State, ended: StepEnd) -> Mapping[str, float]:
         """Return what is told of a step that has a solution, by names of columns."""
         return {}
+
+    def columns(self, new: State) -> Mapping[str, Array]:
+        """Return what is shown of each contact point at the end of a step, by names of columns of
+        the table of contact, each of shape (n,).
+        """
+        return {}
+
+    def told(self, new: State, ended: StepEnd) -> Iterator[Finding]:
+        """Yield what ``solve`` says of the last step, the same on all ranks."""
+        yield from ()
 
     def next_time(self, state: State, end: float) -> float:
         """Return the time of the end of the step after a state, at most that of the load step."""

@@ -223,6 +223,7 @@ class StepResult:
         linear_solves: linear solves of the step.
         rigid_bodies: how rigid bodies have moved.
         figures: what effects in time tell of it, by names.
+        told: what they say of it.
         between: the times and figures of shorter steps since the load step before.
         reason: why there is no solution; None: it is not known, or told by ``check``.
         acting: gives what acts on the body beside contact, where that is not what is stated at its
@@ -242,6 +243,7 @@ class StepResult:
     linear_solves: int
     rigid_bodies: tuple[RigidBodyMotion, ...] = ()
     figures: Mapping[str, float] = field(default_factory=dict)
+    told: tuple[Finding, ...] = ()
     between: tuple[tuple[float, Mapping[str, float]], ...] = ()
     reason: Finding | None = None
     acting: Callable[[], ActingForces] | None = None

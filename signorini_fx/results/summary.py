@@ -94,7 +94,7 @@ def _step_summary(
         "status": result.status.value,
         "linear_solves": result.linear_solves,
     }
-    columns = of_step(solution)
+    columns = {**of_step(solution), **result.figures}
     rows = list[dict[str, Any]]()
     for quantity in own_quantities():
         value = post_processing(

@@ -248,6 +248,10 @@ def recalled(
         new = read(posed.body.space, posed.boundary)
         if new is None:
             return None
+        if any(effect.overrides("last_begun") for effect in problem.effects):
+            for effect in problem.effects:
+                state = effect.last_begun(state, new)
+            posed, start, before = begun(problem, state, float(figures["place"]), time)
         posed, start = tightened(posed, start, new.found)
         solved = new
         for effect in problem.effects:

@@ -255,6 +255,7 @@ def findings_of_steps(
         *shapes_in_results(mechanics.shapes(_shown(steps).place), _shown(steps).displacement),
         *slid_at_corners(_shown(steps).contact),
         *further,
+        *_shown(steps).told,
         *result_findings([step.deformation for step in steps], names),
         *untouched(model.comm, steps),
         *steps_without_estimate(model.comm, model.statement, steps),

@@ -38,6 +38,7 @@ from signorini_fx.solving.frames import Posed, start_of, state_of, vectors_of
 if TYPE_CHECKING:
     from signorini_fx.results.resultants import ActingForces
 
+_MOST_TURNS = 50  # of effects that depend on the solution of their step
 _DIGITS = 9  # of durations, whose ends have round-off
 
 
@@ -140,6 +141,32 @@ def step(
     """
     solves = problem.history.linear_solves
     time = problem.path.time_at(place) if time is None else time
+    for _ in range(_MOST_TURNS):
+        left = None if budget is None else budget - (problem.history.linear_solves - solves)
+        new, report = _solved_once(problem, state, place, time, guess, left)
+        if report.status is not Status.CONVERGED or not problem.effects:
+            break
+        end = _end_of(problem, state, report)
+        turns = (effect.repeat(state, new, end) for effect in problem.effects)
+        again = next((turn for turn in turns if turn is not None), None)
+        if again is None:
+            break
+        state, guess = again, new
+    if report.status is Status.CONVERGED:
+        new, report = ended(problem, state, new, report)
+    count = problem.history.linear_solves - solves
+    return new, replace(report, result=replace(report.result, linear_solves=count))
+
+
+def _solved_once(
+    problem: Problem,
+    state: State,
+    place: float,
+    time: float,
+    guess: State | None,
+    budget: int | None,
+) -> tuple[State, Report]:
+    """Solve the step as it begins from a state; collective."""
     posed, start, before = begun(problem, state, place, time, guess)
     body = posed.body
     reason = None
@@ -160,14 +187,8 @@ def step(
         when = f"load step {start.step + 1}: " if problem.waits else ""
         reason = explained(body, posed.task, outcome, place, when)
     new, report = judged(problem, posed, start, before, outcome, state, time)
-    count = problem.history.linear_solves - solves
-    result = replace(report.result, linear_solves=count, reason=reason or report.result.reason)
-    report = replace(report, result=result)
-    return (
-        (new, report)
-        if result.status is not Status.CONVERGED
-        else ended(problem, state, new, report)
-    )
+    result = replace(report.result, reason=reason or report.result.reason)
+    return new, replace(report, result=result)
 
 
 def next_end(problem: Problem, state: State, reached: float, place: float) -> tuple[float, float]:
@@ -189,32 +210,55 @@ def ended(
     """
     if not problem.effects:
         return new, report
-    posed = report.posed
     result = report.result
-    assert posed.loads is not None
     with problem.timings.phase("certify"):
-        acting = partial(_acting, report, _added_forces(problem.effects, posed, state))
-        end = StepEnd(
-            posed.body,
-            result.contact,
-            posed.gap,
-            result.displacement.x.array,
-            posed.loads,
-            lambda: _reactions(report, acting().balance),
-            vectors_of(report.start.elastic_slip, posed.boundary.tangents),
-            report.outcome.augmented,
-            posed.dt,
-        )
+        end = _end_of(problem, state, report)
         figures = dict[str, float]()
         for effect in problem.effects:
             new = new if stored else effect.after(state, new, end)
             figures |= effect.figures(state, new, end)
+        told = tuple(finding for effect in problem.effects for finding in effect.told(new, end))
+        contact = result.contact
+        if contact is not None:
+            columns = {
+                name: values
+                for effect in problem.effects
+                for name, values in effect.columns(new).items()
+            }
+            contact = replace(contact, columns=columns)
+        result = replace(result, contact=contact, told=told)
         for effect in problem.effects:
             if (wrong := effect.outcome(state, new, end)) is not None:
                 result = replace(result, status=wrong[0], reason=wrong[1])
         if any(effect.overrides("solved") for effect in problem.effects):
+            acting = _forces_of(problem, state, report)
             result = replace(_at_the_end(problem, report, new), acting=acting)
     return new, replace(report, result=replace(result, figures=figures))
+
+
+def _forces_of(problem: Problem, state: State, report: Report) -> Callable[[], ActingForces]:
+    """What gives the forces on the body at the end of a step; collective."""
+    return partial(_acting, report, _added_forces(problem.effects, report.posed, state))
+
+
+def _end_of(problem: Problem, state: State, report: Report) -> StepEnd:
+    """The end of a step with a solution as effects see it; collective."""
+    posed = report.posed
+    result = report.result
+    loads = posed.loads
+    acting = _forces_of(problem, state, report)
+    assert loads is not None
+    return StepEnd(
+        posed.body,
+        result.contact,
+        posed.gap,
+        result.displacement.x.array,
+        loads,
+        lambda: _reactions(report, acting().balance),
+        vectors_of(report.start.elastic_slip, posed.boundary.tangents),
+        report.outcome.augmented,
+        posed.dt,
+    )
 
 
 def _at_the_end(problem: Problem, report: Report, new: State) -> StepResult:

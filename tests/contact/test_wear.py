@@ -14,14 +14,17 @@ from mpi4py import MPI
 
 from signorini_fx import (
     Archard,
+    Body,
     Contact,
     ContactProblem,
+    Coulomb,
     Displacement,
     Foundation,
     LinearElastic,
     LoadSteps,
     NonlinearContactProblem,
     Scene,
+    SolverSettings,
     Traction,
     sensitivity,
     solve,
@@ -178,6 +181,102 @@ def test_worn_flat(steps, columns, revolution):
     assert inner == pytest.approx(pressure, rel=0.06)
 
 
+# --- the slip of the contact itself ---
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("coefficient", [1e-8, 1e-5])
+@pytest.mark.parametrize("more", [{}, BOX], ids=["plane", "space"])
+def test_own_slip(coefficient, more):
+    """A block that slides to and fro as a whole, pressed by a force: k p times its way."""
+    way = {"boundary": "top", "x": 0.01, "factors": [0.5, 1.0, -1.0, 1.0]}
+    held = [{"boundary": "front", "y": 0.0}] if more else []
+    contact = {"boundary": "bottom", "wear": {"coefficient": coefficient}}
+    changes = {"material": {"young": 1e3, "poisson": 0.0}, "load_steps": None, "contact": contact}
+    solution = solve(changed(BLOCK, **{**more, **changes, "displacement": [*held, way]}))
+    assert all(step.certificate.holds for step in solution.steps)
+    slips = [step.figures["slip_range"] for step in solution.steps]
+    np.testing.assert_allclose(slips, [0.005, 0.005, 0.02, 0.02], rtol=1e-7)
+    depth = solution.state.fields["wear"].values
+    np.testing.assert_allclose(depth, coefficient * 5.0 * 0.05, rtol=1e-7)
+
+
+def halves(counts, push, shift, **wear):
+    """A round block that is pressed on a flat one of the same material, and slid to and fro by less
+    than friction holds: half a cycle in each load step from the second one.
+    """
+    bodies = []
+    for name, columns, bottom, top in (("up", counts, 0.0, 4.0), ("low", counts + 6, -4.0, 0.0)):
+        mesh = dmesh.create_rectangle(
+            MPI.COMM_WORLD,
+            [np.array([-1.0, 0.0]), np.ones(2)],
+            [columns, 14],
+            dmesh.CellType.quadrilateral,
+        )
+        x = mesh.geometry.x
+        x[:, 0] = 4.0 * np.sign(x[:, 0]) * np.abs(x[:, 0]) ** 2.5
+        low = bottom + (x[:, 0] ** 2 / 2 / R if name == "up" else 0.0)
+        along = x[:, 1] ** 1.6 if name == "up" else 1.0 - (1.0 - x[:, 1]) ** 1.6
+        x[:, 1] = low + along * (top - low)
+        raised = 1.0 / 2 / R if name == "up" else 0.0
+        marks = {
+            "bottom": lambda x, b=bottom, c=raised: np.isclose(x[1], b + c * x[0] ** 2),
+            "top": lambda x, t=top: np.isclose(x[1], t),
+        }
+        bodies.append(Body(name=name, mesh=tag_boundaries(mesh, marks)))
+    return Scene(
+        body=bodies,
+        material=[LinearElastic(region=one.name, young=2e5, poisson=0.3) for one in bodies],
+        displacement=[
+            Displacement(boundary="low.bottom", x=0.0, y=0.0),
+            Displacement(boundary="up.top", y=-push),
+            Displacement(boundary="up.top", x=shift, factors=[0.0, 1.0, -1.0, 1.0]),
+        ],
+        contact=Contact(boundary="up.bottom", against="low.top", friction=Coulomb(0.5), **wear),
+        solver=SolverSettings(coulomb="newton"),
+    )
+
+
+@pytest.mark.parametrize(
+    ("counts", "push", "error"),
+    [(60, 0.02, 0.04), pytest.param(120, 0.04, 0.02, marks=pytest.mark.slow)],
+)
+def test_fretting(counts, push, error):
+    """The energy of half a cycle before wear is that of Cattaneo (1938) and Mindlin (1949), as
+    Mindlin and Deresiewicz (1953) go on from: beyond c = a (1 - T / (F P))^(1/2) surfaces slip
+    by twice 4 (1 - nu^2) F p_0 / (E a) times the integral of (x^2 - c^2)^(1/2) from c.
+    """
+    step = solve(halves(counts, push, 0.4 * push)).steps[-1]
+    pressed, sheared = (np.linalg.norm(force) for force in step.contact.forces)
+    modulus = 2e5 / (1 - 0.3**2) / 2
+    a = np.sqrt(4 * pressed * R / np.pi / modulus)
+    largest = 2 * pressed / np.pi / a
+    c = a * np.sqrt(1 - sheared / (0.5 * pressed))
+    x = np.linspace(c, a, 20001)
+    middle = 0.5 * (x[1:] + x[:-1])
+    root = np.sqrt(middle**2 - c**2)
+    slip = np.cumsum(root) * (x[1] - x[0]) * 2 * 0.5 * largest / (modulus * a)
+    shear = 0.5 * largest * np.sqrt(1 - (middle / a) ** 2)
+    energy = 2 * np.sum(shear * 2 * slip) * (x[1] - x[0])
+    assert step.contact.friction_work == pytest.approx(energy, rel=error)
+
+
+def test_fretting_wears_the_ends():
+    """Where the middle sticks it does not wear; energy and wear of a point keep to k / F."""
+    solution = solve(halves(60, 0.02, 0.008, wear=Archard(1e-7)))
+    assert all(step.certificate.holds for step in solution.steps)
+    depth, energy = (solution.state.fields[name].values for name in ("wear", "dissipated"))
+    x = solution.contact.boundary.x[:, 0]
+    assert (depth[np.abs(x) < 0.1] == 0).all()
+    np.testing.assert_allclose(depth, 1e-7 / 0.5 * energy, rtol=1e-6, atol=1e-15)
+    assert depth.max() > 0
+    table = solution.table.columns
+    assert sorted(table["wear"]) == pytest.approx(sorted(depth))
+
+
+# --- what it does not go with ---
+
+
 def test_too_deep():
     """Half a cell is where it ends, with the steps before."""
     deep = changed(
@@ -227,11 +326,6 @@ def wear(**more):
     [
         (wear(coefficient=-1.0), "contact.wear.coefficient", "must not be negative"),
         (wear(distance=3.0), "contact.wear.distance", "must grow with the time t"),
-        (
-            {"contact": {"boundary": "bottom", "wear": {"coefficient": 1.0}}},
-            "contact.wear.distance",
-            "is missing",
-        ),
         (wear(rate=3.0), "contact.wear.rate", "unknown key"),
         ({"contact": {"boundary": "bottom", "wear": 1e-8}}, "contact.wear", "must be a table"),
         ({"solver": {"algorithm": "alm"}}, "contact.wear", "needs algorithm = 'ssn'"),

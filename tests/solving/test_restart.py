@@ -243,6 +243,8 @@ CASES = {
     # own problem.
     "tool": (TOOL, "full", 3),
     "tool, alm": (TOOL, "alm", 3),
+    # What is worn, and the slip that wears it.
+    "wear": (f"{PUSHED}wear.coefficient = 1e-5\n", "fp", 4),
     "mixed": (PUSHED.replace("nx = 24", "nx = 12") + MIXED, "fp", 4),
     "moving": (MOVING, "fp", 3),
     "spinning": (SPINNING, "fp", 3),
@@ -254,7 +256,7 @@ CASES = {
 @pytest.mark.parametrize(
     "name",
     [
-        name if name in ("fp", "tool") else pytest.param(name, marks=pytest.mark.slow)
+        name if name in ("fp", "tool", "wear") else pytest.param(name, marks=pytest.mark.slow)
         for name in CASES
     ],
 )

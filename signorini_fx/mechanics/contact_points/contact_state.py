@@ -4,7 +4,8 @@ space.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 
 import numpy as np
@@ -17,15 +18,21 @@ from signorini_fx.mechanics.contact_points.contact_boundary import ContactBounda
 
 @dataclass(frozen=True, repr=False)
 class ContactState(PointState):
-    """The contact nodes of this rank after a solve, and their ``boundary``: weights and normals."""
+    """The contact nodes of this rank after a solve.
+
+    Attributes:
+        boundary: their weights and normals.
+        columns: what effects in time add to the table of contact, by names, each of shape (n,).
+    """
 
     boundary: ContactBoundary
+    columns: Mapping[str, Array] = field(default_factory=dict)
 
     @classmethod
     def of(cls, state: PointState, boundary: ContactBoundary) -> ContactState:
         """A state at the points of a boundary."""
         return cls(
-            **{field.name: getattr(state, field.name) for field in fields(state)}, boundary=boundary
+            **{one.name: getattr(state, one.name) for one in fields(state)}, boundary=boundary
         )
 
     @cached_property

@@ -163,6 +163,7 @@ def contact_table(
         "touching": contact.in_contact,
         "side": contact.sliding_side(),
         "weight": boundary.weight,
+        **contact.columns,
     }
     widths = [value.shape[1] if value.ndim == 2 else 1 for value in values.values()]
     rows = parallel.gather_rows(boundary.comm, np.column_stack([*values.values()])[nodes])
@@ -193,6 +194,7 @@ def contact_table(
         "friction": np.where(of["bound"][:, 0] > 0, state, "none"),
         **_components("slip", of["slip"]),
         **(_components("speed", of["speed"]) if "speed" in of else {}),
+        **{name: of[name][:, 0] for name in contact.columns},
         "boundary": np.array(names)[part.astype(int)],
         **(
             {}

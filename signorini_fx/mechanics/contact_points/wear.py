@@ -4,7 +4,7 @@ Archard's law with the pressure of the end of the step, h' = h + k lambda' ds in
 makes it a soft contact of stiffness 1 / (1 / gamma_1 + k ds): one contact problem, symmetric, and
 stable for any slip ds.  With the pressure of its beginning it is stable only for k ds below about
 2.2 h / E*, h the length of cells, and alternates between nothing and many times the pressure
-beyond.
+beyond.  Where the slip is that of the contact itself, the step is solved again with the slip found.
 """
 
 from __future__ import annotations
@@ -16,25 +16,29 @@ from typing import Self
 
 import numpy as np
 
-from signorini_fx.arrays import Array
+from signorini_fx.arrays import Array, length
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import heights_at_nodes
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.effects.wear import Archard
 from signorini_fx.mechanics.model import Model
-from signorini_fx.mechanics.state import State
+from signorini_fx.mechanics.state import Field, State
 from signorini_fx.mechanics.statement.expressions import in_space, sample
 from signorini_fx.mechanics.step_effect import StepContact, StepEffect, StepEnd
 from signorini_fx.records import Finding, Status
 
 _EXPLICIT = 2.2  # k ds E / h below which an explicit rule is stable
+_SETTLED = 1e-9  # of the deepest wear of a step: by how much its slip may change it
 _MOST_DEPTH = 0.5  # of a cell: deeper its geometry is another one
 
 
 @dataclass(frozen=True)
 class Wear(StepEffect):
-    """The wear of contacts, by their numbers; the field ``wear`` of the state is its depth at the
-    contact points, length.
+    """The wear of contacts, by their numbers.
+
+    Fields of the state at contact points: ``wear``, its depth, length; ``dissipated``, the energy
+    of friction so far, per area; ``sliding``, where slip is that of the contact, the slip of the
+    last step, length.
     """
 
     parts: Mapping[int, Archard]
@@ -43,39 +47,10 @@ class Wear(StepEffect):
     def of(cls, entry: Mapping[int, Archard]) -> Self:
         return cls(entry)
 
-    def findings(self, model: Model) -> Iterator[Finding]:
-        boundary = model.boundary
-        if boundary is None:
-            return
-        path = model.path
-        ends = (
-            -1.0 + k / (path.steps or 1) for k in range(len(path.times) * (path.steps or 1) + 1)
-        )
-        times = [path.time_at(place) for place in ends]
-        softness: Array = np.zeros(boundary.size)
-        for begin, end in pairwise(times):
-            state = State(0, begin, np.zeros(0), np.zeros(0), ())
-            softness = np.maximum(softness, self._softness(boundary, state, end))
-        for number in self.parts:
-            height = self._heights(boundary, number)
-            most = softness[boundary.part == number] / height
-            ratio = parallel.largest(boundary.comm, most) * model.scales.modulus / _EXPLICIT
-            if ratio > 0:
-                text = f"a step wears {ratio:.3g} times what an explicit rule could: it is implicit"
-                yield Finding("note", f"contact[{number}].wear", text)
-
-    @staticmethod
-    def _heights(boundary: ContactBoundary, number: int) -> Array:
-        """The heights of the cells at the points of a contact, length, shape (its points,);
-        collective.
-        """
-        space, facets = next(each[:2] for each in boundary.surface if each[2] == number)
-        at_nodes = heights_at_nodes(space, facets)
-        return at_nodes[boundary.nodes[boundary.part == number]]
+    # --- a step ---
 
     def contact(self, contact: StepContact, state: State, dt: float) -> StepContact:
-        boundary = contact.boundary
-        softness = self._softness(boundary, state, state.time + dt)
+        softness = self._softness(contact.boundary, state, state.time + dt)
         worn = state.fields.get("wear")
         contact = contact if worn is None else contact.with_gap(worn.values)
         return replace(contact, softness=softness)
@@ -84,38 +59,119 @@ class Wear(StepEffect):
         """By how much the pressure of a step wears each point, k ds, length per stress, shape
         (n,).
         """
+        sliding = state.fields.get("sliding")
         softness = np.zeros(boundary.size)
         for number, part in self.parts.items():
             on = boundary.part == number
             x = in_space(boundary.x[on])
-            begin, end = (sample(part.distance.at_time(t), x) for t in (state.time, time))
-            softness[on] = sample(part.coefficient, x) * np.maximum(end - begin, 0.0)
+            if part.distance is not None:
+                begin, end = (sample(part.distance.at_time(t), x) for t in (state.time, time))
+                softness[on] = sample(part.coefficient, x) * np.maximum(end - begin, 0.0)
+            elif sliding is not None:
+                softness[on] = sample(part.coefficient, x) * sliding.values[on]
         return softness
+
+    def repeat(self, state: State, new: State, ended: StepEnd) -> State | None:
+        again, unsettled = self._again(state, new, ended)
+        return again if unsettled > _SETTLED else None
+
+    def _again(self, state: State, new: State, ended: StepEnd) -> tuple[State, float]:
+        """The state with the slip that the contact has in a step, where it decides how much is
+        worn, and by which share of the deepest wear of the step that changes it; collective.
+        """
+        own = [number for number, part in self.parts.items() if part.distance is None]
+        contact = ended.contact
+        if contact is None or not own:
+            return state, 0.0
+        boundary = contact.boundary
+        again = _with_slip(state, np.where(np.isin(boundary.part, own), length(contact.xi), 0.0))
+        used, found = (
+            contact.pressure * self._softness(boundary, each, new.time) for each in (state, again)
+        )
+        most = parallel.largest(boundary.comm, np.maximum(used, found))
+        change = parallel.largest(boundary.comm, np.abs(found - used))
+        return again, change / most if most > 0 else 0.0
+
+    def last_begun(self, state: State, new: State) -> State:
+        found = new.fields.get("sliding")
+        return state if found is None else _with_slip(state, found.values)
 
     def after(self, state: State, new: State, ended: StepEnd) -> State:
         contact = ended.contact
         if contact is None:
             return new
         softness = self._softness(contact.boundary, state, new.time)
-        return self.added(new, "wear", "points", softness * np.maximum(contact.pressure, 0.0))
+        new = self.added(new, "wear", "points", softness * np.maximum(contact.pressure, 0.0))
+        return self.added(new, "dissipated", "points", contact.friction_energy)
 
     def outcome(self, state: State, new: State, ended: StepEnd) -> tuple[Status, Finding] | None:
         contact = ended.contact
         if contact is None:
             return None
         boundary = contact.boundary
+        _, unsettled = self._again(state, new, ended)
+        if unsettled > _SETTLED:
+            number = next(number for number, part in self.parts.items() if part.distance is None)
+            reason = f"its slip still changes the depth by {unsettled:.1g}: take shorter load steps"
+            finding = Finding("warning", f"contact[{number}].wear", reason)
+            return Status.OUTER_MAX_ITERATIONS, finding
         depth = new.fields["wear"].values
         for number in self.parts:
-            worn = depth[boundary.part == number] / self._heights(boundary, number)
+            worn = depth[boundary.part == number] / _heights(boundary, number)
             deepest = parallel.largest(boundary.comm, worn)
             if deepest > _MOST_DEPTH:
                 reason = f"is {deepest:.2g} cells deep: take larger cells, or remesh the worn body"
                 return Status.WORN, Finding("warning", f"contact[{number}].wear", reason)
         return None
 
+    # --- what is told ---
+
+    def findings(self, model: Model) -> Iterator[Finding]:
+        boundary = model.boundary
+        if boundary is None:
+            return
+        path = model.path
+        divided = path.steps or 1
+        places = (-1.0 + k / divided for k in range(len(path.times) * divided + 1))
+        softness: Array = np.zeros(boundary.size)
+        for begin, end in pairwise(map(path.time_at, places)):
+            state = State(0, begin, np.zeros(0), np.zeros(0), ())
+            softness = np.maximum(softness, self._softness(boundary, state, end))
+        for number in self.parts:
+            most = softness[boundary.part == number] / _heights(boundary, number)
+            ratio = parallel.largest(boundary.comm, most) * model.scales.modulus / _EXPLICIT
+            if ratio > 0:
+                text = f"a step wears {ratio:.3g} times what an explicit rule could: it is implicit"
+                yield Finding("note", f"contact[{number}].wear", text)
+
+    def columns(self, new: State) -> Mapping[str, Array]:
+        return {name: new.fields[name].values for name in ("wear", "dissipated")}
+
+    def told(self, new: State, ended: StepEnd) -> Iterator[Finding]:
+        contact = ended.contact
+        if contact is None:
+            return
+        boundary = contact.boundary
+        slip = length(contact.xi) * contact.in_contact
+        x = boundary.x[:, : ended.model.dimension]
+        rows = np.column_stack(
+            (boundary.part, *self.columns(new).values(), slip, boundary.weight, x)
+        )
+        gathered = parallel.gather_rows(boundary.comm, rows)
+        for number, entry in self.parts.items():
+            _, depth, work, slips, weight, *place = gathered[gathered[:, 0] == number].T
+            deepest = np.lexsort((*np.round(place[::-1], 9), -np.round(depth, 12)))[0]
+            at = ", ".join(f"{along[deepest] + 0.0:.4g}" for along in place)
+            text = f"worn {depth[deepest]:.4g} deep at ({at}), volume {weight @ depth:.4g}"
+            if entry.distance is None:
+                text += f"; in the last step it slips by up to {slips.max():.4g}"
+            if contact.has_friction:
+                text += f"; energy of friction {weight @ work:.4g}"
+            yield Finding("note", f"contact[{number}].wear", text)
+
     def figures(self, state: State, new: State, ended: StepEnd) -> Mapping[str, float]:
-        """Return the largest depth, the volume, and by how much of its growth the gaps that closed
-        differ from k times force times slip.
+        """Return the largest depth, the volume, energy and slip, and by how much of its growth the
+        gaps that closed differ from k times force times slip.
         """
         contact = ended.contact
         if contact is None:
@@ -127,11 +183,28 @@ class Wear(StepEffect):
         assert new.gammas is not None
         closed = contact.u_n - ended.gap - contact.pressure / new.gammas[0]
         closed = np.where(pressed & (softness > 0), closed, 0.0)
-        rows = [depth, closed, softness * np.where(pressed, contact.pressure, 0.0)]
+        expected = softness * np.where(pressed, contact.pressure, 0.0)
+        rows = [depth, new.fields["dissipated"].values, closed, expected]
         sums = boundary.weight @ np.column_stack(rows)
-        volume, grown, expected = parallel.global_sum(boundary.comm, sums)
+        volume, dissipated, grown, wanted = parallel.global_sum(boundary.comm, sums)
         return {
             "wear": parallel.largest(boundary.comm, depth),
             "worn_volume": float(volume),
-            "wear_error": float(grown / expected - 1.0) if expected else 0.0,
+            "dissipated": float(dissipated),
+            "slip_range": parallel.largest(boundary.comm, length(contact.xi) * pressed),
+            "wear_error": float(grown / wanted - 1.0) if wanted else 0.0,
         }
+
+
+def _with_slip(state: State, slip: Array) -> State:
+    """A state with the slip of the contact points, which that before the first step has, too."""
+    return replace(state, fields={**state.fields, "sliding": Field("points", slip)})
+
+
+def _heights(boundary: ContactBoundary, number: int) -> Array:
+    """The heights of the cells at the points of a contact, length, shape (its points,);
+    collective.
+    """
+    space, facets = next(each[:2] for each in boundary.surface if each[2] == number)
+    at_nodes = heights_at_nodes(space, facets)
+    return at_nodes[boundary.nodes[boundary.part == number]]

@@ -22,7 +22,7 @@ class Archard(ContactPart):
     Attributes:
         coefficient: k, depth per pressure and slip, 1 / stress.
         distance: by which the other surface has slid over each point at the time t, length, an
-            expression.
+            expression; None: slip is that of the contact itself.
 
     Examples:
         >>> worn = sfx.Contact(boundary="bottom", wear=sfx.Archard(1e-6, distance="100*t"))
@@ -45,14 +45,14 @@ class Archard(ContactPart):
     }
 
     coefficient: NonNegativeValue = Field(kw_only=False)
-    distance: TimedSampledValue
+    distance: TimedSampledValue | None = None
 
     def contradictions(self, statement: Any, number: int) -> Contradictions:
         contact = statement.contact[number]
         place = ("contact", number, "wear")
         if not contact.opens:
             yield place, f"is for unilateral contact, not for {contact.kind!r}"
-        if not getattr(self.distance, "timed", False):
+        if self.distance is not None and not getattr(self.distance, "timed", False):
             yield (*place, "distance"), "must grow with the time t, such as '5e3*t'"
         if statement.solver.algorithm not in ("auto", "ssn"):
             reason = f"needs algorithm = 'ssn', not {statement.solver.algorithm!r}"
