@@ -36,13 +36,24 @@ def column(way, height=10.0, **changed):
     return sfx.Scene(**given | changed)
 
 
-def test_pulled_and_released():
-    """A column follows the bond, unloads along its secant, presses, and tears."""
-    solution = sfx.solve(column(PULLED))
-    assert solution.converged
-    pressures = np.array([step.contact.pressure for step in solution.steps])
-    np.testing.assert_allclose(pressures, -np.outer(STRESS, np.ones(3)), rtol=2e-5, atol=1e-9)
-    last = solution.steps[-1].figures
+@pytest.mark.parametrize("generator", ["rectangle", "box"])
+def test_pulled_and_released(generator):
+    """A column that nothing else holds sideways follows its bond, unloads along its secant,
+    presses, and tears.
+    """
+    parameters = {"length": 1.0, "height": 10.0, "nx": 2, "ny": 2}
+    up = "y"
+    if generator == "box":
+        parameters |= {"width": 1.0, "nz": 2}
+        up = "z"
+    moved = sfx.Displacement(boundary="top", **{up: 1.0}, factors=PULLED)
+    mesh = {"generator": generator, "parameters": parameters}
+    solution = sfx.solve(column(PULLED, mesh=mesh, displacement=moved), check=False)
+    assert [step.status.name for step in solution.steps] == ["CONVERGED"] * 5 + ["NOT_HELD"]
+    for step, stress in zip(solution.steps[:5], STRESS, strict=False):
+        pressure = step.contact.pressure
+        np.testing.assert_allclose(pressure, -stress, rtol=2e-5, atol=1e-9)
+    last = solution.steps[4].figures
     assert last["dissipated"] == pytest.approx(0.05, rel=1e-9)
     assert last["broken"] == pytest.approx(1.0)
 
@@ -153,6 +164,106 @@ def test_double_cantilever(facet, steps, within):
     torn = last.contact.points.weight @ (damage >= 1.0) - 30.0
     zone = last.figures["process_zone"]
     assert 0.15 * (torn - facet) < last.figures["dissipated"] < 0.15 * (torn + zone + facet)
+
+
+@pytest.mark.slow
+def test_same_on_three_meshes():
+    """What a mesh of one facet in the process zone, of two and of four say of peak and end."""
+    told = []
+    for facet in (1.0, 0.5, 0.25):
+        solution = sfx.solve(cantilever(facet, 60, 10.0))
+        forces = [-step.contact.forces[0][1] for step in solution.steps]
+        told.append((max(forces), forces[-1], solution.steps[-1].figures["dissipated"]))
+    for row in told[:2]:
+        assert row == pytest.approx(told[2], rel=1e-2)
+
+
+@pytest.mark.parametrize("algebra", ["auto", "full"])
+def test_hinged_block(algebra):
+    """A rigid block that turns about a point of its bond needs the moment of the law."""
+    first, last, angles = 1e-4, 0.1, [0.05, 0.15, 0.4]
+    parameters = {"length": 1.0, "height": 0.25, "nx": 40, "ny": 1}
+    bond = {"strength": 1.0, "energy": 0.05, "stiffness": 1e4}
+    solution = sfx.solve(
+        column(
+            angles,
+            mesh={"generator": "rectangle", "parameters": parameters},
+            material=sfx.LinearElastic(young=1e9, poisson=0.0),
+            displacement=[
+                sfx.Displacement(boundary="top", x="-x[1]", y="x[0]", factors=angles),
+            ],
+            contact=sfx.Contact(boundary="bottom", cohesion=bond),
+            solver={"largest_deformation": 10.0, "linear_algebra": algebra},
+        )
+    )
+    assert solution.converged
+    for step, angle in zip(solution.steps, angles, strict=True):
+        points = step.contact.boundary
+        moment = -step.contact.pressure @ (points.weight * points.x[:, 0])
+        y = min(angle, last)
+        soft = last * (y**2 - first**2) / 2 - (y**3 - first**3) / 3
+        exact = 1.0 / angle**2 * (first**2 / 3 + soft / (last - first))
+        assert moment == pytest.approx(exact, rel=1e-2)
+    assert exact == pytest.approx(0.010427, rel=1e-4)
+
+
+def halves(count, *, length=100.0, height=1.5):
+    """Two strips upon each other."""
+    boxes = [
+        Box(name, 0.0, y, length, height, count, 2)
+        for name, y in (("lower", 0.0), ("upper", height))
+    ]
+    return boxes_mesh(MPI.COMM_WORLD, boxes)
+
+
+@pytest.mark.slow
+def test_end_notched_flexure():
+    """Two arms that slide on each other before the bond tears in shear, by beam theory."""
+    way = [-1.0, -2.0, -2.2]
+    solution = sfx.solve(
+        sfx.Scene(
+            mesh=halves(50),
+            material=sfx.LinearElastic(young=70_000.0, poisson=0.0, hypothesis="plane stress"),
+            element=sfx.Element(degree=2),
+            displacement=[
+                sfx.Displacement(at=[0.0, 0.0], x=0.0, y=0.0),
+                sfx.Displacement(at=[100.0, 0.0], y=0.0),
+                sfx.Displacement(at=[50.0, 3.0], y=1.0, factors=way),
+            ],
+            contact=sfx.Contact(
+                boundary="bottom upper",
+                against="top lower",
+                cohesion=sfx.Cohesion("where(x[0] > 34.999, 30, 0)", 0.3, shear_strength=50.0),
+            ),
+        )
+    )
+    forces = [solution.at(step).resultants.of("(50, 3)").force[1] for step in solution.steps]
+    assert -forces[0] == pytest.approx(4.99175, rel=2e-3)
+    reached = 35.0 + solution.steps[-1].figures["broken"]
+    sharp = 4 / 3 * np.sqrt(0.3 * 70_000 * 1.5**3) / reached
+    assert -forces[-1] == pytest.approx(sharp, rel=2e-2)
+
+
+def test_stiff_and_strong():
+    """A bond that never softens is ``bonded``."""
+    blocks = boxes_mesh(
+        MPI.COMM_WORLD,
+        [Box("lower", 0.0, 0.0, 2.0, 1.0, 4, 2), Box("upper", 0.0, 1.0, 2.0, 1.0, 5, 2)],
+    )
+    ties = ({"kind": "bonded"}, {"cohesion": sfx.Cohesion(1e6, 1e9, stiffness=1e9)})
+    moved = [
+        sfx.solve(
+            sfx.Scene(
+                mesh=blocks,
+                material=sfx.LinearElastic(young=1000.0, poisson=0.3),
+                displacement=sfx.Displacement(boundary="bottom lower", x=0.0, y=0.0),
+                traction=sfx.Traction(boundary="top upper", x=2.0, y=5.0),
+                contact=sfx.Contact(boundary="bottom upper", against="top lower", **tie),
+            )
+        ).displacement.x.array
+        for tie in ties
+    ]
+    np.testing.assert_allclose(moved[1], moved[0], atol=1e-4 * np.abs(moved[0]).max())
 
 
 BAD = {

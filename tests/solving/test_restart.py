@@ -152,6 +152,28 @@ shift = ["0.02 * (t - 1)", 0.0, "-0.01 * t"]
 rotation = [0.0, "0.2 * (t - 1)", "2 * (t - 1)"]
 pivot = [0.9, 1.0, 3.98]
 """
+# A block that is pressed and pulled off its bond, obliquely, and rubs where this is broken.
+TORN = """
+mesh = { generator = "rectangle", parameters = { length = 3.0, nx = 18, ny = 4 } }
+material = { young = 5000.0, poisson = 0.3 }
+[[traction]]
+boundary = "top"
+pressure = 2.0
+[[displacement]]
+boundary = "left"
+x = 0.02
+y = 0.01
+factors = [0.5, 1.0, 1.5, 1.2]
+[[contact]]
+boundary = "bottom"
+friction = { law = "coulomb", coefficient = 0.3 }
+cohesion = { strength = 8.0, energy = 0.1, shear_strength = 10.0, shear_energy = 0.3, exponent = 2.0 }
+"""
+TORN_IN_SPACE = (
+    TORN.replace("rectangle", "box")
+    .replace("nx = 18, ny = 4", "nx = 6, ny = 3, nz = 3")
+    .replace("y = 0.01", "y = 0.01\nz = 0.01")
+)
 METHODS = {
     "fp": {},
     "newton": {"coulomb": "newton"},
@@ -248,6 +270,9 @@ CASES = {
     "mixed": (PUSHED.replace("nx = 24", "nx = 12") + MIXED, "fp", 4),
     "moving": (MOVING, "fp", 3),
     "spinning": (SPINNING, "fp", 3),
+    "torn": (TORN, "fp", 3),
+    "torn, newton": (TORN, "newton", 3),
+    "torn in space": (TORN_IN_SPACE, "newton", 3),
     "spinning, alm": (SPINNING, "alm", 3),
 }
 
@@ -256,7 +281,9 @@ CASES = {
 @pytest.mark.parametrize(
     "name",
     [
-        name if name in ("fp", "tool", "wear") else pytest.param(name, marks=pytest.mark.slow)
+        name
+        if name in ("fp", "tool", "torn", "wear")
+        else pytest.param(name, marks=pytest.mark.slow)
         for name in CASES
     ],
 )

@@ -16,8 +16,9 @@ from petsc4py import PETSc
 
 from signorini_fx.algebra.contact.active_sets import tangent
 from signorini_fx.algebra.contact.complementarity import trial_pressure
-from signorini_fx.algebra.linalg import finite
+from signorini_fx.algebra.linalg import finite, petsc_calls
 from signorini_fx.arrays import Array
+from signorini_fx.machine import parallel
 from signorini_fx.records import Status
 from signorini_fx.tuned import CERTIFICATE_TOLERANCE, LINE_SEARCH_STEPS, NO_FORCE, WHOLE_SLOPE
 
@@ -37,8 +38,8 @@ class Descent:
         self._symmetric = problem.tangent.create()
         self._ksp = PETSc.KSP().create(problem.points.comm)
         self._ksp.setOperators(self._jacobian)
-        problem.system.configure(self._ksp, symmetric=False)
-        problem.system.factorise(self._ksp, symmetric=False)
+        if not problem.system.factorise(self._ksp, symmetric=False):
+            problem.system.configure(self._ksp, symmetric=False)
 
     def descend(self, limit: int, first: int) -> Status:
         """Iterate by at most so many linear solves, of which the first has this number."""
@@ -54,15 +55,20 @@ class Descent:
                 return problem.next.escapes
             problem.sets = problem.next.sets
             self._assemble()
-            self._ksp.solve(force, way)
+            petsc_calls.solve(self._ksp.solve, force, way)
             if self._ksp.getConvergedReason() < 0 or not finite(way):
                 return Status.SINGULAR
             begun = way.dot(force)
+            broken = problem.data.broken
             share = 1.0
             x.axpy(-1.0, way)
             problem.residual(None, x, force)
+            # Where no bond is torn further, full steps find the sets of contact.
+            searched = k > 0 and parallel.any_rank(
+                problem.points.comm, not np.array_equal(broken, problem.data.broken)
+            )
             while (
-                k > 0
+                searched
                 and share > 0.5**LINE_SEARCH_STEPS
                 and -way.dot(force) > WHOLE_SLOPE * abs(begun)
             ):

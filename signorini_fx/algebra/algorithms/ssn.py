@@ -229,8 +229,6 @@ class SemismoothNewton:
             return Status.MAX_ITERATIONS
         remaining = self.history.limit - self._solves_before
         limit = int(min(self.max_iterations, max_iterations or self.max_iterations, remaining))
-        if data.bond is not None:
-            return self._descent.descend(limit, first_iteration)
         self.snes.setTolerances(max_it=limit)
         self._may_keep = True
         self._loosened = False
@@ -240,6 +238,8 @@ class SemismoothNewton:
         self._slow = False
         try:
             with petsc_options.defaults(), unprinted():
+                if data.bond is not None:
+                    return self._descent.descend(limit, first_iteration)
                 status = self._run(data, limit)
         except (PETSc.Error, MemoryError) as error:
             status = self.outcome_of(error)
