@@ -58,7 +58,7 @@ from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.contact_fields import ContactFields
 from signorini_fx.results.mechanics import StepResult
 from signorini_fx.solving.frames import Posed, guess_of
-from signorini_fx.solving.step import Report, step
+from signorini_fx.solving.step import Report, contact_equilibrium, step
 
 
 class FormSolver:
@@ -243,7 +243,9 @@ class FormSolver:
             posed = self.pose(state, dt)
             return replace(posed, body=self.model(path or self.path))
 
-    def accept(self, report: Report) -> None:
+    equilibrium = contact_equilibrium
+
+    def accept(self, new: State, report: Report) -> None:
         """The next step goes on from values of then."""
 
     def advance(self) -> None:

@@ -26,7 +26,7 @@ from signorini_fx.solving.increments import Increments, check_step
 from signorini_fx.solving.load_path import run
 from signorini_fx.solving.restart import StoredStates
 from signorini_fx.solving.solve_on_mesh import contact_solution, findings_of_steps, last_solved
-from signorini_fx.solving.step import Report, step
+from signorini_fx.solving.step import Report, contact_equilibrium, recalled_equilibrium, step
 
 Clock = Callable[[float], object]  # changes a problem to what it is at a time
 Ran = tuple[LoadPath, list[Report]]  # a run, and its load steps
@@ -69,7 +69,10 @@ class FormsInTime:
         """What the forms say of a model of theirs."""
         return self.solver.mechanics(model)
 
-    def accept(self, report: Report) -> None:
+    equilibrium = contact_equilibrium
+    recall = recalled_equilibrium
+
+    def accept(self, new: State, report: Report) -> None:
         """What the clock changes is the user's."""
 
 

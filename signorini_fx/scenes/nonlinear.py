@@ -248,7 +248,9 @@ class ProblemOfScene(NonlinearContactProblem):
         of_result += steps_without_estimate(self.model.comm, self.statement, solution.shown_steps)
         findings = (*failures, *known, *self.findings, *of_result)
         named = tuple(map(self._named, solution.steps))
-        mechanics = SceneMechanics(model, said.ends, said.boundaries, said.errors_now, forces)
+        mechanics = SceneMechanics(
+            model, said.ends, said.boundaries, said.errors_now, forces=forces
+        )
         return replace(
             solution,
             mechanics=mechanics,
@@ -356,7 +358,7 @@ class ReachedStep:
     end: SolvedBody
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class SceneMechanics(NonlinearMechanics):
     """The mechanics of a model whose loads and supports have names, and whose materials say its
     stress.

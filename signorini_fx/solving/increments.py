@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import floor, inf
+from math import floor
 from typing import ClassVar
 
 import mpi4py.MPI  # noqa: F401  # first, see signorini_fx.mechanics.body
@@ -192,10 +192,12 @@ class HalvedIncrements(PathIncrements):
         return (self.next - self.reached) / 2 >= ENCLOSED * self.nominal
 
     @property
-    def allowed(self) -> float:
-        """Linear solves that the next step may take, before a smaller one is tried."""
+    def allowed(self) -> int | None:
+        """Linear solves that the next step may take, before a smaller one is tried; None: those of
+        the settings.
+        """
         if not (self.last and self.may_halve):
-            return inf
+            return None
         return FAILED_STEP**2 * max(self.last, EASY_STEP)
 
     def bracket(self, status: Status) -> str | None:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
 from signorini_fx.mechanics.state import State
 from signorini_fx.records import Status, StepRecord
 from signorini_fx.solving.increments import HalvedIncrements, Increments
-from signorini_fx.solving.restart import StoredStates, marks_of, recalled
+from signorini_fx.solving.restart import StoredStates, marks_of
 from signorini_fx.solving.step import next_end, step
 
 
@@ -20,7 +20,6 @@ def run(
     *,
     guess: State | None = None,
     stored: StoredStates | None = None,
-    by: tuple[Callable[..., Any], Callable[..., Any]] = (step, recalled),
 ) -> Iterator[tuple[State, Any]]:
     """Solve one load step after the other, or take it from what is stored, until there is none;
     collective.
@@ -32,13 +31,11 @@ def run(
         guess: see ``step``, of the first step.
         stored: the load steps of a run that has not ended, which each new one is added to; None:
             nothing is stored.
-        by: how a load step is solved, and how it is shown again that an earlier run has solved.
 
     Yields:
         The end of each load step with its report, the last one with or without a solution.  It is
         stored when the next one is asked for.
     """
-    solved, shown = by
     history = problem.history
     between = list[tuple[float, Mapping[str, float]]]()
 
@@ -52,7 +49,7 @@ def run(
             yield new, report
 
     if stored is not None:
-        for new, report, kept in stored.recalled(problem, state, way, shown):
+        for new, report, kept in stored.recalled(problem, state, way):
             state = new
             yield from passed(new, report, kept=kept)
     marks = marks_of(history)
@@ -63,7 +60,7 @@ def run(
         if problem.path.several and time == end:
             name = problem.path.name_at(place)
             history.add(StepRecord(state.number + 1, name, time))
-        new, report = solved(problem, state, place, time=time, guess=guess, budget=way.allowed)
+        new, report = step(problem, state, place, time=time, guess=guess, budget=way.allowed)
         status = report.status
         if status is not Status.CONVERGED:
             if not history.exhausted and way.shorten(status):
@@ -74,8 +71,8 @@ def run(
             yield new, report
             return
         state = new
-        problem.accept(report)
-        way.advance(place, report.linear_solves, report.iterations)
+        problem.accept(new, report)
+        way.advance(place, report.result.linear_solves, report.iterations)
         yield from passed(new, report, kept=time == end)
         if stored is not None:
             with problem.timings.phase("checkpoint"):

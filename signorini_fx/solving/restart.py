@@ -28,10 +28,8 @@ from signorini_fx.mechanics.state import State, write_table
 from signorini_fx.records import History, IterationRecord, OuterRecord, Status, Timings
 from signorini_fx.results.files import describe
 from signorini_fx.results.folder import CHECKPOINT, refuse_foreign
-from signorini_fx.solving.bolt_preloads import tightened
-from signorini_fx.solving.frames import solution_of
 from signorini_fx.solving.increments import PathIncrements
-from signorini_fx.solving.step import Problem, Report, begun, ended, judged
+from signorini_fx.solving.step import ended
 
 Figures = dict[str, Any]
 Marks = tuple[int, int, int]  # numbers of linear solves, regularised problems and events so far
@@ -94,14 +92,13 @@ class StoredStates:
         problem: Any,
         state: State,
         way: PathIncrements,
-        shown: Callable[..., tuple[State, Any] | None],
     ) -> Iterator[tuple[State, Any, bool]]:
         """The steps of an earlier run that follow a state, with which the way goes on, and whether
-        each ends a load step; ``shown``: see ``recalled``.
+        each ends a load step.
         """
         while not way.ended and (figures := self.figures(state.number)) is not None:
             number = state.number
-            end = shown(problem, state, figures, partial(self.read, number))
+            end = recalled(problem, state, figures, partial(self.read, number))
             if end is None:
                 return
             state, report = end
@@ -111,7 +108,7 @@ class StoredStates:
                 return
             recall_history(figures, problem.history, problem.timings)
             way.resume(figures["path"])
-            problem.accept(report)
+            problem.accept(state, report)
             yield state, report, figures["kept"]
 
     def read(
@@ -147,7 +144,7 @@ class StoredStates:
             "place": report.result.place,
             "time": new.time,
             "kept": kept,
-            "linear_solves": report.linear_solves,
+            "linear_solves": report.result.linear_solves,
             "path": way.stored(),
             "method": {
                 "gammas": [data.gamma_n, data.gamma_t],
@@ -237,28 +234,20 @@ class StoredStates:
 
 
 def recalled(
-    problem: Problem, state: State, figures: Figures, read: Callable[..., State | None]
-) -> tuple[State, Report] | None:
+    problem: Any, state: State, figures: Figures, read: Callable[..., State | None]
+) -> tuple[State, Any] | None:
     """The end of a load step that follows a state, as an earlier run has stored it, with what is
     shown of it, evaluated again; None: it cannot be read; collective.
     """
+    place, time = (float(figures[name]) for name in ("place", "time"))
     with problem.timings.phase("restart"):
-        time = float(figures["time"])
-        posed, start, before = begun(problem, state, float(figures["place"]), time)
-        new = read(posed.body.space, posed.boundary)
-        if new is None:
-            return None
-        if any(effect.overrides("last_begun") for effect in problem.effects):
-            for effect in problem.effects:
-                state = effect.last_begun(state, new)
-            posed, start, before = begun(problem, state, float(figures["place"]), time)
-        posed, start = tightened(posed, start, new.found)
-        solved = new
-        for effect in problem.effects:
-            solved = replace(solved, displacement=effect.solved(state, solved))
-        outcome = solution_of(posed, start, solved, **figures["method"])
-    _, report = judged(problem, posed, start, before, outcome, state, time)
+        found = problem.recall(state, place, time, read, figures["method"])
+    if found is None or found[1].result is None:
+        return found
+    new, report = found
     if report.status is Status.CONVERGED:
+        for effect in problem.effects:
+            state = effect.last_begun(state, new)
         _, report = ended(problem, state, new, report, stored=True)
     result = replace(report.result, linear_solves=figures["linear_solves"])
     return new, replace(report, result=result)

@@ -46,7 +46,13 @@ from signorini_fx.solving.findings import (
 from signorini_fx.solving.frames import Posed, guess_of
 from signorini_fx.solving.increments import Increments, check_step
 from signorini_fx.solving.load_path import run
-from signorini_fx.solving.step import Report, next_end, step
+from signorini_fx.solving.step import (
+    Report,
+    contact_equilibrium,
+    next_end,
+    recalled_equilibrium,
+    step,
+)
 from signorini_fx.tuned import PATH_ERROR_SHARE
 
 if TYPE_CHECKING:
@@ -441,7 +447,10 @@ class StatedProblem:
         self._timed[dt] = body, stepped
         return stepped
 
-    def accept(self, report: Report) -> None:
+    equilibrium = contact_equilibrium
+    recall = recalled_equilibrium
+
+    def accept(self, new: State, report: Report) -> None:
         """Go on with the shortenings that forces have led to."""
         if not self.model.statement.preloads:
             return
@@ -469,7 +478,7 @@ class StatedProblem:
             at, until = next_end(self, state, reached, place)
             new, report = step(self, state, at, time=until)
             if report.result.status is Status.CONVERGED:
-                self.accept(report)
+                self.accept(new, report)
             if report.result.status is not Status.CONVERGED or at == place:
                 return new, report.result
             state, reached = new, at

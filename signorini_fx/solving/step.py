@@ -4,10 +4,10 @@ ended.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -33,7 +33,7 @@ from signorini_fx.results.certificate.law_of_method import (
     overclosures_of,
 )
 from signorini_fx.results.mechanics import Mechanics, StepResult
-from signorini_fx.solving.frames import Posed, start_of, state_of, vectors_of
+from signorini_fx.solving.frames import Posed, solution_of, start_of, state_of, vectors_of
 
 if TYPE_CHECKING:
     from signorini_fx.results.resultants import ActingForces
@@ -61,6 +61,23 @@ class Problem(Protocol):
     def effects(self) -> Sequence[StepEffect]:
         """What else happens from load step to load step."""
 
+    def equilibrium(
+        self,
+        state: State,
+        place: float,
+        time: float,
+        guess: State | None = None,
+        budget: int | None = None,
+    ) -> tuple[State, Any]:
+        """Return the end of a step before effects in time, and its report, see ``step``."""
+
+    def accept(self, new: State, report: Any) -> None:
+        """A step has ended with a solution, from which the next one goes on."""
+
+
+class LinearProblem(Problem, Protocol):
+    """A problem whose load steps are contact problems of a linear body each."""
+
     @property
     def waits(self) -> bool:
         """Whether a body that nothing loads waits where it is for its load, see
@@ -74,9 +91,6 @@ class Problem(Protocol):
 
     def mechanics(self, model: Model) -> Mechanics:
         """What says the forces and stresses of a body that was posed."""
-
-    def accept(self, report: Report) -> None:
-        """A step has ended with a solution, from which the next one goes on."""
 
 
 @dataclass(frozen=True)
@@ -106,11 +120,6 @@ class Report:
         """How the step has ended."""
         return self.result.status
 
-    @property
-    def linear_solves(self) -> int:
-        """Return the number of linear solves of the step."""
-        return self.result.linear_solves
-
     def __str__(self) -> str:
         return f"{self.result}: {self.status.value}"
 
@@ -123,9 +132,9 @@ def step(
     time: float | None = None,
     guess: State | None = None,
     budget: int | None = None,
-) -> tuple[State, Report]:
-    """Solve the step from a state to a place on the path; nothing is changed by a failure;
-    collective.
+) -> tuple[State, Any]:
+    """Solve the step from a state to a place on the path; a failure changes nothing that a later
+    step begins from; collective.
 
     Args:
         problem: what is solved.
@@ -137,13 +146,14 @@ def step(
         budget: linear solves that it may take; None: those of the settings.
 
     Returns:
-        The state at its end, whatever the status of the report is, and the report.
+        The state at its end, or of a nonlinear body without a solution that before it, and how it
+        has ended: a ``Report``, or of a nonlinear body a ``Failure``.
     """
     solves = problem.history.linear_solves
     time = problem.path.time_at(place) if time is None else time
     for _ in range(_MOST_TURNS):
         left = None if budget is None else budget - (problem.history.linear_solves - solves)
-        new, report = _solved_once(problem, state, place, time, guess, left)
+        new, report = problem.equilibrium(state, place, time, guess, left)
         if report.status is not Status.CONVERGED or not problem.effects:
             break
         end = _end_of(problem, state, report)
@@ -152,21 +162,24 @@ def step(
         if again is None:
             break
         state, guess = again, new
+    if report.result is None:
+        return new, report
     if report.status is Status.CONVERGED:
         new, report = ended(problem, state, new, report)
+    assert report.result is not None
     count = problem.history.linear_solves - solves
     return new, replace(report, result=replace(report.result, linear_solves=count))
 
 
-def _solved_once(
-    problem: Problem,
+def contact_equilibrium(
+    problem: LinearProblem,
     state: State,
     place: float,
     time: float,
-    guess: State | None,
-    budget: int | None,
+    guess: State | None = None,
+    budget: int | None = None,
 ) -> tuple[State, Report]:
-    """Solve the step as it begins from a state; collective."""
+    """Return the end of a step that is one contact problem, see ``step``; collective."""
     posed, start, before = begun(problem, state, place, time, guess)
     body = posed.body
     reason = None
@@ -189,6 +202,43 @@ def _solved_once(
     new, report = judged(problem, posed, start, before, outcome, state, time)
     result = replace(report.result, reason=reason or report.result.reason)
     return new, replace(report, result=result)
+
+
+def recalled_equilibrium(
+    problem: LinearProblem,
+    state: State,
+    place: float,
+    time: float,
+    read: Callable[..., State | None],
+    method: Mapping[str, Any],
+) -> tuple[State, Report] | None:
+    """Return the end of a step that an earlier run has solved, evaluated again; None: it cannot be
+    read; collective.
+
+    Args:
+        problem: what was solved.
+        state: the end of the step before.
+        place: see ``step``.
+        time: of its end.
+        read: gives the stored state in a space, at contact points; None: it cannot be read.
+        method: see ``solution_of``.
+    """
+    from signorini_fx.solving.bolt_preloads import tightened
+
+    posed, start, before = begun(problem, state, place, time)
+    new = read(posed.body.space, posed.boundary)
+    if new is None:
+        return None
+    if any(effect.overrides("last_begun") for effect in problem.effects):
+        for effect in problem.effects:
+            state = effect.last_begun(state, new)
+        posed, start, before = begun(problem, state, place, time)
+    posed, start = tightened(posed, start, new.found)
+    solved = new
+    for effect in problem.effects:
+        solved = replace(solved, displacement=effect.solved(state, solved))
+    outcome = solution_of(posed, start, solved, **method)
+    return new, judged(problem, posed, start, before, outcome, state, time)[1]
 
 
 def next_end(problem: Problem, state: State, reached: float, place: float) -> tuple[float, float]:
@@ -289,7 +339,7 @@ def _at_the_end(problem: Problem, report: Report, new: State) -> StepResult:
 
 
 def begun(
-    problem: Problem, state: State, place: float, time: float, guess: State | None = None
+    problem: LinearProblem, state: State, place: float, time: float, guess: State | None = None
 ) -> tuple[Posed, Start, PreviousStep | None]:
     """A step that begins: what it is solved with, where it starts, and the state as its certificate
     sees it.
@@ -409,7 +459,7 @@ def _loaded(
 
 
 def judged(
-    problem: Problem,
+    problem: LinearProblem,
     posed: Posed,
     start: Start,
     before: PreviousStep | None,

@@ -667,6 +667,7 @@ def test_returned_classes():
         "LoadCase",
         "Task",
         "Posed",
+        "Report",
         "Mechanics",
         "Model",
         "Statement",

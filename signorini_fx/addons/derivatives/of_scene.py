@@ -498,7 +498,7 @@ class _LinearisedStep:
         if self.preceding is None:
             return None
         displacement = self.solved.displacement.copy()
-        end = self.preceding.end.step
+        end = self.preceding.end.result
         state = end.contact
         displacement.x.array[:] = end.displacement.x.array
         assert state is not None

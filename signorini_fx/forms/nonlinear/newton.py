@@ -14,8 +14,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from functools import partial
-from typing import Any
 
 import numpy as np
 from dolfinx import fem
@@ -34,17 +32,12 @@ from signorini_fx.forms.nonlinear.verdicts import (
     overlap_of_bodies,
 )
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.model import Loads
 from signorini_fx.mechanics.pairs.mortar_coupling import PairingError
 from signorini_fx.mechanics.state import Field, State
-from signorini_fx.mechanics.statement.load_path import counted_path
-from signorini_fx.mechanics.step_effect import StepEnd
 from signorini_fx.records import OF_THE_BODY, Status, Timings
 from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.solution import ConvergenceError
-from signorini_fx.solving.frames import vectors_of
 from signorini_fx.solving.increments import FINAL
-from signorini_fx.solving.step import reactions_of
 from signorini_fx.tuned import (
     CERTIFICATE_TOLERANCE,
     KEPT_TANGENT,
@@ -127,13 +120,11 @@ class EquilibriumSolver(Stability):
         loose = linear.scales.coordinate_error / NO_FORCE if linear.loose else 0.0
         return max(SAME_NUMBER * linear.scales.size, places, loose)
 
-    def begin_path(self, *, several: bool) -> None:
-        """Forget how long solves took, and a first step that had no solution; ``several``: see
-        ``Start``.
-        """
-        self.timings, self.linear.several = Timings(), several
+    def begin_path(self) -> None:
+        """Forget how long solves took, and a first step that had no solution."""
+        self.timings = Timings()
         self.passed = {}
-        if self.solved is not None and self.solved.step.status is not Status.CONVERGED:
+        if self.solved is not None and self.solved.status is not Status.CONVERGED:
             self.solved = None
 
     def attempt(self, *, final: bool = True) -> str:
@@ -221,8 +212,8 @@ class EquilibriumSolver(Stability):
                 raise
             return Status.NOT_FINITE
 
-    def take(self) -> None:
-        """Make what there is now the last solution; collective."""
+    def take(self) -> SolvedBody:
+        """Make what there is now the last solution, and return it; collective."""
         assert self.certificate is not None
         self.passed |= behind(self.linear, self._since)
         self.farthest = max(self.farthest, self.certificate.displacement)
@@ -230,6 +221,7 @@ class EquilibriumSolver(Stability):
         self.solved = SolvedBody.of(
             self.linear, self.certificate, self._mechanics, self.linear_solves, self.iterations
         )
+        return self.solved
 
     def before(self, status: Status, solves: int) -> SolvedBody | None:
         """The body as it is, without contact, to be shown in place of a solution that there is not;
@@ -313,67 +305,25 @@ class EquilibriumSolver(Stability):
         self._recall(begin)
         self.linear.settle()
 
-    def ended(self, time: float) -> tuple[State, dict[str, float]]:
-        """End the step, whose last solution was taken: the state from which the next one begins,
-        and what effects tell of it; collective.
+    def committed(self, time: float) -> State:
+        """Return the end of the step whose last solution was taken, from which the material goes
+        on; collective.
         """
-        linear = self.linear
-        assert linear.last is not None
+        assert self.linear.last is not None
         if self.commit is not None:
             self.commit()
-        state = self._remembered(replace(linear.last, time=time))
-        for effect in linear.effects:
-            state = effect.after(linear.begin, state, self._end)
-        self.reached = state
-        return state, self.figures(state)
-
-    def figures(self, state: State) -> dict[str, float]:
-        """What effects tell of the step that a state is the end of; collective."""
-        begin = self.linear.begin
-        told = [effect.figures(begin, state, self._end) for effect in self.linear.effects]
-        return dict(entry for each in told for entry in each.items())
-
-    @property
-    def _end(self) -> StepEnd:
-        """The last solution as effects see it, with loads beside F."""
-        linear = self.linear
-        boundary = linear.boundary
-        mechanics = self._mechanics
-        conditions = mechanics.contact
-        contact = linear.state if linear.contact else None
-        forces = np.zeros(mechanics.forces.internal.size) + self.residual.loads
-        elastic = linear.begun.elastic_slip
-        model: Any = linear.elastic
-        return StepEnd(
-            model,
-            contact,
-            np.zeros(0) if conditions is None else conditions.gap,
-            self.u.x.array.copy(),
-            Loads(forces, linear.prescribed[1]),
-            partial(reactions_of, mechanics.forces, conditions, contact),
-            vectors_of(elastic, boundary.tangents),
-            bool(linear.outcome and linear.outcome.augmented),
-            linear.foundations.dt,
-        )
-
-    def advance(self) -> None:
-        """End a step of a user's own loop, and begin the next one there."""
-        if self.status is not Status.CONVERGED:
-            raise RuntimeError("there is no solution to advance from")
-        if self.linear.last is not None:
-            time = counted_path(self.linear.step).time_at(self.linear.step)
-            self.start(self.ended(time)[0])
+        return self._remembered(replace(self.linear.last, time=time))
 
     def show_last(self, begin: Array) -> None:
         """Make the last solution what the user sees, or before the first one the values of ``u``
         where it began; loads and shapes stay, but for tools that forces move; collective.
         """
         solved = self.solved
-        if solved is not None and solved.step.status is not Status.CONVERGED:
+        if solved is not None and solved.status is not Status.CONVERGED:
             solved = None
         self.linear.show_again(None if solved is None else solved.linear)
-        self.u.x.array[:] = begin if solved is None else solved.step.displacement.x.array
-        self.certificate = None if solved is None else solved.step.certificate
+        self.u.x.array[:] = begin if solved is None else solved.result.displacement.x.array
+        self.certificate = None if solved is None else solved.result.certificate
         self.iterations = 0 if solved is None else solved.iterations
         with suppress(FormError):  # before the first solution it may not be possible
             self.residual.updated()

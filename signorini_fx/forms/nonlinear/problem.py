@@ -31,9 +31,9 @@ from signorini_fx.forms.nonlinear.residual import (
     refuse_miscompiled,
 )
 from signorini_fx.forms.nonlinear.results import (
-    NonlinearMechanics,
     Norms,
     ResidualMechanics,
+    SolvedBody,
     green_strain,
     lost_digits,
     slid_past_partners,
@@ -41,7 +41,7 @@ from signorini_fx.forms.nonlinear.results import (
     stress_of,
     traction_left,
 )
-from signorini_fx.forms.nonlinear.steps import Ended, NonlinearSteps, solve_path, step
+from signorini_fx.forms.nonlinear.steps import NonlinearSteps, solve_path
 from signorini_fx.forms.steps import Clock
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
@@ -58,6 +58,7 @@ from signorini_fx.solving.findings import loose_at_rest, loose_in, pushed_nodes
 from signorini_fx.solving.increments import HalvedIncrements, check_step
 from signorini_fx.solving.restart import StoredStates
 from signorini_fx.solving.solve_on_mesh import contact_solution
+from signorini_fx.solving.step import ended, step
 
 
 def checked(
@@ -281,12 +282,11 @@ class NonlinearContactProblem(ProblemOfForms):
         solved = self._solver.solved
         if solved is None:
             raise RuntimeError("there is no solution so far: call solve()")
-        end = (solved.step, solved.mechanics)
         linear = solved.linear
-        run = self._ends if end[0].status is Status.CONVERGED else [end]
-        ends = run or [end]
+        run = self._ends if solved.status is Status.CONVERGED else [solved.end]
+        ends = run or [solved.end]
         steps = [step for step, _ in ends]
-        path = counted_path(end[0].step - 1)
+        path = counted_path(solved.result.step - 1)
         if run:  # else the loop is the user's own
             names = tuple(step.name for step in steps)
             path = LoadPath(tuple(step.time for step in steps), names if any(names) else ())
@@ -297,7 +297,6 @@ class NonlinearContactProblem(ProblemOfForms):
                 return "there is no estimate of the error of an earlier solve"
             return self._errors_now(strain=strain)
 
-        assert linear.outcome is not None
         statement, tagged = named_parts(linear.forms, linear.elastic.settings, ("F",))
         model = replace(
             linear.elastic,
@@ -308,8 +307,8 @@ class NonlinearContactProblem(ProblemOfForms):
             law=linear.begun.law,
             rigid=linear.rigid,
         )
-        mechanics = NonlinearMechanics(model, ends, linear.forms.boundaries, errors)
-        ended = (linear.outcome, linear.outcome.problem.data)
+        mechanics = replace(solved.mechanics, model=model, ends=ends, errors_now=errors)
+        ended = (solved.outcome, solved.data)
         found = self.findings
         solution = contact_solution(
             mechanics, steps, linear.task, ended, self._solver.timings, lambda: found
@@ -367,7 +366,7 @@ class NonlinearContactProblem(ProblemOfForms):
         solved = self._solver.solved
         steps = [step for step, _ in self._ends]
         linear = self.linear
-        ends = [*steps, *(() if solved is None else (solved.step,))]
+        ends = [*steps, *(() if solved is None else (solved.result,))]
         # Where nothing presses on a body its forces are round-off.
         pressed = [step.certificate for step in ends if not loose_in(linear.elastic, step)]
         digits = lost_digits(pressed, self._named_residual)
@@ -402,7 +401,8 @@ class NonlinearContactProblem(ProblemOfForms):
                 exception.
         """
         self._ends = []
-        self._solver.begin_path(several=False)
+        self._solver.begin_path()
+        self.linear.several = False
         self._solver.reached = None
         self.linear.foundations.without_times()
         if why := self._solver.attempt():
@@ -443,16 +443,29 @@ class NonlinearContactProblem(ProblemOfForms):
         check_step(state, time, self.linear.space)
         steps, place = self._step_to(time)
         self._ends = []
-        self._solver.begin_path(several=steps.path.several)
-        new, ended = step(steps, state, place)
-        if ended.error is not None:
-            raise ended.error
-        if ended.result is None:
-            raise ConvergenceError(self, ended.why)
-        if ended.status is Status.CONVERGED:
+        self._solver.begin_path()
+        new, report = step(steps, state, place)
+        if report.result is None:
+            raise report.error or ConvergenceError(self, report.why)
+        if report.status is Status.CONVERGED:
+            steps.accept(new, report)
             self._solver.start(new)
             self._share()
-        return new, ended.result
+        return new, report.result
+
+    def advance(self) -> None:
+        """End a step of a user's own loop, and begin the next one there."""
+        solver = self._solver
+        if self.status is not Status.CONVERGED:
+            raise RuntimeError("there is no solution to advance from")
+        if self.linear.last is None or solver.solved is None:
+            return
+        begin = self.linear.begin
+        time = counted_path(begin.number).time_at(begin.number)
+        steps = NonlinearSteps(solver, self.path, lambda place: None)
+        new, report = ended(steps, begin, solver.committed(time), solver.solved)
+        steps.accept(new, report)
+        solver.start(new)
 
     def _step_to(self, time: float) -> tuple[NonlinearSteps, float]:
         """Take a step to a time, and return its place."""
@@ -484,11 +497,9 @@ class NonlinearContactProblem(ProblemOfForms):
         """See ``solve_path``; the load steps with a solution are kept; collective."""
         ends = self._ends = []
 
-        def shown(ended: Ended) -> None:
-            assert ended.result is not None
-            assert ended.mechanics is not None
-            ends.append((ended.result, ended.mechanics))
-            on_step(ended.result)
+        def shown(solved: SolvedBody) -> None:
+            ends.append(solved.end)
+            on_step(solved.result)
 
         return solve_path(steps, begin, shown, stored)
 

@@ -28,6 +28,7 @@ from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.assembly.mesh_entities import assemble, compile_form, facet_nodes
 from signorini_fx.mechanics.body.deformation import deformation_of
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
+from signorini_fx.mechanics.model import Loads
 from signorini_fx.mechanics.obstacles.paired_points import MovingPair, PairedSides
 from signorini_fx.mechanics.statement.load_path import counted_path
 from signorini_fx.mechanics.step_effect import StepContact
@@ -43,6 +44,7 @@ from signorini_fx.results.certificate.pair_points import PairPoints
 from signorini_fx.results.mechanics import Mechanics, StepResult
 from signorini_fx.results.resultants import ActingForces
 from signorini_fx.results.stresses import RawStresses
+from signorini_fx.solving.step import Report
 from signorini_fx.tuned import CERTIFICATE_TOLERANCE, FACETS_OF_KEPT_PARTNERS
 
 Norms = tuple[float, float]  # of the stress, and of the strain
@@ -69,7 +71,7 @@ class NonlinearMechanics(Mechanics):
     boundaries: Mapping[str, Indices]  # that were given a name
     # At the last load step, see ``NonlinearContactProblem._errors_now``, with that of the strain or
     # without it.
-    errors_now: Callable[[bool], tuple[Array, Norms] | str]
+    errors_now: Callable[[bool], tuple[Array, Norms] | str] = lambda strain: "it is not asked yet"
 
     def conditions(self, y: fem.Function) -> ContactConditions | None:
         return self._at(y).contact
@@ -187,22 +189,26 @@ def _conditions(linear: LinearisedProblem, fixed: Flags, values: Array) -> Conta
 
 
 @dataclass(frozen=True)
-class SolvedBody:
-    """A nonlinear body at a solution: the problem of the last iteration, with the foundations where
-    they are, and the solution as a load step.
+class SolvedBody(Report):
+    """A nonlinear body at the end of a load step; ``linear``: the problem of the last iteration,
+    with the foundations where they are.
     """
 
+    mechanics: NonlinearMechanics
     linear: LinearisedProblem
-    mechanics: ResidualMechanics
-    step: StepResult
-    iterations: int  # of Newton's method
+    iterations: int = 0
+
+    @property
+    def end(self) -> tuple[StepResult, ResidualMechanics]:
+        """Return the step with what the residual says of it."""
+        return self.result, self.mechanics.ends[-1][1]
 
     @classmethod
     def of(
         cls,
         linear: LinearisedProblem,
         certificate: Certificate,
-        mechanics: ResidualMechanics,
+        end: ResidualMechanics,
         solves: int,
         iterations: int,
         status: Status = Status.CONVERGED,
@@ -237,7 +243,15 @@ class SolvedBody:
             linear_solves=solves,
             rigid_bodies=linear.foundations.rigid_bodies.motions,
         )
-        return cls(solved, mechanics, step, iterations)
+        mechanics = NonlinearMechanics(linear.elastic, [(step, end)], linear.forms.boundaries)
+        gap = np.zeros(0) if end.contact is None else end.contact.gap
+        forces = np.zeros(linear.elastic.fixed.size) + linear._evaluated.loads
+        loads = Loads(forces, linear.prescribed[1])
+        posed = replace(linear.posed, gap=gap, loads=loads)
+        outcome = linear.outcome
+        assert outcome is not None
+        data = outcome.problem.data
+        return cls(step, mechanics, posed, linear.begun, outcome, data, solved, iterations)
 
 
 def lost_digits(certificates: Sequence[Certificate], residual: str) -> Iterator[Finding]:
