@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 class ProblemOfForms:
     """A problem with the results of a ``Solution``."""
 
-    assembled: FormSolver
+    assembled: Any
     _ended: Any  # what knows how the last solve has ended
     _titled: Callable[[str], Solution]  # ``solution`` with a title; collective
     # What each owned cell of a solution has of the squared error, the strain energy, and the
@@ -249,7 +249,7 @@ class ProblemOfForms:
             raise FormError.at(
                 "contact", "there is none: derivatives are those of contact problems"
             )
-        if self.assembled.rigid.bodies:
+        if self.assembled.foundations.rigid_bodies.bodies:
             raise FormError.at(
                 "contact", "derivatives are not possible yet where forces move a foundation"
             )

@@ -474,7 +474,7 @@ def natural_modulus(
     first, shear = lame
     with np.errstate(divide="ignore", invalid="ignore"):
         young = shear * (3 * first + 2 * shear) / (first + shear)
-    largest = float(parallel.largest(mesh.comm, young, 0.0))
+    largest = parallel.largest(mesh.comm, young)
     return largest if 0.0 < largest < np.inf else None
 
 

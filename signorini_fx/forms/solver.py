@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from dolfinx import fem
 from petsc4py import PETSc
 
@@ -23,7 +22,7 @@ from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.linalg import LoadCase
 from signorini_fx.algebra.linalg.petsc_options import defaults, refuse_exchanged, refused
-from signorini_fx.arrays import Array, Flags
+from signorini_fx.arrays import Array, Flags, Indices
 from signorini_fx.errors import FormError
 from signorini_fx.forms.elasticity import FormMechanics, elastic_body, modulus_of, natural_modulus
 from signorini_fx.forms.given_forms import (
@@ -42,7 +41,6 @@ from signorini_fx.mechanics.interfaces import Foundation, Pair
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.obstacles.foundations_on_points import (
-    FoundationData,
     Foundations,
     ShapeDistances,
 )
@@ -61,13 +59,149 @@ from signorini_fx.solving.frames import Posed, guess_of
 from signorini_fx.solving.step import Report, contact_equilibrium, step
 
 
-class FormSolver:
-    """The contact problem of forms as it is now, and the end of the last step."""
+class BodyOfForms:
+    """What stays of a body from solve to solve: its forms, its supports and what it touches."""
 
-    _stated_by: Sequence[str] = ()  # what a user gives; empty: forms a and L
+    stated_by: Sequence[str] = ()  # what a user gives; empty: forms a and L
     # What of it parts of contacts may refuse, by the names of features, and the argument for each.
-    _refused_features: Sequence[tuple[str, str]] = ()
-    _foundations_class: Callable[..., Foundations] = Foundations
+    refused_features: Sequence[tuple[str, str]] = ()
+    foundations: Foundations
+
+    def __init__(
+        self,
+        forms: GivenForms,
+        bcs: Any,
+        settings: dict[str, Any],
+        petsc_options: tuple[str, Mapping[str, Any]],  # a prefix, and options without it
+        effects: Sequence[StepEffect],
+        foundations: Callable[..., Foundations] = Foundations,
+        density: Any = None,  # see ``Model``
+    ) -> None:
+        space = self.space = forms.space
+        self.forms = forms
+        self.options = petsc_options
+        self.bcs = conditions_of(bcs, space)
+        self.settings = settings_of(settings)
+        names = [f"contact {number}" for number in range(len(forms.contact))]
+        self.foundations = foundations(space, forms.contact, forms.facets, names, forms.masters)
+        self.foundations.check_driven()
+        self.fields = ContactFields.on(space)
+        self.history = History()
+        self.folders = list[Path]()  # with the load steps of its runs
+        self.density = density
+        self._check_parts()
+        self.effects = (*effects_of_contact(forms.contact), *effects)
+        self._mesh_x = space.mesh.geometry.x.copy()  # with which all that is kept was assembled
+        self._state: ContactState | None = None
+
+    def _check_parts(self) -> None:
+        """Refuse what parts of contacts, such as wear, do not go together with; collective.
+
+        Raises:
+            FormError: there is such a thing.
+        """
+        problems = list[tuple[str, str]]()
+        inertia = [("inertia", "density")] * (self.density is not None)
+        uses = [*self.refused_features, *inertia]
+        for number, contact in enumerate(self.contact):
+            for part in contact.parts:
+                wrong = part.contradictions(self.named[0], number)
+                for (_, _, *keys), reason in wrong:
+                    problems.append((".".join((f"contact[{number}]", *map(str, keys))), reason))
+                refused = part.refuses.get(part.key, {})
+                problems += [(name, refused[used]) for used, name in uses if used in refused]
+        if problems:
+            raise FormError(problems)
+
+    @cached_property
+    def named(self) -> tuple[Statement, TaggedMesh]:
+        """See ``named_parts``."""
+        return named_parts(self.forms, self.settings, self.stated_by)
+
+    @property
+    def contact(self) -> tuple[Foundation | Pair, ...]:
+        """The contact of the forms."""
+        return self.forms.contact
+
+    @property
+    def owned(self) -> int:
+        """The number of displacement unknowns that this rank owns."""
+        dofmap = self.space.dofmap
+        return int(dofmap.index_map.size_local * dofmap.index_map_bs)
+
+    @property
+    def state(self) -> ContactState:
+        """The contact points of this rank after the last solve, with forces and areas."""
+        if self._state is None:
+            raise RuntimeError("there is no solution so far: call solve()")
+        return self._state
+
+    def show(self, state: ContactState | None) -> None:
+        """Make contact points those that the user sees; None: there are none."""
+        self._state = state
+        self.fields.take(self.space, state)
+
+    def initial(self) -> State:
+        """The body before the first step, with foundations where they are."""
+        foundations = self.foundations
+        zero = np.zeros_like(fem.Function(self.space).x.array)
+        rigid = np.zeros(foundations.rigid_bodies.fixed.size)
+        state = State(0, 0.0, zero, rigid, foundations.placed)
+        for effect in self.effects:
+            state = effect.initial(None, state)
+        return state
+
+    @property
+    def mesh_has_moved(self) -> bool:
+        """Whether coordinates have changed since something was assembled; collective."""
+        mesh = self.space.mesh
+        return parallel.any_rank(mesh.comm, not np.array_equal(self._mesh_x, mesh.geometry.x))
+
+    def supports(self) -> tuple[Flags, Array]:
+        """Which dofs of this rank are prescribed now, ghosts included, and to what, shapes (dofs,);
+        collective.
+        """
+        return prescribed(self.space, conditions_of(self.bcs, self.space))
+
+    def contact_points(
+        self, shapes: Sequence[ShapeDistances], fixed: Flags, values: Array
+    ) -> ContactBoundary:
+        """The contact points; ``fixed``, ``values``: what is ``prescribed``; collective.
+
+        Raises:
+            FormError: none of a contact can move.
+        """
+        boundary = self.foundations.points(shapes, fixed, values)
+        moving = ~boundary.points.immovable | self.foundations.alone(boundary)
+        counts = np.bincount(boundary.part[moving], minlength=len(shapes))
+        for k, count in enumerate(parallel.global_sum(boundary.comm, counts)):
+            if count == 0:
+                wrong = (
+                    "bcs prescribe the displacement along the normal at all of its points, or "
+                    "measure is zero"
+                )
+                raise FormError.at(f"contact[{k}]", wrong)
+        return boundary
+
+    def contact_now(self, solved: Any) -> tuple[Any, ...]:
+        """Prescribed values, contact points, gap and law of now; ``solved``: a problem of the same
+        body with the solution; collective.
+        """
+        foundations = self.foundations
+        shapes = foundations.shapes()
+        fixed = solved.elastic.fixed
+        boundary = solved.boundary
+        if any(shape.factor is not None or shape.direction is not None for shape in shapes):
+            at_rest = foundations.at_rest(*solved.prescribed)
+            boundary = foundations.boundary(shapes, fixed, at_rest)
+        data, law = foundations.problem(
+            boundary, foundations.data(shapes), Settings.of(self.settings), solved.scales
+        )
+        return self.supports()[1][: fixed.size], boundary, data.gap, law
+
+
+class FormSolver(BodyOfForms):
+    """The contact problem of forms as it is now, and the end of the last step."""
 
     boundary: ContactBoundary
     elastic: Model
@@ -75,7 +209,6 @@ class FormSolver:
     begun: Start  # where the last solve began
     rigid: RigidBodies
     driven: Driven  # what drives them
-    data: list[FoundationData]  # at the nodes, as they are now
     unshifted: RegularisedData  # displacements counted from the initial position
     law: PointFriction | None  # of friction at the contact points, as it is now
     prescribed: tuple[
@@ -90,21 +223,10 @@ class FormSolver:
         settings: dict[str, Any],
         petsc_options: tuple[str, Mapping[str, Any]],  # a prefix, and options without it
         effects: Sequence[StepEffect] = (),
-        density: Any = None,  # see ``Model``
+        density: Any = None,
     ) -> None:
-        space = self.space = forms.space
-        self.forms = forms
+        super().__init__(forms, bcs, settings, petsc_options, effects, density=density)
         self.u = u
-        self.options = petsc_options
-        self.bcs = conditions_of(bcs, space)
-        self.settings = settings_of(settings)
-        names = [f"contact {number}" for number in range(len(forms.contact))]
-        self.foundations = self._foundations_class(
-            space, forms.contact, forms.facets, names, forms.masters
-        )
-        self.foundations.check_driven()
-        self.fields = ContactFields.on(space)
-        self.history = History()
         self.timings = Timings()
         self.status: Status | None = None
         self.certificate: Certificate | None = None
@@ -115,43 +237,14 @@ class FormSolver:
         )
         self.coarser: MeshLevel | None = None
         self.coarser_state: ContactState | None = None  # of a coarser mesh
-        self.folders = list[Path]()  # with the load steps of its runs
         self._inputs_before: dict[str, list[bytes]] | None = None  # of what is assembled
-        self._mesh_x = space.mesh.geometry.x.copy()  # with which it was, and all that is kept
-        self._modulus: float | None = None  # of the forms; None: they do not say it
-        self._check_parts(density)
-        self.effects = (*effects_of_contact(forms.contact), *effects)
-        self.density = density
+        self._natural: float | None = None  # see ``with_modulus``
         # Duration and beginning of the step that effects make the matrix for; None: none does.
         self._timed: tuple[float, State] | None = None
         self.begin = self.initial()  # from which steps begin
         self.last: State | None = (
             None  # the last solution of the step that begins there, or of the one before
         )
-        self._state: ContactState | None = None
-
-    def _check_parts(self, density: Any) -> None:
-        """Refuse what parts of contacts, such as wear, do not go together with; collective.
-
-        Raises:
-            FormError: there is such a thing.
-        """
-        problems = list[tuple[str, str]]()
-        uses = [*self._refused_features, *([("inertia", "density")] * (density is not None))]
-        for number, contact in enumerate(self.contact):
-            for part in contact.parts:
-                wrong = part.contradictions(self.named[0], number)
-                for (_, _, *keys), reason in wrong:
-                    problems.append((".".join((f"contact[{number}]", *map(str, keys))), reason))
-                refused = part.refuses.get(part.key, {})
-                problems += [(name, refused[used]) for used, name in uses if used in refused]
-        if problems:
-            raise FormError(problems)
-
-    @cached_property
-    def named(self) -> tuple[Statement, TaggedMesh]:
-        """See ``named_parts``."""
-        return named_parts(self.forms, self.settings, self._stated_by)
 
     @property
     def scales(self) -> Scales:
@@ -168,14 +261,6 @@ class FormSolver:
         if not self.set_up:
             self.update()
         return self.boundary, self.space
-
-    def initial(self) -> State:
-        """The body before the first step, with foundations where they are."""
-        zero = np.zeros_like(self.u.x.array)
-        state = State(0, 0.0, zero, np.zeros(0), self.foundations.placed)
-        for effect in self.effects:
-            state = effect.initial(None, state)
-        return state
 
     waits = False  # see ``Problem``
 
@@ -202,7 +287,7 @@ class FormSolver:
                 guess = guess_of(
                     *carry_over(self.coarser_state, self.boundary), self.boundary, self.begin
                 )
-            self.show(*step(self, self.begin, float(self.begin.number), guess=guess))
+            self.show_step(*step(self, self.begin, float(self.begin.number), guess=guess))
         status = self.status
         if status is None or status is Status.CONVERGED:
             return ""
@@ -210,38 +295,21 @@ class FormSolver:
         advice = status.advice if reason is None else f"{reason.path}: {reason.message}"
         return f"{status.value}: {advice}"
 
-    @property
-    def state(self) -> ContactState:
-        """The contact points of this rank after the last solve, with forces and areas."""
-        if self._state is None:
-            raise RuntimeError("there is no solution so far: call solve()")
-        return self._state
-
-    def pose(self, state: State, dt: float = 0.0) -> Posed:
-        """What a solve from a state over a duration is made of, with what the problem is now;
-        collective.
-        """
-        if any(effect.overrides("body") for effect in self.effects):
-            self._timed = dt, state
-        data, law = self.update()
-        if (resting := self.task.rest) is not None:
-            data = resting.data_from(data)
-        sets = ActiveSets.all_in_contact(*data.mu_hat.shape)
-        first = Start(data, law, 0.0 * data.mu_hat, sets, iteration=0, factors=np.ones(1))
-        drift = self.moved(self.boundary)
-        spin = self.foundations.spin_at(self.boundary, state.placed)
-        return Posed(
-            self.elastic, self.rigid, self.task, first, self.foundations.placed, drift, spin
-        )
-
     def pose_at(self, state: State, place: float, dt: float, path: LoadPath | None = None) -> Posed:
-        """Pose the step for the body with its names, on a path; None: that of the user's own loop;
-        collective.
+        """Pose the step of a duration after a state, with what the problem is now and the names of
+        the body, on a path; None: that of the user's own loop; collective.
         """
         self.begin = state
+        if any(effect.overrides("body") for effect in self.effects):
+            self._timed = dt, state
         with self.timings.phase("assemble"):
-            posed = self.pose(state, dt)
-            return replace(posed, body=self.model(path or self.path))
+            data, law = self.update()
+            if (resting := self.task.rest) is not None:
+                data = resting.data_from(data)
+            placed = self.foundations.placed
+            drift = self.foundations.moved(self.boundary, state.placed)
+            body = self.model(path or self.path)
+            return Posed(body, self.rigid, self.task, first_start(data, law), placed, drift)
 
     equilibrium = contact_equilibrium
 
@@ -254,7 +322,7 @@ class FormSolver:
             raise RuntimeError("there is no solution to advance from")
         self.begin = self.last
 
-    def show(self, new: State, report: Report) -> None:
+    def show_step(self, new: State, report: Report) -> None:
         """Make the end of a step the one that the user sees; collective."""
         self.outcome = report.outcome
         self.begun = report.start
@@ -263,12 +331,10 @@ class FormSolver:
         self.rigid_bodies = result.rigid_bodies
         self.status = result.status
         self.certificate = result.certificate
-        self._state = result.contact or ContactState.of(
-            self.task.contact(report.outcome, self.begun), self.boundary
-        )
+        points = self.task.contact(report.outcome, self.begun)
+        self.show(result.contact or ContactState.of(points, self.boundary))
         result.displacement.name = self.u.name
         self.u.x.array[:] = result.displacement.x.array
-        self.fields.take(self.space, self.state)
         if self.status is Status.CONVERGED:
             self.last = new
 
@@ -277,11 +343,9 @@ class FormSolver:
         collective.
         """
         space = self.space
-        if parallel.any_rank(
-            space.mesh.comm, not np.array_equal(self._mesh_x, space.mesh.geometry.x)
-        ):
+        if self.mesh_has_moved:
             self._renew_mesh()
-        self.prescribed = prescribed(space, conditions_of(self.bcs, space))
+        self.prescribed = self.supports()
         shapes = self.foundations.shapes()
         self.rigid = self.foundations.rigid_bodies
         self.driven = self.rigid.driven()
@@ -294,9 +358,7 @@ class FormSolver:
         }
         if changed["form"]:
             forms = self.forms
-            law = forms.stress
-            a = forms.original[0]
-            self._modulus = natural_modulus(law, a, forms.measures, space)
+            self._natural = natural_modulus(forms.stress, forms.original[0], forms.measures, space)
         if changed["form"] or changed["body"] or changed["points"]:
             data = self._set_up(shapes, renewed=changed["form"] or changed["body"])
             self.outcome = None  # its iterate is that of another system
@@ -319,7 +381,7 @@ class FormSolver:
         of_points: list[Any] = [self.foundations.at_rest(fixed, values)]
         of_points += [value for shape in shapes for value in (shape.factor, shape.direction)]
         of_points += [value for each in axes for value in (each.along, each.ratio)]
-        of_body = [fixed, rigid.fixed, rigid.stiffness, *self._beside()]
+        of_body = [fixed, rigid.fixed, rigid.stiffness]
         if self._timed is not None:
             dt, state = self._timed
             of_body += [np.array(dt), np.array(" ".join(sorted(state.fields)))]
@@ -351,69 +413,27 @@ class FormSolver:
         space = self.space
         fixed, values = self.prescribed
         free_unused(space.mesh)
-        boundary = self.contact_points(shapes, fixed, values)
-        moving = ~boundary.points.immovable | self.foundations.alone(boundary)
-        counts = np.bincount(boundary.part[moving], minlength=len(shapes))
-        for k, count in enumerate(parallel.global_sum(space.mesh.comm, counts)):
-            if count == 0:
-                wrong = (
-                    "bcs prescribe the displacement along the normal at all of its points, or "
-                    "measure is zero"
-                )
-                raise FormError.at(f"contact[{k}]", wrong)
-        self.boundary = boundary
+        boundary = self.boundary = self.contact_points(shapes, fixed, values)
         if renewed:
-            owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
-            self.elastic = self._body(fixed[:owned], boundary)
+            self.elastic = self._body(fixed[: self.owned], boundary)
         else:
             points = boundary if self.contact else None
             eliminated = self.task.system.eliminated
             self.elastic = replace(self.elastic, boundary=points, eliminated=eliminated)
-        modulus = self._modulus
-        if modulus is None:
-            modulus = modulus_of(self.elastic, boundary, self.foundations.facets)
-        self.elastic = elastic = replace(self.elastic, modulus=modulus)
+        self.elastic = with_modulus(self.elastic, boundary, self._natural, self.foundations.facets)
         case = self._case(values)
         data = self._point_data(shapes)
-        self.task = elastic.task(
-            [case],
-            np.ones(1),
-            *data,
-            coarser=self.coarser,
-            natural_gamma=self.scales.gamma,
-            coordinate_error=self.scales.coordinate_error,
-            history=self.history,
-            has_coulomb=any(
-                contact.friction and contact.friction.follows_pressure
-                for contact in self.forms.contact
-            ),
+        self.task = task_of(
+            self.elastic, case, data, self.contact, self.history, coarser=self.coarser
         )
         return data
-
-    def contact_points(
-        self, shapes: Sequence[ShapeDistances], fixed: Flags, values: Array
-    ) -> ContactBoundary:
-        """The contact points; ``fixed``, ``values``: what is ``prescribed``; collective."""
-        owned = self.space.dofmap.index_map.size_local * self.space.dofmap.index_map_bs
-        at_rest = self.foundations.at_rest(fixed, values)
-        return self.foundations.rigid_bodies.on(
-            self.foundations.boundary(shapes, fixed[:owned], at_rest)
-        )
-
-    @property
-    def contact(self) -> tuple[Foundation | Pair, ...]:
-        """The contact of the forms."""
-        return self.forms.contact
 
     def _case(self, values: Array) -> LoadCase:
         """The right-hand side, with prescribed displacements, ghosts included, shape (dofs,);
         collective.
         """
-        forces, lifted = self._forces(values)
-        for name, entries in (("bcs", values), ("L", forces)):
-            if parallel.any_rank(self.space.mesh.comm, not np.isfinite(entries).all()):
-                raise FormError.at(name, "is not finite somewhere")
-        return self.elastic.case(forces, values, self.driven, lifted=lifted)
+        forces = assemble(self.forms.compiled[1])
+        return case_of(self.elastic, forces, values, self.driven, values)
 
     def _body(self, fixed: Flags, boundary: ContactBoundary) -> Model:
         points = boundary if self.contact else None
@@ -433,30 +453,13 @@ class FormSolver:
                 body = effect.body(body, state, dt)
         return stated if body is stated else replace(body, of_body={}, of_contact={})
 
-    def _forces(self, values: Array) -> tuple[Array, Array]:
-        """The right-hand side, shape (owned dofs,), without what is returned of the prescribed
-        values; collective.
-        """
-        return assemble(self.forms.compiled[1]), values
-
-    def moved(self, boundary: ContactBoundary) -> Array | None:
-        """How far foundations have moved at contact points since ``advance``, shape (n, d); None:
-        they have not.
-        """
-        return self.foundations.moved(boundary, self.begin.placed)
-
-    def _beside(self) -> Sequence[npt.NDArray[Any]]:
-        """What the matrix is made of beside ``a`` and ``bcs``."""
-        return ()
-
     def _point_data(
         self, shapes: Sequence[ShapeDistances]
     ) -> tuple[RegularisedData, PointFriction | None]:
         """Gap, friction and regularisation at the contact points, as they are now; collective."""
-        self.data = self.foundations.data(shapes)
-        problem = self.foundations.problem(
-            self.boundary, self.data, Settings.of(self.settings), self.scales
-        )
+        data = self.foundations.data(shapes)
+        settings = Settings.of(self.settings)
+        problem = self.foundations.problem(self.boundary, data, settings, self.scales)
         self.unshifted, self.law = problem
         return problem
 
@@ -482,24 +485,61 @@ class FormSolver:
         """The problem of now as derivatives take it; ``solved``: one of the same body with the
         solution; collective.
         """
-        return [self.forms.compiled[0]], assemble(self.forms.compiled[1]), *self.contact_now(solved)
+        now = self.contact_now(solved or self)
+        return [self.forms.compiled[0]], assemble(self.forms.compiled[1]), *now
 
-    def contact_now(self, solved: FormSolver | None) -> tuple[Any, ...]:
-        """Prescribed values, contact points, gap and law of now, see ``data_now``; collective."""
-        solved = self if solved is None else solved
-        shapes = self.foundations.shapes()
-        fixed = solved.elastic.fixed
-        boundary = solved.boundary
-        if any(shape.factor is not None or shape.direction is not None for shape in shapes):
-            boundary = self.foundations.boundary(
-                shapes, fixed, self.foundations.at_rest(*solved.prescribed)
-            )
-        settings = Settings.of(self.settings)
-        data, law = self.foundations.problem(
-            boundary, self.foundations.data(shapes), settings, solved.scales
-        )
-        values = prescribed(self.space, conditions_of(self.bcs, self.space))[1][: fixed.size]
-        return values, boundary, data.gap, law
+
+def first_start(data: RegularisedData, law: PointFriction | None) -> Start:
+    """Return the start of a contact problem of forms after nothing else."""
+    sets = ActiveSets.all_in_contact(*data.mu_hat.shape)
+    return Start(data, law, 0.0 * data.mu_hat, sets, iteration=0, factors=np.ones(1))
+
+
+def with_modulus(
+    elastic: Model, boundary: ContactBoundary, natural: float | None, facets: Sequence[Indices]
+) -> Model:
+    """Return a body of forms with its unit of stress, the natural one, None: by its stiffness;
+    collective.
+    """
+    modulus = modulus_of(elastic, boundary, facets) if natural is None else natural
+    return replace(elastic, modulus=modulus)
+
+
+def case_of(
+    elastic: Model, forces: Array, values: Array, driven: Driven, lifted: Array
+) -> LoadCase:
+    """The right-hand side of forces, shape (owned dofs,), with prescribed displacements, ghosts
+    included, shape (dofs,), and what of these is returned to it; collective.
+
+    Raises:
+        FormError: something is not finite.
+    """
+    for name, entries in (("bcs", values), ("L", forces)):
+        if parallel.any_rank(elastic.comm, not np.isfinite(entries).all()):
+            raise FormError.at(name, "is not finite somewhere")
+    return elastic.case(forces, values, driven, lifted=lifted)
+
+
+def task_of(
+    elastic: Model,
+    case: LoadCase,
+    problem: tuple[RegularisedData, PointFriction | None],
+    contact: Sequence[Foundation | Pair],
+    history: History,
+    coarser: MeshLevel | None = None,
+) -> Task:
+    """The contact problem of a body of forms with one right-hand side; collective."""
+    laws = [entry.friction for entry in contact]
+    return elastic.task(
+        [case],
+        np.ones(1),
+        *problem,
+        coarser=coarser,
+        natural_gamma=elastic.scales.gamma,
+        coordinate_error=elastic.scales.coordinate_error,
+        history=history,
+        has_coulomb=any(law is not None and law.follows_pressure for law in laws),
+    )
 
 
 @contextmanager

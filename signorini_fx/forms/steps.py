@@ -90,7 +90,7 @@ def solve_path(
     way = Increments(path, solver.settings)
     with options_applied(*solver.options):
         for new, report in run(problem, solver.begin, way, guess=solver.last, stored=stored):
-            solver.show(new, report)
+            solver.show_step(new, report)
             reports.append(report)
             if report.status is Status.CONVERGED:
                 on_step(report.result)
@@ -104,7 +104,7 @@ def solve_step(solver: FormSolver, state: State, time: float) -> tuple[State, St
     solver.timings = Timings()
     with options_applied(*solver.options):
         new, report = step(problem, state, 0.0)
-    solver.show(new, report)
+    solver.show_step(new, report)
     return new, report.result
 
 

@@ -322,7 +322,9 @@ class ProblemOfScene(NonlinearContactProblem):
         """
         if self.statement.finite_strains:
             return ""
-        size = deformation_of(self.linear.elastic, self.u, self.linear.scales.size).largest
+        assert self.linear.now is not None
+        elastic = self.linear.now.elastic
+        size = deformation_of(elastic, self.u, elastic.scales.size).largest
         limit = self.statement.solver.largest_deformation
         return "" if size <= limit else f"it is {size:.3g}, of small strains at most {limit:g}"
 

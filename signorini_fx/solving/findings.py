@@ -377,8 +377,8 @@ def _largest_increment(body: Model, normal: Array, motions: list[float]) -> floa
     _, total = _largest_loads(body)
     for step in range(len(body.path.times)):
         start, forces = (values @ normal for values in _loads_at(body, step))
-        moved = max((1.0, -1.0), key=lambda sign: parallel.largest(body.comm, sign * start, 0.0))
-        moved *= parallel.largest(body.comm, moved * start, 0.0)
+        moved = max((1.0, -1.0), key=lambda sign: parallel.largest(body.comm, sign * start))
+        moved *= parallel.largest(body.comm, moved * start)
         pushed = float(parallel.global_sum(body.comm, np.array(forces.sum())))
         pressing.append(moved + (motions[1] * pushed / total if total > 0 else 0.0))
     largest = float(np.abs(pressing).max())
@@ -704,7 +704,7 @@ def slid_at_corners(contact: ContactState | None) -> Iterator[Finding]:
         return
     far = np.abs(contact.displaced(contact.slip_length)[:, 0]) / corners.facet
     worst = np.where(contact.in_contact & ~contact.boundary.at_nodes, far, 0.0)
-    share = parallel.largest(contact.boundary.comm, np.nan_to_num(worst), 0.0)
+    share = parallel.largest(contact.boundary.comm, np.nan_to_num(worst))
     if share > NOTABLE:
         message = (
             f"the body has moved by {share:.2g} of a facet along a corner of its foundation, which "

@@ -160,7 +160,7 @@ def _following(posed: Posed, state: State, values: ContactValues) -> tuple[Start
     start = replace(
         first,
         data=data,
-        elastic_slip=_components(elastic, boundary.cotangents),
+        elastic_slip=components(elastic, boundary.cotangents),
         sets=sets,
         iteration=1,
         multipliers=(pressure, mu),
@@ -335,7 +335,7 @@ def in_frames(
 ) -> tuple[ActiveSets, tuple[Array, Array]]:
     """Sets and (lambda, mu) in the frames of now; ``rotation``: see ``rotations``."""
     shear, direction = (
-        _components(np.einsum("nij,nj->ni", rotation, vectors), boundary.cotangents)
+        components(np.einsum("nij,nj->ni", rotation, vectors), boundary.cotangents)
         for vectors in (values.shear, values.direction)
     )
     slips = (values.direction != 0.0).any(axis=1) & (length(direction) > 0)
@@ -348,8 +348,8 @@ def vectors_of(components: Array, tangents: Array) -> Array:
     return np.einsum("nij,nj->ni", tangents, components)
 
 
-def _components(vectors: Array, cotangents: Array) -> Array:
-    """The inverse of ``_vectors``, with the dual basis."""
+def components(vectors: Array, cotangents: Array) -> Array:
+    """The inverse of ``vectors_of``, with the dual basis."""
     return np.einsum("nij,ni->nj", cotangents, vectors)
 
 

@@ -62,7 +62,7 @@ def test_a_ball_with_multigrid():
     problem.solve()
     assert problem.status is Status.CONVERGED
     assert problem.iterations <= 5
-    assert is_by_blocks(problem.linear.elastic.stiffness)
+    assert is_by_blocks(problem.linear.now.elastic.stiffness)
 
 
 def test_line_search():

@@ -228,11 +228,11 @@ def test_certificate_notices_what_is_wrong():
     )
     problem.place(0, shift=(0.0, -0.1))
     problem.solve()
-    linear, form = problem.linear, fem.form(residual(u))
+    solved, form = problem.linear.solved, fem.form(residual(u))
 
     def judged(of=lambda tractions: tractions):
         return certified(
-            fem.assemble_vector(form).array, linear, tractions=of(Tractions.of(problem.state))
+            fem.assemble_vector(form).array, solved, tractions=of(Tractions.of(problem.state))
         )[0]
 
     from dataclasses import replace

@@ -157,4 +157,4 @@ def test_shears_that_turn_with_their_slip(monkeypatch):
     )
     without = "signorini_fx.forms.nonlinear.verdicts.turning_of"
     monkeypatch.setattr(without, lambda state, size: np.zeros((state.boundary.size, 3, 3)))
-    assert problem._solver.stable() is Status.UNSTABLE
+    assert problem._solver.stable(problem.linear.solved)[0] is Status.UNSTABLE

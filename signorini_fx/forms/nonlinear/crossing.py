@@ -19,7 +19,7 @@ from dolfinx import mesh as dmesh
 from scipy.spatial import cKDTree
 
 from signorini_fx.arrays import Array, Flags, Indices, Ints
-from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
+from signorini_fx.forms.nonlinear.linearised import NonlinearBody
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import facet_entities, facet_nodes, marked_nodes
 from signorini_fx.mechanics.assembly.pieces import find_pieces
@@ -61,14 +61,14 @@ class InnerPoints:
     touching: Flags
 
     @classmethod
-    def of(cls, linear: LinearisedProblem, places: Array) -> InnerPoints:
+    def of(cls, body: NonlinearBody, places: Array) -> InnerPoints:
         """Return those of the facets of this rank; ``places``: see ``BodyCells.placed``."""
-        space, forms, cells = linear.space, linear.forms, linear.foundations.cells
+        space, forms, cells = body.space, body.forms, body.foundations.cells
         facets = dmesh.exterior_facet_indices(space.mesh.topology)
         entities = facet_entities(space.mesh, facets)
         middles = _corners_of(cells, entities, places).mean(axis=1)
         x = middles + NOTABLE * (cells.corners(places)[entities[:, 0]].mean(axis=1) - middles)
-        named = _named(linear, facets)
+        named = _named(body, facets)
         nodes = facet_nodes(space, facets)
         touching = np.zeros((facets.size, len(forms.masters), 2), dtype=bool)
         for pair, (number, master) in enumerate(forms.masters.items()):
@@ -82,11 +82,11 @@ class InnerPoints:
         """Return some of the points."""
         return InnerPoints(*(values[chosen] for values in vars(self).values()))
 
-    def sent(self, linear: LinearisedProblem, corners: Array) -> InnerPoints:
+    def sent(self, body: NonlinearBody, corners: Array) -> InnerPoints:
         """Return those that cells of this rank may cover, of all ranks; ``corners``: of the cells;
         collective.
         """
-        comm, corners = linear.space.mesh.comm, corners.reshape(-1, self.x.shape[1])
+        comm, corners = body.space.mesh.comm, corners.reshape(-1, self.x.shape[1])
         if comm.size == 1:
             return self
         bounds = corners.min(axis=0, initial=np.inf), corners.max(axis=0, initial=-np.inf)
@@ -97,58 +97,58 @@ class InnerPoints:
         return InnerPoints(*map(np.concatenate, columns))
 
 
-def crossing(linear: LinearisedProblem) -> Crossing | None:
+def crossing(body: NonlinearBody) -> Crossing | None:
     """Return where the body at the displacement of now has passed into itself, or a body of the
     mesh into another one, the last place in the order of coordinates; None: nowhere; collective.
     """
-    comm, cells = linear.space.mesh.comm, linear.foundations.cells
-    places = cells.placed(linear.at.x.array)
-    points = InnerPoints.of(linear, places).sent(linear, cells.corners(places))
+    comm, cells = body.space.mesh.comm, body.foundations.cells
+    places = cells.placed(body.at.x.array)
+    points = InnerPoints.of(body, places).sent(body, cells.corners(places))
     at, cell = cells.covering(places, points.x)
     same = points.vertices[at][:, :, None] == cells.vertices[cell][:, None]
     apart = ~same.any(axis=(1, 2))
     found, cell = points.taken(at[apart]), cell[apart]
     if not parallel.any_rank(comm, bool(cell.size)):
         return None
-    itself = find_pieces(linear.space.mesh).of_cell[cell] == found.piece
-    rows = np.column_stack((found.x, found.named, itself))[~_allowed(linear, found)]
+    itself = find_pieces(body.space.mesh).of_cell[cell] == found.piece
+    rows = np.column_stack((found.x, found.named, itself))[~_allowed(body, found)]
     rows = parallel.gather_rows(comm, rows)
     if not len(rows):
         return None
     # Places that differ by round-off have the same order on any number of ranks.
-    rounded = np.round(rows[:, :-2] / (DIGITS_OF_FILES * linear.scales.size))
+    rounded = np.round(rows[:, :-2] / (DIGITS_OF_FILES * body.named[1].size))
     *place, named, within = rows[np.lexsort(rounded.T[::-1])[-1]].tolist()
-    names = [f"{name!r} " for name in linear.names]
+    names = [f"{name!r} " for name in body.names]
     at_place = f"at ({', '.join(f'{component:.4g}' for component in place)})"
     return Crossing(bool(within), [*names, ""][int(named)] + at_place)
 
 
-def behind(linear: LinearisedProblem, last: State) -> dict[int, str]:
+def behind(body: NonlinearBody, last: State) -> dict[int, str]:
     """Return which boundaries have passed the surface of a foundation that they do not touch since
     the last solution, by the number of its contact: name, place and depth of the deepest facet in
     words; collective.
     """
-    foundations = linear.foundations
+    foundations = body.foundations
     cells = foundations.cells
-    mesh = linear.space.mesh
+    mesh = body.space.mesh
     facets = dmesh.exterior_facet_indices(mesh.topology)
     entities = facet_entities(mesh, facets)
-    now = _corners_of(cells, entities, cells.placed(linear.at.x.array))
+    now = _corners_of(cells, entities, cells.placed(body.at.x.array))
     then = _corners_of(cells, entities, cells.placed(last.displacement)).mean(axis=1)
     allowed = NOTABLE * np.linalg.norm(np.ptp(now, axis=1), axis=1)
-    names = list(map(repr, linear.names))
+    names = list(map(repr, body.names))
     moved = foundations.moved_shapes(last.placed)
     passed = dict[int, str]()
     for number, moving in foundations.moving.items():
         others = foundations.moving.items()
         same = [k for k, other in others if other.shape == moving.shape]
-        touching = np.isin(facets, np.concatenate([linear.forms.facets[k] for k in same]))
+        touching = np.isin(facets, np.concatenate([body.forms.facets[k] for k in same]))
         middles = now.mean(axis=1)
         depth = -moving.shape.distance(middles)[0]
         _, earlier = moved.get(number, (None, moving.shape))
         was_outside = -earlier.distance(then)[0] <= allowed
         found = np.flatnonzero(~touching & (depth > allowed) & was_outside)
-        named = _named(linear, facets[found])
+        named = _named(body, facets[found])
         rows = np.column_stack((depth[found], middles[found], named))
         rows = parallel.gather_rows(mesh.comm, rows)
         if len(rows):
@@ -169,27 +169,27 @@ def _corners_of(cells: BodyCells, entities: Indices, places: Array) -> Array:
     return np.take_along_axis(corners, on_facets[:, :, None], axis=1)
 
 
-def _named(linear: LinearisedProblem, facets: Indices) -> Ints:
+def _named(body: NonlinearBody, facets: Indices) -> Ints:
     """Return the numbers of the names of facets, -1 without one, shape (n,)."""
     named = np.full(facets.size, -1)
-    for number, part in enumerate(linear.names.values()):
+    for number, part in enumerate(body.names.values()):
         named[np.isin(facets, part)] = number
     return named
 
 
-def _allowed(linear: LinearisedProblem, points: InnerPoints) -> Flags:
+def _allowed(body: NonlinearBody, points: InnerPoints) -> Flags:
     """Return which points on a side of a contact are as near to its other side as both may
     overlap, a facet and the gap that is given, shape (n,); collective.
     """
-    foundations, allowed = linear.foundations, np.zeros(len(points.x), dtype=bool)
+    foundations, allowed = body.foundations, np.zeros(len(points.x), dtype=bool)
     dim = points.x.shape[1]
-    owned = linear.at.x.array.reshape(-1, dim)[: linear.space.dofmap.index_map.size_local]
+    owned = body.at.x.array.reshape(-1, dim)[: body.space.dofmap.index_map.size_local]
     facing = {number: pair.sides for number, pair in foundations.pairs.items()}
     facing |= {number: pair.sides for number, pair in foundations.sliding.items()}
-    for pair, number in enumerate(linear.forms.masters):
+    for pair, number in enumerate(body.forms.masters):
         sides = facing[number]
         gap = foundations.given_gap(number)
-        added = max(parallel.largest(linear.space.mesh.comm, gap[np.isfinite(gap)]), 0.0)
+        added = max(parallel.largest(body.space.mesh.comm, gap[np.isfinite(gap)]), 0.0)
         moved = np.split(sides.gathered(owned), [sides.slave.nodes.size])
         both = (sides.slave.surface, sides.master.surface)
         near = list[Flags]()

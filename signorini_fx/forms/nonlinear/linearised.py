@@ -11,27 +11,30 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from copy import copy
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial, reduce
 from operator import or_
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from dolfinx import fem
 
+from signorini_fx.algebra import Settings
 from signorini_fx.algebra.algorithms.strategy import solve_task
-from signorini_fx.algebra.algorithms.task import Outcome, Start
+from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
 from signorini_fx.algebra.contact.active_sets import ActiveSets
-from signorini_fx.algebra.contact.complementarity import RegularisedData
-from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.linalg import ElasticSystem, LoadCase
 from signorini_fx.algebra.linalg.condensed import CondensedSystem
 from signorini_fx.arrays import Array, Flags, Indices
 from signorini_fx.errors import FormError
-from signorini_fx.forms.elasticity import NOT_POSITIVE, NOT_SYMMETRIC, MatrixError, elastic_body
-from signorini_fx.forms.given_forms import conditions_of, given_forms
+from signorini_fx.forms.elasticity import (
+    NOT_POSITIVE,
+    NOT_SYMMETRIC,
+    MatrixError,
+    elastic_body,
+    natural_modulus,
+)
+from signorini_fx.forms.given_forms import given_forms
 from signorini_fx.forms.nonlinear.moving_shapes import (
     MovingShape,
     MovingTools,
@@ -42,26 +45,44 @@ from signorini_fx.forms.nonlinear.moving_shapes import (
     turned_slips,
 )
 from signorini_fx.forms.nonlinear.residual import Residual, Tangents, round_off
-from signorini_fx.forms.solver import FormSolver, options_applied
-from signorini_fx.machine import parallel
+from signorini_fx.forms.solver import (
+    BodyOfForms,
+    case_of,
+    first_start,
+    options_applied,
+    task_of,
+    with_modulus,
+)
+from signorini_fx.machine import compat, parallel
+from signorini_fx.machine.petsc_objects import free_unused
 from signorini_fx.mechanics.assembly.averages import averaging
-from signorini_fx.mechanics.assembly.mesh_entities import node_positions, prescribed
+from signorini_fx.mechanics.assembly.mesh_entities import node_positions
 from signorini_fx.mechanics.assembly.nodal_stiffness import JointStiffness, NodalStiffness
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.obstacles.corner_points import BoundaryLine, CornerFeet
-from signorini_fx.mechanics.obstacles.foundations_on_points import Foundations, ShapeDistances
+from signorini_fx.mechanics.obstacles.foundations_on_points import FoundationData, Foundations
 from signorini_fx.mechanics.obstacles.paired_points import FacingSides, MovingPair, PairedSides
+from signorini_fx.mechanics.rigid.rigid_bodies import Driven, RigidBodies
+from signorini_fx.mechanics.scales import Scales
 from signorini_fx.mechanics.shapes.analytic import Plane
-from signorini_fx.mechanics.state import State
+from signorini_fx.mechanics.state import ContactValues, State
 from signorini_fx.mechanics.statement.rigid_body import COMPONENTS
 from signorini_fx.mechanics.statement.rigid_shape import Distance, Placement
 from signorini_fx.mechanics.step_effect import StepEffect
 from signorini_fx.records import Status
 from signorini_fx.results.certificate.law_of_method import PreviousStep
 from signorini_fx.results.solution import ConvergenceError
-from signorini_fx.solving.frames import Posed, in_frames, rotations, start_of, state_of
+from signorini_fx.solving.frames import (
+    Posed,
+    components,
+    in_frames,
+    rotations,
+    start_of,
+    state_of,
+    vectors_of,
+)
 from signorini_fx.solving.step import with_contact
 from signorini_fx.tuned import NO_FORCE, RETAINED_REACH, UNITS_OF_NO_LOAD
 
@@ -280,26 +301,152 @@ def _moving(sides: FacingSides, reach: float | None) -> MovingPair:
     return FoldedSide(sides, reach)
 
 
-class LinearisedProblem(FormSolver):
-    """The contact problem of one iteration, at the displacement ``at``."""
+@dataclass(frozen=True)
+class Bent:
+    """What tractions that turn with the displacement add to a tangent.
 
-    _stated_by = ("F",)
-    _refused_features = (("nonlinear material", "F"),)
-    symmetric = definite = True  # as far as is known
-    residual: Array | None = (
-        None  # F at the displacement of now, less the loads; None: it has not been assembled yet
-    )
-    several = False  # see ``Start``
-    posed: Posed  # the last linear problem
-    previous_step: PreviousStep | None = (
-        None  # the end of the last step, as foundations of now see it
-    )
-    bodies: tuple[str, ...] = ()  # see ``BodyPieces``
-    _keeps = False  # whether the next solve keeps the stiffness of the last one
-    _turning: ContactState | None = None  # whose tractions turn; None: those of ``begin``
-    _round_off: float | None = None  # see ``_lost``, of the present load
+    Attributes:
+        hessians: of distances at contact points, see ``hessians_at``.
+        curvature: what the shapes add.
+        relative: see ``MovingTools.relative_stiffness``.
+        askew: whether what is added is not symmetric.
+        tractions: these; None: there are none.
+    """
+
+    hessians: Array
+    curvature: NodalStiffness
+    relative: tuple[Array, Array] | None = None
+    askew: bool = False
+    tractions: ContactState | None = None
+
+
+@dataclass(frozen=True)
+class Iterate:
+    """What a contact problem of Newton's method is made of beside where the body is.
+
+    Attributes:
+        bent: what tractions that turn add to the tangent.
+        residual: F less the loads, forces of shape (owned dofs,); None: it is not assembled yet.
+        definite: whether the tangent is positive definite, as far as is known of this load.
+        symmetric: whether it is symmetric, likewise.
+        near: contact points that an increment may close, shape (n,); None: it is not known.
+        values: of the displacement in the last iteration; None: there was none.
+        lost: what round-off may make of the resultant of the residual, force; None: it is not
+            known.
+    """
+
+    bent: Bent
+    residual: Array | None = None
+    definite: bool = True
+    symmetric: bool = True
+    near: Flags | None = None
+    values: Array | None = None
+    lost: float | None = None
+
+
+@dataclass(frozen=True)
+class Linearised:
+    """The contact problem of one iteration, for the whole displacement.
+
+    Attributes:
+        begin: the state from which its step begins.
+        iterate: what it was made of.
+        posed: the tangent with its contact points.
+        boundary: these, which may be none.
+        start: where its solution begins.
+        before: the end of the last step, as foundations of now see it; None: it counts for nothing.
+        prescribed: dofs of this rank, ghosts included, and to what, shapes (dofs,).
+        data: of the foundations at the nodes.
+        matrix: all values that the matrix is assembled from.
+    """
+
+    begin: State
+    iterate: Iterate
+    posed: Posed
+    boundary: ContactBoundary
+    start: Start
+    before: PreviousStep | None
+    prescribed: tuple[Flags, Array]
+    data: list[FoundationData]
+    matrix: list[bytes]
+
+    @property
+    def elastic(self) -> Model:
+        """The body with this tangent."""
+        return self.posed.body
+
+    @property
+    def scales(self) -> Scales:
+        """Return the scales of the body."""
+        return self.elastic.scales
+
+    @property
+    def task(self) -> Task:
+        """The contact problem in matrices."""
+        return self.posed.task
+
+
+@dataclass(frozen=True)
+class Solved:
+    """How the contact problem of an iteration has ended.
+
+    Attributes:
+        body: of which it is.
+        linear: the problem.
+        outcome: how the method has ended.
+        state: the contact points of this rank.
+        values: the displacement, ghosts included, shape (dofs,).
+        tools: coordinates of tools, see ``MovingTools``.
+        new: the last solution in the step; None: there is none.
+    """
+
+    body: NonlinearBody
+    linear: Linearised
+    outcome: Outcome
+    state: ContactState
+    values: Array
+    tools: Array
+    new: State | None
+
+    @property
+    def status(self) -> Status:
+        """How it has ended."""
+        return self.outcome.status
+
+    @property
+    def loose(self) -> list[int]:
+        """The numbers of the assemblies that nothing presses on; collective."""
+        task = self.linear.task
+        tractions = np.column_stack((self.state.pressure, self.state.shear))
+        return task.motions.untouched(task.idle, np.asarray(tractions.any(axis=1)))
+
+    def internal(self, increment: Array) -> tuple[Array, Array, float]:
+        """What a(d, .), where no support prescribes d, and the curvature alone are, shapes (owned
+        dofs,), and the work of the forces that normals which turn relative to tools, and springs of
+        tools, exert on increments from where the body is; collective.
+        """
+        linear = self.linear
+        elastic = linear.elastic
+        rigid = linear.posed.rigid
+        work = 0.0
+        if rigid.bodies:
+            moved = self.tools - self.body.foundations.coordinates
+            springs = np.where(rigid.fixed, 0.0, rigid.stiffness)
+            work += float(springs @ moved**2)
+            if elastic.relative is not None:
+                on_tools = elastic.relative_forces(increment, moved)[1]
+                work += float(2 * on_tools @ moved + moved @ elastic.relative[1] @ moved)
+        held = elastic.forces_of(np.where(linear.prescribed[0], increment, 0.0))
+        turning = linear.iterate.bent.curvature.times(increment, elastic.space)
+        return elastic.forces_of_free(increment) + held, turning, work
+
+
+class NonlinearBody(BodyOfForms):
+    """A nonlinear body at the displacement ``at``, with its contact and all that is fixed of it."""
+
+    stated_by = ("F",)
+    refused_features = (("nonlinear material", "F"),)
     foundations: MovingFoundations
-    _hessians: Array
 
     def __init__(
         self,
@@ -314,24 +461,20 @@ class LinearisedProblem(FormSolver):
     ) -> None:
         at = self.at = evaluated.u
         increment = fem.Function(at.function_space)
-        self._foundations_class = partial(MovingFoundations, at=at)
-        forms, increment = given_forms(
+        forms, _ = given_forms(
             tangents.leading, evaluated.form, contact, increment, boundaries=boundaries
         )
         forms = replace(forms, original=(tangents.bilinear, evaluated.form))
+        moving = partial(MovingFoundations, at=at)
+        super().__init__(forms, bcs, settings, options, effects, moving)
         # Facets of parts of the boundary by their names, for messages.
         self.names: Mapping[str, Indices] = forms.boundaries
-        super().__init__(forms, increment, bcs, settings, options, effects)
-        self._evaluated = evaluated
-        self._straighten()
-
-    def _straighten(self) -> None:
-        """Drop the geometric terms, which turn with the displacement."""
-        dim = self.places.shape[1]
-        self.curvature = NodalStiffness.none(dim)  # what the shapes add to the tangent
-        self._hessians = np.zeros((0, dim, dim))
-        self.relative: tuple[Array, Array] | None = None  # see ``MovingTools.relative_stiffness``
-        self._askew = False  # whether what is added to the tangent is not symmetric
+        self.bodies: tuple[str, ...] = ()  # see ``BodyPieces``
+        self.evaluated = evaluated
+        self.several = False  # see ``Start``
+        self.now: Linearised | None = None  # the last problem that was assembled
+        self.solved: Solved | None = None  # the last one that was solved in this step
+        self.begin = self.initial()
 
     @property
     def places(self) -> Array:
@@ -343,11 +486,9 @@ class LinearisedProblem(FormSolver):
         numbers = [k for k, entry in enumerate(self.contact) if entry.slides]
         if numbers and not self.foundations.sliding:
             foundations = self.foundations
-            space = self.space
-            fixed, values = prescribed(space, conditions_of(self.bcs, space))
-            owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
-            at_rest = foundations.at_rest(fixed, values)[:owned]
-            fixed = fixed[:owned]
+            fixed, values = self.supports()
+            at_rest = foundations.at_rest(fixed, values)[: self.owned]
+            fixed = fixed[: self.owned]
             facing = {
                 k: foundations.facing(k, foundations.factor_of(k), fixed, None, at_rest)
                 for k in numbers
@@ -373,40 +514,43 @@ class LinearisedProblem(FormSolver):
             pair.settle(self.begin)
 
     def points(self) -> tuple[ContactBoundary, fem.FunctionSpace]:
-        self.slide()
-        return super().points()
+        """See ``State.save``."""
+        return (self.now or self.as_it_is()).boundary, self.space
 
-    def initial(self) -> State:
-        """Return the initial state, with rigid bodies that nothing has moved."""
-        rest = np.zeros(self.foundations.rigid_bodies.fixed.size)
-        return replace(super().initial(), rigid=rest)
+    @property
+    def begun_places(self) -> Array:
+        """Displacements of the nodes at the end of the last step, shape (nodes, d)."""
+        return self.begin.displacement.reshape(self.places.shape)
 
     def start(self, state: State) -> None:
         """Put the body where a step begins, with nothing of other steps; collective."""
         if state is not self.begin:  # else u is the first iterate that a user has given
             self.at.x.array[:] = state.displacement
         self.begin = state
-        self.last = self._turning = None
+        self.solved = None
         self.foundations.carry_to(state.rigid)
-        self._straighten()
         self.settle()
+
+    # --- the contact problem of an iteration ---
 
     def _tractions(self) -> ContactState | None:
         """Return tractions of the last linear problem, else of the start of the step, in present
         frames; None: there are none; collective.
         """
+        if self.solved is not None:
+            return self.solved.state
         values = self.begin.contact
-        if self._turning is not None or values is None:
-            return self._turning
-        shapes = self.foundations.shapes()
-        boundary = self.contact_points(shapes, *prescribed(self.space, self.bcs))
-        spin = self.foundations.spin_at(boundary, self.begin.placed)
+        if values is None:
+            return None
+        foundations = self.foundations
+        shapes = foundations.shapes()
+        boundary = foundations.points(shapes, *self.supports())
+        spin = foundations.spin_at(boundary, self.begin.placed)
         rotation = rotations(values.normal, boundary.normal, spin)
         sets, (pressure, shear) = in_frames(values, rotation, boundary)
-        laws = [entry.law for entry in self.foundations.data(shapes)]
-        law = self.foundations.law(boundary, 1.0, laws)
+        law = foundations.law(boundary, 1.0)
         none = np.zeros_like(pressure)
-        self._turning = ContactState(
+        return ContactState(
             boundary.points,
             gap=none,
             u_n=none,
@@ -425,317 +569,269 @@ class LinearisedProblem(FormSolver):
             damage=None,
             boundary=boundary,
         )
-        return self._turning
 
-    def bend(self, *, symmetric: bool = True) -> None:
-        """Give the tangent the curvature of the shapes with the tractions of the last solution, all
-        of it unless
+    @property
+    def last(self) -> State | None:
+        """The last solution of the step; None: there is none."""
+        return None if self.solved is None else self.solved.new
+
+    def bend(self, *, symmetric: bool = True) -> Bent:
+        """Return what tractions of the last solution add to the tangent, all of it unless
         ``symmetric``: then what is not is left out, which only pairs with Coulomb friction have;
         collective.
         """
+        foundations = self.foundations
+        dim = self.places.shape[1]
         if (state := self._tractions()) is None:
-            return
+            return Bent(np.zeros((0, dim, dim)), NodalStiffness.none(dim))
         # The matrices of Coulomb friction are not symmetric, so that a whole one costs the same.
-        whole = not symmetric and self.set_up and type(self.task.system) is ElasticSystem
-        laws = [self.contact[number].friction for number in self.foundations.sliding]
-        self._askew = whole and any(law is not None and law.follows_pressure for law in laws)
-        size = self.named[1].size
-        hessians = hessians_at(state.boundary, self.foundations.moving, self.places, size)
-        blocks = curvature_of(hessians, state)
-        self._hessians, tools, self.relative = hessians, self.foundations.rigid_bodies, None
-        if tools.bodies:
-            self.relative = tools.relative_stiffness(state, blocks)
-        joint = tuple(
-            pair.stiffness(state, symmetric=not self._askew)
-            for pair in self.foundations.sliding.values()
+        whole = (
+            not symmetric and self.now is not None and type(self.now.task.system) is ElasticSystem
         )
+        laws = [self.contact[number].friction for number in foundations.sliding]
+        askew = whole and any(law is not None and law.follows_pressure for law in laws)
+        size = self.named[1].size
+        hessians = hessians_at(state.boundary, foundations.moving, self.places, size)
+        blocks = curvature_of(hessians, state)
+        tools = foundations.rigid_bodies
+        relative = tools.relative_stiffness(state, blocks) if tools.bodies else None
+        joint = [
+            pair.stiffness(state, symmetric=not askew) for pair in foundations.sliding.values()
+        ]
         places = self.places[: self.space.dofmap.index_map.size_local]
-        for number, (_, paired) in self.foundations.undeformed.items():
-            if not self.contact[number].bonded:
-                joint = *joint, paired.stiffness(state, places)
-        joint = *joint, *self.foundations.stiffness_at_corners(state)
-        self.curvature = NodalStiffness.summed(state.boundary.nodes, blocks, joint)
+        joint += [
+            paired.stiffness(state, places)
+            for number, (_, paired) in foundations.undeformed.items()
+            if not self.contact[number].bonded
+        ]
+        joint += foundations.stiffness_at_corners(state)
+        curvature = NodalStiffness.summed(state.boundary.nodes, blocks, tuple(joint))
+        return Bent(hessians, curvature, relative, askew, state)
 
-    # --- what a FormSolver asks for ---
-
-    def begin_step(self) -> Start:
-        """Slips of points that stick are linearised as their tangent planes turn."""
-        state = self._turning
-        begin = self.begin
-        self.posed = replace(self.pose(begin), linear=False, dt=self.foundations.dt)
+    def at_iterate(self, iterate: Iterate, *, keeps: bool = False) -> Linearised:
+        """Return the contact problem of an iteration where the body is; ``keeps``: with the
+        stiffness of the last one; collective.
+        """
+        last = self.now
+        self.now = None
+        if self.mesh_has_moved:
+            reason = "the coordinates of its mesh have changed: make a new problem on this mesh"
+            raise FormError.at("u", reason)
+        foundations = self.foundations
+        prescribed = self.supports()
+        shapes = foundations.shapes()
+        rigid = foundations.rigid_bodies
+        free_unused(self.space.mesh)
+        boundary = self.contact_points(shapes, *prescribed)
+        form = compat.form_data(self.forms.compiled[0])
+        bent = iterate.bent
+        flags = np.array([iterate.definite, iterate.symmetric, bent.askew])
+        arrays = [*form, prescribed[0], rigid.fixed, rigid.stiffness, flags]
+        arrays += [bent.curvature.nodes, bent.curvature.blocks]
+        matrix = [np.asarray(one).tobytes() for one in arrays]
+        other = last is None or last.matrix != matrix or self._follows(rigid)
+        keeps = keeps or not parallel.any_rank(self.space.mesh.comm, other)
+        if keeps and last is not None:
+            matrix = last.matrix
+        elastic, iterate = self._tangent(iterate, boundary, prescribed, last, keeps=keeps)
+        forms = self.forms
+        natural = natural_modulus(None, forms.original[0], forms.measures, self.space)
+        elastic = with_modulus(elastic, boundary, natural, foundations.facets)
+        case, iterate = self._case(elastic, iterate, rigid.driven(), prescribed)
+        data = foundations.data(shapes)
+        settings = Settings.of(self.settings)
+        problem = foundations.problem(boundary, data, settings, elastic.scales)
+        task = task_of(elastic, case, problem, self.contact, self.history)
+        drift = foundations.motion_at(boundary, self.begin)
+        posed = Posed(
+            elastic,
+            rigid,
+            replace(task, rest=None),
+            first_start(*problem),
+            foundations.placed,
+            drift,
+            foundations.spin_at(boundary, self.begin.placed),
+            dt=foundations.dt,
+            linear=False,
+        )
         if self.effects:
-            self.posed = with_contact(self.posed, self.effects, begin)
-            begin = replace(begin, gammas=None)  # they are there already
-        begun, self.previous_step = start_of(self.posed, begin, self.last)
-        boundary = self.boundary
-        tools = self.foundations.rigid_bodies
-        origin = begun.data.slip_origin
-        for (
-            number,
-            pair,
-        ) in self.foundations.sliding.items():  # slips count from where their step has begun
+            posed = with_contact(posed, self.effects, self.begin)
+        start, before = self._start(posed, boundary, bent)
+        self.now = Linearised(
+            self.begin, iterate, posed, boundary, start, before, prescribed, data, matrix
+        )
+        return self.now
+
+    def _follows(self, rigid: RigidBodies) -> bool:
+        """Whether the matrix depends on where the body is, beside the tangent of its forms."""
+        foundations = self.foundations
+        return bool(
+            any(entry.against is not None and not entry.bonded for entry in self.contact)
+            or rigid.bodies
+            or any(foundations.corners_of(k) for k in range(len(self.contact)))
+        )
+
+    def _start(
+        self, posed: Posed, boundary: ContactBoundary, bent: Bent
+    ) -> tuple[Start, PreviousStep | None]:
+        """Return the start of a contact problem, and the end of the last step; slips of points that
+        stick are linearised as their tangent planes turn; collective.
+        """
+        foundations = self.foundations
+        state = bent.tractions if self.solved is None else self.solved.state
+        # With effects its gammas are there already.
+        begin = replace(self.begin, gammas=None) if self.effects else self.begin
+        begun, before = start_of(posed, begin, self.last)
+        tools = foundations.rigid_bodies
+        tangents = boundary.tangents
+        origin = begun.data.slip_origin.copy()
+        for number, pair in foundations.sliding.items():
             rows = boundary.part == number
-            origin = origin.copy()
-            origin[rows] = np.einsum("nij,ni->nj", boundary.tangents[rows], pair.slip_origin)
-        if self.task.motions.count:
+            origin[rows] = components(pair.slip_origin, tangents[rows])
+        if posed.task.motions.count:
             begun = replace(begun, several=self.several)
         if boundary.corners is not None:
-            slips = self.foundations.slips_at_corners(boundary, self.begin)
-            moved = boundary.moved(self.places)
-            count = np.einsum("nij,ni->nj", boundary.tangents, moved - slips)
+            slips = foundations.slips_at_corners(boundary, self.begin)
+            count = components(boundary.moved(self.places) - slips, tangents)
             origin = np.where(boundary.at_nodes[:, None], origin, count)
         places = self.places[boundary.nodes]
-        way = self._way()
-        if (
-            boundary.moving is not None
-        ):  # slips on tools are counted from where a step has begun by their finite motion
+        way = self.way(boundary, before)
+        if boundary.moving is not None:  # slips on tools count from there by their finite motion
             places = places - boundary.moving.modes @ tools.coordinates
-            begins = np.einsum("nij,ni->nj", boundary.tangents, places - way)
             on_tools = np.isin(
                 boundary.part, [part for body in tools.bodies for part in body.parts]
             )
-            origin = np.where(on_tools[:, None], begins, origin)
-        if state is not None and len(self._hessians) == boundary.size == state.boundary.size:
-            slip = np.einsum("nij,ni->nj", boundary.tangents, places) - origin
-            slip -= np.einsum(
-                "nij,nik,nk->nj", boundary.tangents, state.boundary.cotangents, state.slip_length
-            )
-            turned = left_by_turning(boundary, self._hessians, way, slip)
+            origin = np.where(on_tools[:, None], components(places - way, tangents), origin)
+        if state is not None and len(bent.hessians) == boundary.size == state.boundary.size:
+            slip = components(places, tangents) - origin
+            slip -= components(vectors_of(state.slip_length, state.boundary.cotangents), tangents)
+            turned = left_by_turning(boundary, bent.hessians, way, slip)
             origin = origin + np.where(self.sticks(state)[:, None], turned, 0.0)
-        return replace(begun, data=replace(begun.data, slip_origin=origin))
+        return replace(begun, data=replace(begun.data, slip_origin=origin)), before
 
-    def _way(self) -> Array:
+    def way(self, boundary: ContactBoundary, before: PreviousStep | None) -> Array:
         """Return the displacement of contact points relative to shapes since the step began,
         without what forces move, shape (n, d).
         """
-        previous = self.previous_step
-        way = (self.places - self._begun_places)[self.boundary.nodes]
-        return (
-            way if previous is None or previous.moved is None else np.asarray(way - previous.moved)
-        )
+        way = (self.places - self.begun_places)[boundary.nodes]
+        return way if before is None or before.moved is None else np.asarray(way - before.moved)
 
-    def _body(self, fixed: Flags, boundary: ContactBoundary) -> Model:
-        """A tangent that is not definite is factorised whole, without fall-backs: a smaller
-        increment is what helps.
+    def _tangent(
+        self,
+        iterate: Iterate,
+        boundary: ContactBoundary,
+        prescribed: tuple[Flags, Array],
+        last: Linearised | None,
+        *,
+        keeps: bool,
+    ) -> tuple[Model, Iterate]:
+        """Return the body with its tangent.  One that is not definite is factorised whole, without
+        fall-backs: a smaller increment is what helps.
         """
-        definite = self.definite and self.symmetric
-        symmetric = self.symmetric and not self._askew
+        definite = iterate.definite and iterate.symmetric
+        symmetric = iterate.symmetric and not iterate.bent.askew
         settings = self.settings
-        if self._curved:  # without curvature it is a convex problem: that is the first fall-back
+        if self._curved(iterate.bent):  # without curvature it is convex: the first fall-back
             settings = settings.model_copy(update={"fallbacks": False})
         if not (definite and symmetric):
             whole = {"linear_algebra": "full", "fallbacks": definite and settings.fallbacks}
             settings = settings.model_copy(update=whole)
-        beside: dict[str, Any] = {"definite": definite and symmetric, "symmetric": symmetric}
-        last = self.__dict__.get("elastic")
-        comm = self.space.mesh.comm
-        if not parallel.any_rank(comm, last is None or not np.array_equal(last.fixed, fixed)):
+        more: dict[str, Any] = {"definite": definite and symmetric, "symmetric": symmetric}
+        fixed = prescribed[0][: self.owned]
+        other = last is None or not np.array_equal(last.elastic.fixed, fixed)
+        if not parallel.any_rank(self.space.mesh.comm, other):
             assert last is not None
-            beside["of_body"], beside["of_mesh"] = (
-                last.of_body if self._keeps else last.of_supports,
-                last.of_mesh,
-            )
-            if self._keeps and isinstance(self.task.system, CondensedSystem):
-                beside["eliminated"] = self.task.system.schur
+            earlier = last.elastic
+            more["of_mesh"] = earlier.of_mesh
+            more["of_body"] = earlier.of_body if keeps else earlier.of_supports
+            if keeps:
+                more["eliminated"] = last.task.system.eliminated
         if definite:
-            beside["far"] = self._far_points(boundary)
+            more["far"], iterate = self._far_points(iterate, boundary, prescribed)
         try:
-            return self.body_of(
-                self.forms.compiled[0], boundary, fixed=fixed, settings=settings, **beside
-            )
+            form = self.forms.compiled[0]
+            more |= {"fixed": fixed, "settings": settings}
+            return self.body_of(form, boundary, iterate.bent, **more), iterate
         except MatrixError as error:
             if error.fault != NOT_SYMMETRIC:
                 raise
-        self.symmetric = False
         self.history.add("the tangent is not symmetric: it is factorised as LU")
-        return self._body(fixed, boundary)
+        iterate = replace(iterate, symmetric=False)
+        return self._tangent(iterate, boundary, prescribed, last, keeps=keeps)
 
-    def body_of(self, tangent: fem.Form, boundary: ContactBoundary, **more: Any) -> Model:
+    def body_of(
+        self, tangent: fem.Form, boundary: ContactBoundary, bent: Bent, **more: Any
+    ) -> Model:
         """The body of a tangent, with what turns; for the further arguments see ``elastic_body``;
         collective.
         """
-        fits = self.relative is not None and len(self.relative[0]) == boundary.size
+        fits = bent.relative is not None and len(bent.relative[0]) == boundary.size
+        more |= {"beside": bent.curvature, "relative": bent.relative if fits else None}
         points = boundary if self.contact else None
-        more |= {"beside": self.curvature, "relative": self.relative if fits else None}
-        named = self.named
-        return elastic_body(self.space, tangent, self.bcs, boundary=points, named=named, **more)
-
-    def _forces(self, values: Array) -> tuple[Array, Array]:
-        """Supports that have not moved since F was evaluated add nothing to it."""
-        at = self.at.x.array
-        return self.elastic.forces_of_free(at) - self._residual_now, np.where(
-            self.prescribed[0], values - at, 0.0
+        return elastic_body(
+            self.space, tangent, self.bcs, boundary=points, named=self.named, **more
         )
 
-    def _renew_mesh(self) -> None:
-        reason = "the coordinates of its mesh have changed: make a new problem on this mesh"
-        raise FormError.at("u", reason)
-
-    def _set_up(
-        self, shapes: Sequence[ShapeDistances], *, renewed: bool
-    ) -> tuple[RegularisedData, PointFriction | None]:
-        """Displacements are counted from the initial position, whatever holds the body."""
-        data = super()._set_up(shapes, renewed=True)
-        self.task = replace(self.task, rest=None)
-        return data
-
-    def _case(self, values: Array) -> LoadCase:
-        """Return the load case with the work of the residual on free motions, and of the forces on
-        relative displacements.
-        """
-        case = super()._case(values)
-        elastic = self.elastic
-        driven = self.driven
-        if elastic.motions.free.size:
-            resultant = elastic.motions.load_of(-self._residual_now, elastic.comm, driven.forces)
-            case = replace(
-                case, resultant=replace(resultant, size=resultant.size + self._lost / NO_FORCE)
-            )
-        if elastic.relative is not None:
-            away = self.at.x.array - np.where(self.prescribed[0], values, 0.0)
-            moved = self.foundations.coordinates - np.where(self.rigid.fixed, driven.motion, 0.0)
-            forces, _ = elastic.relative_forces(away, moved)
-            case.load.getArray()[: forces.size] += np.where(
-                elastic.prescribed[: forces.size], 0.0, forces
-            )
-        return case
-
-    def _beside(self) -> Sequence[npt.NDArray[Any]]:
-        loads = np.asarray(self._evaluated.loads)
-        where = [self.foundations.coordinates, self.at.x.array]
-        follows = (
-            any(entry.against is not None and not entry.bonded for entry in self.contact)
-            or self.rigid.bodies
-            or any(self.foundations.corners_of(k) for k in range(len(self.contact)))
-        )
-        curvature = self.curvature.nodes, self.curvature.blocks
-        return *curvature, loads, *(where if follows else ())
-
-    def moved(self, boundary: ContactBoundary) -> Array | None:
-        return self.foundations.motion_at(boundary, self.begin)
-
-    @property
-    def _begun_places(self) -> Array:
-        """Displacements of the nodes at the end of the last step, shape (nodes, d)."""
-        return self.begin.displacement.reshape(self.places.shape)
-
-    def attempt(self) -> str:
-        with options_applied(*self.options):
-            self.begun = self.begin_step()
-            outcome = solve_task(self.task, self.begun)
-            self.take(outcome)
-            if isinstance(system := outcome.problem.system, CondensedSystem):
-                system.find_far_points(
-                    outcome.newton.x
-                )  # those that were taken to be far are where it is
-        if outcome.status is Status.CONVERGED:
-            return ""
-        return f"{outcome.status.value}: {outcome.status.advice}"
-
-    def take(self, outcome: Outcome) -> None:
-        """Make the end of a linear problem the last result: the solution of the nonlinear one gets
-        a certificate.
-        """
-        self.outcome = outcome
-        unknowns = outcome.displacement()
-        state = ContactState.of(self.task.contact(outcome, self.begun), self.boundary)
-        self._state = self._turning = state
-        self.rigid_bodies = self.rigid.moved(self.elastic.driven(unknowns, None))
-        self.status = outcome.status
-        self.certificate = None
-        displacement = self.elastic.function(unknowns)
-        self.u.x.array[:] = displacement.x.array
-        if outcome.status is Status.CONVERGED:
-            self.last = state_of(self.posed, self.begun, outcome, displacement, self.begin)
-
-    @property
-    def _residual_now(self) -> Array:
-        """F less the loads at the displacement of now, forces of shape (owned dofs,);
-        collective.
-        """
-        return self._evaluated.assembled() if self.residual is None else self.residual
-
-    @property
-    def _lost(self) -> float:
-        """What round-off may make of the resultant of the residual, force; collective."""
-        if self._round_off is None:
-            lost = round_off(self._evaluated, self._residual_now)
-            free = ~self.elastic.fixed
-            self._round_off = UNITS_OF_NO_LOAD * float(
-                parallel.global_sum(self.space.mesh.comm, lost[free].sum())
-            )
-        return self._round_off
-
-    # --- one iteration ---
-
-    def begin_anew(self) -> None:
-        """A new load: the tangent is definite until a factorisation refuses it."""
-        self.definite, self.symmetric, self._round_off = True, True, None
-        self._near: Flags | None = None
-        self._last_values: Array | None = None  # of the displacement in the last iteration
-
-    def solve(self, *, keeps_stiffness: bool = False) -> None:
-        """Solve it, with the stiffness of the last solve if ``keeps_stiffness`` and that has a
-        solution; a tangent that Cholesky's factorisation refuses is factorised as LDL^T.  A
-        ConvergenceError or MatrixError says how it ends.
-        """
-        if keeps_stiffness:
-            self._keeps, solved = True, False
-            try:
-                with suppress(MatrixError):
-                    solved = not self.attempt()
-            finally:
-                self._keeps = False
-            if solved:
-                return
-            self._inputs_before = None
-            self.bend()
-        refused = False
-        try:
-            why = self.attempt()
-            opens = self.status is Status.OPEN and bool(self.task.idle)
-            if self._curved and (opens or self.status in _WITHOUT_SETS):
-                # What nothing presses on any more has no tractions that turn.
-                self.curvature = NodalStiffness.none(self.curvature.blocks.shape[1])
-                self.relative = None
-                why = self.attempt()
-        except MatrixError as error:
-            if error.fault != NOT_POSITIVE:
-                raise
-            why = error.fault
-            refused = True
-        if self.definite and (
-            refused or (why and self.status in (Status.SINGULAR, Status.LINEAR_SOLVER))
-        ):
-            self.definite, self._inputs_before = False, None
-            self.history.add("the tangent is not positive definite: it is factorised as LDL^T")
-            why = self.attempt()
-        if why:
-            raise ConvergenceError(self, why)
-
-    @property
-    def _curved(self) -> bool:
+    def _curved(self, bent: Bent) -> bool:
         """Whether tractions that turn are in the tangent; collective."""
-        curved = bool(self.curvature.nodes.size or self.curvature.joint)
+        curved = bool(bent.curvature.nodes.size or bent.curvature.joint)
         return parallel.any_rank(self.space.mesh.comm, curved)
 
-    def _far_points(self, boundary: ContactBoundary) -> tuple[Flags, fem.Function] | None:
+    def _case(
+        self,
+        elastic: Model,
+        iterate: Iterate,
+        driven: Driven,
+        prescribed: tuple[Flags, Array],
+    ) -> tuple[LoadCase, Iterate]:
+        """Return the right-hand side, with the work of the residual on free motions, and of the
+        forces on relative displacements; supports that have not moved since F was evaluated add
+        nothing to it; collective.
+        """
+        fixed, values = prescribed
+        at = self.at.x.array
+        residual = iterate.residual
+        if residual is None:
+            residual = self.evaluated.assembled()
+        lifted = np.where(fixed, values - at, 0.0)
+        case = case_of(elastic, elastic.forces_of_free(at) - residual, values, driven, lifted)
+        if elastic.motions.free.size:
+            lost = iterate.lost
+            if lost is None:
+                lost = round_off(self.evaluated, residual)[~elastic.fixed].sum()
+                lost = UNITS_OF_NO_LOAD * float(parallel.global_sum(elastic.comm, lost))
+                iterate = replace(iterate, lost=lost)
+            resultant = elastic.motions.load_of(-residual, elastic.comm, driven.forces)
+            resultant = replace(resultant, size=resultant.size + lost / NO_FORCE)
+            case = replace(case, resultant=resultant)
+        if elastic.relative is not None:
+            away = at - np.where(fixed, values, 0.0)
+            rigid = self.foundations.rigid_bodies
+            moved = rigid.coordinates - np.where(rigid.fixed, driven.motion, 0.0)
+            forces, _ = elastic.relative_forces(away, moved)
+            held = elastic.prescribed[: forces.size]
+            case.load.getArray()[: forces.size] += np.where(held, 0.0, forces)
+        return case, iterate
+
+    def _far_points(
+        self, iterate: Iterate, boundary: ContactBoundary, prescribed: tuple[Flags, Array]
+    ) -> tuple[tuple[Flags, fem.Function] | None, Iterate]:
         """Which points are farther from their shapes than an increment may bring them, shape (n,),
         and the displacement of now; None: none is.  The dense matrix of a body in 3D on one rank
         does without them; the next iteration has those that are inside of their shapes.
         """
-        state = self._turning
+        state = iterate.bent.tractions if self.solved is None else self.solved.state
         values = self.at.x.array
-        dim = boundary.x.shape[1]
         plain = (
             boundary.averages.shares.nnz == boundary.size > 0
             and boundary.moving is None
             and not boundary.paired
         )
-        known = state is not None and state.boundary.size == boundary.size
-        if dim != 3 or boundary.comm.size > 1 or self.residual is None or not plain or not known:
-            return None
-        assert state is not None
+        of_body = boundary.x.shape[1] == 3 and boundary.comm.size == 1
+        if not of_body or iterate.residual is None or not plain:
+            return None, iterate
+        if state is None or state.boundary.size != boundary.size:
+            return None, iterate
         distance = np.full(boundary.size, -np.inf)
         added = np.zeros(len(self.places))
         for number, moving in self.foundations.moving.items():
@@ -745,179 +841,201 @@ class LinearisedProblem(FormSolver):
                 moving.shape.distance(boundary.x[points] + self.places[nodes])[0] + added[nodes]
             )
         # As far as shapes are inside, supports move now, or the last increment has moved anything.
-        fixed, to = self.prescribed
+        fixed, to = prescribed
         increments = [np.abs(to - values)[fixed], -distance[np.isfinite(distance)]]
-        if self._last_values is not None:
-            increments.append(np.abs(values - self._last_values))
+        if iterate.values is not None:
+            increments.append(np.abs(values - iterate.values))
         near = state.in_contact | (state.bound > 0.0)  # a shear may act without contact
         near |= distance <= RETAINED_REACH * max(moved.max(initial=0.0) for moved in increments)
-        if self._near is not None and self._near.size == near.size:
-            near |= self._near
+        if iterate.near is not None and iterate.near.size == near.size:
+            near |= iterate.near
         near[distance.argmin()] = True  # a dense matrix of nothing is none
-        self._near = near
-        self._last_values = values.copy()
-        return None if near.all() else (~near, self.at)
+        iterate = replace(iterate, near=near, values=values.copy())
+        return None if near.all() else (~near, self.at), iterate
 
-    def leave_open(self, status: Status) -> None:
-        """Make the displacement of now, without any contact, the last result, of a solve with this
-        end; collective.
+    # --- its solution ---
+
+    def solve_at(self, iterate: Iterate, *, keeps: bool = False) -> Solved:
+        """Solve the contact problem of an iteration; a tangent that Cholesky's factorisation
+        refuses is factorised as LDL^T; collective.
+
+        Args:
+            iterate: what it is made of.
+            keeps: whether with the stiffness of the last one, if that has a solution.
+
+        Raises:
+            ConvergenceError: it has no solution.
+            MatrixError: it cannot be assembled.
         """
-        with options_applied(*self.options):
-            begun = self.begun = self.begin_step()
-        nowhere = np.zeros(self.boundary.size)
-        sets = ActiveSets.of(nowhere > 0, np.zeros_like(begun.data.mu_hat), nowhere)
-        newton = self.task.newton
-        self.task.begin_step(begun)
-        newton.pose(begun.data, sets)
-        x = self.task.system.unknowns(self.elastic.unknowns(self.at))
-        newton.restore((x, newton.problem.sets, newton.problem.data))
-        self.take(
-            Outcome(status, newton, begun.data, augmented=self.task.settings.algorithm == "alm")
-        )
+        if keeps:
+            with suppress(MatrixError):
+                solved = self._solved(iterate, keeps=True)
+                if solved.status is Status.CONVERGED:
+                    return solved
+            iterate = replace(iterate, bent=self.bend())
+        status = Status.SINGULAR
+        try:
+            solved = self._solved(iterate)
+            status = solved.status
+            opens = status is Status.OPEN and bool(solved.linear.task.idle)
+            if (opens or status in _WITHOUT_SETS) and self._curved(iterate.bent):
+                # What nothing presses on any more has no tractions that turn.
+                curvature = NodalStiffness.none(self.places.shape[1])
+                bent = replace(iterate.bent, curvature=curvature, relative=None)
+                iterate = replace(solved.linear.iterate, bent=bent)
+                solved = self._solved(iterate)
+                status = solved.status
+            iterate = solved.linear.iterate
+        except MatrixError as error:
+            if error.fault != NOT_POSITIVE:
+                raise
+        if iterate.definite and status in (Status.SINGULAR, Status.LINEAR_SOLVER):
+            self.history.add("the tangent is not positive definite: it is factorised as LDL^T")
+            solved = self._solved(replace(iterate, definite=False))
+        if solved.status is not Status.CONVERGED:
+            reason = f"{solved.status.value}: {solved.status.advice}"
+            raise ConvergenceError(solved, reason)
+        return solved
 
-    def settled(self) -> State:
+    def _solved(self, iterate: Iterate, *, keeps: bool = False) -> Solved:
+        with options_applied(*self.options):
+            linear = self.at_iterate(iterate, keeps=keeps)
+            outcome = solve_task(linear.task, linear.start)
+            solved = self.take(linear, outcome)
+            if isinstance(system := outcome.problem.system, CondensedSystem):
+                # Those that were taken to be far are where it is.
+                system.find_far_points(outcome.newton.x)
+        return solved
+
+    def take(self, linear: Linearised, outcome: Outcome) -> Solved:
+        """Return the end of a contact problem, which the next iteration begins from: the solution
+        of the nonlinear problem alone gets a certificate.
+        """
+        elastic = linear.elastic
+        unknowns = outcome.displacement()
+        displacement = elastic.function(unknowns)
+        rigid = linear.posed.rigid
+        state = ContactState.of(linear.task.contact(outcome, linear.start), linear.boundary)
+        tools = rigid.unknowns(rigid.moved(elastic.driven(unknowns, None)))
+        new = self.last
+        if outcome.status is Status.CONVERGED:
+            new = state_of(linear.posed, linear.start, outcome, displacement, self.begin)
+        values = displacement.x.array
+        self.solved = Solved(self, linear, outcome, state, values, tools, new)
+        return self.solved
+
+    def settled(self) -> Solved:
         """The end of the last linear problem at the displacement of the nonlinear one, whose
         residual has been judged.
         """
-        assert self.last is not None
+        last = self.last
+        assert last is not None
+        assert self.solved is not None
         remembered = [pair.remembered() for pair in self.foundations.sliding.values()]
-        self.last = replace(
-            self.last,
-            fields=reduce(or_, remembered, dict(self.last.fields)),
+        last = replace(
+            last,
+            fields=reduce(or_, remembered, dict(last.fields)),
             displacement=self.at.x.array.copy(),
             rigid=self.foundations.coordinates.copy(),
             placed=self.foundations.placed,
         )
-        return self.last
+        self.solved = replace(self.solved, new=last)
+        return self.solved
 
-    @property
-    def step(self) -> int:
-        """How many steps have ended."""
-        return self.begin.number
+    def as_it_is(self) -> Linearised:
+        """Return the contact problem where the body is, without what tractions add to the tangent,
+        which may not be definite; collective.
+        """
+        dim = self.places.shape[1]
+        iterate = Iterate(Bent(np.zeros((0, dim, dim)), NodalStiffness.none(dim)))
+        self.slide()
+        with options_applied(*self.options):
+            try:
+                return self.at_iterate(iterate)
+            except MatrixError as error:
+                if error.fault != NOT_POSITIVE:
+                    raise
+            return self.at_iterate(replace(iterate, definite=False))
 
-    def begin_at_solution(self, state: State) -> None:
-        """Assemble the contact problem at the end of a step that an earlier run has solved;
+    def leave_open(self, status: Status) -> Solved:
+        """Return the displacement of now, without any contact, as that of a solve with this end;
         collective.
         """
-        self.foundations.carry_to(state.rigid)
-        try:
-            self._begin_at_tangent(definite=True)
-        except MatrixError as error:
-            if error.fault != NOT_POSITIVE:
-                raise
-            self._begin_at_tangent(definite=False)
+        linear = self.as_it_is()
+        data = linear.start.data
+        nowhere = np.zeros(linear.boundary.size)
+        sets = ActiveSets.of(nowhere > 0, np.zeros_like(data.mu_hat), nowhere)
+        task = linear.task
+        newton = task.newton
+        task.begin_step(linear.start)
+        newton.pose(data, sets)
+        x = task.system.unknowns(linear.elastic.unknowns(self.at))
+        newton.restore((x, newton.problem.sets, newton.problem.data))
+        augmented = task.settings.algorithm == "alm"
+        return self.take(linear, Outcome(status, newton, data, augmented=augmented))
 
-    def take_tractions(self, state: State) -> None:
-        """Make those of the end of a step, in the frames of now, those of the last result, as the
+    def take_tractions(self, values: ContactValues) -> None:
+        """Give the last result the tractions of the end of a step, in the frames of now, as the
         last linear problem of the step had another displacement than its end.
         """
-        assert state.contact is not None
-        values = state.contact
-        rotation = rotations(values.normal, self.boundary.normal)
-        _, (pressure, shear) = in_frames(values, rotation, self.boundary)
-        self._state = replace(self.state, pressure=pressure, shear=shear)
+        assert self.solved is not None
+        boundary = self.solved.linear.boundary
+        _, (pressure, shear) = in_frames(
+            values, rotations(values.normal, boundary.normal), boundary
+        )
+        state = replace(self.solved.state, pressure=pressure, shear=shear)
+        self.solved = replace(self.solved, state=state)
 
-    def _begin_at_tangent(self, *, definite: bool, symmetric: bool = True) -> None:
-        """Assemble the contact problem of now; collective."""
-        self.begin_anew()
-        self.definite, self.symmetric = definite, symmetric
-        self.slide()
-        self._inputs_before = None
-        with options_applied(*self.options):
-            self.begun = self.begin_step()
-
-    def assembled_elsewhere(self) -> LinearisedProblem:
-        """A copy to be assembled in its place; the next solve of this one assembles anew."""
-        self._inputs_before, other = None, copy(self)
-        other.foundations = copy(self.foundations)
-        return other
-
-    def derivative_at(self, begin: State) -> tuple[Any, ...]:
-        """The last solution, of a step that has begun at a state, with the derivative of its
-        contact problem there, see ``SolvedStep.of``; collective.
+    def derivative_at(self, solved: Solved) -> tuple[Any, ...]:
+        """A solution with the derivative of its contact problem there, see ``SolvedStep.of``;
+        collective.
         """
-        self.begin = begin
-        outcome = self.outcome
-        solved = self.state
-        symmetric = self.symmetric
-        assert outcome is not None
-        self.bend()
-        curvature = curvature_of(self._hessians, solved, symmetric=False)
+        self.begin = solved.linear.begin
+        self.solved = solved
+        iterate = solved.linear.iterate
+        symmetric = iterate.symmetric
+        bent = self.bend()
+        curvature = curvature_of(bent.hessians, solved.state, symmetric=False)
         sheared = bool((curvature != curvature.transpose(0, 2, 1)).any())
         if parallel.any_rank(self.space.mesh.comm, sheared):
-            joint = self.foundations.stiffness_at_corners(solved)
-            self.curvature = NodalStiffness.summed(solved.boundary.nodes, curvature, joint)
+            joint = self.foundations.stiffness_at_corners(solved.state)
+            nodes = solved.state.boundary.nodes
+            bent = replace(bent, curvature=NodalStiffness.summed(nodes, curvature, joint))
             symmetric = False
-        self._begin_at_tangent(definite=self.definite, symmetric=symmetric)
-        state = replace(solved, boundary=self.boundary)
+        self.slide()
+        iterate = Iterate(bent, definite=iterate.definite, symmetric=symmetric)
+        with options_applied(*self.options):
+            linear = self.at_iterate(iterate)
+        boundary = linear.boundary
+        state = replace(solved.state, boundary=boundary)
         # Of displacements along the normal there are none.
-        slips = np.pad(
-            turned_slips(self.boundary, self._hessians, self._way()), ((0, 0), (0, 0), (1, 0))
-        )
-        turning = curvature, slips, self.foundations.spin_at(self.boundary, self.begin.placed)
-        return self.elastic, self.task, outcome, self.begun, state, self.at, self.begun.law, turning
+        slips = turned_slips(boundary, bent.hessians, self.way(boundary, linear.before))
+        slips = np.pad(slips, ((0, 0), (0, 0), (1, 0)))
+        turning = curvature, slips, self.foundations.spin_at(boundary, self.begin.placed)
+        start = linear.start
+        ended = (linear.elastic, linear.task, solved.outcome, start, state, self.at, start.law)
+        return *ended, turning
 
     def data_now(
-        self, solved: FormSolver | None = None, begun: State | None = None
+        self, solved: NonlinearBody | None = None, begun: State | None = None
     ) -> tuple[Any, ...]:
         """Minus the residual in place of the forms, with what supports prescribe, and the motion of
-        shapes at contact points in the step; ``begun``: the end of the last step; None: that here.
+        shapes at contact points in the step; ``solved``: a body where the problem of a solution has
+        been assembled, None: this one; ``begun``: the end of the last step; None: that here.
         """
         kept = self.at.x.array.copy()
         at = self.at.x.array
-        fixed, supports = prescribed(self.space, conditions_of(self.bcs, self.space))
+        fixed, supports = self.supports()
         at[fixed] = supports[fixed]
         try:
-            values, boundary, gap, law = self.contact_now(solved)
+            values, boundary, gap, law = self.contact_now((solved or self).now)
             motion = self.foundations.motion_at(boundary, self.begin if begun is None else begun)
-            if (residual := self._evaluated.at(at.copy())) is None:
+            if (residual := self.evaluated.at(at.copy())) is None:
                 raise FormError.at("F", "is not finite beside the solution")
             return [], -residual, values, boundary, gap, law, motion
         finally:
             at[:] = kept
-            self._evaluated.go_to(kept)
-
-    @property
-    def loose(self) -> list[int]:
-        """The numbers of the assemblies that nothing presses on in the last outcome; collective."""
-        task = self.task
-        state = self.state
-        pressed = np.asarray(np.column_stack((state.pressure, state.shear)).any(axis=1))
-        return task.motions.untouched(task.idle, pressed)
-
-    def internal(self, increment: Array) -> tuple[Array, Array, float]:
-        """What a(d, .), where no support prescribes d, and the curvature alone are, shapes (owned
-        dofs,), and the work of the forces that normals which turn relative to tools, and springs of
-        tools, exert on increments; collective.
-        """
-        elastic = self.elastic
-        work = 0.0
-        if self.rigid.bodies:
-            moved = self.rigid.unknowns(self.rigid_bodies) - self.foundations.coordinates
-            springs = np.where(self.rigid.fixed, 0.0, self.rigid.stiffness)
-            work += float(springs @ moved**2)
-            if elastic.relative is not None:
-                on_tools = elastic.relative_forces(increment, moved)[1]
-                work += float(2 * on_tools @ moved + moved @ elastic.relative[1] @ moved)
-        held = elastic.forces_of(np.where(self.prescribed[0], increment, 0.0))
-        return (
-            elastic.forces_of_free(increment) + held,
-            self.curvature.times(increment, self.space),
-            work,
-        )
-
-    def show_again(self, solved: LinearisedProblem | None) -> None:
-        """Make an earlier solution, None: none, what the user sees; shapes stay where they are, but
-        for those that forces move; collective.
-        """
-        self._state = self.outcome = self.last = None
-        if solved is not None:
-            self._state, self.outcome, self.last = solved._state, solved.outcome, solved.last
-        self.fields.take(self.space, self._state)
-        self.foundations.carry_to((self.last or self.begin).rigid)
-        self._turning = self._state
-        self._inputs_before = None
-        self._straighten()
+            self.evaluated.go_to(kept)
 
     # --- what the verdict on stability asks for ---
 

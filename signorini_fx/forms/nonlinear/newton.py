@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 from dolfinx import fem
@@ -22,8 +23,8 @@ from signorini_fx.arrays import Array
 from signorini_fx.errors import FormError
 from signorini_fx.forms.elasticity import NOT_FINITE, MatrixError
 from signorini_fx.forms.nonlinear.crossing import behind, crossing
-from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
-from signorini_fx.forms.nonlinear.residual import Remembers, round_off
+from signorini_fx.forms.nonlinear.linearised import Iterate, NonlinearBody, Solved
+from signorini_fx.forms.nonlinear.residual import Remembers, Tangents, round_off
 from signorini_fx.forms.nonlinear.results import ResidualMechanics, SolvedBody, certified
 from signorini_fx.forms.nonlinear.verdicts import (
     Stability,
@@ -63,6 +64,32 @@ NOT_BY_STIFFNESS = (
 )
 
 
+@dataclass(frozen=True)
+class Verdict:
+    """What is said of a displacement, or of the search for one.
+
+    Attributes:
+        status: how it has ended.
+        detail: what is wrong, or where, in words; "": nothing is known.
+        certificate: of the last displacement that was judged; None: none was.
+        mechanics: what the certificate is of.
+        iterations: of Newton's method.
+        without: why there may be no solution, in words; "": nothing says so.
+        cause: why the linear contact problem has no solution; None: it has one, or that says
+            nothing of the body.
+        tried: see ``reason_for_none``.
+    """
+
+    status: Status
+    detail: str = ""
+    certificate: Certificate | None = None
+    mechanics: ResidualMechanics | None = None
+    iterations: int = 0
+    without: str = ""
+    cause: Status | None = None
+    tried: Array | None = None
+
+
 @dataclass
 class EquilibriumSolver(Stability):
     """Finds the equilibrium next to where a nonlinear body is, with loads and shapes as they
@@ -80,45 +107,23 @@ class EquilibriumSolver(Stability):
     passed: dict[int, str] = field(default_factory=dict)
     # What to do about statuses, where that is not ``Status.advice``.
     cures: Mapping[Status, str] = field(default_factory=dict)
-    # Why the linear contact problem of the last attempt has no solution; None: it has one, or that
-    # says nothing of the body.
-    cause: Status | None = None
     status: Status | None = (
         None  # of the last attempt; None: it has ended by an error, or there is none
     )
-    certificate: Certificate | None = None  # of the last solution, or the last iterate
-    iterations: int = 0  # of the last attempt
+    verdict: Verdict = field(init=False)  # on the last attempt
     linear_solves: int = 0  # likewise
     failure: str = ""  # how the last attempt has ended that has no solution, in words
-    without: str = ""  # why there may be no solution, in words; "": nothing says so
-    tangent_at: tuple[Array, Array] = field(
-        init=False
-    )  # of the last tangent: values of u, coordinates of tools
     solved: SolvedBody | None = None  # the last solution that was taken, for results
     reached: State | None = None  # the end of the last step
     timings: Timings = field(default_factory=Timings)
     # the largest displacement of solutions that were taken, relative to the size of the body
     farthest: float = 0.0
     _since: State = field(init=False)  # the last solution before an attempt, or what there was
-    _tried: Array | None = None  # see ``reason_for_none``
-    _mechanics: ResidualMechanics = field(init=False)  # of the certificate
 
     @property
     def u(self) -> fem.Function:
         """The displacement."""
         return self.residual.u
-
-    @property
-    def _least_increment(self) -> float:
-        """Increments that may be round-off of the body, its places, or loose bodies, length;
-        collective.
-        """
-        linear = self.linear
-        places = UNITS_OF_PLACES * float(
-            np.finfo(float).eps * np.abs(linear.elastic.pieces.bounds).max()
-        )
-        loose = linear.scales.coordinate_error / NO_FORCE if linear.loose else 0.0
-        return max(SAME_NUMBER * linear.scales.size, places, loose)
 
     def begin_path(self) -> None:
         """Forget how long solves took, and a first step that had no solution."""
@@ -134,36 +139,38 @@ class EquilibriumSolver(Stability):
         "": there is one; collective.
         """
         begin = self.u.x.array.copy()
-        last = self._since = self.linear.last or self._beginning(begin)
-        self.certificate = None
+        last = self._since = self.body.last or self._beginning(begin)
         self.status = None
-        self.without = ""
-        self.cause = None
-        self._detail = ""
-        self._tried = None
-        solves = len(self.linear.history.iterations)
+        solves = len(self.body.history.iterations)
+        search = partial(newton, self.body, self.tangents, self.judge, self.max_newton)
         try:
-            status = self._ended("iterate", self._iterate)
-            if status is Status.CONVERGED and self._hidden:
-                status = Status.NO_DIGIT
+            verdict = self._ended("iterate", search)
+            status = verdict.status
+            if status is Status.CONVERGED and self._hidden(verdict.certificate):
+                verdict = replace(verdict, status=Status.NO_DIGIT)
             elif status is Status.CONVERGED and self.asks_stability:
-                status = self.stable()
+                assert self.body.solved is not None
+                status, place = self.stable(self.body.solved)
+                verdict = replace(verdict, status=status, detail=place)
             elif (
                 final
                 and status not in (Status.CONVERGED, *FINAL, *NOT_BY_STIFFNESS)
-                and not self.without
+                and not verdict.without
                 # The last iterate of a contact problem without sets is no equilibrium.
-                and not self._detail
+                and not verdict.detail
             ):
-                self.without = self.reason_for_none(last.displacement, self._tried)
+                without = self.reason_for_none(last.displacement, verdict.tried)
+                verdict = replace(verdict, without=without)
         except Exception:
             self.show_last(begin)
             raise
-        self.status, self.linear_solves = status, len(self.linear.history.iterations) - solves
+        self.verdict = verdict
+        status = self.status = verdict.status
+        self.linear_solves = len(self.body.history.iterations) - solves
         if status is Status.CONVERGED:
             return ""
-        reason = self.without or self._detail
-        certificate = self.certificate
+        reason = verdict.without or verdict.detail
+        certificate = verdict.certificate
         if (
             not reason
             and certificate is not None
@@ -176,51 +183,54 @@ class EquilibriumSolver(Stability):
             else status.value
         )
         self.failure = ended + (f" ({reason})" if reason else "")
-        if status is Status.INVERTED and self.without:  # beyond any displacement of the body
-            self.failure = self.without
+        if status is Status.INVERTED and verdict.without:  # beyond any displacement of the body
+            self.failure = verdict.without
         if final and status in (Status.NOT_SOLVED, Status.NOT_CERTIFIED, Status.UNSTABLE):
-            passed = self.passed | behind(self.linear, last)
+            passed = self.passed | behind(self.body, last)
             self.failure += "".join(f"; {text}" for text in passed.values())
         self.show_last(begin)
         return f"{self.failure}: {self.advice(status)}"
 
     def advice(self, status: Status) -> str:
         """Return what to do about the last attempt, which has ended with this status."""
-        if self.cause is not None and status in (Status.NOT_SOLVED, Status.LIMIT):
-            return self.cause.advice
+        cause = self.verdict.cause
+        if cause is not None and status in (Status.NOT_SOLVED, Status.LIMIT):
+            return cause.advice
         return self.cures.get(status, status.advice)
 
     def certify(self) -> Status:
         """The verdict, but for stability, on the displacement of now, which an earlier run has
         found; collective.
         """
-        self._since = self.linear.begin
-        return self._ended("certify", lambda: self._judge(self.residual.at(self.u.x.array.copy())))
+        self._since = self.body.begin
+        values = self.u.x.array.copy()
+        self.verdict = self._ended("certify", lambda: self.judge(self.residual.at(values)))
+        return self.verdict.status
 
-    def _ended(self, phase: str, solve: Callable[[], Status]) -> Status:
+    def _ended(self, phase: str, solve: Callable[[], Verdict]) -> Verdict:
         """How something ends that may not be able to go on; collective."""
         try:
             with self.timings.phase(phase):
                 return solve()
         except PairingError as error:
-            self._detail = str(error)
-            return Status.FOLDED
+            return Verdict(Status.FOLDED, str(error))
         except ConvergenceError as error:
-            return self._not_solved(error.solution.status)
+            return self._not_solved(error.solution)
         except MatrixError as error:
             if error.fault != NOT_FINITE:
                 raise
-            return Status.NOT_FINITE
+            return Verdict(Status.NOT_FINITE)
 
     def take(self) -> SolvedBody:
         """Make what there is now the last solution, and return it; collective."""
-        assert self.certificate is not None
-        self.passed |= behind(self.linear, self._since)
-        self.farthest = max(self.farthest, self.certificate.displacement)
-        self.linear.settled()
-        self.solved = SolvedBody.of(
-            self.linear, self.certificate, self._mechanics, self.linear_solves, self.iterations
-        )
+        verdict = self.verdict
+        certificate = verdict.certificate
+        assert certificate is not None
+        assert verdict.mechanics is not None
+        self.passed |= behind(self.body, self._since)
+        self.farthest = max(self.farthest, certificate.displacement)
+        counts = self.linear_solves, verdict.iterations
+        self.solved = SolvedBody.of(self.body.settled(), certificate, verdict.mechanics, *counts)
         return self.solved
 
     def before(self, status: Status, solves: int) -> SolvedBody | None:
@@ -228,18 +238,16 @@ class EquilibriumSolver(Stability):
         None: it cannot be evaluated; ``status``, ``solves``: how the search has ended, after how
         many linear solves; collective.
         """
-        linear = self.linear
         with suppress(FormError, MatrixError, PairingError):
             if (residual := self.residual.at(self.u.x.array.copy())) is None:
                 return None
-            linear.slide()
-            linear.leave_open(status)
-            return SolvedBody.of(linear, *certified(residual, linear), solves, 0, status)
+            solved = self.body.leave_open(status)
+            return SolvedBody.of(solved, *certified(residual, solved), solves, 0, status)
         return None
 
     def initial(self) -> State:
         """The body before the first step, with what its material remembers then."""
-        return self._remembered(self.linear.initial())
+        return self._remembered(self.body.initial())
 
     def _remembered(self, state: State) -> State:
         """A state with what the material remembers now."""
@@ -254,14 +262,13 @@ class EquilibriumSolver(Stability):
         and shapes are now if the user has put the body elsewhere before the first one, ``values``
         of u; collective.
         """
-        linear = self.linear
-        begin = linear.begin
-        comm = linear.space.mesh.comm
+        begin = self.body.begin
+        comm = self.body.space.mesh.comm
         if begin.number or not parallel.any_rank(
             comm, not np.array_equal(values, begin.displacement)
         ):
             return begin
-        return replace(begin, displacement=values, placed=linear.foundations.placed)
+        return replace(begin, displacement=values, placed=self.body.foundations.placed)
 
     def start(self, state: State) -> None:
         """Begin a step from a state, and from nothing else that another step has left; collective.
@@ -270,14 +277,14 @@ class EquilibriumSolver(Stability):
             FormError: the material has its history elsewhere.
             SceneError: the state is that of another material.
         """
-        linear = self.linear
-        known = state is linear.begin or state is self.reached
-        if not known and (state.number or linear.begin.number):
+        body = self.body
+        known = state is body.begin or state is self.reached
+        if not known and (state.number or body.begin.number):
             self.refuse_elsewhere()
-        self._recall(state)
-        linear.start(state)
-        size = float(parallel.largest(linear.space.mesh.comm, np.abs(state.displacement), 0.0))
-        self.farthest = max(self.farthest, size / linear.named[1].size)
+        self.recall(state)
+        body.start(state)
+        size = parallel.largest(body.space.mesh.comm, np.abs(state.displacement))
+        self.farthest = max(self.farthest, size / body.named[1].size)
 
     def refuse_elsewhere(self) -> None:
         """Refuse to begin from a state without what the material remembers.
@@ -292,27 +299,19 @@ class EquilibriumSolver(Stability):
             )
             raise FormError.at("commit", reason)
 
-    def _recall(self, state: State) -> None:
+    def recall(self, state: State) -> None:
         """Let the material remember what it does in a state; collective."""
         if self.remembers is not None and (state.fields or state.number):
             self.remembers.recall(state.fields)
-
-    def resume(self, begin: State) -> None:
-        """Let the next solve begin at a state again, before which another step has had no solution;
-        collective.
-        """
-        self.linear.begin = begin
-        self._recall(begin)
-        self.linear.settle()
 
     def committed(self, time: float) -> State:
         """Return the end of the step whose last solution was taken, from which the material goes
         on; collective.
         """
-        assert self.linear.last is not None
+        assert self.body.last is not None
         if self.commit is not None:
             self.commit()
-        return self._remembered(replace(self.linear.last, time=time))
+        return self._remembered(replace(self.body.last, time=time))
 
     def show_last(self, begin: Array) -> None:
         """Make the last solution what the user sees, or before the first one the values of ``u``
@@ -321,159 +320,174 @@ class EquilibriumSolver(Stability):
         solved = self.solved
         if solved is not None and solved.status is not Status.CONVERGED:
             solved = None
-        self.linear.show_again(None if solved is None else solved.linear)
+        body = self.body
+        body.now = None
+        body.solved = None if solved is None else solved.solved
+        body.show(None if body.solved is None else body.solved.state)
+        body.foundations.carry_to((body.last or body.begin).rigid)
         self.u.x.array[:] = begin if solved is None else solved.result.displacement.x.array
-        self.certificate = None if solved is None else solved.result.certificate
-        self.iterations = 0 if solved is None else solved.iterations
         with suppress(FormError):  # before the first solution it may not be possible
             self.residual.updated()
 
-    # --- Newton's method --------------------------------------------------------------------------
+    @property
+    def certificate(self) -> Certificate | None:
+        """Return the certificate of the last solution."""
+        solved = self.solved
+        ended = solved is not None and solved.status is Status.CONVERGED
+        return solved.result.certificate if solved is not None and ended else None
 
-    def _iterate(self) -> Status:
-        """Newton's method from the present ``u``, with one increment where F and contact are
-        linear; collective.
-
-        It ends where increments are small and the certificate holds, or, as with a J that is not
-        the derivative of F, iterations no longer make it better.  With a J the residual of a body
-        at rest is round-off once increments are no longer halved; where the displacement is
-        round-off, it goes on from the undeformed body.
-        """
-        linear = self.linear
-        u = self.u
-        worst = np.inf
-        last_change = np.inf
-        keeps = False
-        comm = linear.space.mesh.comm
-        linear.begin_anew()
-        begun = float(parallel.largest(comm, np.abs(u.x.array), 0.0))
-        residual: Array | None = None
-        rests = False
-        follows = linear.foundations.moving or any(entry.slides for entry in linear.contact)
-        is_linear = (
-            not follows and self.residual.update is None and self.tangents.bilinear is not None
-        )
-        for iteration in range(1, self.max_newton + 1):
-            self.iterations = iteration
-            old, tools = self.tangent_at = u.x.array.copy(), linear.foundations.coordinates
-            residual = self.residual.at(old) if residual is None else residual
-            if residual is None:
-                self._detail = "at the values of u before the solve"
-                return Status.INVERTED
-            linear.slide()
-            # Rigid bodies have unknowns in the stiffness.
-            keeps = keeps and not linear.rigid.bodies and linear.relative is None and linear.set_up
-            if not keeps:
-                linear.bend(symmetric=False)
-            linear.residual = residual
-            try:
-                linear.solve(keeps_stiffness=keeps)
-                increment = linear.u.x.array - old
-                at = old, increment, residual
-                length, residual = line_search(linear, self.residual.at, at, search=iteration > 1)
-            finally:
-                linear.residual = None
-            if length == 0.0:
-                self._tried = old + increment
-                return Status.INVERTED
-            u.x.array[:] = old + length * increment
-            moved = length * (linear.rigid.unknowns(linear.rigid_bodies) - tools)
-            linear.foundations.carry_to(tools + moved)
-            change, size = (
-                max(
-                    float(parallel.largest(comm, np.abs(values), 0.0)),
-                    float(np.abs(further).max(initial=0.0)),
-                )
-                for values, further in ((length * increment, moved), (u.x.array, tools + moved))
-            )
-            small = change <= ROOT_OF_EPS * size
-            least = change <= self._least_increment
-            keeps = length == 1.0 and change <= min(
-                KEPT_TANGENT[0] * size, KEPT_TANGENT[1] * last_change
-            )
-            shortened = self.tangents.given and 2 * change < last_change
-            last_change = change
-            ends = small or (length == 1.0 and is_linear)
-            if ends or (least and not (shortened and iteration < self.max_newton)):
-                status = self._judge(residual)
-                if status is not Status.NOT_CERTIFIED or self.certificate is None:
-                    return status
-                if self.certificate.worst < worst:
-                    worst = self.certificate.worst
-                elif (
-                    rests
-                    or float(parallel.largest(comm, np.abs(u.x.array), 0.0)) > ROOT_OF_EPS * begun
-                ):
-                    return status
-                else:
-                    u.x.array[:], residual, keeps, rests = 0.0, None, False, True
-        return Status.NOT_SOLVED
-
-    def _not_solved(self, inner: Status) -> Status:
+    def _not_solved(self, solved: Solved) -> Verdict:
         """How a solve ends whose linear contact problem has no solution, which proves little of the
         body itself.
         """
+        inner = solved.status
         if inner is Status.NOT_HELD:
-            return inner
-        if inner is Status.OPEN and self.linear.loose:
-            self._detail = "nothing presses on the body, and the supports do not hold it"
-            return inner
+            return Verdict(inner)
+        if inner is Status.OPEN and solved.loose:
+            return Verdict(inner, "nothing presses on the body, and the supports do not hold it")
         if inner in OF_LINEAR_BODIES:
-            if self.leads(self.u.x.array.copy()):
-                self.cause = inner
-                self.without = f"the tangent does not hold it: {inner.value}"
-            return Status.NOT_SOLVED
+            if not self.leads(self.u.x.array.copy()):
+                return Verdict(Status.NOT_SOLVED)
+            without = f"the tangent does not hold it: {inner.value}"
+            return Verdict(Status.NOT_SOLVED, without=without, cause=inner)
         if inner not in (Status.CYCLING, Status.OUTER_MAX_ITERATIONS):
-            return inner
-        self._detail = inner.value
-        return Status.NOT_SOLVED
+            return Verdict(inner)
+        return Verdict(Status.NOT_SOLVED, inner.value)
 
-    # --- what is said of a solution ---------------------------------------------------------------
-
-    @property
-    def _hidden(self) -> bool:
+    def _hidden(self, certificate: Certificate | None) -> bool:
         """Whether round-off may be all that there is in the solution, unless the body has come back
         to rest.
         """
-        certificate = self.certificate
         assert certificate is not None
         return (
             certificate.displacement > self.farthest
             and certificate.placed < 1.0 <= certificate.lost
         )
 
-    def _judge(self, residual: Array | None) -> Status:
+    def judge(self, residual: Array | None) -> Verdict:
         """Whether an iterate is a solution, where F is ``residual``, evaluated last; collective."""
         if residual is None:
-            return Status.INVERTED
-        linear = self.linear
-        foundations = self.linear.foundations
+            return Verdict(Status.INVERTED)
+        body = self.body
+        foundations = body.foundations
         last = self._since
+        solved = body.solved
+        assert solved is not None
+        boundary = solved.linear.boundary
         for status, said in (
             (Status.TOO_LARGE, self.too_large),
             (Status.INSIDE, lambda: overlap(foundations, last)),
-            (Status.CORNER, lambda: corner_inside(foundations, linear.boundary)),
+            (Status.CORNER, lambda: corner_inside(foundations, boundary)),
             (Status.PASSED, lambda: overlap_of_bodies(foundations, last)),
         ):
-            self._detail = said()
-            if self._detail:
-                return status
-        if (crossed := crossing(linear)) is not None:
-            self._detail = crossed.text
-            return Status.CROSSED if crossed.itself else Status.PASSED
-        linear.slide()
+            if detail := said():
+                return Verdict(status, detail)
+        if (crossed := crossing(body)) is not None:
+            return Verdict(Status.CROSSED if crossed.itself else Status.PASSED, crossed.text)
+        body.slide()
         for number, pair in foundations.sliding.items():
-            if linear.contact[number].bilateral and (reached := pair.parted):
-                self._detail = reached
-                return Status.AT_END
-        self.certificate, self._mechanics = certified(
-            residual, linear, round_off(self.residual, residual)
+            if body.contact[number].bilateral and (reached := pair.parted):
+                return Verdict(Status.AT_END, reached)
+        lost = round_off(self.residual, residual)
+        certificate, mechanics = certified(residual, solved, lost)
+        status = Status.CONVERGED if certificate.holds else Status.NOT_CERTIFIED
+        return Verdict(status, "", certificate, mechanics)
+
+
+def newton(
+    body: NonlinearBody,
+    tangents: Tangents,
+    judge: Callable[[Array | None], Verdict],
+    max_newton: int,
+) -> Verdict:
+    """Newton's method from where the body is, with one increment where F and contact are linear,
+    and what ``judge`` says of its end, where F is given; collective.
+
+    It ends where increments are small and the certificate holds, or, as with a J that is not
+    the derivative of F, iterations no longer make it better.  With a J the residual of a body
+    at rest is round-off once increments are no longer halved; where the displacement is
+    round-off, it goes on from the undeformed body.
+    """
+    foundations = body.foundations
+    u = body.at
+    evaluated = body.evaluated
+    verdict = Verdict(Status.NOT_SOLVED)
+    worst = np.inf
+    last_change = np.inf
+    keeps = False
+    comm = body.space.mesh.comm
+    iterate: Iterate | None = None
+    begun = parallel.largest(comm, np.abs(u.x.array))
+    residual: Array | None = None
+    rests = False
+    follows = foundations.moving or any(entry.slides for entry in body.contact)
+    is_linear = not follows and evaluated.update is None and tangents.bilinear is not None
+    for iteration in range(1, max_newton + 1):
+        old = u.x.array.copy()
+        tools = foundations.coordinates
+        residual = evaluated.at(old) if residual is None else residual
+        if residual is None:
+            return Verdict(Status.INVERTED, "at the values of u before the solve")
+        body.slide()
+        # Rigid bodies have unknowns in the stiffness.
+        keeps = keeps and not foundations.rigid_bodies.bodies
+        if iterate is None:
+            iterate = Iterate(body.bend(symmetric=False), residual)
+        else:
+            bent = iterate.bent if keeps else body.bend(symmetric=False)
+            iterate = replace(iterate, bent=bent, residual=residual)
+        solved = body.solve_at(iterate, keeps=keeps)
+        iterate = solved.linear.iterate
+        increment = solved.values - old
+        at = old, increment, residual
+        length, residual = line_search(solved, evaluated.at, at, search=iteration > 1)
+        if length == 0.0:
+            return Verdict(Status.INVERTED, tried=old + increment)
+        u.x.array[:] = old + length * increment
+        moved = length * (solved.tools - tools)
+        foundations.carry_to(tools + moved)
+        change, size = (
+            max(
+                parallel.largest(comm, np.abs(values)),
+                float(np.abs(further).max(initial=0.0)),
+            )
+            for values, further in ((length * increment, moved), (u.x.array, tools + moved))
         )
-        return Status.CONVERGED if self.certificate.holds else Status.NOT_CERTIFIED
+        small = change <= ROOT_OF_EPS * size
+        least = change <= least_increment(solved)
+        keeps = length == 1.0 and change <= min(
+            KEPT_TANGENT[0] * size, KEPT_TANGENT[1] * last_change
+        )
+        shortened = tangents.given and 2 * change < last_change
+        last_change = change
+        ends = small or (length == 1.0 and is_linear)
+        if ends or (least and not (shortened and iteration < max_newton)):
+            verdict = replace(judge(residual), iterations=iteration)
+            certificate = verdict.certificate
+            if verdict.status is not Status.NOT_CERTIFIED or certificate is None:
+                return verdict
+            if certificate.worst < worst:
+                worst = certificate.worst
+            elif rests or parallel.largest(comm, np.abs(u.x.array)) > ROOT_OF_EPS * begun:
+                return verdict
+            else:
+                u.x.array[:], residual, keeps, rests = 0.0, None, False, True
+    return replace(verdict, status=Status.NOT_SOLVED)
+
+
+def least_increment(solved: Solved) -> float:
+    """Increments that may be round-off of the body, its places, or loose bodies, length;
+    collective.
+    """
+    scales = solved.linear.scales
+    bounds = np.abs(solved.linear.elastic.pieces.bounds)
+    places = UNITS_OF_PLACES * float(np.finfo(float).eps * bounds.max())
+    loose = scales.coordinate_error / NO_FORCE if solved.loose else 0.0
+    return max(SAME_NUMBER * scales.size, places, loose)
 
 
 def line_search(
-    linear: LinearisedProblem,
+    solved: Solved,
     forces_at: Callable[[Array], Array | None],
     at: tuple[Array, Array, Array],
     *,
@@ -488,18 +502,16 @@ def line_search(
     unknowns.
     """
     old, increment, residual = at
-    comm = linear.space.mesh.comm
+    comm = solved.body.space.mesh.comm
     owned = len(residual)
-    internal, turning, on_tools = linear.internal(increment)
-    ahead = np.where(linear.prescribed[0][:owned], 0.0, increment[:owned])
+    internal, turning, on_tools = solved.internal(increment)
+    ahead = np.where(solved.linear.prescribed[0][:owned], 0.0, increment[:owned])
 
     def along(forces: Array) -> float:
         return float(parallel.global_sum(comm, np.array(ahead @ forces)))
 
     first = -along(internal) - on_tools
-    size, change = (
-        float(parallel.largest(comm, np.abs(values), 0.0)) for values in (old, increment)
-    )
+    size, change = (parallel.largest(comm, np.abs(values)) for values in (old, increment))
     search = search and first < 0 and change > CERTIFICATE_TOLERANCE * size
     steepest = WHOLE_SLOPE * abs(first) if search else np.finfo(float).max
     share = 2.0

@@ -5,6 +5,7 @@ dolfinx's ``NonlinearProblem``; see ``newton`` for one step and the way through 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
+from copy import copy
 from dataclasses import replace
 from typing import Any, ClassVar
 
@@ -22,7 +23,7 @@ from signorini_fx.forms.given_forms import (
     space_of,
     supported,
 )
-from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
+from signorini_fx.forms.nonlinear.linearised import NonlinearBody
 from signorini_fx.forms.nonlinear.newton import EquilibriumSolver
 from signorini_fx.forms.nonlinear.residual import (
     KeptFunctions,
@@ -238,9 +239,12 @@ class NonlinearContactProblem(ProblemOfForms):
         if not isinstance(max_newton, int | np.integer) or max_newton < 1:
             reason = f"must be a whole number from 1, got {max_newton!r}"
             raise FormError.at("max_newton", reason)
-        hooks = ("body", "load", "forces", "solved")
+        hooks = ("body", "load", "forces", "solved", "repeat")
         if any(effect.overrides(name) for effect in effects for name in hooks):
-            reason = "change loads, the body or its balance, which is not possible yet with one"
+            reason = (
+                "change loads, the body or its balance, or repeat steps, which is not possible yet "
+                "with one"
+            )
             raise FormError.at("effects", f"{reason} that is nonlinear: contact and after are")
         options: dict[str, Any] = {
             "form_compiler_options": form_compiler_options,
@@ -250,7 +254,7 @@ class NonlinearContactProblem(ProblemOfForms):
         with compiling():
             residual = Residual(fem.form(F, **options), u, update)
         refuse_miscompiled(F, residual.form, u, options)
-        self.assembled = self.linear = LinearisedProblem(
+        self.assembled = self.linear = NonlinearBody(
             tangents,
             residual,
             bcs,
@@ -276,13 +280,14 @@ class NonlinearContactProblem(ProblemOfForms):
     @property
     def iterations(self) -> int:
         """Return the number of Newton iterations of the last solve."""
-        return self._solver.iterations
+        solved = self._solver.solved
+        return 0 if solved is None else solved.iterations
 
     def _titled(self, title: str) -> Solution:
         solved = self._solver.solved
         if solved is None:
             raise RuntimeError("there is no solution so far: call solve()")
-        linear = solved.linear
+        linear = solved.solved.linear
         run = self._ends if solved.status is Status.CONVERGED else [solved.end]
         ends = run or [solved.end]
         steps = [step for step, _ in ends]
@@ -297,15 +302,15 @@ class NonlinearContactProblem(ProblemOfForms):
                 return "there is no estimate of the error of an earlier solve"
             return self._errors_now(strain=strain)
 
-        statement, tagged = named_parts(linear.forms, linear.elastic.settings, ("F",))
+        statement, tagged = named_parts(solved.forms, linear.elastic.settings, ("F",))
         model = replace(
             linear.elastic,
             statement=statement,
             tagged=tagged,
             title=title,
             path=path,
-            law=linear.begun.law,
-            rigid=linear.rigid,
+            law=solved.start.law,
+            rigid=solved.posed.rigid,
         )
         mechanics = replace(solved.mechanics, model=model, ends=ends, errors_now=errors)
         ended = (solved.outcome, solved.data)
@@ -365,20 +370,21 @@ class NonlinearContactProblem(ProblemOfForms):
         """What is to be known about the last solution, see ``ContactProblem``; collective."""
         solved = self._solver.solved
         steps = [step for step, _ in self._ends]
-        linear = self.linear
         ends = [*steps, *(() if solved is None else (solved.result,))]
         # Where nothing presses on a body its forces are round-off.
-        pressed = [step.certificate for step in ends if not loose_in(linear.elastic, step)]
+        if solved is None:
+            return ()
+        at_end = solved.solved
+        elastic = at_end.linear.elastic
+        pressed = [step.certificate for step in ends if not loose_in(elastic, step)]
         digits = lost_digits(pressed, self._named_residual)
-        if linear.outcome is None:
-            return tuple(digits)
-        inside = pushed_nodes([linear.state], linear.scales.size)
-        loose = loose_at_rest(linear.elastic, steps, "contact", linear.bodies)
+        inside = pushed_nodes([at_end.state], elastic.scales.size)
+        loose = loose_at_rest(elastic, steps, "contact", self.linear.bodies)
         passed = [
             Finding("warning", f"contact[{number}]", f"{text}: let this boundary touch it, too")
             for number, text in self._solver.passed.items()
         ]
-        return (*inside, *passed, *slid_past_partners(linear), *loose, *digits)
+        return (*inside, *passed, *slid_past_partners(at_end), *loose, *digits)
 
     @property
     def rigid_bodies(self) -> tuple[RigidBodyMotion, ...]:
@@ -387,8 +393,8 @@ class NonlinearContactProblem(ProblemOfForms):
 
     def _differentiated(self) -> tuple[Any, ...]:
         named = self.solution.model
-        linear = self.linear.assembled_elsewhere()
-        return lambda: named, linearised_at(self._solver, linear), linear.data_now
+        body = copy(self.linear)  # which is assembled in its place
+        return lambda: named, linearised_at(self._solver, body), body.data_now
 
     def solve(self) -> fem.Function:
         """Solve with the values that Constants, Functions, conditions and shapes have now, return
@@ -414,7 +420,7 @@ class NonlinearContactProblem(ProblemOfForms):
     @property
     def path(self) -> LoadPath:
         """The load steps: those of a scene, else those of an own loop so far."""
-        return self.linear.path
+        return counted_path(self.linear.begin.number)
 
     def initial(self) -> State:
         """Return the body before the first load step, with foundations where they are."""
@@ -504,17 +510,17 @@ class NonlinearContactProblem(ProblemOfForms):
         return solve_path(steps, begin, shown, stored)
 
 
-def linearised_at(solver: EquilibriumSolver, linear: LinearisedProblem) -> tuple[Any, ...]:
+def linearised_at(solver: EquilibriumSolver, body: NonlinearBody) -> tuple[Any, ...]:
     """The last solution with its linearised problem, which is assembled there, see
     ``SolvedStep.of``; collective.
     """
     residual = solver.residual
-    for number, entry in enumerate(linear.contact):
+    for number, entry in enumerate(body.contact):
         if entry.against is not None and not entry.bonded:
             raise FormError.at(
                 f"contact[{number}]", "derivatives are not possible yet where two bodies touch"
             )
-    if residual.update is not None and linear.step > 0:
+    if residual.update is not None and body.begin.number > 0:
         why = (
             "the solution depends on the state of the material before it, whose derivatives are "
             "not kept"
@@ -529,4 +535,4 @@ def linearised_at(solver: EquilibriumSolver, linear: LinearisedProblem) -> tuple
         wrong = "is not the derivative of F at the solution: leave it out, or mend it"
         raise FormError.at("J", wrong if solver.tangents.given else unseen)
     assert solver.solved is not None
-    return linear.derivative_at(solver.solved.linear.begin)
+    return body.derivative_at(solver.solved.solved)

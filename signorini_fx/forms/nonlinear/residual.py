@@ -354,9 +354,7 @@ def refuse_miscompiled(
     summed = np.sum([assemble(part) for part in parts], axis=0)
     u.x.array[:] = values
     comm = u.function_space.mesh.comm
-    wrong, size = (
-        parallel.largest(comm, np.abs(forces), 0.0) for forces in (whole - summed, summed)
-    )
+    wrong, size = (parallel.largest(comm, np.abs(forces)) for forces in (whole - summed, summed))
     if np.isfinite(size) and not wrong <= NOTHING_LEFT * size:
         why = (
             "is compiled wrongly: FFCx takes a quadrature rule of one point beside another one "

@@ -8,7 +8,6 @@ What a coarse mesh leaves in the state of a material counts as far as it makes t
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from copy import copy
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import Any, ClassVar
@@ -22,7 +21,8 @@ from dolfinx import mesh as dmesh
 from signorini_fx.algebra import Settings
 from signorini_fx.arrays import Array, Flags, Indices, Ints
 from signorini_fx.forms.elasticity import acting_on, prescribed_nodes
-from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
+from signorini_fx.forms.given_forms import GivenForms
+from signorini_fx.forms.nonlinear.linearised import Linearised, NonlinearBody, Solved
 from signorini_fx.machine import parallel
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.assembly.mesh_entities import assemble, compile_form, facet_nodes
@@ -96,15 +96,22 @@ class NonlinearMechanics(Mechanics):
 
 def certified(
     residual: Array,
-    linear: LinearisedProblem,
+    solved: Solved,
     lost: Array | None = None,
     tractions: Tractions | None = None,
 ) -> tuple[Certificate, ResidualMechanics]:
     """The certificate of the displacement of now, where F is ``residual`` and its round-off
-    ``lost``, forces at the owned unknowns, and what it is of; ``linear``: of the last iteration;
+    ``lost``, forces at the owned unknowns, and what it is of; ``solved``: the last iteration;
     ``tractions``: else the solver's; collective.
     """
-    u, space, scales, (fixed, values) = linear.at, linear.space, linear.scales, linear.prescribed
+    body = solved.body
+    linear = solved.linear
+    foundations = body.foundations
+    u = body.at
+    space = body.space
+    scales = linear.scales
+    fixed, values = linear.prescribed
+    boundary = solved.state.boundary
     forces = residual.reshape(-1, space.mesh.geometry.dim)
     nothing = np.zeros_like(forces)
     balance = Balance(
@@ -117,14 +124,13 @@ def certified(
         nothing,
         lost=nothing if lost is None else lost.reshape(forces.shape),
         with_loads=True,
-        displaced=bool(linear.foundations.moving or linear.foundations.sliding),
+        displaced=bool(foundations.moving or foundations.sliding),
     )
-    contact = _conditions(linear, fixed, values) if linear.contact else None
-    tools = linear.foundations.rigid_bodies
-    before = linear.previous_step
+    contact = _conditions(body, linear) if body.contact else None
+    tools = foundations.rigid_bodies
+    before = linear.before
     if before is not None:
-        boundary = linear.state.boundary
-        moved = linear.moved(linear.state.boundary)
+        moved = foundations.motion_at(boundary, linear.begin)
         signed = [(tool, -1.0) for tool in tools.motions] + [(tool, 1.0) for tool in before.rigid]
         if moved is not None:  # of tools it is what is beyond that of the undeformed points
             for tool, sign in signed:
@@ -133,36 +139,34 @@ def certified(
         before = replace(before, moved=moved)
     if contact is not None and contact.law is not None and contact.boundary.corners is not None:
         before = before or PreviousStep(fem.Function(space), Tractions.none(contact.boundary))
-        before = replace(before, moved=_moved_with_corners(linear, contact.boundary, before))
+        before = replace(before, moved=_moved_with_corners(solved, contact.boundary, before))
     rigid = [*zip(tools.motions, tools.drives(), strict=True)]
-    tractions = tractions or Tractions.of(linear.state)
-    assert linear.outcome is not None
-    law = Law(*linear.task.promised(linear.outcome))
+    tractions = tractions or Tractions.of(solved.state)
+    law = Law(*linear.task.promised(solved.outcome))
     certificate = judged(u, balance, contact, tractions, law=law, before=before, rigid=rigid)
     return certificate, ResidualMechanics(balance, contact, fixed)
 
 
-def _moved_with_corners(
-    linear: LinearisedProblem, boundary: ContactBoundary, before: PreviousStep
-) -> Array:
+def _moved_with_corners(solved: Solved, boundary: ContactBoundary, before: PreviousStep) -> Array:
     """Return how far foundations have moved at contact points in the step, length, shape (n, d), at
     corners by so much that the slip is that of the body that was under them; collective.
     """
-    slips = linear.foundations.slips_at_corners(boundary, linear.begin)
-    begun = before.displacement.x.array.reshape(linear.places.shape)
-    way = boundary.moved(linear.places) - boundary.moved(begun)
+    slips = solved.body.foundations.slips_at_corners(boundary, solved.linear.begin)
+    places = solved.body.places
+    begun = before.displacement.x.array.reshape(places.shape)
+    way = boundary.moved(places) - boundary.moved(begun)
     moved = np.zeros_like(way) if before.moved is None else before.moved
     return np.where(boundary.at_nodes[:, None], moved, way - slips)
 
 
-def _conditions(linear: LinearisedProblem, fixed: Flags, values: Array) -> ContactConditions:
+def _conditions(body: NonlinearBody, linear: Linearised) -> ContactConditions:
     """What holds at the contact points: distances and normals of shapes, and the maps of pairs, at
     displaced points.
     """
-    linear.slide()
+    body.slide()
     data = [*linear.data]
-    foundations = linear.foundations
-    places = linear.places
+    foundations = body.foundations
+    places = body.places
     for number, moving in foundations.moving.items():
         gap = np.full(len(places), np.nan)
         along = np.full(places.shape, np.nan)
@@ -173,16 +177,14 @@ def _conditions(linear: LinearisedProblem, fixed: Flags, values: Array) -> Conta
         )
     for number in foundations.sliding:  # their distance is that of the map
         data[number] = replace(data[number], gap=foundations.given_gap(number))
-    boundary = linear.contact_points([entry.shape for entry in data], fixed, values)
-    regularised, law = foundations.problem(
-        boundary, data, Settings.of(linear.settings), linear.scales
-    )
+    boundary = foundations.points([entry.shape for entry in data], *linear.prescribed)
+    settings = Settings.of(body.settings)
+    regularised, law = foundations.problem(boundary, data, settings, linear.scales)
     both: Mapping[int, PairedSides | MovingPair] = {**foundations.pairs, **foundations.sliding}
     pairs = {number: PairPoints.of(pair) for number, pair in both.items()}
     shapes = foundations.placed_shapes
-    elastic: Any = linear.elastic
-    contact = StepContact(elastic, boundary, regularised.gap, regularised, law, None)
-    for effect in linear.effects:
+    contact = StepContact(linear.elastic, boundary, regularised.gap, regularised, law, None)
+    for effect in body.effects:
         contact = effect.contact(contact, linear.begin, foundations.dt)
     points = judged_corners(boundary, contact.gap, shapes, foundations.displacement)
     return ContactConditions(*points, contact.law, regularised.bilateral, pairs, None)
@@ -190,12 +192,13 @@ def _conditions(linear: LinearisedProblem, fixed: Flags, values: Array) -> Conta
 
 @dataclass(frozen=True)
 class SolvedBody(Report):
-    """A nonlinear body at the end of a load step; ``linear``: the problem of the last iteration,
-    with the foundations where they are.
+    """A nonlinear body at the end of a load step; ``solved``: the last iteration; ``forms``: with
+    the foundations where they are.
     """
 
     mechanics: NonlinearMechanics
-    linear: LinearisedProblem
+    solved: Solved
+    forms: GivenForms
     iterations: int = 0
 
     @property
@@ -206,7 +209,7 @@ class SolvedBody(Report):
     @classmethod
     def of(
         cls,
-        linear: LinearisedProblem,
+        solved: Solved,
         certificate: Certificate,
         end: ResidualMechanics,
         solves: int,
@@ -216,18 +219,20 @@ class SolvedBody(Report):
         """Return the state after a solve, which the user sees, with its linear solves and how it
         has ended; collective.
         """
-        linear.fields.take(linear.space, linear.state)
-        shapes = linear.foundations.moving
-        solved = copy(linear)
-        given: Any = linear.contact
+        body = solved.body
+        linear = solved.linear
+        elastic = linear.elastic
+        body.show(solved.state)
+        shapes = body.foundations.moving
+        given: Any = body.contact
         placed = [
             replace(entry, shape=shapes[k].as_given) if k in shapes else entry
             for k, entry in enumerate(given)
         ]
-        solved.forms = replace(linear.forms, contact=tuple(placed))
-        number = linear.begun.step
-        u = linear.at
-        y = linear.at.copy()
+        forms = replace(body.forms, contact=tuple(placed))
+        number = linear.start.step
+        u = body.at
+        y = u.copy()
         y.name = u.name
         step = StepResult(
             step=number + 1,
@@ -236,22 +241,20 @@ class SolvedBody(Report):
             name="",
             status=status,
             displacement=y,
-            contact=linear.state if linear.contact else None,
+            contact=solved.state if body.contact else None,
             certificate=certificate,
-            deformation=deformation_of(linear.elastic, u, linear.scales.size),
+            deformation=deformation_of(elastic, u, linear.scales.size),
             strain_energy=certificate.strain_energy,
             linear_solves=solves,
-            rigid_bodies=linear.foundations.rigid_bodies.motions,
+            rigid_bodies=body.foundations.rigid_bodies.motions,
         )
-        mechanics = NonlinearMechanics(linear.elastic, [(step, end)], linear.forms.boundaries)
+        mechanics = NonlinearMechanics(elastic, [(step, end)], forms.boundaries)
         gap = np.zeros(0) if end.contact is None else end.contact.gap
-        forces = np.zeros(linear.elastic.fixed.size) + linear._evaluated.loads
-        loads = Loads(forces, linear.prescribed[1])
+        loads = Loads(np.zeros(elastic.fixed.size) + body.evaluated.loads, linear.prescribed[1])
         posed = replace(linear.posed, gap=gap, loads=loads)
-        outcome = linear.outcome
-        assert outcome is not None
-        data = outcome.problem.data
-        return cls(step, mechanics, posed, linear.begun, outcome, data, solved, iterations)
+        outcome = solved.outcome
+        ended = (posed, linear.start, outcome, outcome.problem.data)
+        return cls(step, mechanics, *ended, solved, forms, iterations)
 
 
 def lost_digits(certificates: Sequence[Certificate], residual: str) -> Iterator[Finding]:
@@ -285,20 +288,21 @@ def lost_digits(certificates: Sequence[Certificate], residual: str) -> Iterator[
         yield Finding("warning", "contact", message)
 
 
-def slid_past_partners(linear: LinearisedProblem) -> Iterator[Finding]:
+def slid_past_partners(solved: Solved) -> Iterator[Finding]:
     """A warning for each pair whose touching points have moved farther than partners may be kept;
     collective.
     """
-    mesh = linear.space.mesh
-    state = linear.state
-    for number, entry in enumerate(linear.contact):
+    body = solved.body
+    mesh = body.space.mesh
+    state = solved.state
+    for number, entry in enumerate(body.contact):
         if entry.against is None or entry.slides or entry.bonded:
             continue
-        lengths = mesh.h(mesh.topology.dim - 1, linear.foundations.facets[number])
+        lengths = mesh.h(mesh.topology.dim - 1, body.foundations.facets[number])
         total, count = parallel.global_sum(mesh.comm, np.array([lengths.sum(), lengths.size]))
         facet = total / count
         touching = (state.boundary.part == number) & state.in_contact
-        farthest = parallel.largest(mesh.comm, np.linalg.norm(state.u_t[touching], axis=1), 0.0)
+        farthest = parallel.largest(mesh.comm, np.linalg.norm(state.u_t[touching], axis=1))
         if farthest > FACETS_OF_KEPT_PARTNERS * facet:
             message = (
                 f"points that keep their partners have moved by up to {farthest:.3g} along the "
@@ -342,23 +346,23 @@ def green_strain(u: fem.Function) -> Any:
     return ufl.inner(ufl.as_matrix(strain), ufl.grad(ufl.TestFunction(u.function_space))) * ufl.dx
 
 
-def traction_left(linear: LinearisedProblem, loaded: Indices, field: fem.Function) -> Array:
+def traction_left(body: NonlinearBody, loaded: Indices, field: fem.Function) -> Array:
     """The squared traction, times h, that the stress P of ``stress_of`` leaves where there is none,
     of each owned cell, see ``squared_residual``: off the contact, the ``loaded`` facets, and
     components that are prescribed; collective.
     """
-    space = linear.space
+    space = body.space
     mesh = space.mesh
     dim = space.dofmap.index_map_bs
-    touching = [*linear.forms.facets, *linear.forms.masters.values()]
+    touching = [*body.forms.facets, *body.forms.masters.values()]
     free = np.setdiff1d(
         dmesh.exterior_facet_indices(mesh.topology), np.concatenate([loaded, *touching])
     )
     free = free.astype(np.int32)
-    held = np.all(linear.prescribed[0].reshape(-1, dim)[facet_nodes(space, free)], axis=1)
+    held = np.all(body.supports()[0].reshape(-1, dim)[facet_nodes(space, free)], axis=1)
     components = np.array(list(field)).reshape(dim, -1)
     stress: Any = SimpleNamespace(
-        displacement=linear.at, sigma=ufl.as_matrix(components.tolist()), modulus=1.0, around=1.0
+        displacement=body.at, sigma=ufl.as_matrix(components.tolist()), modulus=1.0, around=1.0
     )
 
     def of(numbers: Ints, residual: Any) -> tuple[Any, list[Any], bool]:

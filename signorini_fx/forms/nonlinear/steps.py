@@ -47,7 +47,7 @@ class NonlinearSteps:
     @property
     def history(self) -> History:
         """Return the history of all solves."""
-        return self.solver.linear.history
+        return self.solver.body.history
 
     @property
     def timings(self) -> Timings:
@@ -57,7 +57,7 @@ class NonlinearSteps:
     @property
     def effects(self) -> Sequence[StepEffect]:
         """Return what else happens from load step to load step."""
-        return self.solver.linear.effects
+        return self.solver.body.effects
 
     def accept(self, new: State, report: Any) -> None:
         """The next step begins from this end of the last one."""
@@ -84,7 +84,7 @@ class NonlinearSteps:
         """
         solver = self.solver
         way = self.way
-        kept = solver.linear.begin, solver.u.x.array.copy()
+        kept = solver.body.begin, solver.u.x.array.copy()
         solves = self.history.linear_solves
         final = way is None or not way.may_halve
         error: FormError | None = None
@@ -96,7 +96,7 @@ class NonlinearSteps:
             if not why:
                 solved = self._named(solver.take(), place, time)
                 return solver.committed(time), solved
-            status = Status.LIMIT if solver.without else solver.status
+            status = Status.LIMIT if solver.verdict.without else solver.status
             assert status is not None
             if (final or status in FINAL) and (way is None or solver.solved is None):
                 shown = solver.before(status, self.history.linear_solves - solves)
@@ -116,21 +116,23 @@ class NonlinearSteps:
 
     def _begin(self, state: State, place: float, time: float) -> None:
         """Put the body where a step to a place, which ends at a time, begins; collective."""
-        linear = self.solver.linear
+        body = self.solver.body
         self.solver.start(state)
-        linear.several = self.path.several
-        linear.foundations.dt = time - state.time
+        body.several = self.path.several
+        body.foundations.dt = time - state.time
         self.go_to(place)
-        laws = [entry.friction for entry in linear.contact]
+        laws = [entry.friction for entry in body.contact]
         if any(law is not None and law.follows_slip for law in laws):
-            refuse_no_duration(linear.foundations.dt)
+            refuse_no_duration(body.foundations.dt)
 
     def _go_back(self, begin: State, values: Array) -> None:
         """Show the last solution, as a step has none; a step of a user's own begins again where the
         last one has begun; collective.
         """
         if self.way is None:
-            self.solver.resume(begin)
+            self.solver.body.begin = begin
+            self.solver.recall(begin)
+            self.solver.body.settle()
             self.solver.show_last(values)
         else:
             self.go_to(self.way.reached)
@@ -150,27 +152,28 @@ class NonlinearSteps:
     ) -> tuple[State, SolvedBody | Failure] | None:
         """See ``recalled_equilibrium``."""
         solver = self.solver
-        linear = solver.linear
+        body = solver.body
         solver.refuse_elsewhere()
         self._begin(state, place, time)
-        if (end := read(linear.space)) is None:
+        if (end := read(body.space)) is None:
             return None
         status = Status.NOT_CERTIFIED
         with suppress(FormError, MatrixError, PairingError):
             if solver.residual.at(end.displacement.copy()) is not None:
-                linear.begin_at_solution(end)
-                if (whole := read(linear.space, linear.boundary)) is None:
+                body.foundations.carry_to(end.rigid)
+                linear = body.as_it_is()
+                if (whole := read(body.space, linear.boundary)) is None:
                     return None
                 end = whole
-                linear.take(solution_of(linear.posed, linear.begun, end, **method))
-                linear.take_tractions(end)
+                body.take(linear, solution_of(linear.posed, linear.start, end, **method))
+                assert end.contact is not None
+                body.take_tractions(end.contact)
                 status = solver.certify()
         if status is not Status.CONVERGED:
             solver.show_last(state.displacement)
             record = StepRecord(state.number + 1, self.path.name_at(place), time)
             return state, Failure(record, status, status.value)
         solver.status = status
-        solver.iterations = 0
         return end, self._named(solver.take(), place, time)
 
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import reduce
 
 import numpy as np
@@ -21,13 +21,14 @@ from signorini_fx.algebra.linalg.factorisation import enough_memory, factor_memo
 from signorini_fx.algebra.regularised import ContactTangent
 from signorini_fx.arrays import Array, Flags, Ints
 from signorini_fx.errors import FormError
-from signorini_fx.forms.nonlinear.linearised import LinearisedProblem, MovingFoundations
+from signorini_fx.forms.nonlinear.linearised import Bent, MovingFoundations, NonlinearBody, Solved
 from signorini_fx.forms.nonlinear.moving_shapes import turning_of
 from signorini_fx.forms.nonlinear.residual import Residual, Tangents, is_derivative
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import node_positions
 from signorini_fx.mechanics.assembly.pieces import find_pieces
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary, block_diagonal
+from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.obstacles.corner_depths import deepest_corner
 from signorini_fx.mechanics.obstacles.paired_points import FacingSides
 from signorini_fx.mechanics.obstacles.shapes_inside import BodyCells, InsideBody
@@ -42,48 +43,46 @@ class Stability:
     displacement.
     """
 
-    linear: LinearisedProblem
+    body: NonlinearBody
     residual: Residual
     tangents: Tangents
-    _detail: str = field(
-        default="", init=False
-    )  # what is wrong, or where, in words; empty: nothing is known
 
-    def stable(self) -> Status:
-        """Whether an equilibrium is stable, by the derivative of F; collective."""
-        if self._holds():
-            return Status.CONVERGED
-        if (found := self._inertia()) is None:
-            return Status.STABILITY_UNKNOWN
+    def stable(self, solved: Solved) -> tuple[Status, str]:
+        """Whether an equilibrium is stable, by the derivative of F, and where instability begins,
+        in words; collective.
+        """
+        if self._holds(solved):
+            return Status.CONVERGED, ""
+        if (found := self._inertia(solved)) is None:
+            return Status.STABILITY_UNKNOWN, ""
         negative, place = found
         if not negative:
-            return Status.CONVERGED
+            return Status.CONVERGED, ""
         if (
-            not self.linear.symmetric
+            not solved.linear.iterate.symmetric
         ):  # without an energy a symmetric part that is not definite proves nothing
-            return Status.STABILITY_UNKNOWN
-        self._detail = f"it begins at {place}"
-        return Status.UNSTABLE
+            return Status.STABILITY_UNKNOWN, ""
+        return Status.UNSTABLE, f"it begins at {place}"
 
-    def _holds(self) -> bool:
+    def _holds(self, solved: Solved) -> bool:
         """Whether the stiffness of the last iteration, condensed, is definite with ``_springs``;
         collective.
         """
-        system = self.linear.task.system
+        system = solved.linear.task.system
         condensed = isinstance(system, CondensedSystem) and system.schur.regular
         if not condensed or not self.leads(self.residual.u.x.array.copy()):
             return False
         tangent = ContactTangent(system.matrix, system.contact)
         matrix = tangent.create()
-        tangent.insert(matrix, self._springs / system.contact.points.weight[:, None, None])
+        tangent.insert(matrix, self._springs(solved) / system.contact.points.weight[:, None, None])
         return system.is_definite(matrix)
 
-    def _inertia(self) -> tuple[int, str] | None:
+    def _inertia(self, solved: Solved) -> tuple[int, str] | None:
         """Negative directions of the derivative of F: how many, and where one is largest; None:
         unknown; collective.
         """
-        elastic = self.linear.elastic
-        mesh = self.linear.space.mesh
+        elastic = solved.linear.elastic
+        mesh = elastic.space.mesh
         if not enough_memory(mesh.comm, factor_memory(elastic.dofs, mesh.topology.dim)):
             return None
         values = self.residual.u.x.array.copy()
@@ -91,29 +90,29 @@ class Stability:
         tangent = self.tangents.leading if leads else self.tangents.derivative
         if not leads and not is_derivative(tangent, self.residual, values, ~elastic.fixed):
             return None
-        self.linear.bend()
-        return self._negative(tangent)
+        return self._negative(tangent, solved, self.body.bend())
 
     def reason_for_none(self, before: Array, tried: Array | None = None) -> str:
         """Why there may be no solution, at an iterate; empty: nothing says so; ``before``: values
         of ``u`` of the last solution; ``tried``: of where the tangent leads to, if no part of the
         way is possible; collective.
         """
-        if not self.linear.set_up:  # there was no tangent
+        if self.body.now is None:  # there was no tangent
             return ""
         u = self.residual.u
-        comm = self.linear.space.mesh.comm
+        comm = u.function_space.mesh.comm
         farthest = u.x.array if tried is None else tried
         away, so_far = (
-            parallel.largest(comm, np.abs(values), 0.0) for values in (farthest - before, before)
+            parallel.largest(comm, np.abs(values)) for values in (farthest - before, before)
         )
-        if not away <= max(self.linear.named[1].size, so_far):
+        if not away <= max(self.body.named[1].size, so_far):
             return "the displacement runs away" if self.leads(before) else ""
         with suppress(FormError):
-            known = (
-                self.residual.at(u.x.array.copy()) is not None and self.linear.outcome is not None
-            )
-            if known and (found := self._inertia()) is not None and found[0]:
+            known = self.residual.at(u.x.array.copy()) is not None
+            solved = self.body.solved
+            known = known and solved is not None and solved.linear is self.body.now
+            found = self._inertia(solved) if known and solved is not None else None
+            if found is not None and found[0]:
                 return f"the tangent has lost its stiffness, first at {found[1]}"
         return ""
 
@@ -125,49 +124,41 @@ class Stability:
         residual = self.residual
         known = tangents.trusted or not (tangents.given or residual.update is not None)
         return known or is_derivative(
-            tangents.leading, residual, values, ~self.linear.elastic.fixed
+            tangents.leading, residual, values, ~self.body.supports()[0][: self.body.owned]
         )
 
-    @property
-    def _largest(self) -> float:
-        """Return the largest diagonal entry of the stiffness, force per length; collective."""
-        linear = self.linear
-        diagonal = linear.elastic.stiffness.getDiagonal().getArray(readonly=True)[
-            : linear.elastic.fixed.size
-        ]
-        return parallel.largest(linear.space.mesh.comm, np.abs(diagonal), 0.0) or 1.0
-
-    @property
-    def _springs(self) -> Array:
+    def _springs(self, solved: Solved) -> Array:
         """What keeps points in contact and in place, whatever the units, force per length, shape
         (n, d, d).
         """
-        linear = self.linear
-        springs = turning_of(self.linear.state, self.linear.scales.size)
+        state = solved.state
+        springs = turning_of(state, solved.linear.scales.size)
         components = np.arange(springs.shape[1])
-        sticks = np.tile(linear.sticks(linear.state), (components.size - 1, 1)).T
-        held = np.column_stack((linear.state.in_contact, sticks))
-        springs[:, components, components] += HOLDING_STIFFNESS * self._largest * held
+        sticks = np.tile(self.body.sticks(state), (components.size - 1, 1)).T
+        held = np.column_stack((state.in_contact, sticks))
+        largest = HOLDING_STIFFNESS * largest_stiffness(solved.linear.elastic)
+        springs[:, components, components] += largest * held
         return springs
 
-    def _negative(self, tangent: fem.Form) -> tuple[int, str]:
+    def _negative(self, tangent: fem.Form, solved: Solved, bent: Bent) -> tuple[int, str]:
         """``negative_directions`` with ``_springs``; collective."""
-        linear = self.linear
-        space = self.linear.space
-        fixed = self.linear.elastic.fixed
-        body = linear.body_of(
+        space = self.body.space
+        elastic = solved.linear.elastic
+        fixed = elastic.fixed
+        body = self.body.body_of(
             tangent,
-            linear.state.boundary,
+            solved.state.boundary,
+            bent,
             fixed=fixed,
-            settings=linear.settings.model_copy(update={"linear_algebra": "full"}),
+            settings=self.body.settings.model_copy(update={"linear_algebra": "full"}),
             definite=False,
             symmetric=False,
-            of_body=linear.elastic.of_supports,
+            of_body=elastic.of_supports,
         )
         matrix = body.stiffness
         rows = body.contact.operator
-        if linear.contact:
-            springs = self._springs
+        if self.body.contact:
+            springs = self._springs(solved)
             acts = np.flatnonzero(springs.any(axis=(1, 2)))
             dim = space.mesh.geometry.dim
             kept = (dim * acts[:, None] + np.arange(dim)).ravel() + rows.getOwnershipRange()[0]
@@ -178,13 +169,13 @@ class Stability:
             held_rows = added.getOwnershipRange()[0] + np.flatnonzero(body.prescribed)
             added.zeroRowsColumns(held_rows.astype(PETSc.IntType), diag=0.0)
             matrix.axpy(1.0, added, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
-        if not linear.symmetric:
+        if not solved.linear.iterate.symmetric:
             matrix.axpy(1.0, matrix.transpose(PETSc.Mat()))
             matrix.scale(0.5)
         if (
-            linear.loose
+            solved.loose
         ):  # bodies may move without resistance, so that a small stiffness must hold them
-            matrix.shift(NO_FORCE * self._largest)
+            matrix.shift(NO_FORCE * largest_stiffness(elastic))
         negative, direction = negative_directions(matrix)
         sizes = np.linalg.norm(direction[: fixed.size].reshape(-1, space.mesh.geometry.dim), axis=1)
         rows = np.column_stack(
@@ -197,6 +188,12 @@ class Stability:
             )
         )
         return negative, f"({', '.join(f'{x:.4g}' for x in farthest[1:])})"
+
+
+def largest_stiffness(elastic: Model) -> float:
+    """Return the largest diagonal entry of a stiffness, force per length; collective."""
+    diagonal = elastic.stiffness.getDiagonal().getArray(readonly=True)[: elastic.fixed.size]
+    return parallel.largest(elastic.comm, np.abs(diagonal)) or 1.0
 
 
 def negative_directions(matrix: PETSc.Mat) -> tuple[int, Array]:
@@ -275,15 +272,13 @@ def overlap_of_bodies(foundations: MovingFoundations, last: State) -> str:
     owned = cells.space.dofmap.index_map.size_local
     lengths = np.linalg.norm(np.ptp(now[cells.nodes], axis=1), axis=1)
     total, count = parallel.global_sum(comm, np.array([lengths.sum(), lengths.size]))
-    way = parallel.largest(comm, np.linalg.norm(now - then, axis=1), 0.0) / (
+    way = parallel.largest(comm, np.linalg.norm(now - then, axis=1)) / (
         SHAPE_INSIDE * total / count
     )
     steps = math.ceil(min(max(float(way), 1.0), MOST_PLACES))
     for number, pair in foundations.sliding.items():
         of_node = pair.sides.gathered(nodal[:owned])[:, 0]
-        added = max(
-            parallel.largest(comm, foundations.given_gap(number)[pair.local_points], 0.0), 0.0
-        )
+        added = max(parallel.largest(comm, foundations.given_gap(number)[pair.local_points]), 0.0)
         for share in np.arange(1, steps + 1) / steps:
             # Contact at the end would not see what is deeper than its reach.
             seen = pair.reach if share == 1.0 else math.inf

@@ -290,14 +290,6 @@ class Foundations:
             displacements[on_part] = shape.moved_from(earlier, boundary.x[on_part])
         return displacements
 
-    def spin_at(
-        self, boundary: ContactBoundary, placed: Sequence[Placement | None]
-    ) -> Array | None:
-        """The rotation of the foundation of each point since they were ``placed``, shape (n, d, d);
-        None: none counts.
-        """
-        return None
-
     @cached_property
     def forms(self) -> list[tuple[Any, fem.Function | None]]:
         """The unit contact form of each foundation, and the factor of the measure in it; of pairs
@@ -376,6 +368,15 @@ class Foundations:
                 axes.check(part.normal, movable, f"contact[{k}].friction", part.comm)
             parts.append(part)
         return join(parts) if parts else no_points(self._space)
+
+    def points(
+        self, shapes: Sequence[ShapeDistances], fixed: Flags, values: Array
+    ) -> ContactBoundary:
+        """The points with rigid bodies, ghosts included in which dofs are prescribed to what."""
+        owned = self._space.dofmap.index_map.size_local * self._dimension
+        return self.rigid_bodies.on(
+            self.boundary(shapes, fixed[:owned], self.at_rest(fixed, values))
+        )
 
     def _rigid_points(
         self,
