@@ -195,7 +195,7 @@ class RegularisedProblem:
             slip = slip_of(u_t, self.data)
             where = pressure, self.data.bilateral, length(slip), inner(trial.direction, slip)
             changing = self.data.follows.follows_slip and parallel.any_rank(
-                self.points.comm, bool(trial.changed(self.sets).any())
+                self.points.comm, trial.changed(self.sets)
             )
             trial = replace(trial, line=self.data.follows.line(*where, careful=changing))
         self._hold(trial, u_t, lambda: multipliers(self.sets, u_n, u_t, self.data))
@@ -293,9 +293,7 @@ class RegularisedProblem:
         loose; collective.
         """
         opens = self.sets.contact & ~self.data.bilateral
-        return not parallel.any_rank(self.points.comm, bool(opens.any())) and self.holds(
-            self.sets, self.data
-        )
+        return not parallel.any_rank(self.points.comm, opens) and self.holds(self.sets, self.data)
 
     def round_off(self, x: PETSc.Vec) -> Array:
         """What the penalty makes of the round-off of displacements, a stress at each point, shape

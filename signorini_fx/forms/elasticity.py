@@ -124,7 +124,7 @@ def check_energy(
     if not definite:
         return
     diagonal = matrix.getDiagonal().getArray(readonly=True)[:owned]
-    if parallel.any_rank(matrix.comm.tompi4py(), bool((diagonal <= 0).any())):
+    if parallel.any_rank(matrix.comm.tompi4py(), diagonal <= 0):
         raise MatrixError([("a", NOT_POSITIVE)])
 
 
@@ -289,7 +289,7 @@ def loads_of(forms: GivenForms, tagged: TaggedMesh, y: fem.Function) -> Iterator
             with compiling():
                 compiled = fem.form(ufl.Form([integral]))
             values = -action((compiled,), y, nodes) if resists else np.asarray(assemble(compiled))
-            if not parallel.any_rank(comm, bool(np.any(values))):
+            if not parallel.any_rank(comm, values):
                 continue
             if kind == "cell":
                 yield None, "body force", values.reshape(-1, dim)

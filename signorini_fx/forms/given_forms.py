@@ -248,7 +248,7 @@ def supported(space: fem.FunctionSpace, name: str) -> fem.FunctionSpace:
         raise FormError.at(
             name, f"its mesh has {mesh.topology.cell_name()} cells, which are not supported"
         )
-    if is_section(mesh) and parallel.any_rank(mesh.comm, bool(mesh.geometry.x[:, 2].any())):
+    if is_section(mesh) and parallel.any_rank(mesh.comm, mesh.geometry.x[:, 2]):
         raise FormError.at(name, "its mesh of plane cells in 3D must lie in 2D x[2] = 0")
     return space
 

@@ -61,6 +61,11 @@ def global_sum(comm: MPI.Comm, values: npt.ArrayLike) -> npt.NDArray[Any]:
     return total
 
 
+def total(comm: MPI.Comm, values: npt.ArrayLike) -> float:
+    """Return the sum of all values of all ranks; of flags the number of those that hold."""
+    return float(global_sum(comm, np.sum(values)))
+
+
 def sums_by(comm: MPI.Comm, numbers: Ints, values: Array, count: int) -> Array:
     """Sums over the ranks of values, shape (n, d), with the same number from 0 to count - 1,
     numbers: shape (n,); they have the shape (count, d), the same on every rank.
@@ -73,9 +78,10 @@ def sums_by(comm: MPI.Comm, numbers: Ints, values: Array, count: int) -> Array:
     return global_sum(comm, total)
 
 
-def any_rank(comm: MPI.Comm, condition: bool) -> bool:
-    """Return whether ``condition`` holds on any rank."""
-    return bool(condition) if comm.size == 1 else bool(comm.allreduce(bool(condition), op=MPI.LOR))
+def any_rank(comm: MPI.Comm, condition: npt.ArrayLike) -> bool:
+    """Return whether ``condition`` holds on any rank, of an array anywhere."""
+    holds = bool(np.any(condition))
+    return holds if comm.size == 1 else bool(comm.allreduce(holds, op=MPI.LOR))
 
 
 def global_max(comm: MPI.Comm, value: float) -> float:

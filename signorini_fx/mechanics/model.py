@@ -456,7 +456,7 @@ class Model:
         dim = self.dimension
         fixed = self.prescribed
         start = self.vector(prescribed)
-        if parallel.any_rank(comm, bool(prescribed.any())):
+        if parallel.any_rank(comm, prescribed):
             owned = prescribed[: forces.size].reshape(-1, dim)
             nearest = nearest_motion(
                 self.motions, self.fixed.reshape(-1, dim), owned, self.turned, comm
@@ -504,7 +504,7 @@ class Model:
             if allowed is not None:
                 return allowed(y)
             forces = self.forces_of(y.x.array)
-            twice = float(parallel.global_sum(self.comm, forces @ y.x.array[: forces.size]))
+            twice = parallel.total(self.comm, forces @ y.x.array[: forces.size])
             return float(share) * float(np.sqrt(max(0.0, twice)))
 
         return Task.of(
@@ -631,7 +631,7 @@ class Model:
         if isinstance(region, str):
             return full_contact, 0
         inside = sample(region, in_space(self.boundary.x)) > 0
-        if not parallel.any_rank(self.comm, bool(inside.any())):
+        if not parallel.any_rank(self.comm, inside):
             raise SceneError.at("solver.initial_contact", "holds no contact node")
         return ActiveSets.of(inside, full_contact.direction), 1
 

@@ -68,7 +68,7 @@ class OfDisplacement(Functional):
     def value(
         self, y: fem.Function, boundary: ContactBoundary, pressure: Array, shear: Array
     ) -> float:
-        return float(parallel.global_sum(boundary.comm, self.row @ y.x.array[: self.row.size]))
+        return parallel.total(boundary.comm, self.row @ y.x.array[: self.row.size])
 
     def by_displacement(self, y: fem.Function) -> Array | None:
         return self.row
@@ -104,7 +104,7 @@ class ContactForce(Functional):
         self, y: fem.Function, boundary: ContactBoundary, pressure: Array, shear: Array
     ) -> float:
         force = -(boundary.nodal_forces(pressure, shear) * self.directions(boundary)).sum()
-        return float(parallel.global_sum(boundary.comm, np.array(force)))
+        return parallel.total(boundary.comm, force)
 
     def by_traction(self, boundary: ContactBoundary, pressure: Array, shear: Array) -> Array:
         return -np.einsum("nij,ni->nj", boundary.frames, self.directions(boundary))
@@ -207,7 +207,7 @@ def _mean(model: Model, boundary: str, axis: str) -> Functional:
     ds = measure(model.space.mesh, [facets], {})(1)
     around = model.kinematics.measure(ufl.SpatialCoordinate(model.space.mesh))
     weights = assemble(compile_form(z[component] * around * ds))
-    area = float(parallel.global_sum(model.comm, weights.sum()))
+    area = parallel.total(model.comm, weights)
     if area == 0:
         raise SceneError.at(f"of mean {boundary}", "this boundary has no area")
     return OfDisplacement(np.asarray(weights / area, dtype=np.float64))

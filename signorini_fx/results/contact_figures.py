@@ -171,7 +171,7 @@ def _moment_about_middle(
     way = np.column_stack((-arm[:, 1], arm[:, 0])) * turn if dim == 2 else np.cross(turn, arm)
     reach = np.linalg.norm(np.einsum("nij,ni->nj", boundary.tangents[on_part], way), axis=1)
     largest_moments = weight * np.where(reach > 0, contact.bound[on_part] * reach, 0.0)
-    limit = float(parallel.global_sum(comm, np.array(largest_moments.sum())))
+    limit = parallel.total(comm, largest_moments)
     components: list[float | None] = [float(component) for component in moment]
     return components[0] if len(components) == 1 else components, limit
 
@@ -186,7 +186,7 @@ def _largest_along(tangents: Array, bound: Array, resultant: Array, comm: MPI.Co
         way = resultant / np.linalg.norm(resultant)
         along = np.linalg.norm(np.einsum("nij,i->nj", tangents, way) / lengths**2, axis=1)
         largest = np.divide(1.0, along, out=np.zeros_like(along), where=along > 0)
-    return float(parallel.global_sum(comm, bound @ largest))
+    return parallel.total(comm, bound @ largest)
 
 
 def friction_used(model: Model, contact: ContactState, step: float) -> float | None:

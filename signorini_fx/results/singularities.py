@@ -85,7 +85,7 @@ def why_no_limit(body: Model, point: tuple[float, ...]) -> str | None:
     if body.boundary is not None and (corners := body.boundary.corners) is not None:
         away = np.linalg.norm(corners.place[:, : len(point)] - point, axis=1)
         close = ~corners.alone & (away <= (1 + DIGITS_OF_FILES) * corners.facet)
-        if parallel.any_rank(body.comm, bool(close.any())):
+        if parallel.any_rank(body.comm, close):
             reasons.append("it is at a corner of the foundation")
     for facet_a, facet_b in _meeting(facets, ROOT_OF_EPS * body.tagged.size):
         if facet_a.piece != facet_b.piece:

@@ -168,11 +168,7 @@ def _contacts(model: Model) -> list[str]:
         return []
     acting = []
     for index, effect in enumerate(model.statement.contact):
-        count = int(
-            parallel.global_sum(
-                model.boundary.comm, np.array(np.count_nonzero(model.boundary.part == index))
-            )
-        )
+        count = int(parallel.total(model.boundary.comm, model.boundary.part == index))
         law = effect.friction
         against = "" if effect.against is None else f"against {effect.against}, "
         if effect.itself:

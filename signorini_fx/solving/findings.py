@@ -316,7 +316,7 @@ def _largest_loads(body: Model) -> tuple[float, float]:
         start, forces = _loads_at(body, step)
         prescribed = max(prescribed, parallel.largest(body.comm, np.abs(start)))
         sizes = np.linalg.norm(forces, axis=1)
-        force = max(force, float(parallel.global_sum(body.comm, sizes.sum())))
+        force = max(force, parallel.total(body.comm, sizes))
     return prescribed, force
 
 
@@ -377,9 +377,9 @@ def _largest_increment(body: Model, normal: Array, motions: list[float]) -> floa
     _, total = _largest_loads(body)
     for step in range(len(body.path.times)):
         start, forces = (values @ normal for values in _loads_at(body, step))
-        moved = max((1.0, -1.0), key=lambda sign: parallel.largest(body.comm, sign * start))
-        moved *= parallel.largest(body.comm, moved * start)
-        pushed = float(parallel.global_sum(body.comm, np.array(forces.sum())))
+        moved = max((1.0, -1.0), key=lambda sign: parallel.largest(body.comm, sign * start, 0.0))
+        moved *= parallel.largest(body.comm, moved * start, 0.0)
+        pushed = parallel.total(body.comm, forces)
         pressing.append(moved + (motions[1] * pushed / total if total > 0 else 0.0))
     largest = float(np.abs(pressing).max())
     parts = body.path.steps or 1
@@ -660,7 +660,7 @@ def steps_without_estimate(
                 continue
             now = step.contact.in_contact
             known = np.zeros_like(now) if before is None or before.size != now.size else before
-            if parallel.any_rank(comm, bool((now != known).any())):
+            if parallel.any_rank(comm, now != known):
                 changed.append(step.step)
             before = now
         if changed:
@@ -716,7 +716,7 @@ def slid_at_corners(contact: ContactState | None) -> Iterator[Finding]:
 def untouched(comm: MPI.Comm, steps: Sequence[StepResult]) -> Iterator[Finding]:
     """A finding where contact touches nothing in any load step; collective."""
     contacts = [step.contact.in_contact.any() for step in steps if step.contact is not None]
-    if contacts and not parallel.any_rank(comm, bool(np.any(contacts))):
+    if contacts and not parallel.any_rank(comm, contacts):
         message = (
             "nothing is in contact; where contact was expected, check the gap, the loads "
             "and their units"

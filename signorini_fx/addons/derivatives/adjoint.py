@@ -137,7 +137,7 @@ def _between(
     tolerance = CERTIFICATE_TOLERANCE * bound
     stopping = slips & (gamma[1] * length(state.xi) <= tolerance)
     starting = sticks & np.isfinite(state.bound) & (bound - length(state.shear) <= tolerance)
-    return int(parallel.global_sum(comm, np.array(np.count_nonzero(opening | stopping | starting))))
+    return int(parallel.total(comm, opening | stopping | starting))
 
 
 @dataclass(frozen=True)

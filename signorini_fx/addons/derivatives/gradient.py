@@ -161,7 +161,7 @@ class SolvedStep:
         """
         if adjoint is None or earlier is None:
             return None
-        if not parallel.any_rank(self.body.comm, bool(adjoint.tied[:, 1:].any())):
+        if not parallel.any_rank(self.body.comm, adjoint.tied[:, 1:]):
             return None
         body = earlier.body
         boundary = self.state.boundary

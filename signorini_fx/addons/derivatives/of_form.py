@@ -44,9 +44,7 @@ class OfForm(Functional):
         saved = self.u.x.array.copy()
         self.u.x.array[:] = y.x.array
         try:
-            return float(
-                parallel.global_sum(boundary.comm, np.array(fem.assemble_scalar(self.form)))
-            )
+            return parallel.total(boundary.comm, fem.assemble_scalar(self.form))
         finally:
             self.u.x.array[:] = saved
 

@@ -45,7 +45,7 @@ def gather_body(solution: Solution, fields: Sequence[str] = ()) -> DrawnBody | N
     if dim == 2:
         cells = np.arange(mesh.topology.index_map(2).size_local, dtype=np.int32)
         place = np.zeros_like(cells)
-    count = int(parallel.global_sum(comm, np.array(len(cells))))
+    count = int(parallel.total(comm, len(cells)))
     if dim == 3 and count > MOST_FACETS:
         where = f"its surface has {count} facets, more than {MOST_FACETS}: see it in ParaView"
         terminal.say_once(comm, f"the deformed body is not drawn: {where}")

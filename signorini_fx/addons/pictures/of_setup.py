@@ -151,9 +151,7 @@ def _boundary(tagged: TaggedMesh, name: str, acting: list[Effect], time: float) 
         """Return the total of a force that is spread, by one point on each facet, which is enough
         for arrows.
         """
-        return float(
-            parallel.global_sum(tagged.mesh.comm, np.array(sizes @ on.value(effect.spread)))
-        )
+        return parallel.total(tagged.mesh.comm, sizes @ on.value(effect.spread))
 
     on = SampledPoints(middles.T, normals.T, whole)
     load = np.zeros_like(middles)

@@ -172,7 +172,7 @@ class _Programme:
 
     def _number(self, where: Flags) -> float:
         """How many points of all ranks; collective."""
-        return float(parallel.global_sum(self._comm, np.count_nonzero(where)))
+        return parallel.total(self._comm, where)
 
     def solve(self) -> Status:
         """Reduce the products until full steps can end the iteration."""
@@ -259,7 +259,7 @@ class _Programme:
         if not self._moves(*tractions(), blocks, 0):
             return None
         pressure, shear = tractions()
-        stress = float(parallel.global_sum(self._comm, np.abs(pressure).sum())) / self._number(
+        stress = parallel.total(self._comm, np.abs(pressure)) / self._number(
             self._points.everywhere
         )
         product = stress**2 / soft.stiffness
@@ -286,7 +286,7 @@ class _Programme:
         products = np.where(self._one_sided, at.pressure * at.opening, 0.0) + at.rate * self._room(
             at.shear
         )
-        return float(parallel.global_sum(self._comm, products.sum()))
+        return parallel.total(self._comm, products)
 
     def _advanced(self, at: _Inside) -> tuple[_Inside, float] | None:
         """The point after a predictor and a corrector, and the share of it; None if a solve fails;

@@ -82,7 +82,7 @@ def least_durations(
     durations = []
     for slope in (slopes, np.minimum(slopes, steepest)):
         falls = np.where(slides, np.maximum(-slope, 0.0) * law.dt, 0.0)
-        falling = parallel.any_rank(comm, bool((falls > 0).any()))
+        falling = parallel.any_rank(comm, falls > 0)
         longest = (
             _largest_eigenvalue(newton, blocks, sets.direction, falls, law.dt) if falling else 0.0
         )

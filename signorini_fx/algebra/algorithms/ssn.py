@@ -99,7 +99,7 @@ class SemismoothNewton:
         self.fails_in_step = False  # whether a Krylov method has failed in this load step
         # whether the usual preconditioner is of a matrix before the last that was factorised
         self._outdated = False
-        self._point_count = int(parallel.global_sum(problem.points.comm, problem.points.size))
+        self._point_count = int(parallel.total(problem.points.comm, problem.points.size))
         self.linear = self._point_count == 0
 
     @cached_property

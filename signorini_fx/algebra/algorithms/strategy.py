@@ -199,7 +199,7 @@ def _near_the_last_place(task: Task, start: Start) -> Outcome | None:
     tractions = np.column_stack(outcome.newton.multipliers())
     pressed = np.abs(tractions).max(axis=1) > NO_FORCE * task.natural_gamma * farthest
     loose = np.isin(motions.of_point, motions.untouched(numbers, pressed))
-    if task.has_coulomb and parallel.any_rank(comm, bool((without_load & ~loose).any())):
+    if task.has_coulomb and parallel.any_rank(comm, without_load & ~loose):
         return None
     system = problem.system
     reached = x.norm(PETSc.NormType.NORM_INFINITY)
@@ -210,7 +210,7 @@ def _near_the_last_place(task: Task, start: Start) -> Outcome | None:
     newton.restore((x, replace(sets, contact=sets.contact & ~(loose & ~data.bilateral)), data))
     # Without tractions the law without regularisation holds, too.
     exact = task.settings.algorithm == "alm"
-    exact = exact and not parallel.any_rank(comm, bool((pressed & ~loose).any()))
+    exact = exact and not parallel.any_rank(comm, pressed & ~loose)
     return replace(outcome, status=Status.CONVERGED, newton=newton, augmented=exact)
 
 
@@ -247,7 +247,7 @@ def _nothing_acts(task: Task, start: Start) -> bool:
     pushed = pushed | (data.bilateral & (np.abs(data.gap) > task.coordinate_error))
     if data.bound is not None:
         pushed = pushed | ((data.bound > 0) & (length(data.slip_origin) > task.coordinate_error))
-    return not parallel.any_rank(task.system.comm, bool(pushed.any()))
+    return not parallel.any_rank(task.system.comm, pushed)
 
 
 def _first_loaded(task: Task, start: Start) -> Start:
@@ -281,7 +281,7 @@ def _released(task: Task, failed: Outcome, law: PointFriction, moved: float) -> 
     history = task.history
     nothing = np.zeros(points.size)
     kept = failed.data.bilateral | (law.evaluate(nothing, 0.0)[0] != 0)
-    if parallel.any_rank(points.comm, bool(kept.any())) or task.motions.count:
+    if parallel.any_rank(points.comm, kept) or task.motions.count:
         return None
     if history.exhausted:
         return None

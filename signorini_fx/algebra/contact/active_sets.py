@@ -347,7 +347,7 @@ def _ranked(points: ContactPoints, candidates: Flags, violation: Array) -> Ints:
 
 
 def _count(points: ContactPoints, places: Ints) -> int:
-    return int(parallel.global_sum(points.comm, np.array(np.count_nonzero(places >= 0))))
+    return int(parallel.total(points.comm, places >= 0))
 
 
 def _shares(count: int) -> list[float]:

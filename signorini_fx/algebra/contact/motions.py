@@ -139,11 +139,7 @@ class FreeMotions:
         """
         comm = self.points.comm
         of = self.of_point
-        return [
-            number
-            for number in numbers
-            if not parallel.any_rank(comm, bool(pressed[of == number].any()))
-        ]
+        return [number for number in numbers if not parallel.any_rank(comm, pressed[of == number])]
 
     @cached_property
     def _moved(self) -> Array:

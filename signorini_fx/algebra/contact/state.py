@@ -94,7 +94,7 @@ class PointState:
     def friction_work(self) -> float:
         """Energy dissipated by slip in this load step, (mu, xi), never negative; collective."""
         work = np.dot(self.points.weight, self.friction_energy)
-        return float(parallel.global_sum(self.points.comm, work))
+        return parallel.total(self.points.comm, work)
 
     def sliding_side(self) -> npt.NDArray[np.int8]:
         """``ActiveSets.side``; a node that transmits no shear moves freely, forward but for

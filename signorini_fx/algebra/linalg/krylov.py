@@ -125,7 +125,7 @@ class KrylovSystem(ElasticSystem):
             use_entries(pc, lambda inner: inner.setType(PETSc.PC.Type.GAMG))
         else:
             pc.setType(PETSc.PC.Type.GAMG)
-        contact = int(parallel.global_sum(self.comm, np.array(self._touched.size)))
+        contact = int(parallel.total(self.comm, self._touched.size))
         if contact == 0 or petsc_options.user_sets("pc_type") or not self.hierarchy.interpolations:
             return
         preconditioner = ContactPreconditioner(self.levels, self.contact.fixed, symmetric=symmetric)

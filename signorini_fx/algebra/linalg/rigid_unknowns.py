@@ -62,7 +62,7 @@ def relative_to_rigid_bodies(contact: ContactMap, places: PETSc.IS, rigid: int) 
     comm = places.comm
     unknowns = places.getIndices()
     nodes = unknowns.size - rigid
-    count = int(parallel.global_sum(comm.tompi4py(), np.array(rigid)))
+    count = int(parallel.total(comm.tompi4py(), rigid))
     first, last = contact.operator.getOwnershipRange()
     rows = PETSc.IS().createStride(last - first, first, 1, comm=comm)
     operator = contact.operator.createSubMatrix(

@@ -508,7 +508,7 @@ def line_search(
     ahead = np.where(solved.linear.prescribed[0][:owned], 0.0, increment[:owned])
 
     def along(forces: Array) -> float:
-        return float(parallel.global_sum(comm, np.array(ahead @ forces)))
+        return parallel.total(comm, ahead @ forces)
 
     first = -along(internal) - on_tools
     size, change = (parallel.largest(comm, np.abs(values)) for values in (old, increment))

@@ -237,7 +237,7 @@ def parallelepipeds(mesh: dmesh.Mesh) -> bool:
     edges = relative[:, 2 ** np.arange(dim)]
     away = relative - compat.geometry_element(mesh).points @ edges
     apart = (away**2).sum(axis=0) > ROOT_OF_EPS**2 * (edges**2).sum(axis=0).min(axis=0)
-    return not parallel.any_rank(mesh.comm, bool(apart.any()))
+    return not parallel.any_rank(mesh.comm, apart)
 
 
 def lumped_degree(degree: int, geometry: int) -> int:

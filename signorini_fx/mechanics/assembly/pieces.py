@@ -136,7 +136,7 @@ def _pieces_of(mesh: dmesh.Mesh) -> BodyPieces:
     # Labels of all ranks, one after the other.
     numbered = int(local.max(initial=-1)) + 1
     local += comm.exscan(numbered) or 0
-    total = int(parallel.global_sum(comm, np.array(numbered)))
+    total = int(parallel.total(comm, numbered))
     of_side = _labels_of(sides.array, local, topology.index_map(dim - 1))
     shared = _disagreements(of_side, topology.index_map(dim - 1))
     links = np.unique(parallel.gather_rows(comm, np.unique(shared[:, 1:], axis=0)), axis=0)

@@ -221,10 +221,7 @@ def _check_measure(kinematics: Kinematics, tagged: TaggedMesh) -> None:
     x = tagged.mesh.geometry.x[:, : tagged.dimension].astype(np.float64)
     measures = np.broadcast_to(kinematics.measure(x.T), len(x))
     most = parallel.largest(tagged.mesh.comm, measures, 0.0)
-    if (
-        parallel.any_rank(tagged.mesh.comm, bool((measures < -SAME_NUMBER * most).any()))
-        or most <= 0
-    ):
+    if parallel.any_rank(tagged.mesh.comm, measures < -SAME_NUMBER * most) or most <= 0:
         raise SceneError.at(
             "material.hypothesis", f"measure of {kinematics.words!r} is not positive"
         )
@@ -357,7 +354,7 @@ def boundary_facets(statement: Statement, tagged: TaggedMesh) -> dict[str, Indic
                 problems.append((f"{path}.{key}", str(error)))
                 continue
             facets[name] = indices
-            outside = int(parallel.global_sum(tagged.mesh.comm, np.array(indices.size)))
+            outside = int(parallel.total(tagged.mesh.comm, indices.size))
             if outside == 0:
                 problems.append((f"{path}.{key}", f"boundary {name!r} has no exterior facets"))
             elif inside := tagged.inside(name):

@@ -103,9 +103,7 @@ class MidpointRule(StepEffect):
             velocity[nodes] += entry.velocities(x[:, nodes])[:dim].T
         held = model.vector(velocity.ravel()).getArray(readonly=True)[: model.fixed.size]
         size = parallel.largest(model.comm, np.abs(velocity), 0.0)
-        if parallel.any_rank(
-            model.comm, bool((np.abs(held[model.fixed]) > SAME_LENGTH * size).any())
-        ):
+        if parallel.any_rank(model.comm, np.abs(held[model.fixed]) > SAME_LENGTH * size):
             reason = "moves a node whose displacement is prescribed: leave these nodes at rest"
             raise SceneError.at("initial_velocity", reason)
         return velocity.ravel()
@@ -335,7 +333,7 @@ class MidpointRule(StepEffect):
             return np.array(along[model.fixed])
 
         way = held(step)
-        if not parallel.any_rank(model.comm, bool(way.any())):
+        if not parallel.any_rank(model.comm, way):
             return 0.0
         return _sum(model, held(ended.reactions().ravel()) @ way)
 
@@ -414,7 +412,7 @@ def _with_ghosts(model: Model, owned: Array) -> Array:
 
 
 def _sum(model: Model, local: Any) -> float:
-    return float(parallel.global_sum(model.comm, np.array(local)))
+    return parallel.total(model.comm, local)
 
 
 def _aim(state: State, dt: float) -> Array:

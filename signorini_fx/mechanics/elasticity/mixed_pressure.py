@@ -341,7 +341,7 @@ class MixedLaw(SceneLaw):
         ]
         for number, assembly in product(soft, range(int(pieces.assembly.max()) + 1)):
             cells = (part == number) & (pieces.assembly[pieces.of_cell] == assembly)
-            if not parallel.any_rank(comm, bool(cells.any())):
+            if not parallel.any_rank(comm, cells):
                 continue
             force, pressure = self.divergence.createVecs()
             pressure.getArray()[:] = (

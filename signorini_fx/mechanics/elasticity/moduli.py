@@ -36,18 +36,16 @@ def check_covers(statement: Statement, tagged: TaggedMesh) -> None:
     for region in regions:
         covered[tagged.cells(str(region))] += 1
     bare = np.flatnonzero(covered[: cells.size_local] == 0)
-    if count := int(parallel.global_sum(comm, np.array(bare.size))):
+    if count := int(parallel.total(comm, bare.size)):
         names = list(statement.bodies)
         names = [
-            name
-            for name in names
-            if parallel.any_rank(comm, bool(np.isin(bare, tagged.cells(name)).any()))
+            name for name in names if parallel.any_rank(comm, np.isin(bare, tagged.cells(name)))
         ]
         of_bodies = f" of {' and '.join(map(repr, names))}" if names else ""
         raise SceneError.at(
             "material", f"{count} cells{of_bodies} are in none of the regions that have a material"
         )
-    if twice := int(parallel.global_sum(comm, np.array(np.sum(covered[: cells.size_local] > 1)))):
+    if twice := int(parallel.total(comm, covered[: cells.size_local] > 1)):
         raise SceneError.at(
             "material", f"{twice} cells are in several of the regions that have a material"
         )

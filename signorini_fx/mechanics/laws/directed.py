@@ -114,7 +114,7 @@ def _refuse_where(wrong: Any, key: str, reason: str, comm: Any) -> None:
     """Refuse a law if any point of any rank is wrong; collective."""
     from signorini_fx.machine import parallel
 
-    if parallel.any_rank(comm, bool(wrong.any())):
+    if parallel.any_rank(comm, wrong):
         raise FormError.at(key, reason)
 
 

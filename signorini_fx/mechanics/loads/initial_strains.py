@@ -106,7 +106,7 @@ def jump_at(
     )
     where = "the mesh" if effect.region is None else f"region {effect.region!r}"
     for wrong, reason in (
-        (not parallel.any_rank(mesh.comm, bool(nodes.any())), f"the plane does not cut {where}"),
+        (not parallel.any_rank(mesh.comm, nodes), f"the plane does not cut {where}"),
         (
             bool((touching & ~inside).any()),
             f"cells outside {where} share nodes with the section: move it",

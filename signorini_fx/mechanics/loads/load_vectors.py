@@ -200,7 +200,7 @@ class FormCoefficients:
         if (boundary, spread) not in self._totals:
             form = _compiled([effect], lambda effect: self.value(effect.spread), self)
             assert form is not None  # the effect has a boundary
-            integral = float(parallel.global_sum(mesh.comm, np.array(fem.assemble_scalar(form))))
+            integral = parallel.total(mesh.comm, fem.assemble_scalar(form))
             corners = facet_vertices(mesh, self.tagged.facets(boundary))
             largest = parallel.largest(mesh.comm, np.abs(sample(spread, corners.reshape(-1, 3).T)))
             size = self.tagged.size

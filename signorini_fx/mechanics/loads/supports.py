@@ -248,7 +248,7 @@ def check_overlap(
         )
         for part, effect in enumerate(statement.contact):
             shared = np.intersect1d(facets[support.boundary], facets[effect.boundary]).size
-            total = int(parallel.global_sum(boundary.comm, np.array(shared)))
+            total = int(parallel.total(boundary.comm, shared))
             slope = np.abs(boundary.normal[boundary.part == part] @ prescribed.T).max(initial=0.0)
             if total and parallel.global_max(boundary.comm, slope) > 1e-8:
                 message = (
@@ -288,7 +288,7 @@ def node_at(space: fem.FunctionSpace, effect: Any, path: str, tagged: TaggedMesh
             f"{path}.at", f"no node of the mesh is at {effect.place}; near is ({at})"
         )
     owned = candidates[candidates < space.dofmap.index_map.size_local]
-    count = int(parallel.global_sum(tagged.mesh.comm, np.array(owned.size)))
+    count = int(parallel.total(tagged.mesh.comm, owned.size))
     if count > 1:
         message = (
             f"{count} nodes of the mesh are at {effect.place}, of parts that do not share them: "

@@ -83,7 +83,7 @@ def at_points(
         if nearer.any():
             least[numbers[nearer]] = gap[nearer]
             rows[numbers[nearer]] = values[nearer]
-    return None if parallel.any_rank(comm, bool(np.isinf(least).any())) else rows
+    return None if parallel.any_rank(comm, np.isinf(least)) else rows
 
 
 def cells_of_points(

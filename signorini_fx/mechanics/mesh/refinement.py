@@ -32,12 +32,12 @@ def mark(comm: MPI.Comm, squares: Array, share: float = 0.5) -> Indices:
     all ranks: those of this rank, from the squared errors of its owned cells, shape (cells,);
     collective.
     """
-    total = float(parallel.global_sum(comm, squares.sum()))
+    total = parallel.total(comm, squares)
     low = 0.0
     high = parallel.largest(comm, squares)
     for _ in range(60):  # bisection for the threshold: no rank needs the cells of another
         middle = (low + high) / 2
-        held = float(parallel.global_sum(comm, squares[squares >= middle].sum()))
+        held = parallel.total(comm, squares[squares >= middle])
         low, high = (middle, high) if held >= share * total else (low, middle)
     return np.flatnonzero(squares >= low).astype(np.int32)
 
@@ -151,7 +151,7 @@ def shorter_lengths(
             many cells as one all of whose cells are halved.
     """
     errors = np.sqrt(squares)
-    total = float(parallel.global_sum(comm, squares.sum()))
+    total = parallel.total(comm, squares)
     largest = parallel.largest(comm, errors)
     if not largest > 0:
         return lengths
@@ -161,14 +161,14 @@ def shorter_lengths(
             wanted = (level / errors) ** (1 / (degree + dimension / 2))
         return np.clip(wanted, SHORTEST_CHILD, 1.0)
 
-    allowed = finer**dimension * float(parallel.global_sum(comm, np.array(len(lengths))))
+    allowed = finer**dimension * parallel.total(comm, len(lengths))
     low = np.log(largest) - 60.0
     high = np.log(largest)
     for _ in range(60):
         middle = (low + high) / 2
         share = shares(np.exp(middle))
-        left_over = float(parallel.global_sum(comm, (squares * share ** (2 * degree)).sum()))
-        cells = float(parallel.global_sum(comm, (share**-dimension).sum()))
+        left_over = parallel.total(comm, squares * share ** (2 * degree))
+        cells = parallel.total(comm, share**-dimension)
         low, high = (
             (low, middle) if left_over > total / factor**2 and cells < allowed else (middle, high)
         )

@@ -115,9 +115,7 @@ class TaggedMesh(TaggedMeshBase):
         tagged = _tagged(self.facet_tags, self.boundaries[name])
         owned = tagged[tagged < self.mesh.topology.index_map(self.dimension - 1).size_local]
         within = np.count_nonzero(~self._exterior[owned])
-        return int(parallel.global_sum(self.mesh.comm, np.array(within))) + self.left_out.get(
-            name, 0
-        )
+        return int(parallel.total(self.mesh.comm, within)) + self.left_out.get(name, 0)
 
     @cached_property
     def _exterior(self) -> Flags:

@@ -338,7 +338,7 @@ class Foundations:
             if along is not None:
                 direction = at(along, f"contact[{k}].direction", self._dimension)
                 size = np.hypot.reduce(direction, axis=1, keepdims=True)
-                if parallel.any_rank(self._space.mesh.comm, bool((size == 0).any())):
+                if parallel.any_rank(self._space.mesh.comm, size == 0):
                     raise FormError.at(f"contact[{k}].direction", "is zero somewhere")
                 direction = direction / size
             shapes.append(ShapeDistances(factor, direction, axes))
@@ -554,9 +554,9 @@ class Foundations:
         comm = self._space.mesh.comm
         distance = self._distances[number]
         distances = self._values[number](distance, f"contact[{number}].shape")
-        if not parallel.any_rank(comm, bool((distances >= 0).any())):
+        if not parallel.any_rank(comm, distances >= 0):
             at_vertices = distance(self._space.mesh.geometry.x.T.astype(np.float64))
-            if not parallel.any_rank(comm, bool((at_vertices >= 0).any())):
+            if not parallel.any_rank(comm, at_vertices >= 0):
                 message = (
                     "the whole body is inside of the foundation: move it, set hollow if the body "
                     "belongs there, or "

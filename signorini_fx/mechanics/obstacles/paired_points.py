@@ -140,7 +140,7 @@ def averaged_points(
         return mine, tested.areas[mine], averages, gaps
 
     mine, area, averages, gaps = averaged(by_hats=False)
-    if parallel.any_rank(comm, bool((gaps < least).any())):
+    if parallel.any_rank(comm, gaps < least):
         mine, area, averages, gaps = averaged(by_hats=True)
     local = (side.nodes[mine] - space.dofmap.index_map.local_range[0]).astype(np.int32)
     return (local, area, surface.nodal_normals[mine]), averages

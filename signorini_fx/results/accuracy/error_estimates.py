@@ -75,10 +75,10 @@ def estimate_errors(
     squares = np.zeros(missed.shape)
     if energy > 0:
         squares = mechanics.recovery.squares(displacement, step)
-    if parallel.any_rank(model.comm, bool(missed.any())):
+    if parallel.any_rank(model.comm, missed):
         pressed = float(np.dot(table.columns["weight"], np.abs(table.columns["pressure"])))
         forces = sum(factor * load.pushing for factor, load in model.applied_at(step))
-        missed /= max(float(parallel.global_sum(model.comm, np.abs(forces).sum())), pressed)
+        missed /= max(parallel.total(model.comm, np.abs(forces)), pressed)
     return combined(model, table, squares, energy, missed)
 
 
@@ -110,7 +110,7 @@ def combined(
     missed = np.zeros(shares.shape[1]) + missed
 
     def total(squares: Array) -> float:
-        return float(parallel.global_sum(boundary.comm, squares.sum()))
+        return parallel.total(boundary.comm, squares)
 
     loads = total(missed)
     error = float(np.sqrt(total(body)))

@@ -72,7 +72,7 @@ def regularisation_errors(
     """
     data = outcome.problem.data
     # Multipliers of an augmentation shift the pressure.
-    shifted = parallel.any_rank(contact.boundary.comm, bool(data.lambda_hat.any()))
+    shifted = parallel.any_rank(contact.boundary.comm, data.lambda_hat)
     if shifted or not np.isfinite(data.gamma_n) or not size > 0:
         return 0.0, 0.0
     newton = task.unsymmetric_newton if data.follows is not None else task.newton

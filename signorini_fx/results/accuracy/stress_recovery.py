@@ -127,7 +127,7 @@ class StressRecovery:
         for cells in self._parts:
             self._choose(cells)
             local_energy += assemble(self._squares).sum() / 2
-        return float(parallel.global_sum(self._comm, local_energy))
+        return parallel.total(self._comm, local_energy)
 
     def error(self, y: fem.Function, step: float = 0) -> float:
         """Energy norm sqrt(a(e, e)) of the discretisation error of a displacement, see ``squares``;

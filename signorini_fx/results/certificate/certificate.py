@@ -319,7 +319,7 @@ def judged(
         # system.
         faint = np.maximum(NEGLIGIBLE * mean, penalty)[at[0][touching]]
         faint_stress = max(parallel.largest(comm, faint), NO_FORCE * float(mean.max()))
-        area = float(parallel.global_sum(comm, np.array(contact.boundary.weight[touching].sum())))
+        area = parallel.total(comm, contact.boundary.weight[touching])
         resultant = nodes.resultant(motion, y)
         unbalanced = max(unbalanced, motion.unbalanced(drive, resultant, faint_stress * area))
     if balance.displaced and reach > 0:

@@ -266,10 +266,7 @@ def change_of_volume(balance: Balance, far: float, strain_energy: float) -> floa
     residual, volume = balance.dilation
     comm = balance.pieces.space.mesh.comm
     scales = balance.scales
-    loads = (
-        float(parallel.global_sum(comm, np.linalg.norm(balance.external, axis=1).sum()))
-        / scales.surface
-    )
+    loads = parallel.total(comm, np.linalg.norm(balance.external, axis=1)) / scales.surface
     strain = max(scales.stress(strain_energy), NEGLIGIBLE * loads) / scales.modulus
     lost = (
         LOST_UNITS

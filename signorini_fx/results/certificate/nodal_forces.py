@@ -262,4 +262,4 @@ class NodalForces:
     def _number(self, forms: Sequence[fem.Form]) -> float:
         """The sum of forms without arguments."""
         local_sum = sum((float(fem.assemble_scalar(form)) for form in forms), 0.0)
-        return float(parallel.global_sum(self.tagged.mesh.comm, np.array(local_sum)))
+        return parallel.total(self.tagged.mesh.comm, local_sum)

@@ -134,7 +134,7 @@ class PairPoints:
                 axis=1
             )
         errors += [_largest(part.sum(axis=1)[facing] - 1.0) for part in (self.slave, self.master)]
-        total = float(parallel.global_sum(comm, weight.sum()))
+        total = parallel.total(comm, weight)
         errors += [abs(total / covered - 1.0), np.max(-weight, initial=-np.inf) / covered]
         # Translations, and rotations that move the ends of the sides by about one.
         modes = rigid_modes(x, (x.min(axis=0) + x.max(axis=0)) / 2, np.array(_size_of(x)))
