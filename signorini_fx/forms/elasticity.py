@@ -37,7 +37,7 @@ from signorini_fx.mechanics.interfaces import PlacedShape
 from signorini_fx.mechanics.kinematics import CARTESIAN
 from signorini_fx.mechanics.kinematics.protocol import PLANE_STRESS, padded
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, is_section
-from signorini_fx.mechanics.model import Loads, Model
+from signorini_fx.mechanics.model import Loads, Model, stated
 from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodies
 from signorini_fx.mechanics.statement.load_path import counted_path
 from signorini_fx.mechanics.statement.settings import SolverSettings
@@ -79,9 +79,8 @@ def elastic_body(
         boundary=boundary,
         settings=settings,
         kinematics=kinematics,
-        statement=named[0],
+        **stated(named[0]) | {"path": counted_path(0)},
         tagged=named[1],
-        path=counted_path(0),
         rigid=RigidBodies((), kinematics, 1.0),
         **more,
     )

@@ -129,10 +129,11 @@ class Model:
     statement: Statement  # names; of forms of a user's own less than all that acts
     tagged: TaggedMesh  # the mesh; where displacements have a component out of it a section in 3D
     path: LoadPath  # the load steps
+    contacts: tuple[Any, ...]  # the entry of each contact, as it is now
     title: str = ""  # any text
     modulus: float = 0.0  # the natural unit of stress; 0: it is not known yet
     law: PointFriction | None = None  # of friction; None where no law can act
-    # Both sides of each contact of two bodies, by its place in ``statement.contact``.
+    # Both sides of each contact of two bodies, by its place in ``contacts``.
     pairs: Mapping[int, PairedSides] = field(default_factory=dict)
     rigid: RigidBodies  # those whose motion is an unknown
     supports: Conditions = field(default_factory=list)  # one component each: ``bcs``
@@ -165,6 +166,11 @@ class Model:
     def dimension(self) -> int:
         """D, of space."""
         return int(self.space.mesh.geometry.dim)
+
+    @property
+    def has_coulomb(self) -> bool:
+        """Return whether any friction bound depends on the contact pressure."""
+        return any(contact.coulomb for contact in self.contacts)
 
     @property
     def dofs(self) -> int:
@@ -656,6 +662,16 @@ class Model:
             forces += factor * load.forces
             prescribed += factor * load.prescribed.x.array
         return Loads(forces, prescribed)
+
+
+def stated(statement: Statement) -> dict[str, Any]:
+    """Return the fields of a model that are entries of a statement."""
+    return {
+        "statement": statement,
+        "contacts": statement.contact,
+        "title": statement.title,
+        "path": statement.path,
+    }
 
 
 def vector_like(matrix: PETSc.Mat, values: Array) -> PETSc.Vec:

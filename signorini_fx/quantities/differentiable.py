@@ -21,7 +21,6 @@ from signorini_fx.mechanics.assembly.mesh_entities import assemble, compile_form
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.mesh.points import cells_of_points
 from signorini_fx.mechanics.model import Model
-from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.tuned import DIGITS_OF_FILES
 
 
@@ -173,7 +172,7 @@ def functional_of(model: Model, text: str) -> Functional:
 
 def _force(model: Model, boundary: str, axis: str) -> Functional:
     """Return the resultant contact force on one boundary, friction included, shape (d,)."""
-    return ContactForce(_contact_of(model.statement, boundary), _axis_of(model.dimension, axis))
+    return ContactForce(_contact_of(model, boundary), _axis_of(model.dimension, axis))
 
 
 def _moment(model: Model, boundary: str, axis: str = "z") -> Functional:
@@ -183,11 +182,11 @@ def _moment(model: Model, boundary: str, axis: str = "z") -> Functional:
     if reason := model.kinematics.refuses.get("moment"):
         raise SceneError.at(f"of moment {boundary}", reason)
     component = 0 if model.dimension == 2 else _axis_of(model.dimension, axis)
-    return ContactForce(_contact_of(model.statement, boundary), component, moment=True)
+    return ContactForce(_contact_of(model, boundary), component, moment=True)
 
 
 def _pressure(model: Model, boundary: str, power: str = "8") -> Functional:
-    part = _contact_of(model.statement, boundary)
+    part = _contact_of(model, boundary)
     number = float(power)
     if not 1 < number <= 1000:
         raise SceneError.at(
@@ -251,8 +250,8 @@ def _axis_of(dimension: int, name: str) -> int:
     return list("xyz"[:dimension]).index(name)
 
 
-def _contact_of(statement: Statement, boundary: str) -> int:
-    names = [effect.boundary for effect in statement.contact]
+def _contact_of(model: Model, boundary: str) -> int:
+    names = [effect.boundary for effect in model.contacts]
     if boundary not in names:
         raise SceneError.at(
             f"of {boundary!r}", f"is no contact boundary; there are: {', '.join(names)}"

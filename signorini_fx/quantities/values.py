@@ -61,7 +61,7 @@ def _of_contact(solution: Any) -> dict[str, Any]:
         or None,
         "corners": [figures.model_dump() for figures in solution.corner_figures] or None,
         "rigid_bodies": [
-            motion.as_dict(contact, solution.statement.contact, kinematics) for motion in motions
+            motion.as_dict(contact, solution.model.contacts, kinematics) for motion in motions
         ]
         or None,
     }
@@ -136,8 +136,8 @@ def _of_contact_in_step(solution: Any) -> dict[str, Any]:
     has no meaning.
     """
     contact = solution.contact
-    parts = solution.statement.contact
-    names = _boundaries(solution.statement)
+    parts = solution.model.contacts
+    names = _boundaries(parts)
     count = range(len(names))
     columns: dict[str, Any] = {}
     for number, key in enumerate(("contact_force", "friction_force")):
@@ -171,12 +171,12 @@ def _of_contact_in_step(solution: Any) -> dict[str, Any]:
     return columns | {"friction_work": contact.friction_work}
 
 
-def _boundaries(statement: Any) -> list[str]:
+def _boundaries(contacts: Sequence[Any]) -> list[str]:
     """The contact boundaries whose forces have no sum that acts on one body; none: they have
     one.
     """
-    names = [effect.boundary for effect in statement.contact]
-    return names if len(names) > 1 and any(effect.against for effect in statement.contact) else []
+    names = [effect.boundary for effect in contacts]
+    return names if len(names) > 1 and any(effect.against for effect in contacts) else []
 
 
 def _by_axis(key: str, values: Sequence[Any], names: Sequence[str]) -> dict[str, float]:

@@ -23,18 +23,17 @@ from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.kinematics import CARTESIAN
 from signorini_fx.mechanics.loads.initial_strains import jumps_in
 from signorini_fx.mechanics.model import Model
-from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.quantities.summary import ContactFigures, CornerFigures, SectionForce
 from signorini_fx.tuned import CLOSED_BOUNDARY, ZERO_IN_SOLUTION
 
 
-def contact_figures(statement: Statement, contact: ContactState) -> list[ContactFigures]:
+def contact_figures(model: Model, contact: ContactState) -> list[ContactFigures]:
     """The figures of each contact boundary, in the order of the scene; collective."""
     boundary = contact.boundary
     comm = contact.boundary.comm
     figures = []
-    uniform = statement.kinematics.uniform and boundary.kinematics.uniform
-    for part, effect in enumerate(statement.contact):
+    uniform = model.statement.kinematics.uniform and boundary.kinematics.uniform
+    for part, effect in enumerate(model.contacts):
         moment, moment_limit = _moment_about_middle(contact, part) if uniform else (None, None)
         on_part = boundary.part == part
         nodes = boundary.at_nodes[on_part]
@@ -122,7 +121,7 @@ def corner_figures(model: Model, contact: ContactState) -> list[CornerFigures]:
         width = size / depth if depth > 0 else np.sqrt(2 * size / np.pi)
         figures.append(
             CornerFigures(
-                boundary=model.statement.contact[int(part)].boundary,
+                boundary=model.contacts[int(part)].boundary,
                 place=first[2:4].tolist(),
                 contact_force=(normal + 0.0).tolist(),
                 friction_force=(tangential + 0.0).tolist(),

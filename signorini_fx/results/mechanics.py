@@ -123,7 +123,7 @@ class Mechanics(ABC):
             if (added := add(displacement.x.array)) is not None:
                 balance = balance.with_added(added)
         drives = [*zip(rigid, self.drives(step), strict=bool(rigid))]
-        law = replace(law, overclosures=overclosures_of(self.model.statement))
+        law = replace(law, overclosures=overclosures_of(self.model.contacts))
         contact = self.conditions(displacement)
         return judged(displacement, balance, contact, tractions, law=law, before=last, rigid=drives)
 
@@ -142,8 +142,9 @@ class StatedMechanics(Mechanics):
     def shapes(self, step: float | None = None) -> Sequence[PlacedShape]:
         from signorini_fx.mechanics.obstacles.scene_contact import hard_foundations
 
-        placed = self.model.statement if step is None else self.model.statement.placed(step)
-        return hard_foundations(placed, self.model.kinematics)
+        model = self.model
+        now = model.contacts if step is None else model.statement.placed(step).contact
+        return hard_foundations(now, model.kinematics)
 
     def loads_at(self, step: float) -> Loads:
         return self.model.loads_at(step)

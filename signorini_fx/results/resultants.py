@@ -20,8 +20,7 @@ from signorini_fx.mechanics.contact_points.contact_boundary import unit_contact_
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.kinematics import CARTESIAN
 from signorini_fx.mechanics.kinematics.protocol import Kinematics
-from signorini_fx.mechanics.mesh.tagged import TaggedMesh
-from signorini_fx.mechanics.statement.statement import Statement
+from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.step_effect import AddedForces
 from signorini_fx.results.certificate.contact_nodes import ContactConditions, ContactNodes
 from signorini_fx.results.certificate.equilibrium import Balance
@@ -114,16 +113,14 @@ class Resultants:
     them a component belongs to one alone), those of contact come from the tractions of the contact.
 
     Attributes:
-        statement: what is stated of the problem.
-        tagged: its mesh.
+        model: the body on its mesh.
         displacement: y, length.
         contact: the contact boundary of this rank; None without contact.
         conditions: the contact points and what holds there; None without contact.
         acting: all else that acts on the body.
     """
 
-    statement: Statement
-    tagged: TaggedMesh
+    model: Model
     displacement: fem.Function
     contact: ContactState | None
     conditions: ContactConditions | None
@@ -141,7 +138,7 @@ class Resultants:
             ValueError: the point has not d coordinates.
         """
         if boundary not in self._points:
-            self.tagged.facets(boundary)
+            self.model.tagged.facets(boundary)
         return self._sum(boundary, self._through(boundary), about)
 
     def body_force(self, about: npt.ArrayLike | None = None) -> Resultant:
@@ -159,20 +156,20 @@ class Resultants:
         """Return the rows of ``every`` for the summary; none if the displacement is not a number;
         collective.
         """
-        if parallel.any_rank(
-            self.tagged.mesh.comm, not np.isfinite(self.displacement.x.array).all()
-        ):
+        if parallel.any_rank(self.model.comm, not np.isfinite(self.displacement.x.array).all()):
             return []
         resultants = self.every()
         sizes = np.array([resultant.size for resultant in resultants]).reshape(-1, 2)
         force, moment = sizes.max(axis=0, initial=0.0).tolist()
-        return [resultant.as_dict((force, moment), self.tagged.size) for resultant in resultants]
+        return [
+            resultant.as_dict((force, moment), self.model.tagged.size) for resultant in resultants
+        ]
 
     @property
     def _names(self) -> list[str]:
         """The boundaries through which something acts."""
         sides = [
-            name for effect in self.statement.contact for name in (effect.boundary, effect.against)
+            name for effect in self.model.contacts for name in (effect.boundary, effect.against)
         ]
         return list(
             dict.fromkeys(
@@ -185,7 +182,7 @@ class Resultants:
         """The points with supports, by their names."""
         return {
             effect.place: effect.at
-            for effect in self.statement.displacement
+            for effect in self.model.statement.displacement
             if effect.at is not None
         }
 
@@ -194,7 +191,7 @@ class Resultants:
         """Return the motion of the nodes to where forces act on a body with large displacements,
         shape (nodes, d).
         """
-        y = self.displacement.x.array.reshape(-1, self.tagged.mesh.geometry.dim)
+        y = self.displacement.x.array.reshape(-1, self.model.dimension)
         return y if self.acting.displaced else np.zeros_like(y)
 
     @cached_property
@@ -206,8 +203,10 @@ class Resultants:
     def _at_partners(self, boundary: str, parts: Sequence[int]) -> tuple[Array, Array]:
         """What contacts do to the other body, at its nodes; collective."""
         space = self.displacement.function_space
-        facets = self.tagged.facets(boundary)
-        on_boundary = fem.locate_dofs_topological(space, self.tagged.mesh.topology.dim - 1, facets)
+        facets = self.model.tagged.facets(boundary)
+        on_boundary = fem.locate_dofs_topological(
+            space, self.model.tagged.mesh.topology.dim - 1, facets
+        )
         total = self._of_contact(*parts)
         total[~np.isin(np.arange(len(total)), on_boundary)] = 0.0
         return self._x, -total
@@ -239,7 +238,7 @@ class Resultants:
         ):  # on the other body they are opposite
             parts = [
                 k
-                for k, effect in enumerate(self.statement.contact)
+                for k, effect in enumerate(self.model.contacts)
                 if getattr(effect, key) == boundary
             ]
             if parts and self.contact is not None and self.conditions is not None:
@@ -286,8 +285,8 @@ class Resultants:
 
     def _sum(self, boundary: str | None, forces: ByCause, about: npt.ArrayLike | None) -> Resultant:
         """The resultant of what acts through a boundary."""
-        dim = self.tagged.mesh.geometry.dim
-        comm = self.tagged.mesh.comm
+        dim = self.model.dimension
+        comm = self.model.comm
         point = np.zeros(dim) if about is None else np.asarray(about, dtype=np.float64)
         if point.shape != (dim,):
             raise ValueError(f"about: a point with {dim} coordinates is expected, got {about!r}")
@@ -313,7 +312,7 @@ class Resultants:
     @property
     def _kinematics(self) -> Kinematics:
         """Return the kinematics of the body, by which some moments cancel."""
-        return self.statement.kinematics_in(self.tagged.dimension)
+        return self.model.statement.kinematics_in(self.model.tagged.dimension)
 
     def _middle(self, boundary: str) -> tuple[Array, Array | None]:
         """The middle of a boundary, and its normal if it is flat, as no displaced one is; a point
@@ -322,12 +321,12 @@ class Resultants:
         if boundary in self._points:
             return np.array(self._points[boundary]), None
         space = self.displacement.function_space
-        form = unit_contact_form(space, self.tagged.facets(boundary))
+        form = unit_contact_form(space, self.model.tagged.facets(boundary))
         areas = assemble(form).reshape(self._x.shape)
         weights = np.linalg.norm(areas, axis=1)
         sums = np.concatenate((weights @ self._x, areas.sum(axis=0), [weights.sum()]))
-        sums = parallel.global_sum(self.tagged.mesh.comm, sums)
-        dim = self.tagged.mesh.geometry.dim
+        sums = parallel.global_sum(self.model.comm, sums)
+        dim = self.model.dimension
         total = sums[-1]
         normal = sums[dim:-1] / total
         flat = not self.acting.displaced and np.linalg.norm(normal) > 1 - ZERO_IN_SOLUTION

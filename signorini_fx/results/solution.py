@@ -194,8 +194,8 @@ class Solution:
             # What regularisation leaves of slip in each load step wedges a body between several
             # walls.
             wedged = (
-                self.statement.has_coulomb
-                and len(self.statement.contact) > 1
+                self.model.has_coulomb
+                and len(self.model.contacts) > 1
                 and settings.algorithm != "alm"
             )
             early = (
@@ -317,7 +317,7 @@ class Solution:
         """
         if self.contact is None:
             raise ValueError("the scene has no contact, hence no fields on its boundary")
-        facets = [self.model.tagged.facets(entry.boundary) for entry in self.statement.contact]
+        facets = [self.model.tagged.facets(entry.boundary) for entry in self.model.contacts]
         return boundary_fields(self.model.space, self.contact, facets, number)
 
     @property
@@ -376,11 +376,10 @@ class Solution:
         """Forces and moments on the body through each boundary; with load steps, of the last one;
         collective.
         """
-        model = self.model
         y = self.displacement
         acting = (self.last_step.acting or partial(self.mechanics.acting, y, self._position))()
         conditions = self.mechanics.conditions(y)
-        return Resultants(self.statement, model.tagged, y, self.contact, conditions, acting)
+        return Resultants(self.model, y, self.contact, conditions, acting)
 
     @cached_property
     def preloads(self) -> list[SectionForce]:
@@ -401,7 +400,7 @@ class Solution:
         """Area and forces of each contact boundary, in the order of the scene; none without
         contact; collective.
         """
-        return [] if self.contact is None else contact_figures(self.statement, self.contact)
+        return [] if self.contact is None else contact_figures(self.model, self.contact)
 
     @cached_property
     def error_bound(self) -> ErrorBound | str | None:
@@ -426,7 +425,7 @@ class Solution:
         error = getattr(prices[-1], asked) if prices else None
         able = True
         if self.statement.units is not None and (why := accuracy_refused(self.statement, asked)):
-            if self.statement.contact:
+            if self.model.contacts:
                 return f"{NO_ACCURACY}{why}"
             able = False
         if not error:

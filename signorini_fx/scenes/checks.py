@@ -20,7 +20,7 @@ from signorini_fx.machine.terminal import COLUMNS, printable
 from signorini_fx.mechanics.body.discretisation import prepare
 from signorini_fx.mechanics.materials.isotropic import LinearElastic
 from signorini_fx.mechanics.mesh.tagged import arrays_of
-from signorini_fx.mechanics.model import Model
+from signorini_fx.mechanics.model import Model, stated
 from signorini_fx.mechanics.statement.base import Table
 from signorini_fx.records import Finding, History, Timings
 from signorini_fx.results.accuracy.expected_cost import Cost, estimated_cost
@@ -72,7 +72,7 @@ def check_scene(
         model = linear_body(scene, comm, Timings())
         compared = False
         ProblemOfScene.of(scene.statement, model, History())
-        model = replace(model, statement=scene.statement)
+        model = replace(model, **stated(scene.statement))
         findings = [*nonlinear_findings(model.statement, model)]
     else:
         coarser = coarser_scenes(scene, scene.solver.levels)
@@ -167,7 +167,7 @@ def _contacts(model: Model) -> list[str]:
     if model.boundary is None:
         return []
     acting = []
-    for index, effect in enumerate(model.statement.contact):
+    for index, effect in enumerate(model.contacts):
         count = int(parallel.total(model.boundary.comm, model.boundary.part == index))
         law = effect.friction
         against = "" if effect.against is None else f"against {effect.against}, "

@@ -268,7 +268,7 @@ class MeshedScene(MeshedProblem):
 
     @property
     def augmentable(self) -> bool:
-        return self.scene.statement.sides[1] is None and not overclosures_of(self.scene.statement)
+        return self.scene.statement.sides[1] is None and not overclosures_of(self.scene.contact)
 
     @property
     def settings(self) -> SolverSettings:
@@ -318,7 +318,7 @@ class MeshedScene(MeshedProblem):
             return self
         contacts = [
             model if model.against is None else model.model_copy(update={"points": "boundary"})
-            for model in solved.solution.statement.contact
+            for model in solved.solution.model.contacts
         ]
         return replace(self, scene=self.scene.model_copy(update={"contact": tuple(contacts)}))
 

@@ -27,7 +27,7 @@ from signorini_fx.mechanics.body.discretisation import boundary_facets, held_at,
 from signorini_fx.mechanics.body.nonlinear_law import BodyResidual, at_rest, body_residual
 from signorini_fx.mechanics.materials.trial import check_materials
 from signorini_fx.mechanics.mesh.tagged import check_fits
-from signorini_fx.mechanics.model import Model
+from signorini_fx.mechanics.model import Model, stated
 from signorini_fx.mechanics.obstacles.scene_contact import foundations_of
 from signorini_fx.mechanics.state import State
 from signorini_fx.mechanics.statement.effect import ForceDensity
@@ -131,7 +131,7 @@ class ProblemOfScene(NonlinearContactProblem):
         space = model.space
         tagged = model.tagged
         # The contact points of pairs are on the sides that have been chosen for the body.
-        sides = zip(statement.contact, model.statement.contact, strict=True)
+        sides = zip(statement.contact, model.contacts, strict=True)
         chosen = [entry.on_sides_of(one) for entry, one in sides]
         statement = statement.changed(contact=tuple(chosen))
         facets = boundary_facets(statement, tagged)
@@ -144,7 +144,7 @@ class ProblemOfScene(NonlinearContactProblem):
         drives = _drives_at(
             statement, tagged.dimension, statement.steps - 1
         )  # of which some may not be possible
-        begins = foundations_of(statement.placed(0), on, masters)
+        begins = foundations_of(statement.placed(0).contact, statement.kinematics, on, masters)
         contact = [
             replace(entry, shape=drives[k]) if k in drives else entry
             for k, entry in enumerate(begins)
@@ -230,12 +230,11 @@ class ProblemOfScene(NonlinearContactProblem):
                 raise ConvergenceError(self, f"{why}: {advice}")
             failures.append(Finding("warning", "load_steps", why))
         self.timings.seconds.update(self._solver.timings.seconds)
-        solution = self._titled(self.statement.title)
+        solution = self._titled("")
         said: Any = solution.mechanics
         model = replace(
             solution.model,
-            statement=self.statement,
-            path=self.statement.path,
+            **stated(self.statement),
             modulus=self.statement.young,
             tagged=self.model.tagged,
         )

@@ -244,7 +244,7 @@ def row_of(change: Mapping[str, Any], solution: Solution) -> dict[str, Any]:
         columns = solution.table.columns
         touching = columns["state"] != "open"
         # Between bodies each force acts on another one, so that their sum says nothing.
-        between = any(effect.against for effect in solution.statement.contact)
+        between = any(effect.against for effect in solution.model.contacts)
         forces = solution.contact.forces_of_each if between else np.array([solution.contact.forces])
         contact, friction = map(float, np.linalg.norm(forces, axis=2).sum(axis=0))
         figures |= {

@@ -20,7 +20,7 @@ from signorini_fx.algebra.algorithms.strategy import solve_task
 from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
 from signorini_fx.arrays import Array
 from signorini_fx.mechanics.effects.loads import Preload
-from signorini_fx.mechanics.model import Model
+from signorini_fx.mechanics.model import Model, stated
 from signorini_fx.records import Finding, Status
 from signorini_fx.results.contact_figures import section_forces
 from signorini_fx.solving.frames import Posed
@@ -188,4 +188,4 @@ def _with(model: B, tight: Mapping[int, Preload]) -> B:
         if isinstance(load.entry, Preload):
             entry = tight.get(id(load.entry), load.entry)
             applied[k] = replace(load, entry=entry, factor=partial(entry.shortening_at, statement))
-    return replace(model, statement=statement, applied=tuple(applied))
+    return replace(model, **stated(statement), applied=tuple(applied))

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from dolfinx import fem
@@ -53,7 +53,7 @@ def scene_findings(body: Model, reached: float = np.inf) -> Iterator[Finding]:
     data = body.data
     prescribed, force = _largest_loads(body)
     yield from _incomplete(statement)
-    yield from _falling(statement)
+    yield from _falling(body.contacts)
     yield from _pieces(body)
     yield from _locking(
         body, reduced=body.elastic.reduced is not None or statement.element.degree > 1
@@ -89,7 +89,7 @@ def nonlinear_findings(statement: Statement, body: Model) -> Iterator[Finding]:
     from signorini_fx.mechanics.body.nonlinear_law import volume_degree
 
     yield from _incomplete(statement)
-    yield from _falling(statement)
+    yield from _falling(statement.contact)
     for number, contact in enumerate(statement.contact):
         if statement.finite_strains and contact.foundation is None and contact.against is None:
             text = (
@@ -108,9 +108,9 @@ def nonlinear_findings(statement: Statement, body: Model) -> Iterator[Finding]:
     yield from _coarse_surfaces(body)
 
 
-def _falling(statement: Statement) -> Iterator[Finding]:
+def _falling(contacts: Sequence[Any]) -> Iterator[Finding]:
     """Yield a finding for each contact whose friction falls with the speed of slip."""
-    for number, contact in enumerate(statement.contact):
+    for number, contact in enumerate(contacts):
         fall = getattr(contact.friction, "steepest_fall", 0.0)
         if fall > 0:
             text = (
@@ -173,7 +173,7 @@ def _pieces(body: Model) -> Iterator[Finding]:
         f"{listed}{suffix}; if one body is meant, let the cells share their nodes (in gmsh: "
         "fragment)"
     )
-    if any(effect.against is not None for effect in body.statement.contact):
+    if any(effect.against is not None for effect in body.contacts):
         message = f"there are {pieces.count} bodies: {listed}{suffix}"
     yield Finding("note", "mesh", message)
 
@@ -191,11 +191,11 @@ def _gaps(body: Model, data: RegularisedData, reach: float) -> Iterator[Finding]
     size = body.tagged.size
     unilateral = ~data.bilateral
     smallest = -parallel.largest(comm, -data.gap, -np.inf)
-    moves = any(effect.moves or effect.gap_timed for effect in body.statement.contact)
+    moves = any(effect.moves or effect.gap_timed for effect in body.contacts)
     if smallest < -NO_FORCE * size and not moves:
         level: Literal["warning", "note"] = "warning" if -smallest > 0.01 * size else "note"
         overlap = "the body penetrates its foundation"
-        if any(effect.against is not None for effect in body.statement.contact):
+        if any(effect.against is not None for effect in body.contacts):
             overlap = "a body penetrates another one, or its foundation,"
         message = f"the gap is negative, down to {smallest:g}: {overlap} before it is loaded"
         yield Finding(level, "contact.gap", message)
@@ -246,9 +246,9 @@ def _inwards(body: Model) -> Iterator[Finding]:
 
 def _coarse_surfaces(body: Model) -> Iterator[Finding]:
     """Surfaces of files whose flat facets are wider than those of the body."""
-    for foundation in hard_foundations(body.statement, body.kinematics):
+    for foundation in hard_foundations(body.contacts, body.kinematics):
         width, off = getattr(foundation.shape, "facets", (0.0, 0.0))
-        where = body.statement.contact[foundation.contact].boundary
+        where = body.contacts[foundation.contact].boundary
         corners = facet_vertices(body.tagged.mesh, body.tagged.facets(where))
         lengths = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
         total, count = parallel.global_sum(body.comm, np.array([lengths.sum(), lengths.size]))
@@ -264,7 +264,7 @@ def _coarse_surfaces(body: Model) -> Iterator[Finding]:
 
 def _corners(body: Model) -> Iterator[Finding]:
     """Corners of foundations that point at a facet of the body, which no node may feel."""
-    for foundation in hard_foundations(body.statement, body.kinematics):
+    for foundation in hard_foundations(body.contacts, body.kinematics):
         if (facing := facing_corners(foundation, body.space)) is not None:
             points, facet = facing
             listed = ", ".join(
@@ -346,7 +346,7 @@ def closed_at_once(body: Model) -> Iterator[Finding]:
     prescribed, force = _largest_loads(body)
     section = body.tagged.size ** (body.space.dofmap.bs - 2)
     motions = [prescribed, force / (body.scales.modulus * section)]
-    for index, effect in enumerate(body.statement.contact):
+    for index, effect in enumerate(body.contacts):
         friction = effect.friction
         on = boundary.part == index
         if not (friction.acts and friction.follows_pressure) or effect.kind != "unilateral":
@@ -397,7 +397,7 @@ def _inclined(body: Model, data: RegularisedData) -> Iterator[Finding]:
     boundary = body.boundary
     dim = body.tagged.dimension
     assert boundary is not None
-    for index, effect in enumerate(body.statement.contact):
+    for index, effect in enumerate(body.contacts):
         if effect.direction is None:
             continue
         nearest = -parallel.largest(body.comm, -data.gap[boundary.part == index], -np.inf)
@@ -564,7 +564,7 @@ def facets_in_result(body: Model, contact: ContactState | None) -> Iterator[Find
     assert table.nodes is not None
     assert body.data is not None
     assert body.boundary is not None
-    for index, effect in enumerate(body.statement.contact):
+    for index, effect in enumerate(body.contacts):
         if effect.against is None or effect.distance != "geometry" or effect.kind == "bonded":
             continue
         pressure = np.where(table.nodes[:, 0] == index, table.columns["pressure"], 0.0)
@@ -833,7 +833,7 @@ def refuse_beforehand(model: Model, *, linear: bool = True) -> None:
         raise SceneError.at("displacement", reason)
     if model.boundary is not None:
         model.first_sets()
-    moving = [k for k, effect in enumerate(model.statement.contact) if effect.moves]
+    moving = [k for k, effect in enumerate(model.contacts) if effect.moves]
     if _moves(model.statement):
         moving = []
     if linear and moving and len(model.path.times) > 1 and model.motions.free.shape[1]:

@@ -20,7 +20,7 @@ from signorini_fx.mechanics.body.discretisation import moved_since, placed, plac
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary, no_points
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
-from signorini_fx.mechanics.model import Model
+from signorini_fx.mechanics.model import Model, stated
 from signorini_fx.mechanics.rigid.mesh_levels import MeshLevel
 from signorini_fx.mechanics.state import State
 from signorini_fx.mechanics.statement.load_path import LoadPath
@@ -100,10 +100,10 @@ def stated_problem(
     with timings.phase("assemble"):
         assert model.cases is not None
     refuse_beforehand(model)
-    for stated, moved in zip(statement.contact, model.statement.contact, strict=True):
-        if moved.boundary != stated.boundary:
+    for given, chosen in zip(statement.contact, model.contacts, strict=True):
+        if chosen.boundary != given.boundary:
             history.add(
-                f"the contact points are on {moved.boundary!r}, not on {stated.boundary!r}: see "
+                f"the contact points are on {chosen.boundary!r}, not on {given.boundary!r}: see "
                 "contact.points"
             )
     effects = *effects, *stated_effects(statement)
@@ -216,7 +216,7 @@ def contact_solution(
             parameters["regularisation_error"] = error
     return Solution(
         status=steps[-1].status,
-        algorithm=algorithm_name(model.statement, outcome),
+        algorithm=algorithm_name(model, outcome),
         mechanics=mechanics,
         displacement=shown.displacement,
         contact=shown.contact,
@@ -293,7 +293,7 @@ def contact_task(
         choose=choose,
         natural_gamma=model.scales.gamma,
         coordinate_error=model.scales.coordinate_error,
-        has_coulomb=model.statement.has_coulomb,
+        has_coulomb=model.has_coulomb,
         history=history,
     )
     start = replace(task.start, factors=factors)
@@ -303,16 +303,16 @@ def contact_task(
     return replace(task, start=start)
 
 
-def algorithm_name(statement: Statement, ended: Outcome) -> str:
+def algorithm_name(model: Model, ended: Outcome) -> str:
     """The algorithms that are used, in the paper's abbreviations."""
     if ended.newton.linear:
         return "linear"
-    settings = statement.solver
+    settings = model.settings
     regularised = settings.algorithm == "auto" or (
         settings.algorithm == "alm" and not ended.augmented
     )
     outer = "ssn" if regularised else settings.algorithm
-    if not statement.has_coulomb:
+    if not model.has_coulomb:
         return outer
     if ended.monolithic:
         return "coulomb-newton" if outer == "ssn" else f"{outer}, coulomb-newton"
@@ -381,7 +381,7 @@ class StatedProblem:
     def initial(self) -> State:
         """The body before the first load step, without loads; collective."""
         model = self.model
-        begun = placements(model.statement.placed(-1))
+        begun = placements(model.statement.placed(-1).contact)
         unknowns = np.zeros(model.rigid.fixed.size)
         displacement = np.zeros_like(fem.Function(model.space).x.array)
         state = State(0, self.path.time_at(-1), displacement, unknowns, begun)
@@ -423,7 +423,7 @@ class StatedProblem:
         drift = moved_since(stepped, state.placed)
         spin = _spin(stepped)
         return Posed(
-            stepped, stepped.rigid, self.task, first, placements(stepped.statement), drift, spin
+            stepped, stepped.rigid, self.task, first, placements(stepped.contacts), drift, spin
         )
 
     def _with_effects(self, body: Model, state: State, dt: float) -> Model:
@@ -455,7 +455,7 @@ class StatedProblem:
         if not self.model.statement.preloads:
             return
         found = report.mechanics.model
-        self.model = replace(self.model, statement=found.statement, applied=found.applied)
+        self.model = replace(self.model, **stated(found.statement), applied=found.applied)
 
     def step(self, state: State, time: float) -> tuple[State, StepResult]:
         """Solve the load step from a state to a time; collective.

@@ -43,7 +43,7 @@ def uniqueness_findings(model: Model) -> list[Finding]:
     ones before it.
     """
     law = model.law
-    if law is None or not model.statement.has_coulomb:
+    if law is None or not model.has_coulomb:
         return []
     stiffness = _contact_stiffness(model)
     multiple, why = (

@@ -247,7 +247,7 @@ def regular(scene):
     space.
     """
     d = prepare(scene.statement, scene.mesh, Timings())
-    matrix, traces = dense_of(d, law=scene.statement.has_friction)
+    matrix, traces = dense_of(d, law=any(contact.friction.acts for contact in scene.contact))
     values = np.linalg.eigvalsh(matrix + 1000.0 * traces.T @ traces)
     return values[0] > 1e-9 * values[-1]
 

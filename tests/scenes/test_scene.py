@@ -70,8 +70,6 @@ def test_defaults():
         None,
         (),
     )
-    assert not scene.statement.has_friction
-    assert not scene.statement.has_coulomb
 
 
 def test_one_table_instead_of_a_list():

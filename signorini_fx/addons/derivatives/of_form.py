@@ -64,7 +64,7 @@ def _quantity_of(wanted: Any, u: fem.Function, body: Callable[[], Model]) -> Fun
             return OfForm(fem.form(wanted), fem.form(ufl.derivative(wanted, u, test)), u)
     named = body()
     words = str(wanted).split()
-    contacts = [effect.boundary for effect in named.statement.contact]
+    contacts = [effect.boundary for effect in named.contacts]
     if len(words) > 1 and words[1].isdigit() and int(words[1]) < len(contacts):
         words[1] = shlex.quote(contacts[int(words[1])])
     try:

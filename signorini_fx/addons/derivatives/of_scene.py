@@ -35,7 +35,7 @@ from signorini_fx.mechanics.body.discretisation import (
 from signorini_fx.mechanics.body.nonlinear_law import at_rest
 from signorini_fx.mechanics.elasticity.moduli import lame_coefficients
 from signorini_fx.mechanics.laws.protocol import FrictionLaw
-from signorini_fx.mechanics.model import Model
+from signorini_fx.mechanics.model import Model, stated
 from signorini_fx.mechanics.statement.effect import Load, Resistance
 from signorini_fx.mechanics.statement.expressions import Expression
 from signorini_fx.mechanics.statement.features import refused_by
@@ -255,7 +255,7 @@ class _Steps:
         )
         if not solution.converged:
             raise ConvergenceError(solution)
-        return cls(solved, scene.statement.changed(contact=solution.statement.contact), solution)
+        return cls(solved, scene.statement.changed(contact=solution.model.contacts), solution)
 
     @property
     def models(self) -> list[Model]:
@@ -373,22 +373,23 @@ def _data(statement: Statement, steps: list[_Step], path: str) -> Callable[[int]
     """The data of each load step of a scene in which the number at a path is another."""
     of_contact = path.startswith("contact")
     changed = None if of_contact else prepare(statement, steps[0].model.tagged, Timings())
-    stated = [statement.placed(step.place) for step in steps]
+    at = [statement.placed(step.place) for step in steps]
 
     @cache
     def contact(k: int) -> dict[str, Any]:
         model = steps[k].model
-        statement_k = stated[k]
-        if k and statement_k is stated[k - 1]:
+        statement_k = at[k]
+        if k and statement_k is at[k - 1]:
             return contact(k - 1)
+        step_model = replace(model, **stated(statement_k))
         if ".friction." in path:
-            return {"law": law_of(model, statement_k)}
-        parts = contact_of(model, statement_k)
+            return {"law": law_of(step_model)}
+        parts = contact_of(step_model)
         moving = {"gap": parts["data"].gap, "boundary": parts["boundary"], "law": parts["law"]}
-        if any(effect.moves for effect in statement_k.contact):
-            step_model = replace(model, statement=statement_k, boundary=parts["boundary"])
+        if any(effect.moves for effect in step_model.contacts):
+            before = at[k - 1] if k else statement_k.placed(-1)
             moving["drift"] = moved_since(
-                step_model, placements(stated[k - 1] if k else statement_k.placed(-1))
+                replace(step_model, boundary=parts["boundary"]), placements(before.contact)
             )
         return moving
 

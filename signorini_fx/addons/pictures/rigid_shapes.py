@@ -67,7 +67,7 @@ def rigid_motions_of(solution: Solution) -> dict[str, Callable[[Array], Array]]:
     """Return for each boundary that a rigid body may touch the motion of the rigid body at points
     of shape (n, d).
     """
-    contacts = solution.statement.contact
+    contacts = solution.model.contacts
     return {
         contacts[part].boundary: tool.at
         for tool in solution.last_step.rigid_bodies

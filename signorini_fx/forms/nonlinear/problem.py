@@ -47,6 +47,7 @@ from signorini_fx.forms.steps import Clock
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.interfaces import Foundation, Pair
+from signorini_fx.mechanics.model import stated
 from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodyMotion
 from signorini_fx.mechanics.state import State
 from signorini_fx.mechanics.statement.load_path import LoadPath, counted_path
@@ -305,10 +306,8 @@ class NonlinearContactProblem(ProblemOfForms):
         statement, tagged = named_parts(solved.forms, linear.elastic.settings, ("F",))
         model = replace(
             linear.elastic,
-            statement=statement,
+            **stated(statement) | {"title": title, "path": path},
             tagged=tagged,
-            title=title,
-            path=path,
             law=solved.start.law,
             rigid=solved.posed.rigid,
         )

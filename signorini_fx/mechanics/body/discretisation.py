@@ -38,7 +38,7 @@ from signorini_fx.mechanics.loads.load_vectors import (
 from signorini_fx.mechanics.loads.supports import Supports, at_rest, check_overlap
 from signorini_fx.mechanics.materials.trial import check_materials
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, check_fits
-from signorini_fx.mechanics.model import Model
+from signorini_fx.mechanics.model import Model, stated
 from signorini_fx.mechanics.obstacles.foundations_on_points import Foundations, ShapeDistances
 from signorini_fx.mechanics.obstacles.scene_contact import foundations_of, with_chosen_sides
 from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodies
@@ -151,23 +151,21 @@ def _prepared(
         kinematics=kinematics,
         compressible=all((1 - 2 * most) * first <= 2 * most * second for first, second in lame),
         elastic=on.elastic,
-        title=statement.title,
-        path=statement.path,
         modulus=statement.young,
-        statement=statement,
+        **stated(statement),
         tagged=tagged,
         rigid=RigidBodies(statement.rigid_bodies, kinematics, tagged.size),
         **loaded,
     )
     applied = [*model.applied]
     with timings.phase("assemble"):
-        contact = contact_of(model, statement) if statement.contact else {}
+        contact = contact_of(model) if model.contacts else {}
         boundary: ContactBoundary | None = contact.get("boundary")
         applied += [
             driving_load(model.rigid, k, statement, space) for k in range(len(model.rigid.bodies))
         ]
         if jumps := jumps_in(statement, tagged, space):
-            bonded = [k for k, effect in enumerate(statement.contact) if effect.bonded]
+            bonded = [k for k, effect in enumerate(model.contacts) if effect.bonded]
             held = partial(
                 holds, fixed=model.fixed, turned=model.turned, boundary=boundary, bonded=bonded
             )
@@ -177,10 +175,10 @@ def _prepared(
         lambda: None if boundary is None else check_overlap(statement, boundary, facets, tagged),
     )
     for step in range(
-        1, statement.steps if any(effect.friction.timed for effect in statement.contact) else 1
+        1, statement.steps if any(effect.friction.timed for effect in model.contacts) else 1
     ):
         # Errors are found before the first step.
-        _foundations(model, statement.placed(step)).friction()
+        _foundations(replace(model, **stated(statement.placed(step)))).friction()
     return replace(model, applied=tuple(applied), **contact)
 
 
@@ -236,9 +234,10 @@ def placed(model: M, step: float) -> M:
         return model
     if statement.displacement is not model.statement.displacement:
         return _with_supports(model, statement)
-    if not any(effect.moves or effect.gap_timed for effect in statement.contact):
-        return replace(model, statement=statement, law=law_of(model, statement))
-    return replace(model, statement=statement, **contact_of(model, statement))
+    moved = replace(model, **stated(statement))
+    if not any(effect.moves or effect.gap_timed for effect in moved.contacts):
+        return replace(moved, law=law_of(moved))
+    return replace(moved, **contact_of(moved))
 
 
 def held_at(model: M, step: float) -> M:
@@ -258,31 +257,25 @@ def _with_supports(model: M, statement: Statement) -> M:
         replace(model.coefficients, statement=statement), boundary_facets(statement, model.tagged)
     )
     further = model.applied[len(load_groups(model.statement, model.statement.loads)) :]
-    changed = replace(
-        model,
-        statement=statement,
-        **loaded | {"applied": (*loaded["applied"], *further)},
-        of_body={},
-    )
-    return replace(changed, **contact_of(changed, statement))
+    fields = loaded | stated(statement) | {"applied": (*loaded["applied"], *further)}
+    changed = replace(model, **fields, of_body={})
+    return replace(changed, **contact_of(changed))
 
 
-def contact_of(model: Model, statement: Statement) -> dict[str, Any]:
-    """The fields of a model that follow from the contact of another statement, with the same
-    supports; collective.
-    """
-    foundations = _foundations(model, statement)
+def contact_of(model: Model) -> dict[str, Any]:
+    """Return the fields of a model that follow from its contacts; collective."""
+    foundations = _foundations(model)
     rests = at_rest(model.space, model.supports, model.turned, model.fixed)
     shapes = foundations.shapes()
     boundary = model.rigid.on(foundations.boundary(shapes, model.fixed, rests, model.turned))
-    problem = _problem(replace(model, statement=statement), foundations, shapes, boundary)
+    problem = _problem(model, foundations, shapes, boundary)
     return {"boundary": boundary, "pairs": foundations.pairs, **problem}
 
 
-def law_of(model: Model, statement: Statement) -> PointFriction | None:
-    """``law`` of another statement that differs in its friction only; collective."""
+def law_of(model: Model) -> PointFriction | None:
+    """Return the friction of the contacts of a model at its contact points; collective."""
     assert model.boundary is not None
-    return _foundations(model, statement).law(model.boundary, model.scales.modulus)
+    return _foundations(model).law(model.boundary, model.scales.modulus)
 
 
 def with_gap_and_friction(model: M, statement: Statement) -> M:
@@ -290,14 +283,14 @@ def with_gap_and_friction(model: M, statement: Statement) -> M:
     contact points; collective.
     """
     assert model.boundary is not None
-    foundations = _foundations(model, statement)
-    changed = replace(model, statement=statement)
+    changed = replace(model, **stated(statement))
+    foundations = _foundations(changed)
     return replace(changed, **_problem(changed, foundations, foundations.shapes(), model.boundary))
 
 
-def placements(statement: Statement) -> tuple[Placement | None, ...]:
+def placements(contacts: Sequence[Any]) -> tuple[Placement | None, ...]:
     """How the foundation of each contact is shifted and turned; None: it has none that can be."""
-    return tuple(getattr(contact.foundation, "placement", None) for contact in statement.contact)
+    return tuple(getattr(contact.foundation, "placement", None) for contact in contacts)
 
 
 def moved_since(model: Model, earlier: Sequence[Placement | None]) -> Array | None:
@@ -307,12 +300,12 @@ def moved_since(model: Model, earlier: Sequence[Placement | None]) -> Array | No
     """
     boundary = model.boundary
     dimension = model.tagged.dimension
-    moving = [k for k, contact in enumerate(model.statement.contact) if contact.moves]
+    moving = [k for k, contact in enumerate(model.contacts) if contact.moves]
     if boundary is None or not moving:
         return None
     moved = np.zeros_like(boundary.x)
     for number in moving:
-        shape = model.statement.contact[number].foundation
+        shape = model.contacts[number].foundation
         placement = earlier[number]
         assert placement is not None
         on_part = boundary.part == number
@@ -322,17 +315,19 @@ def moved_since(model: Model, earlier: Sequence[Placement | None]) -> Array | No
     return moved
 
 
-def _foundations(model: Model, statement: Statement) -> Foundations:
-    """The contact of a statement."""
+def _foundations(model: Model) -> Foundations:
+    """Return the contacts of a model."""
     facets = model.tagged.facets
-    on = [facets(effect.boundary) for effect in statement.contact]
+    contacts = model.contacts
+    on = [facets(effect.boundary) for effect in contacts]
     masters = {
         number: facets(effect.against)
-        for number, effect in enumerate(statement.contact)
+        for number, effect in enumerate(contacts)
         if effect.against is not None
     }
-    names = [f"contact {effect.boundary}" for effect in statement.contact]
-    return Foundations(model.space, foundations_of(statement, on, masters), on, names, masters)
+    names = [f"contact {effect.boundary}" for effect in contacts]
+    entries = foundations_of(contacts, model.statement.kinematics, on, masters)
+    return Foundations(model.space, entries, on, names, masters)
 
 
 def boundary_facets(statement: Statement, tagged: TaggedMesh) -> dict[str, Indices]:

@@ -131,7 +131,7 @@ class MidpointRule(StepEffect):
             first, second = material.lame
             speed = max(speed, float(np.sqrt((first + 2 * second) / material.density)))
         mesh = model.space.mesh
-        each = [heights(mesh, model.tagged.facets(one.boundary)) for one in statement.contact]
+        each = [heights(mesh, model.tagged.facets(one.boundary)) for one in model.contacts]
         height = -parallel.largest(model.comm, -np.concatenate(each), -np.inf)
         assert self.time_step is not None
         return speed * self.time_step / height, height
@@ -205,7 +205,7 @@ class MidpointRule(StepEffect):
         arriving = u + 0.5 * dt * v + 0.5 * moved - given_back
         arriving = np.where(data.bilateral, contact.gap, np.maximum(contact.gap, arriving))
         gap = 0.5 * (u + arriving)
-        for number, entry in enumerate(model.statement.contact):
+        for number, entry in enumerate(model.contacts):
             if getattr(entry, "overclosure", None) is not None:
                 on = contact.boundary.part == number
                 gap[on] = contact.gap[on] - 0.5 * moved[on]

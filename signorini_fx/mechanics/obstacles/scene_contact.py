@@ -34,17 +34,17 @@ Facets = Mapping[str, Indices]
 
 
 def foundations_of(
-    statement: Statement,
+    contacts: Sequence[Any],
+    kinematics: Kinematics,
     facets: Sequence[Indices],
     masters: Mapping[int, Indices],
 ) -> list[Foundation | Pair]:
-    """The contact of a scene as foundations, on the facets of each, and as pairs, by their places
-    the masters.
+    """The contacts of a scene as foundations, on the facets of each, and as pairs, by their places
+    the masters; ``kinematics``: of the body.
     """
     foundations: list[Foundation | Pair] = []
-    kinematics = statement.kinematics
     around = None if kinematics.uniform else kinematics.measure_at
-    for number, (effect, on) in enumerate(zip(statement.contact, facets, strict=True)):
+    for number, (effect, on) in enumerate(zip(contacts, facets, strict=True)):
         friction = effect.friction if effect.friction.acts else None
         gap: Any = (
             effect.gap if isinstance(effect.gap, int | float) else partial(sample, effect.gap)
@@ -63,7 +63,7 @@ def foundations_of(
     return foundations
 
 
-def hard_foundations(statement: Statement, kinematics: Kinematics) -> list[PlacedShape]:
+def hard_foundations(contacts: Sequence[Any], kinematics: Kinematics) -> list[PlacedShape]:
     """Return the shapes of the foundations of a scene without those of soft contact, which lets a
     body into them.
     """
@@ -71,7 +71,7 @@ def hard_foundations(statement: Statement, kinematics: Kinematics) -> list[Place
         PlacedShape(
             f"contact[{k}].foundation", k, shape_at_points(effect.surface, kinematics), effect.gap
         )
-        for k, effect in enumerate(statement.contact)
+        for k, effect in enumerate(contacts)
         if effect.surface is not None
         and not effect.bonded
         and getattr(effect, "overclosure", None) is None

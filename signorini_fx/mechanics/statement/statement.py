@@ -263,15 +263,3 @@ class Statement:
     def kinematics_in(self, dimension: int) -> Kinematics:
         """Return the kinematics of the body on a mesh of this dimension."""
         return self.kinematics if dimension == 2 else SPACE
-
-    @cached_property
-    def has_friction(self) -> bool:
-        """Whether any contact boundary has a friction law that can act; a law with bound or
-        coefficient 0 cannot.
-        """
-        return any(effect.friction.acts for effect in self.contact)
-
-    @cached_property
-    def has_coulomb(self) -> bool:
-        """Return whether any friction bound depends on the contact pressure."""
-        return any(effect.coulomb for effect in self.contact)

@@ -100,9 +100,7 @@ def combined(
     """
     boundary = model.boundary
     assert boundary is not None
-    facets = np.concatenate(
-        [model.tagged.facets(effect.boundary) for effect in model.statement.contact]
-    )
+    facets = np.concatenate([model.tagged.facets(effect.boundary) for effect in model.contacts])
     cells = facet_entities(model.tagged.mesh, facets)[:, 0]
     size = 2 * energy
     shares = np.atleast_2d(recovery) / (size if energy > 0 else np.inf)

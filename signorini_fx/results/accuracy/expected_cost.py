@@ -13,7 +13,6 @@ from signorini_fx.machine import parallel
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.effect import Effect
 from signorini_fx.mechanics.statement.features import accuracy_refused
-from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.results.accuracy.next_accuracy import next_refinement
 from signorini_fx.tuned import (
     BASE_BYTES,
@@ -45,19 +44,19 @@ class Cost:
     next_refused: str  # why no accuracy can be asked for, so that none is foretold; "": it can
 
 
-def linear_solves(statement: Statement, nodes: int) -> tuple[int, int]:
+def linear_solves(model: Model, nodes: int) -> tuple[int, int]:
     """Linear solves to expect, from and to."""
     divided = max(
-        (entry.time_steps(statement.path.times) for entry in statement.of(Effect)), default=0
+        (entry.time_steps(model.path.times) for entry in model.statement.of(Effect)), default=0
     )
-    steps = statement.path.expected + divided
-    finer = statement.solver.levels - 1
-    if statement.nonlinear:
+    steps = model.path.expected + divided
+    finer = model.settings.levels - 1
+    if model.statement.nonlinear:
         return NEWTON_SOLVES[0] * steps, NEWTON_SOLVES[1] * steps
-    if not statement.contact:
+    if not model.contacts:
         return steps * (1 + finer), steps * (1 + finer)
     size = math.log2(max(nodes / 2**finer, 4))
-    size *= 2 if any(contact.coulomb for contact in statement.contact) else 1
+    size *= 2 if model.has_coulomb else 1
     low, high = (round(factor * size) for factor in SOLVES_PER_DOUBLING)
     # A later load step starts from the sets of the previous one, a finer mesh from those of the
     # coarser one.
@@ -86,7 +85,7 @@ def estimated_cost(model: Model) -> Cost:
         int, parallel.global_sum(comm, np.array([touching, np.count_nonzero(~model.fixed)]))
     )
     factorisation = factorisation_seconds(n, dim)
-    solves = linear_solves(model.statement, nodes)
+    solves = linear_solves(model, nodes)
     matrix = 12.0 * dim * 3**dim * n  # a row of Q1 has so many entries
     kind, reason = choice.choose_kind(model.system_size(), model.settings.linear_algebra)
     dense = 0
@@ -114,9 +113,7 @@ def estimated_cost(model: Model) -> Cost:
     refused = accuracy_refused(model.statement, of)
     refinement = next_refinement(model.statement, model.tagged, of, free, able=not refused)
     paired = (
-        PAIRED_BYTES[dim] * nodes
-        if any(contact.against for contact in model.statement.contact)
-        else 0.0
+        PAIRED_BYTES[dim] * nodes if any(contact.against for contact in model.contacts) else 0.0
     )
     return Cost(
         unknowns=free,
@@ -131,6 +128,6 @@ def estimated_cost(model: Model) -> Cost:
         + paired,
         next_error=NEXT_ERROR[dim],
         next_seconds=(seconds[0] * refinement.times[0], seconds[1] * refinement.times[1]),
-        next_refused=refused if model.statement.contact else "",
+        next_refused=refused if model.contacts else "",
         next_local=refinement.local,
     )

@@ -4,9 +4,9 @@ starts from.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from dolfinx import fem
@@ -18,7 +18,6 @@ from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodyMotion
 
 if TYPE_CHECKING:
     from signorini_fx.mechanics.effects.contact import Overclosure
-    from signorini_fx.mechanics.statement.statement import Statement
 
 
 @dataclass(frozen=True)
@@ -55,11 +54,10 @@ class Law:
 UNREGULARISED = Law()
 
 
-def overclosures_of(statement: Statement) -> dict[int, Overclosure]:
-    """The laws of soft contact by their places in ``statement.contact``."""
+def overclosures_of(contacts: Sequence[Any]) -> dict[int, Overclosure]:
+    """The laws of soft contact by the places of their contacts."""
     laws = (
-        (number, getattr(contact, "overclosure", None))
-        for number, contact in enumerate(statement.contact)
+        (number, getattr(contact, "overclosure", None)) for number, contact in enumerate(contacts)
     )
     return {number: law for number, law in laws if law is not None}
 
