@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import ufl
@@ -198,9 +198,7 @@ class FormMechanics(Mechanics):
     their present ones.
     """
 
-    no_bounds: ClassVar[str] = (
-        "a guaranteed bound is for scenes, which state their loads and supports"
-    )
+    no_bounds = "a guaranteed bound is for scenes, which state their loads and supports"
 
     forms: GivenForms  # what is assembled
     prescribed: tuple[Flags, Array]  # which dofs of this rank, with ghosts, and to what

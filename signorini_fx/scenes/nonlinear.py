@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, ClassVar
+from typing import Any
 
 import mpi4py.MPI
 import numpy as np
@@ -115,7 +115,7 @@ class ProblemOfScene(NonlinearContactProblem):
     body: BodyResidual  # its residual
     path_step = -1.0  # the place in the lists of factors where it is
     timings: Timings  # of what was done before it was solved
-    _named_residual: ClassVar[str] = "material"
+    _named_residual = "material"
     _held: fem.Function  # the values of supports
     _first: State  # before the first load step
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 import scipy.sparse.linalg
@@ -65,7 +65,7 @@ class NonlinearMechanics(Mechanics):
     steps.
     """
 
-    no_bounds: ClassVar[str] = "a nonlinear body has no guaranteed bound"
+    no_bounds = "a nonlinear body has no guaranteed bound"
 
     ends: Sequence[tuple[StepResult, ResidualMechanics]]  # the last load step at least
     boundaries: Mapping[str, Indices]  # that were given a name

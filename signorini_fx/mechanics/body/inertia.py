@@ -21,7 +21,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Literal, Self
+from typing import Any, Literal, Self
 
 import numpy as np
 import ufl
@@ -58,7 +58,7 @@ class MidpointRule(StepEffect):
         start: see ``Inertia``.
     """
 
-    moves_bodies: ClassVar[bool] = True
+    moves_bodies = True
 
     time_step: float | None = None
     start: Literal["static", "undeformed"] | None = None

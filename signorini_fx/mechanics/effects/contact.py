@@ -123,7 +123,7 @@ class Contact(Effect):
         [0. 4.]
     """
 
-    key: ClassVar[str] = "contact"
+    key = "contact"
     boundary: str
     against: str | None = None
     points: Literal["auto", "boundary", "against"] = "auto"
@@ -152,7 +152,7 @@ class Contact(Effect):
             raise refused(type(self).__name__, wrong)
         return self
 
-    vectors: ClassVar[tuple[str, ...]] = ("direction",)
+    vectors = ("direction",)
     refuses: ClassVar[Mapping[str, Mapping[str, str]]] = {
         "contact of two bodies": {
             "local refinement for contact": (

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from math import ceil
-from typing import Annotated, Any, ClassVar, Self
+from typing import Annotated, Any, Self
 
 import numpy as np
 from pydantic import Field, PrivateAttr, model_validator
@@ -45,9 +45,9 @@ class Displacement(Load):
         [0.     2.1977]
     """
 
-    key: ClassVar[str] = "displacement"
-    value_keys: ClassVar[tuple[str, ...]] = ("x", "y", "z", "normal", "rotation")
-    vectors: ClassVar[tuple[str, ...]] = ("at", "about")
+    key = "displacement"
+    value_keys = ("x", "y", "z", "normal", "rotation")
+    vectors = ("at", "about")
 
     boundary: str | None = None
     at: Vector | None = None

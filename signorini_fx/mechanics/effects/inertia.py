@@ -37,9 +37,9 @@ class InitialVelocity(Effect):
         [ 0. -2.  0.]
     """
 
-    key: ClassVar[str] = "initial_velocity"
-    value_keys: ClassVar[tuple[str, ...]] = ("x", "y", "z", "rotation")
-    vectors: ClassVar[tuple[str, ...]] = ("about",)
+    key = "initial_velocity"
+    value_keys = ("x", "y", "z", "rotation")
+    vectors = ("about",)
 
     body: str | None = None
     x: SampledValue = 0.0
@@ -93,9 +93,9 @@ class Inertia(Effect):
         2.0
     """
 
-    key: ClassVar[str] = "inertia"
-    step_effect: ClassVar[str] = "inertia"
-    value_keys: ClassVar[tuple[str, ...]] = ("time_step",)
+    key = "inertia"
+    step_effect = "inertia"
+    value_keys = ("time_step",)
     refuses: ClassVar[Mapping[str, Mapping[str, str]]] = {
         "inertia": {
             "requested accuracy": "is not possible yet with inertia: its mesh is given",

@@ -63,8 +63,8 @@ class Traction(VectorForce):
         [0. 4.]
     """
 
-    key: ClassVar[str] = "traction"
-    value_keys: ClassVar[tuple[str, ...]] = ("x", "y", "z", "pressure")
+    key = "traction"
+    value_keys = ("x", "y", "z", "pressure")
 
     boundary: str
     pressure: TimedValue = 0.0
@@ -95,7 +95,7 @@ class Force(VectorForce):
         [0. 5.]
     """
 
-    key: ClassVar[str] = "force"
+    key = "force"
     boundary: str
     spread: SampledValue = 1.0
 
@@ -168,9 +168,9 @@ class Rotation(ForceDensity):
         -3.6
     """
 
-    value_keys: ClassVar[tuple[str, ...]] = ("speed",)
-    vectors: ClassVar[tuple[str, ...]] = ("about", "axis")
-    carried: ClassVar[bool] = True
+    value_keys = ("speed",)
+    vectors = ("about", "axis")
+    carried = True
 
     speed: TimedValue
     about: Vector | None = None
@@ -216,7 +216,7 @@ class Fluid(ForceDensity):
         [0. 2.]
     """
 
-    value_keys: ClassVar[tuple[str, ...]] = ("level", "weight")
+    value_keys = ("level", "weight")
 
     boundary: str
     level: TimedSampledValue
@@ -278,8 +278,8 @@ class PointForce(VectorForce):
             ),
         }
     }
-    nodal: ClassVar[bool] = True
-    vectors: ClassVar[tuple[str, ...]] = ("at",)
+    nodal = True
+    vectors = ("at",)
 
     at: Vector
     region: str | None = None
@@ -308,7 +308,7 @@ class Temperature(InitialStrain):
         0.00416
     """
 
-    key: ClassVar[str] = "temperature"
+    key = "temperature"
     change: TimedSampledValue | None = None
     file: Accepts[str | Path | None, Path | None] = cast("Any", None)
     region: str | None = None
@@ -356,7 +356,7 @@ class Springs(Resistance):
         [0. 4.]
     """
 
-    value_keys: ClassVar[tuple[str, ...]] = ("normal", "tangential", "x", "y", "z")
+    value_keys = ("normal", "tangential", "x", "y", "z")
 
     boundary: str
     normal: NonNegativeValue = 0.0
@@ -413,10 +413,10 @@ class Preload(Load):
         0.5
     """
 
-    value_keys: ClassVar[tuple[str, ...]] = ("force", "shortening")
-    vectors: ClassVar[tuple[str, ...]] = ("point", "axis")
-    strains: ClassVar[bool] = True
-    grouped: ClassVar[bool] = False
+    value_keys = ("force", "shortening")
+    vectors = ("point", "axis")
+    strains = True
+    grouped = False
 
     section: str | None = None
     region: str | None = None

@@ -18,7 +18,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from itertools import product
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 import ufl
@@ -64,7 +64,7 @@ class MixedLaw(SceneLaw):
     stress out of the plane as well.
     """
 
-    pressed: ClassVar[bool] = True
+    pressed = True
 
     @cached_property
     def own(self) -> fem.FunctionSpace:

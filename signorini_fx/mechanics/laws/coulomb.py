@@ -4,7 +4,7 @@ too; Coulomb.
 
 from __future__ import annotations
 
-from typing import ClassVar, Literal
+from typing import Literal
 
 from pydantic import Field
 
@@ -23,7 +23,7 @@ class NoFriction(FrictionLaw):
         [0. 0.]
     """
 
-    follows_pressure: ClassVar[bool] = False
+    follows_pressure = False
     law: Literal["none"] = "none"
 
     def envelope(self, zero: Array) -> Envelope:
@@ -48,7 +48,7 @@ class Tresca(DirectedLaw):
         [-0.4  0. ]
     """
 
-    follows_pressure: ClassVar[bool] = False
+    follows_pressure = False
     law: Literal["tresca"] = "tresca"
     bound: Parameter = Field(kw_only=False)
 

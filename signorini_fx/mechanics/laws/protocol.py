@@ -17,7 +17,7 @@ import numpy as np
 from pydantic import BeforeValidator, WithJsonSchema
 
 from signorini_fx.arrays import Array
-from signorini_fx.errors import FormError, SceneError
+from signorini_fx.errors import FormError
 from signorini_fx.mechanics.statement.base import Table
 from signorini_fx.mechanics.statement.effect import is_zero
 from signorini_fx.mechanics.statement.values import not_negative, timed
@@ -65,7 +65,7 @@ class FrictionLaw(Table):
     # Whether the bound grows with the pressure, ever less: then it is below its tangent at zero and
     # its limit.
     concave: ClassVar[bool] = False
-    error: ClassVar[type[SceneError]] = FormError
+    error = FormError
     # Whether the bound depends on the slip, by its length or its speed slip / dt; such a law leaves
     # ``follows_pressure`` as it is.
     follows_slip: ClassVar[bool] = False

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, ClassVar, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from pydantic import AfterValidator, Field, model_validator
@@ -23,7 +23,7 @@ class SpeedLaw(DirectedLaw):
         along: see ``DirectedLaw``.
     """
 
-    follows_slip: ClassVar[bool] = True
+    follows_slip = True
 
     @property
     def typical_speeds(self) -> Array:
@@ -72,7 +72,7 @@ class Stribeck(SpeedLaw):
         -0.204
     """
 
-    apart: ClassVar[tuple[str, ...]] = ("speed", "exponent", *DirectedLaw.apart)
+    apart = ("speed", "exponent", *DirectedLaw.apart)
 
     law: Literal["stribeck"] = "stribeck"
     coefficient: Parameter = Field(kw_only=False)
@@ -117,7 +117,7 @@ class SpeedTable(SpeedLaw):
         0.8
     """
 
-    apart: ClassVar[tuple[str, ...]] = ("speeds", "coefficients", *DirectedLaw.apart)
+    apart = ("speeds", "coefficients", *DirectedLaw.apart)
 
     law: Literal["speeds"] = "speeds"
     speeds: Annotated[tuple[NonNegative, ...], Field(min_length=2)]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, ClassVar, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -238,7 +238,7 @@ class SaintVenantKirchhoff(Hyperelastic):
         [0.       4.065479]
     """
 
-    splits: ClassVar[bool] = False
+    splits = False
 
     law: Literal["saint-venant-kirchhoff"]
     young: Positive

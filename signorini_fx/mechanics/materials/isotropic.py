@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any
 
 from pydantic import Field
 
@@ -29,7 +29,7 @@ class LinearElastic(Material):
         [121153.8, 80769.2]
     """
 
-    isotropic: ClassVar[bool] = True
+    isotropic = True
 
     young: Positive
     poisson: Annotated[float, Field(gt=-1, le=0.5, allow_inf_nan=False, strict=True)]

@@ -76,8 +76,8 @@ class NonlinearMaterial(Material):
             "x and y as expressions",
         },
     }
-    linear: ClassVar[bool] = False
-    isotropic: ClassVar[bool] = True
+    linear = False
+    isotropic = True
 
     @property
     def constants_at_rest(self) -> tuple[float, float]:
@@ -158,7 +158,7 @@ class Hyperelastic(NonlinearMaterial):
         True 50.0
     """
 
-    finite: ClassVar[bool] = True
+    finite = True
 
     def shape_energy(self, gradient: Any) -> Any:
         """Return the stored energy without ``volume_energy``, per undeformed volume, UFL,

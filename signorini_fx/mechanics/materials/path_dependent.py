@@ -5,7 +5,7 @@ Computational Inelasticity, Springer, 1998).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated, Any, ClassVar, Literal, Self, cast
+from typing import Annotated, Any, Literal, Self, cast
 
 import numpy as np
 from pydantic import Field, PrivateAttr, model_validator
@@ -47,8 +47,8 @@ class J2(PathDependent):
         [0. 4.]
     """
 
-    state_size: ClassVar[int] = 10
-    flows: ClassVar[bool] = True
+    state_size = 10
+    flows = True
 
     law: Literal["j2"]
     young: Positive

@@ -70,7 +70,7 @@ class Material(Effect):
             "volume",
         },
     }
-    key: ClassVar[str] = "material"
+    key = "material"
     # Whether the stress is a linear function of the strain, as it is said here; else see
     # ``nonlinear``.
     linear: ClassVar[bool] = True

@@ -238,7 +238,7 @@ class InitialStrain(Load):
     prevented.
     """
 
-    strains: ClassVar[bool] = True
+    strains = True
 
     def strain(self, on: BodyCoefficients) -> Any:
         """The strain in each direction, UFL, a number."""

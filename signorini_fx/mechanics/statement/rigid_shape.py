@@ -186,7 +186,7 @@ class Shape(Placed, RigidMotion):
 
     # The dimensions of space in which there is such a shape.
     exists_in: ClassVar[tuple[int, ...]] = (2, 3)
-    asked_later: ClassVar[tuple[str, ...]] = ("force", "moment", "prescribed")
+    asked_later = ("force", "moment", "prescribed")
 
     shape: str
     hollow: bool = False
