@@ -27,9 +27,10 @@ from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.assembly.mesh_entities import (
     action,
     assemble,
-    facet_entities,
+    facet_cells,
     facet_nodes,
     marked_nodes,
+    outer_facets,
 )
 from signorini_fx.mechanics.assembly.pieces import find_pieces
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
@@ -173,7 +174,7 @@ def _met_at_nodes(space: fem.FunctionSpace, boundary: ContactBoundary, facets: I
     mesh = space.mesh
     dim = space.mesh.topology.dim
     sums = fem.Function(space)
-    cells = facet_entities(mesh, facets)[:, 0]
+    cells = facet_cells(mesh, facets)
     across = 2 * (
         dmesh.compute_midpoints(mesh, dim, cells) - dmesh.compute_midpoints(mesh, dim - 1, facets)
     )
@@ -496,7 +497,7 @@ def residual_of(stress: ElementStress, forms: GivenForms, fixed: Flags, z: Any) 
     mesh = space.mesh
     dim = stress.kinematics.dimension
     touching = np.concatenate([np.zeros(0, np.int32), *forms.facets, *forms.masters.values()])
-    exterior = dmesh.exterior_facet_indices(mesh.topology)
+    exterior = outer_facets(mesh)
     traction_facets = np.setdiff1d(exterior, touching).astype(np.int32)
     held = fixed.reshape(-1, dim)[facet_nodes(space, traction_facets)].all(axis=1)
     integrals = [
@@ -537,7 +538,7 @@ def exterior_facets(integral: Any, mesh: dmesh.Mesh) -> Indices:
     wanted = integral.subdomain_id()
     wanted = wanted if isinstance(wanted, tuple) else (wanted,)
     if data is None or "everywhere" in wanted:
-        return np.asarray(dmesh.exterior_facet_indices(mesh.topology))
+        return outer_facets(mesh)
     if hasattr(data, "values"):
         return data.indices[np.isin(data.values, wanted)]
     pairs = np.concatenate(

@@ -20,6 +20,7 @@ from signorini_fx.errors import FormError, SceneError
 from signorini_fx.extensions import CONTACT_PARTS, load_class, names_of
 from signorini_fx.machine import compat, parallel
 from signorini_fx.machine.compilation import compiling
+from signorini_fx.mechanics.assembly.mesh_entities import outer_facets
 from signorini_fx.mechanics.effects.contact import Contact
 from signorini_fx.mechanics.interfaces import Foundation, Pair
 from signorini_fx.mechanics.kinematics import of_components
@@ -346,11 +347,11 @@ def facets_of(
         text = "contact of two bodies is not possible yet on a plane mesh in 3D"
         raise FormError([(f"contact[{k}]", text) for k in pairs])
     dim = mesh.topology.dim - 1
-    mesh.topology.create_connectivity(dim, dim + 1)
+    outer = outer_facets(mesh)
     facet_map = mesh.topology.index_map(dim)
     owned = slice(facet_map.size_local)
     exterior = np.zeros(facet_map.size_local, dtype=bool)
-    exterior[dmesh.exterior_facet_indices(mesh.topology)] = True
+    exterior[outer] = True
     listed = [(f"contact[{k}].facets", entry.facets) for k, entry in enumerate(contact)]
     listed += [(f"contact[{k}].against", contact[k].against) for k in pairs]
     problems = []

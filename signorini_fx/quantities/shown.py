@@ -24,6 +24,7 @@ from signorini_fx.tuned import CERTIFICATE_TOLERANCE, FAR_GAP, FEW_NODES, NEGLIG
 
 # Figures of a summary.
 Summary = dict[str, Any]
+Lines = list[str | TerminalLine]
 
 
 class Validity(Enum):
@@ -40,7 +41,7 @@ class Validity(Enum):
         return self is not Validity.NO_SOLUTION
 
 
-def validity_of(summary: dict[str, Any]) -> Validity:
+def validity_of(summary: Summary) -> Validity:
     """Return the state that the figures of a summary belong to."""
     status = Status(summary["status"])
     if status is Status.CONVERGED:
@@ -52,7 +53,7 @@ def validity_of(summary: dict[str, Any]) -> Validity:
     return Validity.NO_SOLUTION
 
 
-def was_solved(summary: dict[str, Any]) -> bool:
+def was_solved(summary: Summary) -> bool:
     """Return whether there are figures, possibly of an iterate; a scene that statics excludes has
     none.
     """
@@ -177,12 +178,12 @@ def in_brackets(components: Sequence[float]) -> str:
     return "(" + ", ".join(f"{component:.6g}" for component in components) + ")"
 
 
-def kinematics_of(summary: dict[str, Any]) -> Kinematics:
+def kinematics_of(summary: Summary) -> Kinematics:
     """Return the kinematics of the body of a summary."""
     return of_data(summary.get("scene") or {}, 3 if summary.get("dimension") == 3 else 2)
 
 
-def has_friction(summary: dict[str, Any]) -> bool:
+def has_friction(summary: Summary) -> bool:
     """Return whether a contact of the scene has a friction law."""
     laws = [
         (entry.get("friction") or {}).get("law")
@@ -196,7 +197,7 @@ def point_in_words(point: Sequence[float]) -> str:
     return "(" + ", ".join(f"{round(x, 9) + 0.0:.6g}" for x in point) + ")"
 
 
-def largest_von_mises(summary: dict[str, Any]) -> dict[str, Any] | None:
+def largest_von_mises(summary: Summary) -> dict[str, Any] | None:
     """The larger one of the raw and the recovered von Mises stress, and which it is ``of``; None:
     there is none.
     """
@@ -213,7 +214,7 @@ def largest_von_mises(summary: dict[str, Any]) -> dict[str, Any] | None:
     return max(known, key=lambda entry: float(entry["value"])) if known else None
 
 
-def share_in_words(summary: dict[str, Any], of: str = "") -> str:
+def share_in_words(summary: Summary, of: str = "") -> str:
     """Return the share of the yield stress, named ``of``, that is used, with the digits of the
     stress: a share such as 41 %, far above it how many times, and no figure above it where the
     stress is singular, because each mesh would change it.
@@ -235,7 +236,7 @@ class Shown:
     key: str  # the key
     label: str  # what it is
     # its lines, each as its text, or with a label of its own; None: the number
-    format: Callable[[Summary], list[str | TerminalLine]] | None = None
+    format: Callable[[Summary], Lines] | None = None
     brief: bool = False  # whether the terminal shows it without --verbose, and the report first
     unit: str = ""  # of the number
 
@@ -306,9 +307,9 @@ def error_of(summary: Mapping[str, Any], key: str) -> float | None:
     )
 
 
-def _corners(summary: Summary) -> list[str | TerminalLine]:
+def _corners(summary: Summary) -> Lines:
     """The forces of corners, and whether the mesh resolves their contact."""
-    lines = list[str | TerminalLine]()
+    lines = Lines()
     for entry in summary["corners"][:MOST_ROWS]:
         sums = [a + b for a, b in zip(entry["contact_force"], entry["friction_force"], strict=True)]
         force = with_unit(in_brackets(clean(sums, math.hypot(*sums))), "force")
@@ -325,7 +326,7 @@ def _corners(summary: Summary) -> list[str | TerminalLine]:
     return lines
 
 
-def _friction(summary: Summary) -> list[str | TerminalLine]:
+def _friction(summary: Summary) -> Lines:
     """Return how much of its friction the body uses; nothing if a later load step has none left."""
     if validity_of(summary) is Validity.EARLIER_STEP:
         return []
@@ -343,7 +344,7 @@ def _is_bonded(boundary: Mapping[str, Any]) -> bool:
     return limit is None or bool(np.isinf(limit))
 
 
-def _contact(summary: Summary) -> list[str | TerminalLine]:
+def _contact(summary: Summary) -> Lines:
     touching = summary["touching_nodes"]
     present = summary.get("present_pressure")
     largest = summary["max_pressure"] if present is None else present
@@ -368,7 +369,7 @@ def _contact(summary: Summary) -> list[str | TerminalLine]:
     return [f"{where}{pressed}{''.join(few)}", *sliding]
 
 
-def _forces(summary: Summary) -> list[str | TerminalLine]:
+def _forces(summary: Summary) -> Lines:
     """The normal and the tangential force on the body; where bodies touch each other those of each
     boundary.
     """
@@ -393,7 +394,7 @@ def _forces(summary: Summary) -> list[str | TerminalLine]:
         )  # over a revolution radial ones cancel each other
         return with_unit(figure_or_error(shown, error_of(summary, key)), "force")
 
-    texts = list[str | TerminalLine]()
+    texts = Lines()
     for entry in entries[:MOST_ROWS]:
         shear = "friction" if has_friction(summary) else "shear" if _is_bonded(entry) else ""
         friction = f", {shear} {of(entry, 'friction_force')}" if shear else ""
@@ -402,7 +403,7 @@ def _forces(summary: Summary) -> list[str | TerminalLine]:
     return texts
 
 
-def _max_shear(summary: Summary) -> list[str | TerminalLine]:
+def _max_shear(summary: Summary) -> Lines:
     """Return the largest shear; nothing without friction."""
     shear = with_unit(
         figure_or_error(summary["max_shear"], error_of(summary, "max_shear")), "stress"
@@ -410,7 +411,7 @@ def _max_shear(summary: Summary) -> list[str | TerminalLine]:
     return [shear] if has_friction(summary) else []
 
 
-def _zones(summary: Summary) -> list[str | TerminalLine]:
+def _zones(summary: Summary) -> Lines:
     return [
         row(
             f"{name} zone",
@@ -421,9 +422,9 @@ def _zones(summary: Summary) -> list[str | TerminalLine]:
     ]
 
 
-def _areas(summary: Summary) -> list[str | TerminalLine]:
+def _areas(summary: Summary) -> Lines:
     """Return the contact area, and a note if friction also acts outside of it."""
-    lines: list[str | TerminalLine] = [
+    lines: Lines = [
         row(f"{name} area", f"{area:.6g}") for name, area in summary["areas"].items() if area
     ]
     laws = {effect["friction"]["law"] for effect in summary.get("scene", {}).get("contact", ())}
@@ -432,7 +433,7 @@ def _areas(summary: Summary) -> list[str | TerminalLine]:
     return lines
 
 
-def _moment(key: str, summary: Summary) -> list[str | TerminalLine]:
+def _moment(key: str, summary: Summary) -> Lines:
     """A resultant moment; components that are round-off of those at work count as zero."""
     size = float(np.abs([summary["contact_moment"], summary["friction_moment"]]).max())
     return (
@@ -442,7 +443,7 @@ def _moment(key: str, summary: Summary) -> list[str | TerminalLine]:
     )
 
 
-def _boundaries(summary: Summary) -> list[str | TerminalLine]:
+def _boundaries(summary: Summary) -> Lines:
     areas = []
     friction = []
     for entry in summary["contact_boundaries"][:MOST_ROWS]:
@@ -472,10 +473,10 @@ def _boundaries(summary: Summary) -> list[str | TerminalLine]:
     return [*labelled("in contact", areas), *labelled("friction", friction)]
 
 
-def _rigid_bodies(summary: Summary) -> list[str | TerminalLine]:
+def _rigid_bodies(summary: Summary) -> Lines:
     """Return the motions of the rigid bodies, then the forces of the elastic body on them."""
-    motions = list[str | TerminalLine]()
-    forces = list[str | TerminalLine]()
+    motions = Lines()
+    forces = Lines()
     for body in summary["rigid_bodies"]:
         error = body["gap_error"]
         gap = "" if error is None else f"; gap error {error:.1e}"
@@ -490,7 +491,7 @@ def _rigid_bodies(summary: Summary) -> list[str | TerminalLine]:
     return [*motions, *forces]
 
 
-def _preloads(summary: Summary) -> list[str | TerminalLine]:
+def _preloads(summary: Summary) -> Lines:
     return [
         f"{section['name'].removeprefix('preload ')}: force {section['force']:.6g}, shortened by "
         f"{section['shortening']:.6g}"
@@ -498,14 +499,14 @@ def _preloads(summary: Summary) -> list[str | TerminalLine]:
     ]
 
 
-def _resultants(summary: Summary) -> list[str | TerminalLine]:
+def _resultants(summary: Summary) -> Lines:
     """Return the forces through the other boundaries with their lines of action, and the torque of
     a section; those of contacts only if there are several.
     """
     several = len(summary.get("contact_boundaries", ())) > 1
     kinematics = kinematics_of(summary)
     rows = [entry for entry in summary["resultants"] if entry["acts"] != ["contact"] or several]
-    lines = list[str | TerminalLine]()
+    lines = Lines()
     for entry in rows[:MOST_ROWS]:
         moment = entry["moment"]
         couple = in_brackets(moment) if isinstance(moment, list) else f"{moment:.6g}"
@@ -524,7 +525,7 @@ def _resultants(summary: Summary) -> list[str | TerminalLine]:
     return lines
 
 
-def _stress(summary: Summary) -> list[str | TerminalLine]:
+def _stress(summary: Summary) -> Lines:
     """The larger one of the raw and the recovered von Mises stress, how much of the yield stress it
     uses, and where.
     """
@@ -548,7 +549,7 @@ def _no_limit(largest: dict[str, Any]) -> str:
     return "" if why is None else f"; singular ({why}): grows with every refinement"
 
 
-def _plastic_strain(summary: Summary) -> list[str | TerminalLine]:
+def _plastic_strain(summary: Summary) -> Lines:
     """The largest one and its place; or that nothing has yielded."""
     largest = summary["plastic_strain"]
     return [
@@ -558,7 +559,7 @@ def _plastic_strain(summary: Summary) -> list[str | TerminalLine]:
     ]
 
 
-def _utilisation(summary: Summary) -> list[str | TerminalLine]:
+def _utilisation(summary: Summary) -> Lines:
     """The share, where it is reached, and what follows if it is above 1."""
     largest = summary["utilisation"]
     exceeded = largest["value"] is not None and largest["value"] > 1
@@ -566,7 +567,7 @@ def _utilisation(summary: Summary) -> list[str | TerminalLine]:
     return [f"{share_in_words(summary)} {_place(largest)}{yields}{_no_limit(largest)}"]
 
 
-def _deformation(summary: Summary) -> list[str | TerminalLine]:
+def _deformation(summary: Summary) -> Lines:
     figures = summary["deformation"]
     return [
         f"strains and rotations of {figures['gradient']:.1e} on average, displacements of at most "
@@ -574,7 +575,7 @@ def _deformation(summary: Summary) -> list[str | TerminalLine]:
     ]
 
 
-def _cost(summary: Summary) -> list[str | TerminalLine]:
+def _cost(summary: Summary) -> Lines:
     """Return the time that the error took, and the time of a smaller error, or why it is
     unknown.
     """
@@ -588,7 +589,7 @@ def _cost(summary: Summary) -> list[str | TerminalLine]:
     return [cost["statement"]]
 
 
-def _error(summary: Summary) -> list[str | TerminalLine]:
+def _error(summary: Summary) -> Lines:
     """Return the error of the results, guaranteed, estimated, or how to estimate it, and whether
     that of load steps is beside it.
     """
@@ -627,7 +628,7 @@ def _error_of_mesh(summary: Summary) -> str:
     return f"no estimate: {how}"
 
 
-def _certificate(summary: Summary) -> list[str | TerminalLine]:
+def _certificate(summary: Summary) -> Lines:
     figures = summary["certificate"]
     law = figures["law"].partition(",")[0]
     if figures["holds"]:
@@ -643,7 +644,7 @@ def _certificate(summary: Summary) -> list[str | TerminalLine]:
     return [row("certificate", f"FAILED for {law}: {figures_above} ({limit})", "error")]
 
 
-def _left(summary: Summary) -> list[str | TerminalLine]:
+def _left(summary: Summary) -> Lines:
     """Return the error of the penalties: penetration and elastic slip."""
     figures = summary["certificate"]
     penetration = f"{figures['penetration']:.1e}"
@@ -652,7 +653,7 @@ def _left(summary: Summary) -> list[str | TerminalLine]:
     return [text] if "contact_force" in summary else []
 
 
-def _effort(summary: Summary) -> list[str | TerminalLine]:
+def _effort(summary: Summary) -> Lines:
     ranks = f" on {summary['ranks']} ranks" if summary["ranks"] > 1 else ""
     solved = [
         row["seconds"] for row in summary.get("convergence_table", []) if not row["predicted"]

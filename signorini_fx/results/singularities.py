@@ -20,12 +20,15 @@ from typing import Any
 
 import basix
 import numpy as np
-from dolfinx import mesh as dmesh
 from scipy.spatial import cKDTree
 
 from signorini_fx.arrays import Array
 from signorini_fx.machine import compat, parallel
-from signorini_fx.mechanics.assembly.mesh_entities import facet_entities, facet_vertices
+from signorini_fx.mechanics.assembly.mesh_entities import (
+    facet_entities,
+    facet_vertices,
+    outer_facets,
+)
 from signorini_fx.mechanics.loads.supports import on_axis
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.effect import ForceDensity, InitialStrain
@@ -164,8 +167,7 @@ def facets_near(body: Model, point: Array) -> list[BoundaryFacet]:
     """Exterior facets of this rank with a corner within three of their sizes from a place."""
     mesh = body.tagged.mesh
     dim = body.tagged.dimension
-    mesh.topology.create_connectivity(dim - 1, dim)
-    numbers = dmesh.exterior_facet_indices(mesh.topology)
+    numbers = outer_facets(mesh)
     entities = facet_entities(mesh, numbers)
     cell = getattr(basix.CellType, mesh.topology.cell_name())
     corners = len(basix.geometry(cell))

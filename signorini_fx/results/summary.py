@@ -22,7 +22,7 @@ from signorini_fx.machine import parallel
 from signorini_fx.machine.display import results_of, status_in_words
 from signorini_fx.machine.terminal import COLUMNS, TerminalLine, printable, say_once
 from signorini_fx.mechanics.assembly.pieces import extent
-from signorini_fx.quantities.shown import all_shown, brief_lines, row, shown_lines
+from signorini_fx.quantities.shown import Summary, all_shown, brief_lines, row, shown_lines
 from signorini_fx.quantities.summary import SCHEMA_VERSION, Price, Quantity, own_quantities
 from signorini_fx.quantities.values import NO_BOUND, afterwards, of_results, of_step
 from signorini_fx.records import Finding, OuterRecord, Record, StepRecord
@@ -36,7 +36,7 @@ _MOST_WARNINGS = 3
 def summary_of(solution: Solution) -> dict[str, Any]:
     """All figures of a solve that stand, JSON-safe; collective, the same on every rank."""
     history = solution.history
-    summary: dict[str, Any] = {
+    summary: Summary = {
         "schema_version": SCHEMA_VERSION,
         "title": solution.model.title,
         "incomplete": list(solution.statement.incomplete),
@@ -151,12 +151,12 @@ def print_progress(record: Record) -> None:
     say_once(MPI.COMM_WORLD, table_row(record))
 
 
-def lines_of(summary: dict[str, Any], folder: Path) -> list[TerminalLine]:
+def lines_of(summary: Summary, folder: Path) -> list[TerminalLine]:
     """The whole summary for a terminal, and where the results are."""
     return [*_figures(summary), row("results", f"{folder}/")]
 
 
-def short_answer(summary: dict[str, Any], folder: Path) -> list[TerminalLine]:
+def short_answer(summary: Summary, folder: Path) -> list[TerminalLine]:
     """What ``solve`` prints without ``--verbose``, in 80 columns: the outcome, the first warnings,
     what to do unless it is a solution, the figures that are asked for first, and where the results
     are.
@@ -180,13 +180,13 @@ def _narrow(line: TerminalLine) -> list[TerminalLine]:
     ]
 
 
-def _heading(summary: dict[str, Any]) -> TerminalLine:
+def _heading(summary: Summary) -> TerminalLine:
     good = summary["converged"] and not summary["incomplete"]
     title = printable(summary["title"]) or "scene"
     return TerminalLine(f"{title}: {status_in_words(summary)}", kind="good" if good else "")
 
 
-def _figures(summary: dict[str, Any]) -> list[TerminalLine]:
+def _figures(summary: Summary) -> list[TerminalLine]:
     from signorini_fx.results.accuracy import convergence_table
 
     method = [row("algorithm", summary["algorithm"]), *_events(summary["events"])]
@@ -215,7 +215,7 @@ def _figures(summary: dict[str, Any]) -> list[TerminalLine]:
     return lines
 
 
-def _outcome(summary: dict[str, Any]) -> list[TerminalLine]:
+def _outcome(summary: Summary) -> list[TerminalLine]:
     """Return the load step of the results, and what to do unless it is a solution."""
     lines = [row("results of", results_of(summary))] if "results_of" in summary else []
     return (
@@ -242,7 +242,7 @@ def _events(events: list[str]) -> list[TerminalLine]:
     return [row(name, "; ".join(kind)) for name, kind in kinds.items() if kind]
 
 
-def _warnings(summary: dict[str, Any]) -> list[TerminalLine]:
+def _warnings(summary: Summary) -> list[TerminalLine]:
     """The warnings, those of a certain entry before those of the whole scene."""
     found = [
         finding

@@ -25,7 +25,7 @@ from signorini_fx.errors import SceneError
 from signorini_fx.extensions import add_on
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.assembly.averages import averaging
-from signorini_fx.mechanics.assembly.mesh_entities import facet_entities, facet_vertices
+from signorini_fx.mechanics.assembly.mesh_entities import facet_cells, facet_vertices
 from signorini_fx.mechanics.body.deformation import Deformation
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.contact_points.contact_table import contact_table
@@ -218,7 +218,7 @@ def _inwards(body: Model) -> Iterator[Finding]:
         if effect.direction is None and effect.surface is None:
             continue
         facets = body.tagged.facets(effect.boundary)
-        cells = dmesh.compute_midpoints(mesh, dim, facet_entities(mesh, facets)[:, 0])
+        cells = dmesh.compute_midpoints(mesh, dim, facet_cells(mesh, facets))
         middles = dmesh.compute_midpoints(mesh, dim - 1, facets)
         if effect.direction is None:
             _, normals = effect.surface.distance(middles[:, :dim])
@@ -407,7 +407,7 @@ def _inclined(body: Model, data: RegularisedData) -> Iterator[Finding]:
         facets = np.concatenate([facets for _, facets, part in boundary.surface if part == index])
         facets = facets[np.isin(of_part, nodes).any(axis=1)]
         middles = dmesh.compute_midpoints(mesh, dim - 1, facets)[:, :dim]
-        cells = dmesh.compute_midpoints(mesh, dim, facet_entities(mesh, facets)[:, 0])[:, :dim]
+        cells = dmesh.compute_midpoints(mesh, dim, facet_cells(mesh, facets))[:, :dim]
         sides = np.diff(facet_vertices(mesh, facets)[:, :dim, :dim], axis=1)
         outward = np.cross(sides[:, 0], sides[:, 1]) if dim == 3 else sides[:, 0, ::-1] * [1, -1]
         outward = outward * np.sign(np.sum(outward * (middles - cells), axis=1))[:, None]

@@ -17,7 +17,7 @@ from signorini_fx.addons.pictures.body import DrawnBody, normals_of, tiling
 from signorini_fx.addons.pictures.fields import FIELDS
 from signorini_fx.arrays import Array, Indices, Ints
 from signorini_fx.machine import compat, parallel, terminal
-from signorini_fx.mechanics.assembly.mesh_entities import facet_entities
+from signorini_fx.mechanics.assembly.mesh_entities import facet_entities, outer_facets
 from signorini_fx.results.solution import Solution
 from signorini_fx.tuned import ROOT_OF_EPS
 
@@ -39,8 +39,7 @@ def gather_body(solution: Solution, fields: Sequence[str] = ()) -> DrawnBody | N
     mesh = solution.model.tagged.mesh
     comm = solution.comm
     dim = mesh.topology.dim
-    mesh.topology.create_connectivity(dim - 1, dim)
-    outer = facet_entities(mesh, dmesh.exterior_facet_indices(mesh.topology))
+    outer = facet_entities(mesh, outer_facets(mesh))
     cells, place = outer.T
     if dim == 2:
         cells = np.arange(mesh.topology.index_map(2).size_local, dtype=np.int32)

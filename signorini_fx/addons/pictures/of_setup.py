@@ -18,7 +18,7 @@ from signorini_fx.arrays import Array, Indices
 from signorini_fx.errors import OutputError, cannot_be_written
 from signorini_fx.machine import parallel
 from signorini_fx.machine.compat import geometry_cells
-from signorini_fx.mechanics.assembly.mesh_entities import facet_entities
+from signorini_fx.mechanics.assembly.mesh_entities import facet_cells, outer_facets
 from signorini_fx.mechanics.effects.contact import Contact as ContactEffect
 from signorini_fx.mechanics.effects.displacement import Displacement
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, load_file
@@ -36,13 +36,12 @@ def gather_setup(tagged: TaggedMesh, statement: Statement | None = None, title: 
     mesh = tagged.mesh
     dim = tagged.dimension
     comm = tagged.mesh.comm
-    mesh.topology.create_connectivity(dim - 1, dim)
     if dim == 2:
         shown = _corners(
             tagged, 2, np.arange(mesh.topology.index_map(2).size_local, dtype=np.int32)
         )
     else:
-        shown, _ = _sides(tagged, dmesh.exterior_facet_indices(mesh.topology))
+        shown, _ = _sides(tagged, outer_facets(mesh))
     acting: dict[str, list[Effect]] = {name: [] for name in tagged.boundaries}
     for effect in () if statement is None else statement.of(Effect):
         if effect.where is not None and (effect.acts or effect.label == "contact"):
@@ -199,9 +198,7 @@ def _sides(tagged: TaggedMesh, facets: Indices) -> tuple[Array, Array]:
     areas = (
         normals_of(corners) if dim == 3 else (corners[:, 1] - corners[:, 0])[:, ::-1] * (1.0, -1.0)
     )
-    inside = mesh.geometry.x[geometry_cells(mesh)[facet_entities(mesh, facets)[:, 0]], :dim].mean(
-        axis=1
-    )
+    inside = mesh.geometry.x[geometry_cells(mesh)[facet_cells(mesh, facets)], :dim].mean(axis=1)
     inwards = np.einsum("ij,ij->i", areas, corners.mean(axis=1) - inside) < 0
     corners[inwards] = corners[inwards, ::-1]
     areas[inwards] *= -1

@@ -26,6 +26,7 @@ from signorini_fx.errors import PYVISTA
 from signorini_fx.machine.display import effort_in_words, results_of, status_in_words
 from signorini_fx.mechanics.statement.units import names_of, unit
 from signorini_fx.quantities.shown import (
+    Summary,
     Validity,
     all_shown,
     brief_lines,
@@ -43,7 +44,7 @@ _TONES = {Validity.SOLUTION: "good", Validity.LESS_ACCURATE: "short"}
 _TONES |= dict.fromkeys((Validity.EARLIER_STEP, Validity.NO_SOLUTION), "bad")
 
 
-def outcome(summary: dict[str, Any], folder: Path) -> Markup:
+def outcome(summary: Summary, folder: Path) -> Markup:
     """Status, verdict of the certificate, what ``solve`` prints beside the picture of the body,
     with what accuracy costs below that, and warnings.
     """
@@ -84,12 +85,12 @@ def outcome(summary: dict[str, Any], folder: Path) -> Markup:
     )
 
 
-def done(summary: dict[str, Any]) -> str:
+def done(summary: Summary) -> str:
     """What was done with the scene, in a word."""
     return "solved" if was_solved(summary) else "tried"
 
 
-def no_result(summary: dict[str, Any]) -> str:
+def no_result(summary: Summary) -> str:
     """Return the state that figures and pictures belong to if it is no solution; an empty string if
     it is one.
     """
@@ -103,7 +104,7 @@ def no_result(summary: dict[str, Any]) -> str:
     )
 
 
-def figures(summary: dict[str, Any]) -> Markup:
+def figures(summary: Summary) -> Markup:
     """The results that ``--verbose`` prints beside those of the outcome."""
     lines = [
         line for shown in all_shown() if not shown.brief for line in shown_lines(shown, summary)
@@ -112,7 +113,7 @@ def figures(summary: dict[str, Any]) -> Markup:
     return joined([table(["result", ""], rows), part("note", _note(summary))])
 
 
-def _note(summary: dict[str, Any]) -> str:
+def _note(summary: Summary) -> str:
     """What the forces are, and the units."""
     who, body = _sides(summary)
     forms = "forms" in summary["scene"]  # their measure says what is integrated
@@ -128,7 +129,7 @@ def _note(summary: dict[str, Any]) -> str:
     return f"Forces are {measure} {who} exerts on {body}{integrated}. {moments}. {units}."
 
 
-def _sides(summary: dict[str, Any]) -> tuple[str, str]:
+def _sides(summary: Summary) -> tuple[str, str]:
     """What exerts the forces of contacts, and on what."""
     kinds = {bool(entry.get("against")) for entry in summary["scene"].get("contact", ())}
     who = {(True,): "the other body", (False, True): "the foundation or the other body"}
@@ -137,7 +138,7 @@ def _sides(summary: dict[str, Any]) -> tuple[str, str]:
     ), "the body of the boundary" if True in kinds else "the body"
 
 
-def _warnings(summary: dict[str, Any]) -> list[dict[str, Any]]:
+def _warnings(summary: Summary) -> list[dict[str, Any]]:
     """About the scene and the result."""
     warned = [finding for finding in summary.get("findings", []) if finding["level"] == "warning"]
     warnings = [finding for finding in warned if finding["message"] not in summary["advice"]]
@@ -162,7 +163,7 @@ def _drawn(folder: Path, file: str, alternative: str, caption: str) -> Markup:
     return picture(drawn.read_bytes(), alternative, caption) if drawn.is_file() else Markup("")
 
 
-def _overview(summary: dict[str, Any], folder: Path) -> Markup:
+def _overview(summary: Summary, folder: Path) -> Markup:
     """The picture of the deformed body, or why there is none."""
     scene = summary["scene"]
     solid = summary["dimension"] == 3
@@ -191,7 +192,7 @@ def further_pictures(folder: Path) -> Markup:
     return part("beside", further) if any(further) else Markup("")
 
 
-def contact(summary: dict[str, Any], folder: Path) -> Markup:
+def contact(summary: Summary, folder: Path) -> Markup:
     """The picture of the contact boundary: curves in 2D, the surface in 3D, and its signs."""
     if summary["dimension"] == 3:
         caption = (
@@ -219,7 +220,7 @@ def contact(summary: dict[str, Any], folder: Path) -> Markup:
     return _drawn(folder, "profiles.png", "curves along the contact boundary", caption)
 
 
-def steps(steps: dict[str, Any], summary: dict[str, Any], folder: Path) -> Markup:
+def steps(steps: dict[str, Any], summary: Summary, folder: Path) -> Markup:
     """Forces step by step, and the table of the steps, the columns of ``steps.csv``."""
     who, whom = _sides(summary)
     caption = (
@@ -231,7 +232,7 @@ def steps(steps: dict[str, Any], summary: dict[str, Any], folder: Path) -> Marku
     return joined([drawn, folded(f"Every load step ({len(rows)})", table(list(steps), rows))])
 
 
-def certificate(summary: dict[str, Any]) -> Markup:
+def certificate(summary: Summary) -> Markup:
     """Every figure of the certificate beside its limit."""
     rows = []
     classes = []
@@ -279,7 +280,7 @@ def certificate(summary: dict[str, Any]) -> Markup:
 _ELSEWHERE = {"title", "incomplete", "units", "solver", "accuracy"}
 
 
-def scene(summary: dict[str, Any]) -> Markup:
+def scene(summary: Summary) -> Markup:
     """The tables of the scene, the method, and the scene as JSON."""
     scene = summary["scene"]
     rows = list[tuple[str, str]]()
@@ -350,7 +351,7 @@ def _two_digits(value: float | None) -> Any:
     return float(f"{value:.2g}") if isinstance(value, float) else value
 
 
-def history(summary: dict[str, Any]) -> Markup:
+def history(summary: Summary) -> Markup:
     """How many linear solves it took, and what happened on demand."""
     effort = (
         f"{summary['algorithm']}: {effort_in_words(summary)}; history.csv has a row for each solve."
@@ -361,7 +362,7 @@ def history(summary: dict[str, Any]) -> Markup:
     return joined(parts)
 
 
-def made_with(summary: dict[str, Any]) -> Markup:
+def made_with(summary: Summary) -> Markup:
     """When and with what: date, versions, ranks and times."""
     versions = summary["versions"]
     when = done(summary).capitalize()

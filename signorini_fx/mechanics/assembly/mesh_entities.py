@@ -62,16 +62,28 @@ def stiffness_form(term: Any, dimension: int) -> fem.Form:
         return fem.form(term, jit_options={"cffi_extra_compile_args": arguments})
 
 
+def outer_facets(mesh: dmesh.Mesh) -> Indices:
+    """Return the exterior facets of this rank; collective."""
+    dim = mesh.topology.dim
+    mesh.topology.create_connectivity(dim - 1, dim)
+    return np.asarray(dmesh.exterior_facet_indices(mesh.topology))
+
+
+def facet_cells(mesh: dmesh.Mesh, facets: Indices) -> Indices:
+    """Return the cells of exterior facets, shape (facets,)."""
+    return facet_entities(mesh, facets)[:, 0]
+
+
 def facet_entities(mesh: dmesh.Mesh, facets: Indices) -> Indices:
     """(cell, facet of the cell) of exterior facets, shape (facets, 2)."""
     dim = mesh.topology.dim
     mesh.topology.create_connectivity(dim - 1, dim)
     mesh.topology.create_connectivity(dim, dim - 1)
-    facet_cells = mesh.topology.connectivity(dim - 1, dim)
+    of_facets = mesh.topology.connectivity(dim - 1, dim)
     cell_facets = mesh.topology.connectivity(dim, dim - 1)
     if facets.size == 0:  # a rank may have no cells at all
         return np.empty((0, 2), dtype=np.int32)
-    cells = facet_cells.array[facet_cells.offsets[facets]]
+    cells = of_facets.array[of_facets.offsets[facets]]
     per_cell = cell_facets.array.reshape(cell_facets.num_nodes, -1)
     return np.column_stack((cells, np.argmax(per_cell[cells] == facets[:, None], axis=1))).astype(
         np.int32

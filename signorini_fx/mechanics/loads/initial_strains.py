@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import ufl
 from dolfinx import default_scalar_type, fem
-from dolfinx import mesh as dmesh
 
 from signorini_fx.arrays import Array, Flags, Indices
 from signorini_fx.errors import SceneError
@@ -27,6 +26,7 @@ from signorini_fx.mechanics.assembly.mesh_entities import (
     facet_nodes,
     marked_nodes,
     node_positions,
+    outer_facets,
 )
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.elasticity.elastic_law import SceneLaw
@@ -133,12 +133,9 @@ def _inner_facets(name: str, path: str, tagged: TaggedMesh) -> Indices:
         raise SceneError.at(
             f"{path}.section", f"the mesh has no facets {name!r}; it has: {boundary_names}"
         )
-    mesh.topology.create_connectivity(mesh.topology.dim - 1, mesh.topology.dim)
     tags = tagged.boundaries[name]
     tagged_facets = tagged.facet_tags.indices[np.isin(tagged.facet_tags.values, tags)]
-    inner_facets = np.setdiff1d(tagged_facets, dmesh.exterior_facet_indices(mesh.topology)).astype(
-        np.int32
-    )
+    inner_facets = np.setdiff1d(tagged_facets, outer_facets(mesh)).astype(np.int32)
     if not parallel.any_rank(mesh.comm, inner_facets.size > 0):
         raise SceneError.at(
             f"{path}.section", f"{name!r} has no facets inside the mesh: it is on its boundary"

@@ -16,7 +16,7 @@ from signorini_fx.arrays import Array, Flags, Indices, Ints
 from signorini_fx.errors import SceneError
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import (
-    facet_entities,
+    facet_cells,
     facet_vertices,
     marked_nodes,
     node_positions,
@@ -174,7 +174,7 @@ def flat_normal(effect: Displacement, index: int, tagged: TaggedMesh) -> Array:
     mesh = tagged.mesh
     facets = tagged.facets(str(effect.boundary))
     dim = mesh.topology.dim
-    inside = dmesh.compute_midpoints(mesh, dim, facet_entities(mesh, facets)[:, 0])
+    inside = dmesh.compute_midpoints(mesh, dim, facet_cells(mesh, facets))
     outward = parallel.global_sum(
         mesh.comm, (dmesh.compute_midpoints(mesh, dim - 1, facets) - inside).sum(axis=0)
     )

@@ -25,6 +25,7 @@ from scipy.spatial import ConvexHull, QhullError
 from signorini_fx.arrays import Array, Flags, Indices, Ints
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.machine import compat, parallel
+from signorini_fx.mechanics.assembly.mesh_entities import outer_facets
 from signorini_fx.mechanics.statement.base import TaggedMeshBase
 from signorini_fx.mechanics.statement.expressions import Expression
 from signorini_fx.mechanics.statement.values import kind_of
@@ -120,12 +121,10 @@ class TaggedMesh(TaggedMeshBase):
     @cached_property
     def _exterior(self) -> Flags:
         """Return which facets of this rank, shape (facets,), are exterior and have a cell here."""
-        topology = self.mesh.topology
-        across = self.dimension - 1
-        topology.create_connectivity(across, across + 1)
-        facets = topology.index_map(across)
+        outer = outer_facets(self.mesh)
+        facets = self.mesh.topology.index_map(self.dimension - 1)
         exterior = np.zeros(facets.size_local + facets.num_ghosts, dtype=bool)
-        exterior[dmesh.exterior_facet_indices(topology)] = True
+        exterior[outer] = True
         return exterior
 
     @cached_property
@@ -146,9 +145,8 @@ def diameter_of(mesh: dmesh.Mesh) -> float:
         MeshError: all points lie in a plane, in two dimensions on a line.
     """
     dim = mesh.topology.dim
-    mesh.topology.create_connectivity(dim - 1, dim)
     mesh.topology.create_connectivity(dim, dim - 1)
-    facets = dmesh.exterior_facet_indices(mesh.topology)
+    facets = outer_facets(mesh)
     # dolfinx divides by the number of facets, and a rank may have none.
     nodes = np.unique(dmesh.entities_to_geometry(mesh, dim - 1, facets)) if facets.size else facets
     x = parallel.rows_on_root(mesh.comm, mesh.geometry.x[nodes, :dim].astype(np.float64))

@@ -14,14 +14,14 @@ from dataclasses import dataclass, replace
 import basix
 import numpy as np
 from dolfinx import fem
-from dolfinx import mesh as dmesh
 
 from signorini_fx.arrays import Array, Indices, Ints
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import (
-    facet_entities,
+    facet_cells,
     facet_nodes,
     node_positions,
+    outer_facets,
 )
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.interfaces import PlacedShape
@@ -70,13 +70,10 @@ class BodySurface:
         """Return the surface of a space of displacements; nodes between vertices divide a facet."""
         mesh = space.mesh
         dim = space.mesh.topology.dim
-        mesh.topology.create_connectivity(dim - 1, dim)
-        facets = dmesh.exterior_facet_indices(mesh.topology)
+        facets = outer_facets(mesh)
         nodes = facet_nodes(space, facets)
         kind = getattr(basix.CellType, mesh.topology.cell_name())
-        vertices = space.dofmap.list[facet_entities(mesh, facets)[:, 0]][
-            :, : len(basix.topology(kind)[0])
-        ]
+        vertices = space.dofmap.list[facet_cells(mesh, facets)][:, : len(basix.topology(kind)[0])]
         beside = ~(vertices[:, :, None] == nodes[:, None]).any(axis=2)
         behind = vertices[np.arange(len(vertices)), beside.argmax(axis=1)]
         split = _split(dim, nodes.shape[1])

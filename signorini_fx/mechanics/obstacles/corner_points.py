@@ -27,7 +27,7 @@ from signorini_fx.arrays import Array, Flags, Indices, Ints
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.averages import Averages, from_owners
 from signorini_fx.mechanics.assembly.mesh_entities import (
-    facet_entities,
+    facet_cells,
     facet_nodes,
     node_positions,
 )
@@ -68,7 +68,7 @@ class BoundaryLine:
         nodes = facet_nodes(space, facets)
         nodes = nodes[:, [0, *range(2, nodes.shape[1]), 1]]
         x = node_positions(space)[:, :2]
-        middle = x[space.dofmap.list[facet_entities(space.mesh, facets)[:, 0]]].mean(axis=1)
+        middle = x[space.dofmap.list[facet_cells(space.mesh, facets)]].mean(axis=1)
         along = x[nodes[:, -1]] - x[nodes[:, 0]]
         inwards = middle - x[nodes[:, 0]]
         clockwise = along[:, 0] * inwards[:, 1] < along[:, 1] * inwards[:, 0]

@@ -21,7 +21,7 @@ from signorini_fx.errors import FormError, SceneError
 from signorini_fx.extensions import is_of_package
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.averages import Averages, averaging, from_owners
-from signorini_fx.mechanics.assembly.mesh_entities import facet_entities, node_positions
+from signorini_fx.mechanics.assembly.mesh_entities import facet_cells, node_positions
 from signorini_fx.mechanics.assembly.nodal_values import NodalValues
 from signorini_fx.mechanics.assembly.pieces import find_pieces
 from signorini_fx.mechanics.contact_points.contact_boundary import (
@@ -476,7 +476,7 @@ class Foundations:
         """Return on how many pieces of the mesh each contact boundary is; collective."""
         mesh = self._space.mesh
         of_cell = find_pieces(mesh).of_cell
-        found = [of_cell[facet_entities(mesh, facets)[:, 0], None] for facets in self.facets]
+        found = [of_cell[facet_cells(mesh, facets), None] for facets in self.facets]
         return [np.unique(parallel.gather_rows(mesh.comm, pieces)).size for pieces in found]
 
     def at_rest(self, fixed: Flags, values: Array) -> Flags:

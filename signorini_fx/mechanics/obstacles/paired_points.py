@@ -19,7 +19,7 @@ from signorini_fx.errors import FormError
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.assembly.averages import Averages, from_owners
 from signorini_fx.mechanics.assembly.mesh_entities import (
-    facet_entities,
+    facet_cells,
     facet_nodes,
     lumped_degree,
     node_positions,
@@ -74,7 +74,7 @@ class PairedSide:
         x = node_positions(space)[:, :dim]
         node_table = facet_nodes(space, facets)
         names = space.dofmap.index_map.local_to_global(node_table.ravel()).reshape(node_table.shape)
-        middles = x[space.dofmap.list[facet_entities(mesh, facets)[:, 0]]].mean(axis=1)
+        middles = x[space.dofmap.list[facet_cells(mesh, facets)]].mean(axis=1)
         names, positions, middles = (
             parallel.gather_rows(mesh.comm, rows) for rows in (names, x[node_table], middles)
         )

@@ -22,7 +22,7 @@ from scipy.spatial import cKDTree
 from signorini_fx.arrays import Array, Indices
 from signorini_fx.errors import SceneError
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.assembly.mesh_entities import facet_entities, facet_vertices
+from signorini_fx.mechanics.assembly.mesh_entities import facet_cells, facet_vertices
 from signorini_fx.mechanics.interfaces import Foundation, Pair, PlacedShape
 from signorini_fx.mechanics.kinematics.protocol import Kinematics
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
@@ -125,7 +125,7 @@ class SideFigures:
         """
         mesh = tagged.mesh
         facets = tagged.facets(name)
-        cells = facet_entities(mesh, facets)[:, 0]
+        cells = facet_cells(mesh, facets)
         if isinstance(shear_modulus, fem.Function):
             stiffness = shear_modulus.x.array[shear_modulus.function_space.dofmap.list[cells, 0]]
         else:

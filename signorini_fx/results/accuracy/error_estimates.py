@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 
 from signorini_fx.arrays import Array
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.assembly.mesh_entities import assemble, compile_form, facet_entities
+from signorini_fx.mechanics.assembly.mesh_entities import assemble, compile_form, facet_cells
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable
 from signorini_fx.mechanics.kinematics.protocol import Kinematics
@@ -101,7 +101,7 @@ def combined(
     boundary = model.boundary
     assert boundary is not None
     facets = np.concatenate([model.tagged.facets(effect.boundary) for effect in model.contacts])
-    cells = facet_entities(model.tagged.mesh, facets)[:, 0]
+    cells = facet_cells(model.tagged.mesh, facets)
     size = 2 * energy
     shares = np.atleast_2d(recovery) / (size if energy > 0 else np.inf)
     body = shares[0]
@@ -184,7 +184,7 @@ def missed_gaps(model: Model, table: ContactTable, step: float) -> Array:
             continue
         segments = boundary.segments[boundary.segments[:, 0] == number]
         facets = np.concatenate([at for _, at, part in boundary.surface if part == number])
-        cells = facet_entities(model.tagged.mesh, facets)[:, 0]
+        cells = facet_cells(model.tagged.mesh, facets)
         shares = _inside(segments.shape[1] - 1, x.shape[1])
         weights = np.stack(list(shares.values()), axis=1)
         beside = cKDTree(weights).query_pairs(1.5 / _ALONG, output_type="ndarray")

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 import ufl
 from dolfinx import default_scalar_type, fem
-from dolfinx import mesh as dmesh
 from dolfinx.fem import petsc as fem_petsc
 from petsc4py import PETSc
 
@@ -21,6 +20,7 @@ from signorini_fx.mechanics.assembly.mesh_entities import (
     assemble,
     compile_form,
     measure,
+    outer_facets,
     parallelepipeds,
 )
 from signorini_fx.mechanics.effects.displacement import Displacement
@@ -196,7 +196,7 @@ def boundary_residual(
     statement = model.statement
     mesh = model.tagged.mesh
     y = stress.displacement
-    exterior_facets = dmesh.exterior_facet_indices(mesh.topology)
+    exterior_facets = outer_facets(mesh)
     touching = [
         name for e in statement.contact for name in (e.boundary, e.against) if name is not None
     ]
