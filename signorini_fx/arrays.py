@@ -23,6 +23,19 @@ def inner(a: Array, b: Array) -> Array:
     return np.einsum("ij,ij->i", a, b)
 
 
+def diagonal(points: Array) -> float:
+    """Return the length of the diagonal of the box around points of shape (n, d)."""
+    return float(np.linalg.norm(np.ptp(points, axis=0)))
+
+
+def extents(corners: Array) -> Array:
+    """Return the lengths of the diagonals of the boxes around m times k corners of shape (m, k, d),
+    shape (m,).
+    """
+    sizes: Array = np.linalg.norm(np.ptp(corners, axis=1), axis=1)
+    return sizes
+
+
 def unit(vectors: Array) -> Array:
     """Each row over its length; the first axis where a row is zero.  In R^1: the sign, +1 for
     zero.

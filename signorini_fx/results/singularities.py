@@ -22,7 +22,7 @@ import basix
 import numpy as np
 from scipy.spatial import cKDTree
 
-from signorini_fx.arrays import Array
+from signorini_fx.arrays import Array, diagonal, extents
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.assembly.mesh_entities import (
     facet_entities,
@@ -50,7 +50,7 @@ class BoundaryFacet:
     @property
     def size(self) -> float:
         """The diagonal of the box around it, length."""
-        return float(np.linalg.norm(np.ptp(self.vertices, axis=0)))
+        return diagonal(self.vertices)
 
 
 # The largest angle within the body, degrees, up to which the stress is bounded where facets with
@@ -133,7 +133,7 @@ def _beside_a_node_that_is_loaded(body: Model, point: tuple[float, ...]) -> bool
     for at in loaded:
         around = np.linalg.norm(x - np.array(at), axis=2).min(axis=1, initial=np.inf)
         cells = x[around <= ROOT_OF_EPS * body.tagged.size]
-        size = np.linalg.norm(np.ptp(cells, axis=1), axis=1).max(initial=0.0)
+        size = extents(cells).max(initial=0.0)
         away = np.linalg.norm(np.array(at) - point)
         found = found or bool(away <= (1 + DIGITS_OF_FILES) * size)
     return parallel.any_rank(body.comm, found)
@@ -174,7 +174,7 @@ def facets_near(body: Model, point: Array) -> list[BoundaryFacet]:
     # Curved ones have nodes on their sides and within, too.
     of_facet = len(basix.topology(cell)[dim - 1][0])
     vertices = facet_vertices(mesh, numbers)[:, :of_facet, :dim]
-    size = np.linalg.norm(np.ptp(vertices, axis=1), axis=1)
+    size = extents(vertices)
     close = (
         np.linalg.norm(vertices - point, axis=2).min(axis=1, initial=np.inf)
         <= _FACETS_BESIDE * size

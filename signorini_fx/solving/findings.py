@@ -20,7 +20,7 @@ from signorini_fx.algebra.algorithms.task import Outcome, Task
 from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.points import pushed
 from signorini_fx.algebra.contact.statics import Reactions, escape, reactions
-from signorini_fx.arrays import Array, Flags
+from signorini_fx.arrays import Array, Flags, inner
 from signorini_fx.errors import SceneError
 from signorini_fx.extensions import add_on
 from signorini_fx.machine import compat, parallel
@@ -222,7 +222,7 @@ def _inwards(body: Model) -> Iterator[Finding]:
         middles = dmesh.compute_midpoints(mesh, dim - 1, facets)
         if effect.direction is None:
             _, normals = effect.surface.distance(middles[:, :dim])
-            facing = np.any(np.einsum("id,id->i", (middles - cells)[:, :dim], normals) < 0)
+            facing = np.any(inner((middles - cells)[:, :dim], normals) < 0)
             if not parallel.any_rank(body.comm, bool(facing)):
                 message = (
                     "no facet of the boundary faces the foundation: name another boundary, turn "

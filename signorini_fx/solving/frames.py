@@ -370,7 +370,7 @@ def rotations(earlier: Array, later: Array, spin: Array | None = None) -> Array:
     if spin is not None:
         earlier = np.einsum("nij,nj->ni", spin, earlier)
     identity = np.eye(later.shape[1])
-    cosine = np.einsum("ni,ni->n", earlier, later)
+    cosine = inner(earlier, later)
     both = earlier + later
     # A plane that has turned over has no least rotation: then directions stay as they are.
     turns = (earlier != later).any(axis=1) & (1 + cosine > ROOT_OF_EPS)

@@ -14,7 +14,7 @@ import numpy as np
 
 from signorini_fx.addons.bounds.plain_problem import FacetsInContact, PlainProblem
 from signorini_fx.addons.bounds.simplices import EDGES_OF_FACET
-from signorini_fx.arrays import Array, Ints
+from signorini_fx.arrays import Array, Ints, inner
 from signorini_fx.quantities.proved_statements import Refused
 from signorini_fx.tuned import SAME_LENGTH
 
@@ -105,7 +105,7 @@ def _moved(places: Ints, depth: Array, normal: Array, free: Array) -> Array:
     ways = np.einsum("nij,nj->ni", free, mean)
     least = np.full(len(free), np.inf)
     for column in places.T:
-        np.minimum.at(least, column, np.einsum("md,md->m", ways[column], normal))
+        np.minimum.at(least, column, inner(ways[column], normal))
     movable = (least > _MOVABLE) & np.isfinite(least)
     scale = np.divide(deepest, least, out=np.zeros_like(deepest), where=movable)
     return scale[:, None] * ways

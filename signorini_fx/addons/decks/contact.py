@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 from signorini_fx.addons.decks.content import Deck, Interaction, SurfacePair
 from signorini_fx.addons.decks.text import DeckBlock, parameter, real, real_or_none
 from signorini_fx.addons.decks.unread_keywords import CONSTRAINT
-from signorini_fx.arrays import Ints
+from signorini_fx.arrays import Ints, inner
 from signorini_fx.tuned import DIGITS_OF_FILES, HARD_CONTACT
 
 # How a contact pair is discretised, which a scene chooses itself.
@@ -220,7 +220,7 @@ def _distance(deck: Deck, boundary: str, opposite: str) -> float:
     normals /= np.linalg.norm(normals, axis=1)[:, None]
     x = mesh.points[np.unique(mesh.facets[mesh.boundaries[boundary]])]
     nearest = cKDTree(corners.mean(axis=1)).query(x)[1]
-    return float(np.abs(np.einsum("nd,nd->n", x - corners[nearest, 0], normals[nearest])).max())
+    return float(np.abs(inner(x - corners[nearest, 0], normals[nearest])).max())
 
 
 def _oriented(deck: Deck) -> list[SurfacePair]:

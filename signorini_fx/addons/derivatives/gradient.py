@@ -34,7 +34,7 @@ from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
 from signorini_fx.algebra.contact.contact_map import ContactMap
 from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.linalg import ElasticSystem
-from signorini_fx.arrays import Array
+from signorini_fx.arrays import Array, inner
 from signorini_fx.errors import FormError
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import action
@@ -172,7 +172,7 @@ class SolvedStep:
         along = slips
         if self.spin is not None:  # shapes take with them where points were
             back = np.einsum("nji,njk,nk->ni", self.spin, boundary.tangents, slips)
-            normal = np.einsum("ni,ni->n", boundary.normal, back)
+            normal = inner(boundary.normal, back)
             along = np.einsum("nij,ni->nj", boundary.cotangents, back)
         contact.add_forces(normal, along, vector)
         carried = -self.compliance * np.einsum(

@@ -21,7 +21,7 @@ from scipy.sparse.linalg import lsqr, splu
 from scipy.spatial import cKDTree
 
 from signorini_fx.addons.decks.draft import draft
-from signorini_fx.arrays import Array, Flags, Ints
+from signorini_fx.arrays import Array, Flags, Ints, inner
 from signorini_fx.machine import compat
 from signorini_fx.mechanics.mesh.files.arrays import MeshArrays
 from signorini_fx.mechanics.mesh.halving import halved, quadratic
@@ -255,7 +255,7 @@ class SolutionOnMesh:
             change = lsqr(spread[free], left[free], atol=0.0, btol=1e-14)[0]
             left = left - spread @ change
             change = change.reshape(-1, v.shape[1])
-            pressure = np.einsum("nd,nd->n", change, boundary.normal)
+            pressure = inner(change, boundary.normal)
             shear = change - pressure[:, None] * boundary.normal
             tractions = replace(ours, pressure=ours.pressure + pressure, shear=ours.shear + shear)
         return tractions, np.where(self.held, 0.0, left.reshape(v.shape))

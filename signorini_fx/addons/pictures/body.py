@@ -9,7 +9,7 @@ from functools import lru_cache
 import numpy as np
 from scipy.spatial import Delaunay
 
-from signorini_fx.arrays import Array, Ints
+from signorini_fx.arrays import Array, Ints, diagonal
 from signorini_fx.tuned import SAME_LENGTH
 
 
@@ -136,7 +136,7 @@ class DrawnBody:
     @property
     def size(self) -> float:
         """Return the diagonal of the body, length."""
-        return float(np.linalg.norm(np.ptp(self.points, axis=0))) if len(self.points) else 0.0
+        return diagonal(self.points) if len(self.points) else 0.0
 
     def moved(self, factor: float) -> Array:
         """The points with the displacement times a factor; a failed solve may have left anything

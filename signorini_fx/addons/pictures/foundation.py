@@ -17,7 +17,7 @@ from signorini_fx.addons.pictures.boundary_profiles import (
     by_boundary,
 )
 from signorini_fx.addons.pictures.style import TIMES, number, readable
-from signorini_fx.arrays import Array, Flags, Ints
+from signorini_fx.arrays import Array, Flags, Ints, inner
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable
 from signorini_fx.results.fields import facets_of
 from signorini_fx.tuned import SEEN_AS_IT_IS, SHARP_EDGE, SMALL_PART
@@ -58,9 +58,7 @@ class Foundation:
             real, drawn = (normals_of(points[self.facets]) for points in places)
         lengths = np.linalg.norm(real, axis=1) * np.linalg.norm(drawn, axis=1)
         farther = (factor - 1) * float(np.abs(self.gap).max(initial=0.0))
-        return farther <= SMALL_PART * size and bool(
-            (np.einsum("ij,ij->i", real, drawn) >= _BENT * lengths).all()
-        )
+        return farther <= SMALL_PART * size and bool((inner(real, drawn) >= _BENT * lengths).all())
 
     def mirrored(self) -> list[Foundation]:
         """Return the foundation in 2D with its image on the other side of the axis x[0] = 0, as one

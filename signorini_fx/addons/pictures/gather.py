@@ -15,7 +15,7 @@ from dolfinx import mesh as dmesh
 
 from signorini_fx.addons.pictures.body import DrawnBody, normals_of, tiling
 from signorini_fx.addons.pictures.fields import FIELDS
-from signorini_fx.arrays import Array, Indices, Ints
+from signorini_fx.arrays import Array, Indices, Ints, inner
 from signorini_fx.machine import compat, parallel, terminal
 from signorini_fx.mechanics.assembly.mesh_entities import facet_entities, outer_facets
 from signorini_fx.results.solution import Solution
@@ -73,9 +73,7 @@ def gather_body(solution: Solution, fields: Sequence[str] = ()) -> DrawnBody | N
     if dim == 3:  # counterclockwise as seen from outside
         x = at(positions)
         middle = positions(corners.mean(axis=0)[None], cells)[:, 0]
-        inwards = (
-            np.einsum("ij,ij->i", normals_of(x[:, tiles.vertices]), x.mean(axis=1) - middle) < 0
-        )
+        inwards = inner(normals_of(x[:, tiles.vertices]), x.mean(axis=1) - middle) < 0
         place = place + len(sides) * inwards
     columns = np.concatenate(
         (at(positions), at(partial(_values_at, solution.displacement))[..., :dim]), axis=2

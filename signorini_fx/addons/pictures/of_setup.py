@@ -14,7 +14,7 @@ from mpi4py import MPI
 from signorini_fx.addons.pictures.body import normals_of
 from signorini_fx.addons.pictures.rigid_shapes import lines_of
 from signorini_fx.addons.pictures.setup import NamedBoundary, Setup
-from signorini_fx.arrays import Array, Indices
+from signorini_fx.arrays import Array, Indices, inner
 from signorini_fx.errors import OutputError, cannot_be_written
 from signorini_fx.machine import parallel
 from signorini_fx.machine.compat import geometry_cells
@@ -199,7 +199,7 @@ def _sides(tagged: TaggedMesh, facets: Indices) -> tuple[Array, Array]:
         normals_of(corners) if dim == 3 else (corners[:, 1] - corners[:, 0])[:, ::-1] * (1.0, -1.0)
     )
     inside = mesh.geometry.x[geometry_cells(mesh)[facet_cells(mesh, facets)], :dim].mean(axis=1)
-    inwards = np.einsum("ij,ij->i", areas, corners.mean(axis=1) - inside) < 0
+    inwards = inner(areas, corners.mean(axis=1) - inside) < 0
     corners[inwards] = corners[inwards, ::-1]
     areas[inwards] *= -1
     return corners, areas

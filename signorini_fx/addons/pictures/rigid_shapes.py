@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from signorini_fx.addons.pictures.body import normals_of
-from signorini_fx.arrays import Array, Ints
+from signorini_fx.arrays import Array, Ints, inner
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.rigid_shape import Distance
@@ -56,9 +56,7 @@ def triangles_of(distance: Distance, tagged: TaggedMesh) -> Triangles:
     points = np.asarray(surface.points, dtype=np.float64)
     triangles = surface.faces.reshape(-1, 4)[:, 1:].astype(np.int64)
     corners = points[triangles]
-    away = (
-        np.einsum("ij,ij->i", normals_of(corners), distance.direction(corners.mean(axis=1).T).T) > 0
-    )
+    away = inner(normals_of(corners), distance.direction(corners.mean(axis=1).T).T) > 0
     triangles[away] = triangles[away, ::-1]
     return points, triangles
 

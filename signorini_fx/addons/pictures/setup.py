@@ -31,7 +31,7 @@ from signorini_fx.addons.pictures.style import (
     number,
     plain,
 )
-from signorini_fx.arrays import Array, sides_of
+from signorini_fx.arrays import Array, diagonal, inner, sides_of
 from signorini_fx.mechanics.statement.units import bracketed, labelled, unit
 from signorini_fx.tuned import (
     BODY_INCHES,
@@ -200,7 +200,7 @@ class Setup:
         """The colours of the boundaries are those of their facets."""
         from signorini_fx.addons.pictures.solid import Solid, figure_of
 
-        above = COLOURS_ABOVE * float(np.linalg.norm(np.ptp(self.polygons.reshape(-1, 3), axis=0)))
+        above = COLOURS_ABOVE * diagonal(self.polygons.reshape(-1, 3))
         patches = [self.polygons]
         patches += [
             boundary.corners + above * boundary.normals[:, None] for boundary, *_ in self._coloured
@@ -275,7 +275,7 @@ class Setup:
         begin there.
         """
         lengths = np.linalg.norm(vectors, axis=1)
-        outwards = np.einsum("ij,ij->i", vectors, normals)
+        outwards = inner(vectors, normals)
         along = np.abs(outwards) < 0.3 * lengths
         start = at + SMALLEST_ARROW * self._size * along[:, None] * normals
         steps = LONGEST_ARROW_OF_SETUP * self._size * vectors

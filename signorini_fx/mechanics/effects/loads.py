@@ -14,7 +14,7 @@ from typing import Any, ClassVar, Literal, Self, cast
 import numpy as np
 from pydantic import PrivateAttr, model_validator
 
-from signorini_fx.arrays import Array
+from signorini_fx.arrays import Array, diagonal
 from signorini_fx.errors import SceneError
 from signorini_fx.mechanics.statement.effect import (
     BodyCoefficients,
@@ -597,7 +597,7 @@ def _distinct(file: Path, points: Array, values: Array) -> tuple[Array, Array]:
     """The points without those at the place of an earlier one, which must have its value."""
     from scipy.spatial import cKDTree
 
-    near = ROOT_OF_EPS * float(np.linalg.norm(np.ptp(points, axis=0))) if len(points) else 0.0
+    near = ROOT_OF_EPS * diagonal(points) if len(points) else 0.0
     earlier, later = cKDTree(points).query_pairs(near, output_type="ndarray").reshape(-1, 2).T
     unequal = np.abs(values[earlier] - values[later]) > DIGITS_OF_FILES * np.abs(values).max(
         initial=0.0

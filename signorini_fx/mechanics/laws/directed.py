@@ -18,7 +18,7 @@ from typing import Annotated, Any, ClassVar, Self
 import numpy as np
 from pydantic import BeforeValidator, Field, WithJsonSchema, WrapValidator, model_validator
 
-from signorini_fx.arrays import Array
+from signorini_fx.arrays import Array, inner
 from signorini_fx.errors import FormError
 from signorini_fx.mechanics.laws.protocol import FrictionLaw
 from signorini_fx.mechanics.statement.base import refused
@@ -73,7 +73,7 @@ class FrictionAxes:
         direction.
         """
         directed = np.asarray(self.along.any(axis=1))
-        first = self.along - np.einsum("ni,ni->n", self.along, normal)[:, None] * normal
+        first = self.along - inner(self.along, normal)[:, None] * normal
         first /= np.where(directed, np.linalg.norm(first, axis=1), 1.0)[:, None]
         return np.where(
             directed[:, None, None], np.stack((first, np.cross(normal, first)), axis=2), otherwise

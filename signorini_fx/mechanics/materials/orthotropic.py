@@ -14,7 +14,7 @@ from typing import Annotated, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from signorini_fx.arrays import Array
+from signorini_fx.arrays import Array, inner
 from signorini_fx.mechanics.materials.protocol import PAIRS, Material
 from signorini_fx.mechanics.statement.base import Table, refused
 from signorini_fx.mechanics.statement.effect import Contradictions
@@ -74,7 +74,7 @@ class Axes(Table):
             second = np.column_stack((-first[:, 1], first[:, 0], first[:, 2]))
         first = _unit(first)
         second = _unit(second)
-        second = _unit(second - first * np.einsum("ij,ij->i", first, second)[:, None], longest=1.0)
+        second = _unit(second - first * inner(first, second)[:, None], longest=1.0)
         return np.stack((first, second, np.cross(first, second)), axis=2)
 
 

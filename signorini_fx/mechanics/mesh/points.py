@@ -18,7 +18,7 @@ import numpy as np
 from dolfinx import geometry
 from dolfinx import mesh as dmesh
 
-from signorini_fx.arrays import Array, Indices, Ints
+from signorini_fx.arrays import Array, Indices, Ints, extents
 from signorini_fx.machine import compat, parallel
 from signorini_fx.tuned import MANY_STEPS, NOTHING_LEFT
 
@@ -193,7 +193,7 @@ def _nodes(mesh: dmesh.Mesh) -> Array:
 
 def _sizes(nodes: Array) -> Array:
     """The diagonals of the bounding boxes of cells."""
-    return np.linalg.norm(np.ptp(nodes, axis=1), axis=1)
+    return extents(nodes)
 
 
 def determinants(matrices: Array) -> Array:

@@ -17,7 +17,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from signorini_fx.arrays import Array, Ints
+from signorini_fx.arrays import Array, Ints, inner
 from signorini_fx.mechanics.mesh.files.arrays import (
     MeshArrays,
     pieces_of,
@@ -155,11 +155,11 @@ class _Facets:
             normal = np.asarray(np.cross(edges[:, 0], edges[:, 1]), dtype=np.float64)
         normal /= np.linalg.norm(normal, axis=1)[:, None]
         outward = corners.mean(axis=1) - mesh.points[mesh.corners[cell]].mean(axis=1)
-        normal *= np.sign(np.einsum("fd,fd->f", normal, outward))[:, None]
+        normal *= np.sign(inner(normal, outward))[:, None]
         ends = list(combinations(range(nodes.shape[1]), 2))
         length = np.max([np.linalg.norm(corners[:, a] - corners[:, b], axis=1) for a, b in ends], 0)
         first, second = _beside(nodes, mesh.dim)
-        angle = np.arccos(np.clip(np.einsum("fd,fd->f", normal[first], normal[second]), -1.0, 1.0))
+        angle = np.arccos(np.clip(inner(normal[first], normal[second]), -1.0, 1.0))
         smooth = np.cos(angle) > _SMOOTH
         first = first[smooth]
         second = second[smooth]
@@ -243,7 +243,7 @@ def _nearest(facets: _Facets, reach: Array) -> tuple[Ints, Ints, Array]:
         others.append(members[np.concatenate([*near, []]).astype(np.int64)])
     first = np.concatenate(rows)
     second = np.concatenate(others)
-    cosine = np.einsum("pd,pd->p", facets.normal[first], facets.normal[second])
+    cosine = inner(facets.normal[first], facets.normal[second])
     facing = cosine < _OPPOSITE
     first = first[facing]
     second = second[facing]
@@ -266,8 +266,8 @@ def _along_normal(facets: _Facets, centre: Array, first: Ints, second: Ints) -> 
     """
     x = centre[first]
     n = facets.normal[first]
-    distance = np.einsum("pd,pd->p", centre[second] - x, facets.normal[second])
-    distance /= np.einsum("pd,pd->p", n, facets.normal[second])
+    distance = inner(centre[second] - x, facets.normal[second])
+    distance /= inner(n, facets.normal[second])
     met = x + distance[:, None] * n
     corners = facets.corners[second]
     hit = np.zeros(len(first), dtype=bool)

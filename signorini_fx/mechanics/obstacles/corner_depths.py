@@ -15,7 +15,7 @@ import basix
 import numpy as np
 from dolfinx import fem
 
-from signorini_fx.arrays import Array, Indices, Ints
+from signorini_fx.arrays import Array, Indices, Ints, inner
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import (
     facet_cells,
@@ -87,7 +87,7 @@ class BodySurface:
         dim = self.pieces.shape[1]
         x = places[self.pieces][..., :dim]
         normal = _normals(x)
-        inwards = np.einsum("md,md->m", normal, places[self.behind][:, :dim] - x[:, 0])
+        inwards = inner(normal, places[self.behind][:, :dim] - x[:, 0])
         normal = np.where((inwards > 0)[:, None], -normal, normal)
         sides = np.linalg.norm(x - np.roll(x, 1, axis=1), axis=2).max(axis=1)
         rows = np.full((len(points), 3 + dim), (np.inf, -np.inf, *[0.0] * (1 + dim)))
@@ -286,7 +286,7 @@ def _closest(points: Array, x: Array) -> Array:
 def _on_segments(points: Array, begin: Array, end: Array) -> Array:
     """The closest point of each of m segments to each of b points, shape (b, m, d)."""
     along = end - begin
-    square = np.einsum("md,md->m", along, along)
+    square = inner(along, along)
     share = np.einsum("bmd,md->bm", points[:, None] - begin, along) / np.where(
         square > 0, square, 1.0
     )

@@ -23,7 +23,7 @@ import numpy as np
 import scipy.sparse as sp
 from dolfinx import fem
 
-from signorini_fx.arrays import Array, Flags, Indices, Ints
+from signorini_fx.arrays import Array, Flags, Indices, Ints, inner
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.averages import Averages, from_owners
 from signorini_fx.mechanics.assembly.mesh_entities import (
@@ -207,7 +207,7 @@ class CornerFeet:
         normal = np.array([line.normal(*at) for at in both])
         c = np.repeat(corners.places, 2, axis=0)
         radius = np.repeat(corners.radius, 2)
-        opening = np.einsum("nd,nd->n", normal, c - x) - radius
+        opening = inner(normal, c - x) - radius
         cosine = -np.einsum("nd,nsd->ns", normal, np.repeat(corners.sides, 2, axis=0)).max(axis=1)
         nearer = np.clip(cosine, ZERO_COMPONENT, 1.0)
         return phi, line.nodes[facet], normal, opening, np.sqrt(1.0 - nearer**2) / nearer

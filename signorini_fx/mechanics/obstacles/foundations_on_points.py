@@ -16,7 +16,7 @@ from dolfinx import fem
 from signorini_fx.algebra import Settings
 from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.friction import PointFriction, as_given
-from signorini_fx.arrays import Array, Flags, Indices, Ints
+from signorini_fx.arrays import Array, Flags, Indices, Ints, diagonal, inner
 from signorini_fx.errors import FormError, SceneError
 from signorini_fx.extensions import is_of_package
 from signorini_fx.machine import parallel
@@ -151,7 +151,7 @@ class Foundations:
         bounds = parallel.global_bounds(
             mesh.comm, mesh.geometry.x[:, : self._dimension].astype(np.float64)
         )
-        return float(np.linalg.norm(np.ptp(bounds, axis=0)))
+        return diagonal(bounds)
 
     @property
     def driven(self) -> list[Any]:
@@ -637,7 +637,7 @@ class Foundations:
                 gap[on_part] = averages.of_gap(gap[on_part], around)
         if (corners := boundary.corners) is not None:
             moved = boundary.moved(self.displacement)
-            ahead = np.einsum("nd,nd->n", boundary.normal, moved)
+            ahead = inner(boundary.normal, moved)
             for k in range(len(data)):
                 given = np.where(corners.alone, 0.0, boundary.interpolated(self.given_gap(k)))
                 own = (boundary.part == k) & ~np.isnan(corners.opening)

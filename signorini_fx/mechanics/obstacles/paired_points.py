@@ -14,7 +14,7 @@ import scipy.sparse as sp
 from dolfinx import fem
 from scipy.spatial import cKDTree
 
-from signorini_fx.arrays import Array, Flags, Indices, Ints
+from signorini_fx.arrays import Array, Flags, Indices, Ints, extents, inner
 from signorini_fx.errors import FormError
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.assembly.averages import Averages, from_owners
@@ -87,7 +87,7 @@ class PairedSide:
         numbers = numbers.reshape(names.shape).astype(np.int64)
         surface = PairSurface.of(numbers, x, Lagrange(places), np.ones(len(names)), measure)
         normals = surface.normals(np.arange(len(names)), places.mean(axis=0)[None, None])[:, 0]
-        sign = np.sign(np.einsum("fd,fd->f", normals, surface.corners.mean(axis=1) - middles))
+        sign = np.sign(inner(normals, surface.corners.mean(axis=1) - middles))
         return cls(replace(surface, sign=sign), nodes.astype(np.int64), facets)
 
     def owned(self, space: fem.FunctionSpace) -> Flags:
@@ -179,7 +179,7 @@ def mirrored(
     projectors = np.zeros_like(at_rest[0])
     nodes, columns = np.nonzero(held & slave.nodal_normals.any(axis=1, keepdims=True))
     across = frames[nodes, :, columns]
-    along_side = np.abs(np.einsum("ni,ni->n", slave.nodal_normals[nodes], across)) <= ASKEW_NORMAL
+    along_side = np.abs(inner(slave.nodal_normals[nodes], across)) <= ASKEW_NORMAL
     if slave.measure is not None:  # the normal is along the axis also at the tip of a cone
         on_axis = slave.measure[nodes] <= SAME_NUMBER * slave.measure.max()
         along_side |= on_axis & (np.abs(across[:, 1:]).max(axis=1) <= ROOT_OF_EPS)
@@ -187,10 +187,7 @@ def mirrored(
     across = across[along_side]
     if not nodes.size or not master_held.any():
         return projectors
-    size = max(
-        float(np.linalg.norm(np.ptp(side.corners, axis=1), axis=1).max())
-        for side in (slave, master)
-    )
+    size = max(float(extents(side.corners).max()) for side in (slave, master))
     within = DIGITS_OF_FILES * size
     reach = size + cKDTree(master.x).query(slave.x[nodes])[0]
     _, first, direction = np.unique(

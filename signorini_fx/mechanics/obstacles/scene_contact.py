@@ -19,7 +19,7 @@ import numpy as np
 from dolfinx import fem
 from scipy.spatial import cKDTree
 
-from signorini_fx.arrays import Array, Indices
+from signorini_fx.arrays import Array, Indices, extents
 from signorini_fx.errors import SceneError
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import facet_cells, facet_vertices
@@ -131,7 +131,7 @@ class SideFigures:
         else:
             stiffness = np.full(len(facets), float(shear_modulus.value))
         corners = facet_vertices(mesh, facets)
-        extent = np.linalg.norm(np.ptp(corners, axis=1), axis=1)
+        extent = extents(corners)
         sums = parallel.global_sum(
             mesh.comm, np.array([len(facets), stiffness.sum(), extent.sum()])
         )

@@ -31,7 +31,7 @@ import numpy as np
 from dolfinx import fem
 from scipy.spatial import cKDTree
 
-from signorini_fx.arrays import Array, Indices, Ints
+from signorini_fx.arrays import Array, Indices, Ints, inner
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import node_positions
 from signorini_fx.tuned import (
@@ -228,7 +228,7 @@ class BodyCells:
             at, outward = self.planes(corners[near])
             for _ in range(MANY_STEPS):
                 for facet in range(outward.shape[1]):
-                    beyond = np.einsum("nd,nd->n", x - at[:, facet], outward[:, facet])
+                    beyond = inner(x - at[:, facet], outward[:, facet])
                     x = x - np.maximum(beyond, 0.0)[:, None] * outward[:, facet]
                 signed, normal = shape.distance(x)
                 beyond = np.einsum("nfd,nfd->nf", x[:, None] - at, outward).max(axis=1)

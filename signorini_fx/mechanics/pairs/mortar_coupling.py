@@ -36,7 +36,7 @@ from mpi4py import MPI
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from signorini_fx.arrays import Array, Flags, Ints
+from signorini_fx.arrays import Array, Flags, Ints, inner
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.pairs.dual_functions import (
     carried,
@@ -127,7 +127,7 @@ class Coupling:
     @property
     def gap(self) -> Array:
         """n_i . d_i, length, shape (n,)."""
-        return np.einsum("nd,nd->n", self.normal, self.distance)
+        return inner(self.normal, self.distance)
 
 
 @dataclass(frozen=True)

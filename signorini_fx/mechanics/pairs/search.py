@@ -9,7 +9,7 @@ from itertools import chain
 import numpy as np
 from scipy.spatial import cKDTree
 
-from signorini_fx.arrays import Array, Ints
+from signorini_fx.arrays import Array, Ints, inner
 from signorini_fx.mechanics.pairs.pair_side import PairSurface, across
 from signorini_fx.tuned import DEEPEST_OVERLAP, FACING_SIDES, SAME_LENGTH
 
@@ -136,11 +136,11 @@ def candidates(slave: Patches, master: Patches, reach: float, turning: Array) ->
     normal = slave.normal[first]
     apart = master.centre[second] - slave.centre[first]
     beyond = slave.radius[first] + master.radius[second]
-    along = np.einsum("md,md->m", apart, normal)
+    along = inner(apart, normal)
     across = np.linalg.norm(apart - along[:, None] * normal, axis=1) - turning[first] * np.abs(
         along
     )
-    near = np.einsum("md,md->m", normal, master.normal[second]) < FACING_SIDES
+    near = inner(normal, master.normal[second]) < FACING_SIDES
     near &= (across <= aslant[first] * beyond) & (np.abs(along) <= reach + beyond)
     near &= np.linalg.norm(apart, axis=1) <= farthest[first]
     near &= 2.0 * np.abs(along) * np.maximum(slave.focus[first], master.focus[second]) < 1.0

@@ -27,7 +27,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import scipy.sparse as sp
 
-from signorini_fx.arrays import Array, Flags, Ints
+from signorini_fx.arrays import Array, Flags, Ints, inner
 from signorini_fx.mechanics.pairs.dual_functions import carried_evenly
 from signorini_fx.mechanics.pairs.mortar_coupling import coupled, projected
 from signorini_fx.mechanics.pairs.overlap import axes_across
@@ -192,8 +192,8 @@ def tangents_of_points(slave: PairSurface, points: Ints, normals: Array) -> Arra
     outward, first = (np.einsum("nij,nj->ni", rotation, vectors) for vectors in (outward, first))
     # The least rotation that takes the normal to that of the point.
     bisector = outward + normals
-    along = np.einsum("ni,ni->n", normals, first)
-    first = first - (along / (1.0 + np.einsum("ni,ni->n", outward, normals)))[:, None] * bisector
+    along = inner(normals, first)
+    first = first - (along / (1.0 + inner(outward, normals)))[:, None] * bisector
     on_plane = slave.across[points].any(axis=(1, 2))
     first[on_plane] = np.linalg.eigh(slave.across[points[on_plane]])[1][:, :, -1]
     return np.stack((first, np.cross(normals, first)), axis=2)

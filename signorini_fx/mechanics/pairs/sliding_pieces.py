@@ -29,7 +29,7 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 
-from signorini_fx.arrays import Array, Ints
+from signorini_fx.arrays import Array, Ints, inner
 from signorini_fx.mechanics.pairs.mortar_coupling import Tested
 from signorini_fx.mechanics.pairs.overlap import (
     axes_across,
@@ -191,7 +191,7 @@ class SlidingPieces:
         passing = (kinks.share[..., None] * kinks.across[:, None]).reshape(
             len(kinks.share), dim * kinks.share.shape[1]
         )
-        jumps = -np.einsum("vt,vt->v", kinks.functions, nodal[kinks.pieces, :, 0])
+        jumps = -inner(kinks.functions, nodal[kinks.pieces, :, 0])
         jumping = np.einsum("v,vi,vj->vij", jumps, passing, passing)
         places = components(self.blocks[touched], dim), components(kinks.blocks, dim)
         parts = (
@@ -353,7 +353,7 @@ class Kinks:
         across /= np.linalg.norm(across, axis=1)[:, None]
         # Which of both facets is behind as seen along n: from the middles of both.
         middles = master.corners[pairs].mean(axis=2)
-        swapped = np.einsum("md,md->m", middles[1] - middles[0], across) < 0
+        swapped = inner(middles[1] - middles[0], across) < 0
         corner = (master.nodes[pairs][..., None] == ends[:, None]).argmax(axis=2)
         on_facets = np.einsum("ve,sved->svd", of_end, master.functions.places[corner]).reshape(
             -1, 1, dim - 1
@@ -364,13 +364,13 @@ class Kinks:
         apart = np.einsum("ve,ved->vd", of_end, master.x[ends]) - np.einsum(
             "vk,vkd->vd", shape, slave.corners[facet]
         )
-        distance = np.einsum("vd,vd->v", apart, way)
-        projected = np.einsum("vd,vd->v", slave.normals(facet, at[:, None])[:, 0], way)
+        distance = inner(apart, way)
+        projected = inner(slave.normals(facet, at[:, None])[:, 0], way)
         if dim == 2:  # N turns along a facet
             bent = np.einsum(
                 "vk,vkd->vd", slave.functions.slopes(at)[0], projection.vectors[slave.nodes[facet]]
             )
-            turn = np.einsum("vd,vd->v", bent, across) * turns.sum(axis=1)
+            turn = inner(bent, across) * turns.sum(axis=1)
             projected = projected + slave.sign[facet] * distance * turn
         true = slave.sizes(facet, at[:, None])[:, 0]
         functions = np.einsum(

@@ -12,7 +12,7 @@ from typing import Annotated, Literal, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from signorini_fx.arrays import Array, Ints
+from signorini_fx.arrays import Array, Ints, inner
 from signorini_fx.mechanics.statement.rigid_shape import Corners, Shape, across, normalised, unit
 from signorini_fx.mechanics.statement.values import Accepts, Direction, Finite, Positive, Vector
 from signorini_fx.tuned import SAME_ANGLE, SAME_NUMBER
@@ -241,7 +241,7 @@ class StraightPieces:
         chosen, parameter = self._nearest(x)
         away = x - self._begin[chosen] - parameter[:, None] * self._along[chosen]
         normal = self._normals[chosen].copy()
-        signed = np.einsum("nd,nd->n", away, normal)
+        signed = inner(away, normal)
         round_off = SAME_NUMBER * float(np.abs(self._begin).max())
         # At a corner the sign is that of the mean of both normals (Baerentzen and Aanaes, IEEE
         # Trans. Vis. Comput. Graph. 11 (2005) 243-253), and the normal that of the distance, or on
@@ -249,7 +249,7 @@ class StraightPieces:
         for end, column in ((self._first[chosen], 0), (self._last[chosen], 1)):
             at_end = parameter == end
             mean = self._at_corner[self._pieces[chosen[at_end], column]]
-            outside = np.where(np.einsum("nd,nd->n", away[at_end], mean) < 0, -1.0, 1.0)
+            outside = np.where(inner(away[at_end], mean) < 0, -1.0, 1.0)
             size, along = normalised(
                 away[at_end], outside[:, None] * normalised(mean, normal[at_end])[1], round_off
             )
@@ -273,7 +273,7 @@ class StraightPieces:
         side = -1.0 if hollow else 1.0
         # A line that turns back upon itself is as convex as it is concave.
         convex = (side * turned > math.sin(math.radians(SAME_ANGLE))) | (
-            np.einsum("kd,kd->k", first, second) < 0
+            inner(first, second) < 0
         ) & (side * turned >= 0)
         at = at[convex]
         sides = side * np.stack((self._normals[before[at]], self._normals[after[at]]), axis=1)

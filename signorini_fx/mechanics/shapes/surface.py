@@ -13,7 +13,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from signorini_fx.arrays import Array, Ints, sides_of
+from signorini_fx.arrays import Array, Ints, diagonal, inner, sides_of
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.mechanics.shapes.analytic import StraightPieces
 from signorini_fx.mechanics.statement.rigid_shape import Corners, Shape
@@ -224,7 +224,7 @@ class InSpace:
             )
         self._distance = vtkImplicitPolyDataDistance()
         self._distance.SetInput(faced)
-        self._size = float(np.linalg.norm(np.ptp(points, axis=0)))
+        self._size = diagonal(points)
         self.extent = np.reshape(faced.bounds, (3, 2)).T, faced.volume / faced.area
         self._points = np.asarray(faced.points)
         self._triangles = order
@@ -250,7 +250,7 @@ class InSpace:
         other = normals[second // 3]
         along = x[ends[first, 1]] - x[ends[first, 0]]
         length = np.linalg.norm(along, axis=1)
-        turned = np.einsum("ed,ed->e", np.cross(one, other), along) / length
+        turned = inner(np.cross(one, other), along) / length
         height = (areas[first // 3] + areas[second // 3]) / (2 * length)
         return ends[first], one, other, turned, height
 
@@ -273,9 +273,7 @@ class InSpace:
         x = self._points
         edges, one, other, turned, _ = self._edges
         turned = turned * (-1.0 if hollow else 1.0)
-        sharp = (turned > math.sin(CORNER_ANGLE)) | (np.einsum("ed,ed->e", one, other) < 0) & (
-            turned >= 0
-        )
+        sharp = (turned > math.sin(CORNER_ANGLE)) | (inner(one, other) < 0) & (turned >= 0)
         edges = edges[sharp]
         at = np.flatnonzero(np.bincount(edges.ravel(), minlength=len(x)) > 2)
         of_edge = np.stack((one[sharp], other[sharp]), axis=1)

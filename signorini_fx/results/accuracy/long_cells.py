@@ -13,7 +13,7 @@ import numpy as np
 from mpi4py import MPI
 from scipy.spatial import cKDTree
 
-from signorini_fx.arrays import Array, Indices
+from signorini_fx.arrays import Array, Indices, extents
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.assembly.mesh_entities import facet_vertices
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
@@ -38,7 +38,7 @@ def under_long_cells(tagged: TaggedMesh, facets: Indices, squares: Array) -> Arr
     comm = mesh.comm
     found = np.zeros(len(squares))
     corners = facet_vertices(mesh, facets)[:, :, :dim]
-    lengths = np.linalg.norm(np.ptp(corners, axis=1), axis=1)
+    lengths = extents(corners)
     near = parallel.gather_rows(comm, np.column_stack((corners.mean(axis=1), lengths)))
     if not len(near):
         return found

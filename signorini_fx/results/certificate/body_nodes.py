@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
 
-from signorini_fx.arrays import Array, Flags, Ints
+from signorini_fx.arrays import Array, Flags, Ints, extents, inner
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import node_positions
 from signorini_fx.mechanics.assembly.pieces import find_pieces
@@ -46,7 +46,7 @@ class RigidPart:
         of_node = np.zeros(nodes.size_local + nodes.num_ghosts, dtype=np.int64)
         of_node[space.dofmap.list] = pieces.of_cell[:, None]
         self.piece = of_node[: len(self.x)]
-        self.size = np.linalg.norm(np.ptp(pieces.bounds, axis=1), axis=1)
+        self.size = extents(pieces.bounds)
         self._turned = rigid_modes(self._without_mean(self.x), np.zeros(dim), np.array(1.0))[
             :, :, dim:
         ]
@@ -87,7 +87,7 @@ class RigidPart:
         collective.
         """
         rows = vectors[:, None] if vectors.ndim == 1 else vectors
-        squares = np.einsum("ni,ni->n", rows, rows)[:, None]
+        squares = inner(rows, rows)[:, None]
         pieces = self.piece if piece is None else piece
         return np.sqrt(parallel.sums_by(self._comm, pieces, squares, self.count)[:, 0])
 

@@ -11,7 +11,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.polynomial import polynomial
 
-from signorini_fx.arrays import Array, Flags, Ints
+from signorini_fx.arrays import Array, Flags, Ints, diagonal, inner
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.interfaces import PlacedShape
@@ -53,18 +53,18 @@ def judged_corners(
         surface = next(one for one in boundary.surface if one[2] == foundation.contact)
         line = BoundaryLine.of(surface[0], surface[1], displacement)
         feet = feet_of(line, corners)
-        far = float(np.linalg.norm(np.ptp(line.x.reshape(-1, 2), axis=0)))
+        far = diagonal(line.x.reshape(-1, 2))
         at = np.flatnonzero(part & boundary.at_nodes)
         out = _left_out(line, feet, boundary.global_nodes[at], boundary.normal[at, :2])
         added_gap = foundation.added if isinstance(foundation.added, int | float) else 0.0
         distance = foundation.shape.distance(boundary.x[at] + moved[at])[0] + added_gap
-        ahead = np.einsum("nd,nd->n", normal[at], moved[at])
+        ahead = inner(normal[at], moved[at])
         gap[at] = np.where(out, far, np.where(alone[at], distance, gap[at] - ahead)) + ahead
         alone[at] = out
         if not rows.size:
             continue
         phi, names, along, opening, _ = feet.rows(line, corners)
-        given = gap[rows] - known.opening[rows] - np.einsum("nd,nd->n", normal[rows], moved[rows])
+        given = gap[rows] - known.opening[rows] - inner(normal[rows], moved[rows])
         given = np.where(known.alone[rows], 0.0, given)
         alone[rows] = feet.alone.ravel()
         ahead = np.einsum("nd,np,npd->n", along, phi, (line.x - line.initial)[feet.facet.ravel()])

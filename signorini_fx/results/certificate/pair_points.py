@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from signorini_fx.arrays import Array, Flags, Ints
+from signorini_fx.arrays import Array, Flags, Ints, diagonal
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.averages import from_owners
 from signorini_fx.mechanics.obstacles.paired_points import FacingSides, MovingPair, PairedSides
@@ -148,7 +148,7 @@ class PairPoints:
 
 def _size_of(x: Array) -> float:
     """The diagonal of the box around places, which are those of all ranks."""
-    return float(np.linalg.norm(np.ptp(x, axis=0)))
+    return diagonal(x)
 
 
 def _largest(values: Array) -> float:
