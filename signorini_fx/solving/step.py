@@ -373,7 +373,7 @@ def _softened(data: RegularisedData, posed: Posed) -> RegularisedData:
     gives way with the pressure is in series with either.
     """
     boundary = posed.body.boundary
-    laws = overclosures_of(posed.body.statement)
+    laws = overclosures_of(posed.body.contacts)
     if boundary is None or not (laws or posed.softness is not None):
         return data
     share = np.ones(boundary.size)

@@ -95,7 +95,7 @@ def heights(mesh: dmesh.Mesh, facets: Indices) -> Array:
     of the other, length, shape (facets,).
     """
     dim = mesh.topology.dim
-    cells = facet_entities(mesh, facets)[:, 0]
+    cells = facet_cells(mesh, facets)
     up = dmesh.compute_midpoints(mesh, dim, cells) - dmesh.compute_midpoints(mesh, dim - 1, facets)
     return np.asarray(2 * np.linalg.norm(up, axis=1))
 

@@ -111,9 +111,9 @@ class TearingBonds(StepEffect):
             bonded = near[at] & (values[0] > 0)
             for key, row in zip(PARAMETERS, values, strict=True):
                 wrong = ~(row >= 0) | (bonded & (row == 0))
-                if parallel.any_rank(comm, bool(wrong.any())):
+                if parallel.any_rank(comm, wrong):
                     raise SceneError.at(f"{where}.{key}", "must be above 0 at all points")
-            if not parallel.any_rank(comm, bool(bonded.any())):
+            if not parallel.any_rank(comm, bonded):
                 closest = -parallel.largest(comm, -contact.gap[at])
                 reason = f"bonds no point: the sides are {closest:.3g} apart, or its strength is 0"
                 raise SceneError.at(where, reason)
@@ -129,7 +129,7 @@ class TearingBonds(StepEffect):
             at = boundary.part == number
             stiff[at] = stiff[at] if part.stiffness is None else part.stiffness
             weak = at & (damage < 1.0) & (stiff <= least)
-            if parallel.any_rank(comm, bool(weak.any())):
+            if parallel.any_rank(comm, weak):
                 needed = parallel.largest(comm, least[at & (damage < 1.0)], 0.0)
                 reason = f"must be above {needed:.4g}, or the bond has torn before it softens"
                 raise SceneError.at(f"contact[{number}].cohesion.stiffness", reason)

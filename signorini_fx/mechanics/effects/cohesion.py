@@ -40,10 +40,10 @@ class Cohesion(ContactPart):
         0.0
     """
 
-    key: ClassVar[str] = "cohesion"
-    step_effect: ClassVar[str] = "cohesion"
-    positional: ClassVar[tuple[str, ...]] = ("strength", "energy")
-    value_keys: ClassVar[tuple[str, ...]] = (
+    key = "cohesion"
+    step_effect = "cohesion"
+    positional = ("strength", "energy")
+    value_keys = (
         "strength",
         "energy",
         "shear_strength",

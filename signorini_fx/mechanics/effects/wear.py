@@ -31,10 +31,10 @@ class Archard(ContactPart):
         0.0002
     """
 
-    key: ClassVar[str] = "wear"
-    step_effect: ClassVar[str] = "wear"
-    value_keys: ClassVar[tuple[str, ...]] = ("coefficient", "distance")
-    positional: ClassVar[tuple[str, ...]] = ("coefficient",)
+    key = "wear"
+    step_effect = "wear"
+    value_keys = ("coefficient", "distance")
+    positional = ("coefficient",)
     refuses: ClassVar[Mapping[str, Mapping[str, str]]] = {
         "wear": {
             "inertia": _NOT_YET,

@@ -17,7 +17,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
-from signorini_fx.arrays import Array, Flags, Ints
+from signorini_fx.arrays import Array, Flags, Ints, extents, inner
 from signorini_fx.mechanics.pairs.pair_side import PairSurface
 from signorini_fx.mechanics.pairs.search import Parts, candidates
 from signorini_fx.tuned import COARSER_FACETS, DIGITS_OF_FILES
@@ -32,7 +32,7 @@ def facing(surface: PairSurface, reach: float) -> tuple[Ints, Ints, Array]:
     parts = Parts.of(surface, np.arange(count))
     first, second = candidates(parts, parts, reach, np.zeros(len(parts.facet)))
     way = parts.centre[second] - parts.centre[first]
-    ahead = np.einsum("md,md->m", way, parts.normal[first])
+    ahead = inner(way, parts.normal[first])
     first = parts.facet[first]
     second = parts.facet[second]
     around = surface.around_neighbours.tocoo()
@@ -95,7 +95,7 @@ def chosen_sides(surface: PairSurface, reach: float, before: Ints) -> Ints:
 
 def _coarser(surface: PairSurface, side: Ints, patch: Ints) -> Flags:
     """Return which facets are of patches where those on the first side are larger, shape (f,)."""
-    extent = np.linalg.norm(np.ptp(surface.corners, axis=1), axis=1)
+    extent = extents(surface.corners)
     count = len(side)
     sums = [np.bincount(patch, extent * (side == sign), count) for sign in (1, -1)]
     sizes = [np.bincount(patch, side == sign, count) for sign in (1, -1)]

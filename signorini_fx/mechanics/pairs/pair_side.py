@@ -19,7 +19,7 @@ import numpy as np
 import scipy.sparse as sp
 from mpi4py import MPI
 
-from signorini_fx.arrays import Array, Flags, Ints
+from signorini_fx.arrays import Array, Flags, Ints, inner
 from signorini_fx.machine import parallel
 from signorini_fx.tuned import SAME_NUMBER, ZERO_COMPONENT
 
@@ -394,8 +394,8 @@ class PairSurface:
         normals = normals / np.linalg.norm(normals, axis=1, keepdims=True)
         beside = self.neighbours.tocoo()
         way = x[beside.col] - x[beside.row]
-        apart = np.einsum("md,md->m", way, way)
-        bent = -np.einsum("md,md->m", normals[beside.col] - normals[beside.row], way)
+        apart = inner(way, way)
+        bent = -inner(normals[beside.col] - normals[beside.row], way)
         curvature = np.divide(bent, apart, out=np.zeros_like(bent), where=apart > 0.0)
         focus = np.zeros(len(self.nodes))
         np.maximum.at(focus, beside.row, curvature)
