@@ -23,6 +23,18 @@ def inner(a: Array, b: Array) -> Array:
     return np.einsum("ij,ij->i", a, b)
 
 
+def matvec(matrices: Array, vectors: Array) -> Array:
+    """Return each of n matrices of shape (n, i, j) times its vector of shape (n, j)."""
+    return np.einsum("nij,nj->ni", matrices, vectors)
+
+
+def rmatvec(matrices: Array, vectors: Array) -> Array:
+    """Return the transpose of each of n matrices of shape (n, i, j) times its vector of shape
+    (n, i).
+    """
+    return np.einsum("nij,ni->nj", matrices, vectors)
+
+
 def diagonal(points: Array) -> float:
     """Return the length of the diagonal of the box around points of shape (n, d)."""
     return float(np.linalg.norm(np.ptp(points, axis=0)))

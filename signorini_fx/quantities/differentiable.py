@@ -14,7 +14,7 @@ import numpy as np
 import ufl
 from dolfinx import fem, la
 
-from signorini_fx.arrays import Array
+from signorini_fx.arrays import Array, rmatvec
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import assemble, compile_form, measure
@@ -106,7 +106,7 @@ class ContactForce(Functional):
         return parallel.total(boundary.comm, force)
 
     def by_traction(self, boundary: ContactBoundary, pressure: Array, shear: Array) -> Array:
-        return -np.einsum("nij,ni->nj", boundary.frames, self.directions(boundary))
+        return -rmatvec(boundary.frames, self.directions(boundary))
 
 
 @dataclass(frozen=True)

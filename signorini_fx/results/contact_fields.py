@@ -11,7 +11,7 @@ import numpy as np
 from dolfinx import fem, la
 from dolfinx import mesh as dmesh
 
-from signorini_fx.arrays import Flags, Indices
+from signorini_fx.arrays import Flags, Indices, matvec
 from signorini_fx.machine import compat
 from signorini_fx.mechanics.assembly.averages import averaging
 from signorini_fx.mechanics.assembly.mesh_entities import facet_nodes, node_positions
@@ -71,9 +71,9 @@ class ContactFields:
         cotangents = state.boundary.cotangents
         values = {
             "pressure": state.pressure[:, None],
-            "shear": np.einsum("ijk,ik->ij", tangents, state.shear),
+            "shear": matvec(tangents, state.shear),
             "gap": (state.gap - state.u_n)[:, None],
-            "slip": np.einsum("ijk,ik->ij", cotangents, state.slip_length),
+            "slip": matvec(cotangents, state.slip_length),
         }
         for name, point_values in values.items():
             function: fem.Function = getattr(self, name)

@@ -17,7 +17,7 @@ from mpi4py import MPI
 from signorini_fx.algebra.contact.friction import as_given
 from signorini_fx.algebra.contact.motions import total_work
 from signorini_fx.algebra.contact.statics import largest_multiple, reactions
-from signorini_fx.arrays import Array, Flags
+from signorini_fx.arrays import Array, Flags, rmatvec
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.kinematics import CARTESIAN
@@ -168,7 +168,7 @@ def _moment_about_middle(
     size = float(np.linalg.norm(moment))
     turn = moment / size if size > 0 else np.eye(len(moment))[-1]
     way = np.column_stack((-arm[:, 1], arm[:, 0])) * turn if dim == 2 else np.cross(turn, arm)
-    reach = np.linalg.norm(np.einsum("nij,ni->nj", boundary.tangents[on_part], way), axis=1)
+    reach = np.linalg.norm(rmatvec(boundary.tangents[on_part], way), axis=1)
     largest_moments = weight * np.where(reach > 0, contact.bound[on_part] * reach, 0.0)
     limit = parallel.total(comm, largest_moments)
     components: list[float | None] = [float(component) for component in moment]

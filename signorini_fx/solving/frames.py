@@ -16,7 +16,7 @@ from petsc4py import PETSc
 
 from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
 from signorini_fx.algebra.contact.active_sets import ActiveSets, release
-from signorini_fx.arrays import Array, inner, length, unit
+from signorini_fx.arrays import Array, inner, length, matvec, rmatvec, unit
 from signorini_fx.errors import FormError
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary, no_points
@@ -154,9 +154,7 @@ def _following(posed: Posed, state: State, values: ContactValues) -> tuple[Start
         bound=None if first.law is None else first.law.evaluate(pressure, 0.0)[0],
         slip_origin=slips + _along(boundary, posed.drift),
     )
-    shear, elastic = (
-        np.einsum("nij,nj->ni", rotation, vectors) for vectors in (values.shear, values.elastic)
-    )
+    shear, elastic = (matvec(rotation, vectors) for vectors in (values.shear, values.elastic))
     start = replace(
         first,
         data=data,
@@ -335,7 +333,7 @@ def in_frames(
 ) -> tuple[ActiveSets, tuple[Array, Array]]:
     """Sets and (lambda, mu) in the frames of now; ``rotation``: see ``rotations``."""
     shear, direction = (
-        components(np.einsum("nij,nj->ni", rotation, vectors), boundary.cotangents)
+        components(matvec(rotation, vectors), boundary.cotangents)
         for vectors in (values.shear, values.direction)
     )
     slips = (values.direction != 0.0).any(axis=1) & (length(direction) > 0)
@@ -345,17 +343,17 @@ def in_frames(
 
 def vectors_of(components: Array, tangents: Array) -> Array:
     """Tangential components, shape (n, d - 1), as vectors of space, shape (n, d)."""
-    return np.einsum("nij,nj->ni", tangents, components)
+    return matvec(tangents, components)
 
 
 def components(vectors: Array, cotangents: Array) -> Array:
     """The inverse of ``vectors_of``, with the dual basis."""
-    return np.einsum("nij,ni->nj", cotangents, vectors)
+    return rmatvec(cotangents, vectors)
 
 
 def _along(boundary: ContactBoundary, moved: Array | None) -> Any:
     """The components of motions along the boundary, shape (n, d - 1)."""
-    return 0.0 if moved is None else np.einsum("nij,ni->nj", boundary.tangents, moved)
+    return 0.0 if moved is None else rmatvec(boundary.tangents, moved)
 
 
 def rotations(earlier: Array, later: Array, spin: Array | None = None) -> Array:
@@ -368,7 +366,7 @@ def rotations(earlier: Array, later: Array, spin: Array | None = None) -> Array:
     None: it counts for nothing.
     """
     if spin is not None:
-        earlier = np.einsum("nij,nj->ni", spin, earlier)
+        earlier = matvec(spin, earlier)
     identity = np.eye(later.shape[1])
     cosine = inner(earlier, later)
     both = earlier + later

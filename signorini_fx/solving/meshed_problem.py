@@ -18,7 +18,7 @@ from signorini_fx.algebra.algorithms.task import Outcome, Task
 from signorini_fx.algebra.contact.active_sets import ActiveSets
 from signorini_fx.algebra.linalg.choice import krylov_from
 from signorini_fx.algebra.linalg.petsc_calls import memory_ended
-from signorini_fx.arrays import Array, length, unit
+from signorini_fx.arrays import Array, length, matvec, rmatvec, unit
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
@@ -325,8 +325,8 @@ def carry_over(
         boundary.x,
         coarse.in_contact,
         coarse.pressure,
-        np.einsum("ijk,ik->ij", tangents, coarse.direction),
-        np.einsum("ijk,ik->ij", tangents, coarse.shear),
+        matvec(tangents, coarse.direction),
+        matvec(tangents, coarse.shear),
         length(coarse.slip_length),
         coarse.bound,
         boundary.normal,
@@ -364,14 +364,12 @@ def carry_over(
         )
         # Between two bodies the points may have changed sides, and what one does to the other has
         # the other sign.
-        side = np.where(np.einsum("ijk,ik->ij", normal, fine.normal[on_part]) < 0, -1.0, 1.0)[
-            :, :, None
-        ]
+        side = np.where(matvec(normal, fine.normal[on_part]) < 0, -1.0, 1.0)[:, :, None]
         sliding = side * sliding
         sheared = side * sheared
         contact[on_part] = (near & (touching[:, :, 0] > 0)).any(axis=1)
         sliding = np.where(near[:, :, None], sliding, sliding[:, :1])
-        together = (np.einsum("ijk,ik->ij", sliding, sliding[:, 0]) > 0).all(axis=1)
+        together = (matvec(sliding, sliding[:, 0]) > 0).all(axis=1)
         direction[on_part] = np.where(together[:, None], sliding.sum(axis=1), 0.0)
         pressure[on_part] = (share * load[:, :, 0]).sum(axis=1)
         shear[on_part] = (np.atleast_2d(share)[:, :, None] * sheared).sum(axis=1)
@@ -379,7 +377,7 @@ def carry_over(
         bound = np.where(np.isfinite(bound), bound, 0.0)  # where nothing slips
         far, shear_bound = ((share * values[:, :, 0]).sum(axis=1) for values in (slipped, bound))
         turning[on_part] = np.divide(shear_bound, far, out=np.zeros_like(far), where=far > 0)
-    turned = np.einsum("ijk,ij->ik", fine.cotangents, direction)
+    turned = rmatvec(fine.cotangents, direction)
     slip = length(turned) > 0
     sets = ActiveSets.of(contact, np.where(slip[:, None], unit(turned), 0.0), turning)
-    return sets, (pressure, np.einsum("ijk,ij->ik", fine.cotangents, shear))
+    return sets, (pressure, rmatvec(fine.cotangents, shear))

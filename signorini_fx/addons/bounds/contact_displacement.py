@@ -14,7 +14,7 @@ import numpy as np
 
 from signorini_fx.addons.bounds.plain_problem import FacetsInContact, PlainProblem
 from signorini_fx.addons.bounds.simplices import EDGES_OF_FACET
-from signorini_fx.arrays import Array, Ints, inner
+from signorini_fx.arrays import Array, Ints, inner, matvec
 from signorini_fx.quantities.proved_statements import Refused
 from signorini_fx.tuned import SAME_LENGTH
 
@@ -102,7 +102,7 @@ def _moved(places: Ints, depth: Array, normal: Array, free: Array) -> Array:
         np.maximum.at(deepest, column, depths)
     sizes = np.linalg.norm(sums, axis=1, keepdims=True)
     mean = np.divide(sums, sizes, out=np.zeros_like(sums), where=sizes > 0)
-    ways = np.einsum("nij,nj->ni", free, mean)
+    ways = matvec(free, mean)
     least = np.full(len(free), np.inf)
     for column in places.T:
         np.minimum.at(least, column, inner(ways[column], normal))

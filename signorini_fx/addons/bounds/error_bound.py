@@ -48,7 +48,7 @@ from signorini_fx.addons.bounds.plain_problem import (
 )
 from signorini_fx.addons.bounds.simplices import EPS, closest_linear, with_hats
 from signorini_fx.algebra.contact.points import pushed
-from signorini_fx.arrays import Array
+from signorini_fx.arrays import Array, matvec
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.model import Model
@@ -273,7 +273,7 @@ class Bounded(PlainProblem):
         d = self.t.dimension
         parts = surface.parts
         displacement = self.relative(surface, y)
-        normal = np.einsum("fcd,fd->fc", displacement, parts.normal)
+        normal = matvec(displacement, parts.normal)
         tangential = displacement - normal[:, :, None] * parts.normal[:, None]
         values = bernstein(POINTS[d])
         linear = POINTS[d]

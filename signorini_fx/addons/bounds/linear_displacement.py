@@ -15,7 +15,7 @@ from petsc4py import PETSc
 from signorini_fx.addons.bounds.simplices import COLUMNS, ROWS, TWICE, Simplices, motions_of
 from signorini_fx.algebra.linalg import petsc_options
 from signorini_fx.algebra.linalg.factorisation import use_factorisation
-from signorini_fx.arrays import Array, Flags, Ints
+from signorini_fx.arrays import Array, Flags, Ints, matvec, rmatvec
 from signorini_fx.tuned import NOTHING_LEFT, ZERO_IN_SOLUTION
 
 # Facets, projectors onto directions in which their vertices have a given displacement, and that,
@@ -36,8 +36,8 @@ def smallest_energy(t: Simplices, given: list[Given]) -> tuple[Array, float]:
             np.add.at(value, column, projectors @ displacement)
     sizes, turn = np.linalg.eigh(weight)
     fixed = sizes > ZERO_IN_SOLUTION
-    along = np.einsum("nik,ni->nk", turn, value) / np.where(fixed, sizes, 1.0)
-    start = np.einsum("nik,nk->ni", turn, np.where(fixed, along, 0.0))
+    along = rmatvec(turn, value) / np.where(fixed, sizes, 1.0)
+    start = matvec(turn, np.where(fixed, along, 0.0))
     matrix = _stiffness(t)
     basis = free_basis(turn, fixed)
     if basis.shape[1]:

@@ -31,7 +31,7 @@ from signorini_fx.addons.bounds.simplices import (
     divide,
     with_hats,
 )
-from signorini_fx.arrays import Array, Ints
+from signorini_fx.arrays import Array, Ints, matvec
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.assembly.mesh_entities import facet_entities
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
@@ -83,7 +83,7 @@ def _of_points(contact: ContactState) -> Rows:
         "point": boundary.x[:, :d],
         "contact of point": boundary.part,
         "pressure": contact.pressure,
-        "shear": np.einsum("nij,nj->ni", boundary.tangents, contact.shear),
+        "shear": matvec(boundary.tangents, contact.shear),
     }
 
 
@@ -206,7 +206,7 @@ class FacetsInContact:
         """Coefficients of Bernstein of what a displacement is beyond the foundation or the other
         body, from its own, length, shape (m, c).
         """
-        return np.einsum("fcd,fd->fc", displacement, self.parts.normal) - self.gap
+        return matvec(displacement, self.parts.normal) - self.gap
 
     def work(self, motions: Array) -> tuple[Array, Array]:
         """Return the work of unit pressures and shears at the vertices of the facets, shapes (f, d,
@@ -353,7 +353,7 @@ class PlainProblem:
                 if value is not None:
                     held[facets] += along[:, :, None] * along[:, None]
                     prescribed = factor * _sampled(value, places[nodes])
-                    apart = np.einsum("mcd,md->mc", self.y[nodes], along) - prescribed
+                    apart = matvec(self.y[nodes], along) - prescribed
                     missed = max(missed, float(np.abs(apart).max(initial=0.0)))
                     largest = max(largest, float(np.abs(prescribed).max(initial=0.0)))
         if missed > ZERO_IN_SOLUTION * largest:
@@ -444,7 +444,7 @@ class PlainProblem:
             parts.local[side] @ self.t.x[self.t.facets[parts.facet(side)]]
             for side in (SLAVE, MASTER)
         ]
-        return np.einsum("fad,fd->fa", x[MASTER] - x[SLAVE], parts.normal)
+        return matvec(x[MASTER] - x[SLAVE], parts.normal)
 
     def _refuse_pair(self, covered: float, parts: ContactParts, *, acts: bool) -> None:
         """Refuse sides that the proof does not know; ``covered``: area; ``acts``: whether the

@@ -28,7 +28,7 @@ from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.contact.state import PointState
 from signorini_fx.algebra.linalg import ElasticSystem, petsc_calls, petsc_options
 from signorini_fx.algebra.regularised import ContactTangent
-from signorini_fx.arrays import Array, Flags, inner, length, unit
+from signorini_fx.arrays import Array, Flags, inner, length, rmatvec, unit
 from signorini_fx.errors import SignoriniError
 from signorini_fx.machine import parallel
 from signorini_fx.tuned import CERTIFICATE_TOLERANCE, LEFT_BY_SOLVES, MANY_STEPS, SAME_NUMBER
@@ -237,7 +237,7 @@ class TransposedTangent:
         right = self.system.with_load(by_displacement)
         contact = right.contact
         load = right.load
-        given = np.einsum("nji,nj->ni", law.tangent, by_traction)
+        given = rmatvec(law.tangent, by_traction)
         contact.add_forces(given[:, 0], given[:, 1:], load)
         psi = load.duplicate()
         correction = load.duplicate()
@@ -262,7 +262,7 @@ class TransposedTangent:
             # A traction cannot move what supports prescribe, and so without regularisation it is
             # none of the unknowns.
             unmoved = (np.abs(moved) <= SAME_NUMBER * length(moved)[:, None]) & law.exact
-            tractions = np.where(law.tied, np.einsum("nji,nj->ni", law.spread, untied), 0.0)
+            tractions = np.where(law.tied, rmatvec(law.spread, untied), 0.0)
             step = law.gamma * np.where(unmoved, 0.0, tractions)
             chi = chi + step
             change = parallel.largest(right.comm, np.abs(step))
@@ -291,6 +291,6 @@ class TransposedTangent:
                 f"after {solves} solves: there is no derivative; larger gamma_n and gamma_t need "
                 "fewer"
             )
-        turned = np.einsum("nji,nj->ni", law.turning, untied)
+        turned = rmatvec(law.turning, untied)
         tied = law.by_slips(chi) + turned
         return Adjoint(right.displacement(psi), untied, tied, law, contact.points.weight)

@@ -34,7 +34,7 @@ from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
 from signorini_fx.algebra.contact.contact_map import ContactMap
 from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.linalg import ElasticSystem
-from signorini_fx.arrays import Array, inner
+from signorini_fx.arrays import Array, inner, matvec, rmatvec
 from signorini_fx.errors import FormError
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import action
@@ -140,7 +140,7 @@ class SolvedStep:
             np.subtract.at(
                 forces,
                 boundary.nodes,
-                np.einsum("nij,ni->nj", self.curvature, of.directions(boundary)),
+                rmatvec(self.curvature, of.directions(boundary)),
             )
             row = forces.ravel()
         vector = self.body.vector(row)
@@ -173,10 +173,10 @@ class SolvedStep:
         if self.spin is not None:  # shapes take with them where points were
             back = np.einsum("nji,njk,nk->ni", self.spin, boundary.tangents, slips)
             normal = inner(boundary.normal, back)
-            along = np.einsum("nij,ni->nj", boundary.cotangents, back)
+            along = rmatvec(boundary.cotangents, back)
         contact.add_forces(normal, along, vector)
-        carried = -self.compliance * np.einsum(
-            "njk,nj->nk", turned(earlier.state.boundary, boundary, self.spin), slips
+        carried = -self.compliance * rmatvec(
+            turned(earlier.state.boundary, boundary, self.spin), slips
         )
         return vector, np.column_stack((np.zeros(len(slips)), carried))
 
@@ -299,13 +299,12 @@ def _relative(
     contact = _map_to(data.boundary, solved.body)
     u_n, u_t = contact.traces(_displaced(solved, data, body))
     if data.drift is not None:
-        u_t = u_t - np.einsum("nij,ni->nj", data.boundary.tangents, data.drift)
+        u_t = u_t - rmatvec(data.boundary.tangents, data.drift)
     if previous is not None:
         earlier, earlier_data = previous
         u_t = u_t - contact.traces(_displaced(earlier, earlier_data, body))[1]
         if solved.compliance and data.boundary is not earlier_data.boundary:
-            shear = np.einsum(
-                "njk,nk->nj",
+            shear = matvec(
                 turned(earlier_data.boundary, data.boundary, data.spin),
                 earlier.state.shear,
             )

@@ -47,7 +47,7 @@ from signorini_fx.algebra.contact.complementarity import (
 )
 from signorini_fx.algebra.linalg import finite, petsc_calls, petsc_options
 from signorini_fx.algebra.linalg.petsc_calls import factor_lacks_memory, unprinted
-from signorini_fx.arrays import Array, Flags, inner, length
+from signorini_fx.arrays import Array, Flags, inner, length, matvec
 from signorini_fx.machine import parallel
 from signorini_fx.records import Status
 from signorini_fx.tuned import (
@@ -335,7 +335,7 @@ class _Programme:
         across = slip_of(u_t, data) - (at.shear - data.mu_hat) / data.gamma_t - pull
 
         def answer(normal: Array, across: Array) -> tuple[Array, Array]:
-            return blocks[:, 0, 0] * normal, np.einsum("nij,nj->ni", blocks[:, 1:, 1:], across)
+            return blocks[:, 0, 0] * normal, matvec(blocks[:, 1:, 1:], across)
 
         pressure, shear = answer(normal, across)
         closed = one & (at.pressure > data.stiffness * at.opening)

@@ -28,7 +28,7 @@ from signorini_fx.algebra.algorithms.ssn import SemismoothNewton
 from signorini_fx.algebra.contact.active_sets import ActiveSets, tangent
 from signorini_fx.algebra.contact.complementarity import RegularisedData, slip_of
 from signorini_fx.algebra.linalg import petsc_calls
-from signorini_fx.arrays import Array, length
+from signorini_fx.arrays import Array, length, matvec
 from signorini_fx.machine import parallel
 from signorini_fx.records import Status
 from signorini_fx.tuned import GAMMA_GROWTH, NEGLIGIBLE, NOTABLE
@@ -71,7 +71,7 @@ def path_model(newton: SemismoothNewton, data: RegularisedData) -> PathModel:
         force = vector.duplicate()
         force.set(0.0)
         u_n, u_t = system.contact.traces(vector)
-        traction = np.einsum("nij,nj->ni", blocks, np.column_stack((u_n - gap, u_t - origin)))
+        traction = matvec(blocks, np.column_stack((u_n - gap, u_t - origin)))
         system.contact.add_forces(traction[:, 0], traction[:, 1:], force)
         return force
 

@@ -29,7 +29,7 @@ from signorini_fx.algebra.linalg.petsc_calls import (
     weakly,
 )
 from signorini_fx.algebra.regularised import RegularisedProblem
-from signorini_fx.arrays import Array, length, unit
+from signorini_fx.arrays import Array, length, matvec, unit
 from signorini_fx.machine import parallel
 from signorini_fx.records import History, IterationRecord, OuterRecord, Status
 from signorini_fx.tuned import (
@@ -405,7 +405,7 @@ class SemismoothNewton:
         )
         slips &= np.isfinite(bound) & (length(slip) > 0)
         limit = np.where(slips, bound, 0.0)[:, None] * unit(slip)
-        missing = np.einsum("nij,nj->ni", still, np.where(slips[:, None], limit - shear, 0.0))
+        missing = matvec(still, np.where(slips[:, None], limit - shear, 0.0))
         shear = onto_disc(shear + missing, bound)
         return pressure, shear
 

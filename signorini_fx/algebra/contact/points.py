@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 from mpi4py import MPI
 
-from signorini_fx.arrays import Array, Flags, Ints, length
+from signorini_fx.arrays import Array, Flags, Ints, length, matvec
 from signorini_fx.machine import parallel
 from signorini_fx.tuned import NO_FORCE, ROOT_OF_EPS, SAME_LENGTH, ZERO_IN_SOLUTION
 
@@ -96,7 +96,7 @@ class ContactPoints:
         ``slip``: what friction opposes, shape (n, d - 1), ``motion``: (tau_N y, tau_T y), shape (n,
         d), lengths.
         """
-        return length(np.einsum("nij,nj->ni", self.still, slip)) > ZERO_IN_SOLUTION * length(motion)
+        return length(matvec(self.still, slip)) > ZERO_IN_SOLUTION * length(motion)
 
     def closed(self, contact: Flags, entered: Array) -> tuple[Array, Array]:
         """``still`` and the direction that another contact of the same node closes, where one is
@@ -157,7 +157,7 @@ class ContactPoints:
         """
         if values.ndim == 1:
             return self.movable[:, :, 0] * values[:, None]
-        return np.einsum("nij,nj->ni", self.movable[:, :, 1:], values)
+        return matvec(self.movable[:, :, 1:], values)
 
 
 def onto_range(matrices: Array) -> Array:

@@ -16,7 +16,7 @@ from dolfinx import fem, jit, la
 from petsc4py import PETSc
 
 from signorini_fx.algebra.linalg.blocks import BlockRows, block_matrix
-from signorini_fx.arrays import Array, Flags, Ints
+from signorini_fx.arrays import Array, Flags, Ints, matvec
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.averages import from_owners
 
@@ -110,9 +110,7 @@ class NodalStiffness:
         dim = self.blocks.shape[1]
         owned = space.dofmap.index_map.size_local
         forces = np.zeros((owned, dim))
-        forces[self.nodes] = np.einsum(
-            "nij,nj->ni", self.blocks, displacement.reshape(-1, dim)[self.nodes]
-        )
+        forces[self.nodes] = matvec(self.blocks, displacement.reshape(-1, dim)[self.nodes])
         return sum((joint.times(displacement, space) for joint in self.joint), forces.ravel())
 
     def add_to(self, matrix: PETSc.Mat, fixed: Flags | None = None) -> None:

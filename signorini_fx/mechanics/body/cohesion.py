@@ -13,7 +13,7 @@ from typing import Any, Self
 import numpy as np
 
 from signorini_fx.algebra.contact.bond import Bond
-from signorini_fx.arrays import Array, inner
+from signorini_fx.arrays import Array, inner, matvec, rmatvec
 from signorini_fx.errors import SceneError
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
@@ -46,7 +46,7 @@ class TearingBonds(StepEffect):
             bond = replace(
                 bond,
                 damage=state.fields["damage"].values,
-                separation=np.einsum("ijk,ij->ik", contact.boundary.tangents, separation),
+                separation=rmatvec(contact.boundary.tangents, separation),
             )
         return replace(contact, data=replace(contact.data, bond=bond))
 
@@ -59,7 +59,7 @@ class TearingBonds(StepEffect):
         earlier = state.fields.get("separation")
         last = np.zeros_like(boundary.x) if earlier is None else earlier.values
         first = bond.at(inner(last, boundary.normal), bond.separation)
-        slip = np.einsum("ijk,ik->ij", boundary.tangents, traces[1] - bond.position[:, 1:])
+        slip = matvec(boundary.tangents, traces[1] - bond.position[:, 1:])
         opened = np.maximum(now.gap - now.u_n, 0.0)
         taken = bond.torn(traces)
         taken = taken[:, 0] - taken[:, 1]

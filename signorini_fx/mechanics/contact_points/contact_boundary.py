@@ -24,7 +24,7 @@ from petsc4py import PETSc
 
 from signorini_fx.algebra.contact.contact_map import ContactMap
 from signorini_fx.algebra.contact.points import ContactPoints, SharedNodes, onto_range
-from signorini_fx.arrays import Array, Flags, Indices, Ints
+from signorini_fx.arrays import Array, Flags, Indices, Ints, rmatvec
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.assembly.averages import Averages, averaging, from_owners
 from signorini_fx.mechanics.assembly.mesh_entities import (
@@ -283,9 +283,7 @@ class ContactBoundary:
         nodes = np.split(order, np.flatnonzero(np.diff(self.nodes[order])) + 1)
         pairs = [pair for group in nodes for pair in permutations(map(int, group), 2)]
         points, beside = np.array(pairs, dtype=np.int64).reshape(-1, 2).T
-        return SharedNodes(
-            points, beside, np.einsum("nji,nj->ni", self.coframes[points], self.normal[beside])
-        )
+        return SharedNodes(points, beside, rmatvec(self.coframes[points], self.normal[beside]))
 
     def nodal_forces(self, pressure: Array, shear: Array) -> Array:
         """Nodal w (lambda n + T mu), shape (n, d), minus the forces on the body; with ``pushing``

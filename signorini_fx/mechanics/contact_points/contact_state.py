@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 
 from signorini_fx.algebra.contact.state import PointState
-from signorini_fx.arrays import Array
+from signorini_fx.arrays import Array, matvec
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 
@@ -108,12 +108,8 @@ class ContactState(PointState):
         """
         if vectors.shape[1] == 1:
             return vectors
-        return np.einsum("ijk,ik->ij", self.boundary.tangents, vectors)
+        return matvec(self.boundary.tangents, vectors)
 
     def displaced(self, vectors: Array) -> Array:
         """Return tangential displacements or slips as in tables, see ``tangential``."""
-        return (
-            vectors
-            if vectors.shape[1] == 1
-            else np.einsum("ijk,ik->ij", self.boundary.cotangents, vectors)
-        )
+        return vectors if vectors.shape[1] == 1 else matvec(self.boundary.cotangents, vectors)

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from signorini_fx.arrays import Array, Flags, Indices, Ints
+from signorini_fx.arrays import Array, Flags, Indices, Ints, matvec
 from signorini_fx.mechanics.effects.displacement import Displacement
 from signorini_fx.tuned import ROOT_OF_EPS
 
@@ -85,7 +85,7 @@ class TurnedNodes:
         for column, support in enumerate(self.supports, start=y.shape[1]):
             if any(support.effect is effect for effect in active):
                 given[support.nodes, column] = support.values
-        y[self.nodes] = np.einsum("nij,nj->ni", self.from_given, given[self.nodes])
+        y[self.nodes] = matvec(self.from_given, given[self.nodes])
 
     def frames_at(self, nodes: npt.NDArray[np.integer[Any]]) -> Array:
         """The frame of each of some nodes, the axes where it is not turned, shape (n, d, d)."""

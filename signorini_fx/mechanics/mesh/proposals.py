@@ -17,7 +17,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from signorini_fx.arrays import Array, Ints, inner
+from signorini_fx.arrays import Array, Ints, inner, rmatvec
 from signorini_fx.mechanics.mesh.files.arrays import (
     MeshArrays,
     pieces_of,
@@ -276,7 +276,7 @@ def _along_normal(facets: _Facets, centre: Array, first: Ints, second: Ints) -> 
         origin = corners[:, ends[0]]
         edges = np.stack([corners[:, end] - origin for end in ends[1:]], axis=2)
         gram = np.einsum("pdi,pdj->pij", edges, edges)
-        right = np.einsum("pdi,pd->pi", edges, met - origin)
+        right = rmatvec(edges, met - origin)
         share = np.linalg.solve(gram, right[..., None])[..., 0]
         tiny = np.sqrt(SAME_LENGTH)
         hit |= (share >= -tiny).all(axis=1) & (share.sum(axis=1) <= 1.0 + tiny)

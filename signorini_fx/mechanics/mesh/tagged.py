@@ -22,7 +22,7 @@ from dolfinx.io import distribute_entity_data
 from mpi4py import MPI
 from scipy.spatial import ConvexHull, QhullError
 
-from signorini_fx.arrays import Array, Flags, Indices, Ints
+from signorini_fx.arrays import Array, Flags, Indices, Ints, matvec
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.assembly.mesh_entities import outer_facets
@@ -189,8 +189,8 @@ def largest_distance(x: Array) -> float:
         )
         # Along the line through both middles, and across it.
         line = apart / np.maximum(length, np.finfo(float).tiny)[:, None]
-        far = np.einsum("pmd,pd->pm", groups[one], line).max(axis=1)
-        near = np.einsum("pmd,pd->pm", groups[other], line).min(axis=1)
+        far = matvec(groups[one], line).max(axis=1)
+        near = matvec(groups[other], line).min(axis=1)
         kept = np.hypot(far - near, radius[one] + radius[other]) > largest
         pairs = np.column_stack((one[kept], other[kept]))
     return largest

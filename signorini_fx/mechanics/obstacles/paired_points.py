@@ -14,7 +14,7 @@ import scipy.sparse as sp
 from dolfinx import fem
 from scipy.spatial import cKDTree
 
-from signorini_fx.arrays import Array, Flags, Indices, Ints, extents, inner
+from signorini_fx.arrays import Array, Flags, Indices, Ints, extents, inner, matvec, rmatvec
 from signorini_fx.errors import FormError
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.assembly.averages import Averages, from_owners
@@ -151,7 +151,7 @@ def held_along(normal: Array, frames: Array, fixed: Flags) -> Flags:
     component that is free, not ``fixed``, in their frames, one direction per column, shape (n, d,
     d), has any of it; shape (n,).
     """
-    sizes = np.abs(np.einsum("nij,ni->nj", frames, normal))
+    sizes = np.abs(rmatvec(frames, normal))
     return np.asarray(np.where(fixed, 0.0, sizes).max(axis=1) <= ROOT_OF_EPS) & normal.any(axis=1)
 
 
@@ -413,7 +413,7 @@ class PairedSides:
         turned = (
             (present[:, :, None] * present[:, None] - identity) @ (identity - self.across) / size
         )
-        shear = np.einsum("nik,nk->ni", boundary.tangents[points], state.shear[points])
+        shear = matvec(boundary.tangents[points], state.shear[points])
         # Tangents turn against normals.
         tractions = (
             state.pressure[points, None, None] * identity
@@ -436,7 +436,7 @@ class PairedSides:
         symmetry.
         """
         sums = self.coupling.master @ master.directions
-        return sums - np.einsum("nij,nj->ni", self.across, sums)
+        return sums - matvec(self.across, sums)
 
     @property
     def across(self) -> Array:
@@ -609,7 +609,7 @@ class MovingPair:
         """Slips along T_i of the points of all ranks, shape (n, d - 1), as vectors without what
         nothing slides along, at those of this rank, shape (n, d).
         """
-        return np.asarray(np.einsum("ndk,nk->nd", self._sliding, slip))[self.mine]
+        return np.asarray(matvec(self._sliding, slip))[self.mine]
 
     @property
     def slip(self) -> Array:
@@ -639,11 +639,11 @@ class MovingPair:
         """What the tractions of a state add to the tangent, see ``SlidingCoupling``; collective."""
         rows = np.flatnonzero(state.boundary.part == self.sides.index)
         space = self.sides.space
-        shear = np.einsum("nik,nk->ni", state.boundary.tangents[rows], state.shear[rows])
+        shear = matvec(state.boundary.tangents[rows], state.shear[rows])
         owned = np.zeros((space.dofmap.index_map.size_local, 1 + shear.shape[1]))
         owned[self.local_points] = np.column_stack((state.pressure[rows], shear))
         tractions = from_owners(owned, self.sides.slave.nodes[self.points], space.mesh.comm)
-        along = np.einsum("ndk,nd->nk", self.coupling.frames.tangents, tractions[:, 1:])
+        along = rmatvec(self.coupling.frames.tangents, tractions[:, 1:])
         return JointStiffness(
             self.sides.nodes, self.coupling.stiffness(tractions[:, 0], along, symmetric=symmetric)
         )

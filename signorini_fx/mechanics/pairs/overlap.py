@@ -17,7 +17,7 @@ import basix
 import numpy as np
 from mpi4py import MPI
 
-from signorini_fx.arrays import Array, Ints
+from signorini_fx.arrays import Array, Ints, matvec
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.pairs.pair_side import Lagrange, Overlap, PairSurface
 from signorini_fx.mechanics.pairs.search import Parts, candidates
@@ -268,7 +268,7 @@ def plane_overlap(
     master = master_parts.side
     facets = slave_parts.facet
     normals = (slave.nodal_normals if directions is None else directions)[slave.nodes[facets]]
-    cosine = np.einsum("fkd,fd->fk", normals, slave_parts.normal)
+    cosine = matvec(normals, slave_parts.normal)
     sine = _cross(normals, slave_parts.normal[:, None])
     turning = (np.abs(sine) / np.maximum(cosine, SAME_NUMBER)).max(axis=1)
     numbers, master_facets = candidates(slave_parts, master_parts, reach, turning)

@@ -27,7 +27,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import scipy.sparse as sp
 
-from signorini_fx.arrays import Array, Flags, Ints, inner
+from signorini_fx.arrays import Array, Flags, Ints, inner, matvec, rmatvec
 from signorini_fx.mechanics.pairs.dual_functions import carried_evenly
 from signorini_fx.mechanics.pairs.mortar_coupling import coupled, projected
 from signorini_fx.mechanics.pairs.overlap import axes_across
@@ -102,7 +102,7 @@ class SlidingCoupling:
             then, now = (
                 frames.both @ np.concatenate((at.slave.x, at.master.x)) for at in (begun, self)
             )
-            ways.append(np.einsum("ndk,nd->nk", tangents, now) - np.einsum("ndk,nd->nk", old, then))
+            ways.append(rmatvec(tangents, now) - rmatvec(old, then))
         return np.where(begun.frames.partnered[:, None], ways[0], ways[1])
 
     def stiffness(self, pressure: Array, shear: Array, *, symmetric: bool) -> sp.csr_array:
@@ -189,7 +189,7 @@ def tangents_of_points(slave: PairSurface, points: Ints, normals: Array) -> Arra
     outward = slave.undeformed.nodal_normals[points]
     first = axes_across(outward)[:, 0]
     rotation = rotations_at_nodes(slave, points)
-    outward, first = (np.einsum("nij,nj->ni", rotation, vectors) for vectors in (outward, first))
+    outward, first = (matvec(rotation, vectors) for vectors in (outward, first))
     # The least rotation that takes the normal to that of the point.
     bisector = outward + normals
     along = inner(normals, first)

@@ -29,7 +29,7 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 
-from signorini_fx.arrays import Array, Ints, inner
+from signorini_fx.arrays import Array, Ints, inner, matvec, rmatvec
 from signorini_fx.mechanics.pairs.mortar_coupling import Tested
 from signorini_fx.mechanics.pairs.overlap import (
     axes_across,
@@ -132,7 +132,7 @@ class SlidingPieces:
         facing = inverse[..., -1]
         dual = np.moveaxis(inverse[..., :-1], 3, 0)
         curvatures = master.functions.curvatures if dim == 2 else np.zeros(corners.shape[1])
-        curved = np.einsum("pqd,pd->pq", facing, curvatures @ corners)
+        curved = matvec(facing, curvatures @ corners)
         directed = facing, facing - way, dual, distance, curved
         return cls(mean, tested, projection, blocks, spread, share, turns, slope, *directed)
 
@@ -144,7 +144,7 @@ class SlidingPieces:
     @property
     def gap(self) -> Array:
         """Return the gap at the points, length, shape (n,)."""
-        return self.mean @ np.einsum("pqt,pq->pt", self.tested.weighted, self.distance).ravel()
+        return self.mean @ rmatvec(self.tested.weighted, self.distance).ravel()
 
     @property
     def rows(self) -> sp.csr_array:
@@ -373,9 +373,7 @@ class Kinks:
             turn = inner(bent, across) * turns.sum(axis=1)
             projected = projected + slave.sign[facet] * distance * turn
         true = slave.sizes(facet, at[:, None])[:, 0]
-        functions = np.einsum(
-            "vij,vj->vi", tested.coefficients[facet], slave.functions.tests.values(at)
-        )
+        functions = matvec(tested.coefficients[facet], slave.functions.tests.values(at))
         functions *= (jump * lengths * true / np.abs(projected))[:, None]
         turned = count + len(master.x) + projection.numbers[facet]
         blocks = np.column_stack((slave.nodes[facet], count + ends, turned))
@@ -423,9 +421,7 @@ def _on_edges(
     start = line[:, 0]
     along = line[:, 1] - line[:, 0]
     within, count = clip(line, counterclockwise(flat))
-    shares = np.einsum(
-        "mck,mk->mc", within - start[:, None], along / np.sum(along**2, axis=1)[:, None]
-    )
+    shares = matvec(within - start[:, None], along / np.sum(along**2, axis=1)[:, None])
     valid = np.arange(within.shape[1]) < count[:, None]
     enters = np.where(valid, shares, np.inf).min(axis=1)
     leaves = np.where(valid, shares, -np.inf).max(axis=1)

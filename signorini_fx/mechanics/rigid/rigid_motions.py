@@ -18,7 +18,7 @@ from petsc4py import PETSc
 
 from signorini_fx.algebra.contact.motions import FreeMotions, RigidLoad
 from signorini_fx.algebra.contact.points import PointGroups
-from signorini_fx.arrays import Array, Flags, Ints
+from signorini_fx.arrays import Array, Flags, Ints, matvec
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.averages import from_owners
 from signorini_fx.mechanics.assembly.mesh_entities import node_positions
@@ -156,7 +156,7 @@ class RigidMotions:
         (n, d).
         """
         coefficients = motion.reshape(-1, self.each)[self.piece[nodes]]
-        moved: Array = np.einsum("ijk,ik->ij", self.modes(nodes), coefficients)
+        moved: Array = matvec(self.modes(nodes), coefficients)
         return moved
 
     def load_of(self, forces: Array, comm: MPI.Comm, driving: Array | None = None) -> RigidLoad:
@@ -301,7 +301,7 @@ def nearest_motion(
     shape (m p,); collective.
     """
     _, moved = _at_supports(motions, fixed, prescribed, turned, comm)
-    return np.einsum("pij,pj->pi", motions.supported, moved).ravel()
+    return matvec(motions.supported, moved).ravel()
 
 
 def _at_supports(

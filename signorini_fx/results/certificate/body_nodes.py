@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
 
-from signorini_fx.arrays import Array, Flags, Ints, extents, inner
+from signorini_fx.arrays import Array, Flags, Ints, extents, inner, matvec, rmatvec
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import node_positions
 from signorini_fx.mechanics.assembly.pieces import find_pieces
@@ -61,12 +61,10 @@ class RigidPart:
         (pieces,); ``y``: of the owned nodes, length, shape (owned nodes, d); collective.
         """
         motion = self._without_mean(y)
-        moment = self.sums(np.einsum("nik,ni->nk", self._turned, motion))
-        angles = np.einsum("pkl,pl->pk", self._inverse, moment)
+        moment = self.sums(rmatvec(self._turned, motion))
+        angles = matvec(self._inverse, moment)
         return self.largest(
-            np.linalg.norm(
-                motion - np.einsum("nik,nk->ni", self._turned, angles[self.piece]), axis=1
-            )
+            np.linalg.norm(motion - matvec(self._turned, angles[self.piece]), axis=1)
         )
 
     def largest(self, values: Array, piece: npt.NDArray[Any] | None = None) -> Array:
@@ -127,7 +125,7 @@ class PrescribedNodes:
         nodes, d).
         """
         free = np.where(self.fixed, 0.0, self._in_frames(vectors))
-        return free if self._frames is None else np.einsum("nij,nj->ni", self._frames, free)
+        return free if self._frames is None else matvec(self._frames, free)
 
     def taken(self, forces: Array, position: int) -> Array:
         """The part of nodal forces that one entry of ``scene.displacement`` takes, shape (owned
@@ -139,7 +137,7 @@ class PrescribedNodes:
         here = self.turned.nodes < len(forces)
         nodes = self.turned.nodes[here]
         dim = forces.shape[1]
-        along = np.einsum("nij,ni->nj", self.turned.from_given[here], forces[nodes])
+        along = rmatvec(self.turned.from_given[here], forces[nodes])
         taken[nodes] = np.where(self.by[nodes] == position, along[:, :dim], 0.0)
         for number, support in enumerate(self.turned.supports):
             if support.position == position:
@@ -155,4 +153,4 @@ class PrescribedNodes:
 
     def _in_frames(self, vectors: Array) -> Array:
         """Components of vectors at the owned nodes in these frames."""
-        return vectors if self._frames is None else np.einsum("nij,ni->nj", self._frames, vectors)
+        return vectors if self._frames is None else rmatvec(self._frames, vectors)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from dolfinx import fem
 
-from signorini_fx.arrays import Array
+from signorini_fx.arrays import Array, matvec
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.rigid.rigid_bodies import Drive, RigidBodyMotion
 from signorini_fx.mechanics.scales import Scales
@@ -371,7 +371,7 @@ def contact_conditions(
     # What is along the normal, or across a plane of symmetry, is no friction.
     excluded = np.linalg.norm(nodes.shear - nodes.along(nodes.shear), axis=1)
     for pair, part in nodes.of_pairs:
-        across = np.einsum("nij,nj->ni", pair.across, nodes.shear[part])
+        across = matvec(pair.across, nodes.shear[part])
         excluded[part] = np.hypot(excluded[part], np.linalg.norm(across, axis=1))
     figures = {
         "negative_pressure": (-pressure[~bilateral], stress[~bilateral]),

@@ -14,7 +14,7 @@ import numpy.typing as npt
 import scipy.sparse as sp
 
 from signorini_fx.algebra.contact.friction import PointFriction
-from signorini_fx.arrays import Array, Flags, Ints
+from signorini_fx.arrays import Array, Flags, Ints, matvec, rmatvec
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.averages import from_owners, to_owners
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
@@ -88,10 +88,10 @@ class ContactNodes(ContactConditions):
         if self.bond is None:
             return self
         tangents = self.boundary.tangents
-        traces = u_n, np.einsum("ijk,ij->ik", tangents, slip)
+        traces = u_n, rmatvec(tangents, slip)
         bond = self.bond.begun(self.gap, np.zeros_like(traces[1]))
         held = bond.tractions(traces)
-        shear = self.shear - np.einsum("ijk,ik->ij", tangents, held[:, 1:])
+        shear = self.shear - matvec(tangents, held[:, 1:])
         return replace(
             self, pressure=self.pressure - held[:, 0], shear=shear, broken=bond.damaged(traces)
         )
@@ -216,7 +216,6 @@ class ContactNodes(ContactConditions):
         axes = self.boundary.axes
         tractions = self.pressure[:, None] * self.boundary.normal, self.shear, self.traction
         pressure, shear, both = (
-            np.linalg.norm(np.where(free, np.einsum("nij,ni->nj", axes, part), 0.0), axis=1)
-            for part in tractions
+            np.linalg.norm(np.where(free, rmatvec(axes, part), 0.0), axis=1) for part in tractions
         )
         return np.minimum(np.maximum(pressure, shear), both)

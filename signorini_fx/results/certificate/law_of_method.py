@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from dolfinx import fem
 
-from signorini_fx.arrays import Array
+from signorini_fx.arrays import Array, matvec
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodyMotion
@@ -79,7 +79,7 @@ class Tractions:
     @classmethod
     def of(cls, state: ContactState) -> Tractions:
         """The contact tractions of a contact state."""
-        return cls(state.pressure, np.einsum("ijk,ik->ij", state.boundary.tangents, state.shear))
+        return cls(state.pressure, matvec(state.boundary.tangents, state.shear))
 
 
 @dataclass(frozen=True)
