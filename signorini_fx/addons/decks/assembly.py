@@ -193,7 +193,7 @@ class _Names:
 
     def written(self, block: DeckBlock, scope: _Scope) -> DeckBlock:
         """Return a keyword of a scope with the names and numbers of the whole file."""
-        inside = self.instances.get(block.parameters.get("INSTANCE", "").upper(), scope)
+        inside = self.instances.get(block.word("INSTANCE"), scope)
         defined_names = _defined(block)
         parameters = {
             key: self.word(value, scope)

@@ -75,7 +75,7 @@ def read_behaviour(deck: Deck, block: DeckBlock) -> None:
     """Read *SURFACE BEHAVIOR: hard contact, soft contact of constant stiffness, or a bond."""
     interaction = _interaction(deck)
     rows = block.rows
-    kind = block.parameters.get("PRESSURE-OVERCLOSURE", "HARD").upper()
+    kind = block.word("PRESSURE-OVERCLOSURE", "HARD")
     if interaction.behaviour is not None:
         deck.lose(
             block,
@@ -111,11 +111,7 @@ def read_pairs(deck: Deck, block: DeckBlock) -> None:
         raise ValueError(f"TYPE={kind}: NODE TO SURFACE, SURFACE TO SURFACE or MORTAR is expected")
     interaction = parameters.get("INTERACTION", "").upper()
     adjust = parameters.get("ADJUST")
-    named = {
-        b.parameters.get("NAME", "").upper()
-        for b in deck.model.blocks
-        if b.keyword == "SURFACEINTERACTION"
-    }
+    named = {b.word("NAME") for b in deck.model.blocks if b.keyword == "SURFACEINTERACTION"}
     if interaction and interaction not in named:
         raise ValueError(f"there is no *SURFACE INTERACTION, NAME={interaction}")
     if (

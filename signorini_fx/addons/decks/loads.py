@@ -43,7 +43,7 @@ def read_boundary(deck: Deck, block: DeckBlock) -> None:
     if "FIXED" in block.parameters:
         bolts.hold(deck, block)
         return
-    kind = block.parameters.get("TYPE", "DISPLACEMENT").upper()
+    kind = block.word("TYPE", "DISPLACEMENT")
     if kind != "DISPLACEMENT" or block.parameters.keys() & {"SUBMODEL", "USER"}:
         deck.lose(block, "the file gives no value for the prescribed displacement")
         return
@@ -121,13 +121,13 @@ def read_surface_loads(deck: Deck, block: DeckBlock) -> None:
 def _turns_with_the_body(deck: Deck, block: DeckBlock) -> bool:
     """Return whether finite strains change the direction or the area of a traction."""
     fixed = {"FOLLOWER": "NO", "CONSTANTRESULTANT": "YES"}
-    given = {key: block.parameters.get(key, "").upper() for key in fixed}
+    given = {key: block.word(key) for key in fixed}
     return given != fixed and any(is_finite(other) for other in deck.model.blocks)
 
 
 def is_finite(block: DeckBlock) -> bool:
     """Return whether a keyword is a step with finite strains."""
-    return block.keyword == "STEP" and block.parameters.get("NLGEOM", "NO").upper() in ("", "YES")
+    return block.keyword == "STEP" and block.word("NLGEOM", "NO") in ("", "YES")
 
 
 def _press(deck: Deck, block: DeckBlock, where: str, value: float) -> None:
@@ -295,7 +295,7 @@ def amplitude_share(deck: Deck, block: DeckBlock) -> float:
     if (
         amplitude is None
         or not amplitude.rows
-        or amplitude.parameters.get("DEFINITION", "TABULAR").upper() != "TABULAR"
+        or amplitude.word("DEFINITION", "TABULAR") != "TABULAR"
         or amplitude.unread
     ):
         deck.lose(
@@ -361,10 +361,7 @@ def _set_load(deck: Deck, load: DeckLoad, value: float) -> None:
 
 def _end_earlier(deck: Deck, block: DeckBlock) -> None:
     """End all that a keyword has given in earlier steps, if it has OP=NEW."""
-    if (
-        block.parameters.get("OP", "MOD").upper() != "NEW"
-        or (deck.step, block.keyword) in deck.ended
-    ):
+    if block.word("OP", "MOD") != "NEW" or (deck.step, block.keyword) in deck.ended:
         return
     deck.ended.add((deck.step, block.keyword))
     for load in deck.loads.values():

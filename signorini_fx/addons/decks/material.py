@@ -75,7 +75,7 @@ def read_expansion(deck: Deck, block: DeckBlock) -> None:
     not matter.
     """
     properties = _properties(deck)
-    if block.parameters.get("TYPE", "ISO").upper() not in ("ISO", "ISOTROPIC"):
+    if block.word("TYPE", "ISO") not in ("ISO", "ISOTROPIC"):
         deck.lose(block, "expansion that depends on the direction is not read")
         return
     properties["expansion"] = real(block.rows[0][0])
@@ -86,7 +86,7 @@ def read_expansion(deck: Deck, block: DeckBlock) -> None:
 def read_elastic(deck: Deck, block: DeckBlock) -> None:
     """Read *ELASTIC: the isotropic modulus and ratio of Poisson."""
     properties = _properties(deck)
-    if block.parameters.get("TYPE", "ISOTROPIC").upper() not in ("ISOTROPIC", "ISO"):
+    if block.word("TYPE", "ISOTROPIC") not in ("ISOTROPIC", "ISO"):
         raise DeckError(
             block,
             "only isotropic elasticity is read: state others in a scene, with material.orthotropic",
@@ -135,7 +135,7 @@ def read_hardening(deck: Deck, block: DeckBlock) -> None:
     temperature.
     """
     properties = _properties(deck)
-    if block.parameters.get("HARDENING", "ISOTROPIC").upper() != "ISOTROPIC":
+    if block.word("HARDENING", "ISOTROPIC") != "ISOTROPIC":
         deck.lose(block, "hardening that is not isotropic is not read: elastic here")
         return
     if "RATE" in block.parameters:  # the static curve, which has no rate, holds

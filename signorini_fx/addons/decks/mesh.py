@@ -286,7 +286,7 @@ class _Reader:
 
     def _read_surface(self, block: DeckBlock) -> None:
         name = self._name(block.parameters["NAME"])
-        kind = block.parameters.get("TYPE", "ELEMENT").upper()
+        kind = block.word("TYPE", "ELEMENT")
         for row in block.rows:
             if kind == "NODE":
                 self._extend(self.node_sets, name, self._member(self.node_sets, row[0]))

@@ -64,6 +64,10 @@ class DeckBlock:
             split_words(line.strip()) for line in "\n".join(self.texts).split("\n") if line.strip()
         ]
 
+    def word(self, key: str, otherwise: str = "") -> str:
+        """Return the value of a parameter in capitals; ``otherwise``: where it is not given."""
+        return self.parameters.get(key, otherwise).upper()
+
     def numbers(self, kind: type[np.float64 | np.int64]) -> tuple[Any, int] | None:
         """Return all numbers of the data lines, and how many each line has, 0 if lines differ;
         None: a word is empty, too large or no number.
