@@ -133,6 +133,8 @@ class StepEffect:
 
     # Whether bodies may move far without being deformed.
     moves_bodies: ClassVar[bool] = False
+    # The power of their duration with which the error of all steps decreases.
+    order: ClassVar[float] = 1
 
     @classmethod
     def of(cls, entry: Any) -> Self:
@@ -220,6 +222,10 @@ class StepEffect:
     def next_time(self, state: State, end: float) -> float:
         """Return the time of the end of the step after a state, at most that of the load step."""
         return end
+
+    def shortest(self, model: Model) -> float:
+        """Return the shortest duration of steps that makes sense, time."""
+        return 0.0
 
     def findings(self, model: Model) -> Iterator[Finding]:
         """Yield what ``check`` says of it in a scene, the same on all ranks."""

@@ -596,7 +596,12 @@ def _error(summary: Summary) -> Lines:
     if not validity_of(summary).solved:
         return []
     steps = any(STEPS_UNESTIMATED in row["message"] for row in summary.get("findings", ()))
-    return [_error_of_mesh(summary) + f"; {STEPS_UNESTIMATED}" * steps]
+    of_time = [
+        f"; of time steps {percent(row['time_error'])}, estimated"
+        for row in summary.get("steps", ())
+        if row.get("time_error") is not None
+    ]
+    return [_error_of_mesh(summary) + f"; {STEPS_UNESTIMATED}" * steps + "".join(of_time[-1:])]
 
 
 def _error_of_mesh(summary: Summary) -> str:

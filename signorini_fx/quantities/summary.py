@@ -372,6 +372,12 @@ class RowOfSteps(Row):
     torque: Number = perhaps("Of friction about the axis x[1], with torsion.", "moment")
     friction_work: Number = perhaps("Energy dissipated by slip in this step.", "energy")
     strain_energy: Number = perhaps("a(y, y) / 2, in 2D per unit thickness.", "energy")
+    kinetic_energy: Number = perhaps("Of inertia.", "energy")
+    contact_loss: Number = perhaps("Energy lost in contact in the last time step.", "energy")
+    energy_error: Number = perhaps("What the energies of this time step miss, relative.")
+    time_error: Number = perhaps(
+        "Of all time steps so far, in displacement and tractions, relative, estimated."
+    )
 
 
 class Run(Row):

@@ -46,10 +46,10 @@ from signorini_fx.results.stresses import RawStresses
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.scene import Scene
 from signorini_fx.solving.findings import (
+    errors_of_steps,
     facets_in_result,
     nonlinear_findings,
     refuse_beforehand,
-    steps_without_estimate,
     untouched,
 )
 from signorini_fx.solving.increments import HalvedIncrements, check_step
@@ -200,8 +200,10 @@ class ProblemOfScene(NonlinearContactProblem):
         """Return the body before the first load step, without loads."""
         return self._first
 
-    def _step_to(self, time: float) -> tuple[NonlinearSteps, float]:
-        return NonlinearSteps(self._solver, self.path, self.go_to), self.path.place_of(time)
+    def _step_to(self, state: State, time: float) -> tuple[NonlinearSteps, float, float]:
+        place = self.path.place_of(time)
+        reached = self.path.place_of(state.time) if state.number else place - 1.0
+        return NonlinearSteps(self._solver, self.path, self.go_to), reached, place
 
     def solved(
         self,
@@ -244,7 +246,8 @@ class ProblemOfScene(NonlinearContactProblem):
         if not failures:
             of_result += facets_in_result(self.model, solution.contact)
             of_result += untouched(self.model.comm, solution.steps)
-        of_result += steps_without_estimate(self.model.comm, self.statement, solution.shown_steps)
+        shown = solution.shown_steps
+        of_result += errors_of_steps(self.model.comm, self.statement, self.path, shown)
         findings = (*failures, *known, *self.findings, *of_result)
         named = tuple(map(self._named, solution.steps))
         mechanics = SceneMechanics(

@@ -37,6 +37,7 @@ from signorini_fx.mechanics.obstacles.shapes_inside import BodyCells
 from signorini_fx.mechanics.rigid.rigid_motions import MOST_LISTED, names_of, rounded
 from signorini_fx.mechanics.statement.effect import ForceDensity, Resistance, is_zero
 from signorini_fx.mechanics.statement.expressions import Expression, sample
+from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.mechanics.step_effect import stated_effects
 from signorini_fx.records import MAY_JUMP, STEPS_UNESTIMATED, Finding, History, Status
@@ -643,13 +644,22 @@ def result_findings(
         yield Finding("warning", "contact.gap, displacement", message)
 
 
-def steps_without_estimate(
-    comm: MPI.Comm, statement: Statement, steps: Sequence[StepResult]
+def errors_of_steps(
+    comm: MPI.Comm, statement: Statement, path: LoadPath, steps: Sequence[StepResult]
 ) -> Iterator[Finding]:
-    """Load steps whose error in time is not small by itself: that close or open contact of a body
-    with memory, or turn a shape with friction far; collective.
+    """An error in time that is larger than asked for; or, where none is, load steps whose error is
+    not small by itself: that close or open contact of a body with memory, or turn a shape with
+    friction far; collective.
     """
-    advice = f"{STEPS_UNESTIMATED}: take twice as many load steps, and compare"
+    if path.time_accuracy is not None:
+        error = steps[-1].figures.get("time_error", 0.0)
+        if error > path.time_accuracy:
+            cure = "a finer mesh allows shorter ones" if _moves(statement) else "give more of them"
+            message = f"is {path.time_accuracy:g}, the error is about {error:.2g}: steps are not "
+            message += f"divided further, {cure}"
+            yield Finding("warning", "load_steps.time_accuracy", message)
+        return
+    advice = f"{STEPS_UNESTIMATED}: set load_steps.time_accuracy"
     # Those that relax are others at another time.
     memory = [one for one in statement.material if getattr(one, "state_size", 0)]
     if any(one.at_time(0.5) is not one for one in memory):

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from math import inf
 from typing import Any
 
 from signorini_fx.mechanics.state import State
 from signorini_fx.records import Status, StepRecord
 from signorini_fx.solving.increments import HalvedIncrements, Increments
 from signorini_fx.solving.restart import StoredStates, marks_of
-from signorini_fx.solving.step import next_end, step
+from signorini_fx.solving.step import step
+from signorini_fx.solving.time_steps import time_error, time_steps
 
 
 def run(
@@ -41,10 +43,16 @@ def run(
 
     def passed(new: State, report: Any, *, kept: bool) -> Iterator[tuple[State, Any]]:
         """A step has a solution, of which all that is shown is kept, or its figures alone."""
-        if report.result.figures:
-            between.append((new.time, report.result.figures))
+        figures = report.result.figures
+        if (error := time_error(new)) is not None:
+            figures = {**figures, "time_error": error}
+        while between and between[-1][0] >= new.time:  # of steps that were too long
+            between.pop()
+        if figures:
+            between.append((new.time, figures))
         if kept:
-            report = replace(report, result=replace(report.result, between=tuple(between)))
+            result = replace(report.result, figures=figures, between=tuple(between))
+            report = replace(report, result=result)
             between.clear()
             yield new, report
 
@@ -53,29 +61,35 @@ def run(
             state = new
             yield from passed(new, report, kept=kept)
     marks = marks_of(history)
+    end = told = -inf
+
+    def solve(begin: State, at: float, time: float) -> tuple[State, Any]:
+        """The step from a state to a place, which ends at a time."""
+        nonlocal told
+        if problem.path.several and time == end != told:
+            told = end
+            history.add(StepRecord(begin.number + 1, problem.path.name_at(at), time))
+        return step(problem, begin, at, time, guess=guess, budget=way.allowed)
+
     while not way.ended:
         place = way.next
         end = problem.path.time_at(place)
-        place, time = next_end(problem, state, way.reached, place)
-        if problem.path.several and time == end:
-            name = problem.path.name_at(place)
-            history.add(StepRecord(state.number + 1, name, time))
-        new, report = step(problem, state, place, time=time, guess=guess, budget=way.allowed)
-        status = report.status
-        if status is not Status.CONVERGED:
-            if not history.exhausted and way.shorten(status):
-                history.add(f"{report}: half the increment")
-                continue
-            if bracket := way.bracket(status):
-                history.add(f"the ramp ends: {bracket}")
-            yield new, report
-            return
-        state = new
-        problem.accept(new, report)
-        way.advance(place, report.result.linear_solves, report.iterations)
-        yield from passed(new, report, kept=time == end)
-        if stored is not None:
-            with problem.timings.phase("checkpoint"):
-                stored.write(problem, new, report, way, marks, kept=time == end)
-        guess = None
-        marks = marks_of(history)
+        for new, report, at, time in time_steps(problem, state, way.reached, place, solve):
+            status = report.status
+            if status is not Status.CONVERGED:
+                if not history.exhausted and way.shorten(status):
+                    history.add(f"{report}: half the increment")
+                    continue
+                if bracket := way.bracket(status):
+                    history.add(f"the ramp ends: {bracket}")
+                yield new, report
+                return
+            state = new
+            problem.accept(new, report)
+            way.advance(at, report.result.linear_solves, report.iterations)
+            yield from passed(new, report, kept=time == end)
+            if stored is not None:
+                with problem.timings.phase("checkpoint"):
+                    stored.write(problem, new, report, way, marks, kept=time == end)
+            guess = None
+            marks = marks_of(history)

@@ -31,6 +31,7 @@ from signorini_fx.results.accuracy.stress_recovery import StressRecovery
 from signorini_fx.results.mechanics import Mechanics, StatedMechanics, StepResult
 from signorini_fx.results.solution import Solution
 from signorini_fx.solving.findings import (
+    errors_of_steps,
     facets_in_result,
     loose_at_rest,
     may_jump,
@@ -40,7 +41,6 @@ from signorini_fx.solving.findings import (
     scene_findings,
     shapes_in_results,
     slid_at_corners,
-    steps_without_estimate,
     untouched,
 )
 from signorini_fx.solving.frames import Posed, guess_of
@@ -49,10 +49,10 @@ from signorini_fx.solving.load_path import run
 from signorini_fx.solving.step import (
     Report,
     contact_equilibrium,
-    next_end,
     recalled_equilibrium,
     step,
 )
+from signorini_fx.solving.time_steps import all_steps
 from signorini_fx.tuned import PATH_ERROR_SHARE
 
 if TYPE_CHECKING:
@@ -264,7 +264,7 @@ def findings_of_steps(
         *_shown(steps).told,
         *result_findings([step.deformation for step in steps], names),
         *untouched(model.comm, steps),
-        *steps_without_estimate(model.comm, model.statement, steps),
+        *errors_of_steps(model.comm, model.statement, model.path, steps),
     ]
 
 
@@ -474,14 +474,8 @@ class StatedProblem:
         check_step(state, time, self.model.space)
         place = self.path.place_of(time)
         reached = self.path.place_of(state.time) if state.number else place - 1.0
-        while True:
-            at, until = next_end(self, state, reached, place)
-            new, report = step(self, state, at, time=until)
-            if report.result.status is Status.CONVERGED:
-                self.accept(new, report)
-            if report.result.status is not Status.CONVERGED or at == place:
-                return new, report.result
-            state, reached = new, at
+        new, report = all_steps(self, state, reached, place, partial(step, self))
+        return new, report.result
 
 
 def _spin(model: Model) -> Array | None:

@@ -128,8 +128,8 @@ def step(
     problem: Problem,
     state: State,
     place: float,
-    *,
     time: float | None = None,
+    *,
     guess: State | None = None,
     budget: int | None = None,
 ) -> tuple[State, Any]:
@@ -239,17 +239,6 @@ def recalled_equilibrium(
         solved = replace(solved, displacement=effect.solved(state, solved))
     outcome = solution_of(posed, start, solved, **method)
     return new, judged(problem, posed, start, before, outcome, state, time)[1]
-
-
-def next_end(problem: Problem, state: State, reached: float, place: float) -> tuple[float, float]:
-    """The place and time where the next step ends, on the way from a place that is reached with a
-    state to another one.
-    """
-    end = problem.path.time_at(place)
-    time = min((effect.next_time(state, end) for effect in problem.effects), default=end)
-    if time < end:
-        place = reached + (place - reached) * (time - state.time) / (end - state.time)
-    return place, time
 
 
 def ended(

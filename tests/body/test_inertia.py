@@ -20,6 +20,7 @@ from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.state import State
 from signorini_fx.records import StepRecord
 from signorini_fx.results.certificate.law_of_method import Law, Tractions
+from signorini_fx.results.summary import summary_of
 from signorini_fx.scenes import cli
 from signorini_fx.scenes.checks import check_scene
 from signorini_fx.scenes.reading import parse_scene
@@ -263,6 +264,66 @@ def test_two_bars_exchange_their_momentum():
     assert upper.size == x.shape[0]
 
 
+COARSE = {"generator": "rectangle", "parameters": {"length": 0.1, "height": 1.0, "nx": 2, "ny": 20}}
+BASE = [{"boundary": "bottom", "x": 0.0, "y": 0.0}]
+PULLED = {
+    "initial_velocity": None,
+    "inertia": {"start": "undeformed"},
+    "contact": None,
+    "displacement": BASE,
+    "load_steps": {"times": [0.0, 1.0, 2.0, 4.0]},
+}
+PLATE = {"shape": "plane", "point": [0.0, 0.0], "normal": [0.0, 1.0], "shift": [0.0, "1e-3*t"]}
+# Entries, an accuracy, and the step with which the truth is computed.
+IN_TIME = {
+    "bar": ({"load_steps": {"times": [0.0, 1.0, 2.5]}}, 0.15, 0.0251),
+    "bar, long steps": ({"load_steps": {"times": [0.0, 1.0, 2.5]}}, 0.3, 0.0251),
+    "flight": (
+        {
+            "contact": [{"boundary": "bottom", "gap": 5e-4}],
+            "load_steps": {"times": [0.0, 1.0, 2.0, 3.0]},
+        },
+        0.1,
+        0.0251,
+    ),
+    "plate": (
+        {
+            "initial_velocity": None,
+            "contact": [{"boundary": "bottom", "foundation": PLATE}],
+            "load_steps": {"times": [0.0, 1.0, 2.0]},
+        },
+        0.1,
+        0.0251,
+    ),
+    "step": ({**PULLED, "traction": [{"boundary": "top", "y": 1e-3}]}, 0.3, 0.01),
+    "sine": ({**PULLED, "traction": [{"boundary": "top", "y": "1e-3*sin(1.5*t)"}]}, 0.1, 0.01),
+}
+
+
+@pytest.mark.parametrize(
+    "name",
+    [name if name == "flight" else pytest.param(name, marks=pytest.mark.slow) for name in IN_TIME],
+)
+def test_errors_in_time(name):
+    """Steps are as long as an accuracy allows; the estimate is right within a factor of four."""
+    entries, accuracy, short = IN_TIME[name]
+    entries = {"mesh": COARSE, "inertia": {}, **entries}
+    inertia = {**entries["inertia"], "time_step": short}
+    truth = solve(changed(BAR, **{**entries, "inertia": inertia}))
+    times = entries["load_steps"]["times"]
+    entries["load_steps"] = {"times": times, "time_accuracy": accuracy}
+    solution = solve(changed(BAR, **entries))
+    assert [each.time for each in solution.steps] == [each.time for each in truth.steps]
+    assert solution.state.number < 0.8 * truth.state.number
+    away = solution.displacement.x.array - truth.displacement.x.array
+    largest = max(np.linalg.norm(each.displacement.x.array) for each in truth.steps)
+    error = solution.last_step.figures["time_error"]
+    assert 0.25 < error / (np.linalg.norm(away) / largest) < 4.0
+    warned = [one.path for one in solution.findings if one.level == "warning"]
+    assert ("load_steps.time_accuracy" in warned) == (error > accuracy)
+    assert summary_of(solution)["steps"][-1]["time_error"] == error
+
+
 # --- forms ----------------------------------------------------------------------------------------
 
 
@@ -397,11 +458,14 @@ class Killed(Exception):
 
 
 @pytest.mark.mpi
-def test_a_killed_run_goes_on(tmp_path):
+@pytest.mark.parametrize("accuracy", [None, 0.01])
+def test_a_killed_run_goes_on(tmp_path, accuracy):
     """From one rank, in the middle of its load steps, on any number of them."""
     comm = MPI.COMM_WORLD
     folder = comm.bcast(tmp_path)
-    scene = changed(BLOCK, load_steps={"times": [0.0, 0.5, 1.0]})
+    inertia = {"time_step": None if accuracy else 0.1, "start": "static"}
+    times = {"times": [0.0, 0.5, 1.0], "time_accuracy": accuracy}
+    scene = changed(BLOCK, inertia=inertia, load_steps=times)
 
     def stop(record):
         if isinstance(record, StepRecord) and record.time == 1.0:
@@ -414,7 +478,8 @@ def test_a_killed_run_goes_on(tmp_path):
     ended = solve(scene, checkpoint=folder, restart=True)
     whole = solve(scene)
     assert [each.time for each in ended.steps] == [0.0, 0.5, 1.0]
-    assert len(told(ended)) == len(told(whole)) == 11
+    assert len(told(ended)) == len(told(whole)) >= 5
+    assert ended.last_step.figures == pytest.approx(whole.last_step.figures, rel=1e-4, abs=1e-9)
     for (_, ours), (_, theirs) in zip(told(ended), told(whole), strict=True):
         assert ours["kinetic_energy"] == pytest.approx(theirs["kinetic_energy"], rel=1e-6)
     np.testing.assert_allclose(
@@ -428,6 +493,7 @@ REFUSED = {
     "step": ({"inertia": {"time_step": 0.0}}, "inertia"),
     "long step": ({"inertia": {"time_step": 0.6}}, "longer than a load step of 0.5"),
     "short step": ({"inertia": {"time_step": 0.001}}, "the mesh rings: make it 0.01 at least"),
+    "no step": ({"inertia": {}}, "needs a time_step, or load_steps.time_accuracy"),
     "no times": ({"load_steps": None}, "must be given with inertia"),
     "ramp": ({"load_steps": {"times": [0.0, 1.0], "steps": 4}}, "no ramp with inertia"),
     "levels": ({"solver": {"levels": 2}}, "not possible yet with inertia"),

@@ -2,6 +2,7 @@
 refused.
 """
 
+import itertools
 from itertools import pairwise
 from pathlib import Path
 
@@ -183,3 +184,103 @@ def test_a_shape_that_turns_far_in_a_step(coefficient, steps, warned):
     assert len(notes) == warned
     if warned:
         assert notes[0].startswith("load step 1 turns it by 0.39 rad")
+
+
+def divided(scene, count):
+    """The same with each of its load steps in equal parts."""
+    ends = [0.0, *scene["load_steps"]["times"]]
+    parts = [np.linspace(*pair, count + 1)[1:].tolist() for pair in itertools.pairwise(ends)]
+    return scene | {"load_steps": {"times": [time for part in parts for time in part]}}
+
+
+def moving(x, y):
+    """Contact with a circle that moves."""
+    circle = {"shape": "circle", "centre": [0.9, 2.0], "radius": 1.0, "shift": [x, y]}
+    return {
+        "boundary": "top",
+        "foundation": circle,
+        "friction": {"law": "coulomb", "coefficient": 0.3},
+    }
+
+
+HELD = [{"boundary": "bottom", "x": 0.0, "y": 0.0}]
+METAL = {"law": "j2", "young": 1000.0, "poisson": 0.3, "yield_stress": 5.0, "hardening": 50.0}
+LOADED = {"boundary": "top", "y": "-0.5*t", "x": "0.1*t"}
+# Scenes, an accuracy, and into how many parts each load step is divided for the truth.
+IN_TIME = {
+    "creeps": (
+        pad(
+            contact=[],
+            displacement=HELD,
+            traction=[LOADED],
+            load_steps={"times": [1.0, 2.0, 4.0]},
+        ),
+        0.1,
+        32,
+    ),
+    "creeps, short steps": (
+        pad(
+            contact=[],
+            displacement=HELD,
+            traction=[LOADED],
+            load_steps={"times": [1.0, 2.0, 4.0]},
+        ),
+        0.03,
+        32,
+    ),
+    "pressed and let go": (pad(), 0.1, 32),
+    "relaxes": (pad(load_steps={"times": [0.001, 1.0]}), 0.03, 64),
+    "metal pressed": (
+        pad(
+            material=METAL,
+            displacement=HELD,
+            contact=moving("0.1*max(t-1, 0)", "-0.02*min(t, 1)"),
+            load_steps={"times": [1.0, 2.0]},
+        ),
+        0.3,
+        32,
+    ),
+    "metal sheared": (
+        pad(
+            material=METAL,
+            displacement=HELD,
+            contact=moving("0.1*max(t-1, 0)", "-0.02*t"),
+            load_steps={"times": [1.0, 2.0]},
+        ),
+        0.3,
+        32,
+    ),
+}
+
+
+@pytest.mark.parametrize(
+    "name",
+    [name if name == "creeps" else pytest.param(name, marks=pytest.mark.slow) for name in IN_TIME],
+)
+def test_errors_in_time(name):
+    """Load steps are divided as an accuracy asks for, and the error of displacement and tractions
+    is estimated, within a factor of four.
+    """
+    scene, accuracy, parts = IN_TIME[name]
+    times = scene["load_steps"]["times"]
+    asked = scene | {"load_steps": {"times": times, "time_accuracy": accuracy}}
+    lines, notes = told(asked)
+    assert "of time steps" in lines
+    assert not notes
+    found = solve(parse_scene(asked))
+    truth = solve(parse_scene(divided(scene, parts)))
+    assert [each.time for each in found.steps] == times
+    errors = []
+    for values in (lambda one: one.displacement.x.array, tractions):
+        sizes = [np.linalg.norm(values(step)) for step in truth.steps]
+        apart = np.linalg.norm(values(found.last_step) - values(truth.last_step))
+        errors.append(apart / max(*sizes, 1e-300))
+    assert 0.25 < found.last_step.figures["time_error"] / max(errors) < 4.0
+
+
+def tractions(step):
+    """Pressure and shear of a load step by the root of their areas."""
+    if step.contact is None:
+        return np.zeros(1)
+    values = np.column_stack((step.contact.pressure, step.contact.shear))
+    return np.sqrt(step.contact.boundary.weight)[:, None] * values

@@ -7,6 +7,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Mapping, Sequence
 from copy import copy
 from dataclasses import replace
+from functools import partial
 from typing import Any, ClassVar
 
 import numpy as np
@@ -61,6 +62,7 @@ from signorini_fx.solving.increments import HalvedIncrements, check_step
 from signorini_fx.solving.restart import StoredStates
 from signorini_fx.solving.solve_on_mesh import contact_solution
 from signorini_fx.solving.step import ended, step
+from signorini_fx.solving.time_steps import all_steps
 
 
 def checked(
@@ -446,14 +448,13 @@ class NonlinearContactProblem(ProblemOfForms):
             SceneError: the time is not after that of the state, or the state is of another mesh.
         """
         check_step(state, time, self.linear.space)
-        steps, place = self._step_to(time)
+        steps, reached, place = self._step_to(state, time)
         self._ends = []
         self._solver.begin_path()
-        new, report = step(steps, state, place)
+        new, report = all_steps(steps, state, reached, place, partial(step, steps))
         if report.result is None:
             raise report.error or ConvergenceError(self, report.why)
         if report.status is Status.CONVERGED:
-            steps.accept(new, report)
             self._solver.start(new)
             self._share()
         return new, report.result
@@ -472,9 +473,9 @@ class NonlinearContactProblem(ProblemOfForms):
         steps.accept(new, report)
         solver.start(new)
 
-    def _step_to(self, time: float) -> tuple[NonlinearSteps, float]:
-        """Take a step to a time, and return its place."""
-        return NonlinearSteps(self._solver, LoadPath((time,)), lambda place: None), 0.0
+    def _step_to(self, state: State, time: float) -> tuple[NonlinearSteps, float, float]:
+        """The steps from a state to a time, with the places of both."""
+        return NonlinearSteps(self._solver, LoadPath((time,)), lambda place: None), -1.0, 0.0
 
     def _through(
         self,

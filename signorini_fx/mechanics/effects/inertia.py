@@ -77,7 +77,8 @@ class Inertia(Effect):
     """Inertia of all bodies; load steps are divided into time steps.
 
     Attributes:
-        time_step: longest duration of a step, time; load steps are divided into equal ones.
+        time_step: longest duration of a step, time; load steps are divided into equal ones; None:
+            steps are as long as ``load_steps.time_accuracy`` allows.
         start: how the first time begins: ``static`` with the equilibrium of its loads, or
             ``undeformed``; None: the former where loads act and no initial velocity is given.
 
@@ -109,7 +110,7 @@ class Inertia(Effect):
         }
     }
 
-    time_step: Positive
+    time_step: Positive | None = None
     start: Literal["static", "undeformed"] | None = None
 
     @property
@@ -122,6 +123,8 @@ class Inertia(Effect):
         return self
 
     def time_steps(self, times: Sequence[float]) -> int:
+        if self.time_step is None:
+            return 0
         return int(np.ceil(np.diff(times) / self.time_step * (1 - SAME_NUMBER)).sum())
 
     @property
@@ -143,7 +146,10 @@ class Inertia(Effect):
         if statement.load_steps.steps is not None:
             yield ("load_steps", "steps"), "is no ramp with inertia: give inertia.time_step alone"
         shortest = float(np.diff(times).min())
-        if self.time_step > shortest * (1 + SAME_NUMBER):
+        if self.time_step is None:
+            if statement.load_steps.time_accuracy is None:
+                yield path, "needs a time_step, or load_steps.time_accuracy, which chooses steps"
+        elif self.time_step > shortest * (1 + SAME_NUMBER):
             reason = f"is {self.time_step:g}, longer than a load step of {shortest:g}"
             yield (*path, "time_step"), reason
         for number, material in enumerate(statement.material):

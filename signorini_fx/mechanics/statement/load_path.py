@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import ceil, floor, isfinite, log10
+from math import ceil, floor, inf, isfinite, log10
 from typing import Annotated
 
 import numpy as np
@@ -16,7 +16,7 @@ from pydantic import Field
 
 from signorini_fx.errors import FormError, SceneError
 from signorini_fx.mechanics.statement.base import Table
-from signorini_fx.mechanics.statement.values import Count, Entries, Finite
+from signorini_fx.mechanics.statement.values import Count, Entries, Finite, Positive
 from signorini_fx.tuned import SAME_NUMBER
 
 
@@ -30,6 +30,9 @@ class LoadSteps(Table):
             one load step per factor.
         names: one name per factor, such as press and push; None: no names.
         times: one number per factor, increasing, for tables and ParaView; None: 1, 2, 3 and so on.
+        time_accuracy: error in time that is allowed in displacement and tractions, relative to the
+            largest ones; steps are divided as it asks for, and the error is estimated. None: steps
+            are as they are given.
 
     Examples:
         >>> steps = sfx.LoadSteps(names=["press", "release"], times=[1.0, 2.0])
@@ -42,6 +45,7 @@ class LoadSteps(Table):
     steps: Count | None = None
     names: Annotated[Entries[str], Field(min_length=1)] | None = None
     times: Annotated[Entries[Finite], Field(min_length=1)] | None = None
+    time_accuracy: Positive | None = None
 
 
 def factor_at(factors: Sequence[float], step: float) -> float:
@@ -66,6 +70,7 @@ class LoadPath:
         steps: into how many equal load steps a ramp divides each interval to begin with; None:
             there is no ramp.
         from_nothing: whether the ramp begins at time 0 without any load, else at the first time.
+        time_accuracy: see ``LoadSteps``.
 
     Raises:
         FormError: one of these is wrong.
@@ -80,6 +85,7 @@ class LoadPath:
     names: Sequence[str] = ()
     steps: int | None = None
     from_nothing: bool = False
+    time_accuracy: float | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "times", tuple(map(float, self.times)))
@@ -107,6 +113,8 @@ class LoadPath:
             problems.append(
                 ("times", "must be positive: from nothing the loads begin to grow at time 0")
             )
+        if self.time_accuracy is not None and not 0 < self.time_accuracy < inf:
+            problems.append(("time_accuracy", f"must be positive, got {self.time_accuracy!r}"))
         if problems:
             raise FormError(problems, "LoadPath")
 

@@ -245,7 +245,9 @@ class Statement:
         steps = self.load_steps
         alone = steps.steps is not None and all(load.factors is None for load in self.loads)
         times = steps.times or map(float, range(1, self.steps + 1))
-        return LoadPath(tuple(times), steps.names or (), steps.steps, from_nothing=alone)
+        accuracy = steps.time_accuracy
+        named = tuple(times), steps.names or (), steps.steps
+        return LoadPath(*named, from_nothing=alone, time_accuracy=accuracy)
 
     @property
     def sides(self) -> tuple[list[str], list[str | None] | None]:

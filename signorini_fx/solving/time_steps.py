@@ -1,0 +1,188 @@
+"""Time steps on the way to the end of a load step: as long as effects let them be, or as short as
+an accuracy asks for.
+
+Where one is asked for, two steps are compared with one over the same time from the same state.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from math import ceil, inf
+from typing import Any
+
+import numpy as np
+import ufl
+from dolfinx import fem
+
+from signorini_fx.arrays import Array
+from signorini_fx.machine import parallel
+from signorini_fx.mechanics.assembly.mesh_entities import compile_form
+from signorini_fx.mechanics.state import State
+from signorini_fx.records import Status
+from signorini_fx.solving.frames import Posed
+from signorini_fx.tuned import ENCLOSED, SAME_LENGTH, SAME_NUMBER
+
+_FIELD = "time error"  # in a state: what ``Pairs`` has
+
+# Solves the step from a state to a place, which ends at a time.
+Solve = Callable[[State, float, float], tuple[State, Any]]
+Ended = tuple[State, Any, float, float]  # the end of a step, its report, its place and time
+
+
+@dataclass(frozen=True)
+class Pairs:
+    """What pairs of steps have told so far.
+
+    Attributes:
+        duration: of the next pair, time.
+        errors: the sums of the errors of displacement and tractions, in L2, shape (2,).
+        sizes: the largest values of both so far, of the same shape.
+    """
+
+    duration: float
+    errors: Array
+    sizes: Array
+
+    @classmethod
+    def of(cls, state: State) -> Pairs:
+        """Those that have led to a state."""
+        if (kept := state.fields.get(_FIELD)) is None:
+            return cls(inf, np.zeros(2), np.zeros(2))
+        values = kept.values.ravel()
+        return cls(float(values[0]), values[1:3], values[3:])
+
+    def after(self, whole: Ended, last: Ended, order: float, *, moves: bool) -> Pairs:
+        """Those with another one, whose last step has an error of an order in time; ``moves``:
+        tractions are none of them, as those of an impact jump; collective.
+        """
+        posed = last[1].posed
+        errors = _sizes(posed, last[0], whole[0]) / (2**order - 1)
+        if moves:
+            errors[1] = 0.0
+        sizes = np.maximum(self.sizes, _sizes(posed, last[0]))
+        return replace(self, errors=self.errors + errors, sizes=sizes)
+
+    def kept_in(self, state: State) -> State:
+        """A state with them."""
+        values = [self.duration, *self.errors, *self.sizes]
+        return state.with_field(_FIELD, "global", values)
+
+    def shares(self, errors: Array) -> float:
+        """The largest error, relative to the largest value."""
+        return float(np.divide(errors, self.sizes, out=0.0 * errors, where=self.sizes > 0).max())
+
+
+def time_error(state: State) -> float | None:
+    """Return the error of all time steps up to a state, in L2, relative to the largest displacement
+    and the largest tractions so far; None: it is not estimated.
+    """
+    pairs = Pairs.of(state)
+    return pairs.shares(pairs.errors) if _FIELD in state.fields else None
+
+
+def time_steps(
+    problem: Any, state: State, reached: float, place: float, solve: Solve
+) -> Iterator[Ended]:
+    """Solve the next time step on the way from a place that is reached with a state to another
+    place, or the two of a pair whose error is allowed; collective.
+
+    Yields:
+        The end of each step; of one without a solution as the last.  If the first step of a pair
+        follows another one, that was too long, and does not count.
+    """
+    path = problem.path
+    effects = problem.effects
+    end = path.time_at(place)
+    longest = min((effect.next_time(state, end) for effect in effects), default=end)
+
+    def to(begin: State, time: float) -> Ended:
+        """The step from a state to a time."""
+        at = place
+        if time < end:
+            at = reached + (place - reached) * (time - state.time) / (end - state.time)
+        return *solve(begin, at, time), at, time
+
+    moves = any(effect.moves_bodies for effect in effects)
+    if path.time_accuracy is None or end <= state.time or (moves and not state.number):
+        yield to(state, longest)
+        return
+    rate = path.time_accuracy * (place - reached) / len(path.times) / (end - state.time)
+    order = max((effect.order for effect in effects), default=1)
+    pairs = Pairs.of(state)
+    if not moves and abs(reached - round(reached)) < SAME_LENGTH:
+        pairs = replace(pairs, duration=inf)  # a load step is another event
+    duration = min(pairs.duration, longest - state.time)
+    whole: Ended | None = None
+    while True:
+        count = ceil((end - state.time) / duration * (1 - SAME_NUMBER))
+        duration = (end - state.time) / count
+        time = end if count == 1 else state.time + duration
+        last = whole or to(state, time)
+        whole, first = last, None
+        if _solved(whole):
+            last = to(state, 0.5 * (state.time + time))
+            if _solved(last):
+                first = last
+                yield first
+                last = to(first[0], time)
+        if not moves and not _solved(last):
+            yield last
+            return
+        body = last[1].posed.body
+        shortest = [2 * effect.shortest(body) for effect in effects]
+        least = max([ENCLOSED * (end - state.time), *shortest])
+        if _solved(last):
+            after = pairs.after(whole, last, order, moves=moves)
+            error = after.shares(after.errors - pairs.errors)
+            allowed = rate * duration
+            if error <= allowed or duration / 2 < least:
+                easy = error <= allowed / 2**order
+                after = replace(after, duration=2 * duration if easy else duration)
+                yield after.kept_in(last[0]), *last[1:]
+                return
+        elif duration / 2 < least:
+            yield last
+            return
+        whole = first
+        duration = duration / 2
+
+
+def all_steps(
+    problem: Any, state: State, reached: float, place: float, solve: Solve
+) -> tuple[State, Any]:
+    """Solve all time steps on the way to a place; the end, or the first one without a solution;
+    collective.
+    """
+    while True:
+        for new, report, at, _ in time_steps(problem, state, reached, place, solve):
+            if report.status is not Status.CONVERGED:
+                return new, report
+            problem.accept(new, report)
+            end = new, report, at
+        state, report, reached = end
+        if reached == place:
+            return state, report
+
+
+def _solved(ended: Ended) -> bool:
+    return ended[1].status is Status.CONVERGED
+
+
+def _sizes(posed: Posed, state: State, other: State | None = None) -> Array:
+    """Displacement and tractions of a state in L2, or of what it has more than another one, shape
+    (2,); collective.
+    """
+    body = posed.body
+    if "square" not in body.of_mesh:
+        function = fem.Function(body.space)
+        body.of_mesh["square"] = function, compile_form(ufl.inner(function, function) * ufl.dx)
+    function, square = body.of_mesh["square"]
+    function.x.array[:] = state.displacement - (0.0 if other is None else other.displacement)
+    squares = np.array([fem.assemble_scalar(square), 0.0])
+    if (values := state.contact) is not None:
+        tractions = np.column_stack((values.pressure, values.shear))
+        if other is not None and other.contact is not None:
+            tractions -= np.column_stack((other.contact.pressure, other.contact.shear))
+        squares[1] = posed.boundary.weight @ (tractions**2).sum(axis=1)
+    return np.sqrt(parallel.global_sum(body.comm, squares))
