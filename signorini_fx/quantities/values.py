@@ -128,7 +128,6 @@ def of_step(solution: Any) -> dict[str, Any]:
     columns = {} if contact is None else _of_contact_in_step(solution)
     energy = solution.last_step.strain_energy
     columns |= {} if energy is None else {"strain_energy": energy}
-    columns |= solution.last_step.figures
     return columns | {"certificate_holds": solution.certificate.holds}
 
 

@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from signorini_fx.results.resultants import ActingForces
 
 _MOST_TURNS = 50  # of effects that depend on the solution of their step
+_FOREVER = 1e150  # the duration of a step at whose end all rests, time
 _DIGITS = 9  # of durations, whose ends have round-off
 
 
@@ -337,7 +338,9 @@ def begun(
     if any(effect.overrides("body") for effect in problem.effects):
         # Steps of one duration have one matrix.
         dt = float(f"{dt:.{_DIGITS}g}")
-    posed = _lasting(replace(problem.pose_at(state, place, dt), dt=dt), dt)
+    rests = not state.number and any(effect.moves_bodies for effect in problem.effects)
+    posed = replace(problem.pose_at(state, place, dt), dt=dt)
+    posed = _lasting(posed, _FOREVER if rests else dt)
     if problem.effects:
         posed = with_contact(posed, problem.effects, state)
         # Its gammas are there already.
@@ -374,7 +377,8 @@ def _softened(data: RegularisedData, posed: Posed) -> RegularisedData:
 
 
 def _lasting(posed: Posed, dt: float) -> Posed:
-    """What a step is solved with where laws that follow the slip count it over its duration, time.
+    """What a step is solved with where laws that follow the slip count it over its duration, time,
+    as good as infinite where motion begins from rest.
 
     Raises:
         FormError: it is no duration.

@@ -16,6 +16,7 @@ from mpi4py import MPI
 from signorini_fx import ContactProblem, Foundation, build_problem, sensitivity, solve
 from signorini_fx.algebra.linalg.schur import SchurComplement
 from signorini_fx.errors import FormError, SceneError
+from signorini_fx.mechanics.body.inertia import _mass, _times
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.state import State
 from signorini_fx.records import StepRecord
@@ -239,16 +240,28 @@ def test_a_support_that_starts_to_move():
     assert solve(held).resultants.of("bottom").force[1] == pytest.approx(5.94e-4, rel=0.02)
 
 
-def test_two_bars_exchange_their_momentum():
-    """Equal ones their velocities; of unequal ones the momentum stays."""
-    generator = {"generator": "rectangle"}
-    lower = {"length": 0.1, "height": 1.0, "nx": 2, "ny": 40}
+@pytest.mark.parametrize(
+    "below",
+    [1.0, pytest.param(2.0, marks=pytest.mark.slow), pytest.param(3.0, marks=pytest.mark.slow)],
+)
+def test_two_bars_exchange_their_momentum(below):
+    """A bar stops where it hits one at rest that is as long, or longer, and gives it its
+    momentum.
+    """
+    bodies = [
+        {
+            "name": name,
+            "mesh": {
+                "generator": "rectangle",
+                "parameters": {"length": 0.1, "height": height, "nx": 2, "ny": int(40 * height)},
+            },
+            "shift": [0.0, shift],
+        }
+        for name, height, shift in (("lower", below, 0.0), ("upper", 1.0, below))
+    ]
     entries = {
         "mesh": None,
-        "body": [
-            {"name": "lower", "mesh": {**generator, "parameters": lower}},
-            {"name": "upper", "mesh": {**generator, "parameters": lower}, "shift": [0.0, 1.0]},
-        ],
+        "body": bodies,
         "initial_velocity": [{"body": "upper", "y": -1e-3}],
         "contact": [{"boundary": "upper.bottom", "against": "lower.top"}],
         "load_steps": {"times": [0.0, 3.0]},
@@ -256,12 +269,130 @@ def test_two_bars_exchange_their_momentum():
     }
     solution = solve(changed(BAR, **entries))
     velocity = solution.state.fields["velocity"].values.reshape(-1, 2)[:, 1]
-    x = fem.Function(solution.displacement.function_space).function_space.tabulate_dof_coordinates()
-    upper = solution.displacement.x.array.reshape(-1, 2)[:, 1] - x[:, 1]
-    above = x[:, 1] > 1.0
-    assert velocity[above].mean() == pytest.approx(0.0, abs=5e-5)
-    assert velocity[~above & (x[:, 1] < 1.0)].mean() == pytest.approx(-1e-3, rel=0.05)
-    assert upper.size == x.shape[0]
+    y = solution.displacement.function_space.tabulate_dof_coordinates()[:, 1]
+    tagged = solution.model.tagged
+    rows = solution.displacement.function_space.dofmap.list
+    upper = np.isin(np.arange(y.size), rows[tagged.cells("upper")])
+    means = []
+    for body, height in ((upper, 1.0), (~upper, below)):
+        ends = np.isclose(y[body], y[body].min()) | np.isclose(y[body], y[body].max())
+        means.append(np.average(velocity[body], weights=np.where(ends, 0.5, 1.0)) * height)
+    assert sum(means) == pytest.approx(-1e-3, rel=1e-9)
+    assert means[0] == pytest.approx(0.0, abs=5e-5)
+
+
+def test_a_bar_of_degree_two():
+    """As with linear elements."""
+    solution = bar(25, 1.0, element={"degree": 2})
+    middles = np.array([each.time for each in solution.steps]) - 0.02
+    pressure = np.array([each.contact.pressure.mean() for each in solution.steps]) / 1e-3
+    flat = (middles > 0.5) & (middles < 1.5)
+    assert np.sqrt(np.mean((pressure[flat] - 1.0) ** 2)) < 0.02
+    figures = [figures for _, figures in told(solution)]
+    assert 0.0 < sum(each["contact_loss"] for each in figures) / 5e-8 < 0.04
+    assert max(abs(each["energy_error"]) for each in figures) < 1e-11
+    assert all(each.certificate.holds for each in solution.steps)
+
+
+def test_a_beam_falls_on_a_stop():
+    """The impulse of the stop is the change of momentum; energy is lost in contact alone."""
+    times = [float(time) for time in 0.1 * np.arange(81)]
+    stop = {"shape": "circle", "centre": [6.0, -1.002], "radius": 1.0}
+    entries = {
+        "mesh": {
+            "generator": "rectangle",
+            "parameters": {"length": 10.0, "height": 0.5, "nx": 60, "ny": 3},
+        },
+        "material": {"young": 1.0, "poisson": 0.3, "density": 1.0},
+        "inertia": {"time_step": 0.1},
+        "contact": [{"boundary": "bottom", "foundation": stop}],
+        "load_steps": {"times": times},
+    }
+    solution = solve(changed(BAR, **entries))
+    forces = np.array([each.contact.forces[0][1] for each in solution.steps])
+    assert forces[:10].max() == 0.0 < forces.max()
+    moved = np.array([each.displacement.x.array for each in solution.steps])
+    _, mass = _mass(solution.model)
+    ones = np.zeros(moved.shape[1])
+    ones[1::2] = 1.0
+    velocity = solution.state.fields["velocity"].values.ravel()
+    momentum = _times(mass, velocity) @ ones + 1e-3 * 5.0
+    assert 0.1 * forces.sum() == pytest.approx(momentum, rel=1e-8)
+    figures = [figures for _, figures in told(solution)]
+    left = figures[-1]["kinetic_energy"] + figures[-1]["strain_energy"]
+    lost = sum(each["contact_loss"] for each in figures)
+    assert lost + left == pytest.approx(2.5e-6, rel=1e-8)
+    assert 0.0 < lost < 0.02 * 2.5e-6
+
+
+@pytest.mark.slow
+def test_a_sphere_bounces():
+    """Contact time, largest force and rebound of Hertz."""
+    velocity, modulus, mass = 2e-4, 1 / 0.91, 2 * np.pi / 3
+    duration = 2.87 * (mass**2 / (modulus**2 * velocity)) ** 0.2
+    depth = (15 * mass * velocity**2 / (16 * modulus)) ** 0.4
+    sphere = {"radius": 1.0, "size": 0.15, "contact_size": 0.01, "contact_zone": 0.15}
+    tau = 0.2
+    entries = {
+        "mesh": {"generator": "half_disk", "parameters": {**sphere, "symmetric": True}},
+        "material": {"young": 1.0, "poisson": 0.3, "density": 1.0, "hypothesis": "axisymmetric"},
+        "inertia": {"time_step": tau},
+        "initial_velocity": {"y": -velocity},
+        "displacement": [{"boundary": "symmetry", "x": 0.0}],
+        "contact": [
+            {
+                "boundary": "arc",
+                "foundation": {"shape": "plane", "point": [0.0, 0.0], "normal": [0.0, 1.0]},
+            }
+        ],
+        "load_steps": {"times": np.arange(0.0, 1.2 * duration, tau).tolist()},
+    }
+    solution = solve(changed(BAR, **entries))
+    forces = np.array([each.contact.forces[0][1] for each in solution.steps])
+    assert tau * np.count_nonzero(forces > 0) == pytest.approx(duration, rel=0.03)
+    assert forces.max() == pytest.approx(4 / 3 * modulus * depth**1.5, rel=0.03)
+    figures = told(solution)[-1][1]
+    left = (figures["kinetic_energy"] + figures["strain_energy"]) / (0.5 * mass * velocity**2)
+    assert 0.99 < left < 1.0
+
+
+@pytest.mark.mpi
+def test_a_body_on_a_spring():
+    """Swings as a point does, with the root of stiffness over mass."""
+    swings = changed(
+        BLOCK,
+        contact=None,
+        gravity=None,
+        springs=[{"boundary": "left", "x": 1.0}],
+        inertia={"time_step": np.pi / 200},
+        load_steps={"times": [0.0, np.pi / 2, np.pi]},
+    )
+    first, last = solve(swings).steps[-2:]
+    np.testing.assert_allclose(first.displacement.x.array[::2], 1.0, rtol=1e-3)
+    np.testing.assert_allclose(last.displacement.x.array[::2], 0.0, atol=2e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("speed", "period"), [(0.01, 8.499), (0.05, 9.072)])
+def test_a_block_on_a_belt(speed, period):
+    """Sticks and slips with the period of a rigid one."""
+    belt = {"shape": "plane", "point": [0.0, 0.0], "normal": [0.0, 1.0], "shift": ["0.1*t", 0.0]}
+    law = {"law": "stribeck", "coefficient": 0.4, "kinetic": 0.2, "speed": speed}
+    entries = {
+        "inertia": {"time_step": 0.05, "start": "static"},
+        "initial_velocity": None,
+        "springs": [{"boundary": "left", "x": 1.0}],
+        "contact": [{"boundary": "bottom", "foundation": belt, "friction": law}],
+        "load_steps": {"times": np.arange(0.0, 22.0, 0.05).tolist()},
+    }
+    solution = solve(changed(BLOCK, **entries))
+    assert solution.converged
+    away = np.array([each.displacement.x.array[::2].mean() for each in solution.steps])
+    times = np.array([each.time for each in solution.steps])
+    inner = np.arange(1, away.size - 1)
+    peaks = inner[(away[inner] > away[inner - 1]) & (away[inner] >= away[inner + 1])]
+    peaks = peaks[away[peaks] > 0.9 * away.max()]
+    assert np.diff(times[peaks]).mean() == pytest.approx(period, rel=0.01)
 
 
 COARSE = {"generator": "rectangle", "parameters": {"length": 0.1, "height": 1.0, "nx": 2, "ny": 20}}

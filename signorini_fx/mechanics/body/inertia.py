@@ -168,7 +168,7 @@ class MidpointRule(StepEffect):
         if "velocity" not in state.fields:
             return model
         mass, _ = _mass(model)
-        resists = None if model.resists is None else (*model.resists, mass)
+        resists = None if model.resists is None else (mass, *model.resists)  # the larger pattern
         return replace(
             model, terms=lambda: (*model.forms, _mass_form(model, 4.0 / dt**2)), resists=resists
         )

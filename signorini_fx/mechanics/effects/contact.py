@@ -323,7 +323,7 @@ def _without_speed(statement: Any, number: int) -> Contradictions:
     """Why there is no speed that friction could follow, or no method that lets it."""
     times = statement.load_steps.times
     place = ("contact", number, "friction", "law")
-    if times is None or times[0] <= 0:
+    if times is None or (times[0] <= 0 and not statement.effects.get("inertia")):
         first = "" if times is None else ", the first above 0, as slip begins at time 0"
         reason = "follows the speed of slip, for which load steps need a duration"
         yield place, f"{reason}: give load_steps.times, one for each step{first}"
