@@ -215,7 +215,7 @@ class StepEffect:
         """
         return {}
 
-    def told(self, new: State, ended: StepEnd) -> Iterator[Finding]:
+    def told(self, new: State, ended: StepEnd) -> Iterator[str]:
         """Yield what ``solve`` says of the last step, the same on all ranks."""
         yield from ()
 

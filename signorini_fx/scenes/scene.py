@@ -162,7 +162,11 @@ class Scene(Table):
             ]
             yield (), f"the lists of factors differ in length: {', '.join(counts)}"
             return  # how many load steps there are is not known
-        if (times := self.load_steps.times) is not None and len(times) != stated.steps:
+        if stated.load_steps.jump != 1 and not any(
+            part.adds_up for contact in stated.contact for part in contact.parts
+        ):
+            yield ("load_steps", "jump"), "is for contact that wears: nothing here adds up"
+        if (times := stated.load_steps.times) is not None and len(times) != stated.steps:
             wanted = f"one for each of {stated.steps} factors is expected"
             yield ("load_steps", "times"), f"has {len(times)} entries, {wanted}"
             return
@@ -203,6 +207,12 @@ class Scene(Table):
                 entry.model_copy(update={"axis": kinematics.axis}) if entry.axis is None else entry
                 for entry in effects["rotation"]
             )
+        load_steps, cycles = self.load_steps.repeated(_count(effects, self.load_steps))
+        if cycles > 1:
+            effects = {
+                key: tuple(_repeated(entry, cycles) for entry in entries)
+                for key, entries in effects.items()
+            }
         meshes = self.meshes
         return Statement(
             title=self.title,
@@ -210,8 +220,8 @@ class Scene(Table):
             effects=effects,
             kinematics=kinematics,
             element=self.element,
-            load_steps=self.load_steps,
-            steps=_count(effects, self.load_steps),
+            load_steps=load_steps,
+            steps=_count(effects, load_steps),
             solver=self.solver,
             accuracy=self.accuracy,
             units=self.units,
@@ -224,6 +234,16 @@ class Scene(Table):
             ),
             origin={key: getattr(self, key) for key in origin},
         )
+
+
+def _repeated(entry: Any, times: int) -> Any:
+    """An entry with its lists of one cycle for so many."""
+    lists = {
+        key: tuple(given) * times
+        for key in ("factors", "holds")
+        if (given := getattr(entry, key, None)) is not None
+    }
+    return entry.model_copy(update=lists) if lists else entry
 
 
 def _count(effects: Mapping[str, tuple[Any, ...]], load_steps: LoadSteps) -> int:

@@ -274,6 +274,38 @@ def test_fretting_wears_the_ends():
     assert sorted(table["wear"]) == pytest.approx(sorted(depth))
 
 
+# A block that is pressed and pushed to and fro by less than friction holds.
+PUSHED = """
+mesh = { generator = "rectangle", parameters = { length = 2.0, nx = 8, ny = 4 } }
+material = { young = 1000.0, poisson = 0.3 }
+traction = [{ boundary = "top", y = -5.0 }, { boundary = "top", x = 1.2, factors = [1.0, -1.0] }]
+[[contact]]
+boundary = "bottom"
+friction = { law = "coulomb", coefficient = 0.3 }
+wear = { coefficient = 1e-5 }
+"""
+
+
+def test_cycles():
+    """They are the load steps of one, listed again and again; with jumps volume and energy are
+    those of all of them, within what a jump changes.
+    """
+    pressed, pushed = tomllib.loads(PUSHED)["traction"]
+    listed = solve(changed(PUSHED, traction=[pressed, {**pushed, "factors": 12 * [1.0, -1.0]}]))
+    every = solve(changed(PUSHED, load_steps={"cycles": 12}))
+    assert every.steps[-1].figures == listed.steps[-1].figures
+    jumped = solve(changed(PUSHED, load_steps={"cycles": 12, "jump": 3}))
+    assert len(jumped.steps) == 2 * (1 + 12 // 3)
+    ends = [each.steps[-1].figures for each in (every, jumped)]
+    for name in ("wear", "worn_volume", "dissipated"):
+        assert ends[1][name] == pytest.approx(ends[0][name], rel=0.01)
+    again = {
+        "traction": [pressed, {**pushed, "factors": 5 * [1.0, -1.0]}],
+        "load_steps": {"jump": [1, 1, 2, 2, *(6 * [3])]},
+    }
+    assert solve(changed(PUSHED, **again)).steps[-1].figures == jumped.steps[-1].figures
+
+
 # --- what it does not go with ---
 
 
@@ -329,6 +361,18 @@ def wear(**more):
         (wear(rate=3.0), "contact.wear.rate", "unknown key"),
         ({"contact": {"boundary": "bottom", "wear": 1e-8}}, "contact.wear", "must be a table"),
         ({"solver": {"algorithm": "alm"}}, "contact.wear", "needs algorithm = 'ssn'"),
+        ({"load_steps": {"cycles": 9, "jump": 2}}, "load_steps.jump", "divides the 9 cycles"),
+        ({"load_steps": {"cycles": 9, "steps": 2}}, "load_steps.cycles", "not possible yet with a"),
+        (
+            {"load_steps": {"cycles": 9, "times": [0.0, 1.0]}},
+            "load_steps.times",
+            "must be positive",
+        ),
+        (
+            {"load_steps": {"jump": 9}, "contact": {"boundary": "bottom"}},
+            "load_steps.jump",
+            "is for contact that wears",
+        ),
         ({"solver": {"levels": 2}}, "solver.levels", "not possible yet with wear"),
         ({"accuracy": {"target": 0.1}}, "accuracy", "not possible yet with wear"),
         (

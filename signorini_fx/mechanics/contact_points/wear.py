@@ -50,12 +50,14 @@ class Wear(StepEffect):
     # --- a step ---
 
     def contact(self, contact: StepContact, state: State, dt: float) -> StepContact:
-        softness = self._softness(contact.boundary, state, state.time + dt)
+        softness = self._softness(contact.model, contact.boundary, state, state.time + dt)
         worn = state.fields.get("wear")
         contact = contact if worn is None else contact.with_gap(worn.values)
         return replace(contact, softness=softness)
 
-    def _softness(self, boundary: ContactBoundary, state: State, time: float) -> Array:
+    def _softness(
+        self, model: Model, boundary: ContactBoundary, state: State, time: float
+    ) -> Array:
         """By how much the pressure of a step wears each point, k ds, length per stress, shape
         (n,).
         """
@@ -69,7 +71,7 @@ class Wear(StepEffect):
                 softness[on] = sample(part.coefficient, x) * np.maximum(end - begin, 0.0)
             elif sliding is not None:
                 softness[on] = sample(part.coefficient, x) * sliding.values[on]
-        return softness
+        return model.statement.load_steps.jump_at(state.number) * softness
 
     def repeat(self, state: State, new: State, ended: StepEnd) -> State | None:
         again, unsettled = self._again(state, new, ended)
@@ -86,7 +88,8 @@ class Wear(StepEffect):
         boundary = contact.boundary
         again = _with_slip(state, np.where(np.isin(boundary.part, own), length(contact.xi), 0.0))
         used, found = (
-            contact.pressure * self._softness(boundary, each, new.time) for each in (state, again)
+            contact.pressure * self._softness(ended.model, boundary, each, new.time)
+            for each in (state, again)
         )
         most = parallel.largest(boundary.comm, np.maximum(used, found))
         change = parallel.largest(boundary.comm, np.abs(found - used))
@@ -100,9 +103,10 @@ class Wear(StepEffect):
         contact = ended.contact
         if contact is None:
             return new
-        softness = self._softness(contact.boundary, state, new.time)
+        softness = self._softness(ended.model, contact.boundary, state, new.time)
         new = self.added(new, "wear", "points", softness * np.maximum(contact.pressure, 0.0))
-        return self.added(new, "dissipated", "points", contact.friction_energy)
+        jump = ended.model.statement.load_steps.jump_at(state.number)
+        return self.added(new, "dissipated", "points", jump * contact.friction_energy)
 
     def outcome(self, state: State, new: State, ended: StepEnd) -> tuple[Status, Finding] | None:
         contact = ended.contact
@@ -134,9 +138,9 @@ class Wear(StepEffect):
         divided = path.steps or 1
         places = (-1.0 + k / divided for k in range(len(path.times) * divided + 1))
         softness: Array = np.zeros(boundary.size)
-        for begin, end in pairwise(map(path.time_at, places)):
-            state = State(0, begin, np.zeros(0), np.zeros(0), ())
-            softness = np.maximum(softness, self._softness(boundary, state, end))
+        for number, (begin, end) in enumerate(pairwise(map(path.time_at, places))):
+            state = State(number, begin, np.zeros(0), np.zeros(0), ())
+            softness = np.maximum(softness, self._softness(model, boundary, state, end))
         for number in self.parts:
             most = softness[boundary.part == number] / _heights(boundary, number)
             ratio = parallel.largest(boundary.comm, most) * model.scales.modulus / _EXPLICIT
@@ -147,7 +151,7 @@ class Wear(StepEffect):
     def columns(self, new: State) -> Mapping[str, Array]:
         return {name: new.fields[name].values for name in ("wear", "dissipated")}
 
-    def told(self, new: State, ended: StepEnd) -> Iterator[Finding]:
+    def told(self, new: State, ended: StepEnd) -> Iterator[str]:
         contact = ended.contact
         if contact is None:
             return
@@ -162,12 +166,13 @@ class Wear(StepEffect):
             _, depth, work, slips, weight, *place = gathered[gathered[:, 0] == number].T
             deepest = np.lexsort((*np.round(place[::-1], 9), -np.round(depth, 12)))[0]
             at = ", ".join(f"{along[deepest] + 0.0:.4g}" for along in place)
-            text = f"worn {depth[deepest]:.4g} deep at ({at}), volume {weight @ depth:.4g}"
+            name = ended.model.statement.contact[number].boundary
+            text = f"{name}: worn {depth[deepest]:.4g} deep at ({at}), volume {weight @ depth:.4g}"
             if entry.distance is None:
                 text += f"; in the last step it slips by up to {slips.max():.4g}"
             if contact.has_friction:
                 text += f"; energy of friction {weight @ work:.4g}"
-            yield Finding("note", f"contact[{number}].wear", text)
+            yield text
 
     def figures(self, state: State, new: State, ended: StepEnd) -> Mapping[str, float]:
         """Return the largest depth, the volume, energy and slip, and by how much of its growth the
@@ -177,13 +182,13 @@ class Wear(StepEffect):
         if contact is None:
             return {}
         boundary = contact.boundary
-        softness = self._softness(boundary, state, new.time)
+        softness = self._softness(ended.model, boundary, state, new.time)
         depth = new.fields["wear"].values
         pressed = contact.pressure > 0
         assert new.gammas is not None
-        closed = contact.u_n - ended.gap - contact.pressure / new.gammas[0]
-        closed = np.where(pressed & (softness > 0), closed, 0.0)
         expected = softness * np.where(pressed, contact.pressure, 0.0)
+        entered = contact.u_n - contact.gap - contact.pressure / new.gammas[0]
+        closed = expected + np.where(pressed & (softness > 0), entered, 0.0)
         rows = [depth, new.fields["dissipated"].values, closed, expected]
         sums = boundary.weight @ np.column_stack(rows)
         volume, dissipated, grown, wanted = parallel.global_sum(boundary.comm, sums)

@@ -33,6 +33,7 @@ class Archard(ContactPart):
 
     key = "wear"
     step_effect = "wear"
+    adds_up = True
     value_keys = ("coefficient", "distance")
     positional = ("coefficient",)
     refuses: ClassVar[Mapping[str, Mapping[str, str]]] = {

@@ -258,6 +258,9 @@ class ContactPart(Effect):
     its key is written.  In ``contradictions`` the number is that of the contact.
     """
 
+    # Whether what it does in a load step adds up where this stands for several.
+    adds_up: ClassVar[bool] = False
+
 
 def _contact_part(entry: Any, info: ValidationInfo) -> Any:
     """A part of a contact, from its table or of its class, which is found by the key."""

@@ -9,13 +9,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import ceil, floor, inf, isfinite, log10
-from typing import Annotated
+from typing import Annotated, Any, Self
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from signorini_fx.errors import FormError, SceneError
-from signorini_fx.mechanics.statement.base import Table
+from signorini_fx.mechanics.statement.base import Table, refused
 from signorini_fx.mechanics.statement.values import Count, Entries, Finite, Positive
 from signorini_fx.tuned import SAME_NUMBER
 
@@ -33,6 +33,10 @@ class LoadSteps(Table):
         time_accuracy: error in time that is allowed in displacement and tractions, relative to the
             largest ones; steps are divided as it asks for, and the error is estimated. None: steps
             are as they are given.
+        jump: how many load steps of its kind each one stands for, whose wear adds up; a list has
+            one number per load step.
+        cycles: how many times the load steps follow each other: the first time they stand for
+            themselves, from then on for so many as ``jump`` says; None: once.
 
     Examples:
         >>> steps = sfx.LoadSteps(names=["press", "release"], times=[1.0, 2.0])
@@ -46,6 +50,45 @@ class LoadSteps(Table):
     names: Annotated[Entries[str], Field(min_length=1)] | None = None
     times: Annotated[Entries[Finite], Field(min_length=1)] | None = None
     time_accuracy: Positive | None = None
+    jump: Count | Annotated[Entries[Count], Field(min_length=1)] = 1
+    cycles: Count | None = None
+
+    @model_validator(mode="after")
+    def _cycles(self) -> Self:
+        wrong = list[tuple[tuple[str], str]]()
+        if self.cycles is not None and (not isinstance(self.jump, int) or self.cycles % self.jump):
+            wrong.append((("jump",), f"must be a number that divides the {self.cycles} cycles"))
+        if self.cycles is not None and self.steps is not None:
+            wrong.append((("cycles",), "are not possible yet with a ramp: leave out steps"))
+        if self.cycles is not None and self.times is not None and self.times[0] <= 0:
+            wrong.append((("times",), "must be positive: a cycle begins at time 0"))
+        if wrong:
+            raise refused(type(self).__name__, wrong)
+        return self
+
+    def repeated(self, count: int) -> tuple[Self, int]:
+        """Return those of all cycles, one after the other, and how many cycles these are, from the
+        number of load steps in one.
+        """
+        if self.cycles is None or not isinstance(self.jump, int):
+            return self, 1
+        jumps = [self.jump] * (self.cycles // self.jump)
+        if self.jump > 1:
+            jumps[:1] = [1, self.jump - 1]
+        changed: dict[str, Any] = {"cycles": None}
+        if self.jump > 1:
+            changed["jump"] = tuple(jump for jump in jumps for _ in range(count))
+        if self.times is not None:
+            ends = [k * self.times[-1] for k in range(len(jumps))]
+            changed["times"] = tuple(end + time for end in ends for time in self.times)
+        if self.names is not None:
+            changed["names"] = tuple(self.names) * len(jumps)
+        return self.model_copy(update=changed), len(jumps)
+
+    def jump_at(self, number: int) -> int:
+        """Return how many load steps one stands for, counted from 0."""
+        jumps = (self.jump,) if isinstance(self.jump, int) else self.jump
+        return jumps[min(number, len(jumps) - 1)]
 
 
 def factor_at(factors: Sequence[float], step: float) -> float:
