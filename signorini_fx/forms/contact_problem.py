@@ -505,6 +505,10 @@ class ContactProblem(ProblemOfForms):
         if solver.density is not None:
             reason = "derivatives of motions with inertia are not possible yet"
             raise FormError.at("density", reason)
+        for number, contact in enumerate(solver.contact):
+            for part in contact.parts:
+                reason = f"derivatives are not possible yet with {part.key}: leave it out"
+                raise FormError.at(f"contact[{number}].{part.key}", reason)
         solved = (
             solver.elastic,
             solver.task,

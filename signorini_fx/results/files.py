@@ -49,7 +49,15 @@ from signorini_fx.results.summary import asked, post_processing, proved, summary
 # there is one.
 ON_DEMAND = ("pressure", "displacement", "density")
 _PICTURES = (
-    *("deformed", "profiles", "convergence_table", "contact_surface", "load_steps", "setup"),
+    *(
+        "deformed",
+        "profiles",
+        "convergence_table",
+        "contact_surface",
+        "load_steps",
+        "effects",
+        "setup",
+    ),
     *(f"field_{name}" for name in (*ON_DEMAND, "around")),
 )
 # All files of a result, although some are written by some runs only, and its report.
@@ -277,8 +285,10 @@ class _Written:
 
         def draw() -> None:
             several = read_csv(folder.path / "steps.csv") if len(solution.steps) > 1 else None
+            along = folder.path / "contact_steps.csv"
+            profiles = read_csv(along) if along.is_file() else None
             try:
-                gathered.draw(folder.part, table, several)
+                gathered.draw(folder.part, table, several, profiles)
             except PictureError as error:
                 say(f"the deformed body is not drawn: {error}")
 

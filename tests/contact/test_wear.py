@@ -29,7 +29,9 @@ from signorini_fx import (
     sensitivity,
     solve,
     tag_boundaries,
+    write_results,
 )
+from signorini_fx.addons.report.page import write_report
 from signorini_fx.errors import FormError, SceneError
 from signorini_fx.records import Status
 from signorini_fx.scenes.checks import check_scene
@@ -201,52 +203,89 @@ def test_own_slip(coefficient, more):
     np.testing.assert_allclose(depth, coefficient * 5.0 * 0.05, rtol=1e-7)
 
 
-def halves(counts, push, shift, **wear):
-    """A round block that is pressed on a flat one of the same material, and slid to and fro by less
-    than friction holds: half a cycle in each load step from the second one.
+def blocks(columns, up, low):
+    """Two blocks with sides of these curvatures that face each other, 1 / length; the columns of
+    the upper one.
     """
     bodies = []
-    for name, columns, bottom, top in (("up", counts, 0.0, 4.0), ("low", counts + 6, -4.0, 0.0)):
+    for name, count, curvature in (("up", columns, up), ("low", columns + 6, low)):
         mesh = dmesh.create_rectangle(
             MPI.COMM_WORLD,
             [np.array([-1.0, 0.0]), np.ones(2)],
-            [columns, 14],
+            [count, 14],
             dmesh.CellType.quadrilateral,
         )
         x = mesh.geometry.x
         x[:, 0] = 4.0 * np.sign(x[:, 0]) * np.abs(x[:, 0]) ** 2.5
-        low = bottom + (x[:, 0] ** 2 / 2 / R if name == "up" else 0.0)
-        along = x[:, 1] ** 1.6 if name == "up" else 1.0 - (1.0 - x[:, 1]) ** 1.6
-        x[:, 1] = low + along * (top - low)
-        raised = 1.0 / 2 / R if name == "up" else 0.0
+        side = 0.5 * curvature * x[:, 0] ** 2
+        x[:, 1] = side + x[:, 1] ** 1.6 * (4.0 - side)
+        if name == "low":
+            x[:, 1] *= -1.0
         marks = {
-            "bottom": lambda x, b=bottom, c=raised: np.isclose(x[1], b + c * x[0] ** 2),
-            "top": lambda x, t=top: np.isclose(x[1], t),
+            "facing": lambda x, c=curvature: np.isclose(np.abs(x[1]), 0.5 * c * x[0] ** 2),
+            "far": lambda x: np.isclose(np.abs(x[1]), 4.0),
         }
         bodies.append(Body(name=name, mesh=tag_boundaries(mesh, marks)))
+    return {
+        "body": bodies,
+        "material": [LinearElastic(region=one.name, young=2e5, poisson=0.3) for one in bodies],
+    }
+
+
+def test_worn_pair():
+    """Two cylinders of twice the radius wear as one on a plane does, from the cylinder of before
+    wear, which is Hertz's.
+    """
+    solution = solve(
+        Scene(
+            **blocks(64, 1 / 16, 1 / 16),
+            displacement=[
+                Displacement(boundary="low.far", x=0.0, y=0.0),
+                Displacement(boundary="up.far", x=0.0),
+            ],
+            traction=Traction(boundary="up.far", y=-FORCE / 8.0),
+            contact=Contact(
+                boundary="up.facing", against="low.facing", wear=Archard(1e-8, distance="5e3*t")
+            ),
+            load_steps=LoadSteps(times=[(k + 1) / 20 for k in range(20)]),
+        )
+    )
+    assert all(step.certificate.holds for step in solution.steps)
+    b = (1.5 * R * FORCE * WEAR) ** (1 / 3)
+    x = np.sort(solution.contact.boundary.x[:, 0])
+    wide = solution.contact.boundary.x[solution.contact.pressure > 0, 0].max()
+    assert x[np.searchsorted(x, wide) - 1] < b < x[np.searchsorted(x, wide) + 1]
+    figures = solution.steps[-1].figures
+    assert figures["wear"] == pytest.approx(b**2 / (2 * R), rel=0.025)
+    assert figures["worn_volume"] == pytest.approx(WEAR * FORCE, rel=1e-9)
+
+
+def halves(columns, push, shift, **wear):
+    """A round block that is pressed on a flat one of the same material, and slid to and fro by less
+    than friction holds: half a cycle in each load step from the second one.
+    """
     return Scene(
-        body=bodies,
-        material=[LinearElastic(region=one.name, young=2e5, poisson=0.3) for one in bodies],
+        **blocks(columns, 1 / R, 0.0),
         displacement=[
-            Displacement(boundary="low.bottom", x=0.0, y=0.0),
-            Displacement(boundary="up.top", y=-push),
-            Displacement(boundary="up.top", x=shift, factors=[0.0, 1.0, -1.0, 1.0]),
+            Displacement(boundary="low.far", x=0.0, y=0.0),
+            Displacement(boundary="up.far", y=-push),
+            Displacement(boundary="up.far", x=shift, factors=[0.0, 1.0, -1.0, 1.0]),
         ],
-        contact=Contact(boundary="up.bottom", against="low.top", friction=Coulomb(0.5), **wear),
+        contact=Contact(boundary="up.facing", against="low.facing", friction=Coulomb(0.5), **wear),
         solver=SolverSettings(coulomb="newton"),
     )
 
 
 @pytest.mark.parametrize(
-    ("counts", "push", "error"),
+    ("columns", "push", "error"),
     [(60, 0.02, 0.04), pytest.param(120, 0.04, 0.02, marks=pytest.mark.slow)],
 )
-def test_fretting(counts, push, error):
+def test_fretting(columns, push, error):
     """The energy of half a cycle before wear is that of Cattaneo (1938) and Mindlin (1949), as
     Mindlin and Deresiewicz (1953) go on from: beyond c = a (1 - T / (F P))^(1/2) surfaces slip
     by twice 4 (1 - nu^2) F p_0 / (E a) times the integral of (x^2 - c^2)^(1/2) from c.
     """
-    step = solve(halves(counts, push, 0.4 * push)).steps[-1]
+    step = solve(halves(columns, push, 0.4 * push)).steps[-1]
     pressed, sheared = (np.linalg.norm(force) for force in step.contact.forces)
     modulus = 2e5 / (1 - 0.3**2) / 2
     a = np.sqrt(4 * pressed * R / np.pi / modulus)
@@ -327,6 +366,22 @@ def test_what_check_says():
     (said,) = [one for one in solution_free.findings if one.path == "contact[0].wear"]
     # k ds E / (2.2 h) of the step of .4
     assert "2.18 times what an explicit rule could" in said.message
+
+
+def test_what_is_written(tmp_path):
+    """Columns of points and of load steps, a line of the terminal, a picture in the report."""
+    solution = solve(changed(BLOCK, contact=wear(distance="3e3*t*x[0]")["contact"]))
+    summary = write_results(solution, tmp_path, fields=False)
+    write_report(tmp_path)
+    assert summary["effects"] == ["bottom: worn 0.009031 deep at (1, 0), volume 0.005439"]
+    table = (tmp_path / "contact.csv").read_text().splitlines()
+    assert {"wear", "dissipated"} < set(table[0].split(","))
+    steps = (tmp_path / "steps.csv").read_text().splitlines()
+    assert {"wear", "worn_volume", "slip_range", "wear_error"} < set(steps[0].split(","))
+    assert (tmp_path / "effects.png").stat().st_size > 10_000
+    report = (tmp_path / "report.html").read_text()
+    assert "effects from step to step" in report
+    assert "worn 0.009031 deep" in report
 
 
 def test_forms():
@@ -427,6 +482,10 @@ def test_refusals_of_forms():
     F = ufl.replace(block.a, {block.a.arguments()[1]: u}) - block.L
     with pytest.raises(FormError, match=r"F.*not possible yet with wear"):
         NonlinearContactProblem(F, u, contact=Foundation(facets, wear=Archard(1.0, distance="t")))
+    problem = ContactProblem(block.a, block.L, block.bcs, Foundation(facets, wear=Archard(1e-8)))
+    problem.solve()
+    with pytest.raises(FormError, match=r"contact\[0\]\.wear: derivatives are not possible yet"):
+        problem.gradient("force", [])
     with pytest.raises(SceneError, match="not possible yet with wear"):
         sensitivity(changed(BLOCK), of="energy", by="traction[0].y")
 

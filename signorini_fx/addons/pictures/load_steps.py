@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import matplotlib as mpl
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
@@ -31,6 +32,7 @@ from signorini_fx.records import Status
 from signorini_fx.tuned import NEGLIGIBLE, ZERO_IN_SOLUTION
 
 _COLOURS = (INK, BLUE, ORANGE, "#009e73", "#cc79a7", MUTED)
+_MOST_PROFILES = 5
 _NOUGHT = 1e-6  # of the largest force: components below are zero up to round-off, and are not shown
 
 
@@ -159,6 +161,46 @@ def _draw(axes: Axes, over: str, kind: str, curves: Sequence[_Curve]) -> None:
     axes.set(xlabel=f"{over}{length}", ylabel=f"{kind}{unit_of(power, kind)}")
     axes.locator_params(axis="x", nbins=6)
     axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0))
+
+
+@mpl.rc_context(STYLE)
+def profiles_by_step(table: Mapping[str, Any], names: Sequence[str]) -> Figure:
+    """Draw what effects in time add to contact, such as wear, along the boundary that has the most
+    of it, after some of the load steps, the later the darker.  ``table``: columns of
+    ``contact_steps.csv``; ``names``: those to draw.
+    """
+    steps = np.unique(table["step"])
+    several = min(len(steps), _MOST_PROFILES)
+    chosen = steps[np.linspace(0, len(steps) - 1, several).round().astype(int)]
+    figure = Figure(figsize=(4.4, 0.6 + 2.0 * len(names)), layout="constrained")
+    for axes, name in zip(figure.subplots(len(names), squeeze=False)[:, 0], names, strict=True):
+        most = np.argmax(np.abs(table[name]))
+        on = table["boundary"] == table["boundary"][most]
+        shown = on & (np.abs(table[name]) > NEGLIGIBLE * np.abs(table[name][most]))
+        power = decimal_power(largest_of(table[name][on]))
+        for number, step in enumerate(chosen):
+            rows = np.flatnonzero(on & (table["step"] == step))
+            rows = rows[np.argsort(table["s"][rows])]
+            light = 0.8 * (1 - (number + 1) / several)
+            axes.plot(
+                table["s"][rows],
+                table[name][rows] * 10.0**power,
+                label=f"load step {step:g}",
+                color=str(light),
+                linewidth=1.3,
+            )
+        if shown.any():
+            places = table["s"][shown]
+            beside = 0.1 * np.ptp(places)
+            axes.set_xlim(
+                max(places.min() - beside, table["s"][on].min()),
+                min(places.max() + beside, table["s"][on].max()) or None,
+            )
+        axes.axhline(0.0, color=RULE, linewidth=0.6, zorder=0)
+        unit = f"10^{-power}" if power else ""
+        axes.set(xlabel="arc length s", ylabel=" ".join((name, unit)).rstrip())
+        axes.legend(loc="best")
+    return figure
 
 
 # Columns of convergence_table.csv: label, colour, marker, line.

@@ -84,8 +84,9 @@ class ResultPictures:
         folder: Path,
         contact: ContactTable | None,
         steps: Mapping[str, Any] | None,
+        profiles: Mapping[str, Any] | None = None,
     ) -> None:
-        """All of them.  ``steps``: columns of steps.csv.
+        """All of them.  ``steps``: columns of steps.csv; ``profiles``: of contact_steps.csv.
 
         Raises:
             PictureError: a body in 3D cannot be drawn; all other pictures are there.
@@ -95,6 +96,13 @@ class ResultPictures:
                 self.setup.draw(folder / "setup", self.suffixes)
                 return
             self._draw_curves(folder, contact, steps)
+            state = self.solution.contact
+            if profiles is not None and state is not None and state.columns and "s" in profiles:
+                from signorini_fx.addons.pictures.load_steps import profiles_by_step
+
+                drawn = [name for name in state.columns if profiles[name].any()]
+                if drawn:
+                    self._write(folder / "effects", profiles_by_step(profiles, drawn))
             if self.body is not None:
                 self._draw_body(self.body, folder, contact)
 

@@ -228,8 +228,9 @@ def steps(steps: dict[str, Any], summary: Summary, folder: Path) -> Markup:
         "pressure and moment."
     )
     drawn = _drawn(folder, "load_steps.png", "forces of the load steps", caption)
+    more = _drawn(folder, "effects.png", "effects from step to step", "The later, the darker.")
     rows = list(zip(*steps.values(), strict=True))
-    return joined([drawn, folded(f"Every load step ({len(rows)})", table(list(steps), rows))])
+    return joined([drawn, more, folded(f"Every load step ({len(rows)})", table(list(steps), rows))])
 
 
 def certificate(summary: Summary) -> Markup:

@@ -18,6 +18,7 @@ import numpy as np
 
 from signorini_fx.arrays import Array, length
 from signorini_fx.machine import parallel
+from signorini_fx.machine.display import clean
 from signorini_fx.mechanics.assembly.mesh_entities import heights_at_nodes
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.effects.wear import Archard
@@ -165,7 +166,8 @@ class Wear(StepEffect):
         for number, entry in self.parts.items():
             _, depth, work, slips, weight, *place = gathered[gathered[:, 0] == number].T
             deepest = np.lexsort((*np.round(place[::-1], 9), -np.round(depth, 12)))[0]
-            at = ", ".join(f"{along[deepest] + 0.0:.4g}" for along in place)
+            extent = max(np.ptp(along) for along in place)
+            at = ", ".join(f"{x:.4g}" for x in clean([along[deepest] for along in place], extent))
             name = ended.model.statement.contact[number].boundary
             text = f"{name}: worn {depth[deepest]:.4g} deep at ({at}), volume {weight @ depth:.4g}"
             if entry.distance is None:
