@@ -104,12 +104,15 @@ class BodyOfForms:
         inertia = [("inertia", "density")] * (self.density is not None)
         uses = [*self.refused_features, *inertia]
         for number, contact in enumerate(self.contact):
+            beside = [(part.key, f"contact[{number}].{part.key}") for part in contact.parts]
             for part in contact.parts:
                 wrong = part.contradictions(self.named[0], number)
                 for (_, _, *keys), reason in wrong:
                     problems.append((".".join((f"contact[{number}]", *map(str, keys))), reason))
                 refused = part.refuses.get(part.key, {})
-                problems += [(name, refused[used]) for used, name in uses if used in refused]
+                problems += [
+                    (name, refused[used]) for used, name in (*uses, *beside) if used in refused
+                ]
         if problems:
             raise FormError(problems)
 

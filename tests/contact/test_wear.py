@@ -358,6 +358,8 @@ def test_too_deep():
     assert [step.status for step in solution.steps] == [Status.CONVERGED] * 4 + [Status.WORN]
     said = [one.message for one in solution.findings if one.path == "contact[0].wear"]
     assert any("is 0.6 cells deep" in message for message in said)
+    foretold = [one.message for one in check_scene(deep).findings if one.level == "warning"]
+    assert any("would be 0.6 cells deep" in message for message in foretold)
 
 
 def test_what_check_says():
@@ -455,6 +457,23 @@ def test_refusals(more, key, reason):
     with pytest.raises(SceneError) as error:
         changed(BLOCK, **more)
     assert [(path, reason in text) for path, text in error.value.problems][:1] == [(key, True)]
+
+
+@pytest.mark.parametrize(
+    ("more", "wrong"),
+    [
+        ({"coefficient": "1e-6*(x[0] - 0.5)"}, "coefficient: is negative"),
+        ({"coefficient": "1e-6/x[0]"}, "coefficient: is not finite"),
+        ({"distance": "-t"}, "distance: falls with the time"),
+        ({"distance": "log(t)"}, "distance: is not finite"),
+    ],
+)
+def test_values_at_points(more, wrong):
+    """What is wrong at some contact point names its key, in check and in solve."""
+    given = changed(BLOCK, **wear(**more))
+    for use in (solve, check_scene):
+        with pytest.raises(SceneError, match=r"contact\[0\]\.wear\." + wrong):
+            use(given)
 
 
 def test_refusals_of_forms():

@@ -17,6 +17,7 @@ from typing import Self
 import numpy as np
 
 from signorini_fx.arrays import Array, length
+from signorini_fx.errors import SceneError
 from signorini_fx.machine import parallel
 from signorini_fx.machine.display import clean
 from signorini_fx.mechanics.assembly.mesh_entities import heights_at_nodes
@@ -67,11 +68,17 @@ class Wear(StepEffect):
         for number, part in self.parts.items():
             on = boundary.part == number
             x = in_space(boundary.x[on])
+            slip: Array | None = None
             if part.distance is not None:
                 begin, end = (sample(part.distance.at_time(t), x) for t in (state.time, time))
-                softness[on] = sample(part.coefficient, x) * np.maximum(end - begin, 0.0)
+                slip = end - begin
+                _check(boundary, slip, f"contact[{number}].wear.distance", "falls with the time")
             elif sliding is not None:
-                softness[on] = sample(part.coefficient, x) * sliding.values[on]
+                slip = sliding.values[on]
+            coefficient = sample(part.coefficient, x)
+            _check(boundary, coefficient, f"contact[{number}].wear.coefficient", "is negative")
+            if slip is not None:
+                softness[on] = coefficient * np.maximum(slip, 0.0)
         return model.statement.load_steps.jump_at(state.number) * softness
 
     def repeat(self, state: State, new: State, ended: StepEnd) -> State | None:
@@ -138,16 +145,34 @@ class Wear(StepEffect):
         path = model.path
         divided = path.steps or 1
         places = (-1.0 + k / divided for k in range(len(path.times) * divided + 1))
-        softness: Array = np.zeros(boundary.size)
+        largest: Array = np.zeros(boundary.size)
+        total: Array = np.zeros(boundary.size)
         for number, (begin, end) in enumerate(pairwise(map(path.time_at, places))):
             state = State(number, begin, np.zeros(0), np.zeros(0), ())
-            softness = np.maximum(softness, self._softness(model, boundary, state, end))
+            softness = self._softness(model, boundary, state, end)
+            largest = np.maximum(largest, softness)
+            total = total + softness
+        comm = boundary.comm
         for number in self.parts:
-            most = softness[boundary.part == number] / _heights(boundary, number)
-            ratio = parallel.largest(boundary.comm, most) * model.scales.modulus / _EXPLICIT
+            on = boundary.part == number
+            height = _heights(boundary, number)
+            most = parallel.largest(comm, largest[on] / height)
+            ratio = most * model.scales.modulus / _EXPLICIT
+            where = f"contact[{number}].wear"
             if ratio > 0:
                 text = f"a step wears {ratio:.3g} times what an explicit rule could: it is implicit"
-                yield Finding("note", f"contact[{number}].wear", text)
+                yield Finding("note", where, text)
+            if len(model.statement.contact) > 1:
+                continue  # which share of the loads it bears is not known
+            loads = model.loads_at(len(path.times) - 1.0).forces.reshape(-1, model.dimension)
+            force = parallel.global_sum(comm, loads.sum(axis=0))
+            if model.statement.kinematics_in(model.tagged.dimension).zero_on_axis:
+                force = force[1:2]  # radial ones cancel each other
+            area = float(parallel.global_sum(comm, boundary.weight.sum()))
+            deep = parallel.largest(comm, total[on] / height) * np.linalg.norm(force) / area
+            if deep > _MOST_DEPTH:
+                text = f"would be {deep:.2g} cells deep, if all of it touched: take larger cells"
+                yield Finding("warning", where, text)
 
     def columns(self, new: State) -> Mapping[str, Array]:
         return {name: new.fields[name].values for name in ("wear", "dissipated")}
@@ -188,8 +213,12 @@ class Wear(StepEffect):
         depth = new.fields["wear"].values
         pressed = contact.pressure > 0
         assert new.gammas is not None
+        stiffness = np.full(boundary.size, new.gammas[0])
+        for number, entry in enumerate(ended.model.statement.contact):
+            if entry.overclosure is not None:
+                stiffness[boundary.part == number] = entry.overclosure.stiffness
         expected = softness * np.where(pressed, contact.pressure, 0.0)
-        entered = contact.u_n - contact.gap - contact.pressure / new.gammas[0]
+        entered = contact.u_n - contact.gap - contact.pressure / stiffness
         closed = expected + np.where(pressed & (softness > 0), entered, 0.0)
         rows = [depth, new.fields["dissipated"].values, closed, expected]
         sums = boundary.weight @ np.column_stack(rows)
@@ -201,6 +230,19 @@ class Wear(StepEffect):
             "slip_range": parallel.largest(boundary.comm, length(contact.xi) * pressed),
             "wear_error": float(grown / wanted - 1.0) if wanted else 0.0,
         }
+
+
+def _check(boundary: ContactBoundary, values: Array, path: str, wrong: str) -> None:
+    """Refuse values at contact points of this rank that are negative or no numbers; collective.
+
+    Raises:
+        SceneError: there are such values on some rank.
+    """
+    reason = "" if np.isfinite(values).all() else "is not finite"
+    if (values < 0).any():
+        reason = wrong
+    error = SceneError.at(path, f"{reason} at some contact points") if reason else None
+    parallel.raise_together(boundary.comm, error)
 
 
 def _with_slip(state: State, slip: Array) -> State:

@@ -41,6 +41,7 @@ class Archard(ContactPart):
             "inertia": _NOT_YET,
             "requested accuracy": f"{_NOT_YET}: its mesh is given",
             "nested iteration": f"{_NOT_YET}: leave out solver.levels",
+            "cohesion": f"{_NOT_YET}: a bond that tears does not wear",
             "nonlinear material": f"{_NOT_YET}: it must be linear",
         }
     }
