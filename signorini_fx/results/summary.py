@@ -18,6 +18,7 @@ from mpi4py import MPI
 from pydantic import TypeAdapter
 
 import signorini_fx
+from signorini_fx.extensions import CONTACT_PARTS, names_of
 from signorini_fx.machine import parallel
 from signorini_fx.machine.display import results_of, status_in_words
 from signorini_fx.machine.terminal import COLUMNS, TerminalLine, printable, say_once
@@ -165,7 +166,8 @@ def short_answer(summary: Summary, folder: Path) -> list[TerminalLine]:
     if (more := len(warnings) - _MOST_WARNINGS) > 0:
         rest = row("warning", f"{more} more with --verbose, and in summary.json", "warning")
         warnings = [*warnings[:_MOST_WARNINGS], rest]
-    lines = [*warnings, *_outcome(summary), *brief_lines(summary), row("results", f"{folder}/")]
+    answer = [*_outcome(summary), *_of_parts(summary), *brief_lines(summary)]
+    lines = [*warnings, *answer, row("results", f"{folder}/")]
     return [_heading(summary), *(narrow for line in lines for narrow in _narrow(line))]
 
 
@@ -197,6 +199,7 @@ def _figures(summary: Summary) -> list[TerminalLine]:
         *method,
         *_pieces(summary["pieces"]),
         *_warnings(summary),
+        *_of_parts(summary),
     ]
     if (
         not summary["converged"] and summary["linear_solves"] == 0
@@ -240,6 +243,13 @@ def _events(events: list[str]) -> list[TerminalLine]:
             f"halved {halved} time{'s' * (halved > 1)}, where a load step had no solution"
         ]
     return [row(name, "; ".join(kind)) for name, kind in kinds.items() if kind]
+
+
+def _of_parts(summary: Summary) -> list[TerminalLine]:
+    """The notes of parts of contacts, such as wear, under their keys."""
+    notes = [found for found in summary["findings"] if found["level"] == "note"]
+    keyed = [(note["path"].rpartition(".")[2], note["message"]) for note in notes]
+    return [row(key, message) for key, message in keyed if key in names_of(CONTACT_PARTS)]
 
 
 def _warnings(summary: Summary) -> list[TerminalLine]:

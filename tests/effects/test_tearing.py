@@ -54,7 +54,7 @@ def test_pulled_and_released(generator):
         pressure = step.contact.pressure
         np.testing.assert_allclose(pressure, -stress, rtol=2e-5, atol=1e-9)
     last = solution.steps[4].figures
-    assert last["dissipated"] == pytest.approx(0.05, rel=1e-9)
+    assert last["torn"] == pytest.approx(0.05, rel=1e-9)
     assert last["broken"] == pytest.approx(1.0)
 
 
@@ -117,7 +117,7 @@ def test_pressed_and_sheared():
     forces = [step.contact.forces[1][0] for step in solution.steps]
     np.testing.assert_allclose(forces, [-20 * shear, -160.0, -160.0, 160.0], rtol=1e-2)
     assert forces[1:] == pytest.approx([-160.0, -160.0, 160.0], rel=1e-9)
-    assert solution.steps[-1].figures["dissipated"] == pytest.approx(18.0, rel=1e-4)
+    assert solution.steps[-1].figures["torn"] == pytest.approx(18.0, rel=1e-4)
 
 
 def cantilever(facet, steps, strength, *, opening=8.0, energy=0.3, **changed):
@@ -163,7 +163,7 @@ def test_double_cantilever(facet, steps, within):
     damage = last.contact.damage
     torn = last.contact.points.weight @ (damage >= 1.0) - 30.0
     zone = last.figures["process_zone"]
-    assert 0.15 * (torn - facet) < last.figures["dissipated"] < 0.15 * (torn + zone + facet)
+    assert 0.15 * (torn - facet) < last.figures["torn"] < 0.15 * (torn + zone + facet)
 
 
 @pytest.mark.slow
@@ -173,7 +173,7 @@ def test_same_on_three_meshes():
     for facet in (1.0, 0.5, 0.25):
         solution = sfx.solve(cantilever(facet, 60, 10.0))
         forces = [-step.contact.forces[0][1] for step in solution.steps]
-        told.append((max(forces), forces[-1], solution.steps[-1].figures["dissipated"]))
+        told.append((max(forces), forces[-1], solution.steps[-1].figures["torn"]))
     for row in told[:2]:
         assert row == pytest.approx(told[2], rel=1e-2)
 
@@ -264,6 +264,28 @@ def test_stiff_and_strong():
         for tie in ties
     ]
     np.testing.assert_allclose(moved[1], moved[0], atol=1e-4 * np.abs(moved[0]).max())
+
+
+@pytest.mark.parametrize(
+    ("facet", "strength", "zone", "level"),
+    [(1.0, 10.0, 2.17, "note"), (4.0, 30.0, 1.25, "warning")],
+)
+def test_told(facet, strength, zone, level):
+    """``check`` compares facets with the process zone, ``solve`` tells what is broken and whether
+    it breaks in jumps, and tables have damage and opening.
+    """
+    scene = cantilever(facet, 16, strength)
+    solution = sfx.solve(scene)
+    finding, *told = (f for f in solution.findings if f.path == "contact[0].cohesion")
+    assert finding.level == level
+    assert f"process zone of about {zone}" in finding.message
+    assert any(" of 7" in each.message for each in told)
+    jumps = [each for each in told if "breaks in jumps" in each.message]
+    assert len(jumps) == (level == "warning")
+    columns = solution.table.columns
+    assert columns["damage"][0] == 1.0
+    assert columns["opening"][0] == pytest.approx(4.0, rel=1e-2)
+    assert columns["damage"][-1] == 0.0
 
 
 BAD = {

@@ -6,22 +6,25 @@ the energy that has torn it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, Self
+from typing import Any, Literal, Self
 
 import numpy as np
 
 from signorini_fx.algebra.contact.bond import Bond
-from signorini_fx.arrays import Array, inner, matvec, rmatvec
+from signorini_fx.arrays import Array, inner, length, matvec, rmatvec
 from signorini_fx.errors import SceneError
 from signorini_fx.machine import parallel
+from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.effects.cohesion import PARAMETERS, Cohesion
+from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.state import State
 from signorini_fx.mechanics.statement.expressions import sample
 from signorini_fx.mechanics.step_effect import StepContact, StepEffect, StepEnd
-from signorini_fx.tuned import ROOT_OF_EPS
+from signorini_fx.records import Finding
+from signorini_fx.tuned import NOTABLE, ROOT_OF_EPS
 
 # The opening at which bonds begin to soften, over that at which they have torn, and what they
 # resist at least, over modulus and size of the body.
@@ -83,13 +86,63 @@ class TearingBonds(StepEffect):
         taken = new.fields["torn"].values
         rows = [(damage >= 1.0) & (taken > 0), softens, taken]
         sums = [np.dot(now.points.weight, row) for row in rows]
-        broken, zone, dissipated = parallel.global_sum(now.boundary.comm, np.array(sums))
-        return {
-            "broken": float(broken),
-            "process_zone": float(zone),
-            "dissipated": float(dissipated),
-            "released": float(new.fields["released"].values[0]),
-        }
+        names = ("broken", "process_zone", "torn")
+        values = parallel.global_sum(now.boundary.comm, np.array(sums))
+        # A step in which a bond begins to soften counts for less than it has taken.
+        released = max(float(new.fields["released"].values[0]), 0.0)
+        return {**dict(zip(names, map(float, values), strict=True)), "released": released}
+
+    def columns(self, new: State) -> Mapping[str, Array]:
+        separation = new.fields["separation"].values
+        return {"damage": new.fields["damage"].values, "opening": length(separation)}
+
+    def told(self, new: State, ended: StepEnd) -> Iterator[Finding]:
+        now = ended.contact
+        if now is None:
+            return
+        figures = self.figures(new, new, ended)
+        bonded = (new.fields["damage"].values < 1.0) | (new.fields["torn"].values > 0)
+        whole = float(parallel.global_sum(now.boundary.comm, np.array(now.points.weight @ bonded)))
+        path = f"contact[{min(self.parts)}].cohesion"
+        text = (
+            f"broken {figures['broken']:.4g} of {whole:.4g}, process zone "
+            f"{figures['process_zone']:.4g}; torn by an energy of {figures['torn']:.4g}, "
+            f"{figures['released']:.2g} released"
+        )
+        yield Finding("note", path, text)
+        if figures["released"] > NOTABLE * figures["torn"] > 0:
+            text = (
+                "the bond breaks in jumps: take smaller facets (two of degree 2 in the process "
+                "zone), or inertia if the jumps are real"
+            )
+            yield Finding("warning", path, text)
+
+    def findings(self, model: Model) -> Iterator[Finding]:
+        boundary = model.boundary
+        if boundary is None or not model.modulus:
+            return
+        mesh = model.tagged.mesh
+        thinnest = float(np.ptp(model.pieces.bounds, axis=1).min())
+        # Of a side that is narrow, and of one that is not: both as zones were found.
+        wanted = 4 // int(model.space.element.basix_element.degree)
+        for number, part in self.parts.items():
+            x = _positions(boundary)[:, boundary.part == number]
+            strength, shear, energy, second, _ = (
+                sample(1.0 if value is None else value, x) for value in part.parameters
+            )
+            on = strength > 0
+            lengths = energy[on] / strength[on] ** 2, second[on] / shear[on] ** 2
+            shortest = -parallel.largest(mesh.comm, -np.concatenate(lengths))
+            own = model.modulus * shortest
+            zone = min(0.2 * own, 0.5 * own**0.25 * thinnest**0.75)
+            facets = [each for _, each, k in boundary.surface if k == number]
+            sizes = [mesh.h(mesh.topology.dim - 1, each) for each in facets]
+            size = parallel.largest(mesh.comm, np.concatenate(sizes), 0.0)
+            level: Literal["warning", "note"] = "note" if size * wanted <= zone else "warning"
+            text = f"facets of up to {size:.3g}, process zone of about {zone:.3g}"
+            if level == "warning":
+                text += f": take {wanted} or more in it, or the bond breaks in jumps"
+            yield Finding(level, f"contact[{number}].cohesion", text)
 
     def _bond(self, contact: StepContact) -> Bond:
         """The bonds at first: of points where both sides touch and the strength is not zero.
@@ -99,8 +152,7 @@ class TearingBonds(StepEffect):
         """
         boundary = contact.boundary
         comm = boundary.comm
-        x = np.zeros((3, boundary.size))
-        x[: boundary.x.shape[1]] = boundary.x.T
+        x = _positions(boundary)
         rows = np.ones((6, boundary.size))
         near = contact.gap <= ROOT_OF_EPS * contact.model.tagged.size
         damage = np.ones(boundary.size)
@@ -134,6 +186,13 @@ class TearingBonds(StepEffect):
                 reason = f"must be above {needed:.4g}, or the bond has torn before it softens"
                 raise SceneError.at(f"contact[{number}].cohesion.stiffness", reason)
         return replace(bond, stiffness=stiff)
+
+
+def _positions(boundary: ContactBoundary) -> Array:
+    """Positions of contact points, as expressions take them, length, shape (3, n)."""
+    x = np.zeros((3, boundary.size))
+    x[: boundary.x.shape[1]] = boundary.x.T
+    return x
 
 
 def _begun(now: ContactState, ended: StepEnd) -> tuple[Bond, tuple[Array, Array]]:
