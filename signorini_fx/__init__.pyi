@@ -19,6 +19,7 @@ from signorini_fx.forms.meshes import solve_to_accuracy as solve_to_accuracy
 from signorini_fx.forms.nonlinear.problem import NonlinearContactProblem as NonlinearContactProblem
 from signorini_fx.mechanics.effects.cohesion import Cohesion as Cohesion
 from signorini_fx.mechanics.effects.contact import Contact as Contact
+from signorini_fx.mechanics.effects.contact import GeneralContact as GeneralContact
 from signorini_fx.mechanics.effects.displacement import Displacement as Displacement
 from signorini_fx.mechanics.effects.inertia import Inertia as Inertia
 from signorini_fx.mechanics.effects.inertia import InitialVelocity as InitialVelocity
@@ -79,6 +80,7 @@ from signorini_fx.results.progress_line import ProgressLine as ProgressLine
 from signorini_fx.results.solution import ConvergenceError as ConvergenceError
 from signorini_fx.results.solution import Solution as Solution
 from signorini_fx.results.summary import print_progress as print_progress
+from signorini_fx.scenes.found_contacts import propose_contacts as propose_contacts
 from signorini_fx.scenes.reading import read_scene as read_scene
 from signorini_fx.scenes.scene import Scene as Scene
 from signorini_fx.scenes.solver import build_problem as build_problem

@@ -27,6 +27,7 @@ from signorini_fx.results.accuracy.expected_cost import Cost, estimated_cost
 from signorini_fx.results.accuracy.next_accuracy import between
 from signorini_fx.scenes.found_contacts import without_contact
 from signorini_fx.scenes.mesh import coarser_scenes, load_mesh, scene_on
+from signorini_fx.scenes.reading import as_scene
 from signorini_fx.scenes.scene import Scene
 from signorini_fx.solving.findings import nonlinear_findings, refuse_beforehand, scene_findings
 from signorini_fx.solving.uniqueness import uniqueness_findings
@@ -66,6 +67,7 @@ def check_scene(
     factorisation.
     """
     petsc_options.refuse_exchanged()
+    scene = as_scene(scene, comm)
     if scene.statement.nonlinear:
         from signorini_fx.scenes.nonlinear import ProblemOfScene, linear_body
 

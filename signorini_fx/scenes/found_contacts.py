@@ -10,16 +10,25 @@ import re
 import tomllib
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from signorini_fx.errors import MeshError, SceneError
-from signorini_fx.mechanics.effects.contact import Contact
+from signorini_fx.machine import parallel
+from signorini_fx.mechanics.effects.contact import Contact, GeneralContact
 from signorini_fx.mechanics.mesh.files.arrays import MeshArrays
 from signorini_fx.mechanics.mesh.files.formats import read_file
 from signorini_fx.mechanics.mesh.proposals import Proposals, ProposedContact, proposed_contacts
+from signorini_fx.mechanics.statement.base import JOIN
 from signorini_fx.mechanics.statement.mesh_sources import MeshFile
 from signorini_fx.records import Finding
+from signorini_fx.scenes.scene import Scene
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+    from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 
 # The lines between which a scene has the entries that are found anew.
 _FIRST = "# --- contacts found by signorini-fx contacts; a new search replaces what is between ---"
@@ -165,23 +174,115 @@ def with_contacts(text: str, file: Path, contacts: Sequence[ProposedContact]) ->
     return f"{own.rstrip()}\n\n{block}"
 
 
-def without_contact(entries: Sequence[Contact], mesh: MeshArrays) -> Iterator[Finding]:
-    """Yield a finding for each pair of surfaces of two bodies that touch or nearly do, and that no
-    contact of a scene names.
+def with_found_contacts(scene: Scene, comm: MPI.Comm) -> Scene:
+    """Return a scene in which contacts that its mesh suggests stand in place of
+    ``general_contact``; collective.
+
+    Raises:
+        SceneError: it names bodies that are not there, or a contact cannot be stated.
     """
+    from signorini_fx.mechanics.mesh.tagged import arrays_of
+    from signorini_fx.scenes.mesh import load_mesh
+
+    arrays = arrays_of(load_mesh(scene, comm))
+    found = parallel.on_root(comm, lambda: _entries_of(scene, arrays))
+    stated = {key: getattr(scene, key) for key in scene.model_fields_set}
+    return Scene(**{**stated, "contact": (*scene.contact, *found), "general_contact": None})
+
+
+def _entries_of(scene: Scene, mesh: MeshArrays) -> list[Contact]:
+    """Return the contacts of a mesh that a scene asks for and does not state itself."""
+    general = scene.general_contact
+    assert general is not None
+    found = proposed_contacts(mesh, general.within)
+    named = [("bodies", name) for name in general.bodies]
+    named += [("without", name) for pair in general.without for name in pair]
+    if wrong := [(key, name) for key, name in named if name not in found.bodies]:
+        known = ", ".join(found.bodies)
+        raise SceneError(
+            [
+                (f"general_contact.{key}", f"there is no body {name!r}; there are: {known}")
+                for key, name in wrong
+            ]
+        )
+    allowed = general.bodies or found.bodies
+    apart = [set(pair) for pair in general.without]
+    return [
+        _entry(contact, general, nonlinear=scene.statement.nonlinear)
+        for contact in _not_stated(scene.contact, mesh, found)
+        if set(contact.bodies) <= set(allowed) and set(contact.bodies) not in apart
+    ]
+
+
+def _entry(contact: ProposedContact, general: GeneralContact, *, nonlinear: bool) -> Contact:
+    """Return a contact that was found as an entry of a scene."""
+    if contact.shared:
+        reason = (
+            f"both sides of {contact.name} are sides of other contacts, too, and a boundary "
+            "carries the points of one: divide one in the drawing, or add its bodies to without"
+        )
+        raise SceneError.at("general_contact", reason)
+    stated: dict[str, Any] = {} if general.kind == "bonded" else {"friction": general.friction}
+    if general.kind == "bonded" and nonlinear:
+        stated["sliding"] = "small"
+    elif general.kind != "bonded" and contact.fitted and not nonlinear:
+        stated["distance"] = "nominal"
+        stated["gap"] = 0.0 if contact.kind == "touches" else contact.gap
+    boundary, against = (JOIN.join(names) for names in contact.sides)
+    return Contact(boundary=boundary, against=against, kind=general.kind, **stated)
+
+
+def propose_contacts(tagged: TaggedMesh, within: float | None = None) -> list[Contact]:
+    """Return the contacts that a mesh of several bodies suggests, largest first; collective.
+
+    Args:
+        tagged: the mesh, whose surfaces in contact have names.
+        within: distance up to which surfaces are near, length; None: a quarter of a facet.
+
+    Raises:
+        SceneError: two bodies share a boundary with others on both sides.
+
+    Examples:
+        >>> print(len(sfx.propose_contacts(block)))
+        0
+    """
+    from signorini_fx.mechanics.mesh.tagged import arrays_of
+
+    arrays = arrays_of(tagged)
+    general = GeneralContact()
+
+    def entries() -> list[Contact]:
+        found = proposed_contacts(arrays, within).contacts
+        return [_entry(contact, general, nonlinear=False) for contact in found]
+
+    return parallel.on_root(tagged.mesh.comm, entries)
+
+
+def _not_stated(
+    entries: Sequence[Contact], mesh: MeshArrays, found: Proposals
+) -> Iterator[ProposedContact]:
+    """Yield the contacts found that no entry of a scene names."""
 
     def meet(stated: str | None, names: Sequence[str]) -> bool:
-        rows = mesh.boundaries.get(str(stated), ())
+        listed = str(stated).split(JOIN)
+        rows = [row for name in listed for row in mesh.boundaries.get(name, ())]
         return any(np.isin(mesh.boundaries[name], rows).any() for name in names)
 
-    for contact in proposed_contacts(mesh).contacts:
+    for contact in found.contacts:
         one, other = contact.sides
-        if any(
+        if not any(
             (meet(entry.boundary, first) and meet(entry.against, second))
             for entry in entries
             for first, second in ((one, other), (other, one))
         ):
-            continue
+            yield contact
+
+
+def without_contact(entries: Sequence[Contact], mesh: MeshArrays) -> Iterator[Finding]:
+    """Yield a finding for each pair of surfaces of two bodies that touch or nearly do, and that no
+    contact of a scene names.
+    """
+    for contact in _not_stated(entries, mesh, proposed_contacts(mesh)):
         sides = [
             f"{' and '.join(names)} of {body}"
             for names, body in zip(contact.sides, contact.bodies, strict=True)

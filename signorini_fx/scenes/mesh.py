@@ -23,7 +23,18 @@ from signorini_fx.scenes.scene import Scene
 
 
 def load_mesh(scene: Scene, comm: MPI.Comm) -> TaggedMesh:
-    """The mesh that a scene names, or that its bodies make together; collective."""
+    """The mesh that a scene names, or that its bodies make together, with the boundaries that it
+    joins; collective.
+    """
+    tagged = _loaded(scene, comm)
+    for contact in scene.contact:
+        if contact.against is not None:
+            tagged = tagged.with_joined(contact.against)
+    return tagged
+
+
+def _loaded(scene: Scene, comm: MPI.Comm) -> TaggedMesh:
+    """The mesh as its sources give it; collective."""
     if scene.body:
         made = (
             mesh.drawn if isinstance(mesh, MeshFile) else getattr(mesh, "origin", True)

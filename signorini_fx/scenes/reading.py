@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from datetime import date, time
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Literal, get_origin
+from typing import TYPE_CHECKING, Any, Literal, get_origin
 
 from pydantic import BaseModel, ValidationError
 
@@ -18,6 +18,9 @@ from signorini_fx.errors import SceneError
 from signorini_fx.mechanics.statement.base import problems_of
 from signorini_fx.mechanics.statement.values import kind_of
 from signorini_fx.scenes.scene import Scene
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
 
 # Path of an entry, as messages name it -> its value.
 Changes = Mapping[str, Any]
@@ -141,16 +144,25 @@ def read_scene(path: str | Path) -> Scene:
     return parse_scene_text(read_scene_text(path), path)
 
 
-def as_scene(scene: object) -> Scene:
-    """A scene from a ``Scene``, the path of its file, or nested mappings."""
+def as_scene(scene: object, comm: MPI.Comm | None = None) -> Scene:
+    """A scene from a ``Scene``, the path of its file, or nested mappings; with the contacts that
+    its mesh suggests where it asks for them, and ``comm``, the ranks, are given: then collective.
+    """
     match scene:
         case Scene():
-            return scene
+            found = scene
         case str() | Path():
-            return read_scene(scene)
+            found = read_scene(scene)
         case Mapping():
-            return parse_scene(scene)
-    raise TypeError(f"a Scene or the path of a scene file is expected, not {kind_of(scene)}")
+            found = parse_scene(scene)
+        case _:
+            wrong = f"a Scene or the path of a scene file is expected, not {kind_of(scene)}"
+            raise TypeError(wrong)
+    if comm is None or found.general_contact is None:
+        return found
+    from signorini_fx.scenes.found_contacts import with_found_contacts
+
+    return with_found_contacts(found, comm)
 
 
 # --- entries that are changed by their path, such as contact[0].friction.coefficient=0.3 ----------

@@ -16,7 +16,7 @@ from pydantic import BeforeValidator, model_validator
 
 from signorini_fx.errors import FormError
 from signorini_fx.mechanics.effects import loads
-from signorini_fx.mechanics.effects.contact import Contact
+from signorini_fx.mechanics.effects.contact import Contact, GeneralContact
 from signorini_fx.mechanics.effects.displacement import Displacement
 from signorini_fx.mechanics.effects.material import Entry as MaterialEntry
 from signorini_fx.mechanics.kinematics import of_materials
@@ -41,7 +41,16 @@ Many = Annotated[
 _NO_TABLE: Any = None
 _NO_TABLES: Any = ()
 # The keys that are no effects and that a statement has as its own.
-_SETTINGS = ("title", "incomplete", "element", "load_steps", "solver", "accuracy", "units")
+_SETTINGS = (
+    "title",
+    "incomplete",
+    "general_contact",
+    "element",
+    "load_steps",
+    "solver",
+    "accuracy",
+    "units",
+)
 
 
 def _may_be_remade(mesh: Any) -> bool:
@@ -72,6 +81,8 @@ class Scene(Table):
         traction: tractions and pressures, forces per area; default: none.
         body_force: force per volume; default: none.
         contact: contact with a rigid foundation, one entry for each boundary; default: none.
+        general_contact: contact of all bodies that are near each other, see ``GeneralContact``;
+            None: there is none but that of ``contact``.
         fluid: pressures of fluids at rest, see ``Fluid``; default: none.
         force: total forces, each spread over a boundary, see ``Force``; default: none.
         gravity: accelerations, see ``Gravity``; default: none.
@@ -110,6 +121,7 @@ class Scene(Table):
     traction: Many[loads.Traction] = _NO_TABLES
     body_force: Maybe[loads.BodyForce] = _NO_TABLE
     contact: Many[Contact] = _NO_TABLES
+    general_contact: Maybe[GeneralContact] = _NO_TABLE
     fluid: Many[loads.Fluid] = _NO_TABLES
     force: Many[loads.Force] = _NO_TABLES
     gravity: Many[loads.Gravity] = _NO_TABLES

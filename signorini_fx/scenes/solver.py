@@ -80,9 +80,9 @@ def solve(
         >>> print(result.status.value, np.round(result.contact.forces[0], 6))
         converged [0. 4.]
     """
-    scene = as_scene(scene)
     refuse_other_than_comm(comm)
     petsc_options.refuse_exchanged()
+    scene = as_scene(scene, comm)
     own_quantities()  # those of others are refused before hours of work
     if callable(observers) or not all(map(callable, observers)):
         raise TypeError("observers: a list of functions is expected, such as [print_progress]")
@@ -142,9 +142,9 @@ def build_problem(
         >>> print(result.status.value, np.round(result.contact.pressure.max(), 6))
         converged 2.0
     """
-    scene = as_scene(scene)
     refuse_other_than_comm(comm)
     petsc_options.refuse_exchanged()
+    scene = as_scene(scene, comm)
     _refuse_state(scene)
     in_time = _effects_of(effects)
     if scene.statement.nonlinear:

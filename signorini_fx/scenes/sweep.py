@@ -104,7 +104,8 @@ def solutions_of(
 
 def _solutions(scenes: Sequence[Scene], comm: MPI.Comm) -> Iterator[Solution]:
     last: tuple[Scene, Solution, Task] | None = None
-    for scene in scenes:
+    for given in scenes:
+        scene = as_scene(given, comm)
         statement = scene.statement
         several = (
             statement.nonlinear

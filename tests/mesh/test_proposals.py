@@ -9,13 +9,15 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
+from signorini_fx import SceneError, propose_contacts, solve
 from signorini_fx.mechanics.mesh.files.formats import read_file
 from signorini_fx.mechanics.mesh.files.gmsh_reader import gmsh_session
 from signorini_fx.mechanics.mesh.proposals import proposed_contacts
 from signorini_fx.mechanics.statement.mesh_sources import MeshFile
 from signorini_fx.scenes import cli
 from signorini_fx.scenes.checks import check_scene
-from signorini_fx.scenes.reading import read_scene
+from signorini_fx.scenes.mesh import load_mesh
+from signorini_fx.scenes.reading import parse_scene, read_scene
 
 TWO_PI = 2 * np.pi
 
@@ -300,3 +302,82 @@ def test_names_that_toml_has_to_quote(capsys, tmp_path, monkeypatch, drawn):
     assert run(capsys, "new", file, "--size", "1")[0] == 0
     scene = tomllib.loads((tmp_path / 'a "b".toml').read_text())
     assert (scene["title"], scene["mesh"]["file"]) == ('a "b"', 'a "b".brep')
+
+
+def tower(**changed):
+    """Three blocks on each other, with a load on the last one, as plain data of a scene."""
+
+    def block(name, height):
+        mesh = {"generator": "rectangle", "parameters": {"nx": 6, "ny": 4}}
+        return {"name": name, "mesh": mesh, "shift": [0.0, height]}
+
+    return {
+        "body": [block("low", 0.0), block("middle", 1.0), block("high", 2.0)],
+        "material": {"young": 1000.0, "poisson": 0.3},
+        "displacement": [{"boundary": "low.bottom", "x": 0.0, "y": 0.0}],
+        "traction": [
+            {"boundary": "high.top", "y": -1.0},
+            {"boundary": "middle.right", "x": -0.1},
+        ],
+        "general_contact": {"friction": {"law": "coulomb", "coefficient": 0.3}},
+    } | changed
+
+
+@pytest.mark.mpi
+def test_general_contact_makes_entries():
+    """They are those that a user would state, with one friction law, and entries of the user come
+    first.
+    """
+    comm = MPI.COMM_WORLD
+    found = solve(parse_scene(tower()), comm)
+    entries = found.statement.contact
+    sides = {frozenset((entry.boundary, entry.against)) for entry in entries}
+    assert sides == {
+        frozenset(("low.top", "middle.bottom")),
+        frozenset(("middle.top", "high.bottom")),
+    }
+    assert {entry.friction.coefficient for entry in entries} == {0.3}
+    part = found.contact.boundary.part
+    forces = (found.contact.boundary.weight * found.contact.pressure)[part == 1].sum()
+    assert comm.allreduce(forces) == pytest.approx(3.0, rel=1e-6)
+    smooth = {"boundary": "middle.top", "against": "high.bottom", "kind": "bonded"}
+    stated = solve(parse_scene(tower(contact=smooth)), comm).statement.contact
+    assert [entry.kind for entry in stated] == ["bonded", "unilateral"]
+
+
+def test_general_contact_of_some_bodies():
+    acts = check_scene(
+        parse_scene(
+            tower(
+                general_contact={"without": [["low", "middle"]], "kind": "bonded"},
+                displacement=[
+                    {"boundary": "low.bottom", "x": 0.0, "y": 0.0},
+                    {"boundary": "middle.left", "x": 0.0, "y": 0.0},
+                ],
+            )
+        ),
+        MPI.COMM_SELF,
+    ).acts
+    assert [line for line in acts if line.startswith("contact")] == [
+        "contact middle.top (bonded, against high.bottom, 7 nodes)"
+    ]
+
+
+@pytest.mark.parametrize(
+    ("wrong", "fault"),
+    [
+        ({"bodies": ["low", "roof"]}, r"general_contact.bodies: there is no body 'roof'; there"),
+        ({"without": [["low", "roof"]]}, r"general_contact.without: there is no body 'roof'"),
+        ({"within": -1.0}, r"general_contact.within"),
+    ],
+)
+def test_bad_general_contact(wrong, fault):
+    with pytest.raises(SceneError, match=fault):
+        check_scene(parse_scene(tower(general_contact=wrong)), MPI.COMM_SELF)
+
+
+def test_contacts_of_a_mesh():
+    """In Python they are entries of a scene, which a program may change."""
+    tagged = load_mesh(parse_scene(tower()), MPI.COMM_SELF)
+    contacts = propose_contacts(tagged)
+    assert [(one.kind, one.friction.law) for one in contacts] == [("unilateral", "none")] * 2

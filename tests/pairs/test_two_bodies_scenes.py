@@ -189,3 +189,40 @@ def test_a_plane_of_symmetry_that_comes_or_goes(holds):
     )
     assert normal[0] == pytest.approx(normal[1], rel=1e-3)
     assert friction[0] == pytest.approx(friction[1], rel=0.05)
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("law", [None, "neo-hooke"])
+def test_a_body_on_two_others(law):
+    """Their boundaries are the other side together, which the names of results say."""
+
+    def body(name, shift, length):
+        mesh = {"generator": "rectangle", "parameters": {"length": length, "nx": 6, "ny": 2}}
+        return {"name": name, "mesh": mesh, "shift": shift}
+
+    bodies = [
+        body("left", [0.0, 0.0], 1.0),
+        body("right", [1.5, 0.0], 1.0),
+        body("beam", [0.0, 1.0], 2.5),
+    ]
+    scene = {
+        "body": bodies,
+        "material": {"young": 1000.0, "poisson": 0.3} | ({"law": law} if law else {}),
+        "displacement": [
+            {"boundary": f"{name}.bottom", "x": 0.0, "y": 0.0} for name in ("left", "right")
+        ]
+        + [{"boundary": "beam.left", "x": 0.0}],
+        "traction": {"boundary": "beam.top", "y": -1.0},
+        "contact": {"boundary": "beam.bottom", "against": ["left.top", "right.top"]},
+    }
+    found = solve(parse_scene(scene))
+    assert abs(sum(found.contact.forces)[1]) == pytest.approx(2.5, rel=1e-6)
+    contact = found.statement.contact[0]
+    assert {contact.boundary, contact.against} == {"beam.bottom", "left.top + right.top"}
+    assert found.certificate.holds
+    with pytest.raises(SceneError, match=r"contact\[0\].against: .* no boundary 'left.top \+ no'"):
+        solve(
+            parse_scene(
+                scene | {"contact": {"boundary": "beam.bottom", "against": ["left.top", "no"]}}
+            )
+        )

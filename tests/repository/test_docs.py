@@ -541,6 +541,7 @@ MODELS = {
     ("`[[contact]]`", "key of `wear`"): [Archard],
     ("Rigid bodies", "key"): [RigidMotion],
     ("Two bodies", "key of `body`"): [scene.Body],
+    ("Two bodies", "key of `general_contact`"): [contact.GeneralContact],
     ("`[load_steps]`", "key"): [LoadSteps],
     ("`[solver]`", "key"): [settings.SolverSettings],
     ("`[accuracy]`", "key"): [settings.Accuracy],

@@ -527,6 +527,7 @@ MODELS = {
     },
     "contact": [contact_of.Contact],
     "contact.friction": [Tresca, Coulomb],
+    "general_contact": [contact_of.GeneralContact],
     "load_steps": [LoadSteps],
     "solver": [settings.SolverSettings],
     "mesh": [scene.MeshGenerator, MeshFile],

@@ -169,7 +169,7 @@ def sensitivity(
         >>> print(round(found.value, 6), round(found["traction[0]"], 6))
         4.0 4.0
     """
-    scene = as_scene(scene)
+    scene = as_scene(scene, comm)
     statement = scene.statement
     if not statement.contact:
         raise SceneError.at("contact", "there is none: a problem without contact is linear")

@@ -98,7 +98,7 @@ def judged_problem(problem: object) -> JudgedProblem:
         )
         end = deck.time + deck.period
         return JudgedProblem(scene, deck.mesh, deck.names, tuple(drafted.lost), end, alike)
-    scene = as_scene(problem)
+    scene = as_scene(problem, MPI.COMM_SELF)
     mesh = load_mesh(scene, MPI.COMM_SELF)
     check_fits(scene.statement, mesh)
     arrays = arrays_of(mesh)

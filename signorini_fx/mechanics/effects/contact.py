@@ -4,16 +4,16 @@ other packages.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib import import_module
 from typing import Annotated, Any, ClassVar, Literal, Self, cast
 
-from pydantic import Discriminator, TypeAdapter, WrapValidator, model_validator
+from pydantic import BeforeValidator, Discriminator, TypeAdapter, WrapValidator, model_validator
 
 from signorini_fx.extensions import LAWS, load_class, names_of
 from signorini_fx.mechanics.laws.coulomb import Coulomb, NoFriction, Tresca
 from signorini_fx.mechanics.laws.protocol import FrictionLaw
-from signorini_fx.mechanics.statement.base import Table, refused
+from signorini_fx.mechanics.statement.base import JOIN, Table, refused
 from signorini_fx.mechanics.statement.effect import (
     ContactPart,
     Contradictions,
@@ -26,6 +26,7 @@ from signorini_fx.mechanics.statement.rigid_shape import Distance, OneShape
 from signorini_fx.mechanics.statement.values import (
     Accepts,
     Direction,
+    Entries,
     NonNegative,
     Positive,
     TimedSampledValue,
@@ -68,6 +69,18 @@ OneLaw = Annotated[
 ]
 
 
+def _joined(names: Any) -> Any:
+    """Return the name of several boundaries as one; itself if it is one name."""
+    several = isinstance(names, list | tuple) and len(names) > 0
+    return JOIN.join(names) if several and all(isinstance(one, str) for one in names) else names
+
+
+Joined = Annotated[
+    Accepts[str | Sequence[str] | None, str | None],
+    BeforeValidator(_joined, json_schema_input_type=str | list[str]),
+]
+
+
 class Overclosure(Table):
     """How far contact gives way: pressure = stiffness times overclosure, the length by which one
     side has entered the other.
@@ -81,14 +94,39 @@ class Overclosure(Table):
     stiffness: Positive
 
 
+class GeneralContact(Table):
+    """Contact of all bodies that touch or nearly do, as entries that are made when the mesh is
+    read; those of ``[[contact]]`` come first.
+
+    Attributes:
+        bodies: names of the bodies that may touch each other; default: all.
+        within: distance up to which surfaces are near, length; None: a quarter of a facet.
+        friction: the friction law of all contacts.
+        kind: as of ``[[contact]]``, of all contacts.
+        without: pairs of names of bodies between which there is no contact; default: none.
+
+    Examples:
+        >>> everywhere = sfx.GeneralContact(friction=sfx.Coulomb(0.2), without=[("pin", "lug")])
+        >>> print(everywhere.friction.coefficient)
+        0.2
+    """
+
+    bodies: Entries[str] = ()
+    within: Positive | None = None
+    friction: OneLaw = cast("Any", NoFriction())
+    kind: Literal["unilateral", "bilateral", "bonded"] = "unilateral"
+    without: Entries[tuple[str, str]] = ()
+
+
 class Contact(Effect):
     """Contact of a boundary with a rigid foundation, or with a boundary of another body, whose
     meshes need not match.
 
     Attributes:
         boundary: name of the boundary where contact may occur.
-        against: name of the boundary of another body that it may touch, or its own name: it may
-            touch itself; None: the foundation is rigid.
+        against: name of the boundary of another body that it may touch, or several, which are one
+            with their names joined; its own name: it may touch itself; None: the foundation is
+            rigid.
         points: which of both carries the contact points; ``auto``: that of the softer body, or of
             the finer mesh, see ``obstacles.scene_contact``.
         distance: between two bodies, to which ``gap`` is added: ``geometry``, as the meshes lie;
@@ -125,7 +163,7 @@ class Contact(Effect):
 
     key = "contact"
     boundary: str
-    against: str | None = None
+    against: Joined = cast("Any", None)
     points: Literal["auto", "boundary", "against"] = "auto"
     distance: Literal["geometry", "nominal"] = "geometry"
     adjust: NonNegative | None = None

@@ -26,7 +26,7 @@ from signorini_fx.arrays import Array, Flags, Indices, Ints, matvec
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.assembly.mesh_entities import outer_facets
-from signorini_fx.mechanics.statement.base import TaggedMeshBase
+from signorini_fx.mechanics.statement.base import JOIN, TaggedMeshBase
 from signorini_fx.mechanics.statement.expressions import Expression
 from signorini_fx.mechanics.statement.values import kind_of
 from signorini_fx.tuned import SAME_LENGTH
@@ -108,6 +108,17 @@ class TaggedMesh(TaggedMeshBase):
         # on every version.
         tagged = _tagged(self.facet_tags, self.boundaries[name])
         return tagged[self._exterior[tagged]]
+
+    def with_joined(self, name: str) -> TaggedMesh:
+        """Return the mesh with a boundary whose name joins those of several others, see ``JOIN``;
+        itself where one of these is not there.
+        """
+        parts = name.split(JOIN)
+        if name in self.boundaries or not all(part in self.boundaries for part in parts):
+            return self
+        tags = np.concatenate([np.atleast_1d(self.boundaries[part]) for part in parts])
+        joined = tuple(int(tag) for tag in np.unique(tags))
+        return replace(self, boundaries={**self.boundaries, name: joined})
 
     def inside(self, name: str) -> int:
         """Return the number of facets of the boundary ``name`` that are inside of the body, on all

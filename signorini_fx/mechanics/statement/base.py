@@ -290,6 +290,10 @@ def _keys(model: type[BaseModel]) -> set[str]:
     return set(model.model_fields).union(*map(_keys, model.__subclasses__()))
 
 
+# Between the names of boundaries that are one together.
+JOIN = " + "
+
+
 class TaggedMeshBase:
     """The base class of ``mesh.TaggedMesh``, so that a scene can hold one without importing
     dolfinx.

@@ -13,7 +13,7 @@ from typing import Annotated, Any, get_args
 from pydantic import BeforeValidator, Field, InstanceOf, field_validator
 
 from signorini_fx.errors import SceneError
-from signorini_fx.mechanics.statement.base import Table, TaggedMeshBase
+from signorini_fx.mechanics.statement.base import JOIN, Table, TaggedMeshBase
 from signorini_fx.mechanics.statement.generators import found_generator, types_of
 from signorini_fx.mechanics.statement.rigid_shape import Placed
 from signorini_fx.mechanics.statement.values import (
@@ -224,11 +224,8 @@ def contact_sizes(scene: Any, number: int | None = None) -> tuple[ContactSize, .
     wanted = []
     for index, contact in enumerate(scene.contact):
         if contact.contact_size is not None:
-            names = [
-                _in_body(name, body)
-                for name in (contact.boundary, contact.against)
-                if name is not None
-            ]
+            listed = [contact.boundary, *(contact.against or "").split(JOIN)]
+            names = [_in_body(name, body) for name in listed if name]
             path = f"contact[{index}].contact_size"
             wanted += [ContactSize(name, contact.contact_size, path) for name in names if name]
     return tuple(wanted)

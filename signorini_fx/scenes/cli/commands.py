@@ -197,7 +197,9 @@ def check(options: argparse.Namespace, comm: MPI.Comm) -> int:
         scene = _read_scene(options, comm)
         from signorini_fx.scenes.checks import check_scene, text_of
         from signorini_fx.scenes.mesh import load_mesh
+        from signorini_fx.scenes.reading import as_scene
 
+        scene = as_scene(scene, comm)
         checked = check_scene(scene, comm, uniqueness=options.verbose)
         if options.picture is not None:
             add_on("draw_setup")(
