@@ -2,6 +2,8 @@
 what is refused.
 """
 
+import re
+
 import numpy as np
 import pytest
 import ufl
@@ -371,6 +373,9 @@ def test_a_scene_goes_on_after_a_checkpoint(tmp_path_factory):
         float(reference.contact.pressure[reference.contact.boundary.part == 2].sum())
     )
     assert forces > 1.0
+    said = [found.message for found in reference.findings if found.path == "contact[2]"]
+    assert len(said) == 1
+    assert re.match(r"touches itself at \d+ of 32 nodes, with a force of ", said[0])
 
 
 def test_a_scene_in_words():

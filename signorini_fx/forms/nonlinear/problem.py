@@ -385,7 +385,10 @@ class NonlinearContactProblem(ProblemOfForms):
             Finding("warning", f"contact[{number}]", f"{text}: let this boundary touch it, too")
             for number, text in self._solver.passed.items()
         ]
-        return (*inside, *passed, *slid_past_partners(at_end), *loose, *digits)
+        sliding = at_end.body.foundations.sliding.items()
+        said = [(number, pair.in_words(at_end.state)) for number, pair in sliding]
+        notes = [Finding("note", f"contact[{number}]", text) for number, text in said if text]
+        return (*inside, *passed, *slid_past_partners(at_end), *notes, *loose, *digits)
 
     @property
     def rigid_bodies(self) -> tuple[RigidBodyMotion, ...]:

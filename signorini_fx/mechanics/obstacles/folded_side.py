@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from signorini_fx.arrays import Array, Ints
+from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.averages import from_owners
 from signorini_fx.mechanics.assembly.nodal_stiffness import JointStiffness
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
@@ -79,6 +80,19 @@ class FoldedSide(MovingPair):
             on_part = self.sides.slave.nodes[np.unique(part.nodes)]
             of_nodes[np.isin(names, on_part)] = sign
         return {self.name: Field("nodes", of_nodes)}
+
+    def in_words(self, state: ContactState) -> str:
+        """Return where the side touches itself in a state; collective."""
+        own = state.boundary.part == self.sides.index
+        forces = (state.boundary.weight * state.pressure)[own]
+        count, force = parallel.global_sum(
+            state.boundary.comm, np.array([np.count_nonzero(state.in_contact[own]), forces.sum()])
+        )
+        facing = np.count_nonzero(self.side)
+        return (
+            f"touches itself at {count:.0f} of {len(self.points)} nodes, with a force of "
+            f"{force:.4g}; {facing} of {len(self.side)} facets face each other"
+        )
 
     def _at(self, displacement: Array) -> SlidingCoupling:
         on_nodes = displacement[: len(self.whole.x)]

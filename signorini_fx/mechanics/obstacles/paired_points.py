@@ -542,6 +542,10 @@ class MovingPair:
         """Return what the next step has to know of both sides beside the displacement."""
         return {}
 
+    def in_words(self, state: ContactState) -> str:
+        """Return what a user is told of both sides in a state; "": nothing; collective."""
+        return ""
+
     def _at(self, displacement: Array) -> SlidingCoupling:
         """The map at a displacement of the nodes of both sides, shape (m, d)."""
         sides = self.sides
