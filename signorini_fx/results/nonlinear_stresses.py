@@ -125,7 +125,7 @@ class NonlinearForces(NodalForces):
                     values[cells] = _evaluated(part, at, mesh, cells)
         plastic: Array | None = None
         for state in self._body.points:
-            stress[state.cells] = state.response()[0].reshape(*state.begun.shape[:2], 3, 3)
+            stress[state.cells] = state.cauchy_stress()
             reached = state.material.plastic_strain(
                 state.current.reshape(-1, state.material.state_size)
             )

@@ -22,6 +22,7 @@ from signorini_fx.records import StepRecord
 LAWS = {
     "rubber": material("neo-hooke"),
     "metal": material("j2", yield_stress=2.0, hardening=[[0.2, 6.0]]),
+    "finite": material("j2", yield_stress=2.0, hardening=[[0.2, 6.0]], strains="finite"),
 }
 METHODS = {"fp": {}, "driven": {}, "newton": {"coulomb": "newton"}}
 # Pressed, moved sideways and lifted by half; a wall closes in from the side and rises.
@@ -111,6 +112,7 @@ def shared(tmp_path):
     ("law", "method", "at"),
     [
         ("metal", "fp", 4),
+        ("finite", "fp", 4),
         pytest.param("metal", "driven", 4, marks=pytest.mark.slow),
         pytest.param("rubber", "newton", 2, marks=pytest.mark.slow),
         pytest.param("metal", "newton", 6, marks=pytest.mark.slow),

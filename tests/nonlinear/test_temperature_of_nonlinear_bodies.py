@@ -75,7 +75,7 @@ def test_a_bar_that_is_held(name, volumetric):
         material(name),
         "25 * t if t <= 1 else 25 - 40 * (t - 1)",
         end,
-        load_steps={"times": [1.0, 2.0]},
+        load_steps={"times": [1.0, 2.0], "steps": 4},
         element={"volumetric": volumetric},
     )
     solution = solve(scene, MPI.COMM_SELF)

@@ -16,6 +16,7 @@ LAWS = {
     "mooney-rivlin": {"c10": 12.0, "c01": 7.0, "bulk": 80.0},
     "ogden": {"mu": [40.0, 2.0, -5.0], "alpha": [1.3, 4.0, -2.0], "bulk": 90.0},
     "j2": {"young": 100.0, "poisson": 0.3, "yield_stress": 1e3},
+    "j2, finite": {"young": 100.0, "poisson": 0.3, "yield_stress": 1e3, "strains": "finite"},
 }
 
 
@@ -182,6 +183,9 @@ def energy_of_stretches(name):
             )
         if name == "neo-hooke, isochoric":
             return mu / 2 * np.sum(same**2 - 1) + (lame + 2 * mu / 3) / 2 * (volume - 1) ** 2
+        if name == "j2, finite":
+            bulk = lame + 2 * mu / 3
+            return mu * np.sum(np.log(same) ** 2) + bulk / 2 * np.log(volume) ** 2
         if name == "saint-venant-kirchhoff":
             green = (along**2 - 1) / 2
             return mu * np.sum(green**2) + lame / 2 * np.sum(green) ** 2

@@ -348,7 +348,7 @@ def _by_modulus(model: Model, statements: Sequence[Statement], change: float) ->
         values /= 2 * change
     # The forms are linear in the Lame parameters.
     forms = replace(model.elastic, lame=high).compiled(model.space)
-    strained = any(entry.strains for _, entry in statements[0].listed())
+    strained = any(entry.gives_strain for _, entry in statements[0].listed())
     prepared = (
         [prepare(statement, model.tagged, Timings()) for statement in statements]
         if strained

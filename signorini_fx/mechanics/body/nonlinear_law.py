@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from itertools import product
 from typing import Any
 
 import basix
@@ -76,12 +77,13 @@ class MaterialPoints:
 
     material: PathDependent
     cells: Indices
-    # From the displacement of now, less that of the temperature, components ``PAIRS``, of shear
-    # twice epsilon_ij.
+    # From the displacement of now, less that of the temperature: components ``PAIRS``, of shear
+    # twice epsilon_ij, of finite strains those of grad u.
     strain: fem.Expression
-    stress: fem.Function  # the deviatoric stress, components ``pairs``
+    stress: fem.Function  # that of ``response``, the components that do work
     tangent: fem.Function  # its derivative by the strain
-    pairs: list[int]  # the components that do work, as places in ``PAIRS``
+    pairs: list[int]  # these components, as places in ``of``
+    of: list[tuple[int, int]]  # those of ``strain``
     begun: Array  # the state at the end of the last load step, shape (c, q, numbers)
     current: Array = field(init=False)  # the state at the displacement of now
     time: float = 1.0  # at which the load step ends
@@ -95,24 +97,43 @@ class MaterialPoints:
         """
         stress, tangent, state = self.response()
         self.current = state.reshape(self.begun.shape)
-        i, j = np.transpose([PAIRS[pair] for pair in self.pairs])
+        i, j = np.transpose([self.of[pair] for pair in self.pairs])
         at = self.stress.function_space.dofmap.list[self.cells].ravel()
         count = len(self.pairs)
         self.stress.x.array.reshape(-1, count)[at] = stress[:, i, j]
         used = tangent[:, self.pairs][:, :, self.pairs]
         self.tangent.x.array.reshape(-1, count**2)[at] = used.reshape(-1, count**2)
 
+    def components(self, measured: Any) -> Any:
+        """Return the components that do work of a strain, or of grad u, UFL."""
+        return _components(self.material, measured, [self.of[pair] for pair in self.pairs])
+
     def response(self) -> tuple[Array, Array, Array]:
-        """What the material says at the displacement of now, see ``PathDependent.respond``, n = c
-        q.
+        """What the material says at the displacement of now, see ``PathDependent.respond``, of
+        finite strains ``respond_by_change``, n = c q.
         """
-        domain = self.stress.function_space.mesh
-        cells, points, numbers = self.begun.shape
-        values = np.asarray(self.strain.eval(domain, self.cells)).reshape(
-            cells * points, len(PAIRS)
-        )
-        strain = tensors(values / [1, 1, 1, 2, 2, 2], PAIRS)
-        return self.material.at_time(self.time).respond(strain, self.begun.reshape(-1, numbers))
+        material = self.material.at_time(self.time)
+        state = self.begun.reshape(-1, self.begun.shape[-1])
+        values = self._strain()
+        if material.finite:
+            return material.respond_by_change(values.reshape(-1, 3, 3), state)
+        return material.respond(tensors(values / [1, 1, 1, 2, 2, 2], PAIRS), state)
+
+    def _strain(self) -> Array:
+        """The strain of now, shape (n, components)."""
+        values = self.strain.eval(self.stress.function_space.mesh, self.cells)
+        return np.asarray(values).reshape(-1, len(self.of))
+
+    def cauchy_stress(self) -> Array:
+        """Return the Cauchy stress at the displacement of now, without the part of the volume,
+        shape (c, q, 3, 3).
+        """
+        stress = self.response()[0]
+        if self.material.finite:
+            gradient = np.eye(3) + self._strain().reshape(-1, 3, 3)
+            volume = np.linalg.det(gradient)[:, None, None]
+            stress = stress @ gradient.swapaxes(1, 2) / volume
+        return stress.reshape(*self.begun.shape[:2], 3, 3)
 
     def commit(self) -> None:
         """A load step ends."""
@@ -205,29 +226,30 @@ def body_residual(statement: Statement, tagged: TaggedMesh, u: fem.Function) -> 
         )
         if reduced is not None:
             volume = measure(number + len(cells), metadata={"quadrature_degree": reduced})
+        if isinstance(material, PathDependent):
+            state = _points(material, owned, kinematics, u, free, full)
+            points.append(state)
+            by_components, tried = (
+                state.components(_measured(material, kinematics, one)) for one in (v, du)
+            )
+            # Of finite strains per undeformed area, before the expansion.
+            expanded = 1 + free if material.finite and free is not None else 1
+            work = ufl.inner(state.stress, by_components) * expanded**2
+            forms.append(work * around * shape)
+            work = ufl.inner(ufl.dot(state.tangent, tried), by_components) * expanded
+            of_states.append(work * around * shape)
         if material.finite:
-            parts_of_energy = _energies(material, kinematics.gradient(u), free)
             energies += [
                 energy * around * d
-                for energy, d in zip(parts_of_energy, (shape, volume), strict=False)
+                for energy, d in zip(
+                    _energies(material, kinematics.gradient(u), free), (shape, volume), strict=True
+                )
+                if energy is not None
             ]
             continue
         tested = kinematics.strain(v)
         of_shape, of_volume = stress_parts(material, u, kinematics, free)
-        if isinstance(material, PathDependent):
-            state = _points(
-                material, owned, kinematics, space, _elastic(kinematics.strain(u), free), full
-            )
-            points.append(state)
-            by_components, tried = (
-                components(one, [PAIRS[k] for k in state.pairs])
-                for one in (tested, kinematics.strain(du))
-            )
-            forms.append(ufl.inner(state.stress, by_components) * around * shape)
-            of_states.append(
-                ufl.inner(ufl.dot(state.tangent, tried), by_components) * around * shape
-            )
-        else:
+        if of_shape is not None:
             forms.append(ufl.inner(of_shape, tested) * around * shape)
         forms.append(ufl.inner(of_volume, tested) * around * volume)
     if energies:
@@ -262,9 +284,10 @@ def stress_parts(
         return [of_shape, (first + 2 * shear / 3) * ufl.tr(strain) * ufl.Identity(3)]
     change = ufl.variable(kinematics.gradient(u))
     gradient = ufl.Identity(3) + change
-    energies = _energies(material, change, free)
-    stresses = [ufl.diff(energy, change) * gradient.T / ufl.det(gradient) for energy in energies]
-    return [*stresses, None][:2]
+    return [
+        None if energy is None else ufl.diff(energy, change) * gradient.T / ufl.det(gradient)
+        for energy in _energies(material, change, free)
+    ]
 
 
 def _elastic(strain: Any, free: Any | None) -> Any:
@@ -272,34 +295,51 @@ def _elastic(strain: Any, free: Any | None) -> Any:
     return strain if free is None else strain - free * ufl.Identity(3)
 
 
-def _energies(material: Any, change: Any, free: Any | None) -> list[Any]:
-    """The energy of the shape, and that of the volume if it is apart, per undeformed volume, from
-    grad u, UFL.
+def _measured(material: Any, kinematics: Kinematics, u: Any) -> Any:
+    """Grad u of finite strains, else the strain, UFL."""
+    return kinematics.gradient(u) if material.finite else kinematics.strain(u)
+
+
+def _components(material: Any, measured: Any, pairs: list[tuple[int, int]]) -> Any:
+    """The components of ``_measured``, UFL."""
+    if material.finite:
+        return ufl.as_vector([measured[pair] for pair in pairs])
+    return components(measured, pairs)
+
+
+def _energies(material: Any, change: Any, free: Any | None) -> list[Any | None]:
+    """The energy of the shape, and that of the volume, per undeformed volume, from grad u, UFL;
+    None: it is that of a state, or not apart.
     """
     expanded = 1
     if free is not None:
         change = (change - free * ufl.Identity(3)) / (1 + free)
         expanded = (1 + free) ** 3
-    energies = [material.shape_energy_by_change(change) * expanded]
-    return (
-        [*energies, material.volume_energy_by_change(growth(change)) * expanded]
-        if material.splits
-        else energies
-    )
+    of_shape = of_volume = None
+    if not isinstance(material, PathDependent):
+        of_shape = material.shape_energy_by_change(change) * expanded
+    if material.splits:
+        of_volume = material.volume_energy_by_change(growth(change)) * expanded
+    return [of_shape, of_volume]
 
 
 def _points(
     material: PathDependent,
     cells: Indices,
     kinematics: Kinematics,
-    space: fem.FunctionSpace,
-    strain: Any,
+    u: fem.Function,
+    free: Any | None,
     degree: int,
 ) -> MaterialPoints:
-    """The points of one material, with a strain in UFL; collective."""
-    mesh = space.mesh
+    """The points of one material; ``free``: see ``BodyResidual``; collective."""
+    mesh = u.function_space.mesh
     name = mesh.topology.cell_name()
-    pairs = sorted(PAIRS.index((min(pair), max(pair))) for pair in kinematics.pairs)
+    worked = set(kinematics.pairs)
+    of = list(product(range(3), repeat=2)) if material.finite else list(PAIRS)
+    pairs = [place for place, (i, j) in enumerate(of) if worked & {(i, j), (j, i)}]
+    strain = _elastic(_measured(material, kinematics, u), free)
+    if material.finite and free is not None:
+        strain = strain / (1 + free)
     count = len(pairs)
     rule, _ = basix.make_quadrature(getattr(basix.CellType, name), degree)
     stress, tangent = (
@@ -308,6 +348,6 @@ def _points(
         )
         for shape in ((count,), (count, count))
     )
-    at_points = fem.Expression(components(strain, PAIRS), rule)
+    at_points = fem.Expression(_components(material, strain, of), rule)
     begun = np.zeros((cells.size, len(rule), material.state_size))
-    return MaterialPoints(material, cells, at_points, stress, tangent, pairs, begun)
+    return MaterialPoints(material, cells, at_points, stress, tangent, pairs, of, begun)

@@ -105,7 +105,8 @@ class NonlinearMaterial(Material):
 
     @property
     def features(self) -> Features:
-        return (("nonlinear material", ()),)
+        named = ("nonlinear material", "finite strain") if self.finite else ("nonlinear material",)
+        return tuple((name, ()) for name in named)
 
     def contradictions(self, statement: Any, number: int) -> Contradictions:
         yield from super().contradictions(statement, number)
@@ -129,6 +130,36 @@ class NonlinearMaterial(Material):
             for row, effect in enumerate(entries):
                 if isinstance(effect, Resistance) and not is_of_package(type(effect)):
                     yield (key, row), _NOT_YET
+        if self.finite:
+            yield from self._contradictions_of_finite_strains(statement)
+
+    def _contradictions_of_finite_strains(self, statement: Any) -> Contradictions:
+        for row, traction in enumerate(statement.effects.get("traction", ())):
+            if hasattr(traction.pressure, "ufl_shape"):
+                reason = (
+                    "follows the body at finite strains: give a number, an expression or a "
+                    "callable, not UFL"
+                )
+                yield ("traction", row, "pressure"), reason
+        for row, rotation in enumerate(statement.effects.get("rotation", ())):
+            if getattr(rotation.speed, "jumps", False):
+                yield (
+                    ("rotation", row, "speed"),
+                    f"that jumps from place to place {_NOT_YET} at finite strains",
+                )
+        for other, beside in enumerate(statement.material):
+            if not beside.finite:
+                cure = (
+                    "give law = 'saint-venant-kirchhoff', which has the constants of a linear one"
+                )
+                if "strains" in type(beside).model_fields:
+                    cure = "give it strains = 'finite'"
+                elif not beside.linear:
+                    cure = f"if it stays elastic {cure}, else put a rigid foundation in its place"
+                yield (
+                    ("material", other),
+                    f"is one of small strains, beside one of finite strains: {cure}",
+                )
 
     # --- what linear materials say ---
 
@@ -182,10 +213,6 @@ class Hyperelastic(NonlinearMaterial):
         """Return ``volume_energy`` from the change of volume J - 1, UFL, a number."""
         return self.volume_energy(1 + growth)
 
-    @property
-    def features(self) -> Features:
-        return (*super().features, ("finite strain", ()))
-
     def contradictions(self, statement: Any, number: int) -> Contradictions:
         yield from super().contradictions(statement, number)
         if statement.element.volumetric == "reduced" and not self.splits:
@@ -193,35 +220,12 @@ class Hyperelastic(NonlinearMaterial):
                 f"'reduced' needs an energy of the volume alone, which {self.words} does not have"
             )
             yield ("element", "volumetric"), reason
-        for row, traction in enumerate(statement.effects.get("traction", ())):
-            if hasattr(traction.pressure, "ufl_shape"):
-                reason = (
-                    "follows the body at finite strains: give a number, an expression or a "
-                    "callable, not UFL"
-                )
-                yield ("traction", row, "pressure"), reason
-        for row, rotation in enumerate(statement.effects.get("rotation", ())):
-            if getattr(rotation.speed, "jumps", False):
-                yield (
-                    ("rotation", row, "speed"),
-                    f"that jumps from place to place {_NOT_YET} at finite strains",
-                )
-        for other, beside in enumerate(statement.material):
-            if not beside.finite:
-                cure = (
-                    "give law = 'saint-venant-kirchhoff', which has the constants of a linear one"
-                )
-                if not beside.linear:
-                    cure = f"if it stays elastic {cure}, else put a rigid foundation in its place"
-                yield (
-                    ("material", other),
-                    f"is one of small strains, beside one of finite strains: {cure}",
-                )
 
 
 class PathDependent(NonlinearMaterial):
     """A material at small strains whose stress depends on the past, with a mean stress that follows
-    the volume; a material of your own derives from it.
+    the volume; a material of your own derives from it.  At finite strains, which J2 knows, see
+    ``respond_by_change``.
 
     Its state is a row of numbers at each point, zeros to begin with.  Strains and stresses have the
     shape (n, 3, 3).
@@ -261,6 +265,23 @@ class PathDependent(NonlinearMaterial):
             are the components ``protocol.PAIRS``, of strains twice epsilon_ij in shear.
         """
         raise NotImplementedError
+
+    def respond_by_change(self, change: Array, state: Array) -> tuple[Array, Array, Array]:
+        """Return the first Piola-Kirchhoff stress without the part of the volume, its derivative by
+        grad u, and the new state, at finite strains.
+
+        Args:
+            change: grad u, without the expansion by temperature, shape (n, 3, 3).
+            state: shape (n, ``state_size``).
+
+        Returns:
+            Shapes (n, 3, 3), (n, 9, 9) and (n, ``state_size``), components row by row.
+        """
+        raise NotImplementedError
+
+    def volume_energy_by_change(self, growth: Any) -> Any:
+        """Return the energy kappa/2 ln^2 J of finite strains from J - 1, UFL, a number."""
+        return self.constants_at_rest[1] / 2 * (growth + logarithm_beyond_line(growth)) ** 2
 
     def plastic_strain(self, state: Array) -> Array | None:
         """Return the accumulated (equivalent) plastic strain of states, for results, shape (n,);

@@ -1,5 +1,5 @@
-"""Materials whose stress depends on the past, at small strains (J. C. Simo and T. J. R. Hughes,
-Computational Inelasticity, Springer, 1998).
+"""Materials whose stress depends on the past (J. C. Simo and T. J. R. Hughes, Computational
+Inelasticity, Springer, 1998).
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ import numpy as np
 from pydantic import Field, PrivateAttr, model_validator
 
 from signorini_fx.arrays import Array
+from signorini_fx.mechanics.materials.finite_plasticity import respond_at_finite_strains
 from signorini_fx.mechanics.materials.nonlinear import (
     DEVIATORIC,
     PathDependent,
@@ -29,7 +30,9 @@ class J2(PathDependent):
     """Metal that yields by von Mises, with isotropic hardening: the stress E : (epsilon -
     epsilon_p) by radial return (boxes 3.1 and 3.2).
 
-    The state is the plastic strain, 9 numbers, and the accumulated one.
+    The state is the plastic strain, 9 numbers, and the accumulated one.  At finite strains it is
+    C_p^-1 - I, and the law is that of the logarithmic elastic strain and the Kirchhoff stress, see
+    ``finite_plasticity``.
 
     Attributes:
         law: its name.
@@ -39,6 +42,7 @@ class J2(PathDependent):
         hardening: by how much the yield stress grows per accumulated plastic strain, a stress; or
             rows [plastic strain, yield stress] of a table, between which it is linear; beyond the
             last one it is constant.
+        strains: "small", or "finite", with rows of logarithmic strain and Kirchhoff stress.
 
     Examples:
         >>> metal = sfx.J2(law="j2", young=1000.0, poisson=0.3, yield_stress=1.0, hardening=50.0)
@@ -55,6 +59,12 @@ class J2(PathDependent):
     poisson: PoissonBelowHalf
     yield_stress: Positive
     hardening: Accepts[float | Sequence[Sequence[float]], NonNegative | _Table] = cast("Any", 0.0)
+    strains: Literal["small", "finite"] = "small"
+
+    @property
+    # That of other materials is one for all of a class.
+    def finite(self) -> bool:  # type: ignore[override]
+        return self.strains == "finite"
 
     @model_validator(mode="after")
     def _hardens(self) -> Self:
@@ -118,6 +128,9 @@ class J2(PathDependent):
         grown = plastic + np.sqrt(1.5) * flow[:, None, None] * normal
         new = np.concatenate((grown.reshape(-1, 9), (accumulated + flow)[:, None]), axis=1)
         return share[:, None, None] * trial, tangent, new
+
+    def respond_by_change(self, change: Array, state: Array) -> tuple[Array, Array, Array]:
+        return respond_at_finite_strains(self.respond, change, state)
 
     def plastic_strain(self, state: Array) -> Array:
         """The integral of sqrt(2/3) |d epsilon_p|."""

@@ -109,7 +109,7 @@ class Effect(Table):
     # The key of its entries, where the name of the class is another one.
     key: ClassVar[str] = ""
     # Whether it changes the strain that the stress follows from.
-    strains: ClassVar[bool] = False
+    gives_strain: ClassVar[bool] = False
     # Whether it acts at single nodes, without any form, see ``loads.supports``.
     nodal: ClassVar[bool] = False
     # The keys of its values.
@@ -238,7 +238,7 @@ class InitialStrain(Load):
     prevented.
     """
 
-    strains = True
+    gives_strain = True
 
     def strain(self, on: BodyCoefficients) -> Any:
         """The strain in each direction, UFL, a number."""

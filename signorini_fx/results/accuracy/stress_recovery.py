@@ -87,7 +87,7 @@ class StressRecovery:
         stress = element_stress(model, model.elastic.displacement())
         # Without the radius, and expressions in the stress, all is a product of two polynomials
         # like the strain.
-        strained = any(effect.strains for _, effect in model.statement.listed())
+        strained = any(effect.gives_strain for _, effect in model.statement.listed())
         plain = model.kinematics.uniform and not strained and not model.elastic.pressed
         degree = model.elastic.degree if plain and parallelepipeds(model.tagged.mesh) else None
         return cls(stress, partial(boundary_residual, model, stress), degree)
