@@ -21,6 +21,9 @@ from signorini_fx.mechanics.effects.cohesion import Cohesion as Cohesion
 from signorini_fx.mechanics.effects.contact import Contact as Contact
 from signorini_fx.mechanics.effects.contact import GeneralContact as GeneralContact
 from signorini_fx.mechanics.effects.displacement import Displacement as Displacement
+from signorini_fx.mechanics.effects.heat import Conductance as Conductance
+from signorini_fx.mechanics.effects.heat import FrictionHeat as FrictionHeat
+from signorini_fx.mechanics.effects.heat import Heat as Heat
 from signorini_fx.mechanics.effects.inertia import Inertia as Inertia
 from signorini_fx.mechanics.effects.inertia import InitialVelocity as InitialVelocity
 from signorini_fx.mechanics.effects.loads import BodyForce as BodyForce

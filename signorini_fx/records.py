@@ -71,6 +71,7 @@ class Status(Enum):
     FOLDED = "contact partner ambiguous"
     AT_END = "slid off the end of the other surface"
     WORN = "worn too deep for the mesh"
+    RUNS_AWAY = "heat runs away"
     UNSTABLE = "unstable equilibrium"
     STABILITY_UNKNOWN = "stability unknown"
     LIMIT = "no equilibrium found beyond a load"
@@ -166,6 +167,10 @@ _ADVICE = {
     Status.CORNER: (
         "a corner between two nodes has no contact point: round it off with a radius of two "
         "facets or more, or take smaller facets"
+    ),
+    Status.RUNS_AWAY: (
+        "the contact becomes hotter than it can lose: less speed, friction or expansion, or more "
+        "conduction out of the body"
     ),
     Status.WORN: (
         "the depth is added to the gap, and cells keep their shape: take larger cells along the "

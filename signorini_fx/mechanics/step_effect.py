@@ -138,8 +138,8 @@ class StepEffect:
 
     @classmethod
     def of(cls, entry: Any) -> Self:
-        """Return the effect that an entry of a scene states, an ``Effect``, or that parts of
-        contacts do, ``ContactPart``s by the numbers of their contacts.
+        """Return the effect that an entry of a scene states, an ``Effect``, of several the first
+        one, or that parts of contacts do, ``ContactPart``s by the numbers of their contacts.
         """
         return cls()
 
@@ -154,6 +154,14 @@ class StepEffect:
         of the fields of the state alone, or itself.
         """
         return model
+
+    def at_nodes(
+        self, model: Model, state: State, place: float, time: float
+    ) -> Mapping[str, Array]:
+        """Return what initial strains of the step to a place and time follow from, by the names by
+        which they ask for it, at the nodes of this rank, shape (nodes,).
+        """
+        return {}
 
     def load(self, model: Model, loads: Loads, state: State, dt: float) -> LoadCase | None:
         """Return the loads of a step in place of those that act at its end; None: these."""
@@ -256,8 +264,8 @@ def effects_of_contact(contacts: Sequence[Any]) -> list[StepEffect]:
 
 def stated_effects(statement: Statement) -> list[StepEffect]:
     """Return what contacts and the entries of a statement do from load step to load step."""
-    named = (entry for entry in statement.of(Effect) if entry.step_effect)
-    of_entries = (_class(entry.step_effect).of(entry) for entry in named)
+    named = {entry.step_effect: entry for entry in reversed(statement.of(Effect))}
+    of_entries = (_class(name).of(named[name]) for name in reversed(named) if name)
     return [*effects_of_contact(statement.contact), *of_entries]
 
 

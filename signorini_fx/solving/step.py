@@ -341,6 +341,9 @@ def begun(
     rests = not state.number and any(effect.moves_bodies for effect in problem.effects)
     posed = replace(problem.pose_at(state, place, dt), dt=dt)
     posed = _lasting(posed, _FOREVER if rests else dt)
+    for effect in problem.effects:
+        for name, values in effect.at_nodes(posed.body, state, place, time).items():
+            posed.body.statement.computed[name, place] = values
     if problem.effects:
         posed = with_contact(posed, problem.effects, state)
         # Its gammas are there already.

@@ -176,7 +176,8 @@ def test_signature_of_a_table():
         "sliding='finite', gap=0.0, "
         "direction=None, foundation=None, friction=NoFriction(law='none'), contact_size=None, "
         "kind='unilateral', "
-        "overclosure=None, wear=None, cohesion=None)"
+        "overclosure=None, "
+        "wear=None, cohesion=None, conductance=None, friction_heat=None)"
     )
     assert str(inspect.signature(sfx.Contact)) == shown
     assert str(inspect.signature(sfx.LinearElastic)).startswith(

@@ -32,6 +32,10 @@ WITH = {
     "plane stress": {"material": {"hypothesis": "plane stress"}},
     "axisymmetric": {"material": TURNED},
     "axisymmetric, torsion": {"material": TURNED | {"torsion": True}},
+    "heat": {
+        "heat": [{"boundary": "top", "temperature": 1.0}],
+        "material": {"conductivity": 1.0},
+    },
     "inertia": {
         "inertia": {"time_step": 0.1},
         "material": {"density": 1.0},

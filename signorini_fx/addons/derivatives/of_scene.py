@@ -58,6 +58,7 @@ REFUSES = {
     "material with a state": "derivatives are not possible yet with a material that has a state",
     "mixed element": "derivatives are not possible yet with the mixed element: remove 'mixed'",
     "soft contact": "derivatives are not possible yet with soft contact: remove 'overclosure'",
+    "heat": "derivatives are not possible yet with heat: remove 'heat'",
     "wear": "derivatives are not possible yet with wear: remove 'wear'",
     "shortening by force": "derivatives are not possible yet where a force shortens a section",
     "driven foundation": "derivatives are not possible yet where a force moves it",

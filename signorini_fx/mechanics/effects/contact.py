@@ -153,6 +153,8 @@ class Contact(Effect):
             not at all, but for ``gamma_n``.
         wear: its law, ``Archard``; None: contact does not wear.
         cohesion: a bond of both sides that can tear, ``Cohesion``; None: there is none.
+        conductance: of heat, ``Conductance``; None: no heat passes.
+        friction_heat: what friction heats, ``FrictionHeat``; None: nothing.
 
     Examples:
         >>> contact = sfx.Contact(boundary="bottom", gap="0.001*x[0]")
@@ -177,6 +179,8 @@ class Contact(Effect):
     overclosure: Overclosure | None = None
     wear: Part = None
     cohesion: Part = None
+    conductance: Part = None
+    friction_heat: Part = None
 
     @model_validator(mode="after")
     def _at_points(self) -> Self:

@@ -415,7 +415,7 @@ class Preload(Load):
 
     value_keys = ("force", "shortening")
     vectors = ("point", "axis")
-    strains = True
+    gives_strain = True
     grouped = False
 
     section: str | None = None

@@ -116,6 +116,33 @@ class FormCoefficients:
         factors.
         """
         self._time.value = self.statement.time_at(step)
+        for name, function in self._computed.items():
+            function.x.array[:] = self.statement.computed.get((name, step), 0.0)
+
+    @cached_property
+    def _computed(self) -> dict[str, fem.Function]:
+        return {}
+
+    def computed(self, name: str) -> Any:
+        """Return what effects have computed at the nodes, see ``BodyCoefficients``."""
+        if name not in self._computed:
+            degree = self.space.element.basix_element.degree
+            space = fem.functionspace(self.space.mesh, ("Lagrange", degree))
+            self._computed[name] = fem.Function(space)
+        return self._computed[name]
+
+    def entries(self, key: str) -> tuple[Any, ...]:
+        """Return the entries of a key of the scene."""
+        return self.statement.effects.get(key, ())
+
+    def of_material(self, key: str) -> Any:
+        """Return a number of the materials: a constant, or a function that is constant in each
+        cell.
+        """
+        (number,) = of_materials(
+            self.statement, self.tagged, lambda material, _: (getattr(material, key) or 0.0,)
+        )
+        return number
 
     @property
     def normal(self) -> Any:
@@ -129,21 +156,13 @@ class FormCoefficients:
 
     @cached_property
     def density(self) -> Any:
-        """Mass per volume: a constant, or a function that is constant in each cell."""
-        (density,) = of_materials(
-            self.statement, self.tagged, lambda material, _: (material.density or 0.0,)
-        )
-        return density
+        """Mass per volume."""
+        return self.of_material("density")
 
     @cached_property
     def expansion(self) -> Any:
-        """Coefficient of thermal expansion: a constant, or a function that is constant in each
-        cell.
-        """
-        (expansion,) = of_materials(
-            self.statement, self.tagged, lambda material, _: (material.expansion or 0.0,)
-        )
-        return expansion
+        """Coefficient of thermal expansion."""
+        return self.of_material("expansion")
 
     @cached_property
     def elastic(self) -> SceneLaw:

@@ -181,7 +181,8 @@ class Hyperelastic(NonlinearMaterial):
     latter are called.
 
     Attributes:
-        hypothesis, torsion, grading, density, expansion, region: see ``Material``.
+        hypothesis, torsion, grading, density, region: see ``Material``.
+        expansion, conductivity, reference_temperature: see ``Material``.
 
     Examples:
         >>> soft = sfx.NeoHooke(law="neo-hooke", young=50.0, poisson=0.3)
@@ -231,7 +232,8 @@ class PathDependent(NonlinearMaterial):
     shape (n, 3, 3).
 
     Attributes:
-        hypothesis, torsion, grading, density, expansion, region: see ``Material``.
+        hypothesis, torsion, grading, density, region: see ``Material``.
+        expansion, conductivity, reference_temperature: see ``Material``.
 
     Examples:
         >>> metal = sfx.J2(law="j2", young=1000.0, poisson=0.3, yield_stress=1.0)

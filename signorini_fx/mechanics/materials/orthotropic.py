@@ -83,7 +83,8 @@ class OrientedMaterial(Axes, Material):
 
     Attributes:
         direction, second: see ``Axes``.
-        hypothesis, torsion, grading, density, expansion, region: see ``Material``.
+        hypothesis, torsion, grading, density, region: see ``Material``.
+        expansion, conductivity, reference_temperature: see ``Material``.
 
     Examples:
         >>> class Fibres(sfx.OrientedMaterial):

@@ -19,7 +19,7 @@ from signorini_fx.arrays import Array
 from signorini_fx.mechanics.kinematics import CARTESIAN, HYPOTHESES, hypotheses
 from signorini_fx.mechanics.kinematics.protocol import tensors
 from signorini_fx.mechanics.statement.effect import Contradictions, Effect, Features
-from signorini_fx.mechanics.statement.values import Finite, NonNegative, SampledValue
+from signorini_fx.mechanics.statement.values import Finite, NonNegative, Positive, SampledValue
 
 # The components of a symmetric tensor in 3D, in the order of ``Kinematics.pairs``.
 PAIRS = tuple(CARTESIAN[3].pairs)
@@ -50,6 +50,8 @@ class Material(Effect):
         density: mass per volume, which ``gravity`` and ``rotation`` need; None: it is not known.
         expansion: coefficient of thermal expansion, 1 / temperature, which ``temperature`` needs;
             None: not known.
+        conductivity: power per length and temperature, which ``heat`` needs; None: not known.
+        reference_temperature: at which it has no thermal strain; None: 0.
         region: name of the part of the body that is made of this material; None: all of it.
 
     Examples:
@@ -91,6 +93,8 @@ class Material(Effect):
     torsion: bool = False
     density: NonNegative | None = None
     expansion: Finite | None = None
+    conductivity: Positive | None = None
+    reference_temperature: Finite | None = None
     region: str | None = None
 
     # --- what a material must say, unless it has ``stiffness`` ---
@@ -172,7 +176,7 @@ class Material(Effect):
     @property
     def kind(self) -> tuple[Any, ...]:
         """Return what two regions of the same material have in common."""
-        apart = ("region", "density", "expansion", "yield_stress")
+        apart = ("region", "density", "expansion", "conductivity", "yield_stress")
         return type(self), *(
             getattr(self, key) for key in type(self).model_fields if key not in apart
         )

@@ -67,6 +67,15 @@ class BodyCoefficients(Coefficients, Protocol):
     def expansion(self) -> Any:
         """Return the coefficient of thermal expansion of the material, 1 / temperature."""
 
+    def entries(self, key: str) -> tuple[Any, ...]:
+        """Return the entries of a key of the scene."""
+
+    def of_material(self, key: str) -> Any:
+        """Return a number of the materials by its key, 0 where it is not given."""
+
+    def computed(self, name: str) -> Any:
+        """Return what effects have computed at the nodes for a step, see ``Statement``."""
+
     def value_in(self, region: str | None, value: Any) -> Any:
         """A value in a region of the mesh, 0 elsewhere; None: everywhere.  A callable is asked at
         nodes of the region alone.

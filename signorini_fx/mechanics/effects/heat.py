@@ -1,0 +1,254 @@
+"""Heat in a scene: what brings it into bodies, ``[[heat]]``, and how it passes contact, tables
+within ``[[contact]]``.
+
+How it is conducted is in ``mechanics.body.heat``, which is imported where a step is solved.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Any, ClassVar, Self
+
+from pydantic import Field, model_validator
+
+from signorini_fx.arrays import Array
+from signorini_fx.mechanics.statement.effect import (
+    BodyCoefficients,
+    ContactPart,
+    Contradictions,
+    Features,
+    InitialStrain,
+)
+from signorini_fx.mechanics.statement.values import (
+    Finite,
+    NonNegative,
+    NonNegativeValue,
+    Positive,
+    TimedSampledValue,
+)
+
+_NOT_YET = "is not possible yet with heat"
+_Share = Annotated[Finite, Field(ge=0.0, le=1.0)]
+
+
+class Heat(InitialStrain):
+    """What gives a body its temperature, by which it expands; conduction decides it elsewhere.
+
+    Attributes:
+        boundary: name of the boundary where it acts; None: in the body.
+        region: name of the part of the body, for a source or a temperature; None: all of it.
+        temperature: that is prescribed.
+        flux: into the body, power per area.
+        film: power per area and difference of the temperature to ``ambient``.
+        ambient: temperature beyond a film.
+        source: power per volume.
+        factors: must be left out: give values that depend on t.
+
+    Examples:
+        >>> warm = sfx.LinearElastic(young=1e3, poisson=0.3, expansion=1e-5, conductivity=2.0)
+        >>> ends = [
+        ...     sfx.Heat(boundary="top", temperature=100.0),
+        ...     sfx.Heat(boundary="bottom", temperature=0.0),
+        ... ]
+        >>> result = sfx.solve(scene.model_copy(update={"material": warm, "heat": ends}))
+        >>> print(np.round(result.steps[0].figures["heat_in"], 6))
+        400.0
+    """
+
+    key: ClassVar[str] = "heat"
+    step_effect: ClassVar[str] = "heat"
+    value_keys: ClassVar[tuple[str, ...]] = ("temperature", "flux", "film", "ambient", "source")
+    refuses: ClassVar[Mapping[str, Mapping[str, str]]] = {
+        "heat": {
+            "temperature": "stays a change that is given: leave it out, or [[heat]]",
+            "inertia": _NOT_YET,
+            "wear": _NOT_YET,
+            "cohesion": _NOT_YET,
+            "preload": _NOT_YET,
+            "axisymmetric, torsion": f"{_NOT_YET}: leave out material.torsion",
+            "requested accuracy": f"{_NOT_YET}: its mesh is given",
+            "nested iteration": f"{_NOT_YET}: leave out solver.levels",
+            "nonlinear material": f"{_NOT_YET}: it must be linear",
+            "statement of an error bound": _NOT_YET,
+        }
+    }
+
+    boundary: str | None = None
+    region: str | None = None
+    temperature: TimedSampledValue | None = None
+    flux: TimedSampledValue | None = None
+    film: NonNegativeValue | None = None
+    ambient: TimedSampledValue | None = None
+    source: TimedSampledValue | None = None
+
+    @model_validator(mode="after")
+    def _one_of_all(self) -> Self:
+        kinds = ("temperature", "flux", "film", "source")
+        if sum(getattr(self, key) is not None for key in kinds) != 1:
+            raise ValueError(f"give one of {', '.join(kinds)}")
+        if (self.film is None) != (self.ambient is None):
+            raise ValueError("film and ambient go together")
+        if self.boundary is None and (self.flux is not None or self.film is not None):
+            raise ValueError("flux and film need a boundary")
+        if self.boundary is not None and (self.source is not None or self.region is not None):
+            raise ValueError("a boundary has no source and no region")
+        return self
+
+    @property
+    def timed(self) -> bool:
+        """Temperatures are those of a step."""
+        return True
+
+    @property
+    def acts(self) -> bool:
+        return True
+
+    def degree(self, element: int) -> int:
+        """That of the strains of a temperature of the degree of the element."""
+        return 2 * element + 2
+
+    def contradictions(self, statement: Any, number: int) -> Contradictions:
+        if self.factors is not None:
+            yield ("heat", number, "factors"), "leave it out: give values that depend on t"
+        if number:
+            return
+        for at, material in enumerate(statement.material):
+            if material.conductivity is None:
+                yield ("material", at), "has no conductivity, which heat needs"
+
+    def strain(self, on: BodyCoefficients) -> Any:
+        """That of the temperature, which all entries make together: the first one has it."""
+        if on.entries("heat")[0] is not self:
+            return 0.0
+        expansion, reference = on.of_material("expansion"), on.of_material("reference_temperature")
+        return expansion * (on.computed("temperature") - reference)
+
+
+class _HeatOfContact(ContactPart):
+    """A table within a contact that needs heat."""
+
+    def contradictions(self, statement: Any, number: int) -> Contradictions:
+        place = ("contact", number, self.key)
+        contact = statement.contact[number]
+        if not statement.effects.get("heat"):
+            yield place, "needs [[heat]], which gives bodies their temperature"
+        if contact.tool is not None:
+            yield place, "is not possible yet where a force moves the foundation"
+
+
+class Conductance(_HeatOfContact):
+    """How well heat passes a contact: power per area and difference of temperature,
+    ``closed * pressure**exponent`` where it is closed, plus ``open / (gap + length)``.
+
+    Attributes:
+        closed: power per area and temperature, with an exponent per its power of the pressure.
+        exponent: m; 0: closed contact conducts the same at any pressure.
+        table: in place of both, rows of pressure and conductance, between which it is linear.
+        open: conductivity of what fills the gap, power per length and temperature.
+        length: of the order of the roughness, added to the gap.
+        temperature: of a rigid foundation, which needs it; not of two bodies.
+
+    Examples:
+        >>> joint = sfx.Conductance(20.0, exponent=0.95)
+        >>> print(np.round(joint.of(np.array([2.0]), np.zeros(1), np.ones(1, dtype=bool)), 6))
+        [38.637453]
+    """
+
+    key: ClassVar[str] = "conductance"
+    value_keys: ClassVar[tuple[str, ...]] = ("temperature",)
+    positional: ClassVar[tuple[str, ...]] = ("closed",)
+
+    closed: NonNegative = Field(default=0.0, kw_only=False)
+    exponent: NonNegative = 0.0
+    table: Annotated[tuple[tuple[NonNegative, NonNegative], ...], Field(min_length=2)] | None = None
+    open: NonNegative = 0.0
+    length: Positive | None = None
+    temperature: TimedSampledValue | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _short(cls, entry: Any) -> Any:
+        """A number is that of closed contact, and a list a table."""
+        if isinstance(entry, int | float) and not isinstance(entry, bool):
+            return {"closed": entry}
+        return {"table": entry} if isinstance(entry, list | tuple) else entry
+
+    @model_validator(mode="after")
+    def _complete(self) -> Self:
+        if self.open and self.length is None:
+            raise ValueError("open needs a length, of the order of the roughness")
+        if self.table is not None:
+            pressures = [row[0] for row in self.table]
+            if self.closed or self.exponent:
+                raise ValueError("give a table, or closed and exponent")
+            if sorted(set(pressures)) != pressures:
+                raise ValueError("the pressures of a table must increase")
+        return self
+
+    @property
+    def features(self) -> Features:
+        return ()
+
+    def contradictions(self, statement: Any, number: int) -> Contradictions:
+        yield from super().contradictions(statement, number)
+        place = ("contact", number, "conductance")
+        pair = statement.contact[number].against is not None
+        if pair and self.temperature is not None:
+            yield (*place, "temperature"), "is for a rigid foundation: both bodies have their own"
+        if not pair and self.temperature is None:
+            yield place, "needs the temperature of the foundation"
+
+    def of(self, pressure: Array, gap: Array, closed: Any) -> Array:
+        """Return the conductance of n points, power per area and temperature, shape (n,).
+
+        Args:
+            pressure: not negative, stress, shape (n,).
+            gap: not negative, length, shape (n,).
+            closed: which points are in contact, shape (n,).
+        """
+        import numpy as np
+
+        if self.table is not None:
+            at_pressure = np.interp(pressure, *np.transpose(self.table)) * closed
+        else:
+            at_pressure = self.closed * pressure**self.exponent * closed
+        across = self.open / (gap + self.length) if self.length is not None else 0.0
+        return np.asarray(at_pressure + across)
+
+
+class FrictionHeat(_HeatOfContact):
+    """What of the work of friction becomes heat, and where it goes.
+
+    Attributes:
+        fraction: of the work, from 0 to 1.
+        share: of this heat for the side with the contact points, from 0 to 1; the rest goes into
+            the other body or the foundation.
+
+    Examples:
+        >>> print(sfx.FrictionHeat(1.0, share=0.9).share)
+        0.9
+    """
+
+    key: ClassVar[str] = "friction_heat"
+    value_keys: ClassVar[tuple[str, ...]] = ()
+    positional: ClassVar[tuple[str, ...]] = ("fraction",)
+
+    fraction: _Share = Field(default=1.0, kw_only=False)
+    share: _Share = 0.5
+
+    @model_validator(mode="before")
+    @classmethod
+    def _short(cls, entry: Any) -> Any:
+        return {"fraction": entry} if type(entry) in (int, float) else entry
+
+    @property
+    def features(self) -> Features:
+        return ()
+
+    def contradictions(self, statement: Any, number: int) -> Contradictions:
+        yield from super().contradictions(statement, number)
+        if not statement.contact[number].friction.acts:
+            yield ("contact", number, "friction_heat"), "needs friction"
+        if statement.load_steps.times is None:
+            reason = "needs load_steps.times: heat is the work of friction over a duration"
+            yield ("contact", number, "friction_heat"), reason

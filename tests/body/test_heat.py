@@ -1,0 +1,336 @@
+"""Heat: steady temperatures by closed forms, through contact, by friction, and what runs away."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from signorini_fx import Conductance, sensitivity, solve
+from signorini_fx.errors import SceneError
+from signorini_fx.records import Status
+from signorini_fx.results.solution import ConvergenceError
+from signorini_fx.scenes.checks import check_scene
+from signorini_fx.scenes.reading import parse_scene
+
+BLOCK = {
+    "mesh": {"generator": "rectangle", "parameters": {"length": 1.0, "nx": 3, "ny": 3}},
+    "material": {"young": 1000.0, "poisson": 0.3, "expansion": 1e-4, "conductivity": 2.0},
+    "displacement": {"boundary": "left", "x": 0.0},
+    "traction": {"boundary": "top", "y": -5.0},
+    "contact": {"boundary": "bottom"},
+    "heat": [
+        {"boundary": "top", "temperature": 100.0},
+        {"boundary": "bottom", "film": 6.0, "ambient": 20.0},
+    ],
+}
+BOX = {
+    "mesh": {
+        "generator": "box",
+        "parameters": {"length": 1.0, "width": 1.0, "nx": 2, "ny": 2, "nz": 2},
+    },
+    "displacement": [{"boundary": "left", "x": 0.0}, {"boundary": "front", "y": 0.0}],
+    "traction": {"boundary": "top", "z": -5.0},
+}
+ROUND = {"material": {**BLOCK["material"], "hypothesis": "axisymmetric"}}
+KINDS = {"plane": {}, "quadratic": {"element": {"degree": 2}}, "space": BOX, "revolution": ROUND}
+
+
+def block(**more):
+    return parse_scene({**BLOCK, **more})
+
+
+def two(counts=(8, 12), expansion=0.0, **more):
+    """A block of conductivity 15, 1 high, pressed by 2 on another one of 50, 2 high."""
+    bodies = [
+        {
+            "name": name,
+            "shift": [0.0, shift],
+            "mesh": {
+                "generator": "rectangle",
+                "parameters": {"length": 1.0, "height": height, "nx": nx, "ny": 2},
+            },
+        }
+        for name, nx, height, shift in (("up", counts[0], 1.0, 2.0), ("low", counts[1], 2.0, 0.0))
+    ]
+    given = {"poisson": 0.3, "expansion": expansion}
+    scene = {
+        "body": bodies,
+        "material": [
+            {"region": "up", "young": 1000.0, "conductivity": 15.0, **given},
+            {"region": "low", "young": 2000.0, "conductivity": 50.0, **given},
+        ],
+        "displacement": [
+            {"boundary": "low.bottom", "y": 0.0},
+            {"boundary": "low.left", "x": 0.0},
+            {"boundary": "up.left", "x": 0.0},
+        ],
+        "traction": {"boundary": "up.top", "y": -2.0},
+        "contact": {
+            "boundary": "up.bottom",
+            "against": "low.top",
+            "conductance": {"closed": 20.0, "exponent": 0.95},
+        },
+        "heat": [
+            {"boundary": "up.top", "temperature": 100.0},
+            {"boundary": "low.bottom", "temperature": 0.0},
+        ],
+    }
+    return parse_scene({**scene, **more})
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("more", KINDS.values(), ids=KINDS)
+def test_film(more):
+    """A wall between a temperature and a film: 80 over 1 / k + 1 / film; where nothing else holds
+    it, it expands without stress beside that of the pressure.
+    """
+    step = solve(block(**more)).steps[0]
+    assert step.certificate.holds
+    area = np.pi if more is ROUND else 1.0
+    flux = 80.0 / (1 / 2.0 + 1 / 6.0) * area
+    assert step.figures["heat_in"] == pytest.approx(flux, rel=1e-12)
+    assert step.figures["heat_out"] == pytest.approx(flux, rel=1e-12)
+    assert abs(step.figures["heat_balance"]) < 1e-12
+    assert step.figures["heat_error"] < 1e-12
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("more", KINDS.values(), ids=KINDS)
+def test_source(more):
+    """A source in a body between cold ends: its heat leaves, and its middle is s H^2 / 8 k warm."""
+    up = "z" if more is BOX else "y"
+    cold = [{"boundary": side, "temperature": 0.0} for side in ("top", "bottom")]
+    changes = {**more, "heat": [*cold, {"source": 8.0}], "traction": {"boundary": "top", up: -5.0}}
+    solution = solve(block(**changes))
+    volume = np.pi if more is ROUND else 1.0
+    assert solution.steps[0].figures["heat_out"] == pytest.approx(8.0 * volume, rel=1e-12)
+    if "element" in more:
+        assert solution.steps[0].figures["hottest"] == pytest.approx(0.5, rel=0.01)
+
+
+def test_expands_freely():
+    """Of a linear temperature a plane body bends without stress."""
+    free = {
+        "displacement": [
+            {"at": [0.0, 0.0], "boundary": None, "x": 0.0, "y": 0.0},
+            {"at": [1.0, 0.0], "boundary": None, "y": 0.0},
+        ],
+        "traction": [],
+        "contact": [],
+        "element": {"degree": 2},
+        "material": {**BLOCK["material"], "hypothesis": "plane stress"},
+    }
+    free["displacement"] = [
+        {key: value for key, value in entry.items() if value is not None}
+        for entry in free["displacement"]
+    ]
+    solution = solve(block(**free))
+    assert solution.certificate.holds
+    assert solution.stress.von_mises.x.array.max() < 1e-9 * 1000.0 * 1e-4 * 100.0
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("counts", [(8, 12), (16, 10)])
+@pytest.mark.parametrize("degree", [1, 2])
+def test_two_blocks(counts, degree):
+    """100 over L_1 / k_1 + L_2 / k_2 + 1 / h, h = 20 p^.95, on facets that do not match."""
+    solution = solve(two(counts, element={"degree": degree}))
+    figures = solution.steps[0].figures
+    assert solution.certificate.holds
+    for name in ("heat_in", "heat_through", "heat_out"):
+        assert figures[name] == pytest.approx(754.4420239523894, rel=2e-12)
+    flux = np.abs(solution.state.fields["heat_flux"].values)
+    np.testing.assert_allclose(flux, 754.4420239523894, rtol=1e-9)
+
+
+@pytest.mark.mpi
+def test_expanding_blocks():
+    """Where bodies bend by their temperature turns agree, and heat is in balance."""
+    step = solve(two(expansion=1e-4)).steps[0]
+    assert step.certificate.holds
+    assert abs(step.figures["heat_balance"]) < 1e-12
+    assert 2 < step.figures["heat_turns"] < 15
+
+
+@pytest.mark.parametrize(
+    ("conductance", "h"),
+    [
+        (20.0, 20.0),
+        ({"table": [[0.0, 0.0], [1.0, 10.0], [3.0, 50.0]]}, 30.0),
+        ([[0.0, 0.0], [1.0, 10.0], [3.0, 50.0]], 30.0),
+        ({"open": 0.5, "length": 0.01}, 50.0),
+    ],
+)
+def test_conductance(conductance, h):
+    """Constant, by a table, and by the gap, here a closed one."""
+    contact = {"boundary": "up.bottom", "against": "low.top", "conductance": conductance}
+    solution = solve(two(contact=contact, solver={"algorithm": "alm"}))
+    flux = 100.0 / (1 / 15 + 2 / 50 + 1 / h)
+    assert solution.steps[0].figures["heat_through"] == pytest.approx(flux, rel=1e-9)
+
+
+def test_open_gap():
+    """Heat passes a gap of .2, whose filling conducts .5 over gap and roughness."""
+    joint = {"open": 0.5, "length": 0.05}
+    contact = {"boundary": "up.bottom", "against": "low.top", "gap": 0.2, "conductance": joint}
+    held = [
+        {"boundary": "low.bottom", "x": 0.0, "y": 0.0},
+        {"boundary": "up.top", "x": 0.0, "y": 0.0},
+    ]
+    solution = solve(two(contact=contact, displacement=held, traction=[]))
+    flux = 100.0 / (1 / 15 + 2 / 50 + 0.25 / 0.5)
+    assert solution.steps[0].figures["heat_through"] == pytest.approx(flux, rel=1e-12)
+
+
+def test_law():
+    pressure, closed = np.array([0.0, 2.0, 4.0]), np.array([False, True, True])
+    gap = np.array([0.1, 0.0, 0.0])
+    of = Conductance(3.0, exponent=0.5, open=0.2, length=0.1).of(pressure, gap, closed)
+    np.testing.assert_allclose(of, [1.0, 3.0 * 2**0.5 + 2.0, 8.0])
+
+
+# --- friction: E 1000, alpha 1e-3, F .2, K 2, L 1, p without heat 1 ---
+
+CRITICAL = 2 * 2.0 / (1000.0 * 1e-3 * 0.2 * 1.0)
+
+
+def rod(ratio, share=1.0, **more):
+    """A rod without lateral contraction on a wall that slides at a part of the critical speed."""
+    wall = {
+        "shape": "plane",
+        "point": [0.0, 0.0],
+        "normal": [0.0, 1.0],
+        "shift": [f"{ratio * CRITICAL}*t", 0.0],
+    }
+    scene = {
+        "mesh": {"generator": "rectangle", "parameters": {"length": 0.25, "nx": 1, "ny": 4}},
+        "material": {"young": 1e3, "poisson": 0.0, "expansion": 1e-3, "conductivity": 2.0},
+        "displacement": [
+            {"boundary": "left", "x": 0.0},
+            {"boundary": "right", "x": 0.0},
+            {"boundary": "top", "y": -1e-3},
+        ],
+        "contact": {
+            "boundary": "bottom",
+            "foundation": wall,
+            "friction": {"law": "coulomb", "coefficient": 0.2},
+            "friction_heat": {"share": share},
+        },
+        "heat": {"boundary": "top", "temperature": 0.0},
+        "load_steps": {"times": [1.0]},
+        "solver": {"algorithm": "alm"},
+    }
+    return parse_scene({**scene, **more})
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize(("ratio", "pressure"), [(0.5, 2.0), (0.9, 10.0)])
+def test_sliding_wall(ratio, pressure):
+    """p_0 / (1 - v / v_cr), v_cr = 2 K / (E alpha F L); heat F P v; turns repeat v / v_cr."""
+    solution = solve(rod(ratio))
+    figures = solution.steps[0].figures
+    np.testing.assert_allclose(solution.contact.pressure, pressure, rtol=1e-8)
+    assert figures["heat_factor"] == pytest.approx(ratio, rel=1e-6)
+    force = solution.contact.forces[0][-1]
+    heat = 0.2 * force * ratio * CRITICAL
+    assert figures["friction_heat"] == pytest.approx(heat, rel=1e-7)
+    assert figures["friction_heat"] == pytest.approx(solution.contact.friction_work, rel=1e-13)
+    assert figures["heat_out"] == pytest.approx(figures["friction_heat"], rel=1e-12)
+
+
+@pytest.mark.parametrize("ratio", [1.1, 2.0])
+def test_runs_away(ratio):
+    """Beyond the critical speed there is no steady temperature."""
+    with pytest.raises(ConvergenceError, match="heat runs away") as caught:
+        solve(rod(ratio))
+    assert caught.value.solution.status is Status.RUNS_AWAY
+    assert f"multiplies a change by {ratio:g}" in str(caught.value)
+
+
+def test_share():
+    """What goes into the wall does not heat the rod: twice the critical speed."""
+    solution = solve(rod(0.5, share=0.5))
+    np.testing.assert_allclose(solution.contact.pressure, 4 / 3, rtol=1e-8)
+
+
+# --- what it does not go with ---
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"material": {"young": 1e3, "poisson": 0.3}}, "has no conductivity, which heat needs"),
+        ({"material": {**BLOCK["material"], "conductivity": 0.0}}, "material.conductivity"),
+        ({"heat": {"boundary": "top"}}, "heat: give one of temperature, flux, film, source"),
+        ({"heat": {"boundary": "top", "film": 1.0}}, "heat: film and ambient go together"),
+        ({"heat": {"flux": 1.0}}, "heat: flux and film need a boundary"),
+        ({"heat": {"boundary": "top", "source": 1.0}}, "a boundary has no source"),
+        ({"heat": {"boundary": "top", "film": -1.0, "ambient": 0.0}}, "heat.film"),
+        (
+            {"heat": {"boundary": "top", "temperature": 1.0, "factors": [1.0]}},
+            "heat.factors: leave it out",
+        ),
+        ({"temperature": {"change": 1.0}}, "temperature: stays a change that is given"),
+        ({"contact": {"boundary": "bottom", "conductance": -1.0}}, "contact.conductance: must not"),
+        ({"contact": {"boundary": "bottom", "conductance": 1.0}}, "needs the temperature of the"),
+        (
+            {"contact": {"boundary": "bottom", "conductance": {"open": 1.0, "temperature": 0.0}}},
+            "contact.conductance: open needs a length",
+        ),
+        (
+            {"contact": {"boundary": "bottom", "friction_heat": {"share": 1.5}}},
+            "contact.friction_heat.share: must be less than or equal to 1",
+        ),
+        (
+            {"contact": {"boundary": "bottom", "friction_heat": 1.0}},
+            "friction_heat: needs friction",
+        ),
+        (
+            {
+                "heat": [],
+                "contact": {"boundary": "bottom", "conductance": {"temperature": 0.0}},
+            },
+            "contact.conductance: needs \\[\\[heat\\]\\]",
+        ),
+        ({"accuracy": {"target": 0.1}}, "accuracy: is not possible yet with heat"),
+    ],
+)
+def test_bad_input(changes, message):
+    with pytest.raises(SceneError, match=message):
+        block(**changes)
+
+
+@pytest.mark.mpi
+def test_not_determined():
+    contact = {"boundary": "up.bottom", "against": "low.top"}
+    half = two(contact=contact, heat={"boundary": "up.top", "temperature": 1.0})
+    with pytest.raises(SceneError, match="of body 'low' is not determined: give it one"):
+        solve(half)
+    with pytest.raises(SceneError, match=r"of piece 1 of 1 .* is not determined"):
+        solve(block(heat={"boundary": "top", "flux": 1.0}))
+
+
+def test_derivatives_are_refused():
+    with pytest.raises(SceneError, match="not possible yet with heat"):
+        sensitivity(block(), of="energy", by="traction[0].y")
+
+
+def test_check_and_lines():
+    assert "solved in turns" in str(check_scene(two()).findings)
+    told = [str(finding.message) for finding in solve(two()).findings]
+    assert any("754.4 in, 754.4 out, 754.4 through contact; balance" in line for line in told)
+
+
+def test_import_closure():
+    """Without it nothing of it is imported."""
+    code = (
+        "import sys; from signorini_fx import solve; "
+        "from signorini_fx.scenes.reading import parse_scene; "
+        "solve(parse_scene({'mesh': {'generator': 'rectangle'}, "
+        "'material': {'young': 1.0, 'poisson': 0.3}, 'contact': {'boundary': 'bottom'}, "
+        "'displacement': {'boundary': 'left', 'x': 0.0}, "
+        "'traction': {'boundary': 'top', 'y': -0.01}})); "
+        "sys.exit(any(name.endswith('.heat') for name in sys.modules))"
+    )
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
