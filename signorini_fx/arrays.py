@@ -23,12 +23,12 @@ def inner(a: Array, b: Array) -> Array:
     return np.einsum("ij,ij->i", a, b)
 
 
-def matvec(matrices: Array, vectors: Array) -> Array:
+def matvec(matrices: npt.NDArray[Any], vectors: Array) -> Array:
     """Return each of n matrices of shape (n, i, j) times its vector of shape (n, j)."""
     return np.einsum("nij,nj->ni", matrices, vectors)
 
 
-def rmatvec(matrices: Array, vectors: Array) -> Array:
+def rmatvec(matrices: npt.NDArray[Any], vectors: Array) -> Array:
     """Return the transpose of each of n matrices of shape (n, i, j) times its vector of shape
     (n, i).
     """

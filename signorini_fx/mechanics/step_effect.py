@@ -223,7 +223,7 @@ class StepEffect:
         """
         return {}
 
-    def told(self, new: State, ended: StepEnd) -> Iterator[str]:
+    def told(self, new: State, ended: StepEnd) -> Iterator[Finding]:
         """Yield what ``solve`` says of the last step, the same on all ranks."""
         yield from ()
 

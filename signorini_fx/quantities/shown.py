@@ -672,7 +672,6 @@ _TABLE = (
     Shown("rigid_bodies", "foundation", _rigid_bodies, brief=True),
     Shown("preloads", "preload", _preloads, brief=True),
     Shown("contact_nodes", "contact", _contact, brief=True),
-    Shown("effects", "effects", lambda summary: summary["effects"], brief=True),
     Shown("corners", "corner", _corners, brief=True),
     Shown("stress", "stress", _stress, brief=True),
     Shown("friction_used", "friction", _friction, brief=True),

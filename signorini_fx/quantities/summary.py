@@ -475,7 +475,6 @@ class Summary(Run):
     rigid_bodies: list[RigidBody] = perhaps(
         "Rigid bodies that forces move: their motion, and the force of the body on them."
     )
-    effects: list[str] = perhaps("What wear and other effects from step to step have come to.")
     preloads: list[SectionForce] = perhaps("Sections that are tightened.")
     resultants: list[BoundaryResultant] = described(
         "Forces on the body through each boundary with a support, a load or contact, and the body "

@@ -18,7 +18,6 @@ def of_results(solution: Any) -> dict[str, Any]:
     contact = solution.contact
     known: dict[str, Any] = {
         **({} if contact is None else _of_contact(solution)),
-        "effects": list(solution.last_step.told) or None,
         "preloads": [section.model_dump() for section in solution.preloads] or None,
         "resultants": solution.resultants.as_rows(),
         "strain_energy": solution.last_step.strain_energy,

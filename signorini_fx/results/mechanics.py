@@ -244,7 +244,7 @@ class StepResult:
     linear_solves: int
     rigid_bodies: tuple[RigidBodyMotion, ...] = ()
     figures: Mapping[str, float] = field(default_factory=dict)
-    told: tuple[str, ...] = ()
+    told: tuple[Finding, ...] = ()
     between: tuple[tuple[float, Mapping[str, float]], ...] = ()
     reason: Finding | None = None
     acting: Callable[[], ActingForces] | None = None

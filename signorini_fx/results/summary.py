@@ -18,7 +18,7 @@ from mpi4py import MPI
 from pydantic import TypeAdapter
 
 import signorini_fx
-from signorini_fx.extensions import CONTACT_PARTS, names_of
+from signorini_fx.extensions import STEP_EFFECTS, names_of
 from signorini_fx.machine import parallel
 from signorini_fx.machine.display import results_of, status_in_words
 from signorini_fx.machine.terminal import COLUMNS, TerminalLine, printable, say_once
@@ -246,10 +246,10 @@ def _events(events: list[str]) -> list[TerminalLine]:
 
 
 def _of_parts(summary: Summary) -> list[TerminalLine]:
-    """The notes of parts of contacts, such as wear, under their keys."""
+    """The notes of what else happens from step to step, such as wear, under their keys."""
     notes = [found for found in summary["findings"] if found["level"] == "note"]
     keyed = [(note["path"].rpartition(".")[2], note["message"]) for note in notes]
-    return [row(key, message) for key, message in keyed if key in names_of(CONTACT_PARTS)]
+    return [row(key, message) for key, message in keyed if key in names_of(STEP_EFFECTS)]
 
 
 def _warnings(summary: Summary) -> list[TerminalLine]:

@@ -261,6 +261,7 @@ def findings_of_steps(
         *shapes_in_results(mechanics.shapes(_shown(steps).place), _shown(steps).displacement),
         *slid_at_corners(_shown(steps).contact),
         *further,
+        *_shown(steps).told,
         *result_findings([step.deformation for step in steps], names),
         *untouched(model.comm, steps),
         *errors_of_steps(model.comm, model.statement, model.path, steps),

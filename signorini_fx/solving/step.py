@@ -257,7 +257,7 @@ def ended(
         for effect in problem.effects:
             new = new if stored else effect.after(state, new, end)
             figures |= effect.figures(state, new, end)
-        told = tuple(line for effect in problem.effects for line in effect.told(new, end))
+        told = tuple(finding for effect in problem.effects for finding in effect.told(new, end))
         contact = result.contact
         if contact is not None:
             columns = {

@@ -168,7 +168,7 @@ class SolvedStep:
         slips = adjoint.tied[:, 1:]
         contact = _map_to(boundary, body)
         vector = body.vector(np.zeros(body.fixed.size))
-        normal = np.zeros(len(slips))
+        normal: Array = np.zeros(len(slips))
         along = slips
         if self.spin is not None:  # shapes take with them where points were
             back = np.einsum("nji,njk,nk->ni", self.spin, boundary.tangents, slips)

@@ -177,7 +177,7 @@ class Wear(StepEffect):
     def columns(self, new: State) -> Mapping[str, Array]:
         return {name: new.fields[name].values for name in ("wear", "dissipated")}
 
-    def told(self, new: State, ended: StepEnd) -> Iterator[str]:
+    def told(self, new: State, ended: StepEnd) -> Iterator[Finding]:
         contact = ended.contact
         if contact is None:
             return
@@ -199,7 +199,7 @@ class Wear(StepEffect):
                 text += f"; in the last step it slips by up to {slips.max():.4g}"
             if contact.has_friction:
                 text += f"; energy of friction {weight @ work:.4g}"
-            yield text
+            yield Finding("note", f"contact[{number}].wear", text)
 
     def figures(self, state: State, new: State, ended: StepEnd) -> Mapping[str, float]:
         """Return the largest depth, the volume, energy and slip, and by how much of its growth the
