@@ -404,8 +404,8 @@ class RegularisedProblem:
         """What the penalty makes of a small share of the largest displacements of two bodies,
         stress.
         """
-        # What is prescribed is none of a body that follows: a tool that is driven far would be a
-        # scale of its friction.
+        # What is prescribed is none of a body that follows: a rigid body that is driven far would
+        # be a scale of its friction.
         free = x.copy()
         free.getArray()[self.system.contact.fixed] = 0.0
         gamma = max(self.data.gamma_n, self.data.gamma_t)

@@ -179,7 +179,7 @@ def _contacts(model: Model) -> list[str]:
         if effect.foundation is not None:
             shape = f"{effect.foundation.shape}, {given_in_words(effect.foundation)}"
             description += f"; {shape}; at a distance from {_gaps(model, index)}"
-        if effect.tool is not None:
+        if effect.driven is not None:
             description += "; gap and normals are those of the initial position"
         acting.append(f"contact {effect.boundary} ({description})")
         acting += [f"friction {effect.boundary} ({law.law}, {given_in_words(law)})"] * law.acts

@@ -263,9 +263,11 @@ class ProblemOfScene(NonlinearContactProblem):
         )
 
     def _named(self, step: StepResult) -> StepResult:
-        """A load step whose tools have the names of the scene."""
-        tools = zip(step.rigid_bodies, self.statement.rigid_bodies, strict=True)
-        return replace(step, rigid_bodies=tuple(replace(tool, body=body) for tool, body in tools))
+        """A load step whose rigid bodies have the names of the scene."""
+        named = zip(step.rigid_bodies, self.statement.rigid_bodies, strict=True)
+        return replace(
+            step, rigid_bodies=tuple(replace(motion, body=body) for motion, body in named)
+        )
 
     def go_to(self, path_step: float) -> None:
         """Loads, supports and foundations of a place in the lists of factors; collective."""
@@ -431,7 +433,7 @@ def _drives_at(statement: Statement, dimension: int, path_step: float) -> dict[i
         named = zip(COMPONENTS[dimension], motion.tolist(), strict=True)
         held = {name: value for name, value in named if not np.isnan(value)}
         for part in body.parts:
-            shape = statement.contact[part].tool
+            shape = statement.contact[part].driven
             force = load[:dimension].tolist()
             moment = load[dimension:].tolist()
             moments = tuple(moment) if dimension == 3 else moment[0]

@@ -268,8 +268,8 @@ def _count(effects: Mapping[str, tuple[Any, ...]], load_steps: LoadSteps) -> int
     times = load_steps.times
     lasting = (*loads, *effects["contact"], *effects.get("inertia", ()))
     timed = times is not None and any(entry.timed for entry in lasting)
-    tools = [contact.tool for contact in effects["contact"]] if times is not None else []
-    timed |= any(body.motion.driven_in_time for body in rigid_bodies(tools, [""] * len(tools)))
+    driven = [contact.driven for contact in effects["contact"]] if times is not None else []
+    timed |= any(body.motion.driven_in_time for body in rigid_bodies(driven, [""] * len(driven)))
     count = len(times or ()) if timed else 1
     holds = (entry.holds for entry in effects.get("displacement", ()))
     count = (

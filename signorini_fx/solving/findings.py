@@ -701,8 +701,8 @@ def _turned(statement: Statement, number: int, step: StepResult | None) -> Array
     """The rotation of a foundation at the end of a load step, radians, shape (1,) or (3,)."""
     placed = statement if step is None else statement.placed(step.place)
     angle = np.atleast_1d(np.radians(placed.contact[number].foundation.angles()))
-    tools = () if step is None else step.rigid_bodies
-    driven = [tool.rotation for tool in tools if number in tool.body.parts]
+    motions = () if step is None else step.rigid_bodies
+    driven = [one.rotation for one in motions if number in one.body.parts]
     return angle + (driven[0] if driven else 0.0)
 
 

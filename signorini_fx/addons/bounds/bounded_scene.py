@@ -176,7 +176,7 @@ def _of_contact(entry: Contact, *, several_steps: bool) -> Iterator[str]:
     if entry.parts:
         yield f"contact with {entry.parts[0].key}"
     if entry.foundation is not None and (
-        not isinstance(entry.foundation, Plane) or entry.moves or entry.tool
+        not isinstance(entry.foundation, Plane) or entry.moves or entry.driven
     ):
         yield "a foundation that is no plane at rest"
     if entry.adjust is not None:

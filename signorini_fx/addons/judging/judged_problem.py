@@ -67,7 +67,7 @@ class JudgedProblem:
             "sections inside a body, such as those of bolts, are not "
             "judged": scene.statement.sections,
             "rigid bodies that forces move are not judged": any(
-                entry.tool is not None for entry in scene.contact
+                entry.driven is not None for entry in scene.contact
             ),
         }
         return "; ".join(reason for reason, there in reasons.items() if there)

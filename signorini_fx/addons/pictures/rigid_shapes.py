@@ -67,9 +67,9 @@ def rigid_motions_of(solution: Solution) -> dict[str, Callable[[Array], Array]]:
     """
     contacts = solution.model.contacts
     return {
-        contacts[part].boundary: tool.at
-        for tool in solution.last_step.rigid_bodies
-        for part in tool.body.parts
+        contacts[part].boundary: motion.at
+        for motion in solution.last_step.rigid_bodies
+        for part in motion.body.parts
     }
 
 

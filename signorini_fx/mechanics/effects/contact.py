@@ -208,7 +208,7 @@ class Contact(Effect):
     def features(self) -> Features:
         listed = (
             ("contact of two bodies", ("against",), self.against is not None),
-            ("driven foundation", ("foundation",), self.tool is not None),
+            ("driven foundation", ("foundation",), self.driven is not None),
             ("friction axes", ("friction", "ratio"), self.friction.directed),
             ("soft contact", ("overclosure",), self.overclosure is not None),
         )
@@ -244,8 +244,8 @@ class Contact(Effect):
                 )
         if self.friction.follows_slip:
             yield from _without_speed(statement, number)
-        if self.tool is not None:
-            yield from _not_with_tools(statement, number)
+        if self.driven is not None:
+            yield from _not_driven(statement, number)
         if self.overclosure is not None and not self.opens:
             yield (
                 ("contact", number, "overclosure"),
@@ -254,7 +254,7 @@ class Contact(Effect):
         elif self.overclosure is not None and statement.solver.algorithm not in ("auto", "ssn"):
             reason = f"needs algorithm = 'ssn', not {statement.solver.algorithm!r}"
             yield ("contact", number, "overclosure"), reason
-        if self.bonded and self.against is None and self.tool is None:
+        if self.bonded and self.against is None and self.driven is None:
             reason = (
                 "a bond needs the boundary of another body (against), or a foundation that "
                 "force or moment moves"
@@ -339,7 +339,7 @@ class Contact(Effect):
         return self.gap if self.surface is None else Distance(self.surface, self.gap, dimension)
 
     @property
-    def tool(self) -> Any:
+    def driven(self) -> Any:
         """Return the foundation, if its motion is an unknown, see ``statement.rigid_body``;
         otherwise None.
         """
@@ -371,11 +371,11 @@ def _without_speed(statement: Any, number: int) -> Contradictions:
         yield place, f"{reason}: give load_steps.times, one for each step{first}"
 
 
-def _not_with_tools(statement: Any, number: int) -> Contradictions:
+def _not_driven(statement: Any, number: int) -> Contradictions:
     """Yield the entries that cannot go together with a foundation of unknown motion, and why."""
-    driven = statement.contact[number].tool
+    driven = statement.contact[number].driven
     spring = driven.spring or {}
-    if misfit := driven_twice([contact.tool for contact in statement.contact], number):
+    if misfit := driven_twice([contact.driven for contact in statement.contact], number):
         yield ("contact", number, "foundation", "rigid"), misfit
     for wrong, name in (
         (driven.force is not None and driven.force[0] != 0.0, "force"),

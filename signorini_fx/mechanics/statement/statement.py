@@ -168,7 +168,7 @@ class Statement:
     @property
     def rigid_bodies(self) -> tuple[RigidBody, ...]:
         """Return the rigid bodies whose motion is an unknown, with their contacts."""
-        return rigid_bodies([contact.tool for contact in self.contact], self.sides[0])
+        return rigid_bodies([contact.driven for contact in self.contact], self.sides[0])
 
     @property
     def sections(self) -> tuple[str, ...]:
