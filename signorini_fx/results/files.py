@@ -64,7 +64,10 @@ _PICTURES = (
 FILES = (
     *(
         f"{name}.csv"
-        for name in ("history", "outer", "steps", "contact", "contact_steps", "convergence_table")
+        for name in (
+            *("history", "outer", "steps", "time_steps", "contact", "contact_steps"),
+            "convergence_table",
+        )
     ),
     *(f"{name}.{kind}" for name in _PICTURES for kind in ("png", "pdf")),
     *FIELD_FILES,
@@ -249,6 +252,14 @@ class _Written:
                 write_csv(part / f"{name}.csv", rows)
             if steps:
                 write_csv(part / "steps.csv", steps)
+            shorter = [row for step in solution.steps for row in step.between]
+            if shorter:
+                columns = dict.fromkeys(name for _, told in shorter for name in told)
+                rows = [
+                    {"time": time, **{name: told.get(name) for name in columns}}
+                    for time, told in shorter
+                ]
+                write_csv(part / "time_steps.csv", rows)
             if table is not None:
                 write_columns(part / "contact.csv", table.columns)
             if corners:

@@ -14,8 +14,10 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
 from signorini_fx import ContactProblem, Foundation, build_problem, sensitivity, solve
+from signorini_fx.addons.pictures.load_steps import load_steps
 from signorini_fx.algebra.linalg.schur import SchurComplement
 from signorini_fx.errors import FormError, SceneError
+from signorini_fx.machine.result_files import read_csv
 from signorini_fx.mechanics.body.inertia import _mass, _times
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.state import State
@@ -725,6 +727,24 @@ def test_no_accuracy_is_advised_where_none_can_be_requested(tmp_path, capsys):
     shown = " ".join(capsys.readouterr().out.split())
     assert "no estimate: solve on a finer mesh as well" in shown
     assert "--accuracy" not in shown
+    rows = read_csv(tmp_path / "out" / "time_steps.csv")
+    assert len(rows["time"]) == 125
+    assert set(rows) == {"time", "kinetic_energy", "strain_energy", "contact_loss", "energy_error"}
+
+
+def test_energies_are_drawn():
+    """Over the times of all time steps, their sum first."""
+    told = [(0.1, {"kinetic_energy": 2.0, "strain_energy": 1.0}), (0.2, {"other": 1.0})]
+    status = np.array(["converged"])
+    figure = load_steps({"status": status, "time": np.array([0.2])}, between=told)
+    (axes,) = figure.axes
+    assert axes.get_ylabel().startswith("energy")
+    assert [line.get_label() for line in axes.get_lines()[:3]] == [
+        "both",
+        "kinetic energy",
+        "strain energy",
+    ]
+    assert axes.get_lines()[0].get_xdata().tolist() == [0.1]
 
 
 @pytest.mark.parametrize("spoilt", ["nothing", "displacement", "pressure", "velocity", "mass"])

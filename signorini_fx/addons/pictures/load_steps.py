@@ -47,14 +47,20 @@ class _Curve:
 
 
 @mpl.rc_context(STYLE)
-def load_steps(steps: Mapping[str, Any], *, around: bool = False) -> Figure:
+def load_steps(
+    steps: Mapping[str, Any],
+    *,
+    around: bool = False,
+    between: Sequence[tuple[float, Mapping[str, float]]] = (),
+) -> Figure:
     """Draw the forces of the foundation on the body step by step, and below the largest component
     of the friction force against the motion, or the torque of friction; of several boundaries the
     largest components of each.  On a boundary that closes around a body forces balance each other:
     there the integral of the pressure and the moment of friction.
     ``steps``: columns of ``steps.csv``; ``around``: whether the body is one of revolution, where
     radial forces
-    cancel each other.
+    cancel each other; ``between``: times and figures of all time steps, of which energies are drawn
+    where bodies move.
     """
     solved = steps["status"] == Status.CONVERGED.value
     if solved.any():  # the figures of a step without a solution mean nothing
@@ -86,6 +92,7 @@ def load_steps(steps: Mapping[str, Any], *, around: bool = False) -> Figure:
         ("time", "force", forces),
         ("mean tangential displacement", "force", motions),
         ("time", "moment", moments),
+        ("time", "energy", _energies(between)),
     ]
     panels = [(over, kind, curves) for over, kind, curves in panels if _largest(curves) > 0]
     figure = Figure(figsize=(4.4, 0.6 + 2.4 * max(len(panels), 1)), layout="constrained")
@@ -94,6 +101,17 @@ def load_steps(steps: Mapping[str, Any], *, around: bool = False) -> Figure:
     ):
         _draw(part, over, "moment" if curves is motions and "torque" in steps else kind, curves)
     return figure
+
+
+def _energies(between: Sequence[tuple[float, Mapping[str, float]]]) -> list[_Curve]:
+    """Kinetic energy, that of the strains, and both."""
+    rows = [(time, told) for time, told in between if "kinetic_energy" in told]
+    times = np.array([time for time, _ in rows])
+    kinetic, strain = (
+        np.array([told[f"{name}_energy"] for _, told in rows]) for name in ("kinetic", "strain")
+    )
+    curves = {"both": kinetic + strain, "kinetic energy": kinetic, "strain energy": strain}
+    return [_Curve(label, times, values) for label, values in curves.items()]
 
 
 def _columns(steps: Mapping[str, Any], kind: str, axes: Sequence[str], end: str) -> list[_Curve]:

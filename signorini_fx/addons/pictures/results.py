@@ -155,12 +155,13 @@ class ResultPictures:
 
         if prices := [row.model_dump() for row in self.solution.convergence_table]:
             self._write(folder / "convergence_table", errors_and_costs(prices))
+        between = [row for step in self.solution.steps for row in step.between]
+        moves = any("kinetic_energy" in told for _, told in between)
+        if steps is not None and (moves or contact is not None):
+            drawn = load_steps(steps, around=self._mirrored, between=between)
+            finish(drawn, folder / "load_steps", "", self.suffixes)
         if contact is None:
             return
-        if steps is not None:
-            finish(
-                load_steps(steps, around=self._mirrored), folder / "load_steps", "", self.suffixes
-            )
         if self._dimension == 2:
             from signorini_fx.addons.pictures.boundary_profiles import boundary_profiles
 
