@@ -174,6 +174,49 @@ TORN_IN_SPACE = (
     .replace("nx = 18, ny = 4", "nx = 6, ny = 3, nz = 3")
     .replace("y = 0.01", "y = 0.01\nz = 0.01")
 )
+HEATED = """
+load_steps = { times = [1.0, 2.0, 3.0, 4.0] }
+[[material]]
+region = "lower"
+young = 5000.0
+poisson = 0.3
+expansion = 1e-5
+conductivity = 2.0
+[[material]]
+region = "upper"
+young = 3000.0
+poisson = 0.3
+expansion = 2e-5
+conductivity = 1.0
+[[body]]
+name = "lower"
+mesh = { generator = "rectangle", parameters = { length = 3.0, height = 1.0, nx = 9, ny = 3 } }
+[[body]]
+name = "upper"
+mesh = { generator = "rectangle", parameters = { length = 2.0, height = 1.0, nx = 8, ny = 4 } }
+shift = [0.5, 1.0]
+[[displacement]]
+boundary = "lower.bottom"
+x = 0.0
+y = 0.0
+[[displacement]]
+boundary = "upper.top"
+x = "0.01*t"
+y = -0.02
+[[heat]]
+boundary = "upper.top"
+temperature = "50*t"
+[[heat]]
+boundary = "lower.bottom"
+film = 2.0
+ambient = 20.0
+[[contact]]
+boundary = "upper.bottom"
+against = "lower.top"
+conductance = { closed = 0.1, exponent = 0.9, open = 0.01, length = 0.01 }
+friction_heat = { share = 0.3 }
+friction = { law = "coulomb", coefficient = 0.3 }
+"""
 METHODS = {
     "fp": {},
     "newton": {"coulomb": "newton"},
@@ -270,6 +313,8 @@ CASES = {
     "mixed": (PUSHED.replace("nx = 24", "nx = 12") + MIXED, "fp", 4),
     "moving": (MOVING, "fp", 3),
     "spinning": (SPINNING, "fp", 3),
+    # The temperature, and that from which the turns of contact and heat begin.
+    "heated": (HEATED, "newton", 3),
     "torn": (TORN, "fp", 3),
     "torn, newton": (TORN, "newton", 3),
     "torn in space": (TORN_IN_SPACE, "newton", 3),
@@ -282,7 +327,7 @@ CASES = {
     "name",
     [
         name
-        if name in ("fp", "tool", "torn", "wear")
+        if name in ("fp", "tool", "torn", "wear", "heated")
         else pytest.param(name, marks=pytest.mark.slow)
         for name in CASES
     ],

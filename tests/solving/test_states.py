@@ -92,7 +92,17 @@ TEXTS["mixed bodies"] = (
     "fp",
 )
 DEMOS = ("bolted_joint", "press_and_slide")
-QUICK = ("fp", "moving", "released", "bodies", "tool", "reference motion", "mixed", "torn")
+QUICK = (
+    "fp",
+    "moving",
+    "released",
+    "bodies",
+    "tool",
+    "reference motion",
+    "mixed",
+    "torn",
+    "heated",
+)
 NAMES = [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in TEXTS]
 
 
@@ -160,7 +170,7 @@ def test_what_is_assembled_is_no_state(name):
 
 
 @pytest.mark.mpi(slow=True)
-@pytest.mark.parametrize("name", ["tool", "moving", "bodies", "mixed", "torn"])
+@pytest.mark.parametrize("name", ["tool", "moving", "bodies", "mixed", "torn", "heated"])
 def test_from_one_rank_to_all(tmp_path, name):
     """A state that one rank has written is read on all of them, and the next step is the same."""
     text, method = TEXTS[name]
