@@ -5,10 +5,24 @@ import sys
 
 import numpy as np
 import pytest
+from dolfinx import mesh as dmesh
+from mpi4py import MPI
+from scipy.special import beta
 
-from signorini_fx import Conductance, sensitivity, solve
+from signorini_fx import (
+    Conductance,
+    Contact,
+    Displacement,
+    Heat,
+    LinearElastic,
+    Scene,
+    sensitivity,
+    solve,
+    tag_boundaries,
+)
 from signorini_fx.errors import SceneError
 from signorini_fx.records import Status
+from signorini_fx.results.fields import fields_in_cells
 from signorini_fx.results.solution import ConvergenceError
 from signorini_fx.scenes.checks import check_scene
 from signorini_fx.scenes.reading import parse_scene
@@ -181,6 +195,56 @@ def test_open_gap():
     solution = solve(two(contact=contact, displacement=held, traction=[]))
     flux = 100.0 / (1 / 15 + 2 / 50 + 0.25 / 0.5)
     assert solution.steps[0].figures["heat_through"] == pytest.approx(flux, rel=1e-12)
+
+
+@pytest.mark.parametrize(("exponent", "error"), [(1.0, 1e-10), (0.95, 2e-3), (0.5, 1.5e-2)])
+def test_hertz(exponent, error):
+    """Between isothermal sides what passes a Hertzian contact, and so the mean of p^m over it, is
+    p_0^m a B(1/2, m/2 + 1) / 2 on half of it.
+    """
+    radius, push = 8.0, 0.02
+    mesh = dmesh.create_rectangle(
+        MPI.COMM_WORLD, [np.zeros(2), np.ones(2)], [48, 24], dmesh.CellType.quadrilateral
+    )
+    x = mesh.geometry.x
+    x[:, 0] = 4.0 * x[:, 0] ** 2
+    low = x[:, 0] ** 2 / 2 / radius
+    x[:, 1] = low + x[:, 1] ** 1.3 * (4.0 - low)
+    tagged = tag_boundaries(
+        mesh,
+        {
+            "low": lambda x: np.isclose(x[1], x[0] ** 2 / 2 / radius),
+            "top": lambda x: np.isclose(x[1], 4.0),
+            "middle": lambda x: np.isclose(x[0], 0.0),
+        },
+    )
+    floor = {"shape": "plane", "point": [0.0, 0.0], "normal": [0.0, 1.0]}
+    joint = Conductance(1.0, exponent=exponent, temperature=0.0)
+    solution = solve(
+        Scene(
+            mesh=tagged,
+            material=LinearElastic(young=2e5, poisson=0.3, conductivity=1.0),
+            displacement=[
+                Displacement(boundary="middle", x=0.0),
+                Displacement(boundary="top", y=-push),
+            ],
+            contact=Contact(boundary="low", foundation=floor, conductance=joint),
+            heat=Heat(temperature=1.0),
+        )
+    )
+    force = float(solution.contact.forces[0][-1])
+    modulus = 2e5 / (1 - 0.3**2)
+    a = np.sqrt(8 * force * radius / np.pi / modulus)
+    largest = 4 * force / np.pi / a
+    expected = largest**exponent * a * beta(0.5, exponent / 2 + 1) / 2
+    through = solution.steps[0].figures["heat_through"]
+    assert through == pytest.approx(expected, rel=error)
+
+
+def test_fields_file():
+    """fields.vtu has the temperature."""
+    solution = solve(block())
+    assert fields_in_cells(solution)["temperature"].x.array.max() == pytest.approx(100.0)
 
 
 def test_law():
