@@ -4,6 +4,8 @@ sides of polygons.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 
