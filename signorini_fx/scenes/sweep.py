@@ -235,7 +235,8 @@ def row_of(change: Mapping[str, Any], solution: Solution) -> dict[str, Any]:
     ``FIGURES``: sizes of the contact and friction force (per thickness in 2D), between bodies the
     sum of those of all boundaries, areas in contact and of what sticks (in 2D lengths); not a
     number where there is no solution.  With several load steps they are those of the last one with
-    a solution, and ``solved_until`` is its time: where a ramp ends without one, its limit.
+    a solution, and ``solved_until`` is its time: where a ramp ends without one, its limit.  Figures
+    of effects, such as wear, follow.
     """
     energy = solution.last_step.strain_energy
     figures = {
@@ -258,6 +259,7 @@ def row_of(change: Mapping[str, Any], solution: Solution) -> dict[str, Any]:
                 columns["weight"][touching & (columns["friction"] == "stick")].sum()
             ),
         }
+    figures |= solution.last_step.figures
     if solution.last_step.status is not Status.CONVERGED:
         figures = dict.fromkeys(figures, float("nan"))
     if solution.contact is None:  # there are no iterations

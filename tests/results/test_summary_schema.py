@@ -30,7 +30,7 @@ def keys_of(name):
     return set(SCHEMA["$defs"][table["$ref"].rpartition("/")[2]]["properties"])
 
 
-def standing(push, law, press=1.0, **more):
+def standing(push, law, press=1.0):
     """A block on its foundation, pushed sideways and pressed down."""
     return parse_scene(
         {
@@ -40,7 +40,7 @@ def standing(push, law, press=1.0, **more):
             },
             "material": {"young": 1000.0, "poisson": 0.3},
             "body_force": {"x": push, "y": -press},
-            "contact": {"boundary": "bottom", "friction": law, **more},
+            "contact": {"boundary": "bottom", "friction": law},
         }
     )
 
@@ -173,7 +173,6 @@ SCENES = {
     "preload": preloaded,
     "corner": cornered,
     "metal": dented,
-    "worn": lambda: standing(0.1, COULOMB, wear={"coefficient": 1e-6}),
     "slides": lambda: standing(0.5, COULOMB),
     "rubber": lambda: parse_scene(
         {
