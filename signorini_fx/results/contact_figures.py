@@ -46,7 +46,7 @@ def contact_figures(model: Model, contact: ContactState) -> list[ContactFigures]
                 weight @ closed,
                 closed.sum(),
                 weight @ pressure,
-                weight @ contact.bound[on_part],
+                weight @ np.where(contact.held_together, np.inf, contact.bound)[on_part],
                 weight @ (pressure * nodes),
             ]
         )
@@ -195,6 +195,8 @@ def friction_used(model: Model, contact: ContactState, step: float) -> float | N
     """
     if not model.motions.free.shape[1] or not model.applied or not contact.has_friction:
         return None
+    if parallel.any_rank(contact.boundary.comm, bool(contact.held_together.any())):
+        return None  # bonds hold as well
     load = load_on(model, step)
     motions = model.motions.at(contact.boundary)
     touching = contact.bilateral | contact.in_contact

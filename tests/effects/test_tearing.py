@@ -96,20 +96,22 @@ def test_of_forms(pair):
         assert force == pytest.approx(-stress, rel=2e-5, abs=1e-9)
 
 
+def sheared(way):
+    """A stiff block 20 x 5 on its bond, pressed by 20 and pushed."""
+    parameters = {"length": 20.0, "height": 5.0, "nx": 8, "ny": 2}
+    return column(
+        way,
+        mesh={"generator": "rectangle", "parameters": parameters},
+        material=sfx.LinearElastic(young=7e6, poisson=0.0),
+        displacement=sfx.Displacement(boundary="left", x=1.0, factors=way),
+        traction=sfx.Traction(boundary="top", pressure=20.0),
+        contact=sfx.Contact(boundary="bottom", friction=sfx.Coulomb(0.4), cohesion=MIXED),
+    )
+
+
 def test_pressed_and_sheared():
     """A block on rollers that is pushed over its bond rubs with Coulomb friction, and back."""
-    way = [0.02, 0.05, 0.12, 0.06]
-    parameters = {"length": 20.0, "height": 5.0, "nx": 8, "ny": 2}
-    solution = sfx.solve(
-        column(
-            way,
-            mesh={"generator": "rectangle", "parameters": parameters},
-            material=sfx.LinearElastic(young=7e6, poisson=0.0),
-            displacement=sfx.Displacement(boundary="left", x=1.0, factors=way),
-            traction=sfx.Traction(boundary="top", pressure=20.0),
-            contact=sfx.Contact(boundary="bottom", friction=sfx.Coulomb(0.4), cohesion=MIXED),
-        )
-    )
+    solution = sfx.solve(sheared([0.02, 0.05, 0.12, 0.06]))
     first, last = 50.0 / 1e5, 2 * 0.9 / 50.0
     damage = last * (0.02 - first) / (0.02 * (last - first))
     shear = (1 - damage) * 1e5 * 0.02 + damage * 0.4 * 20.0
@@ -286,6 +288,24 @@ def test_told(facet, strength, zone, level):
     assert columns["damage"][0] == 1.0
     assert columns["opening"][0] == pytest.approx(4.0, rel=1e-2)
     assert columns["damage"][-1] == 0.0
+
+
+def test_pulled_by_force():
+    """Beyond the strength a force finds no equilibrium, and a ramp says up to which load."""
+    held = sfx.Displacement(boundary="left", x=0.0)
+    pulled = sfx.Traction(boundary="top", y=2.0)
+    scene = column([0.0], displacement=held, traction=pulled, load_steps={"steps": 10})
+    solution = sfx.solve(scene, check=False)
+    assert solution.status is sfx.Status.OPEN
+    assert "0.5 times traction[0]" in solution.advice
+
+
+def test_friction_of_what_is_broken():
+    """Friction used is none of a body that bonds hold; what is broken transmits Coulomb's."""
+    for way, limit in ((0.02, np.inf), (0.2, 160.0)):
+        solution = sfx.solve(sheared([way]))
+        (figures,) = solution.contact_figures
+        assert figures.friction_limit == pytest.approx(limit)
 
 
 BAD = {

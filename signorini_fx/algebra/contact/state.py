@@ -65,6 +65,11 @@ class PointState:
         )
 
     @property
+    def held_together(self) -> Flags:
+        """Which points a bond holds that has not torn, shape (n,)."""
+        return np.zeros_like(self.in_contact) if self.damage is None else self.damage < 1.0
+
+    @property
     def speed(self) -> Array | None:
         """Return the speed of slip, length per time, shape (n,); None: friction does not follow
         it.
