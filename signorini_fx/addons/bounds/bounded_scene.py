@@ -173,8 +173,6 @@ def _of_contact(entry: Contact, *, several_steps: bool) -> Iterator[str]:
         yield f"{entry.kind} contact"
     elif entry.overclosure is not None:
         yield "soft contact"
-    if entry.parts:
-        yield f"contact with {entry.parts[0].key}"
     if entry.foundation is not None and (
         not isinstance(entry.foundation, Plane) or entry.moves or entry.driven
     ):
