@@ -22,8 +22,8 @@ _SHARES = np.linspace(0.0, 1.0, 33)
 
 
 class _Opened(NamedTuple):
-    """Where bonds are: how far they have opened along the normal, their slip, both together, and
-    the share of shear, shapes (n,), (n, d - 1), (n,) and (n,).
+    """How far bonds have opened along the normal, their slip, both together, and the share of
+    shear, shapes (n,), (n, d - 1), (n,) and (n,).
     """
 
     along: Array
@@ -165,7 +165,7 @@ class Bond:
         return np.asarray(0.5 * (1.0 - self.damaged(traces)) * self.stiffness * size**2)
 
     def _opened(self, traces: tuple[Array, Array]) -> _Opened:
-        """Where bonds are."""
+        """How far bonds have opened and slipped."""
         along = np.maximum(self.position[:, 0] - traces[0], 0.0)
         slip = traces[1] - self.position[:, 1:]
         squared = inner(slip, slip)
