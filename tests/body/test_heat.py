@@ -241,6 +241,12 @@ def test_hertz(exponent, error):
     assert through == pytest.approx(expected, rel=error)
 
 
+def test_even_temperature():
+    """Where no heat flows round-off is no imbalance."""
+    solution = solve(block(heat={"boundary": "top", "temperature": 100.0}))
+    assert abs(solution.steps[0].figures["heat_balance"]) < 1e-6
+
+
 def test_fields_file():
     """fields.vtu has the temperature."""
     solution = solve(block())

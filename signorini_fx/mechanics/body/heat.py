@@ -46,7 +46,7 @@ from signorini_fx.mechanics.state import Field, State
 from signorini_fx.mechanics.statement.expressions import in_space, sample
 from signorini_fx.mechanics.step_effect import StepEffect, StepEnd
 from signorini_fx.records import Finding, Status
-from signorini_fx.tuned import CERTIFICATE_TOLERANCE
+from signorini_fx.tuned import CERTIFICATE_TOLERANCE, ROOT_OF_EPS
 
 _SETTLED = 1e-10  # of the range of temperatures: by how much a turn may change one
 _GROWING = 3  # turns one after the other, each of which repeats more than all of a change
@@ -294,10 +294,10 @@ class Conductor:
         passed: PassedHeat | None,
         values: Array,
         time: float,
-    ) -> tuple[Array, float, float]:
+    ) -> tuple[Array, float, float, float]:
         """Return the power that each entry brings, shape (entries,), the largest residual at free
-        nodes, by forms of its own, relative to the largest power at a node, and what contact takes
-        from all bodies, power.
+        nodes, by forms of its own, relative to the largest power at a node, what contact takes from
+        all bodies, and powers below which there is round-off alone.
         """
         comm = self.model.comm
         self._moved_to(time)
@@ -306,7 +306,11 @@ class Conductor:
         load = np.zeros(self.owned) if self.load_form is None else assemble(self.load_form)
         residual = resisted - load
         lost = 0.0
-        largest = np.abs(load).max(initial=0.0)
+        # Of an even temperature all powers are round-off.
+        diagonal = self._stiffness.getDiagonal().getArray(readonly=True)
+        across = diagonal * np.abs(values[: self.owned])
+        least = ROOT_OF_EPS * parallel.largest(comm, across)
+        largest = max(np.abs(load).max(initial=0.0), least)
         if boundary is not None and passed is not None:
             contact = self._of_contact(boundary, passed, values)
             residual = residual - contact
@@ -325,7 +329,7 @@ class Conductor:
             if entry.temperature is None:
                 power[number] = fem.assemble_scalar(next(given))
         total = parallel.global_sum(comm, power)
-        return total, wrong / largest if largest else 0.0, lost
+        return total, wrong / largest if largest else 0.0, lost, least
 
     # --- what decides a temperature ---
 
@@ -547,7 +551,7 @@ class Conduction(StepEffect):
 
     # --- what is told ---
 
-    def _balance(self, new: State, ended: StepEnd) -> tuple[Array, float, float]:
+    def _balance(self, new: State, ended: StepEnd) -> tuple[Array, float, float, float]:
         contact = ended.contact
         boundary = None if contact is None else contact.boundary
         values = new.fields["temperature"].values.ravel()
@@ -558,7 +562,7 @@ class Conduction(StepEffect):
         """Return what comes in, what goes out, what passes contact, heat of friction, powers, the
         residual at nodes, the balance, the turns and their factor.
         """
-        power, wrong, lost = self._balance(new, ended)
+        power, wrong, lost, least = self._balance(new, ended)
         comm = ended.model.comm
         into = float(power[power > 0].sum())
         out = -float(power[power < 0].sum())
@@ -571,7 +575,7 @@ class Conduction(StepEffect):
             through, rubbed = map(
                 float, parallel.global_sum(comm, np.array([np.abs(flux).sum(), heated]))
             )
-        size = max(into, out, abs(lost), rubbed)
+        size = max(into, out, abs(lost), rubbed, least)
         figures = {
             "heat_in": into,
             "heat_out": out,
