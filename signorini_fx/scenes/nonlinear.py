@@ -188,6 +188,7 @@ class ProblemOfScene(NonlinearContactProblem):
         parts = [tagged.cells(material.region) for material in model.statement.material]
         problem.linear.forms = replace(problem.linear.forms, parts=parts)
         problem._solver.remembers = body if body.points else None
+        problem._solver.extrapolates = any(one.flows for one in statement.material)
         problem.begin_at(-1.0)
         problem._first = problem._solver.initial()
         return problem

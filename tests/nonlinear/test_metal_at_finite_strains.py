@@ -1,17 +1,23 @@
 """Bodies of metal at finite strains: closed forms of bars and blocks, contact, and what is refused."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
+from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from support.nonlinear_scenes import block, but_slow, cube, force, material
 
 from signorini_fx import SceneError, solve
+from signorini_fx.mechanics.mesh.tagged import tagged_mesh
+from signorini_fx.scenes.reading import parse_scene
 
 YOUNG, POISSON, YIELD, HARDENING = 200.0, 0.3, 0.3, 1.0
 METAL = {"strains": "finite", "young": YOUNG, "poisson": POISSON, "yield_stress": YIELD}
 METAL = material("j2", **METAL, hardening=HARDENING)
 ROUND = METAL | {"hypothesis": "axisymmetric"}
 STRETCH = 1.5
+PLATE = {"shape": "plane", "point": [0.0, 15.0], "normal": [0.0, -1.0], "shift": [0.0, "-3 * t"]}
 
 
 def free_bar(stretch):
@@ -78,6 +84,93 @@ def test_upset_without_friction():
     stresses.append(stresses[-1] + YOUNG * np.log(0.8001 / 0.8))
     for step, high, stress in zip(solution.steps, (0.9, 0.8, 0.8001), stresses, strict=True):
         assert force(step)[1] == pytest.approx(np.pi * stress / high, rel=1e-8)
+
+
+FRICTION = {"none": 0.0, "low": 0.1, "high": 1.0, "sticks": None}
+
+
+@pytest.mark.slow
+def test_upset_with_friction():
+    """A cylinder of radius 10 and half height 15, an eighth of it, at 10 and 20 %: the force on its
+    face without friction is that of a bar, that of a face that sticks another program's; friction
+    lies between them and grows with its coefficient.
+    """
+    law = ROUND | {"yield_stress": 0.7, "hardening": 0.3}
+    exact = [np.pi * 1e2 * (0.7 - 0.3 * np.log(h)) / (1 + 0.3 / YOUNG) / h for h in (0.9, 0.8)]
+    forces = {}
+    for name, coefficient in FRICTION.items():
+        held = [{"boundary": "left", "x": 0.0}, {"boundary": "bottom", "y": 0.0}]
+        contact = {"boundary": "top", "foundation": PLATE}
+        if coefficient is None:
+            held.append({"boundary": "top", "x": 0.0, "y": "-3 * t"})
+            contact = []
+        elif coefficient:
+            contact["friction"] = {"law": "coulomb", "coefficient": coefficient}
+        size = {"length": 10.0, "height": 15.0, "nx": 12, "ny": 12}
+        scene = {
+            "mesh": {"generator": "rectangle", "parameters": size},
+            "material": law,
+            "element": {"volumetric": "auto"},
+            "displacement": held,
+            "contact": contact,
+            "load_steps": {"times": [0.5, 1.0], "steps": 4},
+        }
+        solution = solve(parse_scene(scene), MPI.COMM_SELF, check=False)
+        assert solution.converged
+        ends = [step for step in solution.steps if step.time in (0.5, 1.0)]
+        loads = [solution.at(step).resultants.as_rows() for step in ends]
+        forces[name] = [
+            next(abs(f["force"][1]) for f in rows if f["boundary"] == "top") for rows in loads
+        ]
+    assert forces["none"] == pytest.approx(exact, rel=1e-5)
+    assert forces["sticks"][-1] == pytest.approx(306.68, rel=1e-3)
+    for one, other in pairwise(forces.values()):
+        assert np.all(np.array(one) < np.array(other) + 1e-6)
+
+
+@pytest.mark.slow
+def test_a_bar_that_necks():
+    """The bar of Simo and Miehe, its middle 1.8 % narrower: the largest force is another program's,
+    between those of Considere with the least and the full area; then the neck grows alone, and no
+    step is solved in parts.
+    """
+    radius, half, bulk, shear = 6.413, 26.667, 164.206, 80.1938
+    mesh = dmesh.create_rectangle(
+        MPI.COMM_SELF, [[0, 0], [radius, half]], [5, 10], dmesh.CellType.quadrilateral
+    )
+    mesh.geometry.x[:, 0] *= 1 - 0.018 * (1 - mesh.geometry.x[:, 1] / half)
+    places = {"left": (0, 0.0), "bottom": (1, 0.0), "top": (1, half)}
+    sides = {
+        name: dmesh.locate_entities_boundary(mesh, 1, lambda x, k=k, at=at: np.isclose(x[k], at))
+        for name, (k, at) in places.items()
+    }
+    plastic = np.concatenate([np.geomspace(1e-3, 0.4, 60), np.linspace(0.42, 3.0, 60)])
+    yields = 0.45 + 0.12924 * plastic + 0.265 * (1 - np.exp(-16.93 * plastic))
+    law = ROUND | {
+        "young": 9 * bulk * shear / (3 * bulk + shear),
+        "poisson": (3 * bulk - 2 * shear) / (2 * (3 * bulk + shear)),
+        "yield_stress": 0.45,
+        "hardening": np.column_stack([plastic, yields]).tolist(),
+    }
+    scene = {
+        "mesh": tagged_mesh(mesh, sides),
+        "material": law,
+        "element": {"volumetric": "auto"},
+        "displacement": [
+            {"boundary": "left", "x": 0.0},
+            {"boundary": "bottom", "y": 0.0},
+            {"boundary": "top", "x": 0.0, "y": "4.2 * t"},
+        ],
+        "load_steps": {"times": [1.0], "steps": 30},
+    }
+    solution = solve(parse_scene(scene), MPI.COMM_SELF, check=False)
+    assert solution.converged
+    assert len(solution.steps) == 30
+    rows = [solution.at(step).resultants.as_rows() for step in solution.steps[9::5]]
+    forces = [next(abs(f["force"][1]) for f in each if f["boundary"] == "top") for each in rows]
+    assert max(forces) == pytest.approx(77.26, rel=2e-3)
+    assert 76.89 < max(forces) < 79.73
+    assert forces[-1] < 70.0 < forces[1]
 
 
 def test_what_is_refused():

@@ -156,7 +156,7 @@ def test_a_solve_goes_on_from_a_state():
     for ours, theirs in zip(rest.steps, whole.steps[2:], strict=True):
         assert (ours.displacement.x.array == theirs.displacement.x.array).all()
         assert (ours.linear_solves, ours.time) == (theirs.linear_solves, theirs.time)
-    assert whole.state.fields.keys() == {"material 0", "impulse", "steps"}
+    assert whole.state.fields.keys() == {"material 0", "rate", "impulse", "steps"}
     for name, field in whole.state.fields.items():
         np.testing.assert_allclose(rest.state.fields[name].values, field.values, rtol=1e-13)
     assert whole.state.fields["steps"].values == [3.0]

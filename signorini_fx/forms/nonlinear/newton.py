@@ -100,6 +100,7 @@ class EquilibriumSolver(Stability):
     remembers: Remembers | None  # what the material keeps of earlier steps
     max_newton: int
     asks_stability: bool
+    extrapolates: bool = False  # whether Newton's method begins beyond the step before
     too_large: Callable[[], str] = lambda: (
         ""
     )  # by how much the deformation is, in words; "": it is not; collective
@@ -311,7 +312,19 @@ class EquilibriumSolver(Stability):
         assert self.body.last is not None
         if self.commit is not None:
             self.commit()
-        return self._remembered(replace(self.body.last, time=time))
+        new = self._remembered(replace(self.body.last, time=time))
+        begin = self.body.begin
+        if not self.extrapolates or time <= begin.time:
+            return new
+        rate = (new.displacement - begin.displacement) / (time - begin.time)
+        return new.with_field("rate", "dofs", rate)
+
+    def extrapolate(self, state: State, time: float) -> None:
+        """Begin Newton's method where the step before a state goes on to, until a time: a body that
+        flows is soft there, but at the state it has its elastic tangent.
+        """
+        if self.extrapolates and (rate := state.fields.get("rate")) is not None:
+            self.u.x.array[:] = state.displacement + rate.values * (time - state.time)
 
     def show_last(self, begin: Array) -> None:
         """Make the last solution what the user sees, or before the first one the values of ``u``

@@ -91,6 +91,7 @@ class NonlinearSteps:
         shown: SolvedBody | None = None
         try:
             self._begin(state, place, time)
+            solver.extrapolate(state, time)
             with self.history.at_most(inf if budget is None else budget):
                 why = solver.attempt(final=final)
             if not why:
