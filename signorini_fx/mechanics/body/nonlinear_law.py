@@ -17,7 +17,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from itertools import product
 from typing import Any
 
 import basix
@@ -335,7 +334,7 @@ def _points(
     mesh = u.function_space.mesh
     name = mesh.topology.cell_name()
     worked = set(kinematics.pairs)
-    of = list(product(range(3), repeat=2)) if material.finite else list(PAIRS)
+    of = [(i, j) for i in range(3) for j in range(3)] if material.finite else list(PAIRS)
     pairs = [place for place, (i, j) in enumerate(of) if worked & {(i, j), (j, i)}]
     strain = _elastic(_measured(material, kinematics, u), free)
     if material.finite and free is not None:
