@@ -96,13 +96,13 @@ def test_of_forms(pair):
         assert force == pytest.approx(-stress, rel=2e-5, abs=1e-9)
 
 
-def sheared(way):
-    """A stiff block 20 x 5 on its bond, pressed by 20 and pushed."""
-    parameters = {"length": 20.0, "height": 5.0, "nx": 8, "ny": 2}
+def sheared(way, young=7e6, cells=8):
+    """A block 20 x 5 on its bond, pressed by 20 and pushed."""
+    parameters = {"length": 20.0, "height": 5.0, "nx": cells, "ny": cells // 4}
     return column(
         way,
         mesh={"generator": "rectangle", "parameters": parameters},
-        material=sfx.LinearElastic(young=7e6, poisson=0.0),
+        material=sfx.LinearElastic(young=young, poisson=0.0),
         displacement=sfx.Displacement(boundary="left", x=1.0, factors=way),
         traction=sfx.Traction(boundary="top", pressure=20.0),
         contact=sfx.Contact(boundary="bottom", friction=sfx.Coulomb(0.4), cohesion=MIXED),
@@ -298,6 +298,14 @@ def test_pulled_by_force():
     solution = sfx.solve(scene, check=False)
     assert solution.status is sfx.Status.OPEN
     assert "0.5 times traction[0]" in solution.advice
+
+
+def test_soft_block():
+    """A large step through the process zone leads somewhere: line searches ended at nothing."""
+    solution = sfx.solve(sheared([0.02, 0.05], young=7e4, cells=20))
+    assert solution.contact.forces[1][0] == pytest.approx(-160.0, rel=1e-9)
+    assert solution.steps[1].linear_solves < 60
+    assert not solution.history.events
 
 
 def test_friction_of_what_is_broken():

@@ -8,6 +8,7 @@ searches end where a step no longer goes far beyond balance along its way.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -50,11 +51,14 @@ class Descent:
         way = x.duplicate()
         problem.residual(None, x, force)
         left: list[float] = []
+        share = 1.0
         for k in range(limit):
             if problem.next.escapes is not None:
                 return problem.next.escapes
             problem.sets = problem.next.sets
-            self._assemble()
+            # After a step that has led nowhere a secant step is taken as it is.
+            stuck = share <= 0.5**LINE_SEARCH_STEPS
+            self._assemble(_TANGENT_SHARES[-1:] if stuck else _TANGENT_SHARES)
             petsc_calls.solve(self._ksp.solve, force, way)
             if self._ksp.getConvergedReason() < 0 or not finite(way):
                 return Status.SINGULAR
@@ -64,9 +68,8 @@ class Descent:
             x.axpy(-1.0, way)
             problem.residual(None, x, force)
             # Where no bond is torn further, full steps find the sets of contact.
-            searched = k > 0 and parallel.any_rank(
-                problem.points.comm, not np.array_equal(broken, problem.data.broken)
-            )
+            torn = not np.array_equal(broken, problem.data.broken)
+            searched = k > 0 and not stuck and parallel.any_rank(problem.points.comm, torn)
             while (
                 searched
                 and share > 0.5**LINE_SEARCH_STEPS
@@ -100,9 +103,9 @@ class Descent:
         small = max(last) <= CERTIFICATE_TOLERANCE
         return small and len(left) > _PATIENCE and last[-1] > WHOLE_SLOPE * last[0]
 
-    def _assemble(self) -> None:
-        """Make the matrix that of the iterate, with the largest share of the tangent that leaves it
-        definite.
+    def _assemble(self, shares: Sequence[float]) -> None:
+        """Make the matrix that of the iterate, with the first of some descending shares of the
+        tangent that leaves it definite, or the last one.
         """
         problem = self._newton.problem
         data = problem.data
@@ -112,10 +115,10 @@ class Descent:
         contact = tangent(problem.sets, data)
         uncoupled = contact.copy()
         uncoupled[:, 1:, 0] = 0.0
-        for theta in _TANGENT_SHARES:
+        for theta in shares:
             blocks = bond.blocks(traces, theta)
             symmetric = 0.5 * (blocks + blocks.swapaxes(1, 2))
-            if theta == 0.0 or self._definite(uncoupled + symmetric):
+            if theta == shares[-1] or self._definite(uncoupled + symmetric):
                 break
         coupling = np.zeros_like(blocks)
         if data.bound is not None:
