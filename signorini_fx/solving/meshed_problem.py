@@ -320,7 +320,7 @@ def carry_over(
     boundary = coarse.boundary
     tangents = boundary.tangents
     # Directions and shears as vectors in 3D, because the tangents of neighbours need not agree.
-    state = [
+    state: list[npt.NDArray[Any]] = [
         boundary.part,
         boundary.x,
         coarse.in_contact,
@@ -369,7 +369,7 @@ def carry_over(
         sheared = side * sheared
         contact[on_part] = (near & (touching[:, :, 0] > 0)).any(axis=1)
         sliding = np.where(near[:, :, None], sliding, sliding[:, :1])
-        together = (matvec(sliding, sliding[:, 0]) > 0).all(axis=1)
+        together = np.all(matvec(sliding, sliding[:, 0]) > 0, axis=1)
         direction[on_part] = np.where(together[:, None], sliding.sum(axis=1), 0.0)
         pressure[on_part] = (share * load[:, :, 0]).sum(axis=1)
         shear[on_part] = (np.atleast_2d(share)[:, :, None] * sheared).sum(axis=1)
