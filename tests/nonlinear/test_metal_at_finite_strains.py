@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
+from scipy.optimize import brentq
 from support.nonlinear_scenes import block, but_slow, cube, force, material
 
 from signorini_fx import SceneError, solve
@@ -171,6 +172,45 @@ def test_a_bar_that_necks():
     assert max(forces) == pytest.approx(77.26, rel=2e-3)
     assert 76.89 < max(forces) < 79.73
     assert forces[-1] < 70.0 < forces[1]
+
+
+@pytest.mark.parametrize("order", [1, pytest.param(-1, marks=pytest.mark.slow)])
+def test_rubber_on_metal(order):
+    """A smooth disk of rubber is pressed onto one of metal, both of height 1, in one scene: the
+    force is that at which both are as high together as asked, but for the pressure at the axis,
+    which the nodal rule of a ring gives too high.
+    """
+    mu, lame, pressed = 1.5 / 2.6, 4.5 / 5.2, 0.5
+
+    def rubber(high):
+        wide = brentq(lambda a: mu * (a**2 - 1) + lame * np.log(a**2 * high), 0.9, 2.0, xtol=1e-15)
+        return np.pi * (mu * (high**2 - 1) + lame * np.log(wide**2 * high)) / high
+
+    def metal(high):
+        return np.pi * free_bar(high)[0] / high
+
+    high = brentq(lambda high: metal(high) - rubber(2 - pressed - high), 0.7, 0.9999, xtol=1e-15)
+    size = {"generator": "rectangle", "parameters": {"length": 1.0, "height": 1.0}}
+    size["parameters"] |= {"nx": 2, "ny": 2}
+    laws = [ROUND | {"region": "low"}]
+    laws.append(material("neo-hooke", young=1.5, region="high") | {"hypothesis": "axisymmetric"})
+    held = [{"boundary": f"{body}.left", "x": 0.0} for body in ("low", "high")]
+    scene = {
+        "body": [{"name": "low", "mesh": size}, {"name": "high", "mesh": size, "shift": [0, 1.0]}],
+        "material": laws[::order],
+        "displacement": [
+            *held,
+            {"boundary": "low.bottom", "y": 0.0},
+            {"boundary": "high.top", "y": f"-{pressed} * t"},
+        ],
+        "contact": {"boundary": "high.bottom", "against": "low.top", "sliding": "small"},
+        "solver": {"algorithm": "alm"},
+        "load_steps": {"times": [1.0], "steps": 2},
+        "element": {"volumetric": "auto"},
+    }
+    solution = solve(parse_scene(scene), MPI.COMM_SELF)
+    assert solution.converged
+    assert abs(force(solution.steps[-1])[1]) == pytest.approx(abs(metal(high)), rel=1e-3)
 
 
 def test_what_is_refused():
