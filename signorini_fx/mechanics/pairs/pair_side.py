@@ -388,18 +388,19 @@ class PairSurface:
         """Return how strongly the surface is concave at each facet: one over the distance at which
         its normals meet those of its neighbours, at most, zero where they part, shape (f,).
         """
-        middle = self.functions.corners.mean(axis=0)[None, None]
         facets = np.arange(len(self.nodes))
-        x, normals = (at(facets, middle)[:, 0] for at in (self.positions, self.normals))
-        normals = normals / np.linalg.norm(normals, axis=1, keepdims=True)
-        beside = self.neighbours.tocoo()
-        way = x[beside.col] - x[beside.row]
+        middle = self.functions.corners.mean(axis=0)[None, None]
+        x = self.positions(facets, middle)[:, 0]
+        normals = self.normals(facets, middle)[:, 0]
+        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+        beside = self.neighbours
+        row = np.repeat(facets, np.diff(beside.indptr))
+        way = x[beside.indices] - x[row]
         apart = inner(way, way)
-        bent = -inner(normals[beside.col] - normals[beside.row], way)
+        bent = inner(normals[row] - normals[beside.indices], way)
         curvature = np.divide(bent, apart, out=np.zeros_like(bent), where=apart > 0.0)
-        focus = np.zeros(len(self.nodes))
-        np.maximum.at(focus, beside.row, curvature)
-        return focus
+        # Each facet is beside itself, with a curvature of zero.
+        return np.maximum.reduceat(curvature, beside.indptr[:-1]) if facets.size else curvature
 
     @cached_property
     def around(self) -> sp.csr_array:
