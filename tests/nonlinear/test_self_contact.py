@@ -11,6 +11,7 @@ from dolfinx import fem
 from dolfinx.mesh import compute_midpoints
 from mpi4py import MPI
 from support.nonlinear_bodies import Killed
+from support.sliding_bodies import roller
 from two_bodies import assembled, facets, grid, on
 
 from signorini_fx import (
@@ -327,6 +328,20 @@ def test_an_elastica_under_pressure():
     problem.run([float(k) for k in range(1, len(pressures) + 1)], load, on_step=take)
     found = [forces[float(k)] for k in range(5, len(pressures) + 1)]
     assert 2.0 * np.array(found) == pytest.approx([0.0, 1.17148, 2.71794], rel=1e-3)
+
+
+def test_two_bodies_in_one_surface():
+    """A half ring rolls and slides on a block, both of one surface, as it does with two sides."""
+    ways = [(0.0, -0.05), (0.0, -0.1), (0.1, -0.1), (0.2, -0.1)]
+    pair = roller(friction=Coulomb(0.3), slave=1)
+    expected = [pair.move(*way) for way in ways]
+    one = roller(friction=Coulomb(0.3))
+    surface = np.sort(np.concatenate(one.sides))
+    contact = Pair(surface, surface, friction=Coulomb(0.3))
+    one.problem = NonlinearContactProblem(one.form, one.u, bcs=one.bcs, contact=contact)
+    found = [one.move(*way) for way in ways]
+    np.testing.assert_allclose(found, expected, atol=1e-3)
+    assert one.iterations == pair.iterations
 
 
 # --- scenes ---

@@ -6,9 +6,10 @@ itself.  Facets beside each other are on one side, partners on both:
     s_f = s_n for neighbours n,   s_f = - s_g,
 
 from facets that stay on the side of the step before.  Of a patch without any the part with the
-smaller facets carries points.  Facets within two rings of the other side are on none, so that both
-sides are parts without a common node.  Odd cycles, as of three sheets that meet, cannot be divided:
-facets are left out where both sides meet.
+smaller facets carries points.  Facets without a partner are on the side of those beside them,
+within reach of these, so that parts may slide there in the step.  Facets within two rings of the
+other side are on none, so that both sides are parts without a common node.  Odd cycles, as of three
+sheets that meet, cannot be divided: facets are left out where both sides meet.
 """
 
 from __future__ import annotations
@@ -16,11 +17,12 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
 
 from signorini_fx.arrays import Array, Flags, Ints, extents, inner
 from signorini_fx.mechanics.pairs.pair_side import PairSurface
 from signorini_fx.mechanics.pairs.search import Parts, candidates
-from signorini_fx.tuned import COARSER_FACETS, DIGITS_OF_FILES
+from signorini_fx.tuned import COARSER_FACETS, DIGITS_OF_FILES, NOTABLE
 
 
 def facing(surface: PairSurface, reach: float) -> tuple[Ints, Ints, Array]:
@@ -42,11 +44,18 @@ def facing(surface: PairSurface, reach: float) -> tuple[Ints, Ints, Array]:
 
 def walls(surface: PairSurface, reach: float) -> Array:
     """Return how far behind each facet of an undeformed surface the back of its body is, length,
-    inf: not within reach, shape (f,).
+    inf: not within reach, shape (f,): the distance along the normal to the plane of the nearest
+    facet there that is behind by more than parts that touch each other overlap.
     """
-    first, _, ahead = facing(surface, reach)
+    first, second, _ = facing(surface, reach)
+    parts = Parts.of(surface, np.arange(len(surface.nodes)))
+    way = parts.centre[second] - parts.centre[first]
+    normal = parts.normal[first]
+    opposite = parts.normal[second]
+    away = np.einsum("md,md->m", way, opposite) / np.einsum("md,md->m", normal, opposite)
+    met = away < -2.0 * NOTABLE * parts.radius[first]
     behind = np.full(len(surface.nodes), np.inf)
-    np.minimum.at(behind, first, np.where(ahead < 0.0, -ahead, np.inf))
+    np.minimum.at(behind, first[met], -away[met])
     return behind
 
 
@@ -82,15 +91,33 @@ def chosen_sides(surface: PairSurface, reach: float, before: Ints) -> Ints:
     order = np.lexsort(np.round(start / (DIGITS_OF_FILES * np.ptp(start))).T)
     order = order[(has & fresh)[order]]
     side[order[np.unique(patch[order], return_index=True)[1]]] = 1
-    both_ways = joined + joined.T
-    new = has
-    while new.any():
-        votes = both_ways @ side
-        new = has & (side == 0) & (votes != 0.0)
-        side[new] = np.sign(votes[new])
+    _spread(side, joined + joined.T, has)
     side[fresh & _coarser(surface, side, patch)] *= -1
+    _spread(side, surface.neighbours, _near(surface, has, reach))
     near = [surface.around_neighbours @ (side == sign) > 0.0 for sign in (1, -1)]
     return np.where(near[0] & near[1], 0, side)
+
+
+def _spread(side: Ints, joined: sp.csr_array, within: Flags) -> None:
+    """Give facets without a side that of those that they are joined to, again and again; the sign
+    tells whether it is the same; ``within``: which facets get one, shape (f,).
+    """
+    new = within
+    while new.any():
+        votes = joined @ side
+        new = within & (side == 0) & (votes != 0.0)
+        side[new] = np.sign(votes[new])
+
+
+def _near(surface: PairSurface, facets: Flags, reach: float) -> Flags:
+    """Return which facets are so near to some of them that these may slide there, and are not in a
+    fold, shape (f,).
+    """
+    middles = surface.corners.mean(axis=1)
+    if not facets.any():
+        return facets
+    near = cKDTree(middles[facets]).query(middles)[0] <= reach
+    return np.asarray(near & (2.0 * reach * surface.focus < 1.0))
 
 
 def _coarser(surface: PairSurface, side: Ints, patch: Ints) -> Flags:
