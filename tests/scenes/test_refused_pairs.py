@@ -196,6 +196,7 @@ def compatible(one, other):
 ONE_OF_BOTH = {
     ("contact that cannot open", "soft contact"),
     ("contact that cannot open", "cohesion"),
+    ("moving foundation", "cohesion"),
     ("contact that cannot open", "wear"),
     ("local refinement", "mesh that no generator makes"),
     ("driven foundation", "moving foundation"),

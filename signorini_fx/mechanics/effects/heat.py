@@ -132,7 +132,7 @@ class _HeatOfContact(ContactPart):
         contact = statement.contact[number]
         if not statement.effects.get("heat"):
             yield place, "needs [[heat]], which gives bodies their temperature"
-        if contact.tool is not None:
+        if contact.driven is not None:
             yield place, "is not possible yet where a force moves the foundation"
 
 
