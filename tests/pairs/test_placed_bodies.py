@@ -255,7 +255,11 @@ ON_EACH_OTHER = {"boundary": "b.bottom", "against": "a.top"}
         ),
         (
             {"body": BOTH, "contact": [ON_EACH_OTHER, ON_EACH_OTHER]},
-            r"contact\[1\]: boundary '\S+' is in contact twice",
+            r"contact\[1\]: boundary '\S+' is in contact twice: name it as against",
+        ),
+        (
+            {"body": {"name": "a", "mesh": ONE}, "contact": 2 * [{"boundary": "top", "gap": 0.0}]},
+            r"contact\[1\]: boundary 'top' is in contact twice: name the part that each",
         ),
         (
             {"body": BOTH, "contact": {**ON_EACH_OTHER, "gap": "1/(x[0] - x[0])"}},

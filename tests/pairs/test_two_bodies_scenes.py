@@ -62,7 +62,7 @@ def test_cattaneo_and_mindlin(push):
         ({"kind": "bonded"}, r"contact\[0\].friction: must be left out: a bond has no friction"),
         (
             {"kind": "bonded", "friction": None, "against": None},
-            r"contact\[0\]: a bond needs the boundary",
+            r"contact\[0\]: a bond needs the boundary.*\[\[displacement\]\]",
         ),
     ],
 )

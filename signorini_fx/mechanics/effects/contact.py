@@ -226,7 +226,10 @@ class Contact(Effect):
         for part in self.parts:
             yield from part.contradictions(statement, number)
         if any(rival.boundary == self.boundary for rival in statement.contact[:number]):
-            cure = "describe it in one [[contact]]"
+            cure = (
+                "name the part that each foundation meets as a boundary of its own, or mesh one "
+                "of the tools as a body"
+            )
             if self.against is not None:
                 cure = (
                     "name it as against, and the others as boundary: several contacts may be "
@@ -257,7 +260,8 @@ class Contact(Effect):
         if self.bonded and self.against is None and self.driven is None:
             reason = (
                 "a bond needs the boundary of another body (against), or a foundation that "
-                "force or moment moves"
+                "force or moment moves; bonded to one that stays, or moves as given, is a "
+                "[[displacement]] of the boundary"
             )
             yield ("contact", number), reason
         stated = [
