@@ -177,8 +177,8 @@ def test_a_bar_that_necks():
 @pytest.mark.parametrize("order", [1, pytest.param(-1, marks=pytest.mark.slow)])
 def test_rubber_on_metal(order):
     """A smooth disk of rubber is pressed onto one of metal, both of height 1, in one scene: the
-    force is that at which both are as high together as asked, but for the pressure at the axis,
-    which the nodal rule of a ring gives too high.
+    force is that at which both are as high together as asked, to a thousandth: the pressure on two
+    by two cells is not even.
     """
     mu, lame, pressed = 1.5 / 2.6, 4.5 / 5.2, 0.5
 

@@ -108,9 +108,6 @@ class Cohesion(ContactPart):
             yield path, "is not possible yet with friction that follows the speed of slip"
         if contact.moves or contact.gap_timed:
             yield path, "is not possible yet where the foundation moves: prescribe a displacement"
-        for part in contact.parts:
-            if part is not self:
-                yield path, f"is not possible yet with {part.key} of the same contact"
         algorithm = statement.solver.algorithm
         if algorithm not in ("auto", "ssn"):
             yield path, f"needs solver.algorithm = 'ssn', not {algorithm!r}"
