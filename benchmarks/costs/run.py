@@ -112,8 +112,7 @@ def swept(tagged: TaggedMesh) -> None:
     """
     points = sweep(
         example1.scene("coulomb", tagged),
-        "contact.friction.coefficient",
-        COEFFICIENTS,
+        {"contact.friction.coefficient": COEFFICIENTS},
         MPI.COMM_SELF,
     )
     if not all(point.certificate.holds for point in points):

@@ -30,14 +30,13 @@ from signorini_fx.mechanics.assembly.mesh_entities import (
     facet_cells,
     facet_nodes,
     marked_nodes,
-    outer_facets,
 )
 from signorini_fx.mechanics.assembly.pieces import find_pieces
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.interfaces import PlacedShape
 from signorini_fx.mechanics.kinematics import CARTESIAN
 from signorini_fx.mechanics.kinematics.protocol import PLANE_STRESS, padded
-from signorini_fx.mechanics.mesh.tagged import TaggedMesh, is_section
+from signorini_fx.mechanics.mesh.tagged import TaggedMesh, is_section, outer_facets
 from signorini_fx.mechanics.model import Loads, Model, stated
 from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodies
 from signorini_fx.mechanics.statement.load_path import counted_path

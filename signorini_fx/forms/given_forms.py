@@ -20,13 +20,12 @@ from signorini_fx.errors import FormError, SceneError
 from signorini_fx.extensions import CONTACT_PARTS, load_class, names_of
 from signorini_fx.machine import compat, parallel
 from signorini_fx.machine.compilation import compiling
-from signorini_fx.mechanics.assembly.mesh_entities import outer_facets
 from signorini_fx.mechanics.effects.contact import Contact
 from signorini_fx.mechanics.interfaces import Foundation, Pair
 from signorini_fx.mechanics.kinematics import of_components
 from signorini_fx.mechanics.laws.coulomb import NoFriction
 from signorini_fx.mechanics.laws.protocol import FrictionLaw
-from signorini_fx.mechanics.mesh.tagged import TaggedMesh, is_section, tagged_mesh
+from signorini_fx.mechanics.mesh.tagged import TaggedMesh, is_section, outer_facets, tagged_mesh
 from signorini_fx.mechanics.statement.effect import ContactPart
 from signorini_fx.mechanics.statement.load_path import LoadSteps
 from signorini_fx.mechanics.statement.settings import Element, SolverSettings

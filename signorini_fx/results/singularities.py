@@ -27,9 +27,9 @@ from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.assembly.mesh_entities import (
     facet_entities,
     facet_vertices,
-    outer_facets,
 )
 from signorini_fx.mechanics.loads.supports import on_axis
+from signorini_fx.mechanics.mesh.tagged import outer_facets
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.effect import ForceDensity, InitialStrain
 from signorini_fx.tuned import CORNER_ANGLE, DIGITS_OF_FILES, ROOT_OF_EPS, SAME_ANGLE

@@ -17,7 +17,8 @@ from signorini_fx.addons.pictures.body import DrawnBody, normals_of, tiling
 from signorini_fx.addons.pictures.fields import FIELDS
 from signorini_fx.arrays import Array, Indices, Ints, inner
 from signorini_fx.machine import compat, parallel, terminal
-from signorini_fx.mechanics.assembly.mesh_entities import facet_entities, outer_facets
+from signorini_fx.mechanics.assembly.mesh_entities import facet_entities
+from signorini_fx.mechanics.mesh.tagged import outer_facets
 from signorini_fx.results.solution import Solution
 from signorini_fx.tuned import ROOT_OF_EPS
 

@@ -18,10 +18,10 @@ from signorini_fx.arrays import Array, Indices, inner
 from signorini_fx.errors import OutputError, cannot_be_written
 from signorini_fx.machine import parallel
 from signorini_fx.machine.compat import geometry_cells
-from signorini_fx.mechanics.assembly.mesh_entities import facet_cells, outer_facets
+from signorini_fx.mechanics.assembly.mesh_entities import facet_cells
 from signorini_fx.mechanics.effects.contact import Contact as ContactEffect
 from signorini_fx.mechanics.effects.displacement import Displacement
-from signorini_fx.mechanics.mesh.tagged import TaggedMesh, load_file
+from signorini_fx.mechanics.mesh.tagged import TaggedMesh, load_file, outer_facets
 from signorini_fx.mechanics.statement.effect import Effect, ForceDensity, SampledPoints
 from signorini_fx.mechanics.statement.mesh_sources import MeshFile
 from signorini_fx.mechanics.statement.statement import Statement

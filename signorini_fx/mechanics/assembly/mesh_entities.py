@@ -62,13 +62,6 @@ def stiffness_form(term: Any, dimension: int) -> fem.Form:
         return fem.form(term, jit_options={"cffi_extra_compile_args": arguments})
 
 
-def outer_facets(mesh: dmesh.Mesh) -> Indices:
-    """Return the exterior facets of this rank; collective."""
-    dim = mesh.topology.dim
-    mesh.topology.create_connectivity(dim - 1, dim)
-    return np.asarray(dmesh.exterior_facet_indices(mesh.topology))
-
-
 def facet_cells(mesh: dmesh.Mesh, facets: Indices) -> Indices:
     """Return the cells of exterior facets, shape (facets,)."""
     return facet_entities(mesh, facets)[:, 0]

@@ -1,6 +1,6 @@
 """Wear of contact in a scene: a table within ``[[contact]]``.
 
-What a step wears is in ``mechanics.contact_points.wear``, which is imported where one is solved.
+What a step wears is in ``mechanics.body.wear``, which is imported where one is solved.
 """
 
 from __future__ import annotations

@@ -26,12 +26,11 @@ from signorini_fx.mechanics.assembly.mesh_entities import (
     facet_nodes,
     marked_nodes,
     node_positions,
-    outer_facets,
 )
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.elasticity.elastic_law import SceneLaw
 from signorini_fx.mechanics.loads.load_vectors import AppliedLoad, FormCoefficients
-from signorini_fx.mechanics.mesh.tagged import TaggedMesh
+from signorini_fx.mechanics.mesh.tagged import TaggedMesh, outer_facets
 from signorini_fx.mechanics.statement.effect import InitialStrain
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.tuned import DIGITS_OF_FILES, ROOT_OF_EPS, SAME_LENGTH

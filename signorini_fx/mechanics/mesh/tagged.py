@@ -25,7 +25,6 @@ from scipy.spatial import ConvexHull, QhullError
 from signorini_fx.arrays import Array, Flags, Indices, Ints, matvec
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.machine import compat, parallel
-from signorini_fx.mechanics.assembly.mesh_entities import outer_facets
 from signorini_fx.mechanics.statement.base import JOIN, TaggedMeshBase
 from signorini_fx.mechanics.statement.expressions import Expression
 from signorini_fx.mechanics.statement.values import kind_of
@@ -147,6 +146,13 @@ class TaggedMesh(TaggedMeshBase):
         such as gamma = auto, do not depend on the axes.
         """
         return diameter_of(self.mesh)
+
+
+def outer_facets(mesh: dmesh.Mesh) -> Indices:
+    """Return the exterior facets of this rank; collective."""
+    dim = mesh.topology.dim
+    mesh.topology.create_connectivity(dim - 1, dim)
+    return np.asarray(dmesh.exterior_facet_indices(mesh.topology))
 
 
 def diameter_of(mesh: dmesh.Mesh) -> float:

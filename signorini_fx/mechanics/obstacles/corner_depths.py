@@ -21,10 +21,10 @@ from signorini_fx.mechanics.assembly.mesh_entities import (
     facet_cells,
     facet_nodes,
     node_positions,
-    outer_facets,
 )
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.interfaces import PlacedShape
+from signorini_fx.mechanics.mesh.tagged import outer_facets
 from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodyMotion
 from signorini_fx.mechanics.statement.rigid_shape import Corners
 from signorini_fx.tuned import DIGITS_OF_FILES, NOTABLE, SAME_LENGTH

@@ -108,8 +108,8 @@ def candidates(slave: Patches, master: Patches, reach: float, turning: Array) ->
     ``turning``: tangent of the angle between the directions of projection and the normal of each
     patch of the slave, shape (p,).
 
-    Partners are nearer than half of the focus of a side that is concave, beyond which its normals
-    cross, and not behind the middle of the own wall.
+    Partners are nearer than the focus of a side that is concave, where its normals cross, and not
+    behind the middle of the own wall.
     """
     if not len(slave.corners) or not len(master.corners):
         return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
@@ -143,6 +143,6 @@ def candidates(slave: Patches, master: Patches, reach: float, turning: Array) ->
     near = inner(normal, master.normal[second]) < FACING_SIDES
     near &= (across <= aslant[first] * beyond) & (np.abs(along) <= reach + beyond)
     near &= np.linalg.norm(apart, axis=1) <= farthest[first]
-    near &= 2.0 * np.abs(along) * np.maximum(slave.focus[first], master.focus[second]) < 1.0
+    near &= np.abs(along) * np.maximum(slave.focus[first], master.focus[second]) < 1.0
     near &= 2.0 * along > -slave.wall[first]
     return first[near], second[near]

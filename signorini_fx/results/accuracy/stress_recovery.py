@@ -20,13 +20,13 @@ from signorini_fx.mechanics.assembly.mesh_entities import (
     assemble,
     compile_form,
     measure,
-    outer_facets,
     parallelepipeds,
 )
 from signorini_fx.mechanics.effects.displacement import Displacement
 from signorini_fx.mechanics.elasticity.elastic_law import ElementStress, fields_of
 from signorini_fx.mechanics.loads.initial_strains import given_strains
 from signorini_fx.mechanics.loads.load_vectors import FormCoefficients
+from signorini_fx.mechanics.mesh.tagged import outer_facets
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.effect import ForceDensity, Resistance
 from signorini_fx.tuned import BOUNDARY_RESIDUAL_SHARE, ROOT_OF_EPS
