@@ -139,7 +139,7 @@ class StepEffect:
     @classmethod
     def of(cls, entry: Any) -> Self:
         """Return the effect that an entry of a scene states, an ``Effect``, of several the first
-        one, or that parts of contacts do, ``ContactPart``s by the numbers of their contacts.
+        one, or that parts of contacts do, ``ContactPart`` tables by the numbers of their contacts.
         """
         return cls()
 
