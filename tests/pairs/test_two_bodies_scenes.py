@@ -226,3 +226,10 @@ def test_a_body_on_two_others(law):
                 scene | {"contact": {"boundary": "beam.bottom", "against": ["left.top", "no"]}}
             )
         )
+
+
+@pytest.mark.mpi
+def test_a_rank_without_facets_of_a_pair():
+    """It takes part in what all ranks do together: two ranks waited for each other for ever."""
+    scene = read_scene("demos/scenes/ball_in_groove.toml")
+    assert solve(scene, check=False).converged

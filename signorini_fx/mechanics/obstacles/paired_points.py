@@ -258,7 +258,9 @@ class FacingSides:
         owned = len(fixed)
         sides = [PairedSide.of(space, entries, factor) for entries in facets]
         taken_nodes = np.zeros(owned, dtype=bool)
-        opposite = [] if np.array_equal(*facets) else [facets[1]]
+        # A rank may have facets of neither side.
+        two = parallel.any_rank(comm, not np.array_equal(*facets))
+        opposite = [facets[1]] if two else []
         for taken_facets in (*taken, *opposite):
             reached = fem.locate_dofs_topological(space, dim - 1, taken_facets)
             taken_nodes[reached[reached < owned]] = True
