@@ -223,8 +223,8 @@ class StepEffect:
         """
         return {}
 
-    def told(self, new: State, ended: StepEnd) -> Iterator[Finding]:
-        """Yield what ``solve`` says of the last step, the same on all ranks."""
+    def told(self, new: State, ended: StepEnd, figures: Mapping[str, float]) -> Iterator[Finding]:
+        """Yield what ``solve`` says of the last step, the same on all ranks, from its figures."""
         yield from ()
 
     def next_time(self, state: State, end: float) -> float:

@@ -246,8 +246,6 @@ def recalled(
         return found
     new, report = found
     if report.status is Status.CONVERGED:
-        for effect in problem.effects:
-            state = effect.last_begun(state, new)
         _, report = ended(problem, state, new, report, stored=True)
     result = replace(report.result, linear_solves=figures["linear_solves"])
     return new, replace(report, result=result)

@@ -152,14 +152,14 @@ def step(
     """
     solves = problem.history.linear_solves
     time = problem.path.time_at(place) if time is None else time
-    for _ in range(_MOST_TURNS):
+    for turn in range(_MOST_TURNS):
         left = None if budget is None else budget - (problem.history.linear_solves - solves)
         new, report = problem.equilibrium(state, place, time, guess, left)
-        if report.status is not Status.CONVERGED or not problem.effects:
-            break
+        if report.status is not Status.CONVERGED or not problem.effects or turn == _MOST_TURNS - 1:
+            break  # effects see whether the last turn has settled
         end = _end_of(problem, state, report)
         turns = (effect.repeat(state, new, end) for effect in problem.effects)
-        again = next((turn for turn in turns if turn is not None), None)
+        again = next((turned for turned in turns if turned is not None), None)
         if again is None:
             break
         state, guess = again, new
@@ -231,8 +231,7 @@ def recalled_equilibrium(
     if new is None:
         return None
     if any(effect.overrides("last_begun") for effect in problem.effects):
-        for effect in problem.effects:
-            state = effect.last_begun(state, new)
+        state = _last_begun(problem, state, new)
         posed, start, before = begun(problem, state, place, time)
     posed, start = tightened(posed, start, new.found)
     solved = new
@@ -251,13 +250,17 @@ def ended(
     if not problem.effects:
         return new, report
     result = report.result
+    if stored:
+        state = _last_begun(problem, state, new)
     with problem.timings.phase("certify"):
         end = _end_of(problem, state, report)
         figures = dict[str, float]()
+        told = list[Finding]()
         for effect in problem.effects:
             new = new if stored else effect.after(state, new, end)
-            figures |= effect.figures(state, new, end)
-        told = tuple(finding for effect in problem.effects for finding in effect.told(new, end))
+            own = effect.figures(state, new, end)
+            figures |= own
+            told += effect.told(new, end, own)
         contact = result.contact
         if contact is not None:
             columns = {
@@ -266,7 +269,7 @@ def ended(
                 for name, values in effect.columns(new).items()
             }
             contact = replace(contact, columns=columns)
-        result = replace(result, contact=contact, told=told)
+        result = replace(result, contact=contact, told=tuple(told))
         for effect in problem.effects:
             if (wrong := effect.outcome(state, new, end)) is not None:
                 result = replace(result, status=wrong[0], reason=wrong[1])
@@ -274,6 +277,13 @@ def ended(
             acting = _forces_of(problem, state, report)
             result = replace(_at_the_end(problem, report, new), acting=acting)
     return new, replace(report, result=replace(result, figures=figures))
+
+
+def _last_begun(problem: Problem, state: State, new: State) -> State:
+    """The state that the step between two states was begun from in the end; collective."""
+    for effect in problem.effects:
+        state = effect.last_begun(state, new)
+    return state
 
 
 def _forces_of(problem: Problem, state: State, report: Report) -> Callable[[], ActingForces]:

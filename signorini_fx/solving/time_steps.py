@@ -46,15 +46,15 @@ class Pairs:
 
     @classmethod
     def of(cls, state: State) -> Pairs:
-        """Those that have led to a state."""
+        """Return the pairs that have led to a state."""
         if (kept := state.fields.get(_FIELD)) is None:
             return cls(inf, np.zeros(2), np.zeros(2))
         values = kept.values.ravel()
         return cls(float(values[0]), values[1:3], values[3:])
 
     def after(self, whole: Ended, last: Ended, order: float, *, moves: bool) -> Pairs:
-        """Those with another one, whose last step has an error of an order in time; ``moves``:
-        tractions are none of them, as those of an impact jump; collective.
+        """Return the pairs with another one, whose last step has an error of an order in time;
+        ``moves``: tractions are none of them, as those of an impact jump; collective.
         """
         posed = last[1].posed
         errors = _sizes(posed, last[0], whole[0]) / (2**order - 1)
@@ -64,12 +64,12 @@ class Pairs:
         return replace(self, errors=self.errors + errors, sizes=sizes)
 
     def kept_in(self, state: State) -> State:
-        """A state with them."""
+        """Return a state with what these pairs have told."""
         values = [self.duration, *self.errors, *self.sizes]
         return state.with_field(_FIELD, "global", values)
 
     def shares(self, errors: Array) -> float:
-        """The largest error, relative to the largest value."""
+        """Return the largest error, relative to the largest value."""
         return float(np.divide(errors, self.sizes, out=0.0 * errors, where=self.sizes > 0).max())
 
 

@@ -5,8 +5,7 @@ import sys
 
 import numpy as np
 import pytest
-from dolfinx import mesh as dmesh
-from mpi4py import MPI
+from hertz import RADIUS, parabolic_block
 from scipy.special import beta
 
 from signorini_fx import (
@@ -18,7 +17,6 @@ from signorini_fx import (
     Scene,
     sensitivity,
     solve,
-    tag_boundaries,
 )
 from signorini_fx.errors import SceneError
 from signorini_fx.records import Status
@@ -202,22 +200,8 @@ def test_hertz(exponent, error):
     """Between isothermal sides what passes a Hertzian contact, and so the mean of p^m over it, is
     p_0^m a B(1/2, m/2 + 1) / 2 on half of it.
     """
-    radius, push = 8.0, 0.02
-    mesh = dmesh.create_rectangle(
-        MPI.COMM_WORLD, [np.zeros(2), np.ones(2)], [48, 24], dmesh.CellType.quadrilateral
-    )
-    x = mesh.geometry.x
-    x[:, 0] = 4.0 * x[:, 0] ** 2
-    low = x[:, 0] ** 2 / 2 / radius
-    x[:, 1] = low + x[:, 1] ** 1.3 * (4.0 - low)
-    tagged = tag_boundaries(
-        mesh,
-        {
-            "low": lambda x: np.isclose(x[1], x[0] ** 2 / 2 / radius),
-            "top": lambda x: np.isclose(x[1], 4.0),
-            "middle": lambda x: np.isclose(x[0], 0.0),
-        },
-    )
+    push = 0.02
+    tagged = parabolic_block(48)
     floor = {"shape": "plane", "point": [0.0, 0.0], "normal": [0.0, 1.0]}
     joint = Conductance(1.0, exponent=exponent, temperature=0.0)
     solution = solve(
@@ -234,7 +218,7 @@ def test_hertz(exponent, error):
     )
     force = float(solution.contact.forces[0][-1])
     modulus = 2e5 / (1 - 0.3**2)
-    a = np.sqrt(8 * force * radius / np.pi / modulus)
+    a = np.sqrt(8 * force * RADIUS / np.pi / modulus)
     largest = 4 * force / np.pi / a
     expected = largest**exponent * a * beta(0.5, exponent / 2 + 1) / 2
     through = solution.steps[0].figures["heat_through"]

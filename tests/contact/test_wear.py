@@ -11,6 +11,7 @@ import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 from forms import Block
+from hertz import RADIUS, parabolic_block
 from mpi4py import MPI
 
 from signorini_fx import (
@@ -112,27 +113,12 @@ def test_uniform_pressure(more):
 
 # --- Hertzian contact that is worn flat: R 8, E 200000, nu .3, P 200, k s = 5e-5 ---
 
-R, FORCE, WEAR = 8.0, 200.0, 5e-5
+R, FORCE, WEAR = RADIUS, 200.0, 5e-5
 
 
 def flattened(steps, columns=48, *, revolution=False):
     """Half of a block whose lower side is a parabola, pressed on a plane that slides below it."""
-    counts = [columns, columns // 2]
-    mesh = dmesh.create_rectangle(
-        MPI.COMM_WORLD, [np.zeros(2), np.ones(2)], counts, dmesh.CellType.quadrilateral
-    )
-    x = mesh.geometry.x
-    x[:, 0] = 4.0 * x[:, 0] ** 2
-    low = x[:, 0] ** 2 / 2 / R
-    x[:, 1] = low + x[:, 1] ** 1.3 * (4.0 - low)
-    tagged = tag_boundaries(
-        mesh,
-        {
-            "low": lambda x: np.isclose(x[1], x[0] ** 2 / 2 / R),
-            "top": lambda x: np.isclose(x[1], 4.0),
-            "middle": lambda x: np.isclose(x[0], 0.0),
-        },
-    )
+    tagged = parabolic_block(columns)
     hypothesis = "axisymmetric" if revolution else "plane strain"
     mean = FORCE / (np.pi * 4.0**2 if revolution else 2 * 4.0)
     floor = {"shape": "plane", "point": [0.0, 0.0], "normal": [0.0, 1.0]}
@@ -203,6 +189,17 @@ def test_own_slip(coefficient, more):
     np.testing.assert_allclose(slips, [0.005, 0.005, 0.02, 0.02], rtol=1e-7)
     depth = solution.state.fields["wear"].values
     np.testing.assert_allclose(depth, coefficient * 5.0 * 0.05, rtol=1e-7)
+
+
+def test_a_slip_that_does_not_settle(monkeypatch):
+    """Is said where the last turn of a step still changes the depth: it is no solution."""
+    monkeypatch.setattr("signorini_fx.solving.step._MOST_TURNS", 1)
+    way = {"boundary": "top", "x": 0.01, "factors": [0.5, 1.0]}
+    contact = {"boundary": "bottom", "wear": {"coefficient": 1e-6}}
+    scene = changed(BLOCK, load_steps=None, contact=contact, displacement=[way])
+    solution = solve(scene, check=False)
+    assert solution.status is Status.OUTER_MAX_ITERATIONS
+    assert "its slip still changes the depth" in str(solution.steps[-1].reason)
 
 
 def blocks(columns, up, low):

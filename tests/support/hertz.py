@@ -1,7 +1,10 @@
 """Half a disk on a plane, and what Hertz says of it."""
 
 import numpy as np
+from dolfinx import mesh as dmesh
+from mpi4py import MPI
 
+from signorini_fx import tag_boundaries
 from signorini_fx.mechanics.contact_points.contact_table import contact_table
 from signorini_fx.scenes.reading import parse_scene
 
@@ -77,3 +80,25 @@ def ellipse(x, pressure, half_width):
     terms = np.column_stack((np.ones(np.count_nonzero(inner)), x[inner] ** 2))
     square, slope = np.linalg.lstsq(terms, pressure[inner] ** 2, rcond=None)[0]
     return np.sqrt(-square / slope), np.sqrt(square)
+
+
+def parabolic_block(columns):
+    """Half of a block of height and width 4 whose lower side is a parabola of ``RADIUS``, with finer
+    cells around its lowest point.
+    """
+    mesh = dmesh.create_rectangle(
+        MPI.COMM_WORLD,
+        [np.zeros(2), np.ones(2)],
+        [columns, columns // 2],
+        dmesh.CellType.quadrilateral,
+    )
+    x = mesh.geometry.x
+    x[:, 0] = 4.0 * x[:, 0] ** 2
+    low = x[:, 0] ** 2 / 2 / RADIUS
+    x[:, 1] = low + x[:, 1] ** 1.3 * (4.0 - low)
+    sides = {
+        "low": lambda x: np.isclose(x[1], x[0] ** 2 / 2 / RADIUS),
+        "top": lambda x: np.isclose(x[1], 4.0),
+        "middle": lambda x: np.isclose(x[0], 0.0),
+    }
+    return tag_boundaries(mesh, sides)

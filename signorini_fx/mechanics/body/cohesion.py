@@ -96,11 +96,10 @@ class TearingBonds(StepEffect):
         separation = new.fields["separation"].values
         return {"damage": new.fields["damage"].values, "opening": length(separation)}
 
-    def told(self, new: State, ended: StepEnd) -> Iterator[Finding]:
+    def told(self, new: State, ended: StepEnd, figures: Mapping[str, float]) -> Iterator[Finding]:
         now = ended.contact
         if now is None:
             return
-        figures = self.figures(new, new, ended)
         bonded = (new.fields["damage"].values < 1.0) | (new.fields["torn"].values > 0)
         whole = float(parallel.global_sum(now.boundary.comm, np.array(now.points.weight @ bonded)))
         path = f"contact[{min(self.parts)}].cohesion"

@@ -239,10 +239,13 @@ class Conductor:
         nodes = averages.nodes.astype(PETSc.IntType)
         added = PETSc.Mat().createAIJ(like.getSizes(), comm=self.model.comm)
         added.setUp()
-        for row, node in enumerate(nodes):
-            entries = slice(*product.indptr[row : row + 2])
-            columns = nodes[product.indices[entries]]
-            added.setValues([node], columns, product.data[entries], addv=True)
+        added.setValuesIJV(
+            product.indptr.astype(PETSc.IntType),
+            nodes[product.indices],
+            product.data,
+            addv=PETSc.InsertMode.ADD_VALUES,
+            rowmap=nodes,
+        )
         added.assemble()
         return added
 
@@ -459,8 +462,8 @@ class Conduction(StepEffect):
         return PassedHeat.of(ended.model, ended.contact, new.time, ended.dt)
 
     def _unsettled(self, new: State, ended: StepEnd) -> tuple[Array, float]:
-        """By how much a turn changes the temperature, shape (nodes,), and the largest relative to
-        the range of temperatures; collective.
+        """Return the change of the temperature by a turn, shape (nodes,), and the largest one
+        relative to the range of temperatures; collective.
         """
         found = self._found(new, ended)
         change = found - self._used(ended.model, new, new.time)
@@ -608,8 +611,7 @@ class Conduction(StepEffect):
             text = "heat and contact depend on each other: each load step is solved in turns"
             yield Finding("note", "heat", text)
 
-    def told(self, new: State, ended: StepEnd) -> Iterator[Finding]:
-        figures = self.figures(new, new, ended)
+    def told(self, new: State, ended: StepEnd, figures: Mapping[str, float]) -> Iterator[Finding]:
         text = f"{figures['heat_in']:.4g} in, {figures['heat_out']:.4g} out"
         if figures["friction_heat"]:
             text += f", {figures['friction_heat']:.4g} by friction"

@@ -60,8 +60,8 @@ class Wear(StepEffect):
     def _softness(
         self, model: Model, boundary: ContactBoundary, state: State, time: float
     ) -> Array:
-        """By how much the pressure of a step wears each point, k ds, length per stress, shape
-        (n,).
+        """Return the depth that a unit of pressure wears at each point in a step, k ds, length per
+        stress, shape (n,).
         """
         sliding = state.fields.get("sliding")
         softness = np.zeros(boundary.size)
@@ -177,7 +177,7 @@ class Wear(StepEffect):
     def columns(self, new: State) -> Mapping[str, Array]:
         return {name: new.fields[name].values for name in ("wear", "dissipated")}
 
-    def told(self, new: State, ended: StepEnd) -> Iterator[Finding]:
+    def told(self, new: State, ended: StepEnd, figures: Mapping[str, float]) -> Iterator[Finding]:
         contact = ended.contact
         if contact is None:
             return
