@@ -166,7 +166,7 @@ def short_answer(summary: Summary, folder: Path) -> list[TerminalLine]:
     if (more := len(warnings) - _MOST_WARNINGS) > 0:
         rest = row("warning", f"{more} more with --verbose, and in summary.json", "warning")
         warnings = [*warnings[:_MOST_WARNINGS], rest]
-    answer = [*_outcome(summary), *_of_parts(summary), *brief_lines(summary)]
+    answer = [*_outcome(summary), *_of_effects(summary), *brief_lines(summary)]
     lines = [*warnings, *answer, row("results", f"{folder}/")]
     return [_heading(summary), *(narrow for line in lines for narrow in _narrow(line))]
 
@@ -199,7 +199,7 @@ def _figures(summary: Summary) -> list[TerminalLine]:
         *method,
         *_pieces(summary["pieces"]),
         *_warnings(summary),
-        *_of_parts(summary),
+        *_of_effects(summary),
     ]
     if (
         not summary["converged"] and summary["linear_solves"] == 0
@@ -245,7 +245,7 @@ def _events(events: list[str]) -> list[TerminalLine]:
     return [row(name, "; ".join(kind)) for name, kind in kinds.items() if kind]
 
 
-def _of_parts(summary: Summary) -> list[TerminalLine]:
+def _of_effects(summary: Summary) -> list[TerminalLine]:
     """The notes of what else happens from step to step, such as wear, under their keys."""
     notes = [found for found in summary["findings"] if found["level"] == "note"]
     keyed = [(note["path"].rpartition(".")[2], note["message"]) for note in notes]

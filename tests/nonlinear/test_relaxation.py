@@ -206,25 +206,18 @@ def moving(x, y):
 HELD = [{"boundary": "bottom", "x": 0.0, "y": 0.0}]
 METAL = {"law": "j2", "young": 1000.0, "poisson": 0.3, "yield_stress": 5.0, "hardening": 50.0}
 LOADED = {"boundary": "top", "y": "-0.5*t", "x": "0.1*t"}
+CREEPS = pad(
+    contact=[], displacement=HELD, traction=[LOADED], load_steps={"times": [1.0, 2.0, 4.0]}
+)
 # Scenes, an accuracy, and into how many parts each load step is divided for the truth.
 IN_TIME = {
     "creeps": (
-        pad(
-            contact=[],
-            displacement=HELD,
-            traction=[LOADED],
-            load_steps={"times": [1.0, 2.0, 4.0]},
-        ),
+        CREEPS,
         0.1,
         32,
     ),
     "creeps, short steps": (
-        pad(
-            contact=[],
-            displacement=HELD,
-            traction=[LOADED],
-            load_steps={"times": [1.0, 2.0, 4.0]},
-        ),
+        CREEPS,
         0.03,
         32,
     ),

@@ -182,12 +182,14 @@ def _contact_tables(folder: Path) -> dict[int, dict[str, Array]]:
 
 
 def _magnified(points: Array, displacement: Array) -> float:
-    """By how much displacements are magnified at first: to a tenth of the body, at least once."""
+    """Return the magnification of displacements at first: the largest one is shown as a tenth of
+    the body, or as it is.
+    """
     largest = float(np.linalg.norm(displacement, axis=1).max(initial=0.0))
     wanted = 0.1 * float(np.ptp(points, axis=0).max()) / largest if largest > 0 else 1.0
     return float(f"{wanted:.1g}") if wanted > 1 else 1.0
 
 
 def _packed(values: Array, kind: Any = np.float32) -> str:
-    """Numbers in base64."""
+    """Return numbers of a kind in base64."""
     return base64.b64encode(np.ascontiguousarray(values, dtype=kind).tobytes()).decode("ascii")

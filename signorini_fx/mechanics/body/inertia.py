@@ -423,7 +423,9 @@ def _sum(model: Model, local: Any) -> float:
 
 
 def _aim(state: State, dt: float) -> Array:
-    """Where the old velocity leads in half a step, shape (dofs,)."""
+    """Return the displacement to which the old velocity leads in half a step, length, shape
+    (dofs,).
+    """
     return np.asarray(state.displacement + 0.5 * dt * state.fields["velocity"].values.ravel())
 
 

@@ -104,7 +104,7 @@ class Heat(InitialStrain):
         return True
 
     def degree(self, element: int) -> int:
-        """That of the strains of a temperature of the degree of the element."""
+        """Return the quadrature degree for strains of a temperature of the degree of an element."""
         return 2 * element + 2
 
     def contradictions(self, statement: Any, number: int) -> Contradictions:
@@ -117,7 +117,9 @@ class Heat(InitialStrain):
                 yield ("material", at), "has no conductivity, which heat needs"
 
     def strain(self, on: BodyCoefficients) -> Any:
-        """That of the temperature, which all entries make together: the first one has it."""
+        """Return the strain of the temperature, UFL: all entries make it together, the first one
+        has it.
+        """
         if on.entries("heat")[0] is not self:
             return 0.0
         expansion, reference = on.of_material("expansion"), on.of_material("reference_temperature")

@@ -115,7 +115,7 @@ class Inertia(Effect):
 
     @property
     def timed(self) -> bool:
-        """It goes through the times of load steps."""
+        """Return whether it goes through the times of load steps."""
         return True
 
     def at_time(self, time: float) -> Self:

@@ -35,7 +35,7 @@ class FoldedSide(MovingPair):
     side: Ints
 
     def __init__(self, sides: FacingSides, reach: float | None) -> None:
-        """One surface on both sides, undeformed; ``reach``: None: a default."""
+        """Put one undeformed surface on both sides; ``reach``: see ``Pair``."""
         surface = sides.slave.surface
         within = default_reach(surface.x, surface.x) if reach is None else reach
         self.whole = replace(surface, wall=walls(surface, within))

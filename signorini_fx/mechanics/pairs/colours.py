@@ -52,7 +52,7 @@ def walls(surface: PairSurface, reach: float) -> Array:
     way = parts.centre[second] - parts.centre[first]
     normal = parts.normal[first]
     opposite = parts.normal[second]
-    away = np.einsum("md,md->m", way, opposite) / np.einsum("md,md->m", normal, opposite)
+    away = inner(way, opposite) / inner(normal, opposite)
     met = away < -2.0 * NOTABLE * parts.radius[first]
     behind = np.full(len(surface.nodes), np.inf)
     np.minimum.at(behind, first[met], -away[met])
