@@ -1,8 +1,8 @@
 """The fields of a result and its contact surface in 3D for ParaView, in VTK's XML format.
 
-Each file is one unstructured grid: ParaView, PyVista and meshio read it.  The first rank writes it,
-array after array, in base64.  (meshio reads neither the raw form reliably nor files of several
-pieces.)
+Each file is one unstructured grid in base64: ParaView, PyVista and meshio read it.  Each rank writes
+its own cells into it, and no rank has those of another.  (meshio reads neither the raw form
+reliably nor files of several pieces.)
 """
 
 from __future__ import annotations
@@ -201,20 +201,43 @@ def write_vtu(
                 f'<DataArray type="{_NAMES[values.dtype]}" Name="{name}"{components} '
                 'format="binary">'
             )
-            rows = parallel.rows_on_root(comm, values)
-            parallel.on_root(comm, partial(_append, path, text, rows))
+            _append(path, comm, text, values)
             text = "</DataArray>\n"
         text += f"</{group}>\n"
-    parallel.on_root(
-        comm, partial(_append, path, text + "</Piece>\n</UnstructuredGrid>\n</VTKFile>\n")
-    )
+    _append(path, comm, text + "</Piece>\n</UnstructuredGrid>\n</VTKFile>\n")
 
 
-def _append(path: Path, text: str, values: Array | None = None) -> None:
-    """Write a text at the end of a file, and behind it values in base64 with the number of their
-    bytes first.
+def _append(path: Path, comm: MPI.Comm, text: str, values: Array | None = None) -> None:
+    """Write a text at the end of a file, and behind it the values of all ranks in base64, with the
+    number of their bytes first.
+
+    Four characters are three bytes: a rank begins with its first whole three bytes, and takes what
+    its last ones lack from the ranks behind it.  An OSError is raised on all ranks alike;
+    collective.
     """
+    own = b"" if values is None else values.tobytes()
+    sizes = comm.allgather(len(own))
+    if values is not None and parallel.is_root(comm):
+        own = np.uint64(sum(sizes)).tobytes() + own
+    sizes = comm.allgather(len(own))
+    behind = b"".join(comm.allgather(own[:2])[comm.rank + 1 :])
+    first = sum(sizes[: comm.rank])
+    skipped = -first % 3
+    ends = -(first + len(own)) % 3
+    error = None
+    try:
+        place = parallel.on_root(comm, partial(_append_text, path, text))
+        if skipped < len(own):
+            with path.open("r+b") as file:
+                file.seek(place + 4 * ((first + skipped) // 3))
+                file.write(base64.b64encode(own[skipped:] + behind[:ends]))
+    except OSError as failed:
+        error = failed
+    parallel.raise_together(comm, error)
+
+
+def _append_text(path: Path, text: str) -> int:
+    """Write a text at the end of a file; return how many bytes it has then."""
     with path.open("ab") as file:
         file.write(text.encode())
-        if values is not None:
-            file.write(base64.b64encode(np.uint64(values.nbytes).tobytes() + values.tobytes()))
+        return file.tell()

@@ -55,12 +55,7 @@ def test_nothing_of_the_size_of_the_body(monkeypatch, tmp_path):
         text = BLOCK.replace("NX", str(3 * n)).replace("NY", str(n)).replace("NZ", str(n))
 
         def solved():
-            write_results(
-                solve(parse_scene(tomllib.loads(text))),
-                folder / str(n),
-                fields=False,
-                pictures=False,
-            )
+            write_results(solve(parse_scene(tomllib.loads(text))), folder / str(n), pictures=False)
 
         return bytes_by_caller(monkeypatch, solved)
 

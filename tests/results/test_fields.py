@@ -10,6 +10,7 @@ from mesh_files import arrays_of
 from mpi4py import MPI
 from spaces import box
 
+from signorini_fx.results.fields import write_vtu
 from signorini_fx.results.files import write_results
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
@@ -100,6 +101,25 @@ def test_other_readers(tmp_path, cells):
     assert np.array_equal(read.cells[0].data.ravel(), grid.cell_connectivity)
     for name, values in read.point_data.items():
         assert np.array_equal(values.ravel(), grid.point_data[name].ravel()), name
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("counts", [(1, 2, 4), (0, 1, 1), (5, 0, 1), (2, 3, 0), (0, 0, 7)])
+def test_ranks_write_one_file(folder, counts):
+    """Byte by byte that of one rank, however few cells a rank has."""
+    ends = np.cumsum((0, *counts))
+    x = np.random.default_rng(0).normal(size=(3 * ends[-1], 3))
+    own = slice(*ends[[COMM.rank, COMM.rank + 1]]) if COMM.size > 1 else slice(0, ends[COMM.size])
+    for name, comm, cells in (
+        ("ranks.vtu", COMM, own),
+        ("one.vtu", MPI.COMM_SELF, slice(0, ends[COMM.size])),
+    ):
+        points = x[3 * cells.start : 3 * cells.stop]
+        numbers = np.arange(len(points)).reshape(-1, 3)
+        if comm is COMM or COMM.rank == 0:
+            write_vtu(folder / name, comm, points, numbers, 5, {"first": points[:, 0]})
+    COMM.barrier()
+    assert (folder / "ranks.vtu").read_bytes() == (folder / "one.vtu").read_bytes()
 
 
 def test_load_steps(tmp_path):
