@@ -10,6 +10,7 @@ from corner_scenes import reference as corner_reference
 from mesh_files import write_msh
 from mpi4py import MPI
 from reference import Reference, divided
+from scene_tables import coulomb_friction, fixed, rectangle_mesh
 from scenes import example1, on_mesh, rectangle
 
 from signorini_fx.errors import MeshError, SceneError
@@ -200,14 +201,11 @@ def test_arcs_get_degree_2():
 
 
 TABLE = {
-    "mesh": {
-        "generator": "rectangle",
-        "parameters": {"length": 2.0, "height": 1.0, "nx": 40, "ny": 20},
-    },
+    "mesh": rectangle_mesh(40, 20, length=2.0, height=1.0),
     "material": {"young": 1000.0, "poisson": 0.3},
-    "displacement": [{"boundary": "left", "x": 0.0}],
+    "displacement": [fixed("left", "x")],
     "traction": [{"boundary": "top", "y": -5.0}],
-    "contact": {"boundary": "bottom", "friction": {"law": "coulomb", "coefficient": 0.6}},
+    "contact": {"boundary": "bottom", "friction": coulomb_friction(0.6)},
 }
 
 
@@ -232,9 +230,9 @@ def test_loads_that_jump_between_nodes(of):
     for.
     """
     jump = {"boundary": "top", "y": "where(x[0] > 1.13 and x[0] < 1.87, -20, 0)"}
-    mesh = {"generator": "rectangle", "parameters": {"length": 3.0, "nx": 30, "ny": 10}}
-    held = [{"boundary": "left", "x": 0.0, "y": 0.0}]
-    contact = {"boundary": "bottom", "friction": {"law": "coulomb", "coefficient": 0.3}}
+    mesh = rectangle_mesh(30, 10, length=3.0)
+    held = [fixed("left")]
+    contact = {"boundary": "bottom", "friction": coulomb_friction(0.3)}
     goal = {"target": 0.05, "of": of}
     scene = {
         **TABLE,
@@ -346,7 +344,7 @@ SINGULAR = {
                 "boundary": "top",
                 "y": "where(x[0] > 0.651 and x[0] < 1.471, -7.03, -1.41)",
             },
-            "contact": {"boundary": "bottom", "friction": {"law": "coulomb", "coefficient": 0.19}},
+            "contact": {"boundary": "bottom", "friction": coulomb_friction(0.19)},
         },
     ),
     "friction that jumps": (
@@ -363,14 +361,14 @@ SINGULAR = {
             "body_force": {"x": 0.0, "y": -0.2},
             "contact": {
                 "boundary": "bottom",
-                "friction": {"law": "coulomb", "coefficient": "where(x[0] < 1.22, 0.18, 0.46)"},
+                "friction": coulomb_friction("where(x[0] < 1.22, 0.18, 0.46)"),
             },
         },
     ),
     "curved gap": (
         Block(2.06, 1.01, (10, 5), jumps=((0.45, 1.01), (1.447, 1.01))),
         {
-            "mesh": {"generator": "rectangle", "parameters": RECTANGLE},
+            "mesh": rectangle_mesh(**RECTANGLE),
             "material": {"young": 1000.0, "poisson": 0.39},
             "traction": {
                 "boundary": "top",
@@ -381,7 +379,7 @@ SINGULAR = {
                 "boundary": "bottom",
                 "gap": "0.0352*(x[0] - 0.88)**2",
                 "direction": [0.0, -1.0],
-                "friction": {"law": "coulomb", "coefficient": 0.52},
+                "friction": coulomb_friction(0.52),
             },
         },
     ),
@@ -393,9 +391,7 @@ SINGULAR = {
 def test_corners_interfaces_and_jumps(name):
     """Where the stress is singular, 5 % of the displacement, the pressure and the force are met."""
     block, data = SINGULAR[name]
-    scene = parse_scene(
-        {"mesh": block.mesh(), "displacement": {"boundary": "left", "x": 0.0}, **data}
-    )
+    scene = parse_scene({"mesh": block.mesh(), "displacement": fixed("left", "x"), **data})
     fine, _ = corner_reference(scene, block, 25, 15_000)
     for of in QUANTITIES:
         goal = Accuracy(target=0.05, of=of)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from mesh_files import write_msh
 from mpi4py import MPI
+from scene_tables import coulomb_friction, fixed, rectangle_mesh, tresca_friction
 
 from signorini_fx import MeshError, SceneError, Status, solve
 from signorini_fx.mechanics.mesh.tagged import generate_mesh
@@ -46,7 +47,7 @@ def cylinders(goal, *, length=1.0, force=1.0, friction=None, push=0.0, **more):
                 for young, one in zip(YOUNG, bodies, strict=True)
             ],
             "displacement": [
-                {"boundary": "lower.top", "x": 0.0, "y": 0.0},
+                fixed("lower.top"),
                 {"boundary": "upper.top", "x": push * length, "y": -0.05 * length},
             ],
             "contact": {
@@ -72,9 +73,7 @@ def peak_of_hertz(force):
 
 @pytest.mark.one_quick
 @pytest.mark.mpi(slow=True)
-@pytest.mark.parametrize(
-    "friction", [None, {"law": "tresca", "bound": 0.3}, {"law": "coulomb", "coefficient": 0.3}]
-)
+@pytest.mark.parametrize("friction", [None, tresca_friction(0.3), coulomb_friction(0.3)])
 def test_two_cylinders(friction):
     """Curved cells of degree 2 on both, finer from mesh to mesh, up to Hertz's peak for the force;
     friction carries what its law allows at most.
@@ -100,10 +99,7 @@ def test_two_cylinders(friction):
 
 
 def block(count, **more):
-    return {
-        "generator": "rectangle",
-        "parameters": {"length": 1.0, "height": 1.0, "nx": count, "ny": count, **more},
-    }
+    return rectangle_mesh(count, count, length=1.0, height=1.0, **more)
 
 
 def stacked(meshes, **more):
@@ -117,8 +113,8 @@ def stacked(meshes, **more):
             ],
             "material": {"young": 100.0, "poisson": 0.3},
             "displacement": [
-                {"boundary": "lower.bottom", "y": 0.0},
-                {"boundary": "lower.left", "x": 0.0},
+                fixed("lower.bottom", "y"),
+                fixed("lower.left", "x"),
             ],
             "traction": [{"boundary": "upper.top", "y": -0.3}],
             "contact": {"boundary": "lower.top", "against": "upper.bottom"},
@@ -132,8 +128,8 @@ def stacked(meshes, **more):
 @pytest.mark.parametrize("kind", ["unilateral", "bonded"])
 def test_patch(kind):
     """A uniform pressure has no error on any mesh, whichever cells are divided."""
-    more = {"displacement": [{"boundary": "lower.bottom", "y": 0.0}]}
-    more["displacement"] += [{"boundary": name, "x": 0.0} for name in ("lower.left", "upper.left")]
+    more = {"displacement": [fixed("lower.bottom", "y")]}
+    more["displacement"] += [fixed(name, "x") for name in ("lower.left", "upper.left")]
     more["contact"] = {"boundary": "lower.top", "against": "upper.bottom", "kind": kind}
     more["solver"] = {"gamma_n": 1e9}
     found = solve(stacked((block(8), block(12)), accuracy={"target": 0.01}, **more), WORLD)
@@ -156,7 +152,7 @@ def test_bodies_of_different_origin(tmp_path):
     (tmp_path / "block.geo").write_text(BLOCK)
     write_msh(tmp_path / "block.geo", tmp_path / "block.msh")
     more = {
-        "displacement": [{"boundary": "lower.bottom", "x": 0.0, "y": 0.0}],
+        "displacement": [fixed("lower.bottom")],
         "contact": {"boundary": "lower.top", "against": "upper.bottom", "kind": "bonded"},
         "accuracy": {"target": 0.2, "refinement": "uniform"},
     }
@@ -195,12 +191,12 @@ def test_sides_that_change_between_levels():
     has one sign, and the start is that of the right side, so that few solves are left.
     """
     more = {
-        "displacement": [{"boundary": "lower.bottom", "x": 0.0, "y": 0.0}],
+        "displacement": [fixed("lower.bottom")],
         "traction": [{"boundary": "upper.top", "x": 0.05, "y": "-0.3 * (1 + x[0])"}],
         "contact": {
             "boundary": "lower.top",
             "against": "upper.bottom",
-            "friction": {"law": "coulomb", "coefficient": 0.3},
+            "friction": coulomb_friction(0.3),
         },
     }
     found = solve(stacked((block(10), block(13)), solver={"levels": 2}, **more), WORLD)

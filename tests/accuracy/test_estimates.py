@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from mpi4py import MPI
+from scene_tables import fixed, rectangle_mesh, tresca_friction
 from scenes import alone, table_of
 from scipy.integrate import quad
 
@@ -23,14 +24,14 @@ def block(bound=5.0, gap=0.0, **traction):
     """A block of 3 x 1 in cells of 0.75, pressed on its foundation and pushed aside."""
     return parse_scene(
         {
-            "mesh": {"generator": "rectangle", "parameters": {"nx": NX, "ny": 2}},
+            "mesh": rectangle_mesh(NX, 2),
             "material": {"young": 5000.0, "poisson": 0.3},
             "traction": [{"boundary": "top", "y": -20.0}, {"boundary": "left", **traction}],
-            "displacement": {"boundary": "right", "x": 0.0},
+            "displacement": fixed("right", "x"),
             "contact": {
                 "boundary": "bottom",
                 "gap": gap,
-                "friction": {"law": "tresca", "bound": bound},
+                "friction": tresca_friction(bound),
             },
         }
     )
@@ -102,20 +103,17 @@ def test_rings():
     errors = []
     for unit in (1.0, 1e3):
         data = {
-            "mesh": {
-                "generator": "rectangle",
-                "parameters": {"length": unit, "height": unit / 2, "nx": 12, "ny": 6},
-            },
+            "mesh": rectangle_mesh(12, 6, length=unit, height=unit / 2),
             "material": {"young": 1000.0, "poisson": 0.3, "hypothesis": "axisymmetric"},
             "displacement": [
-                {"boundary": "left", "x": 0.0},
+                fixed("left", "x"),
                 {"boundary": "top", "x": 0.0, "y": -0.03 * unit},
             ],
             "contact": {
                 "boundary": "bottom",
                 "gap": f"x[0]**2 / {4 * unit} + where(abs(x[0] - {0.22 * unit}) < {0.01 * unit}, "
                 f"{1e-3 * unit}, 0)",
-                "friction": {"law": "tresca", "bound": f"20 + 10*sin(40*x[0]/{unit})"},
+                "friction": tresca_friction(f"20 + 10*sin(40*x[0]/{unit})"),
             },
         }
         solution = alone(parse_scene(data))

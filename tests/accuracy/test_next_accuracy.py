@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import pytest
 from mpi4py import MPI
+from scene_tables import box_mesh, fixed, rectangle_mesh
 from scenes import alone, example1
 
 from signorini_fx.errors import SceneError
@@ -72,7 +73,7 @@ def test_without_contact_of_one_body_all_cells_become_smaller():
 def test_in_space_it_costs_what_the_first_mesh_costs(across, larger):
     """Its cells are larger than those of the scene where these are their halves."""
     counts = {"nx": 2 * across, "ny": across, "nz": across}
-    box = {"generator": "box", "parameters": {**counts, "length": 2.0, "cell": "tetrahedron"}}
+    box = box_mesh(**counts, length=2.0, cell="tetrahedron")
     scene = parse_scene(
         {
             "mesh": box,
@@ -95,10 +96,7 @@ def test_iterations_of_metal_increase():
     """Like one over the size of cells, in 3D the cubic root of the unknowns; those of rubber do
     not.
     """
-    box = {
-        "generator": "box",
-        "parameters": {"length": 1.0, "nx": 2, "ny": 2, "nz": 2, "cell": "hexahedron"},
-    }
+    box = box_mesh(2, 2, 2, length=1.0, cell="hexahedron")
     rubber = {"law": "neo-hooke", "young": 1.0, "poisson": 0.3}
     forecasts = []
     for material in (rubber, {**rubber, "law": "j2", "yield_stress": 1.0}):
@@ -123,12 +121,9 @@ def test_check_foretells_what_it_costs():
 
 
 UNSUPPORTED = {
-    "mesh": {
-        "generator": "rectangle",
-        "parameters": {"length": 2.0, "height": 1.0, "nx": 8, "ny": 4},
-    },
+    "mesh": rectangle_mesh(8, 4, length=2.0, height=1.0),
     "material": {"young": 100.0, "poisson": 0.3},
-    "displacement": {"boundary": "left", "x": 0.0, "y": 0.0},
+    "displacement": fixed("left"),
     "traction": {"boundary": "top", "y": -0.1},
 }
 TOUCHING = {"contact": {"boundary": "bottom"}}

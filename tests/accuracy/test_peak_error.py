@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from dolfinx import mesh
 from mpi4py import MPI
+from scene_tables import coulomb_friction, fixed, rectangle_mesh
 
 from signorini_fx import solve, tag_boundaries
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable
@@ -24,10 +25,10 @@ def seat(load, angle):
     def make(degree, accuracy):
         scene = parse_scene(
             {
-                "mesh": {"generator": "rectangle", "parameters": {"nx": 2, "ny": 2}},
+                "mesh": rectangle_mesh(2, 2),
                 "element": {"degree": degree},
                 "material": {"young": 1000.0, "poisson": 0.3},
-                "displacement": {"boundary": "top", "x": 0.0},
+                "displacement": fixed("top", "x"),
                 "traction": {"boundary": "top", "y": load},
                 "contact": {"boundary": "bottom"},
                 "accuracy": accuracy,
@@ -40,7 +41,7 @@ def seat(load, angle):
 
 def punch(degree, accuracy):
     """A punch whose rounded edges the first meshes do not resolve, with friction."""
-    friction = {"law": "coulomb", "coefficient": 0.3}
+    friction = coulomb_friction(0.3)
     return parse_scene(
         {
             "mesh": {
@@ -49,7 +50,7 @@ def punch(degree, accuracy):
             },
             "element": {"degree": degree},
             "material": {"young": 1000.0, "poisson": 0.3},
-            "displacement": {"boundary": "symmetry", "x": 0.0},
+            "displacement": fixed("symmetry", "x"),
             "traction": {"boundary": "top", "pressure": 20.0},
             "contact": {
                 "boundary": "foot",

@@ -8,6 +8,7 @@ from mesh_files import write_msh
 from mpi4py import MPI
 from ranks import same_on_all_ranks
 from reference import Reference
+from scene_tables import box_mesh
 from scenes import table_of
 from spaces import block, box
 
@@ -95,10 +96,7 @@ def test_names_of_refined_tetrahedra_are_kept():
 
 def asked(cell, law="none", nx=12, comm=MPI.COMM_SELF, **goal):
     """The block from the generator, with gamma left to the program, asked for an accuracy."""
-    mesh = {
-        "generator": "box",
-        "parameters": {"nx": nx, "ny": nx // 3, "nz": nx // 3, "cell": cell},
-    }
+    mesh = box_mesh(nx, nx // 3, nx // 3, cell=cell)
     scene = block(mesh=mesh, gamma="auto", **LAWS[law])
     return solve(scene.model_copy(update={"accuracy": Accuracy(**goal)}), comm, check=False)
 

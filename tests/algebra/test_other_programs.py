@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 from from_scipy import from_scipy, task_of
+from scene_tables import at_coordinate, coulomb_friction
 from scenes import alone
 from spaces import box
 
@@ -37,9 +38,7 @@ def cube(**solver):
             "material": {"young": YOUNG, "poisson": POISSON},
             "displacement": [{"boundary": "top", **dict(zip("xyz", PUSH, strict=True))}],
             "traction": [{"boundary": "right", **dict(zip("xyz", PULL, strict=True))}],
-            "contact": [
-                {"boundary": "bottom", "gap": gap, "friction": {"law": "coulomb", "coefficient": F}}
-            ],
+            "contact": [{"boundary": "bottom", "gap": gap, "friction": coulomb_friction(F)}],
             "solver": {"tolerance": 1e-12, **solver},
         }
     )
@@ -99,8 +98,8 @@ def test_assembled_by_scikit_fem(kind):
     def downwards(v, w):
         return v[2]
 
-    load = pulled.assemble(basis.boundary(mesh.facets_satisfying(lambda x: np.isclose(x[0], 1.0))))
-    bottom = basis.boundary(mesh.facets_satisfying(lambda x: np.isclose(x[2], 0.0)))
+    load = pulled.assemble(basis.boundary(mesh.facets_satisfying(at_coordinate(0, 1.0))))
+    bottom = basis.boundary(mesh.facets_satisfying(at_coordinate(2, 0.0)))
     dofs, x = basis.nodal_dofs, mesh.p.T
     weight = downwards.assemble(bottom)[dofs[2]]
     nodes = np.flatnonzero(weight > 0)

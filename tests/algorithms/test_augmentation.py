@@ -4,6 +4,7 @@ with.
 
 import numpy as np
 import pytest
+from scene_tables import box_mesh, coulomb_friction, fixed, rectangle_mesh
 from scenes import alone, example1
 
 from signorini_fx.records import Status
@@ -18,14 +19,14 @@ def pushed(**solver):
     """
     return parse_scene(
         {
-            "mesh": {"generator": "rectangle", "parameters": {"nx": 8, "ny": 4}},
+            "mesh": rectangle_mesh(8, 4),
             "material": {"young": 5000.0, "poisson": 0.3},
-            "displacement": [{"boundary": side, "x": 0.0} for side in ("left", "right")],
+            "displacement": [fixed(side, "x") for side in ("left", "right")],
             "traction": {"boundary": "top", "y": -20.0, "x": 10.0},
             "contact": {
                 "boundary": "bottom",
                 "gap": "abs(x[0] - 1.5)",
-                "friction": {"law": "coulomb", "coefficient": 1.0},
+                "friction": coulomb_friction(1.0),
             },
             "solver": solver,
         }
@@ -70,10 +71,10 @@ def in_space(walls=("bottom",), supports=(), **solver):
     two load steps.
     """
     size = {"length": 1.5, "width": 1.2, "height": 1.0, "nx": 4, "ny": 3, "nz": 3}
-    friction = {"law": "coulomb", "coefficient": 0.283}
+    friction = coulomb_friction(0.283)
     return parse_scene(
         {
-            "mesh": {"generator": "box", "parameters": size},
+            "mesh": box_mesh(**size),
             "material": {"young": 1000.0, "poisson": 0.3},
             "displacement": list(supports),
             "traction": {
@@ -125,7 +126,7 @@ def test_a_node_that_a_support_drags_along_the_foundation(dimension, coulomb):
                 ],
                 "contact": {
                     "boundary": "bottom",
-                    "friction": {"law": "coulomb", "coefficient": 0.3},
+                    "friction": coulomb_friction(0.3),
                 },
                 "solver": {"algorithm": "alm", "coulomb": coulomb, "gamma_n": 1e8, "gamma_t": 1e5},
             }
@@ -149,14 +150,14 @@ def test_round_off_of_a_direction_is_no_stiffness():
         return alone(
             parse_scene(
                 {
-                    "mesh": {"generator": "rectangle", "parameters": {"nx": 8, "ny": 4}},
+                    "mesh": rectangle_mesh(8, 4),
                     "material": {"young": 100.0, "poisson": 0.3},
-                    "displacement": {"boundary": "left", "x": 0.0},
+                    "displacement": fixed("left", "x"),
                     "traction": {"boundary": "top", "y": -2.0},
                     "contact": {
                         "boundary": "bottom",
                         "direction": [along, -1.0],
-                        "friction": {"law": "coulomb", "coefficient": 0.3},
+                        "friction": coulomb_friction(0.3),
                     },
                     "solver": {"algorithm": "alm", "gamma_n": 1e3, "gamma_t": 1e3},
                 }

@@ -8,6 +8,7 @@ import time
 import numpy as np
 import pytest
 from mpi4py import MPI
+from scene_tables import coulomb_friction, rectangle_mesh
 from scenes import alone, example1, one_triangle
 
 from signorini_fx import algebra as method
@@ -30,17 +31,14 @@ def square(**solver):
     """
     return parse_scene(
         {
-            "mesh": {
-                "generator": "rectangle",
-                "parameters": {"length": 1.0, "height": 1.0, "nx": 40, "ny": 40},
-            },
+            "mesh": rectangle_mesh(40, 40, length=1.0, height=1.0),
             "material": {"young": 1000.0, "poisson": 0.3},
             "displacement": [{"boundary": "right", "x": 0.0}],
             "traction": [
                 {"boundary": "top", "pressure": 50.0},
                 {"boundary": "left", "pressure": 150.0},
             ],
-            "contact": {"boundary": "bottom", "friction": {"law": "coulomb", "coefficient": 4.0}},
+            "contact": {"boundary": "bottom", "friction": coulomb_friction(4.0)},
             "solver": solver,
         }
     )
@@ -126,13 +124,13 @@ def test_one_bound_proves_nothing(monkeypatch, push, kind, status, fallbacks):
             monkeypatch.setattr(module, name, lambda *arguments, **options: Status.SLIDES)
     scene = parse_scene(
         {
-            "mesh": {"generator": "rectangle", "parameters": {"nx": 6, "ny": 2}},
+            "mesh": rectangle_mesh(6, 2),
             "material": {"young": 1000.0, "poisson": 0.3},
             "traction": [{"boundary": "top", "pressure": 10.0}, {"boundary": "left", "x": push}],
             "contact": {
                 "boundary": "bottom",
                 "kind": kind,
-                "friction": {"law": "coulomb", "coefficient": 0.4},
+                "friction": coulomb_friction(0.4),
             },
             "solver": {"fallbacks": fallbacks},
         }
@@ -149,7 +147,7 @@ def test_friction_that_nothing_presses(solver):
     """
     scene = parse_scene(
         {
-            "mesh": {"generator": "rectangle", "parameters": {"nx": 3, "ny": 3}},
+            "mesh": rectangle_mesh(3, 3),
             "material": {"young": 1000.0, "poisson": 0.3},
             "displacement": {"boundary": "right", "x": 0.0},
             "traction": {"boundary": "top", "y": 1.0},
@@ -157,7 +155,7 @@ def test_friction_that_nothing_presses(solver):
                 "boundary": "left",
                 "gap": 0.1,
                 "direction": [-1.0, -0.1],
-                "friction": {"law": "coulomb", "coefficient": 0.5},
+                "friction": coulomb_friction(0.5),
             },
             "solver": solver,
         }
@@ -181,7 +179,7 @@ def test_friction_without_pressure():
                 "boundary": "bottom",
                 "gap": 1e-3,
                 "direction": [-0.3, -0.1, -1.0],
-                "friction": {"law": "coulomb", "coefficient": 1.8},
+                "friction": coulomb_friction(1.8),
             },
         }
     )
@@ -211,16 +209,13 @@ def pulled_and_pushed(**solver):
     """
     return parse_scene(
         {
-            "mesh": {
-                "generator": "rectangle",
-                "parameters": {"length": 1.0, "height": 0.25, "nx": 3, "ny": 2},
-            },
+            "mesh": rectangle_mesh(3, 2, length=1.0, height=0.25),
             "material": {"young": 1000.0, "poisson": 0.3},
             "traction": {"boundary": "top", "x": -2.0, "y": -0.5},
             "contact": {
                 "boundary": "bottom",
                 "kind": "bilateral",
-                "friction": {"law": "coulomb", "coefficient": 1.5},
+                "friction": coulomb_friction(1.5),
             },
             "solver": solver,
         }

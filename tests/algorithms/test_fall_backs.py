@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from mpi4py import MPI
+from scene_tables import coulomb_friction, fixed, plane_shape, rectangle_mesh, tresca_friction
 from scenes import PATCH, alone, energy, example1
 
 from benchmarks.stability.oracle.judge import RIGHT
@@ -31,11 +32,11 @@ def with_contact(scene, **changes):
 def jumping(**settings):
     """Example 1 over a step in the foundation: the plain iteration cycles."""
     data = {
-        "mesh": {"generator": "rectangle", "parameters": {"nx": 60, "ny": 20}},
+        "mesh": rectangle_mesh(60, 20),
         "material": {"young": 5000.0, "poisson": 0.4},
-        "displacement": [{"boundary": "left", "x": 0.0}, {"boundary": "right", "x": 0.0}],
+        "displacement": [fixed("left", "x"), fixed("right", "x")],
         "traction": {"boundary": "top", "y": "-20 if 1 <= x[0] <= 2 else 0"},
-        "contact": {"boundary": "bottom", "gap": JUMP, "friction": {"law": "tresca", "bound": 1.5}},
+        "contact": {"boundary": "bottom", "gap": JUMP, "friction": tresca_friction(1.5)},
         "solver": settings,
     }
     return parse_scene(data)
@@ -52,14 +53,14 @@ def pulled(coefficient, **settings):
     contract.
     """
     data = {
-        "mesh": {"generator": "rectangle", "parameters": {"nx": 60, "ny": 20}},
+        "mesh": rectangle_mesh(60, 20),
         "material": {"young": 5000.0, "poisson": 0.3},
-        "displacement": {"boundary": "right", "x": 0.0, "y": 0.0},
+        "displacement": fixed("right"),
         "traction": [{"boundary": "top", "y": -20.0}, {"boundary": "left", "x": 60.0}],
         "contact": {
             "boundary": "bottom",
             "gap": 1e-4,
-            "friction": {"law": "coulomb", "coefficient": coefficient},
+            "friction": coulomb_friction(coefficient),
         },
         "solver": settings,
     }
@@ -156,17 +157,14 @@ def ladder(coefficient):
     )
     planes = {"left": ([0.0, 0.0], up), "right": ([LENGTH, 0.0], right)}
     data = {
-        "mesh": {
-            "generator": "rectangle",
-            "parameters": {"length": LENGTH, "height": THICKNESS, "nx": 40, "ny": 1},
-        },
+        "mesh": rectangle_mesh(40, 1, length=LENGTH, height=THICKNESS),
         "material": {"young": 1e5, "poisson": 0.3},
         "body_force": dict(zip("xy", (-up / (LENGTH * THICKNESS)).tolist(), strict=True)),
         "contact": [
             {
                 "boundary": side,
-                "foundation": {"shape": "plane", "point": point, "normal": normal.tolist()},
-                "friction": {"law": "coulomb", "coefficient": coefficient},
+                "foundation": plane_shape(point, normal.tolist()),
+                "friction": coulomb_friction(coefficient),
             }
             for side, (point, normal) in planes.items()
         ],

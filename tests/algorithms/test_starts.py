@@ -4,6 +4,7 @@ although walls hold.
 
 import numpy as np
 import pytest
+from scene_tables import coulomb_friction, fixed, rectangle_mesh
 from scenes import alone, bar_on_a_bowl
 
 from signorini_fx.scenes.reading import parse_scene
@@ -27,7 +28,7 @@ def lug(slope, friction=0.3, **solver):
             "contact": {
                 "boundary": "hole",
                 "gap": 0.02,
-                "friction": {"law": "coulomb", "coefficient": friction},
+                "friction": coulomb_friction(friction),
             },
             "solver": solver,
         }
@@ -81,14 +82,12 @@ def test_a_block_that_friction_keeps_in_its_corner(walls):
     """Pushed off a wall, it would open without friction: the start is not the problem without
     it.
     """
-    contacts = [
-        {"boundary": wall, "friction": {"law": "coulomb", "coefficient": 0.3}} for wall in walls
-    ]
+    contacts = [{"boundary": wall, "friction": coulomb_friction(0.3)} for wall in walls]
     if len(walls) > 2:
         contacts[2]["gap"] = 1.0
     scene = parse_scene(
         {
-            "mesh": {"generator": "rectangle", "parameters": {"nx": 9, "ny": 3}},
+            "mesh": rectangle_mesh(9, 3),
             "material": {"young": 5000.0, "poisson": 0.3},
             "traction": [{"boundary": "top", "x": 3.0, "y": -20.0}],
             "contact": contacts,
@@ -105,12 +104,9 @@ def test_a_foundation_far_away_costs_no_digits(distance):
     that displacement.
     """
     scene = {
-        "mesh": {
-            "generator": "rectangle",
-            "parameters": {"length": 1.0, "height": 1.0, "nx": 4, "ny": 4},
-        },
+        "mesh": rectangle_mesh(4, 4, length=1.0, height=1.0),
         "material": {"young": 1.0, "poisson": 0.3, "hypothesis": "plane stress"},
-        "displacement": [{"boundary": "left", "x": 0.0}, {"boundary": "top", "y": 0.0}],
+        "displacement": [fixed("left", "x"), fixed("top", "y")],
         "traction": {"boundary": "right", "x": 1e-2},
         "contact": {"boundary": "bottom", "gap": distance * 1e-2, "friction": {"law": "none"}},
         "solver": {"initial_contact": "all"},
@@ -135,12 +131,9 @@ def test_a_tool_that_has_not_arrived_adheres_to_nothing(law):
     }
     scene = parse_scene(
         {
-            "mesh": {
-                "generator": "rectangle",
-                "parameters": {"length": 2.0, "height": 1.0, "nx": 4, "ny": 2},
-            },
+            "mesh": rectangle_mesh(4, 2, length=2.0, height=1.0),
             "material": {"young": 1.0, "poisson": 0.3, **law},
-            "displacement": {"boundary": "bottom", "x": 0.0, "y": 0.0},
+            "displacement": fixed("bottom"),
             "contact": {
                 "boundary": "top",
                 "friction": {"law": "coulomb", "coefficient": 0.2, "cohesion": 0.005},

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scene_tables import fixed, rectangle_mesh
 from scenes import alone, example1
 
 from signorini_fx.records import Status
@@ -37,9 +38,9 @@ def test_cooling_on_a_foundation_with_cohesion():
     in an outcome.
     """
     scene = {
-        "mesh": {"generator": "rectangle", "parameters": {"nx": 3, "ny": 1}},
+        "mesh": rectangle_mesh(3, 1),
         "material": {"young": 1000.0, "poisson": 0.3, "expansion": 1.0},
-        "displacement": {"boundary": "right", "y": 0.0},
+        "displacement": fixed("right", "y"),
         "temperature": {"change": -0.003},
         "contact": {
             "boundary": "bottom",

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from boxes import Box, boxes_mesh, scene_on
 from mpi4py import MPI
+from scene_tables import circle_shape, coulomb_friction, fixed, plane_shape, tresca_friction
 from scenes import table_of
 
 from signorini_fx import MeshError
@@ -48,8 +49,8 @@ def test_a_hinge_is_refused():
     ("floor", "slope"),  # the slope of the foundation at the nodes
     [
         ({"gap": 0.01}, 0.0),
-        ({"foundation": {"shape": "plane", "point": [0.0, -0.01], "normal": [0.0, 1.0]}}, 0.0),
-        ({"foundation": {"shape": "circle", "centre": [1.0, -100.01], "radius": 100.0}}, 0.01),
+        ({"foundation": plane_shape([0.0, -0.01], [0.0, 1.0])}, 0.0),
+        ({"foundation": circle_shape([1.0, -100.01], 100.0)}, 0.01),
     ],
 )
 def test_fewer_cells_than_ranks(floor, slope):
@@ -59,7 +60,7 @@ def test_fewer_cells_than_ranks(floor, slope):
     mesh = boxes_mesh(WORLD, [Box("only", 0.0, 0.0, 2.0, 1.0, 1, 1)])
     scene = scene_on(
         mesh,
-        displacement=[{"boundary": "left only", "x": 0.0}],
+        displacement=[fixed("left only", "x")],
         traction=[{"boundary": "top only", "y": -5.0}],
         contact=[{"boundary": "bottom only", **floor}],
     )
@@ -105,7 +106,7 @@ def two_pieces(comm, **effects):
     mesh = boxes_mesh(comm, [UPPER, LOWER])
     return scene_on(
         mesh,
-        displacement=[{"boundary": "left upper", "x": 0.0}],
+        displacement=[fixed("left upper", "x")],
         traction=[{"boundary": "top upper", "y": -5.0}],
         **effects,
     )
@@ -154,9 +155,9 @@ def random_piece(rng, name, place):
         components = {"x": 0.0, "y": 0.0} if kind == "support" else {"x": 0.0}
         effects["displacement"] = [{"boundary": f"left {name}", **components}]
     if kind in ("sides", "friction", "rough"):
-        friction = {"friction": {"law": "coulomb", "coefficient": 0.6}} if kind == "rough" else {}
+        friction = {"friction": coulomb_friction(0.6)} if kind == "rough" else {}
         if kind == "friction":
-            friction = {"friction": {"law": "tresca", "bound": 1.0}}
+            friction = {"friction": tresca_friction(1.0)}
         gap = float(rng.choice([0.0, 0.01, 0.1]))
         effects["contact"] = [{"boundary": f"bottom {name}", "gap": gap, **friction}]
     return box, effects
@@ -228,7 +229,7 @@ def random_row(seed):
     """Boxes, supports and contact at random: their mesh on some ranks, and the effects."""
     rng = np.random.default_rng(1000 + seed)
     boxes, supports = random_bodies(rng)
-    friction = {"friction": {"law": "tresca", "bound": 5.0}} if seed % 2 else {}
+    friction = {"friction": tresca_friction(5.0)} if seed % 2 else {}
     chosen = [box.name for box in boxes if rng.random() < 0.8] or [boxes[0].name]
     effects = {
         "displacement": [

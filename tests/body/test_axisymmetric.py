@@ -6,6 +6,7 @@ from certifying import certify
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from revolved import section
+from scene_tables import coulomb_friction, fixed, plane_shape, rectangle_mesh
 from scenes import alone
 
 from signorini_fx import ConvergenceError, SceneError
@@ -84,7 +85,7 @@ def test_pressed_cylinder(cells, degree, linear_algebra):
     assert recovery.energy(solution.displacement) == pytest.approx(strained, rel=1e-8)
 
 
-TOP = {"shape": "plane", "point": [0.0, 1.0], "normal": [0.0, -1.0]}
+TOP = plane_shape([0.0, 1.0], [0.0, -1.0])
 
 
 @pytest.mark.one_quick
@@ -136,9 +137,7 @@ def test_squeezed_cylinder(cells, degree):
     """Under pressure all around: the stress is the same in all directions, on the axis too."""
     p = 3.0
     loads = [{"boundary": side, "pressure": p} for side in ("top", "outside")]
-    given = scene(
-        section(cells=cells), degree, displacement={"boundary": "bottom", "y": 0.0}, traction=loads
-    )
+    given = scene(section(cells=cells), degree, displacement=fixed("bottom", "y"), traction=loads)
     solution = solve(given, COMM, check=False)
     x, y = nodes(solution)
     assert np.abs(y + (1 - 2 * POISSON) * p / YOUNG * x[:, :2]).max(initial=0.0) <= 1e-11
@@ -165,7 +164,7 @@ def thick_cylinder(cells, degree, n, comm=COMM):
     given = scene(
         tagged,
         degree,
-        displacement={"boundary": "bottom", "y": 0.0},
+        displacement=fixed("bottom", "y"),
         traction={"boundary": "inside", "pressure": p},
     )
     solution = solve(given, comm, check=False)
@@ -205,7 +204,7 @@ def test_thick_sphere():
         "outside": lambda x: np.hypot(x[0], x[1]) > outer - 1e-9,
         "equator": lambda x: x[1] < 1e-9,
     }
-    held = {"boundary": "equator", "y": 0.0}
+    held = fixed("equator", "y")
     given = scene(
         tag_boundaries(mesh, sides),
         1,
@@ -309,7 +308,7 @@ def test_friction_on_the_axis():
     """A disc between rough plates is barrelled: friction acts along the radius, and all conditions
     hold.
     """
-    rough = {"law": "coulomb", "coefficient": 0.2}
+    rough = coulomb_friction(0.2)
     given = scene(
         section(counts=(16, 8)),
         1,
@@ -336,7 +335,7 @@ def test_rotating_disc(degree):
         thin,
         degree,
         {"density": density},
-        displacement={"boundary": "bottom", "y": 0.0},
+        displacement=fixed("bottom", "y"),
         rotation={"speed": speed, "axis": [0.0, 1.0]},
     )
     solution = alone(given, check=False)
@@ -356,8 +355,8 @@ def test_rotating_disc(degree):
     ("held", "free"),
     [
         ({}, 1),
-        ({"displacement": {"boundary": "outside", "x": 0.0}}, 1),
-        ({"displacement": {"boundary": "outside", "y": 0.0}}, 0),
+        ({"displacement": fixed("outside", "x")}, 1),
+        ({"displacement": fixed("outside", "y")}, 0),
         ({"springs": {"boundary": "bottom", "normal": 1.0}}, 0),
     ],
 )
@@ -375,7 +374,7 @@ def test_only_motion_along_the_axis_is_free(held, free):
 def test_a_rotation_is_about_the_only_axis():
     """It need not be given."""
     data = {
-        "mesh": {"generator": "rectangle", "parameters": {"nx": 2, "ny": 2}},
+        "mesh": rectangle_mesh(2, 2),
         "material": {"young": 1.0, "poisson": 0.3, "density": 1.0, "hypothesis": "axisymmetric"},
     }
     (own,), (given,) = (

@@ -6,6 +6,7 @@ import sys
 import numpy as np
 import pytest
 from hertz import RADIUS, parabolic_block
+from scene_tables import box_mesh, coulomb_friction, fixed, plane_shape, rectangle_mesh
 from scipy.special import beta
 
 from signorini_fx import (
@@ -26,9 +27,9 @@ from signorini_fx.scenes.checks import check_scene
 from signorini_fx.scenes.reading import parse_scene
 
 BLOCK = {
-    "mesh": {"generator": "rectangle", "parameters": {"length": 1.0, "nx": 3, "ny": 3}},
+    "mesh": rectangle_mesh(3, 3, length=1.0),
     "material": {"young": 1000.0, "poisson": 0.3, "expansion": 1e-4, "conductivity": 2.0},
-    "displacement": {"boundary": "left", "x": 0.0},
+    "displacement": fixed("left", "x"),
     "traction": {"boundary": "top", "y": -5.0},
     "contact": {"boundary": "bottom"},
     "heat": [
@@ -37,11 +38,8 @@ BLOCK = {
     ],
 }
 BOX = {
-    "mesh": {
-        "generator": "box",
-        "parameters": {"length": 1.0, "width": 1.0, "nx": 2, "ny": 2, "nz": 2},
-    },
-    "displacement": [{"boundary": "left", "x": 0.0}, {"boundary": "front", "y": 0.0}],
+    "mesh": box_mesh(2, 2, 2, length=1.0, width=1.0),
+    "displacement": [fixed("left", "x"), fixed("front", "y")],
     "traction": {"boundary": "top", "z": -5.0},
 }
 ROUND = {"material": {**BLOCK["material"], "hypothesis": "axisymmetric"}}
@@ -58,10 +56,7 @@ def two(counts=(8, 12), expansion=0.0, **more):
         {
             "name": name,
             "shift": [0.0, shift],
-            "mesh": {
-                "generator": "rectangle",
-                "parameters": {"length": 1.0, "height": height, "nx": nx, "ny": 2},
-            },
+            "mesh": rectangle_mesh(nx, 2, length=1.0, height=height),
         }
         for name, nx, height, shift in (("up", counts[0], 1.0, 2.0), ("low", counts[1], 2.0, 0.0))
     ]
@@ -73,9 +68,9 @@ def two(counts=(8, 12), expansion=0.0, **more):
             {"region": "low", "young": 2000.0, "conductivity": 50.0, **given},
         ],
         "displacement": [
-            {"boundary": "low.bottom", "y": 0.0},
-            {"boundary": "low.left", "x": 0.0},
-            {"boundary": "up.left", "x": 0.0},
+            fixed("low.bottom", "y"),
+            fixed("low.left", "x"),
+            fixed("up.left", "x"),
         ],
         "traction": {"boundary": "up.top", "y": -2.0},
         "contact": {
@@ -187,8 +182,8 @@ def test_open_gap():
     joint = {"open": 0.5, "length": 0.05}
     contact = {"boundary": "up.bottom", "against": "low.top", "gap": 0.2, "conductance": joint}
     held = [
-        {"boundary": "low.bottom", "x": 0.0, "y": 0.0},
-        {"boundary": "up.top", "x": 0.0, "y": 0.0},
+        fixed("low.bottom"),
+        fixed("up.top"),
     ]
     solution = solve(two(contact=contact, displacement=held, traction=[]))
     flux = 100.0 / (1 / 15 + 2 / 50 + 0.25 / 0.5)
@@ -202,7 +197,7 @@ def test_hertz(exponent, error):
     """
     push = 0.02
     tagged = parabolic_block(48)
-    floor = {"shape": "plane", "point": [0.0, 0.0], "normal": [0.0, 1.0]}
+    floor = plane_shape([0.0, 0.0], [0.0, 1.0])
     joint = Conductance(1.0, exponent=exponent, temperature=0.0)
     solution = solve(
         Scene(
@@ -258,17 +253,17 @@ def rod(ratio, share=1.0, **more):
         "shift": [f"{ratio * CRITICAL}*t", 0.0],
     }
     scene = {
-        "mesh": {"generator": "rectangle", "parameters": {"length": 0.25, "nx": 1, "ny": 4}},
+        "mesh": rectangle_mesh(1, 4, length=0.25),
         "material": {"young": 1e3, "poisson": 0.0, "expansion": 1e-3, "conductivity": 2.0},
         "displacement": [
-            {"boundary": "left", "x": 0.0},
-            {"boundary": "right", "x": 0.0},
+            fixed("left", "x"),
+            fixed("right", "x"),
             {"boundary": "top", "y": -1e-3},
         ],
         "contact": {
             "boundary": "bottom",
             "foundation": wall,
-            "friction": {"law": "coulomb", "coefficient": 0.2},
+            "friction": coulomb_friction(0.2),
             "friction_heat": {"share": share},
         },
         "heat": {"boundary": "top", "temperature": 0.0},

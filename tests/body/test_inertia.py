@@ -12,6 +12,7 @@ import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
+from scene_tables import circle_shape, fixed, plane_shape, rectangle_mesh
 
 from signorini_fx import ContactProblem, Foundation, build_problem, sensitivity, solve
 from signorini_fx.addons.pictures.load_steps import load_steps
@@ -69,7 +70,7 @@ def bar(cells, ratio, **entries):
     """The bar with time steps of ``ratio`` cells, all of which are results."""
     tau = ratio / cells
     times = [float(k * tau) for k in range(round(2.5 / tau) + 1)]
-    mesh = {"generator": "rectangle", "parameters": {"length": 0.1, "height": 1.0, "nx": 2}}
+    mesh = rectangle_mesh(length=0.1, height=1.0, nx=2)
     mesh["parameters"]["ny"] = cells
     more = {"mesh": mesh, "inertia": {"time_step": tau}, "load_steps": {"times": times}}
     return solve(changed(BAR, **more, **entries))
@@ -122,7 +123,7 @@ def test_load_steps_are_divided(monkeypatch):
     )
     falling = changed(
         BAR,
-        mesh={"generator": "rectangle", "parameters": {"nx": 40, "ny": 40}},
+        mesh=rectangle_mesh(40, 40),
         contact=[{"boundary": "bottom", "gap": 5.0}],
         initial_velocity=[{"y": -1.0}],
         load_steps={"times": [0.0, 2.4, 4.8]},
@@ -253,10 +254,7 @@ def test_two_bars_exchange_their_momentum(below):
     bodies = [
         {
             "name": name,
-            "mesh": {
-                "generator": "rectangle",
-                "parameters": {"length": 0.1, "height": height, "nx": 2, "ny": int(40 * height)},
-            },
+            "mesh": rectangle_mesh(2, int(40 * height), length=0.1, height=height),
             "shift": [0.0, shift],
         }
         for name, height, shift in (("lower", below, 0.0), ("upper", 1.0, below))
@@ -299,12 +297,9 @@ def test_a_bar_of_degree_two():
 def test_a_beam_falls_on_a_stop():
     """The impulse of the stop is the change of momentum; energy is lost in contact alone."""
     times = [float(time) for time in 0.1 * np.arange(81)]
-    stop = {"shape": "circle", "centre": [6.0, -1.002], "radius": 1.0}
+    stop = circle_shape([6.0, -1.002], 1.0)
     entries = {
-        "mesh": {
-            "generator": "rectangle",
-            "parameters": {"length": 10.0, "height": 0.5, "nx": 60, "ny": 3},
-        },
+        "mesh": rectangle_mesh(60, 3, length=10.0, height=0.5),
         "material": {"young": 1.0, "poisson": 0.3, "density": 1.0},
         "inertia": {"time_step": 0.1},
         "contact": [{"boundary": "bottom", "foundation": stop}],
@@ -340,11 +335,11 @@ def test_a_sphere_bounces():
         "material": {"young": 1.0, "poisson": 0.3, "density": 1.0, "hypothesis": "axisymmetric"},
         "inertia": {"time_step": tau},
         "initial_velocity": {"y": -velocity},
-        "displacement": [{"boundary": "symmetry", "x": 0.0}],
+        "displacement": [fixed("symmetry", "x")],
         "contact": [
             {
                 "boundary": "arc",
-                "foundation": {"shape": "plane", "point": [0.0, 0.0], "normal": [0.0, 1.0]},
+                "foundation": plane_shape([0.0, 0.0], [0.0, 1.0]),
             }
         ],
         "load_steps": {"times": np.arange(0.0, 1.2 * duration, tau).tolist()},
@@ -397,8 +392,8 @@ def test_a_block_on_a_belt(speed, period):
     assert np.diff(times[peaks]).mean() == pytest.approx(period, rel=0.01)
 
 
-COARSE = {"generator": "rectangle", "parameters": {"length": 0.1, "height": 1.0, "nx": 2, "ny": 20}}
-BASE = [{"boundary": "bottom", "x": 0.0, "y": 0.0}]
+COARSE = rectangle_mesh(2, 20, length=0.1, height=1.0)
+BASE = [fixed("bottom")]
 PULLED = {
     "initial_velocity": None,
     "inertia": {"start": "undeformed"},
@@ -633,7 +628,7 @@ REFUSED = {
     "mixed": ({"element": {"volumetric": "mixed"}}, "not possible yet with inertia"),
     "no inertia": ({"inertia": None}, "needs inertia"),
     "support": (
-        {"displacement": [{"boundary": "top", "y": 0.0}]},
+        {"displacement": [fixed("top", "y")]},
         "moves a node whose displacement is prescribed",
     ),
     "body": ({"initial_velocity": [{"body": "ball", "y": -1.0}]}, "has no region 'ball'"),

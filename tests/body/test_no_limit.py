@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from mpi4py import MPI
+from scene_tables import coulomb_friction, fixed, rectangle_mesh, tresca_friction
 
 from signorini_fx.mechanics.body.discretisation import prepare
 from signorini_fx.records import Timings
@@ -17,10 +18,10 @@ from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
 
 COMM = MPI.COMM_WORLD
-CLAMPED = [{"boundary": "left", "x": 0.0, "y": 0.0}]
+CLAMPED = [fixed("left")]
 # Twice as wide as high: a node two facets above the corner is one facet of the bottom away from it.
-FLAT_CELLS = {"generator": "rectangle", "parameters": {"length": 2.0, "nx": 4, "ny": 4}}
-ROLLERS = [{"boundary": "left", "x": 0.0}, {"boundary": "bottom", "y": 0.0}]
+FLAT_CELLS = rectangle_mesh(4, 4, length=2.0)
+ROLLERS = [fixed("left", "x"), fixed("bottom", "y")]
 PULL = [{"boundary": "right", "x": 1.0}]
 
 
@@ -28,7 +29,7 @@ def block(displacement, n=4, **more):
     """A block of 2 x 1."""
     return parse_scene(
         {
-            "mesh": {"generator": "rectangle", "parameters": {"length": 2.0, "nx": 2 * n, "ny": n}},
+            "mesh": rectangle_mesh(2 * n, n, length=2.0),
             "material": {"young": 100.0, "poisson": 0.3},
             "displacement": displacement,
             "traction": PULL,
@@ -80,7 +81,7 @@ def test_what_is_said_is_what_meshes_show(displacement, end):
         (
             {
                 "displacement": CLAMPED,
-                "contact": {"boundary": "bottom", "friction": {"law": "tresca", "bound": 1.0}},
+                "contact": {"boundary": "bottom", "friction": tresca_friction(1.0)},
             },
             (2.0, 0.0),
             "at the end of the boundary bottom",
@@ -130,7 +131,7 @@ def test_beside_a_notch_of_curved_cells(tmp_path, x, y, found):
             "mesh": {"file": str(file), "boundaries": {"left": "x[0] < 1e-9"}},
             "element": {"degree": 2},
             "material": {"young": 100.0, "poisson": 0.3},
-            "displacement": {"boundary": "left", "x": 0.0, "y": 0.0, "z": 0.0},
+            "displacement": fixed("left", "xyz"),
         }
     )
     expected = "at a reentrant corner of the body" if found else None
@@ -147,16 +148,16 @@ def punched(n, *, flat):
             {
                 "name": "up",
                 "shift": [1.0, 1.0],
-                "mesh": {"generator": "rectangle", "parameters": parameters},
+                "mesh": rectangle_mesh(**parameters),
             },
-            {"name": "low", "mesh": {"generator": "rectangle", "parameters": broad}},
+            {"name": "low", "mesh": rectangle_mesh(**broad)},
         ],
         "material": [
             {"young": 1000.0, "poisson": 0.3, "region": "up"},
             {"young": 100.0, "poisson": 0.3, "region": "low"},
         ],
         "displacement": [
-            {"boundary": "low.bottom", "x": 0.0, "y": 0.0},
+            fixed("low.bottom"),
             {"boundary": "up.top", "x": 0.0, "y": -0.02},
         ],
         "contact": {"boundary": "up.bottom", "against": "low.top", **gap},
@@ -167,14 +168,14 @@ def rough(n, **contact):
     """A flat block on a rough floor, with corners of 90 degrees."""
     parameters = {"length": 2.0, "height": 1.0, "nx": 2 * n, "ny": n}
     return {
-        "mesh": {"generator": "rectangle", "parameters": parameters},
+        "mesh": rectangle_mesh(**parameters),
         "material": {"young": 100.0, "poisson": 0.3},
         "displacement": {"boundary": "top", "x": 0.0, "y": -0.01},
         "contact": {"boundary": "bottom", **contact},
     }
 
 
-FRICTION = {"friction": {"law": "coulomb", "coefficient": 0.5}}
+FRICTION = {"friction": coulomb_friction(0.5)}
 PRESSED = {
     "rough": (lambda n: rough(n, **FRICTION), "at the end of the boundary bottom, ("),
     "smooth": (rough, None),

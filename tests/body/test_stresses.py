@@ -7,6 +7,7 @@ import pytest
 import ufl
 from dolfinx import fem
 from mpi4py import MPI
+from scene_tables import at_coordinate, fixed, rectangle_mesh
 from spaces import box
 
 from signorini_fx.results.accuracy.stress_recovery import element_stress
@@ -210,7 +211,7 @@ def test_two_materials(stiff_yield):
     middles = dmesh.compute_midpoints(mesh, 2, cells)
     sides = {
         "ends": lambda x: np.isclose(x[0], 0.0) | np.isclose(x[0], 2.0),
-        "bottom": lambda x: np.isclose(x[1], 0.0),
+        "bottom": at_coordinate(1, 0.0),
     }
     own = tag_boundaries(mesh, sides)
     regions = dmesh.meshtags(mesh, 2, cells, np.where(middles[:, 1] < 0.5, 1, 2).astype(np.int32))
@@ -225,7 +226,7 @@ def test_two_materials(stiff_yield):
             ],
             "displacement": [
                 {"boundary": "ends", "x": f"{strain} * x[0]"},
-                {"boundary": "bottom", "y": 0.0},
+                fixed("bottom", "y"),
             ],
         }
     )
@@ -336,10 +337,10 @@ def test_uniform_stress(degree, cell):
     """
     scene = parse_scene(
         {
-            "mesh": {"generator": "rectangle", "parameters": {"nx": 5, "ny": 3, "cell": cell}},
+            "mesh": rectangle_mesh(5, 3, cell=cell),
             "element": {"degree": degree, "volumetric": "reduced"},
             "material": {"young": 6.0, "poisson": 0.4999},
-            "displacement": [{"boundary": "left", "x": 0.0}, {"boundary": "bottom", "y": 0.0}],
+            "displacement": [fixed("left", "x"), fixed("bottom", "y")],
             "traction": [{"boundary": "right", "x": -2.0}, {"boundary": "top", "y": -1.0}],
         }
     )

@@ -8,6 +8,7 @@ import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
+from scene_tables import at_coordinate, circle_shape, coulomb_friction, fixed, rectangle_mesh
 
 from signorini_fx import ContactProblem, ConvergenceError, Coulomb, Foundation, SceneError, Tresca
 from signorini_fx.mechanics.assembly.mesh_entities import strain_degree
@@ -74,7 +75,7 @@ def pressed(tagged, torques, degree=1, friction=None, length=1.0, stress=1.0, **
         ],
         contact={
             "boundary": "bottom",
-            "friction": friction or {"law": "coulomb", "coefficient": FRICTION},
+            "friction": friction or coulomb_friction(FRICTION),
         },
         **more,
     )
@@ -102,7 +103,7 @@ def by_forms(solution, torque, friction, algorithm):
     top = dmesh.meshtags(mesh, 1, d.tagged.facets("top"), 1)
     ds = ufl.Measure("ds", domain=mesh, subdomain_data=top)(1, degree=6)
     load = -(PRESSURE * v[1] + torque / POLAR * r * v[2]) * 2 * np.pi * r * ds
-    axis = fem.locate_dofs_geometrical(space, lambda x: np.isclose(x[0], 0.0))
+    axis = fem.locate_dofs_geometrical(space, at_coordinate(0, 0.0))
     held = [fem.dirichletbc(0.0, (3 * axis + k).astype(np.int32), space.sub(k)) for k in (0, 2)]
     floor = Foundation(d.tagged.facets("bottom"), friction=friction, measure=2 * np.pi * r)
     stiffness = YOUNG * ufl.inner(strain(u), strain(v)) * 2 * np.pi * r * inside
@@ -130,7 +131,7 @@ def test_twisted_shaft(cells, degree, how):
         degree,
         poisson,
         element={"volumetric": how},
-        displacement={"boundary": "bottom", "y": 0.0, "z": 0.0},
+        displacement=fixed("bottom", "yz"),
         traction={"boundary": "top", "z": f"{-torque / POLAR!r} * x[0]"},
     )
     solution = solve(given, COMM)
@@ -279,7 +280,7 @@ def test_prescribed_angle():
     given = scene(
         section(),
         displacement={"boundary": "top", "y": -down, "rotation": angle, "axis": [0.0, 1.0]},
-        contact={"boundary": "bottom", "friction": {"law": "coulomb", "coefficient": FRICTION}},
+        contact={"boundary": "bottom", "friction": coulomb_friction(FRICTION)},
         solver={"algorithm": "alm"},
     )
     solution = solve(given, COMM)
@@ -301,9 +302,7 @@ def test_turned_on_a_sphere():
         COMM, [[0.0, 0.0], [1.0, 1.0]], [16, 16], dmesh.CellType.quadrilateral
     )
     mesh.geometry.x[:] = 4.0 * mesh.geometry.x**2.5  # fine near the contact
-    tagged = tag_boundaries(
-        mesh, {"bottom": lambda x: np.isclose(x[1], 0.0), "top": lambda x: np.isclose(x[1], 4.0)}
-    )
+    tagged = tag_boundaries(mesh, {"bottom": at_coordinate(1, 0.0), "top": at_coordinate(1, 4.0)})
     given = scene(
         tagged,
         2,
@@ -317,8 +316,8 @@ def test_turned_on_a_sphere():
         },
         contact={
             "boundary": "bottom",
-            "foundation": {"shape": "circle", "centre": [0.0, -radius], "radius": radius},
-            "friction": {"law": "coulomb", "coefficient": FRICTION},
+            "foundation": circle_shape([0.0, -radius], radius),
+            "friction": coulomb_friction(FRICTION),
         },
         solver={"algorithm": "alm"},
     )
@@ -348,7 +347,7 @@ def test_turned_on_a_sphere():
     inside = ufl.dx(metadata={"quadrature_degree": strain_degree(space, TORSION)})
     moved = fem.Function(space)
     moved.interpolate(lambda x: np.stack((0 * x[0], 0 * x[0] - down, -angle * x[0])))
-    axis = fem.locate_dofs_geometrical(space, lambda x: np.isclose(x[0], 0.0))
+    axis = fem.locate_dofs_geometrical(space, at_coordinate(0, 0.0))
     held = [fem.dirichletbc(0.0, (3 * axis + k).astype(np.int32), space.sub(k)) for k in (0, 2)]
     held.append(
         fem.dirichletbc(moved, fem.locate_dofs_topological(space, 1, d.tagged.facets("top")))
@@ -405,10 +404,7 @@ def twisted(material=None, **more):
     """A cylinder with a bowl-shaped gap, pressed and twisted."""
     return parse_scene(
         {
-            "mesh": {
-                "generator": "rectangle",
-                "parameters": {"length": RADIUS, "height": LENGTH, "nx": 6, "ny": 4},
-            },
+            "mesh": rectangle_mesh(6, 4, length=RADIUS, height=LENGTH),
             "material": {"hypothesis": "axisymmetric", "torsion": True}
             | (material or {"young": YOUNG, "poisson": 0.3}),
             "traction": [
@@ -418,7 +414,7 @@ def twisted(material=None, **more):
             "contact": {
                 "boundary": "bottom",
                 "gap": "0.0005*x[0]**2",
-                "friction": {"law": "coulomb", "coefficient": FRICTION},
+                "friction": coulomb_friction(FRICTION),
             },
             **more,
         }

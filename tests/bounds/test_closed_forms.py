@@ -8,6 +8,7 @@ import ufl
 from bounds_under_references import judged
 from dolfinx import fem
 from mpi4py import MPI
+from scene_tables import fixed
 from scenes import alone
 
 from signorini_fx.mechanics.mesh.tagged import tag_boundaries
@@ -39,13 +40,9 @@ def column(dimension, count, degree, bodies=1):
     depends on it alone, and those across are nu / (1 - nu) times that.
     """
     up, names = "xyz"[dimension - 1], ["upper.", "lower."][:bodies] if bodies == 2 else [""]
-    walls = [
-        {"boundary": f"{name}{side}", "x": 0.0} for name in names for side in ("left", "right")
-    ]
+    walls = [fixed(f"{name}{side}", "x") for name in names for side in ("left", "right")]
     if dimension == 3:
-        walls += [
-            {"boundary": f"{name}{side}", "y": 0.0} for name in names for side in ("front", "back")
-        ]
+        walls += [fixed(f"{name}{side}", "y") for name in names for side in ("front", "back")]
     scene = {
         "element": {"degree": degree},
         "traction": {"boundary": f"{names[0]}top", up: -PRESSED},
@@ -136,7 +133,7 @@ def receding(b, *, nx, ny, degree):
             "mesh": block(2, 1, length=6.0, nx=nx, ny=ny),
             "element": {"degree": degree},
             "material": {"young": 100.0, "poisson": 0.3},
-            "displacement": {"boundary": "left", "x": 0.0},
+            "displacement": fixed("left", "x"),
             "traction": {"boundary": "top", "pressure": f"{0.5 / b} if x[0] <= {b} else 0"},
             "contact": {"boundary": "bottom"},
             "solver": {"algorithm": "alm"},
@@ -178,8 +175,8 @@ def on_layer(deep, *, nx, ny, degree):
             "element": {"degree": degree},
             "material": {"young": 100.0, "poisson": 0.3},
             "displacement": [
-                {"boundary": "bottom", "x": 0.0, "y": 0.0},
-                {"boundary": "left", "x": 0.0},
+                fixed("bottom"),
+                fixed("left", "x"),
             ],
             "contact": {"boundary": "top", "gap": f"x[0]**2 / 200 - {deep}"},
             "solver": {"algorithm": "alm"},

@@ -8,6 +8,7 @@ import pytest
 from bounds_under_references import KINDS, drawn, energy_of_difference, judged, on_finer_mesh
 from dolfinx import fem
 from plain_problems import problem
+from scene_tables import circle_shape, coulomb_friction, rectangle_mesh
 from scenes import alone
 
 from signorini_fx.addons.bounds.bounded_scene import BOUNDED
@@ -20,10 +21,7 @@ SEEDS = [
     for kind, seeds in zip(KINDS, [(0, 14), (3, 5), (1, 8), (2, 11)], strict=True)
     for seed in seeds
 ]
-SQUARE = {
-    "generator": "rectangle",
-    "parameters": {"length": 1.0, "height": 1.0, "nx": 4, "ny": 4, "cell": "triangle"},
-}
+SQUARE = rectangle_mesh(4, 4, length=1.0, height=1.0, cell="triangle")
 
 
 def square(**more):
@@ -131,7 +129,7 @@ def test_the_stress_is_in_equilibrium(kind, seed):
 def test_what_has_no_bound():
     """One sentence names all that the scene has of it."""
     quadrilaterals = {**SQUARE, "parameters": {**SQUARE["parameters"], "cell": "quadrilateral"}}
-    circle = {"shape": "circle", "centre": [0.5, -1.0], "radius": 1.0}
+    circle = circle_shape([0.5, -1.0], 1.0)
     for name, change in {
         "quadrilateral cells": {"mesh": quadrilaterals},
         "a gap of 'bottom' that is no polynomial of degree 2": {
@@ -142,7 +140,7 @@ def test_what_has_no_bound():
             "contact": {"boundary": "bottom", "foundation": circle}
         },
         "coulomb friction": {
-            "contact": {"boundary": "bottom", "friction": {"law": "coulomb", "coefficient": 0.2}},
+            "contact": {"boundary": "bottom", "friction": coulomb_friction(0.2)},
         },
         "a traction that is not linear": {"traction": {"boundary": "right", "x": "x[1]**2"}},
         "a traction that jumps or has a kink between nodes": {

@@ -2,6 +2,7 @@
 
 import pytest
 from mpi4py import MPI
+from scene_tables import rectangle_mesh
 from spaces import box
 
 from signorini_fx import SceneError
@@ -18,10 +19,7 @@ def dragged(dim=2, gap=0.0, comm=COMM, friction=None, **solver):
     it.
     """
     if dim == 2:
-        mesh = {
-            "generator": "rectangle",
-            "parameters": {"length": 2.0, "height": 0.2, "nx": 10, "ny": 2},
-        }
+        mesh = rectangle_mesh(10, 2, length=2.0, height=0.2)
     else:
         mesh = box("hexahedra", (4, 2, 2), size=(2.0, 1.0, 0.2), comm=comm)
     up = "xyz"[dim - 1]
@@ -82,10 +80,7 @@ def test_what_pushes_a_block_away(share):
     push = share * (C * 2.0 + F * PRESS * 2.0) / 2.0
     scene = parse_scene(
         {
-            "mesh": {
-                "generator": "rectangle",
-                "parameters": {"length": 2.0, "height": 0.2, "nx": 20, "ny": 2},
-            },
+            "mesh": rectangle_mesh(20, 2, length=2.0, height=0.2),
             "material": {"young": 1e5, "poisson": 0.0},
             "body_force": {"x": push / 0.2, "y": -PRESS / 0.2},
             "contact": {

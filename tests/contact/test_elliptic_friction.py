@@ -5,6 +5,7 @@ errors.
 import numpy as np
 import pytest
 from mpi4py import MPI
+from scene_tables import coulomb_friction, fixed, tresca_friction
 from scenes import alone
 from spaces import block, box, brick
 
@@ -176,11 +177,11 @@ def test_cone_programme(seed, tmp_path):
 
     rng = np.random.default_rng([5, seed])
     law = {"ratio": float(rng.uniform(0.2, 3.0)), "along": [float(v) for v in rng.normal(size=3)]}
-    law |= {"law": "tresca", "bound": 0.5} if seed < 2 else {"law": "coulomb", "coefficient": 0.2}
+    law |= tresca_friction(0.5) if seed < 2 else coulomb_friction(0.2)
     solver = {"algorithm": "alm"} if seed == 1 else {}
     traction = turned_scene({})["traction"]
     given = turned_scene(law, 1 + (seed == 2), solver, displacement=[], traction=traction)
-    given["displacement"] = [{"boundary": "left", "x": 0.0, "y": 0.0, "z": 0.0}]
+    given["displacement"] = [fixed("left", "xyz")]
     given["traction"][0]["factors"] = [0.5, 1.0, 0.7]
     trial = Trial(
         0, given, turned_block("tetrahedron" if seed == 2 else "hexahedron", inner=0.03)[0], same(3)
@@ -216,7 +217,7 @@ def test_cone_programme(seed, tmp_path):
         ),
         (
             {"ratio": 0.5, "along": ALONG},
-            {"displacement": {"boundary": "left", "x": 0.0}},
+            {"displacement": fixed("left", "x")},
             "contact.*friction.along",
             "neither along nor across it",
         ),
@@ -229,7 +230,7 @@ def test_refused(friction, more, place, message):
         "displacement": {"boundary": "top", "x": 0.0, "y": 0.0, "z": -0.01},
         "contact": {
             "boundary": "bottom",
-            "friction": {"law": "coulomb", "coefficient": 0.3} | friction,
+            "friction": coulomb_friction(0.3) | friction,
         },
     }
     with pytest.raises(SceneError, match=f"{place}.*{message}") as raised:

@@ -10,6 +10,7 @@ import pytest
 import ufl
 from dolfinx import fem
 from forms import box, hooke, side
+from scene_tables import box_mesh, plane_shape, rectangle_mesh
 
 import signorini_fx as sfx
 from signorini_fx.mechanics.laws.at_points import fault_of
@@ -59,13 +60,10 @@ AT_SPEED = {"creep": 0.4198947636399186, "fading": 0.3135335283236613}
 
 def on_a_belt(friction, times, **keys):
     """A block that springs hold, pressed onto a plane that moves under it."""
-    plane = {"shape": "plane", "point": [0.0, 0.0], "normal": [0.0, 1.0]}
+    plane = plane_shape([0.0, 0.0], [0.0, 1.0])
     return sfx.Scene(
         **{
-            "mesh": {
-                "generator": "rectangle",
-                "parameters": {"length": 2.0, "height": 1.0, "nx": 8, "ny": 4},
-            },
+            "mesh": rectangle_mesh(8, 4, length=2.0, height=1.0),
             "material": {"young": 1000.0, "poisson": 0.3},
             "springs": {"boundary": "left", "x": 200.0},
             "displacement": {"boundary": "top", "y": -0.001},
@@ -222,7 +220,7 @@ def test_in_space():
     box = {"length": 2.0, "width": 1.0, "height": 1.0, "nx": 4, "ny": 2, "nz": 2}
     for x, y, friction in ((0.006, 0.008, {}), (0.01, 0.0, {"ratio": 0.5, "along": [1, 0, 0]})):
         scene = sfx.Scene(
-            mesh={"generator": "box", "parameters": box},
+            mesh=box_mesh(**box),
             material={"young": 1000.0, "poisson": 0.3},
             displacement={"boundary": "top", "x": f"{x}*t", "y": f"{y}*t", "z": -0.001},
             contact={"boundary": "bottom", "friction": CURVES[1][0] | friction},
@@ -235,7 +233,7 @@ def test_in_space():
 def test_free_to_slide():
     """A body that viscous friction alone holds slides as fast as its load asks for."""
     scene = sfx.Scene(
-        mesh={"generator": "rectangle", "parameters": {"length": 2.0, "nx": 8, "ny": 4}},
+        mesh=rectangle_mesh(8, 4, length=2.0),
         material={"young": 1000.0, "poisson": 0.3},
         traction={"boundary": "top", "x": 0.3, "y": -1.0, "factors": [1.0, 1.0, 1.0]},
         contact={

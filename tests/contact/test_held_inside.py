@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from certifying import certify
+from scene_tables import coulomb_friction, fixed, rectangle_mesh, tresca_friction
 from scenes import alone
 
 from signorini_fx.records import Status
@@ -25,12 +26,9 @@ def square(gap=-DEPTH, unit=1.0, supports=None, contact=(), friction=None, cells
     """
     return parse_scene(
         {
-            "mesh": {
-                "generator": "rectangle",
-                "parameters": {"length": unit, "height": unit, "nx": cells, "ny": cells},
-            },
+            "mesh": rectangle_mesh(cells, cells, length=unit, height=unit),
             "material": {"young": 100.0, "poisson": 0.3},
-            "displacement": supports or {"boundary": "top", "x": 0.0, "y": 0.0},
+            "displacement": supports or fixed("top"),
             "contact": {
                 "boundary": "right",
                 "gap": gap,
@@ -109,12 +107,10 @@ def pulled(boundary, **components):
     return parse_scene(given | {"traction": [{"boundary": boundary, **components}]}).traction
 
 
-@pytest.mark.parametrize(
-    "law", [{"law": "coulomb", "coefficient": 0.4}, {"law": "tresca", "bound": 0.02}]
-)
+@pytest.mark.parametrize("law", [coulomb_friction(0.4), tresca_friction(0.02)])
 def test_friction_there_is_that_without_pressure(law):
     """Held along the normal alone: Coulomb's is zero, and Tresca's its bound."""
-    supports = [{"boundary": "top", "x": 0.0}, {"boundary": "left", "x": 0.0, "y": 0.0}]
+    supports = [fixed("top", "x"), fixed("left")]
     scene = square(supports=supports, friction=law, algorithm="alm", cells=4)
     scene = scene.model_copy(update={"traction": pulled("bottom", y=-1.0)})
     solution = alone(scene)
@@ -141,12 +137,12 @@ def test_friction_there_is_that_without_pressure(law):
         ({"gap": 0.003, "contact": {"kind": "bilateral"}}, 0.003),
         (
             {
-                "supports": {"boundary": "bottom", "x": 0.0, "y": 0.0},
+                "supports": fixed("bottom"),
                 "contact": {"direction": [1.0, 1.0]},
             },
             0.001,
         ),
-        ({"supports": {"boundary": "left", "x": 0.0, "y": 0.0}}, None),
+        ({"supports": fixed("left")}, None),
     ],
 )
 def test_the_depth_is_that_of_the_deepest_load_step(changed, deep):

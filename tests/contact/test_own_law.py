@@ -11,6 +11,7 @@ import pytest
 import ufl
 from dolfinx import fem
 from forms import Block
+from scene_tables import rectangle_mesh
 from two_bodies import blocks, facets, forms, held
 
 from signorini_fx import (
@@ -105,10 +106,7 @@ def test_two_bodies():
 
 
 SCENE = {
-    "mesh": {
-        "generator": "rectangle",
-        "parameters": {"length": 3.0, "height": 1.0, "nx": 12, "ny": 4},
-    },
+    "mesh": rectangle_mesh(12, 4, length=3.0, height=1.0),
     "material": {"young": 5000.0, "poisson": 0.4},
     "displacement": [{"boundary": "top", "x": 0.002, "y": -0.002}],
     "contact": {

@@ -4,6 +4,7 @@ not go with.
 
 import numpy as np
 import pytest
+from scene_tables import coulomb_friction, fixed, rectangle_mesh
 
 from signorini_fx import sensitivity
 from signorini_fx.errors import SceneError
@@ -17,13 +18,10 @@ LAW = {"law": "linear", "stiffness": 100.0}
 def block(law, pressure=-5.0, **more):
     """A square that is pressed on a foundation."""
     data = {
-        "mesh": {
-            "generator": "rectangle",
-            "parameters": {"length": 1.0, "height": 1.0, "nx": 4, "ny": 4},
-        },
+        "mesh": rectangle_mesh(4, 4, length=1.0, height=1.0),
         "material": {"young": YOUNG, "poisson": 0.0},
         "traction": [{"boundary": "top", "y": pressure}],
-        "displacement": [{"boundary": "left", "x": 0.0}],
+        "displacement": [fixed("left", "x")],
         "contact": [{"boundary": "bottom", "overclosure": law}],
     }
     return as_scene(data | more)
@@ -50,7 +48,7 @@ def test_pressures_of_each_point(more):
         {
             "boundary": "bottom",
             "overclosure": LAW,
-            "friction": {"law": "coulomb", "coefficient": 0.2},
+            "friction": coulomb_friction(0.2),
         }
     ]
     solution = solve(block(LAW, "-20*x[0]*x[0]", contact=contact, **more))
@@ -66,10 +64,7 @@ def test_two_stiffnesses():
     """Each contact has its own: two feet share a load that a stiff lid spreads as their stiffnesses
     do.
     """
-    mesh = {
-        "generator": "rectangle",
-        "parameters": {"length": 0.01, "height": 1.0, "nx": 1, "ny": 2},
-    }
+    mesh = rectangle_mesh(1, 2, length=0.01, height=1.0)
     data = {
         "body": [{"name": "one", "mesh": mesh}, {"name": "two", "mesh": mesh, "shift": [1.0, 0.0]}],
         "material": [{"region": name, "young": 1e6, "poisson": 0.0} for name in ("one", "two")],
@@ -91,17 +86,14 @@ def test_two_stiffnesses():
 
 def test_two_bodies():
     """The upper one sinks into the lower one by the law."""
-    mesh = {
-        "generator": "rectangle",
-        "parameters": {"length": 1.0, "height": 1.0, "nx": 4, "ny": 4},
-    }
+    mesh = rectangle_mesh(4, 4, length=1.0, height=1.0)
     data = {
         "body": [{"name": "low", "mesh": mesh}, {"name": "up", "mesh": mesh, "shift": [0.0, 1.0]}],
         "material": [{"region": name, "young": YOUNG, "poisson": 0.0} for name in ("low", "up")],
         "contact": [{"boundary": "up.bottom", "against": "low.top", "overclosure": LAW}],
         "traction": [{"boundary": "up.top", "y": -5.0}],
-        "displacement": [{"boundary": "low.bottom", "y": 0.0}]
-        + [{"boundary": f"{name}.left", "x": 0.0} for name in ("low", "up")],
+        "displacement": [fixed("low.bottom", "y")]
+        + [fixed(f"{name}.left", "x") for name in ("low", "up")],
     }
     solution = solve(as_scene(data))
     assert solution.certificate.holds

@@ -13,6 +13,7 @@ from dolfinx import mesh as dmesh
 from forms import Block
 from hertz import RADIUS, parabolic_block
 from mpi4py import MPI
+from scene_tables import box_mesh, fixed, plane_shape, rectangle_mesh
 
 from signorini_fx import (
     Archard,
@@ -50,11 +51,8 @@ contact = { boundary = "bottom", wear = { coefficient = 1e-6, distance = "3e3*t"
 load_steps = { times = [0.1, 0.2, 0.3, 0.7, 1.0] }
 """
 BOX = {
-    "mesh": {
-        "generator": "box",
-        "parameters": {"length": 1.0, "width": 1.0, "nx": 2, "ny": 2, "nz": 2},
-    },
-    "displacement": [{"boundary": "left", "x": 0.0}, {"boundary": "front", "y": 0.0}],
+    "mesh": box_mesh(2, 2, 2, length=1.0, width=1.0),
+    "displacement": [fixed("left", "x"), fixed("front", "y")],
     "traction": {"boundary": "top", "z": -5.0},
 }
 ROUND = {"material": {"young": 1000.0, "poisson": 0.3, "hypothesis": "axisymmetric"}}
@@ -63,18 +61,18 @@ TWO = {
     "body": [
         {
             "name": "low",
-            "mesh": {"generator": "rectangle", "parameters": {"length": 1.0, "nx": 4, "ny": 4}},
+            "mesh": rectangle_mesh(4, 4, length=1.0),
         },
         {
             "name": "up",
-            "mesh": {"generator": "rectangle", "parameters": {"length": 1.0, "nx": 5, "ny": 5}},
+            "mesh": rectangle_mesh(5, 5, length=1.0),
             "shift": [0.0, 1.0],
         },
     ],
     "displacement": [
-        {"boundary": "low.bottom", "y": 0.0},
-        {"boundary": "low.left", "x": 0.0},
-        {"boundary": "up.left", "x": 0.0},
+        fixed("low.bottom", "y"),
+        fixed("low.left", "x"),
+        fixed("up.left", "x"),
     ],
     "traction": {"boundary": "up.top", "y": -5.0},
     "contact": {
@@ -121,7 +119,7 @@ def flattened(steps, columns=48, *, revolution=False):
     tagged = parabolic_block(columns)
     hypothesis = "axisymmetric" if revolution else "plane strain"
     mean = FORCE / (np.pi * 4.0**2 if revolution else 2 * 4.0)
-    floor = {"shape": "plane", "point": [0.0, 0.0], "normal": [0.0, 1.0]}
+    floor = plane_shape([0.0, 0.0], [0.0, 1.0])
     return solve(
         Scene(
             mesh=tagged,
@@ -180,7 +178,7 @@ def test_worn_flat(steps, columns, revolution):
 def test_own_slip(coefficient, more):
     """A block that slides to and fro as a whole, pressed by a force: k p times its way."""
     way = {"boundary": "top", "x": 0.01, "factors": [0.5, 1.0, -1.0, 1.0]}
-    held = [{"boundary": "front", "y": 0.0}] if more else []
+    held = [fixed("front", "y")] if more else []
     contact = {"boundary": "bottom", "wear": {"coefficient": coefficient}}
     changes = {"material": {"young": 1e3, "poisson": 0.0}, "load_steps": None, "contact": contact}
     solution = solve(changed(BLOCK, **{**more, **changes, "displacement": [*held, way]}))

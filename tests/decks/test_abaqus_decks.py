@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from mesh_files import read_file
 from mpi4py import MPI
+from scene_tables import coulomb_friction, fixed
 
 from signorini_fx.addons.decks.draft import draft
 from signorini_fx.errors import MeshError
@@ -112,8 +113,8 @@ def test_a_deck(tmp_path, capsys):
     assert data["mesh"] == {"file": "../deck.inp"}
     assert data["material"] == {"young": 1000.0, "poisson": 0.25, "density": 2.5}
     assert data["displacement"] == [
-        {"boundary": "SOLE", "x": 0.0, "y": 0.0},
-        {"boundary": "WALL", "x": 0.0},
+        fixed("SOLE"),
+        fixed("WALL", "x"),
         {"at": [0.5, 0.0], "region": "Body", "x": 0.0},
     ]
     assert data["traction"] == [
@@ -122,7 +123,7 @@ def test_a_deck(tmp_path, capsys):
     ]
     assert data["gravity"] == [{"y": pytest.approx(-9.81)}]
     (contact,) = data["contact"]
-    law = {"law": "coulomb", "coefficient": 0.3}
+    law = coulomb_friction(0.3)
     sides = {"boundary": "FLOOR SIDE", "against": "GROUND"}
     assert contact == sides | {"friction": law, "kind": "bilateral"}
     assert data["load_steps"] == {"names": ["press", "push"]}
@@ -162,7 +163,7 @@ def test_what_single_nodes_have(tmp_path, capsys):
     scene, data, said = drafted(tmp_path, [*block(), *MATERIAL, *lines], capsys)
     assert data["displacement"] == [
         {"boundary": "support_1", "x": 0.5, "y": 1.0},
-        {"boundary": "WALL", "x": 0.0},
+        fixed("WALL", "x"),
         {"at": [0.5, 0.0], "y": 0.0},
         {"at": [0.5, 0.5], "y": 7.0},
     ]
@@ -184,7 +185,7 @@ def test_sets_that_are_more_or_less_than_facets(tmp_path, capsys):
     lines += ["*BOUNDARY", "some, 2", "LID, 3", "REF, 1", "*BOUNDARY", "1001, 1"]
     _, data, said = drafted(tmp_path, [*block(), *MATERIAL, *lines], capsys)
     side, *points = data["displacement"]
-    assert side == {"boundary": "SOME", "y": 0.0}
+    assert side == fixed("SOME", "y")
     assert {tuple(point) for point in points} == {("at", "y")}
     assert len(points) == 2 * (NX - 1)
     assert lines_of(said) == [
@@ -529,7 +530,7 @@ def test_two_bodies(tmp_path, capsys, bonded):
     scene, data, said = drafted(
         tmp_path, [*lines[: lines.index("*STEP")], *pair, *lines[lines.index("*STEP") :]], capsys
     )
-    law = {"kind": "bonded"} if bonded else {"friction": {"law": "coulomb", "coefficient": 0.2}}
+    law = {"kind": "bonded"} if bonded else {"friction": coulomb_friction(0.2)}
     more = {} if bonded else {"adjust": 0.1}
     assert data["contact"] == [{"boundary": "FLOOR SIDE", "against": "ROOF", **more, **law}]
     assert data.get("solver") == (None if bonded else {"gamma_t": 1e5})

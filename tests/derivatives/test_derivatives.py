@@ -7,6 +7,7 @@ from dolfinx import fem
 from dolfinx import mesh as dmesh
 from forms import box as plain_box
 from forms import hooke, side
+from scene_tables import coulomb_friction, fixed, rectangle_mesh
 from sensitivities import COMM, COULOMB, TRESCA, agrees
 from spaces import box
 
@@ -27,9 +28,9 @@ def plane(friction, **solver):
     """A block between two walls, pressed and pushed on a shallow bowl."""
     return parse_scene(
         {
-            "mesh": {"generator": "rectangle", "parameters": {"nx": 12, "ny": 4}},
+            "mesh": rectangle_mesh(12, 4),
             "material": {"young": 5000.0, "poisson": 0.33},
-            "displacement": [{"boundary": "left", "x": 0.0}, {"boundary": "right", "x": 0.001}],
+            "displacement": [fixed("left", "x"), {"boundary": "right", "x": 0.001}],
             "traction": [{"boundary": "top", "x": 3.0, "y": -20.0}],
             "contact": {"boundary": "bottom", "gap": "0.003*(x[0]-1.5)**2", "friction": friction},
             "solver": {"gamma_n": 1e7, "gamma_t": 1e7, **solver},
@@ -45,7 +46,7 @@ def space(friction, cells="hexahedra", degree=1, **solver):
             "element": {"degree": degree},
             "material": {"young": 5000.0, "poisson": 0.33},
             "displacement": [
-                {"boundary": "left", "x": 0.0, "y": 0.0},
+                fixed("left"),
                 {"boundary": "right", "x": 0.001, "y": 0.0},
             ],
             "traction": [{"boundary": "top", "x": 3.0, "y": 2.0, "z": -20.0}],
@@ -102,7 +103,7 @@ SHAPE = [
             {"linear_algebra": "full"},
         ),
         (TRESCA, "hexahedra", 1, {"algorithm": "alm"}),
-        ({"law": "coulomb", "coefficient": 0.2}, "tetrahedra", 2, {"linear_algebra": "krylov"}),
+        (coulomb_friction(0.2), "tetrahedra", 2, {"linear_algebra": "krylov"}),
     ],
     ids=["capped", "tresca alm", "quadratic krylov"],
 )
@@ -120,11 +121,11 @@ def test_the_force_on_a_block_that_slides():
     """
     scene = parse_scene(
         {
-            "mesh": {"generator": "rectangle", "parameters": {"length": 2.0, "nx": 8, "ny": 4}},
+            "mesh": rectangle_mesh(8, 4, length=2.0),
             "material": {"young": 1000.0, "poisson": 0.0},
             "displacement": [{"boundary": "top", "x": 0.3}],
             "traction": [{"boundary": "top", "y": -4.0}],
-            "contact": {"boundary": "bottom", "friction": {"law": "coulomb", "coefficient": 0.25}},
+            "contact": {"boundary": "bottom", "friction": coulomb_friction(0.25)},
         }
     )
     found = sensitivity(
@@ -144,17 +145,14 @@ def test_a_support_holds_a_node_that_slips(algorithm, springs):
     more = {"springs": [{"boundary": "right", "x": 100.0, "y": 40.0}]} if springs else {}
     scene = parse_scene(
         {
-            "mesh": {
-                "generator": "rectangle",
-                "parameters": {"length": 1.0, "height": 1.0, "nx": 4, "ny": 4},
-            },
+            "mesh": rectangle_mesh(4, 4, length=1.0, height=1.0),
             "material": {"young": 5000.0, "poisson": 0.3},
             "displacement": [{"boundary": "left", "x": 0.002}],
             "traction": [{"boundary": "top", "y": -7.0}],
             "contact": {
                 "boundary": "bottom",
                 "gap": 0.0,
-                "friction": {"law": "coulomb", "coefficient": 0.15},
+                "friction": coulomb_friction(0.15),
             },
             "solver": {"algorithm": algorithm},
             **more,
@@ -182,7 +180,7 @@ def test_a_support_holds_a_node_that_slips(algorithm, springs):
 )
 def test_what_has_no_derivative(of, by, said):
     """One error each, before or after the solve."""
-    friction = {"law": "coulomb", "coefficient": 0.0} if "at 0" in said else TRESCA
+    friction = coulomb_friction(0.0) if "at 0" in said else TRESCA
     with pytest.raises(SceneError, match=said) as caught:
         sensitivity(plane(friction), of, by)
     assert len(caught.value.problems) == 1

@@ -8,6 +8,15 @@ import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
+from scene_tables import (
+    at_coordinate,
+    box_mesh,
+    circle_shape,
+    coulomb_friction,
+    fixed,
+    rectangle_mesh,
+    tresca_friction,
+)
 
 from signorini_fx import (
     Coulomb,
@@ -21,7 +30,7 @@ from signorini_fx import (
 from signorini_fx.scenes.reading import changed, parse_scene
 
 COMM = MPI.COMM_WORLD
-COULOMB = {"law": "coulomb", "coefficient": 0.3}
+COULOMB = coulomb_friction(0.3)
 STEP = 1e-4  # of differences, relative
 # Moved and turned to and fro.
 STEPS = {"load_steps": {"times": [0.5, 1.0, 1.5]}}
@@ -35,16 +44,13 @@ MOVED_IN_SPACE = {
 
 def rubber(friction=None, moved=None, algorithm="alm", **tables):
     """A block of rubber that hangs, pushed to one side, over a circle that is pressed into it."""
-    foundation = {"shape": "circle", "centre": [1.05, -0.45], "radius": 0.5} | (moved or {})
+    foundation = circle_shape([1.05, -0.45], 0.5) | (moved or {})
     contact = {"boundary": "bottom", "gap": 0.0, "foundation": foundation}
     gamma = {"gamma_n": 1e5, "gamma_t": 1e5} if algorithm == "ssn" else {}
     return {
-        "mesh": {
-            "generator": "rectangle",
-            "parameters": {"length": 2.0, "height": 1.0, "nx": 12, "ny": 6},
-        },
+        "mesh": rectangle_mesh(12, 6, length=2.0, height=1.0),
         "material": [{"law": "neo-hooke", "young": 100.0, "poisson": 0.3}],
-        "displacement": [{"boundary": "top", "x": 0.0, "y": 0.0}],
+        "displacement": [fixed("top")],
         "traction": [{"boundary": "right", "x": 1.5}],
         "contact": [contact if friction is None else contact | {"friction": friction}],
         "solver": {"algorithm": algorithm, **gamma},
@@ -55,10 +61,7 @@ def rubber(friction=None, moved=None, algorithm="alm", **tables):
 def in_space(friction=None, moved=None, **tables):
     """The same in 3D, over a sphere."""
     scene = rubber(friction, moved, **tables)
-    scene["mesh"] = {
-        "generator": "box",
-        "parameters": {"length": 2.0, "width": 2.0, "height": 1.0, "nx": 5, "ny": 5, "nz": 2},
-    }
+    scene["mesh"] = box_mesh(5, 5, 2, length=2.0, width=2.0, height=1.0)
     scene["displacement"][0] |= {"z": 0.0}
     scene["contact"][0]["foundation"] |= {
         "shape": "sphere",
@@ -83,7 +86,7 @@ def of_revolution():
     scene = rubber(COULOMB, {"shift": [0.0, "0.05*t"]}, **STEPS)
     scene["material"][0]["hypothesis"] = "axisymmetric"
     scene["contact"][0]["foundation"] |= {"centre": [0.0, -1.95], "radius": 2.0}
-    scene["displacement"].append({"boundary": "left", "x": 0.0})
+    scene["displacement"].append(fixed("left", "x"))
     return scene
 
 
@@ -95,7 +98,7 @@ MOONEY = [{"law": "mooney-rivlin", "c10": 12.0, "c01": 5.0, "bulk": 100.0}]
 SCENES = {
     "friction": (rubber(COULOMB), [*BOTH, *PLACES, *COEFFICIENT]),
     "friction without pressure": (
-        rubber({"law": "tresca", "bound": 2.0}),
+        rubber(tresca_friction(2.0)),
         [*BOTH, "contact[0].friction.bound"],
     ),
     "steps that turn": (rubber(COULOMB, TURNED, **STEPS), [BOTH[0], *COEFFICIENT]),
@@ -208,12 +211,12 @@ class Pressed:
         self.fixed = fem.dirichletbc(
             np.zeros(dim), fem.locate_dofs_topological(V, dim - 1, bottom), V
         )
-        side = dmesh.locate_entities_boundary(domain, dim - 1, lambda x: np.isclose(x[0], 0.0))
+        side = dmesh.locate_entities_boundary(domain, dim - 1, at_coordinate(0, 0.0))
         across = fem.locate_dofs_topological(V.sub(0), dim - 1, side)
         self.data["pushed"] = fem.Constant(domain, 0.02)
         self.pushed = fem.dirichletbc(self.data["pushed"], across, V.sub(0))
         self.shape = (
-            {"shape": "circle", "centre": (1.05, 1.5), "radius": 0.5}
+            circle_shape((1.05, 1.5), 0.5)
             if dim == 2
             else {"shape": "sphere", "centre": (1.05, 0.98, 1.7), "radius": 0.7}
         )

@@ -5,6 +5,7 @@ other units.
 import numpy as np
 import pytest
 from mpi4py import MPI
+from scene_tables import box_mesh, coulomb_friction, fixed, rectangle_mesh
 from sensitivities import COMM, COULOMB, TRESCA, agrees
 
 from signorini_fx import SceneError, sensitivity
@@ -19,12 +20,9 @@ def plane(friction, length=1.0, stress=1.0, **solver):
     """
     return parse_scene(
         {
-            "mesh": {
-                "generator": "rectangle",
-                "parameters": {"nx": 12, "ny": 4, "length": 3.0 * length, "height": length},
-            },
+            "mesh": rectangle_mesh(12, 4, length=3.0 * length, height=length),
             "material": {"young": 5000.0 * stress, "poisson": 0.33},
-            "displacement": [{"boundary": "left", "x": 0.0}],
+            "displacement": [fixed("left", "x")],
             "traction": [
                 {"boundary": "top", "y": -20.0 * stress, "factors": [1.0, 1.0, 0.9, 0.5]},
                 {"boundary": "top", "x": 4.0 * stress, "factors": [0.5, 1.5, -1.5, 0.2]},
@@ -47,12 +45,9 @@ def space(friction, **solver):
     """A block on a sphere that moves and turns under it."""
     return parse_scene(
         {
-            "mesh": {
-                "generator": "box",
-                "parameters": {"nx": 5, "ny": 2, "nz": 2, "cell": "hexahedron"},
-            },
+            "mesh": box_mesh(5, 2, 2, cell="hexahedron"),
             "material": {"young": 5000.0, "poisson": 0.33},
-            "displacement": [{"boundary": "left", "x": 0.0, "y": 0.0, "z": 0.0}],
+            "displacement": [fixed("left", "xyz")],
             "traction": [
                 {"boundary": "top", "z": -20.0, "factors": [1.0, 0.8, 0.6]},
                 {"boundary": "top", "x": 1.0, "y": 3.0, "factors": [0.5, 1.5, -1.0]},
@@ -115,11 +110,11 @@ def test_a_block_that_has_slid_and_sticks():
     """
     scene = parse_scene(
         {
-            "mesh": {"generator": "rectangle", "parameters": {"length": 2.0, "nx": 8, "ny": 4}},
+            "mesh": rectangle_mesh(8, 4, length=2.0),
             "material": {"young": 1000.0, "poisson": 0.0},
             "displacement": [{"boundary": "top", "x": 0.3, "factors": [1.0, 0.99999]}],
             "traction": [{"boundary": "top", "y": -4.0}],
-            "contact": {"boundary": "bottom", "friction": {"law": "coulomb", "coefficient": 0.25}},
+            "contact": {"boundary": "bottom", "friction": coulomb_friction(0.25)},
         }
     )
     slides, sticks = sensitivity(
@@ -138,7 +133,7 @@ def test_moduli_and_loads_of_many_kinds():
     """
     scene = parse_scene(
         {
-            "mesh": {"generator": "rectangle", "parameters": {"nx": 12, "ny": 4}},
+            "mesh": rectangle_mesh(12, 4),
             "material": {
                 "young": 5000.0,
                 "poisson": 0.33,
@@ -146,7 +141,7 @@ def test_moduli_and_loads_of_many_kinds():
                 "expansion": 1e-4,
                 "density": 2.0,
             },
-            "displacement": [{"boundary": "left", "x": 0.0}],
+            "displacement": [fixed("left", "x")],
             "springs": [{"boundary": "right", "x": 800.0, "y": 300.0}],
             "temperature": [{"change": "2*x[1]", "factors": [1.0, 2.0, 0.5]}],
             "gravity": [{"x": 0.2, "y": -1.0}],
@@ -174,7 +169,7 @@ def test_friction_of_the_time_on_a_foundation_that_moves():
     """A step has its friction coefficient, not that of the step before: where all slips, the shear
     is F(t) lambda.
     """
-    found = sensitivity(space({"law": "coulomb", "coefficient": "0.02*t"}), "force bottom x", [])
+    found = sensitivity(space(coulomb_friction("0.02*t")), "force bottom x", [])
     for number, step in enumerate(found.solution.steps, start=1):
         state = step.contact
         slips = np.any(state.direction != 0, axis=1) & state.in_contact

@@ -10,6 +10,7 @@ from boxes import Box, boxes_mesh
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
+from scene_tables import at_coordinate, coulomb_friction, fixed, rectangle_mesh, tresca_friction
 
 from signorini_fx import (
     ContactProblem,
@@ -28,8 +29,8 @@ from signorini_fx.scenes.reading import parse_scene
 COMM = MPI.COMM_WORLD
 LAWS = {
     "none": {"law": "none"},
-    "tresca": {"law": "tresca", "bound": 4.0},
-    "coulomb": {"law": "coulomb", "coefficient": 0.3},
+    "tresca": tresca_friction(4.0),
+    "coulomb": coulomb_friction(0.3),
 }
 
 
@@ -226,7 +227,7 @@ def posts(apart_by=10.0, width=0.1, height=1.0):
     mesh = boxes_mesh(COMM, both).mesh
     return tag_boundaries(
         mesh,
-        {"tops": lambda x: np.isclose(x[1], height), "bottoms": lambda x: np.isclose(x[1], 0.0)},
+        {"tops": at_coordinate(1, height), "bottoms": at_coordinate(1, 0.0)},
     )
 
 
@@ -243,7 +244,7 @@ def on_posts(force=(0.0, -3.0), at=2.5, law=None, algebra="full", **solver):
         {
             "mesh": posts(),
             "material": {"young": 1e5, "poisson": 0.0},
-            "displacement": {"boundary": "bottoms", "x": 0.0, "y": 0.0},
+            "displacement": fixed("bottoms"),
             "contact": {"boundary": "tops", "foundation": tool, "friction": law or LAWS["coulomb"]},
             "solver": {"linear_algebra": algebra, **solver},
         }
@@ -305,7 +306,7 @@ def three_posts():
     )
     near = (np.abs(middle[:, None, :2] - axes).max(axis=2) < 0.06).any(axis=1)
     columns = dmesh.create_submesh(mesh, 3, np.flatnonzero(near).astype(np.int32))[0]
-    tops = {"tops": lambda x: np.isclose(x[2], 0.5), "bottoms": lambda x: np.isclose(x[2], 0.0)}
+    tops = {"tops": at_coordinate(2, 0.5), "bottoms": at_coordinate(2, 0.0)}
     return tag_boundaries(columns, tops), axes
 
 
@@ -329,7 +330,7 @@ def test_a_plate_on_three_posts_tilts_as_statics_says(pivot):
         {
             "mesh": mesh,
             "material": {"young": 1e5, "poisson": 0.0},
-            "displacement": {"boundary": "bottoms", "x": 0.0, "y": 0.0, "z": 0.0},
+            "displacement": fixed("bottoms", "xyz"),
             "contact": {
                 "boundary": "tops",
                 "foundation": {**tool, "force": [0.0, 0.0, -force]},
@@ -406,10 +407,10 @@ def test_rigid_coupling_bends_a_column_as_a_beam(algebra):
     mesh = {"length": 2 * half, "height": height, "nx": 2, "ny": 4}
     scene = parse_scene(
         {
-            "mesh": {"generator": "rectangle", "parameters": mesh},
+            "mesh": rectangle_mesh(**mesh),
             "element": {"degree": 2},
             "material": {"young": young, "poisson": 0.0},
-            "displacement": {"boundary": "bottom", "x": 0.0, "y": 0.0},
+            "displacement": fixed("bottom"),
             "contact": {
                 "boundary": "top",
                 "kind": "bonded",

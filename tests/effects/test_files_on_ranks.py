@@ -2,6 +2,7 @@
 
 import pytest
 from mpi4py import MPI
+from scene_tables import fixed, rectangle_mesh
 
 from signorini_fx.errors import SceneError
 from signorini_fx.scenes.reading import parse_scene
@@ -23,12 +24,9 @@ def test_a_table_that_the_first_rank_has_alone(key, tmp_path):
         file.write_text(text, encoding="utf-8")
     scene = parse_scene(
         {
-            "mesh": {
-                "generator": "rectangle",
-                "parameters": {"length": 1.0, "height": 1.0, "nx": 4, "ny": 4},
-            },
+            "mesh": rectangle_mesh(4, 4, length=1.0, height=1.0),
             "material": {"young": 1000.0, "poisson": 0.3, "expansion": 1e-5},
-            "displacement": {"boundary": "left", "x": 0.0},
+            "displacement": fixed("left", "x"),
             "traction": {"boundary": "top", "y": -1.0},
             "contact": {"boundary": "bottom"},
             key: [{"file": str(file)} | more],

@@ -4,6 +4,7 @@ hand.
 
 import pytest
 from mpi4py import MPI
+from scene_tables import coulomb_friction, rectangle_mesh, tresca_friction
 from spaces import box
 
 from signorini_fx import SceneError
@@ -22,10 +23,7 @@ def dragged(friction, factors=(1.0, 2.0, 3.0), dim=2, more=None, **solver):
     it.
     """
     if dim == 2:
-        mesh = {
-            "generator": "rectangle",
-            "parameters": {"length": 2.0, "height": 0.2, "nx": 10, "ny": 2},
-        }
+        mesh = rectangle_mesh(10, 2, length=2.0, height=0.2)
     else:
         mesh = box("hexahedra", (4, 2, 2), size=(2.0, 1.0, 0.2), comm=COMM)
     up = "xyz"[dim - 1]
@@ -44,7 +42,7 @@ def dragged(friction, factors=(1.0, 2.0, 3.0), dim=2, more=None, **solver):
 
 
 def coulomb(coefficient):
-    return {"law": "coulomb", "coefficient": coefficient}
+    return coulomb_friction(coefficient)
 
 
 def pull(solution):
@@ -104,7 +102,7 @@ def test_a_nonlinear_body(law):
     )
     assert pull(solve(falls, COMM)) == pytest.approx([0.2, 0.2, 0.1], rel=1e-6)
     between = dragged(
-        {"law": "tresca", "bound": "t*x[0]"},
+        tresca_friction("t*x[0]"),
         (1.0, 2.0),
         more=material | {"load_steps": {"steps": 2, "times": [1.0, 2.0]}},
     )
@@ -115,7 +113,7 @@ def test_a_nonlinear_body(law):
 
 def test_place_and_time():
     """Of a Tresca bound t x the integral over the length is 2 t, whatever the pressure."""
-    law = {"law": "tresca", "bound": "t*x[0]"}
+    law = tresca_friction("t*x[0]")
     assert pull(solve(dragged(law), COMM)) == pytest.approx(
         [2.0 * t / (PRESS * AREA) for t in (1, 2, 3)], rel=1e-8
     )

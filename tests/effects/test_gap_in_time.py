@@ -4,11 +4,12 @@ body or tool, and slips count from where these were before.
 
 import numpy as np
 import pytest
+from scene_tables import coulomb_friction, rectangle_mesh, tresca_friction
 
 from signorini_fx import Scene, solve
 
-FRICTION = {"law": "coulomb", "coefficient": 0.4}
-BLOCK = {"generator": "rectangle", "parameters": {"length": 1.0, "height": 0.5, "nx": 8, "ny": 4}}
+FRICTION = coulomb_friction(0.4)
+BLOCK = rectangle_mesh(8, 4, length=1.0, height=0.5)
 TRACTION = [{"boundary": "top", "y": -1.0}, {"boundary": "top", "x": 0.2, "factors": [0.0, 1.0]}]
 
 
@@ -27,7 +28,7 @@ def forces(step):
 
 
 @pytest.mark.parametrize("gap", ["{} + 0.002*x[0]", "{}*x[0]"])
-@pytest.mark.parametrize("friction", [FRICTION, {"law": "tresca", "bound": 0.5}])
+@pytest.mark.parametrize("friction", [FRICTION, tresca_friction(0.5)])
 def test_body_that_contact_alone_holds(gap, friction):
     """The first step is that on a gap that stays; as the gap changes without load, the body moves
     rigidly with it.

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from mpi4py import MPI
+from scene_tables import fixed, rectangle_mesh
 from scenes import alone
 
 from signorini_fx.mechanics.statement.expressions import Expression, in_space, sample
@@ -15,13 +16,10 @@ COMM = MPI.COMM_WORLD
 def square(x, *, n=8, degree=1, body_force=None, **more):
     """A unit square with a traction (0, x) on its top; it rests on its bottom."""
     scene = {
-        "mesh": {
-            "generator": "rectangle",
-            "parameters": {"length": 1.0, "height": 1.0, "nx": n, "ny": n, "cell": "triangle"},
-        },
+        "mesh": rectangle_mesh(n, n, length=1.0, height=1.0, cell="triangle"),
         "element": {"degree": degree},
         "material": {"young": 1000.0, "poisson": 0.3},
-        "displacement": [{"boundary": "left", "x": 0.0}],
+        "displacement": [fixed("left", "x")],
         "traction": [{"boundary": "top", "y": x}],
         "contact": [{"boundary": "bottom"}],
         "solver": {"algorithm": "alm"},
@@ -67,7 +65,7 @@ def test_forces_of_all_kinds_that_jump(cell):
     sizes = BOX if space else {"length": 1.0, "height": 0.3, "nx": 5, "ny": 3}
     mesh = {"generator": "box" if space else "rectangle", "parameters": sizes | {"cell": cell}}
     thick = 0.5 if space else 1.0
-    ends = [{"boundary": "left", "x": 0.0}, *([{"boundary": "front", "y": 0.0}] if space else [])]
+    ends = [fixed("left", "x"), *([fixed("front", "y")] if space else [])]
     scene = parse_scene(
         {
             "mesh": mesh,

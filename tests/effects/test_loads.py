@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from boxes import Box, boxes_mesh, scene_on
 from mpi4py import MPI
+from scene_tables import coulomb_friction, fixed
 from scenes import alone
 from steel_blocks import COMM, ELEMENTS, PLANE, SIZE, YOUNG, body, scene
 
@@ -115,7 +116,7 @@ def test_rotation_about_any_axis_in_space(axis):
     """
     about, density, speed = np.array([0.3, -0.4, 0.9]), 2.0, 3.0
     given = {"speed": speed, "about": about.tolist(), **({} if axis is None else {"axis": axis})}
-    held = {"boundary": "left", "x": 0.0, "y": 0.0, "z": 0.0}
+    held = fixed("left", "xyz")
     material = {**SOFT, "density": density}
     solution = solve(
         scene(body("tetrahedra"), 1, material, displacement=held, rotation=given), COMM, check=False
@@ -174,8 +175,8 @@ def test_water_at_a_wall(cells):
 # --- functions of time ----------------------------------------------------------------------------
 
 PRESSED = {
-    "displacement": {"boundary": "left", "x": 0.0},
-    "contact": {"boundary": "bottom", "friction": {"law": "coulomb", "coefficient": 0.3}},
+    "displacement": fixed("left", "x"),
+    "contact": {"boundary": "bottom", "friction": coulomb_friction(0.3)},
 }
 
 
@@ -307,7 +308,7 @@ def test_mistakes(mistake):
                 body(),
                 1,
                 material,
-                **{"displacement": {"boundary": "left", "x": 0.0, "y": 0.0}, **more},
+                **{"displacement": fixed("left"), **more},
             ),
             COMM,
         )
@@ -425,7 +426,7 @@ def test_mistakes_of_supports(mistake):
 def test_a_point_with_nodes_of_two_bodies():
     """Which of them is supported is not guessed, on all ranks alike."""
     mesh = boxes_mesh(COMM, [Box("lower", 0.0, 0.0, 1.0, 1.0), Box("upper", 0.0, 1.0, 1.0, 1.0)])
-    held = [{"boundary": "bottom lower", "x": 0.0, "y": 0.0}, {"at": [0.0, 1.0], "x": 0.0}]
+    held = [fixed("bottom lower"), {"at": [0.0, 1.0], "x": 0.0}]
     contact = {"boundary": "bottom upper", "against": "top lower"}
     with pytest.raises(
         SceneError, match=r"displacement\[1\]\.at: 2 nodes of the mesh are at \(0, 1\)"

@@ -8,6 +8,7 @@ from copy import deepcopy
 import numpy as np
 import pytest
 from mpi4py import MPI
+from scene_tables import coulomb_friction, fixed, plane_shape, rectangle_mesh
 
 from signorini_fx import ConvergenceError, SceneError, solve
 from signorini_fx.records import Status
@@ -16,12 +17,12 @@ from signorini_fx.scenes.reading import parse_scene
 
 COMM = MPI.COMM_WORLD
 F = 0.3
-FRICTION = {"law": "coulomb", "coefficient": F}
+FRICTION = coulomb_friction(F)
 
 
 def rectangle(name, length, height, nx, ny, **place):
     parameters = {"length": length, "height": height, "nx": nx, "ny": ny, "cell": "quadrilateral"}
-    return {"name": name, "mesh": {"generator": "rectangle", "parameters": parameters}, **place}
+    return {"name": name, "mesh": rectangle_mesh(**parameters), **place}
 
 
 def rows(solution):
@@ -66,7 +67,7 @@ def roller(
         ],
         "material": {"young": 1000.0 * stress, "poisson": 0.3},
         "displacement": [
-            {"boundary": "lower.bottom", "x": 0.0, "y": 0.0},
+            fixed("lower.bottom"),
             {"boundary": "upper.top", **top},
         ],
         "contact": [
@@ -138,7 +139,7 @@ def seat(turn=45.0, law=None, **driving):
     return {
         "body": rectangle("seat", length, height, 20, 10, rotation=turn, shift=corner.tolist()),
         "material": {"young": 1e4, "poisson": 0.3, "hypothesis": "axisymmetric"},
-        "displacement": {"boundary": "seat.bottom", "x": 0.0, "y": 0.0},
+        "displacement": fixed("seat.bottom"),
         "contact": {"boundary": "seat.top", "foundation": ball, "friction": law or {"law": "none"}},
     }
 
@@ -167,8 +168,8 @@ def wedge(share, *, law=FRICTION, mirrored=False, **driving):
     right = rectangle("right", 1.0, 1.0, 4, 4, rotation=angle, shift=[1.0, 0.0])
     left = rectangle("left", 1.0, 1.0, 4, 4, rotation=-angle, shift=[-1.0 - cos, sin])
     planes = {
-        "right": {"shape": "plane", "point": [1.0, 0.0], "normal": [cos, sin]},
-        "left": {"shape": "plane", "point": [-1.0, 0.0], "normal": [-cos, sin]},
+        "right": plane_shape([1.0, 0.0], [cos, sin]),
+        "left": plane_shape([-1.0, 0.0], [-cos, sin]),
     }
     faces = {"right": ("left", "right"), "left": ("right", "left")}
     order = ("left", "right") if mirrored else ("right", "left")

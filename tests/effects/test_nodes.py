@@ -5,6 +5,7 @@ refused.
 import numpy as np
 import pytest
 from mpi4py import MPI
+from scene_tables import fixed, rectangle_mesh
 
 from signorini_fx import SceneError
 from signorini_fx.scenes.reading import parse_scene
@@ -18,10 +19,10 @@ def pulled(forces, degree=1, **more):
     size = {"length": 2.0, "height": 1.0, "nx": 4, "ny": 2}
     return parse_scene(
         {
-            "mesh": {"generator": "rectangle", "parameters": size},
+            "mesh": rectangle_mesh(**size),
             "element": {"degree": degree},
             "material": {"young": 5000.0, "poisson": 0.3},
-            "displacement": [{"boundary": "left", "x": 0.0, "y": 0.0}],
+            "displacement": [fixed("left")],
             "point_force": forces,
             **more,
         }

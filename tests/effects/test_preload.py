@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from bolts import BOLT, COMM, MORE, PULL, SLEEVE, TIGHT, YOUNG, clamped, figures
 from mpi4py import MPI
+from scene_tables import coulomb_friction, fixed, rectangle_mesh
 
 from signorini_fx import SceneError, solve
 from signorini_fx.scenes.mesh import load_mesh
@@ -69,7 +70,7 @@ def test_force_and_the_shortening_that_it_causes_give_the_same():
         assert np.isclose(one.strain_energy, other.strain_energy, rtol=1e-6)
 
 
-FRICTION = {"law": "coulomb", "coefficient": 0.2}
+FRICTION = coulomb_friction(0.2)
 
 
 def bar(cell, degree=1, *, preload=None, volumetric="full", heat=0.0, **more):
@@ -86,7 +87,7 @@ def bar(cell, degree=1, *, preload=None, volumetric="full", heat=0.0, **more):
     given = {"point": at, "axis": axis, "shortening": 0.03}
     slides = [
         {"boundary": "bottom", "xyz"[len(axis) - 1]: 0.0},
-        *([] if plane else [{"boundary": "front", "y": 0.0}]),
+        *([] if plane else [fixed("front", "y")]),
     ]
     return parse_scene(
         {
@@ -97,7 +98,7 @@ def bar(cell, degree=1, *, preload=None, volumetric="full", heat=0.0, **more):
             "element": {"degree": degree, "volumetric": volumetric},
             "material": {"young": YOUNG, "poisson": 0.0, "expansion": 1e-3, **law},
             "displacement": [
-                *({"boundary": name, "x": 0.0} for name in ("left", "right")),
+                *(fixed(name, "x") for name in ("left", "right")),
                 *slides,
             ],
             "preload": preload or given,
@@ -128,12 +129,9 @@ def test_a_clamped_bar_has_one_stress_everywhere(cell, degree, heat):
 def test_axisymmetric():
     """A round bar: the force is that of the whole section."""
     scene = {
-        "mesh": {
-            "generator": "rectangle",
-            "parameters": {"length": 0.5, "height": 3.0, "nx": 3, "ny": 7},
-        },
+        "mesh": rectangle_mesh(3, 7, length=0.5, height=3.0),
         "material": {"young": YOUNG, "poisson": 0.0, "hypothesis": "axisymmetric"},
-        "displacement": [{"boundary": "bottom", "y": 0.0}, {"boundary": "top", "y": 0.0}],
+        "displacement": [fixed("bottom", "y"), fixed("top", "y")],
         "preload": {"point": [0.0, 1.3], "axis": [0.0, 1.0], "shortening": 0.03},
     }
     solution = solve(parse_scene(scene))
@@ -173,8 +171,8 @@ def test_a_section_that_a_file_names(tmp_path, several):
             ),
             "material": {"young": YOUNG, "poisson": 0.0},
             "displacement": [
-                {"boundary": f"{name}left", "x": 0.0, "y": 0.0},
-                {"boundary": f"{name}right", "x": 0.0},
+                fixed(f"{name}left"),
+                fixed(f"{name}right", "x"),
             ],
             "preload": {"section": f"{name}cut", "shortening": 0.03},
         }
@@ -238,15 +236,15 @@ def pressed_pair(points="boundary", axis=(0.0, 1.0), **contact):
 
     def block(nx, ny):
         parameters = {"length": 1.0, "height": 1.0, "nx": nx, "ny": ny, "cell": "triangle"}
-        return {"generator": "rectangle", "parameters": parameters}
+        return rectangle_mesh(**parameters)
 
     bodies = [("lower", block(5, 4), 0.0), ("upper", block(3, 1), 1.0)]
     return parse_scene(
         {
             "body": [{"name": name, "mesh": mesh, "shift": [0.0, y]} for name, mesh, y in bodies],
             "material": {"young": YOUNG, "poisson": 0.3},
-            "displacement": [{"boundary": "lower.bottom", "y": 0.0}]
-            + [{"boundary": f"{name}.left", "x": 0.0} for name in ("lower", "upper")],
+            "displacement": [fixed("lower.bottom", "y")]
+            + [fixed(f"{name}.left", "x") for name in ("lower", "upper")],
             "traction": {"boundary": "upper.top", "y": -0.01 * YOUNG},
             "contact": {
                 "boundary": "lower.top",

@@ -5,15 +5,13 @@ decides which ones touch, and the solution is that without contact.
 import numpy as np
 import pytest
 from mpi4py import MPI
+from scene_tables import box_mesh, coulomb_friction, fixed, rectangle_mesh
 
 from signorini_fx import Scene, solve
 
-FRICTION = {"law": "coulomb", "coefficient": 0.3}
-BLOCK = {"generator": "rectangle", "parameters": {"length": 1.0, "height": 0.5, "nx": 8, "ny": 4}}
-BOX = {
-    "generator": "box",
-    "parameters": {"length": 1.0, "width": 1.0, "height": 0.5, "nx": 2, "ny": 2, "nz": 2},
-}
+FRICTION = coulomb_friction(0.3)
+BLOCK = rectangle_mesh(8, 4, length=1.0, height=0.5)
+BOX = box_mesh(2, 2, 2, length=1.0, width=1.0, height=0.5)
 STEEL = {"young": 100.0, "poisson": 0.3}
 PRESSED = [1.0, 0.0, 1.0, 0.5, 0.0]
 PUSHED = [{"boundary": "top", "x": 0.01, "factors": [0.0, 1.0, 1.0, -0.5, 0.5]}]
@@ -48,12 +46,12 @@ def size(step):
     "entries",
     [
         {},
-        {"displacement": [{"boundary": "top", "x": 0.0}]},
+        {"displacement": [fixed("top", "x")]},
         {"element": {"degree": 2}},
         {"solver": {"algorithm": "alm"}},
         {
             "material": STEEL | {"hypothesis": "axisymmetric"},
-            "displacement": [{"boundary": "left", "x": 0.0}],
+            "displacement": [fixed("left", "x")],
         },
         {"mesh": BOX, "up": "z", "displacement": [PUSHED[0] | {"y": 0.004}]},
     ],

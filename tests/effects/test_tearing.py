@@ -9,6 +9,7 @@ import ufl
 from boxes import Box, boxes_mesh
 from forms import box, hooke, side
 from mpi4py import MPI
+from scene_tables import rectangle_mesh
 
 import signorini_fx as sfx
 from signorini_fx.errors import SceneError
@@ -22,10 +23,7 @@ MIXED = sfx.Cohesion(30.0, 0.3, shear_strength=50.0, shear_energy=0.9, exponent=
 def column(way, height=10.0, **changed):
     """A column without lateral strain that is bonded below, and whose top is moved."""
     given = {
-        "mesh": {
-            "generator": "rectangle",
-            "parameters": {"length": 1.0, "height": height, "nx": 2, "ny": 2},
-        },
+        "mesh": rectangle_mesh(2, 2, length=1.0, height=height),
         "material": sfx.LinearElastic(young=1000.0, poisson=0.0),
         "displacement": [
             sfx.Displacement(boundary="top", y=1.0, factors=way),
@@ -101,7 +99,7 @@ def sheared(way, young=7e6, cells=8):
     parameters = {"length": 20.0, "height": 5.0, "nx": cells, "ny": cells // 4}
     return column(
         way,
-        mesh={"generator": "rectangle", "parameters": parameters},
+        mesh=rectangle_mesh(**parameters),
         material=sfx.LinearElastic(young=young, poisson=0.0),
         displacement=sfx.Displacement(boundary="left", x=1.0, factors=way),
         traction=sfx.Traction(boundary="top", pressure=20.0),
@@ -128,7 +126,7 @@ def cantilever(facet, steps, strength, *, opening=8.0, energy=0.3, **changed):
     parameters = {"length": 100.0, "height": 1.5, "nx": round(100 / facet), "ny": 2}
     parameters["cell"] = "quadrilateral"
     return sfx.Scene(
-        mesh={"generator": "rectangle", "parameters": parameters},
+        mesh=rectangle_mesh(**parameters),
         material=sfx.LinearElastic(young=70_000.0, poisson=0.0, hypothesis="plane stress"),
         element=sfx.Element(degree=2),
         displacement=[
@@ -189,7 +187,7 @@ def test_hinged_block(algebra):
     solution = sfx.solve(
         column(
             angles,
-            mesh={"generator": "rectangle", "parameters": parameters},
+            mesh=rectangle_mesh(**parameters),
             material=sfx.LinearElastic(young=1e9, poisson=0.0),
             displacement=[
                 sfx.Displacement(boundary="top", x="-x[1]", y="x[0]", factors=angles),

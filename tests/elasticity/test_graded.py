@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from revolved import section
+from scene_tables import fixed
 from scenes import alone
 from steel_blocks import PLANE, body
 
@@ -40,7 +41,7 @@ def test_graded_bar(cells, degree, linear_algebra):
             "element": {"degree": degree},
             "material": {"young": YOUNG, "poisson": 0.0, "grading": "1 / (1 + 0.5*x[0])"},
             "displacement": [{"boundary": "bottom", "y" if cells in PLANE else "z": 0.0}]
-            + ([] if cells in PLANE else [{"boundary": "front", "y": 0.0}]),
+            + ([] if cells in PLANE else [fixed("front", "y")]),
             "traction": {"boundary": "right", "pressure": pressure},
             "contact": {"boundary": "left"},
             "solver": {"algorithm": "alm", "linear_algebra": linear_algebra, "tolerance": 1e-12},
@@ -83,7 +84,7 @@ def cylinder(n, power, **element):
                 "hypothesis": "axisymmetric",
                 "grading": lambda x: (x[0] / outside) ** power,
             },
-            "displacement": [{"boundary": side, "y": 0.0} for side in ("top", "bottom")],
+            "displacement": [fixed(side, "y") for side in ("top", "bottom")],
             "traction": {"boundary": "inside", "pressure": pressure},
         }
     )
@@ -139,7 +140,7 @@ def test_what_is_wrong(grading):
         {
             "mesh": body("quadrilateral", MPI.COMM_SELF),
             "material": {"young": YOUNG, "poisson": 0.3, "grading": grading},
-            "displacement": {"boundary": "left", "x": 0.0, "y": 0.0},
+            "displacement": fixed("left"),
         }
     )
     with pytest.raises(SceneError) as caught:

@@ -10,6 +10,7 @@ from dolfinx import fem
 from hertz import RADIUS, YOUNG, ellipse, half_disk, profile
 from mpi4py import MPI
 from revolved import section
+from scene_tables import coulomb_friction, fixed, rectangle_mesh
 from scenes import alone, rectangle
 from spaces import uneven
 
@@ -86,7 +87,7 @@ def test_patch(cell, poisson):
 @pytest.mark.parametrize("poisson", [0.3, 0.5])
 def test_augmentation(poisson):
     """Its limit is the same for every gamma: a part is open, a part slips, and a part sticks."""
-    friction = {"law": "coulomb", "coefficient": 0.3}
+    friction = coulomb_friction(0.3)
     found = []
     for settings in ({}, {"gamma_n": 1e3, "gamma_t": 1e3}):
         mesh = uneven("triangle", MPI.COMM_WORLD)
@@ -260,7 +261,7 @@ def in_a_pipe(count, cell="quadrilateral", comm=MPI.COMM_SELF, **solver):
                 "mesh": section(INNER, OUTER, 0.5, cell, (count, max(1, count // 2)), comm),
                 "element": MIXED,
                 "material": {"young": 200.0, "poisson": 0.5, "hypothesis": "axisymmetric"},
-                "displacement": [{"boundary": side, "y": 0.0} for side in ("bottom", "top")],
+                "displacement": [fixed(side, "y") for side in ("bottom", "top")],
                 "traction": {"boundary": "inside", "pressure": INSIDE},
                 "contact": {"boundary": "outside", "gap": GAP},
                 "solver": {"algorithm": "alm", "tolerance": 1e-12, **solver},
@@ -338,11 +339,7 @@ def rubbed(cell, tagged, poisson=0.5, **solver):
     """The block, pressed and pushed sideways in two steps, with a support along no axis at one
     end.
     """
-    held = (
-        {"boundary": "low0", "normal": 0.0}
-        if cell in PLANE
-        else {"boundary": "low0", "x": 0.0, "z": 0.0}
-    )
+    held = {"boundary": "low0", "normal": 0.0} if cell in PLANE else fixed("low0", "xz")
     scene = parse_scene(
         {
             "mesh": tagged,
@@ -353,7 +350,7 @@ def rubbed(cell, tagged, poisson=0.5, **solver):
                 {"boundary": "high1", "y": -0.5},
                 {"boundary": "high0", "x": 0.2, "factors": [0.5, 1.0]},
             ],
-            "contact": {"boundary": "low1", "friction": {"law": "coulomb", "coefficient": 0.3}},
+            "contact": {"boundary": "low1", "friction": coulomb_friction(0.3)},
             "solver": solver,
         }
     )
@@ -393,7 +390,7 @@ def test_nothing_determines_the_pressure():
     it is solved.
     """
     tagged = rectangle(nx=3, ny=2)
-    every = [{"boundary": side, "x": 0.0, "y": 0.0} for side in ("left", "right", "bottom", "top")]
+    every = [fixed(side) for side in ("left", "right", "bottom", "top")]
     data = {
         "mesh": tagged,
         "element": MIXED,
@@ -435,7 +432,7 @@ def rubber(**more):
                 "contact": {
                     "boundary": "bottom",
                     "gap": "0.05 * (x[0] - 1.4)**2",
-                    "friction": {"law": "coulomb", "coefficient": 0.2},
+                    "friction": coulomb_friction(0.2),
                 },
                 **more,
             }
@@ -444,7 +441,7 @@ def rubber(**more):
 
 
 BASE = {
-    "mesh": {"generator": "rectangle", "parameters": {"nx": 2, "ny": 2}},
+    "mesh": rectangle_mesh(2, 2),
     "element": MIXED,
     "material": {"young": 1.0, "poisson": 0.4},
     "contact": {"boundary": "bottom"},
@@ -477,7 +474,7 @@ def test_a_foundation_that_moves_in_load_steps():
     scene = {
         **BASE,
         "material": {"young": 1.0, "poisson": 0.5},
-        "displacement": {"boundary": "top", "x": 0.0, "y": 0.0},
+        "displacement": fixed("top"),
         "traction": {"boundary": "right", "x": 0.01},
     }
     moved, alone_in_place = (

@@ -7,6 +7,7 @@ from functools import partial
 import numpy as np
 import pytest
 from mpi4py import MPI
+from scene_tables import coulomb_friction, fixed
 from scenes import rectangle
 from spaces import box
 from two_cylinders import altered, in_balance
@@ -53,10 +54,7 @@ def stacked(cell, below=RUBBER, above=RUBBER, unit=(1.0, 1.0), push=None, solver
     stress, counts = force / length**2, ((3, 2), (4, 2)) if plane else ((2, 1, 1), (1, 2, 1))
     names = ("below", "above")
     walls = [
-        {"boundary": f"{name}.{side}2", "z": 0.0}
-        for name in names
-        for side in ("low", "high")
-        if not plane
+        fixed(f"{name}.{side}2", "z") for name in names for side in ("low", "high") if not plane
     ]
     guided = ["below.low0"] if push else ["below.low0", "above.low0"]
     loads = [{"boundary": "above.high1", "y": -PRESSURE * stress}]
@@ -77,8 +75,8 @@ def stacked(cell, below=RUBBER, above=RUBBER, unit=(1.0, 1.0), push=None, solver
                 {"region": name, "young": young * stress, "poisson": poisson}
                 for name, (young, poisson) in zip(names, (below, above), strict=True)
             ],
-            "displacement": [{"boundary": "below.low1", "y": 0.0}]
-            + [{"boundary": side, "x": 0.0} for side in guided]
+            "displacement": [fixed("below.low1", "y")]
+            + [fixed(side, "x") for side in guided]
             + walls,
             "traction": loads,
             "contact": {"boundary": "above.low1", "against": "below.high1", **contact},
@@ -153,7 +151,7 @@ def test_friction(unit, linear_algebra):
     units.
     """
     push, (length, force) = 0.12, unit
-    friction = {"law": "coulomb", "coefficient": FRICTION}
+    friction = coulomb_friction(FRICTION)
     solution = solve(
         stacked(
             "quadrilateral",

@@ -9,6 +9,7 @@ import pytest
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from revolved import section
+from scene_tables import fixed
 from scenes import alone
 from steel_blocks import PLANE, body, pushed_down
 
@@ -172,7 +173,7 @@ def tube(n):
         {
             "mesh": section(inside, outside, 0.25, counts=(n, 2), comm=MPI.COMM_SELF),
             "material": wood(direction=[0.0, 1.0], hypothesis="axisymmetric"),
-            "displacement": [{"boundary": side, "y": 0.0} for side in ("top", "bottom")],
+            "displacement": [fixed(side, "y") for side in ("top", "bottom")],
             "traction": {"boundary": "inside", "pressure": PRESSURE},
         }
     )
@@ -362,13 +363,13 @@ def test_free_expansion_and_prevented_expansion():
     for hypothesis in ("plane strain", "plane stress"):
         material = wood(hypothesis=hypothesis, **turned) | {"expansion": 1e-4}
         heated = {"mesh": body(), "material": material, "temperature": {"change": 20.0}}
-        heated["displacement"] = [{"boundary": "left", "x": 0.0}, {"boundary": "bottom", "y": 0.0}]
+        heated["displacement"] = [fixed("left", "x"), fixed("bottom", "y")]
         solution = solve(parse_scene(heated), COMM)
         assert solution.certificate.holds
         out = 0.0 if hypothesis == "plane stress" else -E3 * 2e-3
         tensor = solution.stress.recovered.tensor.x.array.reshape(-1, 3, 3)
         assert np.abs(tensor - np.diag([0.0, 0.0, out])).max() <= 1e-9 * E1
-        heated["displacement"].append({"boundary": "right", "x": 0.0})
+        heated["displacement"].append(fixed("right", "x"))
         normal, _ = compliance()
         held = [0] if hypothesis == "plane stress" else [0, 2]
         stress = np.zeros(3)

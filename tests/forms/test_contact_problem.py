@@ -14,6 +14,7 @@ from dolfinx import fem
 from dolfinx import mesh as dmesh
 from forms import Block
 from mpi4py import MPI
+from scene_tables import circle_shape, coulomb_friction
 
 from signorini_fx import (
     ContactProblem,
@@ -235,7 +236,7 @@ def test_places_that_are_tried_in_a_step(settings):
         bottom = fem.dirichletbc(
             np.zeros(2), fem.locate_dofs_topological(block.V, 1, block.bottom), block.V
         )
-        circle = {"shape": "circle", "centre": (1.2, 1.5), "radius": 0.5}
+        circle = circle_shape((1.2, 1.5), 0.5)
         wheel = Foundation(block.top, shape=circle, friction=Coulomb(0.3))
         problem = ContactProblem(block.a, block.L, [bottom], wheel, **settings)
         problem.place(0, shift=(0.0, -0.03))
@@ -354,7 +355,7 @@ def test_stresses_of_two_materials():
         "contact": {
             "boundary": "bottom",
             "gap": "0.004*x[0]",
-            "friction": {"law": "coulomb", "coefficient": 0.3},
+            "friction": coulomb_friction(0.3),
         },
         "solver": settings,
     }

@@ -13,6 +13,7 @@ from dolfinx import mesh as dmesh
 from forms import block_on_a_floor, stress_of
 from hertz import POISSON, RADIUS, YOUNG, load
 from mpi4py import MPI
+from scene_tables import fixed, rectangle_mesh, tresca_friction
 
 from signorini_fx import (
     Accuracy,
@@ -106,15 +107,15 @@ def test_adaptive_meshes_are_those_of_the_scene(of):
     )
     scene = parse_scene(
         {
-            "mesh": {"generator": "rectangle", "parameters": {"length": 3.0, "nx": 6, "ny": 2}},
+            "mesh": rectangle_mesh(6, 2, length=3.0),
             "element": {"degree": 2},
             "material": {"young": 1000.0, "poisson": 0.3},
-            "displacement": [{"boundary": "left", "x": 0.0, "y": 0.0}],
+            "displacement": [fixed("left")],
             "body_force": {"y": -8.0},
             "contact": {
                 "boundary": "bottom",
                 "gap": 0.002,
-                "friction": {"law": "tresca", "bound": bound},
+                "friction": tresca_friction(bound),
             },
             "solver": {} if of == "pressure" else GAMMA,
         }

@@ -12,6 +12,7 @@ import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
+from scene_tables import box_mesh, coulomb_friction, fixed, rectangle_mesh
 from scenes import example1
 from two_bodies import stress_of
 
@@ -99,17 +100,14 @@ def on(tagged, name):
 def block(**changes):
     """A block in 3D on a rough foundation."""
     data = {
-        "mesh": {
-            "generator": "box",
-            "parameters": {"nx": 3, "ny": 2, "nz": 2, "cell": "tetrahedron"},
-        },
+        "mesh": box_mesh(3, 2, 2, cell="tetrahedron"),
         "material": {"young": 1000.0, "poisson": 0.3},
         "displacement": {"boundary": "top", "x": 0.002, "y": 0.0, "z": -0.01},
         "traction": {"boundary": "right", "x": 2.0},
         "contact": {
             "boundary": "bottom",
             "gap": 0.002,
-            "friction": {"law": "coulomb", "coefficient": 0.3},
+            "friction": coulomb_friction(0.3),
         },
         "solver": {"gamma_n": 1e7, "gamma_t": 1e7},
     }
@@ -118,11 +116,8 @@ def block(**changes):
 
 def two_blocks():
     """A block on another one, which is held."""
-    low = {"generator": "rectangle", "parameters": {"length": 2.0, "height": 1.0, "nx": 5, "ny": 3}}
-    high = {
-        "generator": "rectangle",
-        "parameters": {"length": 1.0, "height": 1.0, "nx": 3, "ny": 3},
-    }
+    low = rectangle_mesh(5, 3, length=2.0, height=1.0)
+    high = rectangle_mesh(3, 3, length=1.0, height=1.0)
     return parse_scene(
         {
             "body": [
@@ -131,7 +126,7 @@ def two_blocks():
             ],
             "material": {"young": 1000.0, "poisson": 0.3},
             "displacement": [
-                {"boundary": "low.bottom", "x": 0.0, "y": 0.0},
+                fixed("low.bottom"),
                 {"boundary": "high.top", "x": 0.001, "y": -0.01},
             ],
             "traction": {"boundary": "high.left", "x": 1.0},
@@ -139,7 +134,7 @@ def two_blocks():
                 "boundary": "high.bottom",
                 "against": "low.top",
                 "points": "boundary",
-                "friction": {"law": "coulomb", "coefficient": 0.3},
+                "friction": coulomb_friction(0.3),
             },
             "solver": {"gamma_n": 1e7, "gamma_t": 1e7},
         }

@@ -7,6 +7,7 @@ from pathlib import Path
 import meshio
 import numpy as np
 import pytest
+from scene_tables import fixed, rectangle_mesh
 from scipy.sparse.linalg import splu
 from scipy.spatial import cKDTree
 
@@ -177,13 +178,10 @@ def test_rows_that_are_none(tmp_path, spoil, says):
 def shelf(degree=1, **changes):
     """A body that is held on the left, and bent down onto a foundation."""
     stated = {
-        "mesh": {
-            "generator": "rectangle",
-            "parameters": {"length": 2.0, "height": 0.5, "nx": 12, "ny": 4},
-        },
+        "mesh": rectangle_mesh(12, 4, length=2.0, height=0.5),
         "element": {"degree": degree},
         "material": {"young": 1000.0, "poisson": 0.3},
-        "displacement": {"boundary": "left", "x": 0.0, "y": 0.0},
+        "displacement": fixed("left"),
         "traction": {"boundary": "top", "y": "-1 - 0.5*x[0]"},
         "contact": {"boundary": "bottom", "gap": 0.005},
     }

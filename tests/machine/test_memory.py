@@ -12,6 +12,7 @@ import weakref
 import pytest
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
+from scene_tables import coulomb_friction, rectangle_mesh
 from scenes import example1
 from spaces import block
 
@@ -73,7 +74,7 @@ def ramp(**solver):
     """A block that is pressed on and pushed in three load steps."""
     return parse_scene(
         {
-            "mesh": {"generator": "rectangle", "parameters": {"nx": 6, "ny": 2}},
+            "mesh": rectangle_mesh(6, 2),
             "material": {"young": 5000.0, "poisson": 0.3},
             "displacement": {
                 "boundary": "top",
@@ -81,7 +82,7 @@ def ramp(**solver):
                 "y": "-0.01 * (1 + 0.1 * x[0])",
                 "factors": [0.5, 0.7, 1],
             },
-            "contact": {"boundary": "bottom", "friction": {"law": "coulomb", "coefficient": 0.3}},
+            "contact": {"boundary": "bottom", "friction": coulomb_friction(0.3)},
             **solver,
         }
     )

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from dolfinx import mesh
 from mpi4py import MPI
+from scene_tables import at_coordinate
 from scenes import alone, example1, on_mesh, rectangle
 
 from signorini_fx.errors import InstallationError, MeshError, SceneError
@@ -47,7 +48,7 @@ def test_empty_boundary():
     tagged = rectangle(nx=6, ny=2)
     sides = {"left": 0.0, "right": 3.0}
     markers = {name: lambda x, at=at: np.isclose(x[0], at) for name, at in sides.items()}
-    markers |= {"top": lambda x: np.isclose(x[1], 1.0), "bottom": lambda x: x[1] < -1.0}
+    markers |= {"top": at_coordinate(1, 1.0), "bottom": lambda x: x[1] < -1.0}
     found = mistakes(on_mesh(example1(nx=6, ny=2), tag_boundaries(tagged.mesh, markers)))
     assert list(found) == ["contact[0].boundary"]
     assert "'bottom'" in found["contact[0].boundary"]
@@ -57,7 +58,7 @@ def test_empty_boundary():
 def test_interior_facets_are_no_boundary():
     """Tags on facets inside the body do not count (dolfinx 0.10 would integrate over them)."""
     tagged = rectangle(nx=4, ny=2)
-    inside = mesh.locate_entities(tagged.mesh, 1, lambda x: np.isclose(x[1], 0.5))
+    inside = mesh.locate_entities(tagged.mesh, 1, at_coordinate(1, 0.5))
     tags = mesh.meshtags(tagged.mesh, 1, inside, np.full(inside.size, 3, dtype=np.int32))
     assert inside.size == 4
     assert type(tagged)(tagged.mesh, tags, {"bottom": 3}).facets("bottom").size == 0
@@ -69,7 +70,7 @@ def test_facets_inside_of_a_boundary_are_told(use):
     both counts.
     """
     tagged = rectangle(nx=4, ny=2)
-    inside = mesh.locate_entities(tagged.mesh, 1, lambda x: np.isclose(x[1], 0.5))
+    inside = mesh.locate_entities(tagged.mesh, 1, at_coordinate(1, 0.5))
     extra = mesh.meshtags(tagged.mesh, 1, inside, np.full(inside.size, 9, dtype=np.int32))
     merged = np.concatenate((tagged.facet_tags.indices, extra.indices))
     values = np.concatenate((tagged.facet_tags.values, extra.values))

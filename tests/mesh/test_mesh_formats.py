@@ -11,6 +11,7 @@ from dolfinx import mesh
 from dolfinx.io import XDMFFile
 from mesh_files import read_file, write_msh
 from mpi4py import MPI
+from scene_tables import coulomb_friction, fixed, rectangle_mesh
 from scenes import alone, table_of
 
 from signorini_fx.errors import MeshError, SceneError
@@ -30,12 +31,12 @@ def scene(mesh, degree=1):
             "mesh": mesh,
             "element": {"degree": degree},
             "material": {"young": 5000.0, "poisson": 0.4},
-            "displacement": [{"boundary": "left", "x": 0.0}, {"boundary": "right", "x": 0.0}],
+            "displacement": [fixed("left", "x"), fixed("right", "x")],
             "traction": {"boundary": "top", "y": "-20 if 1 <= x[0] <= 2 else 0"},
             "contact": {
                 "boundary": "bottom",
                 "gap": "0.003*(x[0] - 1.5)**2 + 0.001",
-                "friction": {"law": "coulomb", "coefficient": 0.3},
+                "friction": coulomb_friction(0.3),
             },
         }
     )
@@ -44,7 +45,7 @@ def scene(mesh, degree=1):
 def ours(cell, degree=1):
     """The scene on the mesh of our generator."""
     parameters = {"length": LENGTH, "height": HEIGHT, "nx": NX, "ny": NY, "cell": cell}
-    return alone(scene({"generator": "rectangle", "parameters": parameters}, degree))
+    return alone(scene(rectangle_mesh(**parameters), degree))
 
 
 def same_answer(one, other):
@@ -205,7 +206,7 @@ def test_names_that_must_not_overlap(tmp_path):
         "material": [
             {"young": 1.0, "poisson": 0.3, "region": region} for region in ("left", "right")
         ],
-        "displacement": {"boundary": "side of it", "x": 0.0, "y": 0.0},
+        "displacement": fixed("side of it"),
         "contact": [{"boundary": "foot"}],
     }
     assert solve(parse_scene(data), comm).converged

@@ -8,6 +8,7 @@ import gmsh
 import numpy as np
 import pytest
 from mpi4py import MPI
+from scene_tables import coulomb_friction, fixed, rectangle_mesh
 
 from signorini_fx import SceneError, propose_contacts, solve
 from signorini_fx.mechanics.mesh.files.formats import read_file
@@ -308,18 +309,18 @@ def tower(**changed):
     """Three blocks on each other, with a load on the last one, as plain data of a scene."""
 
     def block(name, height):
-        mesh = {"generator": "rectangle", "parameters": {"nx": 6, "ny": 4}}
+        mesh = rectangle_mesh(6, 4)
         return {"name": name, "mesh": mesh, "shift": [0.0, height]}
 
     return {
         "body": [block("low", 0.0), block("middle", 1.0), block("high", 2.0)],
         "material": {"young": 1000.0, "poisson": 0.3},
-        "displacement": [{"boundary": "low.bottom", "x": 0.0, "y": 0.0}],
+        "displacement": [fixed("low.bottom")],
         "traction": [
             {"boundary": "high.top", "y": -1.0},
             {"boundary": "middle.right", "x": -0.1},
         ],
-        "general_contact": {"friction": {"law": "coulomb", "coefficient": 0.3}},
+        "general_contact": {"friction": coulomb_friction(0.3)},
     } | changed
 
 
@@ -351,8 +352,8 @@ def test_general_contact_of_some_bodies():
             tower(
                 general_contact={"without": [["low", "middle"]], "kind": "bonded"},
                 displacement=[
-                    {"boundary": "low.bottom", "x": 0.0, "y": 0.0},
-                    {"boundary": "middle.left", "x": 0.0, "y": 0.0},
+                    fixed("low.bottom"),
+                    fixed("middle.left"),
                 ],
             )
         ),

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from reference import interpolated
+from scene_tables import coulomb_friction, fixed, rectangle_mesh
 from support.nonlinear_scenes import material
 
 from signorini_fx import Status, solve
@@ -17,11 +18,8 @@ from signorini_fx.scenes.nonlinear import build_problem
 from signorini_fx.scenes.reading import parse_scene
 
 PRESSED = {
-    "mesh": {
-        "generator": "rectangle",
-        "parameters": {"length": 2.0, "height": 1.0, "nx": 8, "ny": 4},
-    },
-    "displacement": {"boundary": "bottom", "x": 0.0, "y": 0.0},
+    "mesh": rectangle_mesh(8, 4, length=2.0, height=1.0),
+    "displacement": fixed("bottom"),
     "contact": {
         "boundary": "top",
         "foundation": {
@@ -30,7 +28,7 @@ PRESSED = {
             "radius": 0.5,
             "shift": [0.0, "-0.2*t"],
         },
-        "friction": {"law": "coulomb", "coefficient": 0.3},
+        "friction": coulomb_friction(0.3),
     },
     "load_steps": {"times": [0.5, 1.0]},
 }
@@ -43,7 +41,7 @@ MATERIALS = {
 def scene_of(name, times=1, **more):
     """A block under a rough circle, with cells so many times as small."""
     parameters = {**PRESSED["mesh"]["parameters"], "nx": 8 * times, "ny": 4 * times}
-    mesh = {"generator": "rectangle", "parameters": parameters}
+    mesh = rectangle_mesh(**parameters)
     return parse_scene(PRESSED | {"material": MATERIALS[name], "mesh": mesh} | more)
 
 
@@ -89,9 +87,9 @@ def test_a_force_at_few_nodes():
     parameters = {"length": 10.0, "height": 1.0, "nx": 20, "ny": 2, "cell": "triangle"}
     circle = {"shape": "circle", "centre": [8.0, 2.0], "radius": 1.0, "shift": [0.0, "-t"]}
     scene = {
-        "mesh": {"generator": "rectangle", "parameters": parameters},
+        "mesh": rectangle_mesh(**parameters),
         "material": {"law": "neo-hooke", "young": 100.0, "poisson": 0.3},
-        "displacement": {"boundary": "left", "x": 0.0, "y": 0.0},
+        "displacement": fixed("left"),
         "contact": {"boundary": "top", "foundation": circle},
         "load_steps": {"times": [0.5, 1.0]},
         "accuracy": {"target": 0.01, "of": "force"},
@@ -128,7 +126,7 @@ def test_a_mesh_study(fine):
     fine = fine("rubber")
     parameters = {**PRESSED["mesh"]["parameters"], "nx": 32, "ny": 16}
     study = PRESSED | {
-        "mesh": {"generator": "rectangle", "parameters": parameters},
+        "mesh": rectangle_mesh(**parameters),
         "solver": {"levels": 3},
     }
     found = solve(
@@ -147,12 +145,9 @@ def test_a_body_of_revolution():
     rings.
     """
     scene = {
-        "mesh": {
-            "generator": "rectangle",
-            "parameters": {"length": 5.0, "height": 2.0, "nx": 20, "ny": 8},
-        },
+        "mesh": rectangle_mesh(20, 8, length=5.0, height=2.0),
         "displacement": [
-            {"boundary": "left", "x": 0.0},
+            fixed("left", "x"),
             {"boundary": "top", "x": 0.0, "y": -0.003},
         ],
         "contact": {"boundary": "bottom", "gap": "x[0]**2 / 2000"},

@@ -5,6 +5,7 @@ supports fix.
 import numpy as np
 import pytest
 from dolfinx.mesh import compute_midpoints
+from scene_tables import at_coordinate
 from support.sliding_bodies import SlidingBodies, cylinders, wheel
 from two_bodies import grid
 
@@ -151,7 +152,7 @@ def cone(slope, slave, degree=1):
         lambda x: np.isclose(x[1], slope * x[0], atol=1e-9),
         lambda x: x[1] <= slope * x[0] + 2 * away,
     ]
-    held = [lambda x: np.isclose(x[1], -1.0), lambda x: np.isclose(x[1], 1.0)]
+    held = [at_coordinate(1, -1.0), at_coordinate(1, 1.0)]
     return SlidingBodies(
         kind, bodies, touching, held, half=True, revolved=True, slave=slave, degree=degree
     )

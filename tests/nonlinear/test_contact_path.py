@@ -5,6 +5,7 @@ import pytest
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
+from scene_tables import circle_shape, plane_shape
 from support.nonlinear_bodies import held, rectangle, residual
 
 from signorini_fx import Coulomb, Foundation, NonlinearContactProblem
@@ -17,7 +18,7 @@ def test_pressed_and_released(algorithm, friction):
     """A body without stress is in equilibrium to round-off, however small its displacement."""
     space, side = rectangle([2.0, 1.0], [8, 4], MPI.COMM_SELF)
     u = fem.Function(space)
-    circle = {"shape": "circle", "centre": (0.8, 1.5), "radius": 0.5}
+    circle = circle_shape((0.8, 1.5), 0.5)
     contact = Foundation(
         side(1, 1.0), shape=circle, friction=None if friction is None else Coulomb(friction)
     )
@@ -66,7 +67,7 @@ def test_stuck_contact_that_turns(algorithm, dimension):
         space.tabulate_dof_coordinates()[:, :dimension],
     )
     bottom = fem.dirichletbc(ground, fem.locate_dofs_topological(space, up, side(up, 0.0)))
-    plate = {"shape": "plane", "point": tuple(point), "normal": tuple(normal)}
+    plate = plane_shape(tuple(point), tuple(normal))
     contact = Foundation(side(up, 1.0), shape=plate, friction=Coulomb(2.0))
     problem = NonlinearContactProblem(
         residual(u), u, bcs=[bottom], contact=contact, algorithm=algorithm

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from dolfinx import fem
 from mpi4py import MPI
+from scene_tables import coulomb_friction, fixed, plane_shape, rectangle_mesh
 from support.nonlinear_bodies import residual
 from support.sliding_bodies import blocks, cylinders, stacked
 from two_bodies import assembled, facets, grid
@@ -95,7 +96,7 @@ def test_a_body_that_no_contact_names(made):
 
 def test_scenes_name_the_boundary():
     """A block above another one that is moved into it, without contact of both."""
-    mesh = {"generator": "rectangle", "parameters": {"nx": 4, "ny": 4}}
+    mesh = rectangle_mesh(4, 4)
     scene = Scene(
         body=[
             {"name": "lower", "mesh": mesh},
@@ -103,12 +104,12 @@ def test_scenes_name_the_boundary():
         ],
         material={"law": "neo-hooke", "young": 1.0, "poisson": 0.3},
         displacement=[
-            {"boundary": "lower.bottom", "x": 0.0, "y": 0.0},
+            fixed("lower.bottom"),
             {"boundary": "upper.top", "x": 0.0, "y": "-t"},
         ],
         contact={
             "boundary": "lower.top",
-            "foundation": {"shape": "plane", "point": [0.0, 9.0], "normal": [0.0, -1.0]},
+            "foundation": plane_shape([0.0, 9.0], [0.0, -1.0]),
         },
         load_steps={"times": [0.01, 0.1]},
     )
@@ -130,17 +131,14 @@ def test_a_side_that_rolls_onto_a_plate(sides):
     plate = {"shape": "plane", "point": [0.0, 0.5], "normal": [0.0, -1.0], "shift": [0.0, "-t"]}
     names = ["top", "right"] if sides else ["top"]
     scene = Scene(
-        mesh={
-            "generator": "rectangle",
-            "parameters": {"length": 0.5, "height": 0.5, "nx": 12, "ny": 12},
-        },
+        mesh=rectangle_mesh(12, 12, length=0.5, height=0.5),
         material={"law": "neo-hooke", "young": 1.0, "poisson": 0.45},
-        displacement=[{"boundary": "left", "x": 0.0}, {"boundary": "bottom", "y": 0.0}],
+        displacement=[fixed("left", "x"), fixed("bottom", "y")],
         contact=[
             {
                 "boundary": name,
                 "foundation": plate,
-                "friction": {"law": "coulomb", "coefficient": 0.8},
+                "friction": coulomb_friction(0.8),
             }
             for name in names
         ],

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from dolfinx import fem
 from mpi4py import MPI
+from scene_tables import circle_shape, coulomb_friction, fixed, plane_shape, rectangle_mesh
 from support.nonlinear_bodies import neo_hooke, rectangle, residual
 from support.nonlinear_scenes import block, indented, material
 
@@ -20,8 +21,8 @@ LAWS = {
     "rubber": material("neo-hooke"),
     "metal": material("j2", yield_stress=2.0, hardening=[[0.2, 6.0]]),
 }
-CIRCLE = {"shape": "circle", "centre": [0.8, 1.5], "radius": 0.5}
-ROUGH = {"law": "coulomb", "coefficient": 0.3}
+CIRCLE = circle_shape([0.8, 1.5], 0.5)
+ROUGH = coulomb_friction(0.3)
 UPRIGHT = {"rotation": 0.0}
 
 
@@ -72,7 +73,7 @@ def test_a_block_under_a_plate(kind):
     """A block between plates, one pressed by a force: its height is that of the stretches; a spring
     takes its part.
     """
-    plate = {"shape": "plane", "point": [0.0, 1.0], "normal": [0.0, -1.0]}
+    plate = plane_shape([0.0, 1.0], [0.0, -1.0])
     law = material("neo-hooke", hypothesis=kind)
     way = block(law, "0.3", cells=(2, 2), load_steps={"times": [1.0]})
     force = total(solve(way, MPI.COMM_SELF).last_step)[1]
@@ -99,10 +100,7 @@ def test_a_rank_without_contact_points():
     """Of a tall block some rank has no part of its top: the tool rests where it does on one
     rank.
     """
-    mesh = {
-        "generator": "rectangle",
-        "parameters": {"length": 1.0, "height": 4.0, "nx": 2, "ny": 8},
-    }
+    mesh = rectangle_mesh(2, 8, length=1.0, height=4.0)
     tool = {"shape": "circle", "centre": [0.5, 5.5], "radius": 1.5, "force": [0.0, -5.0]}
     tool |= {"prescribed": UPRIGHT | {"x": 0.0}}
     scene = rolled(tool, mesh=mesh, load_steps={"times": [1.0]})
@@ -122,7 +120,7 @@ def test_between_a_ground_and_a_tool():
     """Contact alone holds the block: it falls to the ground, and the tool with it, by the gap
     more.
     """
-    plate = {"shape": "plane", "point": [0.0, 1.0], "normal": [0.0, -1.0]}
+    plate = plane_shape([0.0, 1.0], [0.0, -1.0])
     plate |= {"force": ["0", "-20 * t"], "prescribed": UPRIGHT | {"x": 0.0}}
     ways = []
     for gap in (0.0, 0.05):
@@ -130,7 +128,7 @@ def test_between_a_ground_and_a_tool():
         scene = block(
             LAWS["rubber"],
             "0",
-            displacement={"boundary": "left", "x": 0.0},
+            displacement=fixed("left", "x"),
             contact=contact,
             load_steps={"times": [1.0, 2.0]},
         )
@@ -148,7 +146,7 @@ def test_what_pulls_away():
     """
     away = CIRCLE | {"force": ["0", "5 * t"], "prescribed": UPRIGHT}
     later = CIRCLE | {"force": ["0", "-5 * t * (1.5 - t)"], "prescribed": UPRIGHT}
-    loose = {"shape": "plane", "point": [0.0, 1.0], "normal": [0.0, -1.0]}
+    loose = plane_shape([0.0, 1.0], [0.0, -1.0])
     loose |= {"force": ["t", "-5"], "prescribed": UPRIGHT}
     times = {"load_steps": {"times": [1.0, 2.0]}}
     ends = [

@@ -5,6 +5,7 @@ more than these.
 import numpy as np
 import pytest
 from mpi4py import MPI
+from scene_tables import fixed, rectangle_mesh
 from support.nonlinear_bodies import stress_of_block
 from support.nonlinear_scenes import material
 
@@ -83,12 +84,9 @@ def test_block_between_plates(unit, far):
         "shift": [0.0, f"-{unit / 3}*t"],
     }
     stated = {
-        "mesh": {
-            "generator": "rectangle",
-            "parameters": {"length": unit, "height": unit, "nx": 4, "ny": 4},
-        },
+        "mesh": rectangle_mesh(4, 4, length=unit, height=unit),
         "material": material("neo-hooke"),
-        "displacement": [{"boundary": "left", "x": 0.0}, {"boundary": "bottom", "y": 0.0}],
+        "displacement": [fixed("left", "x"), fixed("bottom", "y")],
         "contact": {"boundary": "top", "foundation": plate},
         "load_steps": {"times": [1.0]},
         "solver": {"algorithm": "alm"},

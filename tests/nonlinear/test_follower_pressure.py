@@ -8,6 +8,7 @@ import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
+from scene_tables import circle_shape, fixed, plane_shape, rectangle_mesh
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 from support.nonlinear_bodies import LAME, MU
@@ -85,11 +86,11 @@ def tube(pressure, law, comm, **further):
         "mesh": tagged_mesh(mesh, sides),
         "material": law | {"hypothesis": "axisymmetric"},
         "element": {"degree": 2},
-        "displacement": [{"boundary": "bottom", "y": 0.0}, {"boundary": "top", "y": 0.0}],
+        "displacement": [fixed("bottom", "y"), fixed("top", "y")],
         "traction": {"boundary": "left", "pressure": pressure},
         "contact": {
             "boundary": "right",
-            "foundation": {"shape": "plane", "point": [9.0, 0.0], "normal": [-1.0, 0.0]},
+            "foundation": plane_shape([9.0, 0.0], [-1.0, 0.0]),
         },
         "load_steps": {"steps": 2},
     }
@@ -144,12 +145,9 @@ def beam(pressure, **further):
     reach.
     """
     scene = {
-        "mesh": {
-            "generator": "rectangle",
-            "parameters": {"length": 4.0, "height": 0.5, "nx": 24, "ny": 4},
-        },
+        "mesh": rectangle_mesh(24, 4, length=4.0, height=0.5),
         "material": material("neo-hooke"),
-        "displacement": {"boundary": "left", "x": 0.0, "y": 0.0},
+        "displacement": fixed("left"),
         "traction": {"boundary": "top", "pressure": pressure},
         "contact": {"boundary": "bottom", "gap": 50.0},
     }
@@ -172,7 +170,7 @@ def test_a_cantilever(tmp_path):
     """
     ground = {
         "boundary": "bottom",
-        "foundation": {"shape": "circle", "centre": [3.0, -1.5], "radius": 0.5},
+        "foundation": circle_shape([3.0, -1.5], 0.5),
     }
     solution = solve(beam("0.5 * t", load_steps={"times": [1.0]}, contact=ground), MPI.COMM_SELF)
     assert solution.status is Status.CONVERGED

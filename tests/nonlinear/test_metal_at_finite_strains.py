@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
+from scene_tables import coulomb_friction, fixed, rectangle_mesh
 from scipy.optimize import brentq
 from support.nonlinear_scenes import block, but_slow, cube, force, material
 
@@ -38,7 +39,7 @@ def drawn(kind, steps, **element):
     further = {"element": element, "load_steps": {"times": [1.0], "steps": steps}}
     if kind == "cube":
         return cube(METAL, top, **further, contact=[])
-    held = [{"boundary": "left", "x": 0.0}, {"boundary": "bottom", "y": 0.0}, top]
+    held = [fixed("left", "x"), fixed("bottom", "y"), top]
     return block(ROUND, "0", cells=(2, 2), displacement=held, contact=[], **further)
 
 
@@ -100,16 +101,16 @@ def test_upset_with_friction():
     exact = [np.pi * 1e2 * (0.7 - 0.3 * np.log(h)) / (1 + 0.3 / YOUNG) / h for h in (0.9, 0.8)]
     forces = {}
     for name, coefficient in FRICTION.items():
-        held = [{"boundary": "left", "x": 0.0}, {"boundary": "bottom", "y": 0.0}]
+        held = [fixed("left", "x"), fixed("bottom", "y")]
         contact = {"boundary": "top", "foundation": PLATE}
         if coefficient is None:
             held.append({"boundary": "top", "x": 0.0, "y": "-3 * t"})
             contact = []
         elif coefficient:
-            contact["friction"] = {"law": "coulomb", "coefficient": coefficient}
+            contact["friction"] = coulomb_friction(coefficient)
         size = {"length": 10.0, "height": 15.0, "nx": 12, "ny": 12}
         scene = {
-            "mesh": {"generator": "rectangle", "parameters": size},
+            "mesh": rectangle_mesh(**size),
             "material": law,
             "element": {"volumetric": "auto"},
             "displacement": held,
@@ -158,8 +159,8 @@ def test_a_bar_that_necks():
         "material": law,
         "element": {"volumetric": "auto"},
         "displacement": [
-            {"boundary": "left", "x": 0.0},
-            {"boundary": "bottom", "y": 0.0},
+            fixed("left", "x"),
+            fixed("bottom", "y"),
             {"boundary": "top", "x": 0.0, "y": "4.2 * t"},
         ],
         "load_steps": {"times": [1.0], "steps": 30},
@@ -190,17 +191,17 @@ def test_rubber_on_metal(order):
         return np.pi * free_bar(high)[0] / high
 
     high = brentq(lambda high: metal(high) - rubber(2 - pressed - high), 0.7, 0.9999, xtol=1e-15)
-    size = {"generator": "rectangle", "parameters": {"length": 1.0, "height": 1.0}}
+    size = rectangle_mesh(length=1.0, height=1.0)
     size["parameters"] |= {"nx": 2, "ny": 2}
     laws = [ROUND | {"region": "low"}]
     laws.append(material("neo-hooke", young=1.5, region="high") | {"hypothesis": "axisymmetric"})
-    held = [{"boundary": f"{body}.left", "x": 0.0} for body in ("low", "high")]
+    held = [fixed(f"{body}.left", "x") for body in ("low", "high")]
     scene = {
         "body": [{"name": "low", "mesh": size}, {"name": "high", "mesh": size, "shift": [0, 1.0]}],
         "material": laws[::order],
         "displacement": [
             *held,
-            {"boundary": "low.bottom", "y": 0.0},
+            fixed("low.bottom", "y"),
             {"boundary": "high.top", "y": f"-{pressed} * t"},
         ],
         "contact": {"boundary": "high.bottom", "against": "low.top", "sliding": "small"},

@@ -6,6 +6,7 @@ import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
+from scene_tables import circle_shape
 from support.nonlinear_bodies import MU, PLATE, held, neo_hooke, rectangle, residual
 
 from signorini_fx import ConvergenceError, Coulomb, Foundation, NonlinearContactProblem, Status
@@ -21,11 +22,7 @@ def test_a_deep_press_from_rest(hollow, most):
     """
     space, side = rectangle([2.0, 1.0], [16, 8], MPI.COMM_SELF)
     u, radius = fem.Function(space), 2.0 if hollow else 0.5
-    circle = {
-        "shape": "circle",
-        "centre": (1.03, 1.0 + radius * (-1 if hollow else 1)),
-        "radius": radius,
-    }
+    circle = circle_shape((1.03, 1.0 + radius * (-1 if hollow else 1)), radius)
     contact = Foundation(side(1, 1.0), shape=circle | {"hollow": hollow}, friction=Coulomb(0.6))
     problem = NonlinearContactProblem(
         residual(u), u, bcs=[held(space, side(1, 0.0))], contact=contact
@@ -116,7 +113,7 @@ def test_a_bilateral_shape_in_tension(hollow):
     u, radius = fem.Function(space), 4.0
     centre = (1.0, 1.0 + radius * (-1 if hollow else 1))
     roof = {"shape": "circle", "centre": centre, "radius": radius, "hollow": hollow}
-    wall = {"shape": "circle", "centre": (2.0 + radius, 0.5), "radius": radius}
+    wall = circle_shape((2.0 + radius, 0.5), radius)
     contact = [
         Foundation(side(1, 1.0), shape=roof, kind="bilateral"),
         Foundation(side(0, 2.0), shape=wall, kind="bilateral"),

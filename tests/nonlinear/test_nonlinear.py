@@ -9,6 +9,7 @@ import pytest
 import ufl
 from dolfinx import fem
 from mpi4py import MPI
+from scene_tables import circle_shape, plane_shape
 from scipy.optimize import minimize
 from support.nonlinear_bodies import (
     LAME,
@@ -106,7 +107,7 @@ def test_energy_minimised_by_a_library():
         if chance.random() < 0.7:
             radius = chance.uniform(0.3, 1.0)
             centre = np.array([across, 1.0 + radius - depth])
-            shape = {"shape": "circle", "centre": tuple(centre + lifted), "radius": radius}
+            shape = circle_shape(tuple(centre + lifted), radius)
 
             def apart(places, centre=centre, radius=radius):
                 return np.linalg.norm(places - centre, axis=1) - radius
@@ -115,7 +116,7 @@ def test_energy_minimised_by_a_library():
             angle = chance.uniform(-0.3, 0.3)
             normal = np.array([np.sin(angle), -np.cos(angle)])
             point = np.array([2.0 if angle < 0 else 0.0, 1.0 - depth])
-            shape = {"shape": "plane", "point": tuple(point + lifted), "normal": tuple(normal)}
+            shape = plane_shape(tuple(point + lifted), tuple(normal))
 
             def apart(places, normal=normal, point=point):
                 return (places - point) @ normal
@@ -221,7 +222,7 @@ def test_certificate_notices_what_is_wrong():
     """
     space, side = rectangle([2.0, 1.0], [8, 4], MPI.COMM_SELF)
     u = fem.Function(space)
-    circle = {"shape": "circle", "centre": (0.8, 1.5), "radius": 0.5}
+    circle = circle_shape((0.8, 1.5), 0.5)
     contact = Foundation(side(1, 1.0), shape=circle, friction=Coulomb(0.3))
     problem = NonlinearContactProblem(
         residual(u), u, bcs=[held(space, side(1, 0.0))], contact=contact, algorithm="alm"

@@ -7,6 +7,7 @@ import pytest
 import ufl
 from dolfinx import fem
 from mpi4py import MPI
+from scene_tables import circle_shape, plane_shape
 from support.nonlinear_bodies import held, neo_hooke, polynomial, rectangle, residual
 
 from signorini_fx import (
@@ -23,7 +24,7 @@ def pressed(update=None, energy=neo_hooke, made=NonlinearContactProblem, **optio
     """A block on its ground and a circle over it."""
     space, side = rectangle([2.0, 1.0], [8, 4], MPI.COMM_SELF)
     u = fem.Function(space)
-    circle = {"shape": "circle", "centre": (0.8, 1.5), "radius": 0.5}
+    circle = circle_shape((0.8, 1.5), 0.5)
     contact = Foundation(side(1, 1.0), shape=circle, friction=Coulomb(0.3))
     return made(
         residual(u, energy),
@@ -106,9 +107,7 @@ def test_cells_turned_inside_out():
     """
     space, side = rectangle([1.0, 1.0], [2, 2], MPI.COMM_SELF)
     u = fem.Function(space)
-    contact = Foundation(
-        side(0, 1.0), shape={"shape": "plane", "point": (3.0, 0.0), "normal": (-1.0, 0.0)}
-    )
+    contact = Foundation(side(0, 1.0), shape=plane_shape((3.0, 0.0), (-1.0, 0.0)))
     bcs = [held(space, side(1, 0.0)), push := held(space, side(1, 1.0))]
     problem = NonlinearContactProblem(
         residual(u, polynomial), u, bcs=bcs, contact=contact, stability=False

@@ -5,6 +5,7 @@ and ranks.
 import numpy as np
 import pytest
 from mpi4py import MPI
+from scene_tables import coulomb_friction, fixed
 from scipy.optimize import brentq
 from support.nonlinear_scenes import (
     LAWS,
@@ -167,7 +168,7 @@ def test_objectivity(name):
     contact = {
         "boundary": "top",
         "foundation": circle,
-        "friction": {"law": "coulomb", "coefficient": 0.3},
+        "friction": coulomb_friction(0.3),
     }
     turned = solve(indented(material(name), mesh=tagged, contact=contact, **exact), MPI.COMM_SELF)
     for mine, theirs in zip(turned.steps, first.steps, strict=True):
@@ -230,7 +231,7 @@ def test_a_path_without_a_first_step(law, tmp_path):
     scene = block(
         material(law),
         "0",
-        displacement={"boundary": "left", "x": 0.0},
+        displacement=fixed("left", "x"),
         traction={"boundary": "top", "y": 1.0, "factors": [1.0, 2.0]},
         contact={"boundary": "bottom"},
         load_steps={"names": ["lift", "lift on"], "times": [1.0, 2.0]},
@@ -261,7 +262,7 @@ def test_a_path_may_begin_at_rest(name):
     """A plate that touches an unloaded body is a solution, of which all figures are round-off of
     positions; the next step is pressed as without it.
     """
-    further = {"displacement": {"boundary": "bottom", "x": 0.0, "y": 0.0}, "solver": {}}
+    further = {"displacement": fixed("bottom"), "solver": {}}
     begun = further | {"load_steps": {"times": [0.0, 1.0]}}
     solution = solve(block(material(name), "0.05*t", cells=(8, 8), **begun), MPI.COMM_SELF)
     assert [step.status for step in solution.steps] == [Status.CONVERGED] * 2

@@ -7,6 +7,7 @@ import jsonschema
 import numpy as np
 import pytest
 from mpi4py import MPI
+from scene_tables import box_mesh, fixed, plane_shape, rectangle_mesh
 from support.nonlinear_scenes import block, indented, material
 
 from signorini_fx import SceneError, extensions, read_results, solve, write_results
@@ -109,8 +110,8 @@ def test_kinematics_of_another_package_are_refused(monkeypatch):
 
 def test_ogden_in_space_is_refused():
     """Three stretches at once are not derived."""
-    cube = {"generator": "box", "parameters": {"nx": 1, "ny": 1, "nz": 1}}
-    plate = {"shape": "plane", "point": [0.0, 0.0, 1.0], "normal": [0.0, 0.0, -1.0]}
+    cube = box_mesh(1, 1, 1)
+    plate = plane_shape([0.0, 0.0, 1.0], [0.0, 0.0, -1.0])
     scene = indented(
         material("ogden"),
         mesh=cube,
@@ -135,10 +136,10 @@ def test_check():
     locking = check_scene(
         indented(
             RUBBER | {"poisson": 0.499},
-            mesh={"generator": "rectangle", "parameters": {"nx": 4, "ny": 4, "cell": "triangle"}},
+            mesh=rectangle_mesh(4, 4, cell="triangle"),
             contact={
                 "boundary": "top",
-                "foundation": {"shape": "plane", "point": [0.0, 2.0], "normal": [0.0, -1.0]},
+                "foundation": plane_shape([0.0, 2.0], [0.0, -1.0]),
             },
             load_steps={},
         ),
@@ -205,9 +206,9 @@ def test_resultants(law):
 def drawn_out(law, **further):
     """A block that is drawn out to three times its length, away from its foundation."""
     held = [
-        {"boundary": "left", "x": 0.0},
+        fixed("left", "x"),
         {"boundary": "right", "x": "t"},
-        {"boundary": "bottom", "y": 0.0},
+        fixed("bottom", "y"),
     ]
     further = {"displacement": held, "load_steps": {"times": [0.2, 2.0]}} | further
     return solve(block(material(law), "0", cells=(3, 3), **further), MPI.COMM_SELF, check=False)

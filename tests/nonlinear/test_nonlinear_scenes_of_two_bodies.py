@@ -5,6 +5,7 @@ refused.
 import numpy as np
 import pytest
 from mpi4py import MPI
+from scene_tables import coulomb_friction, fixed, rectangle_mesh
 from support.nonlinear_bodies import LAME, MU, stress_of_block
 
 from signorini_fx import Scene, SceneError, solve
@@ -22,17 +23,17 @@ def two_blocks(contact, depths=(0.4,), **settings):
     body = [
         {
             "name": name,
-            "mesh": {"generator": "rectangle", "parameters": {"nx": count, "ny": count}},
+            "mesh": rectangle_mesh(count, count),
             "shift": [0.0, float(number)],
         }
         for number, (name, count) in enumerate(counts.items())
     ]
     largest = max(depths)
     displacement = [
-        {"boundary": "lower.bottom", "y": 0.0},
+        fixed("lower.bottom", "y"),
         {"boundary": "upper.top", "y": -largest, "factors": [depth / largest for depth in depths]},
-        {"boundary": "lower.left", "x": 0.0},
-        {"boundary": "upper.left", "x": 0.0},
+        fixed("lower.left", "x"),
+        fixed("upper.left", "x"),
     ]
     entry = {"boundary": "upper.bottom", "against": "lower.top"} | contact
     return Scene(body=body, material=MODULI, displacement=displacement, contact=entry, **settings)
@@ -65,10 +66,7 @@ def test_forces_act_where_a_body_has_slid_to(sliding):
     sizes = {"lower": (1.6, 0.4, 8), "upper": (0.6, 0.3, 4)}
     way = 0.3 if sliding is True else 0.05
     meshes = {
-        name: {
-            "generator": "rectangle",
-            "parameters": {"length": length, "height": height, "nx": count, "ny": 2},
-        }
+        name: rectangle_mesh(count, 2, length=length, height=height)
         for name, (length, height, count) in sizes.items()
     }
     scene = Scene(
@@ -78,13 +76,13 @@ def test_forces_act_where_a_body_has_slid_to(sliding):
         ],
         material=MODULI,
         displacement=[
-            {"boundary": "lower.bottom", "x": 0.0, "y": 0.0},
+            fixed("lower.bottom"),
             {"boundary": "upper.top", "x": f"{way}*(t - 1)", "y": -0.02},
         ],
         contact={
             "boundary": "upper.bottom",
             "against": "lower.top",
-            "friction": {"law": "coulomb", "coefficient": 0.3},
+            "friction": coulomb_friction(0.3),
         }
         | ({} if sliding is True else {"sliding": sliding}),
         load_steps={"times": [1.0, 2.0, 3.0]},
@@ -134,8 +132,7 @@ def test_a_stiff_block_slides_on_a_soft_one_with_its_corners():
     sizes = {"lower": (3.0, 1.0, 24, 8), "upper": (1.0, 0.8, 9, 7)}
     names = ("length", "height", "nx", "ny")
     meshes = {
-        name: {"generator": "rectangle", "parameters": dict(zip(names, size, strict=True))}
-        for name, size in sizes.items()
+        name: rectangle_mesh(**dict(zip(names, size, strict=True))) for name, size in sizes.items()
     }
     law = {"law": "neo-hooke", "poisson": 0.3}
     slides = 10
@@ -146,13 +143,13 @@ def test_a_stiff_block_slides_on_a_soft_one_with_its_corners():
         ],
         material=[{"region": "lower", "young": 1.0} | law, {"region": "upper", "young": 2.0} | law],
         displacement=[
-            {"boundary": "lower.bottom", "x": 0.0, "y": 0.0},
+            fixed("lower.bottom"),
             {"boundary": "upper.top", "x": "max(t - 1, 0)", "y": "-0.15*min(t, 1)"},
         ],
         contact={
             "boundary": "upper.bottom",
             "against": "lower.top",
-            "friction": {"law": "coulomb", "coefficient": 0.15},
+            "friction": coulomb_friction(0.15),
         },
         load_steps={
             "times": [1 / 3, 2 / 3, 1.0, *(1 + 0.5 * (k + 1) / slides for k in range(slides))]

@@ -7,14 +7,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 from mpi4py import MPI
+from scene_tables import fixed, plane_shape
 
 from signorini_fx import solve
 from signorini_fx.results.summary import short_answer, summary_of
 from signorini_fx.scenes.reading import parse_scene
 
 RUBBER = {"law": "neo-hooke", "young": 2.0, "poisson": 0.3}
-FLAT = {"shape": "plane", "point": [0.0, 0.0], "normal": [0.0, 1.0]}
-SPATIAL = {"shape": "plane", "point": [0.0, 0.0, 0.0], "normal": [0.0, 0.0, 1.0]}
+FLAT = plane_shape([0.0, 0.0], [0.0, 1.0])
+SPATIAL = plane_shape([0.0, 0.0, 0.0], [0.0, 0.0, 1.0])
 SIDES = {"length": 2.0, "height": 1.0, "nx": 4, "ny": 2}
 CUBE = {"length": 1.0, "width": 2.0, "height": 1.0, "nx": 2, "ny": 2, "nz": 2}
 
@@ -32,7 +33,7 @@ def squeezed(generator, parameters, supports, plane, degree, **material):
 
 
 DOWN = {"boundary": "top", "y": "-0.35*t"}
-HELD = {"boundary": "left", "x": 0.0}
+HELD = fixed("left", "x")
 BLOCKS = {
     "plane strain": squeezed("rectangle", SIDES, [DOWN, HELD], FLAT, 1),
     "degree 2": squeezed("rectangle", SIDES, [DOWN, HELD], FLAT, 2),
@@ -40,7 +41,7 @@ BLOCKS = {
     "3D": squeezed(
         "box",
         CUBE,
-        [HELD, {"boundary": "front", "y": 0.0}, {"boundary": "top", "z": "-0.35*t"}],
+        [HELD, fixed("front", "y"), {"boundary": "top", "z": "-0.35*t"}],
         SPATIAL,
         1,
     ),

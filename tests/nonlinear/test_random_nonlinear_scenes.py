@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from mpi4py import MPI
+from scene_tables import coulomb_friction
 
 from benchmarks.stability.nonlinear_scenes import RandomScene, judged, tried
 from signorini_fx import solve
@@ -31,7 +32,7 @@ def test_they_agree(seed):
             "force reported is another one",
         ),
         ({"law": {"law": "neo-hooke", "young": 1.0, "poisson": 0.31}}, "out of balance"),
-        ({"friction": {"law": "coulomb", "coefficient": 0.1}}, "friction beyond its bound"),
+        ({"friction": coulomb_friction(0.1)}, "friction beyond its bound"),
         ({"sizes": 1.01}, "penetration"),
         ({"warmth": 1.01}, "force reported is another one"),
         ({"warmth": np.array([1.0, 1.0, 1.05])}, "out of balance"),
@@ -50,7 +51,7 @@ def test_the_judge_sees_what_is_wrong(changes, fault):
     scene = replace(
         scene,
         law=rubber,
-        friction={"law": "coulomb", "coefficient": 0.3},
+        friction=coulomb_friction(0.3),
         push=None,
         volumetric="full",
     )

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from mpi4py import MPI
+from scene_tables import circle_shape, coulomb_friction, fixed, plane_shape, rectangle_mesh
 from scipy.integrate import solve_ivp
 
 from signorini_fx import SceneError, solve
@@ -22,18 +23,15 @@ YOUNG = 2 * SHEAR * (1 + POISSON)
 BULK = YOUNG / (3 * (1 - 2 * POISSON))
 BRANCHES = [[60.0, 0.5], [25.0, 4.0]]
 MATERIAL = {"law": "maxwell", "young": YOUNG, "poisson": POISSON, "branches": BRANCHES}
-PLATE = {"shape": "plane", "point": [0.0, 0.0], "normal": [0.0, 1.0]}
+PLATE = plane_shape([0.0, 0.0], [0.0, 1.0])
 TIMES = [0.1, 0.25, 0.5, 0.7, 3.0, 40.0]
 
 
 def confined_scene(top, times):
     """A block between smooth walls on a plate, whose strain is uniform."""
-    walls = [{"boundary": side, "x": 0.0} for side in ("left", "right")]
+    walls = [fixed(side, "x") for side in ("left", "right")]
     return {
-        "mesh": {
-            "generator": "rectangle",
-            "parameters": {"length": 2.0, "height": 1.0, "nx": 4, "ny": 2},
-        },
+        "mesh": rectangle_mesh(4, 2, length=2.0, height=1.0),
         "material": MATERIAL,
         "displacement": [*walls, {"boundary": "top", "y": top}],
         "contact": {"boundary": "bottom", "foundation": PLATE},
@@ -90,11 +88,11 @@ def test_fast_and_slow_limits_are_those_of_the_linear_material():
     for times, shear in (([1e-9], SHEAR + 85.0), ([1e9], SHEAR)):
         young = 9 * BULK * shear / (3 * BULK + shear)
         linear = {"young": young, "poisson": (3 * BULK - 2 * shear) / (2 * (3 * BULK + shear))}
-        circle = {"shape": "circle", "centre": [1.0, -3.0], "radius": 3.0}
+        circle = circle_shape([1.0, -3.0], 3.0)
         contact = {
             "boundary": "bottom",
             "foundation": circle,
-            "friction": {"law": "coulomb", "coefficient": 0.2},
+            "friction": coulomb_friction(0.2),
         }
         held = [{"boundary": "top", "x": 0.0, "y": -1e-6}]
         both = [
@@ -138,10 +136,7 @@ def pad(**more):
     plane = {"shape": "plane", "point": [0.0, 1.0], "normal": [0.0, -1.0], "shift": ["0", down]}
     sides = [("bottom", "y"), ("left", "x"), ("right", "x")]
     return {
-        "mesh": {
-            "generator": "rectangle",
-            "parameters": {"length": 2.0, "height": 1.0, "nx": 4, "ny": 2},
-        },
+        "mesh": rectangle_mesh(4, 2, length=2.0, height=1.0),
         "material": {"law": "maxwell", "young": 10.0, "poisson": 0.3, "branches": [[30.0, 1.0]]},
         "displacement": [{"boundary": name, key: 0.0} for name, key in sides],
         "load_steps": {"times": [0.001, 3.0, 3.001, 5.0]},
@@ -176,7 +171,7 @@ def test_a_shape_that_turns_far_in_a_step(coefficient, steps, warned):
         contact={
             "boundary": "top",
             "foundation": circle,
-            "friction": {"law": "coulomb", "coefficient": coefficient},
+            "friction": coulomb_friction(coefficient),
         },
     )
     lines, notes = told(scene)
@@ -199,11 +194,11 @@ def moving(x, y):
     return {
         "boundary": "top",
         "foundation": circle,
-        "friction": {"law": "coulomb", "coefficient": 0.3},
+        "friction": coulomb_friction(0.3),
     }
 
 
-HELD = [{"boundary": "bottom", "x": 0.0, "y": 0.0}]
+HELD = [fixed("bottom")]
 METAL = {"law": "j2", "young": 1000.0, "poisson": 0.3, "yield_stress": 5.0, "hardening": 50.0}
 LOADED = {"boundary": "top", "y": "-0.5*t", "x": "0.1*t"}
 CREEPS = pad(

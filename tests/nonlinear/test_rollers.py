@@ -7,6 +7,7 @@ import pytest
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
+from scene_tables import box_mesh, coulomb_friction, fixed
 from support.nonlinear_bodies import held, neo_hooke, rectangle, residual
 from support.nonlinear_scenes import indented, material
 
@@ -29,7 +30,7 @@ LAWS = {
 }
 TIMES = (1.0, 2.0, 3.0)
 SPRING = 5.0
-ROUGH = {"law": "coulomb", "coefficient": 0.3}
+ROUGH = coulomb_friction(0.3)
 
 
 def polyline(values):
@@ -229,8 +230,8 @@ def on_a_box(drive, law="rubber", **further):
     return under(
         roller | {"pivot": [0.4, 0.5, 1.5]} | drive,
         law,
-        mesh={"generator": "box", "parameters": {"nx": 5, "ny": 2, "nz": 3}},
-        displacement={"boundary": "bottom", "x": 0.0, "y": 0.0, "z": 0.0},
+        mesh=box_mesh(5, 2, 3),
+        displacement=fixed("bottom", "xyz"),
         **further,
     )
 

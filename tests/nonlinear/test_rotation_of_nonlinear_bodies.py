@@ -6,6 +6,7 @@ import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
+from scene_tables import box_mesh, fixed
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 from support.nonlinear_bodies import LAME, MU
@@ -34,7 +35,7 @@ def ring(law, speed, comm=MPI.COMM_SELF, **further):
         "mesh": tagged_mesh(mesh, ends),
         "material": law | {"hypothesis": "axisymmetric", "density": 2.0},
         "element": {"degree": 2},
-        "displacement": [{"boundary": name, "y": 0.0} for name in ends],
+        "displacement": [fixed(name, "y") for name in ends],
         "rotation": {"speed": speed, "axis": [0.0, 1.0]},
     }
     return solve(parse_scene(scene | further), comm)
@@ -105,9 +106,9 @@ def test_a_block_off_the_axis():
     speed, comm = 2.0, MPI.COMM_WORLD
     size = {"length": 1.0, "width": 0.5, "height": 0.5, "nx": 4, "ny": 2, "nz": 2}
     scene = {
-        "mesh": {"generator": "box", "parameters": size},
+        "mesh": box_mesh(**size),
         "material": material("mooney-rivlin", density=1.5),
-        "displacement": {"boundary": "left", "x": 0.0, "y": 0.0, "z": 0.0},
+        "displacement": fixed("left", "xyz"),
         "rotation": {"speed": speed, "axis": [0.0, 1.0, 1.0], "about": [-0.5, 0.2, 0.0]},
     }
     solution = solve(parse_scene(scene), comm)
@@ -150,10 +151,10 @@ def test_a_blade_of_calculix(name):
         "cell": "hexahedron",
     }
     scene = {
-        "mesh": {"generator": "box", "parameters": size},
+        "mesh": box_mesh(**size),
         "material": material(name, density=1.5),
         "element": {"volumetric": "full"},
-        "displacement": {"boundary": "left", "x": 0.0, "y": 0.0, "z": 0.0},
+        "displacement": fixed("left", "xyz"),
         "rotation": {
             "speed": float(np.sqrt(6.0)),
             "axis": [0.0, 1.0, 1.0],

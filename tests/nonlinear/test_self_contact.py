@@ -10,6 +10,7 @@ import ufl
 from dolfinx import fem
 from dolfinx.mesh import compute_midpoints
 from mpi4py import MPI
+from scene_tables import at_coordinate, coulomb_friction, plane_shape
 from support.nonlinear_bodies import Killed
 from support.sliding_bodies import roller
 from two_bodies import assembled, facets, grid, on
@@ -28,8 +29,8 @@ from signorini_fx.mechanics.mesh.tagged import tagged_mesh
 from signorini_fx.records import StepRecord
 from signorini_fx.scenes.checks import check_scene
 
-UPPER = {"shape": "plane", "point": (0.0, 3.0), "normal": (0.0, -1.0)}
-LOWER = {"shape": "plane", "point": (0.0, -3.0), "normal": (0.0, 1.0)}
+UPPER = plane_shape((0.0, 3.0), (0.0, -1.0))
+LOWER = plane_shape((0.0, -3.0), (0.0, 1.0))
 WAYS = (0.4, 1.1, 1.8, 2.4, 3.0, 3.6, 4.0, 4.2, 4.4)
 
 
@@ -260,9 +261,9 @@ def folded(revolved, half):
         for leg, plate, y in zip(legs, (UPPER, LOWER), (0.45, -0.45), strict=True)
         if leg.size
     ]
-    bcs = [zero(space, 0, lambda x: np.isclose(x[0], 1.0))]
+    bcs = [zero(space, 0, at_coordinate(0, 1.0))]
     if half:
-        bcs.append(zero(space, 1, lambda x: np.isclose(x[1], 0.0)))
+        bcs.append(zero(space, 1, at_coordinate(1, 0.0)))
         contact = Foundation(inside, shape=LOWER | {"point": (0.0, 0.0)}, **measure)
     else:
         contact = Pair(inside, inside, **measure)
@@ -355,7 +356,7 @@ def tube(comm=MPI.COMM_SELF, law="neo-hooke", **changed):
         {"boundary": "upper", "foundation": UPPER | {"shift": [0.0, "-4.4*t"]}},
         {"boundary": "lower", "foundation": LOWER},
     ]
-    rough = {"friction": {"law": "coulomb", "coefficient": 0.3}}
+    rough = {"friction": coulomb_friction(0.3)}
     return Scene(
         mesh=tagged_mesh(mesh, sides),
         material={"young": 2.9, "poisson": 0.45} | ({"law": law} if law else {}),

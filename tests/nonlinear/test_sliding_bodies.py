@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from dolfinx import fem
 from mpi4py import MPI
+from scene_tables import at_coordinate, fixed, plane_shape, rectangle_mesh
 from support.nonlinear_bodies import stress_of_block
 from support.sliding_bodies import (
     as_linear_bodies,
@@ -47,7 +48,7 @@ PRESSED_IN_3D = ((0, 0, -0.05), (0, 0, -0.1))
 COARSE = {"kind": "tetrahedron", "lower": (8, 6, 1), "upper": (4, 4, 1), "ratio": 10.0}
 ROUGH = Coulomb(0.3)
 GUIDE = {"pair": {"kind": "bilateral"}, "algorithm": "alm"}
-SMOOTH = {"smooth": lambda x: np.isclose(x[0], 0.0)}
+SMOOTH = {"smooth": at_coordinate(0, 0.0)}
 FLAT = {"lower": (5, 3), "upper": (3, 2), "width": 1.0, **SMOOTH}
 QUADRATIC = {"kind": "triangle", "degree": 2}
 
@@ -196,7 +197,7 @@ def beside_a_rigid_plane(make, ways, friction, *, contact="unilateral", **settin
         )
         if rigid:
             up = np.eye(len(scene.u))[-1]
-            plane = {"shape": "plane", "point": tuple(0.0 * up), "normal": tuple(up)}
+            plane = plane_shape(tuple(0.0 * up), tuple(up))
             tool = Foundation(scene.sides[1], shape=plane, friction=friction, kind=contact)
             scene.problem = NonlinearContactProblem(
                 scene.form, scene.u, bcs=scene.bcs, contact=tool, algorithm="alm"
@@ -394,7 +395,7 @@ def test_edges_that_are_flush(friction, depth):
         lower=(8, 8),
         upper=(8, 8),
         width=1.0,
-        smooth=lambda x: np.isclose(x[0], 0.0),
+        smooth=at_coordinate(0, 0.0),
         friction=friction,
     )
     scene.move(0.0, -0.2)
@@ -521,14 +522,14 @@ def test_bodies_inside_each_other_by_a_gap_that_is_added():
                 {
                     "name": name,
                     "shift": [0.0, shift],
-                    "mesh": {"generator": "rectangle", "parameters": cells},
+                    "mesh": rectangle_mesh(**cells),
                 }
                 for name, shift in (("lower", 0.0), ("upper", 1.0 + apart))
             ],
             "material": {"law": "neo-hooke", "young": 1.0, "poisson": 0.3},
             "displacement": [
-                *({"boundary": f"{name}.left", "x": 0.0} for name in ("lower", "upper")),
-                {"boundary": "lower.bottom", "y": 0.0},
+                *(fixed(f"{name}.left", "x") for name in ("lower", "upper")),
+                fixed("lower.bottom", "y"),
                 {"boundary": "upper.top", "y": "-0.15*t"},
             ],
             "contact": {"boundary": "upper.bottom", "against": "lower.top", "gap": gap},

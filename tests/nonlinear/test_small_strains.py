@@ -8,6 +8,7 @@ import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
+from scene_tables import at_coordinate, coulomb_friction, fixed, plane_shape, rectangle_mesh
 from support.nonlinear_scenes import LAWS, block, material
 
 from signorini_fx import ConvergenceError, NonlinearContactProblem, Scene, Status, solve
@@ -44,7 +45,7 @@ def test_a_block_under_a_load_of_any_size(law):
     """
     for scale in SCALES:
         loads = {
-            "displacement": [{"boundary": "bottom", "x": 0.0, "y": 0.0}],
+            "displacement": [fixed("bottom")],
             "traction": [{"boundary": "top", "x": 30.0 * scale, "y": -100.0 * scale}],
         }
         solution, linear = (
@@ -63,21 +64,15 @@ def test_contact_at_displacements_of_any_size(contact):
     """Gaps of the undeformed bodies keep their digits; what is met at displaced points has those of
     its coordinates, and a finding says how many.
     """
-    large = {
-        "generator": "rectangle",
-        "parameters": {"length": 1.5, "height": 0.5, "nx": 7, "ny": 2},
-    }
-    small = {
-        "generator": "rectangle",
-        "parameters": {"length": 1.0, "height": 0.5, "nx": 6, "ny": 3},
-    }
-    plate = {"shape": "plane", "point": [0.0, 0.0], "normal": [0.0, 1.0]}
-    rough = {"friction": {"law": "coulomb", "coefficient": 0.3}}
+    large = rectangle_mesh(7, 2, length=1.5, height=0.5)
+    small = rectangle_mesh(6, 3, length=1.0, height=0.5)
+    plate = plane_shape([0.0, 0.0], [0.0, 1.0])
+    rough = {"friction": coulomb_friction(0.3)}
     for scale in SCALES:
         if contact == "plane":
             one = {
                 "mesh": small,
-                "displacement": [{"boundary": "left", "x": 0.0}],
+                "displacement": [fixed("left", "x")],
                 "traction": [{"boundary": "top", "y": -100.0 * scale}],
                 "contact": [{"boundary": "bottom", "foundation": plate} | rough],
             }
@@ -90,7 +85,7 @@ def test_contact_at_displacements_of_any_size(contact):
                 ],
                 "displacement": [
                     {"boundary": "u.top", "x": 0.2 * scale, "y": -0.5 * scale},
-                    {"boundary": "l.bottom", "x": 0.0, "y": 0.0},
+                    fixed("l.bottom"),
                 ],
                 "contact": [{"boundary": "u.bottom", "against": "l.top"} | sliding | rough],
             }
@@ -132,14 +127,14 @@ def own_block(change, scale, comm=MPI.COMM_SELF):
     space = fem.functionspace(mesh, ("Lagrange", 1, (2,)))
     u, v, identity = fem.Function(space), ufl.TestFunction(space), ufl.Identity(2)
     mu, lame = 100 / 2.6, 100 * 0.3 / (1.3 * 0.4)
-    top = np.sort(dmesh.locate_entities_boundary(mesh, 1, lambda x: np.isclose(x[1], 0.5)))
+    top = np.sort(dmesh.locate_entities_boundary(mesh, 1, at_coordinate(1, 0.5)))
     ds = ufl.Measure(
         "ds",
         mesh,
         subdomain_data=dmesh.meshtags(mesh, 1, top, np.full(top.size, 1, dtype=np.int32)),
     )
     load = fem.Constant(mesh, (30.0 * scale, -100.0 * scale))
-    held = fem.locate_dofs_geometrical(space, lambda x: np.isclose(x[1], 0.0))
+    held = fem.locate_dofs_geometrical(space, at_coordinate(1, 0.0))
     bcs = [fem.dirichletbc(np.zeros(2), held, space)]
 
     def hooke(strain):
@@ -213,11 +208,11 @@ def test_metal_that_flows_does_not_lock():
     forces = {}
     for volumetric in ("full", "auto", "reduced"):
         scene = Scene(
-            mesh={"generator": "rectangle", "parameters": size},
+            mesh=rectangle_mesh(**size),
             material={"law": "j2", "young": 210e3, "poisson": 0.3, "yield_stress": 250.0},
             displacement=[
-                {"boundary": "bottom", "y": 0.0},
-                {"boundary": "left", "x": 0.0},
+                fixed("bottom", "y"),
+                fixed("left", "x"),
                 {"boundary": "top", "x": 0.0, "y": "-0.05*t"},
             ],
             element={"volumetric": volumetric},

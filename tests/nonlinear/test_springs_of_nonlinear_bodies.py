@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from mpi4py import MPI
+from scene_tables import fixed
 from scipy.optimize import root
 from support.nonlinear_scenes import cube, energy_of_stretches, material
 
@@ -13,7 +14,7 @@ STIFFNESS = 80.0
 
 def sprung_cube(law, springs, comm=MPI.COMM_SELF, **further):
     """A unit cube that may slide on two of its sides, and that springs hold at others."""
-    held = [{"boundary": "front", "y": 0.0}, {"boundary": "left", "x": 0.0}]
+    held = [fixed("front", "y"), fixed("left", "x")]
     return solve(cube(law, **({"springs": springs, "displacement": held} | further)), comm)
 
 
@@ -67,7 +68,7 @@ def test_a_warm_cube_under_a_pressure_that_follows_it(keys):
 def test_metal_on_springs():
     """It yields as its pull says, and springs along its end keep that from becoming thinner."""
     law = {"law": "j2", "young": 100.0, "poisson": 0.3, "yield_stress": 1.0, "hardening": 20.0}
-    free = [{"boundary": "front", "y": 0.0}, {"boundary": "bottom", "z": 0.0}]
+    free = [fixed("front", "y"), fixed("bottom", "z")]
     pull = {"boundary": "right", "x": 2.0}
     smooth, rough = (
         sprung_cube(

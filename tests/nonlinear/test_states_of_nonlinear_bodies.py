@@ -7,6 +7,7 @@ import pytest
 import ufl
 from dolfinx import fem
 from mpi4py import MPI
+from scene_tables import circle_shape, coulomb_friction
 from step_effects import Counted, Wear
 from support.nonlinear_bodies import Killed, held, rectangle, residual
 from support.nonlinear_scenes import indented
@@ -25,7 +26,7 @@ from signorini_fx import (
 from signorini_fx.mechanics.state import State
 from signorini_fx.records import Status, StepRecord
 
-ROUGH = {"friction": {"law": "coulomb", "coefficient": 0.3}}
+ROUGH = {"friction": coulomb_friction(0.3)}
 # A roller that force, moment and springs move and turn.
 TURNED = {
     "shape": "circle",
@@ -208,7 +209,7 @@ def stretched(**more):
         now.interpolate(largest)
         softer.x.array[:] += now.x.array
 
-    circle = {"shape": "circle", "centre": (0.5, 1.5), "radius": 0.5}
+    circle = circle_shape((0.5, 1.5), 0.5)
     top = Foundation(side(1, 1.0), shape=circle, friction=Coulomb(0.3))
     more = {"commit": commit, "kept": {"softer": softer}} | more
     bcs = [held(space, side(1, 0.0))]

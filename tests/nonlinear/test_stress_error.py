@@ -6,6 +6,7 @@ import ufl
 from dolfinx import fem, mesh
 from mpi4py import MPI
 from reference import interpolated
+from scene_tables import circle_shape, rectangle_mesh
 
 from signorini_fx import Foundation, NonlinearContactProblem
 from signorini_fx.forms.nonlinear.residual import Tangents
@@ -49,7 +50,7 @@ def pressed(cells, degree):
     fixed = fem.dirichletbc(
         np.zeros(2), fem.locate_dofs_topological(u.function_space, 1, bottom), u.function_space
     )
-    foundation = Foundation(top, shape={"shape": "circle", "centre": (1.03, 1.5), "radius": 0.5})
+    foundation = Foundation(top, shape=circle_shape((1.03, 1.5), 0.5))
     problem = NonlinearContactProblem(neo_hooke(u), u, bcs=[fixed], contact=foundation)
     problem.run([0.5, 1.0], lambda t: problem.place(0, shift=(0.0, -0.2 * t)))
     return problem
@@ -160,7 +161,7 @@ def under_a_circle(degree, cells, turn=0.0, values=None):
     held.interpolate(lambda x: rotation @ x[:2] - x[:2])
     fixed = fem.dirichletbc(held, fem.locate_dofs_topological(u.function_space, 1, left))
     centre = tuple(map(float, rotation @ [8.0, 2.0 if values is None else 1.0]))
-    circle = Foundation(top, shape={"shape": "circle", "centre": centre, "radius": 1.0})
+    circle = Foundation(top, shape=circle_shape(centre, 1.0))
     problem = NonlinearContactProblem(neo_hooke(u, 0.3), u, bcs=[fixed], contact=circle)
     if values is None:
         problem.run([0.5, 1.0], lambda t: problem.place(0, shift=(0.0, -t)))
@@ -198,10 +199,7 @@ def test_force_of_a_punch_on_metal():
     the force.  The exact force is extrapolated from meshes of degree 2 with up to 66,306 unknowns.
     """
     scene = {
-        "mesh": {
-            "generator": "rectangle",
-            "parameters": {"length": 2.0, "height": 1.0, "nx": 16, "ny": 8},
-        },
+        "mesh": rectangle_mesh(16, 8, length=2.0, height=1.0),
         "element": {"volumetric": "reduced"},
         "material": {
             "law": "j2",

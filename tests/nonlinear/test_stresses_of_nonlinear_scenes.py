@@ -9,6 +9,7 @@ from dolfinx import fem
 from dolfinx.fem import petsc as fem_petsc
 from mpi4py import MPI
 from petsc4py import PETSc
+from scene_tables import circle_shape, fixed
 from scipy.optimize import brentq
 from support.nonlinear_scenes import block, material, pressed_cube
 
@@ -118,15 +119,11 @@ def test_a_block_of_metal_between_walls(body):
         "0.02*t if t <= 1 else (0.04*t - 0.02 if t <= 2 else (0.08 - 0.01*t if t <= 3 else "
         "0.03*t - 0.04))"
     )
-    walls = [{"boundary": side, "x": 0.0} for side in ("left", "right")] + [
-        {"boundary": "bottom", "y": 0.0}
-    ]
+    walls = [fixed(side, "x") for side in ("left", "right")] + [fixed("bottom", "y")]
     steps, along = {"times": times}, 1
     if body == "space":
-        walls = [{"boundary": side, "x": 0.0} for side in ("left", "right")]
-        walls += [{"boundary": side, "y": 0.0} for side in ("front", "back")] + [
-            {"boundary": "bottom", "z": 0.0}
-        ]
+        walls = [fixed(side, "x") for side in ("left", "right")]
+        walls += [fixed(side, "y") for side in ("front", "back")] + [fixed("bottom", "z")]
         scene, along = (
             pressed_cube(material("j2", **METAL), path, displacement=walls, load_steps=steps),
             2,
@@ -184,9 +181,9 @@ def test_small_depths_have_the_stress_of_the_linear_scene(name, further, element
     """
     law, comm, depth = material(name, **further), MPI.COMM_WORLD, 1e-6
     plain = {key: law[key] for key in ("young", "poisson", "hypothesis") if key in law}
-    ground = [{"boundary": "bottom", "x": 0.0, "y": 0.0}]
+    ground = [fixed("bottom")]
     middle = 1.0 if further else 0.0  # of the top; on an axis a node has no area
-    bump = {"shape": "circle", "centre": [middle, 1.0 + 0.5 - depth], "radius": 0.5}
+    bump = circle_shape([middle, 1.0 + 0.5 - depth], 0.5)
     scenes = [
         block(
             one,

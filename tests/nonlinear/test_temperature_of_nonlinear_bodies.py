@@ -5,6 +5,7 @@ refused.
 import numpy as np
 import pytest
 from mpi4py import MPI
+from scene_tables import box_mesh, fixed
 from scipy.optimize import brentq
 from support.nonlinear_scenes import LAWS, but_slow, cube, energy_of_stretches, material
 
@@ -70,7 +71,7 @@ def test_a_bar_that_is_held(name, volumetric):
     """It presses on what holds its ends, in two steps of which the second cools it."""
     if (name, volumetric) == ("saint-venant-kirchhoff", "reduced"):
         pytest.skip("it has no energy of the volume alone")
-    end = {"boundary": "right", "x": 0.0}
+    end = fixed("right", "x")
     scene = warmed_cube(
         material(name),
         "25 * t if t <= 1 else 25 - 40 * (t - 1)",
@@ -102,7 +103,7 @@ def test_a_bar_that_yields():
     law = {"law": "j2", "young": young, "poisson": 0.3, "yield_stress": first, "hardening": slope}
     times = {"times": [0.5, 1.0, 2.0]}
     solution = solve(
-        warmed_cube(law, "4 * min(t, 2 - t)", {"boundary": "right", "x": 0.0}, load_steps=times),
+        warmed_cube(law, "4 * min(t, 2 - t)", fixed("right", "x"), load_steps=times),
         MPI.COMM_SELF,
     )
     expansions = EXPANSION * np.array([2.0, 4.0])
@@ -126,13 +127,11 @@ def between_walls(law, change, **further):
         "cell": "hexahedron",
     }
     scene = {
-        "mesh": {"generator": "box", "parameters": size},
+        "mesh": box_mesh(**size),
         "material": law | {"expansion": EXPANSION},
         "element": {"volumetric": "full"},
         "temperature": {"change": change},
-        "displacement": [
-            {"boundary": side, "x": 0.0, "y": 0.0, "z": 0.0} for side in ("left", "right")
-        ],
+        "displacement": [fixed(side, "xyz") for side in ("left", "right")],
     }
     return solve(parse_scene(scene | further), MPI.COMM_SELF)
 

@@ -12,6 +12,7 @@ import pytest
 import ufl
 from dolfinx import fem
 from mpi4py import MPI
+from scene_tables import coulomb_friction, fixed, rectangle_mesh
 from test_corners import OVERLAP, block, edge
 
 from signorini_fx import ContactProblem, Coulomb, Foundation, solve
@@ -69,7 +70,7 @@ DRAGGED = [
     {"boundary": "top", "y": -OVERLAP},
     {"boundary": "top", "x": 0.008, "factors": [0.25, 0.5, 0.75, 1.0]},
 ]
-ROUGH = {"friction": {"law": "coulomb", "coefficient": 0.3}}
+ROUGH = {"friction": coulomb_friction(0.3)}
 
 
 @pytest.mark.parametrize(
@@ -167,7 +168,7 @@ def test_corner_under_the_end_of_the_boundary(x):
 
 def test_axisymmetric_ring():
     """Per circumference as in the plane, within the tenth that rings bend otherwise."""
-    held = [{"boundary": "top", "y": -OVERLAP}, {"boundary": "left", "x": 0.0}]
+    held = [{"boundary": "top", "y": -OVERLAP}, fixed("left", "x")]
     material = {"young": 1000.0, "poisson": 0.3, "hypothesis": "axisymmetric"}
     for x in (1.025, 1.05):
         _, up = force(block(edge(x), material=material, displacement=held))
@@ -226,10 +227,7 @@ def test_force_on_a_nonlinear_body(x, expected):
 @pytest.mark.parametrize("body", [{}, NEO_HOOKE], ids=["linear", "neo-hooke"])
 def test_beside_a_pair(body):
     """A block that another one presses on the edge: the pair transmits the same force."""
-    meshes = [
-        {"generator": "rectangle", "parameters": {"length": x, "height": 1.0, "nx": n, "ny": 10}}
-        for x, n in ((2.0, 20), (1.0, 10))
-    ]
+    meshes = [rectangle_mesh(n, 10, length=x, height=1.0) for x, n in ((2.0, 20), (1.0, 10))]
     scene = block(edge(1.0), **body)
     scene["body"] = [
         {"name": "lower", "mesh": meshes[0]},
@@ -238,7 +236,7 @@ def test_beside_a_pair(body):
     del scene["mesh"]
     scene["displacement"] = [
         {"boundary": "upper.top", "x": 0.0, "y": -OVERLAP},
-        {"boundary": "lower.left", "x": 0.0},
+        fixed("lower.left", "x"),
     ]
     below = scene["contact"] | {"boundary": "lower.bottom"}
     scene["contact"] = [{"boundary": "lower.top", "against": "upper.bottom"}, below]

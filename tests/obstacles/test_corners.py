@@ -8,6 +8,7 @@ import pytest
 import ufl
 from dolfinx import fem
 from mpi4py import MPI
+from scene_tables import box_mesh, fixed, rectangle_mesh, tresca_friction
 
 from signorini_fx import ContactProblem, ConvergenceError, Foundation, Tresca, solve
 from signorini_fx.records import Status
@@ -28,7 +29,7 @@ def block(foundation, nx=20, contact=None, **entries):
     """A block 2 x 1, pressed on a foundation by 0.02 along y; ``contact``: its further keys."""
     sizes = {"length": 2.0, "height": 1.0, "nx": nx, "ny": nx // 2}
     scene = {
-        "mesh": {"generator": "rectangle", "parameters": sizes},
+        "mesh": rectangle_mesh(**sizes),
         "material": {"young": 1000.0, "poisson": 0.3},
         "displacement": {"boundary": "top", "x": 0.0, "y": -OVERLAP},
         "contact": {"boundary": "bottom", "foundation": foundation} | (contact or {}),
@@ -40,7 +41,7 @@ def brick(foundation, n=5, **entries):
     """A brick 1 x 1 x 0.5, pressed on a foundation by 0.02 along z."""
     sizes = {"length": 1.0, "width": 1.0, "height": 0.5, "nx": n, "ny": n, "nz": 3}
     scene = {
-        "mesh": {"generator": "box", "parameters": sizes},
+        "mesh": box_mesh(**sizes),
         "material": {"young": 1000.0, "poisson": 0.3},
         "displacement": {"boundary": "top", "x": 0.0, "y": 0.0, "z": -OVERLAP},
         "contact": {"boundary": "bottom", "foundation": foundation},
@@ -56,7 +57,7 @@ def failed(scene):
 
 
 # A bound of friction is a stress, which a corner has no area for.
-TRESCA = {"friction": {"law": "tresca", "bound": 1.0}}
+TRESCA = {"friction": tresca_friction(1.0)}
 NEO_HOOKE = {"material": {"law": "neo-hooke", "young": 1000.0, "poisson": 0.3}}
 
 
@@ -95,7 +96,7 @@ def test_edge_that_a_force_moves():
     """It sank between two nodes until its sides met them."""
     driven = edge(1.05) | {"pivot": (1.05, 0.0), "force": (0.0, 5.0)}
     driven |= {"prescribed": {"x": 0.0, "rotation": 0.0}}
-    held = {"boundary": "top", "x": 0.0, "y": 0.0}
+    held = fixed("top")
     solution, advice = failed(block(driven, displacement=held))
     assert solution.status is Status.CORNER
     assert "its corner at (1.05, 0.05" in advice

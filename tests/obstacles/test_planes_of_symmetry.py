@@ -7,6 +7,7 @@ import pytest
 import ufl
 from dolfinx import fem
 from mpi4py import MPI
+from scene_tables import box_mesh, coulomb_friction, fixed
 from two_bodies import KINDS, assembled, facets, facets_of_cells, forms, grid, held, per_cell
 
 from signorini_fx import ContactProblem, Coulomb, Pair, Tresca
@@ -207,17 +208,17 @@ def two_boxes(support, **further):
         size = {"length": 2.0, "nx": count, "ny": 2, "nz": 1, "cell": "hexahedron"}
         return {
             "name": name,
-            "mesh": {"generator": "box", "parameters": size},
+            "mesh": box_mesh(**size),
             "shift": [0.0, 0.0, height],
         }
 
-    friction = {"law": "coulomb", "coefficient": 0.3}
+    friction = coulomb_friction(0.3)
     return parse_scene(
         {
             "body": [body("lower", 5, 0.0), body("upper", 4, 1.0)],
             "material": {"young": 100.0, "poisson": 0.3},
             "displacement": [
-                {"boundary": "lower.bottom", "x": 0.0, "y": 0.0, "z": 0.0},
+                fixed("lower.bottom", "xyz"),
                 *({"boundary": f"{name}.front", "normal": support} for name in ("lower", "upper")),
                 {"boundary": "upper.top", "x": 0.01, "z": -0.03},
             ],

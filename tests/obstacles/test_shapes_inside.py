@@ -5,6 +5,7 @@ import pytest
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
+from scene_tables import circle_shape, fixed, rectangle_mesh
 
 from signorini_fx.errors import SceneError
 from signorini_fx.mechanics.obstacles.shapes_inside import BodyCells
@@ -85,19 +86,12 @@ def test_a_linear_body_refuses_a_circle_in_it(unit):
     def scene(height):
         return parse_scene(
             {
-                "mesh": {
-                    "generator": "rectangle",
-                    "parameters": {"length": 2 * unit, "height": unit, "nx": 8, "ny": 4},
-                },
+                "mesh": rectangle_mesh(8, 4, length=2 * unit, height=unit),
                 "material": {"young": 100.0, "poisson": 0.3},
-                "displacement": {"boundary": "bottom", "x": 0.0, "y": 0.0},
+                "displacement": fixed("bottom"),
                 "contact": {
                     "boundary": "top",
-                    "foundation": {
-                        "shape": "circle",
-                        "centre": [unit, height * unit],
-                        "radius": 0.05 * unit,
-                    },
+                    "foundation": circle_shape([unit, height * unit], 0.05 * unit),
                 },
             }
         )
@@ -117,13 +111,13 @@ def test_a_linear_result_names_a_circle_between_its_nodes():
     def told(cells):
         scene = parse_scene(
             {
-                "mesh": {"generator": "rectangle", "parameters": {"nx": cells, "ny": 4}},
+                "mesh": rectangle_mesh(cells, 4),
                 "material": {"young": 100.0, "poisson": 0.3},
-                "displacement": {"boundary": "bottom", "x": 0.0, "y": 0.0},
+                "displacement": fixed("bottom"),
                 "traction": {"boundary": "right", "x": 0.1},
                 "contact": {
                     "boundary": "top",
-                    "foundation": {"shape": "circle", "centre": [0.11, 1.01], "radius": 0.05},
+                    "foundation": circle_shape([0.11, 1.01], 0.05),
                 },
             }
         )

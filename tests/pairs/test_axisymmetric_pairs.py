@@ -8,6 +8,7 @@ import ufl
 from dolfinx import fem
 from mpi4py import MPI
 from revolved import Bodies, Box, Touching
+from scene_tables import at_coordinate, coulomb_friction, fixed, rectangle_mesh
 from two_bodies import facets, held
 
 from signorini_fx import Status, read_scene, solve
@@ -33,7 +34,7 @@ def rings(
         across = {"length": outer - inner, "height": height, "nx": 3, "ny": along, "cell": cell}
         return {
             "name": name,
-            "mesh": {"generator": "rectangle", "parameters": across},
+            "mesh": rectangle_mesh(**across),
             "shift": [inner, 0.0],
         }
 
@@ -51,7 +52,7 @@ def rings(
                 }
                 for k, name in enumerate(names)
             ],
-            "displacement": [{"boundary": f"{name}.bottom", "y": 0.0} for name in names],
+            "displacement": [fixed(f"{name}.bottom", "y") for name in names],
             "contact": {
                 "boundary": "hub.left",
                 "against": "shaft.right",
@@ -134,7 +135,7 @@ def test_ring_that_the_friction_of_a_fit_holds(radii, height, along, stiff, fit,
         ],
         held=[("b.bottom", {"y": 0.0})],
         pressed=[("b.right", 2.0), ("a.top", force)],
-        touching=[Touching("a.right", "b.left", -fit, {"law": "coulomb", "coefficient": 0.3})],
+        touching=[Touching("a.right", "b.left", -fit, coulomb_friction(0.3))],
     )
     found = solve(bodies.scene(), check=False)
     assert found.status is Status.CONVERGED
@@ -168,7 +169,7 @@ def test_cylinders_upon_each_other(cell, degree, linear_algebra, exchanged):
         across = {"length": radius, "height": 1.0, "nx": count, "ny": 2, "cell": cell}
         return {
             "name": name,
-            "mesh": {"generator": "rectangle", "parameters": across},
+            "mesh": rectangle_mesh(**across),
             "shift": [0.0, height],
         }
 
@@ -179,7 +180,7 @@ def test_cylinders_upon_each_other(cell, degree, linear_algebra, exchanged):
                 "body": [body("upper", 5, 1.0), body("lower", 4, 0.0)],
                 "element": {"degree": degree},
                 "material": {"young": 200.0, "poisson": 0.3, "hypothesis": "axisymmetric"},
-                "displacement": {"boundary": "lower.bottom", "y": 0.0},
+                "displacement": fixed("lower.bottom", "y"),
                 "traction": {"boundary": "upper.top", "pressure": pressure},
                 "contact": {"boundary": sides[0], "against": sides[1], "points": "boundary"},
                 "solver": {
@@ -270,7 +271,7 @@ def test_forms_with_a_measure(measured):
     a = ufl.inner(stress, strain(v)) * around * ufl.dx(metadata={"quadrature_degree": 4})
     bcs = [
         held(space, tagged.facets("a.bottom"), 1),
-        held(space, facets(tagged.mesh, lambda x: np.isclose(x[0], 0)), 0),
+        held(space, facets(tagged.mesh, at_coordinate(0, 0)), 0),
     ]
     pair = Pair(
         tagged.facets("b.bottom"),

@@ -4,6 +4,7 @@ left at all.
 
 import numpy as np
 import pytest
+from scene_tables import coulomb_friction, rectangle_mesh
 from scenes import alone
 
 from signorini_fx.scenes.reading import parse_scene
@@ -18,10 +19,7 @@ def hanging(**solver):
         {
             "name": name,
             "shift": [0.0, 1.3 * k],
-            "mesh": {
-                "generator": "rectangle",
-                "parameters": {"length": size[0], "height": size[1], "nx": size[2], "ny": size[3]},
-            },
+            "mesh": rectangle_mesh(size[2], size[3], length=size[0], height=size[1]),
         }
         for k, (name, size) in enumerate(sizes.items())
     ]
@@ -45,7 +43,7 @@ def hanging(**solver):
                     "points": "boundary",
                     "kind": "bonded",
                 },
-                {"boundary": "lower.bottom", "friction": {"law": "coulomb", "coefficient": 0.23}},
+                {"boundary": "lower.bottom", "friction": coulomb_friction(0.23)},
             ],
             "solver": solver,
         }

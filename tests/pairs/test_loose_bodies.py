@@ -4,12 +4,13 @@ upper one is lifted.
 
 import numpy as np
 import pytest
+from scene_tables import coulomb_friction, fixed, rectangle_mesh, tresca_friction
 from scenes import alone, stack_of_three
 
 from signorini_fx.records import Status
 from signorini_fx.scenes.reading import parse_scene
 
-COULOMB, TRESCA = {"law": "coulomb", "coefficient": 0.5}, {"law": "tresca", "bound": 1.0}
+COULOMB, TRESCA = coulomb_friction(0.5), tresca_friction(1.0)
 
 
 def forces(solution):
@@ -79,12 +80,9 @@ def unloaded(friction, factors, check=True):
     """A block alone that is pressed on, and then is not: its solution."""
     contact = {"boundary": "bottom"} | ({} if friction is None else {"friction": friction})
     scene = {
-        "mesh": {
-            "generator": "rectangle",
-            "parameters": {"length": 1.0, "height": 1.0, "nx": 4, "ny": 4},
-        },
+        "mesh": rectangle_mesh(4, 4, length=1.0, height=1.0),
         "material": {"young": 100.0, "poisson": 0.3},
-        "displacement": [] if friction else [{"boundary": "left", "x": 0.0}],
+        "displacement": [] if friction else [fixed("left", "x")],
         "traction": [{"boundary": "top", "y": -1.0, "factors": factors}],
         "contact": [contact],
     }

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
+from scene_tables import coulomb_friction, rectangle_mesh
 from scipy.linalg import expm
 from two_bodies import assembled, grid
 
@@ -66,7 +67,7 @@ def scene(
             "contact": {
                 "boundary": slave,
                 "against": master,
-                "friction": {"law": "coulomb", "coefficient": 0.3},
+                "friction": coulomb_friction(0.3),
             },
             **more,
         }
@@ -196,7 +197,7 @@ def test_a_sequence_of_meshes(cell, kind):
 MATERIAL = {"young": 1.0, "poisson": 0.3}
 
 
-ONE = {"generator": "rectangle", "parameters": {"nx": 2, "ny": 2}}
+ONE = rectangle_mesh(2, 2)
 BOTH = [{"name": "a", "mesh": ONE}, {"name": "b", "mesh": ONE, "shift": [0.0, 1.0]}]
 ON_EACH_OTHER = {"boundary": "b.bottom", "against": "a.top"}
 

@@ -7,6 +7,7 @@ from dolfinx import fem
 from dolfinx import mesh as dmesh
 from dolfinx.graph import adjacencylist
 from mpi4py import MPI
+from scene_tables import at_coordinate
 from two_bodies import (
     KINDS,
     assembled,
@@ -123,15 +124,14 @@ def example1(count, degree=1, stiffer=1.0, rigid=False, comm=MPI.COMM_SELF, **se
     ends = facets(mesh, lambda x: np.isclose(x[0], 0) | np.isclose(x[0], 3))
     bcs = [
         held(space, ends, 0),
-        *(held(space, facets(mesh, lambda x: np.isclose(x[1], -1)), k) for k in (0, 1)),
+        *(held(space, facets(mesh, at_coordinate(1, -1)), k) for k in (0, 1)),
     ]
     slave, master = (
-        facets_of_piece(mesh, lambda x: np.isclose(x[1], 0), lambda x, s=s: s * x[1] > 0)
-        for s in (1, -1)
+        facets_of_piece(mesh, at_coordinate(1, 0), lambda x, s=s: s * x[1] > 0) for s in (1, -1)
     )
     x = ufl.SpatialCoordinate(mesh)
     load = ufl.as_vector((0.0, ufl.conditional(abs(x[0] - 1.5) < 0.5, -20.0, 0.0)))
-    top = on(mesh, facets(mesh, lambda x: np.isclose(x[1], 1)))
+    top = on(mesh, facets(mesh, at_coordinate(1, 1)))
 
     def gap(x):
         return 0.003 * (x[0] - 1.5) ** 2 + 0.001
@@ -167,7 +167,7 @@ def block_on_block(friction=None, push=0.0, lift=0.0, on_both=False, **settings)
     """
     mesh, both = blocks("quadrilateral", np.eye(2), ((6, 4), (4, 4)))
     space, a, v = forms(mesh, 1, per_cell(mesh, lambda x: 100.0))
-    bottom = facets(mesh, lambda x: np.isclose(x[1], -1))
+    bottom = facets(mesh, at_coordinate(1, -1))
     bcs = [] if on_both else [held(space, bottom, k) for k in (0, 1)]
     load = per_cell(mesh, lambda x: 1.0 if x[1] > 0 else 0.0)
     force = load * ufl.inner(fem.Constant(mesh, (push, -1.0 + lift)), v) * ufl.dx
@@ -229,7 +229,7 @@ def test_what_is_refused():
     )
     refused(Pair(slave, slave[:2]), r"contact\[0\].against: shares 2 facets")
     refused(
-        Pair(slave, facets(mesh, lambda x: np.isclose(x[1], 1))),
+        Pair(slave, facets(mesh, at_coordinate(1, 1))),
         r"contact\[0\]: its facets lie up to 1 behind",
     )
     refused(Pair(slave, master, gap="nominal"), r"contact\[0\].gap: is text")
@@ -296,9 +296,7 @@ def stack(kind, comm=MPI.COMM_SELF):
     _, a, v = forms(mesh, 1, per_cell(mesh, lambda x: 100.0))
 
     def at(height, above):
-        return facets_of_piece(
-            mesh, lambda x: np.isclose(x[1], height), lambda x: (x[1] > height) == above
-        )
+        return facets_of_piece(mesh, at_coordinate(1, height), lambda x: (x[1] > height) == above)
 
     contact = [Pair(at(h, True), at(h, False), friction=Coulomb(0.5)) for h in heights[1:3]]
     contact.append(Foundation(at(0.0, True), friction=Coulomb(0.5)))
@@ -330,7 +328,7 @@ def test_two_blocks_on_the_same_side_of_a_plate(linear_algebra):
     bodies += [grid(kind, (4, 3), (left, 0.0), (left + 1.0, 1.0)) for left in (0.2, 1.7)]
     mesh = assembled(kind, *bodies)
     space, a, v = forms(mesh, 1, per_cell(mesh, lambda x: 100.0))
-    plate = facets_of_piece(mesh, lambda x: np.isclose(x[1], 0), lambda x: x[1] < 0)
+    plate = facets_of_piece(mesh, at_coordinate(1, 0), lambda x: x[1] < 0)
     parts = [
         facets_of_piece(
             mesh,
@@ -341,11 +339,11 @@ def test_two_blocks_on_the_same_side_of_a_plate(linear_algebra):
     ]
     slaves = [
         facets_of_piece(
-            mesh, lambda x: np.isclose(x[1], 0), lambda x, s=s: (x[1] > 0) & (s * (x[0] - 1.5) > 0)
+            mesh, at_coordinate(1, 0), lambda x, s=s: (x[1] > 0) & (s * (x[0] - 1.5) > 0)
         )
         for s in (-1, 1)
     ]
-    bcs = [held(space, facets(mesh, lambda x: np.isclose(x[1], -0.5)), k) for k in (0, 1)]
+    bcs = [held(space, facets(mesh, at_coordinate(1, -0.5)), k) for k in (0, 1)]
     load = ufl.inner(fem.Constant(mesh, (0.2, -1.0)), v) * ufl.dx
     found = []
     for masters in ((plate, plate), parts):

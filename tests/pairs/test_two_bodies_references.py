@@ -5,6 +5,7 @@ import pytest
 import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
+from scene_tables import at_coordinate
 from two_bodies import (
     KINDS,
     assembled,
@@ -107,8 +108,7 @@ def test_bonded_blocks_converge(kind, degree, finer):
             (ufl.sin(2 * x[0] + 1) * ufl.cos(3 * x[1]), ufl.cos(2 * x[0]) * ufl.sin(3 * x[1] + 0.5))
         )
         both = [
-            facets_of_piece(mesh, lambda x: np.isclose(x[1], 0), lambda x, s=s: s * x[1] > 0)
-            for s in (1, -1)
+            facets_of_piece(mesh, at_coordinate(1, 0), lambda x, s=s: s * x[1] > 0) for s in (1, -1)
         ]
         outer = np.setdiff1d(
             facets(mesh, lambda x: np.full(x.shape[1], True)), np.concatenate(both)
@@ -169,10 +169,8 @@ def test_a_narrow_block_on_a_wide_one(kind, degree):
         (1 - poisson**2) * pressed / young,
     )
     bcs = [held(space, facets(mesh, lambda x: np.isclose(x[last], -1)), last, shortening)]
-    bcs.append(
-        held(space, facets_of_piece(mesh, lambda x: np.isclose(x[0], 0), lambda x: x[last] > 0), 0)
-    )
-    bcs.append(held(space, facets(mesh, lambda x: np.isclose(x[0], -1)), 0, -widening))
+    bcs.append(held(space, facets_of_piece(mesh, at_coordinate(0, 0), lambda x: x[last] > 0), 0))
+    bcs.append(held(space, facets(mesh, at_coordinate(0, -1)), 0, -widening))
     if dim == 3:
         bcs.append(
             held(space, facets(mesh, lambda x: np.isclose(x[1], 0) | np.isclose(x[1], 1)), 1)
@@ -223,7 +221,7 @@ def test_cattaneo_and_mindlin_of_two_balls():
         for s in (1.0, -1.0)
     ]
     ends = [facets(mesh, lambda x, z=z: np.isclose(x[2], z)) for z in (size, -size)]
-    bcs = [held(space, facets(mesh, lambda x: np.isclose(x[1], 0.0)), 1)]
+    bcs = [held(space, facets(mesh, at_coordinate(1, 0.0)), 1)]
     bcs += [held(space, ends[0], k, value) for k, value in ((0, 0.0036), (2, -0.016))]
     bcs += [held(space, ends[1], k) for k in (0, 2)]
     problem = ContactProblem(

@@ -6,6 +6,7 @@ import re
 import jsonschema
 import numpy as np
 import pytest
+from scene_tables import coulomb_friction, fixed, rectangle_mesh
 from two_cylinders import DEMO, altered, in_balance
 
 from signorini_fx import SceneError, read_scene, solve, write_results
@@ -158,14 +159,14 @@ def test_a_plane_of_symmetry_that_comes_or_goes(holds):
         return {
             "name": name,
             "shift": [0.0, height],
-            "mesh": {"generator": "rectangle", "parameters": sizes},
+            "mesh": rectangle_mesh(**sizes),
         }
 
     def forces(boundary, against):
         contact = {
             "boundary": boundary,
             "against": against,
-            "friction": {"law": "coulomb", "coefficient": 0.4},
+            "friction": coulomb_friction(0.4),
         }
         found = solve(parse_scene(scene | {"contact": contact}))
         return np.abs(found.contact.forces)[[0, 1], [1, 0]]
@@ -175,7 +176,7 @@ def test_a_plane_of_symmetry_that_comes_or_goes(holds):
         "body": [body("lower", 0.0, 6), body("upper", 0.5, 5)],
         "material": {"young": 100.0, "poisson": 0.3},
         "displacement": [
-            {"boundary": "lower.bottom", "x": 0.0, "y": 0.0},
+            fixed("lower.bottom"),
             *(
                 {"boundary": f"{name}.left", "x": 0.0, "holds": holds}
                 for name in ("lower", "upper")
@@ -197,7 +198,7 @@ def test_a_body_on_two_others(law):
     """Their boundaries are the other side together, which the names of results say."""
 
     def body(name, shift, length):
-        mesh = {"generator": "rectangle", "parameters": {"length": length, "nx": 6, "ny": 2}}
+        mesh = rectangle_mesh(6, 2, length=length)
         return {"name": name, "mesh": mesh, "shift": shift}
 
     bodies = [
@@ -208,10 +209,8 @@ def test_a_body_on_two_others(law):
     scene = {
         "body": bodies,
         "material": {"young": 1000.0, "poisson": 0.3} | ({"law": law} if law else {}),
-        "displacement": [
-            {"boundary": f"{name}.bottom", "x": 0.0, "y": 0.0} for name in ("left", "right")
-        ]
-        + [{"boundary": "beam.left", "x": 0.0}],
+        "displacement": [fixed(f"{name}.bottom") for name in ("left", "right")]
+        + [fixed("beam.left", "x")],
         "traction": {"boundary": "beam.top", "y": -1.0},
         "contact": {"boundary": "beam.bottom", "against": ["left.top", "right.top"]},
     }

@@ -7,6 +7,7 @@ import pytest
 from dolfinx import mesh as dmesh
 from matplotlib.collections import TriMesh
 from mpi4py import MPI
+from scene_tables import fixed, rectangle_mesh
 from scenes import alone, example1, on_mesh, rectangle
 from scipy.spatial import cKDTree
 from spaces import block, box
@@ -156,15 +157,15 @@ def two_layers():
     tags = dmesh.meshtags(mesh, 2, cells, np.where(above, 2, 1).astype(np.int32))
     scene = parse_scene(
         {
-            "mesh": {"generator": "rectangle", "parameters": {"nx": 6, "ny": 4}},
+            "mesh": rectangle_mesh(6, 4),
             "material": [
                 {"region": name, "young": young, "poisson": 0.0, "hypothesis": "plane stress"}
                 for name, young in (("below", 1000.0), ("above", 10.0))
             ],
             "displacement": [
-                {"boundary": "left", "x": 0.0},
+                fixed("left", "x"),
                 {"boundary": "right", "x": 0.03},
-                {"boundary": "bottom", "y": 0.0},
+                fixed("bottom", "y"),
             ],
         }
     )
@@ -199,10 +200,10 @@ def test_a_jump_between_materials_in_space():
                 for name, young in (("below", 1000.0), ("above", 10.0))
             ],
             "displacement": [
-                {"boundary": "left", "x": 0.0},
+                fixed("left", "x"),
                 {"boundary": "right", "x": 0.03},
-                {"boundary": "bottom", "z": 0.0},
-                {"boundary": "front", "y": 0.0},
+                fixed("bottom", "z"),
+                fixed("front", "y"),
             ],
         }
     )

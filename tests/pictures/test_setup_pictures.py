@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from matplotlib.quiver import Quiver
 from mpi4py import MPI
+from scene_tables import box_mesh, fixed
 from scenes import example1
 
 from signorini_fx.addons.pictures import setup as setup_pictures
@@ -15,14 +16,14 @@ from signorini_fx.tuned import LONGEST_ARROW_OF_SETUP
 
 COMM = MPI.COMM_WORLD
 BOX = {
-    "mesh": {"generator": "box", "parameters": {"nx": 3, "ny": 2, "nz": 2, "cell": "hexahedron"}},
+    "mesh": box_mesh(3, 2, 2, cell="hexahedron"),
     "material": {"young": 1.0, "poisson": 0.3},
     "traction": [
         {"boundary": "top", "pressure": 2.0, "x": "x[1]"},
-        {"boundary": "right", "x": 0.0},
+        fixed("right", "x"),
     ],
     "displacement": [
-        {"boundary": "left", "x": 0.0, "y": 0.0, "z": 0.0},
+        fixed("left", "xyz"),
         {"boundary": "back", "normal": 0.0},
         {"boundary": "front", "y": 0.5},
     ],
@@ -141,7 +142,7 @@ def test_the_legend_says_what_acts(monkeypatch):
         | {
             "mesh": {"generator": "rectangle"},
             "displacement": [
-                {"boundary": "left", "x": 0.0, "y": 0.0},
+                fixed("left"),
                 {"boundary": "right", "normal": 0.0},
             ],
             "springs": [],

@@ -16,6 +16,7 @@ from matplotlib.quiver import Quiver
 from mesh_files import arrays_of
 from mpi4py import MPI
 from PIL import Image
+from scene_tables import fixed
 from scenes import alone
 from spaces import block, box, friction_of
 
@@ -47,7 +48,7 @@ def between_walls():
         {
             "mesh": box("hexahedra", (4, 4, 4), size=(2.0, 1.0, 1.0)),
             "material": {"young": 1000.0, "poisson": 0.3},
-            "displacement": [{"boundary": "bottom", "x": 0.0, "y": 0.0, "z": 0.0}],
+            "displacement": [fixed("bottom", "xyz")],
             "traction": [{"boundary": "top", "y": 4.0, "z": -40.0}],
             "contact": [
                 {"boundary": "left", "friction": friction_of(coefficient=0.3)},

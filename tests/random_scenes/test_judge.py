@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scene_tables import coulomb_friction, fixed, tresca_friction
 
 from benchmarks.stability.oracle import __main__ as command
 from benchmarks.stability.oracle import convex
@@ -105,7 +106,7 @@ def scene(friction, degree=1, solver=None, **others):
             {"region": "below", "young": 1000.0, "poisson": 0.3},
             {"region": "above", "young": 700.0, "poisson": 0.2},
         ],
-        "displacement": [{"boundary": "left", "x": 0.0}],
+        "displacement": [fixed("left", "x")],
         "traction": [{"boundary": "top", "x": 1.5, "y": -4.0}],
         "body_force": {"y": -1.0},
         "contact": [{"boundary": "bottom", "gap": "0.01*(x[0] - 1)**2", "friction": friction}],
@@ -114,7 +115,7 @@ def scene(friction, degree=1, solver=None, **others):
     }
 
 
-TRESCA, COULOMB = {"law": "tresca", "bound": 0.8}, {"law": "coulomb", "coefficient": 0.25}
+TRESCA, COULOMB = tresca_friction(0.8), coulomb_friction(0.25)
 STEPPED = [
     {"boundary": "top", "y": -4.0},
     {"boundary": "top", "x": 2.5, "factors": [0.4, 1.0, -0.3]},
@@ -352,7 +353,7 @@ def test_an_outcome_is_asked_of_statics(tmp_path):
             "contact": [loose.scene["contact"][0] | {"friction": {"law": "none"}}],
         }
         if not sideways:
-            flat["displacement"] = [{"boundary": "left", "x": 0.0}]
+            flat["displacement"] = [fixed("left", "x")]
         kind = judge(flat, loose.mesh, replace(empty, outcome=outcome)).kind
         assert kind == (NO_BALANCE if sideways else DENIED)
 
@@ -370,7 +371,7 @@ def test_a_solution_refutes_that_coulomb_friction_slides():
         data = {
             "material": {"young": 1000.0, "poisson": 0.3},
             "traction": [{"boundary": "top", "x": push, "y": -1.0}],
-            "contact": [{"boundary": "bottom", "friction": {"law": "coulomb", "coefficient": 0.5}}],
+            "contact": [{"boundary": "bottom", "friction": coulomb_friction(0.5)}],
         }
         assert judge(data, mesh, empty).kind == kind
 
@@ -419,9 +420,9 @@ def test_one_triangle_with_three_solutions():
     )
     data = {
         "material": {"young": 2.5, "poisson": 0.25},
-        "displacement": [{"boundary": "side", "x": 0.0, "y": 0.0}],
+        "displacement": [fixed("side")],
         "body_force": {"x": 15.0, "y": -6.0},
-        "contact": [{"boundary": "bottom", "friction": {"law": "coulomb", "coefficient": 3.0}}],
+        "contact": [{"boundary": "bottom", "friction": coulomb_friction(3.0)}],
         "solver": {"algorithm": "alm"},
     }
     contact = contact_of(Body(data, mesh))

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scene_tables import coulomb_friction, tresca_friction
 from turned_scenes import block, scene
 
 from benchmarks.stability.oracle import convex, statics
@@ -74,7 +75,7 @@ def test_a_constant_stress_is_in_balance(cell, degree):
 # ---- what is wrong is noticed
 
 
-TRESCA, COULOMB = {"law": "tresca", "bound": 0.5}, {"law": "coulomb", "coefficient": 0.2}
+TRESCA, COULOMB = tresca_friction(0.5), coulomb_friction(0.2)
 TRIALS = {
     "tresca": Trial(0, scene(TRESCA), block(inner=0.03)[0], same(3)),
     "coulomb": Trial(
@@ -253,19 +254,19 @@ def test_the_room_that_statics_leaves():
         assert statics.held(block_, contact)
         return statics.slack(block_, contact, 0)[0]
 
-    half = {"law": "coulomb", "coefficient": 0.5}
+    half = coulomb_friction(0.5)
     for angle in (0.0, 0.3, 2.0):
         direction = np.array([np.cos(angle), np.sin(angle)])
         assert room(0.499 * direction, half) > 0
         assert room(0.501 * direction, half) < 0
-        assert room(0.499 * direction, {"law": "tresca", "bound": 0.5}) > 0
-        assert room(0.501 * direction, {"law": "tresca", "bound": 0.5}) < 0
+        assert room(0.499 * direction, tresca_friction(0.5)) > 0
+        assert room(0.501 * direction, tresca_friction(0.5)) < 0
     assert room((0.0, 0.0), half, down=0.1) < 0
 
     def kind(data, outcome):
         return judge(data, mesh, Answer(outcome, points, [], gamma=(np.inf, np.inf))).kind
 
-    assert kind(given((0.3, 0.3), {"law": "tresca", "bound": 0.5}), OPEN) == DENIED
+    assert kind(given((0.3, 0.3), tresca_friction(0.5)), OPEN) == DENIED
     assert kind(given((0.3, 0.3), half), OPEN) == DENIED
     assert kind(given((0.4, 0.4), half), OPEN) == NO_BALANCE
     assert kind(given((0.3, 0.3), half), NOT_CERTIFIED) == UNCERTIFIED

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from mpi4py import MPI
+from scene_tables import fixed, rectangle_mesh
 
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.records import Status
@@ -81,9 +82,9 @@ meshes = st.fixed_dictionaries(
     }
 )
 held = (
-    [{"boundary": "left", "x": 0.0, "y": 0.0}],
+    [fixed("left")],
     [{"boundary": "top", "x": 0.0, "y": -0.01}],
-    [{"boundary": "left", "x": 0.0}, {"boundary": "right", "x": 0.0}],
+    [fixed("left", "x"), fixed("right", "x")],
     [{"boundary": "left", "normal": 0.0}],
 )
 supports = st.lists(
@@ -206,7 +207,7 @@ GOOD = tomllib.loads(starting_scene())
 def test_spoilt_meshes(parameters):
     """A generator refuses its parameters by their paths, or makes a mesh of them."""
     parameters = {"nx": 4, "ny": 3, **parameters}
-    data = {**GOOD, "mesh": {"generator": "rectangle", "parameters": parameters}}
+    data = {**GOOD, "mesh": rectangle_mesh(**parameters)}
     scene, problems = attempt(parse_scene, data)
     if problems:
         return
@@ -222,9 +223,9 @@ def test_meshes_that_get_no_coarser(nx, ny, levels, algorithm):
     parameters = {"length": 3.0, "nx": nx, "ny": ny, "cell": "quadrilateral"}
     ends_well(
         {
-            "mesh": {"generator": "rectangle", "parameters": parameters},
+            "mesh": rectangle_mesh(**parameters),
             "material": {"young": 5000.0, "poisson": 0.3},
-            "displacement": [{"boundary": "left", "x": 0.0, "y": 0.0}],
+            "displacement": [fixed("left")],
             "traction": [{"boundary": "top", "y": -20.0}],
             "contact": [{"boundary": "bottom", "friction": {"law": "none"}}],
             "solver": {"levels": levels, "algorithm": algorithm},

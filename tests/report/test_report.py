@@ -20,6 +20,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from PIL import Image
+from scene_tables import at_coordinate
 from scenes import alone, example1, on_mesh, rectangle
 
 from signorini_fx.addons.report import markup, sections
@@ -65,9 +66,9 @@ def two_boundaries():
     sides = {
         "<a&b>": lambda x: np.isclose(x[1], 0.0) & (x[0] < 1.5 + 1e-9),
         "$c$": lambda x: np.isclose(x[1], 0.0) & (x[0] > 1.5 - 1e-9),
-        "left": lambda x: np.isclose(x[0], 0.0),
-        "right": lambda x: np.isclose(x[0], 3.0),
-        "top": lambda x: np.isclose(x[1], 1.0),
+        "left": at_coordinate(0, 0.0),
+        "right": at_coordinate(0, 3.0),
+        "top": at_coordinate(1, 1.0),
     }
     data = example1(bound=1.5, nx=12, ny=4)
     (first,) = data.contact

@@ -7,6 +7,7 @@ import pytest
 import ufl
 from dolfinx import fem
 from mpi4py import MPI
+from scene_tables import coulomb_friction, fixed, rectangle_mesh
 from scenes import alone, example1
 
 from signorini_fx import solve
@@ -55,7 +56,7 @@ def block(generator, cell, degree):
             "poisson": 0.0,
         },  # otherwise it widens, and slips by more at its ends
         "traction": traction,
-        "contact": {"boundary": "bottom", "friction": {"law": "coulomb", "coefficient": 0.5}},
+        "contact": {"boundary": "bottom", "friction": coulomb_friction(0.5)},
         "solver": {"gamma_n": GAMMA, "gamma_t": GAMMA},
     }
 
@@ -128,7 +129,7 @@ def test_axisymmetric(degree):
     solution = solve(
         parse_scene(
             {
-                "mesh": {"generator": "rectangle", "parameters": {"length": 1.0, "nx": 8, "ny": 4}},
+                "mesh": rectangle_mesh(8, 4, length=1.0),
                 "element": {"degree": degree},
                 "material": {"young": YOUNG, "poisson": 0.0, "hypothesis": "axisymmetric"},
                 "traction": {"boundary": "top", "y": -PRESSURE},
@@ -147,6 +148,6 @@ def test_axisymmetric(degree):
 def test_without_contact():
     data = block("rectangle", "quadrilateral", 1)
     del data["contact"]
-    data["displacement"] = {"boundary": "bottom", "x": 0.0, "y": 0.0}
+    data["displacement"] = fixed("bottom")
     with pytest.raises(ValueError, match="the scene has no contact"):
         alone(parse_scene(data)).boundary_fields()

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from certifying import certify
 from mpi4py import MPI
+from scene_tables import coulomb_friction, fixed, rectangle_mesh, tresca_friction
 from scenes import alone, example1, stack_of_three, table_of
 
 from signorini_fx.algebra.algorithms.ssn import SemismoothNewton
@@ -32,11 +33,10 @@ def wedge(**solver):
         {
             "mesh": {"generator": "wedge", "parameters": {"nx": 6, "ny": 12}},
             "material": {"young": 5000.0, "poisson": 0.3},
-            "displacement": [{"boundary": "top", "x": 0.0}],
+            "displacement": [fixed("top", "x")],
             "traction": [{"boundary": "top", "y": -20.0}],
             "contact": [
-                {"boundary": side, "friction": {"law": "coulomb", "coefficient": 0.2}}
-                for side in ("left", "right")
+                {"boundary": side, "friction": coulomb_friction(0.2)} for side in ("left", "right")
             ],
             "solver": solver,
         }
@@ -196,12 +196,12 @@ def test_nodes_held_inside_with_a_tangent_free(gamma, push):
                 | {"cell": "tetrahedron"},
             },
             "material": {"young": 1000.0, "poisson": 0.3},
-            "displacement": [{"boundary": name, "x": 0.0, "z": 0.0} for name in ("outer", "inner")],
+            "displacement": [fixed(name, "xz") for name in ("outer", "inner")],
             "traction": {"boundary": "top", "x": -0.1, "y": push, "z": 0.1},
             "contact": {
                 "boundary": "bottom",
                 "gap": "1e-3*(x[0] + 0.3*x[1])",
-                "friction": {"law": "tresca", "bound": 0.1},
+                "friction": tresca_friction(0.1),
             },
             "solver": {"gamma_n": gamma, "gamma_t": gamma},
         }
@@ -277,9 +277,9 @@ def test_bilateral_contact_where_a_support_holds_a_node(algorithm, offset):
     """
     scene = parse_scene(
         {
-            "mesh": {"generator": "rectangle", "parameters": {"length": 2.0, "nx": 8, "ny": 4}},
+            "mesh": rectangle_mesh(8, 4, length=2.0),
             "material": {"young": 1000.0, "poisson": 0.3},
-            "displacement": {"boundary": "left", "x": 0.0, "y": 0.0},
+            "displacement": fixed("left"),
             "contact": {"boundary": "bottom", "kind": "bilateral", "gap": offset},
             "solver": {"algorithm": algorithm},
         }
@@ -394,13 +394,13 @@ def on_a_slope(**solver):
     """
     return parse_scene(
         {
-            "mesh": {"generator": "rectangle", "parameters": {"nx": 20, "ny": 8}},
+            "mesh": rectangle_mesh(20, 8),
             "material": {"young": 5000.0, "poisson": 0.3},
             "traction": [{"boundary": "top", "y": -20.0, "x": 1.0}],
             "contact": {
                 "boundary": "bottom",
                 "gap": "0.02 + 0.03*x[0] + 1e-4*(x[0] - 1.5)**2",
-                "friction": {"law": "coulomb", "coefficient": 0.2},
+                "friction": coulomb_friction(0.2),
             },
             "solver": solver,
         }
@@ -433,7 +433,7 @@ def test_a_body_that_moves_far_does_not_deform_another_one(size, stress):
     """Two blocks move by half of their size until a third one deforms them by a thousandth of that:
     a gap that is wrong by a share of what deforms them is not right because they have moved far.
     """
-    friction = {"law": "coulomb", "coefficient": 0.5}
+    friction = coulomb_friction(0.5)
     solution = alone(stack_of_three(-0.5005, friction, friction, gap=0.5, size=size, stress=stress))
     assert solution.certificate.holds
     x = solution.model.space.tabulate_dof_coordinates()[:, :2]

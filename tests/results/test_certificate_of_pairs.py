@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from certifying import certify
 from mpi4py import MPI
+from scene_tables import coulomb_friction, fixed, rectangle_mesh
 from two_bodies import assembled, grid
 
 from signorini_fx import Status, solve
@@ -31,7 +32,7 @@ def scene():
             "ny": count,
             "cell": "quadrilateral",
         }
-        return {"generator": "rectangle", "parameters": parameters}
+        return rectangle_mesh(**parameters)
 
     return parse_scene(
         {
@@ -43,12 +44,12 @@ def scene():
                 {"region": "lower", "young": 100.0, "poisson": 0.3},
                 {"region": "upper", "young": 200.0, "poisson": 0.3},
             ],
-            "displacement": [{"boundary": "lower.bottom", "x": 0.0, "y": 0.0}],
+            "displacement": [fixed("lower.bottom")],
             "traction": {"boundary": "upper.top", "x": 0.05, "y": "-(1 + 0.3*x[0])"},
             "contact": {
                 "boundary": "upper.bottom",
                 "against": "lower.top",
-                "friction": {"law": "coulomb", "coefficient": 0.3},
+                "friction": coulomb_friction(0.3),
             },
         }
     )
@@ -106,7 +107,7 @@ def test_it_says_to_what_a_soft_body_is_checked(ratio, known):
 
     def mesh(count):
         parameters = {"length": 2.0, "height": 1.0, "nx": 2 * count, "ny": count}
-        return {"generator": "rectangle", "parameters": parameters}
+        return rectangle_mesh(**parameters)
 
     found = solve(
         parse_scene(
@@ -120,7 +121,7 @@ def test_it_says_to_what_a_soft_body_is_checked(ratio, known):
                     {"region": "soft", "young": 1.0, "poisson": 0.3},
                 ],
                 "displacement": [
-                    {"boundary": "stiff.bottom", "x": 0.0, "y": 0.0},
+                    fixed("stiff.bottom"),
                     {"boundary": "soft.top", "x": 0.0, "y": -0.01},
                 ],
                 "contact": {

@@ -8,6 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 from certifying import certify
+from scene_tables import coulomb_friction, fixed, rectangle_mesh
 from scenes import alone
 
 from signorini_fx.results.certificate.law_of_method import Tractions
@@ -25,7 +26,7 @@ def solved(share, dim, algorithm="ssn"):
     mesh = {"generator": "rectangle" if dim == 2 else "box", "parameters": sizes | counts}
     up, held = ("y", "z")[dim - 2], dict.fromkeys(("x", "y", "z")[:dim], 0.0)
     names = {"first": 1.0, "second": share}
-    friction = {"law": "coulomb", "coefficient": 0.3}
+    friction = coulomb_friction(0.3)
     scene = {
         "body": [
             {"name": n, "mesh": mesh, "shift": [3.0 * k] + [0.0] * (dim - 1)}
@@ -102,7 +103,7 @@ def test_a_body_between_a_support_and_springs():
     block = {"length": 2.0, "height": 1.0, "nx": 6, "ny": 3}
     scene = parse_scene(
         {
-            "mesh": {"generator": "rectangle", "parameters": block},
+            "mesh": rectangle_mesh(**block),
             "material": {"young": 1000.0, "poisson": 0.3},
             "displacement": {"boundary": "top", "x": 0.0, "y": -0.001},
             "springs": {"boundary": "bottom", "x": 100.0, "y": 100.0},
@@ -127,12 +128,9 @@ def test_a_slender_body():
     """
     scene = parse_scene(
         {
-            "mesh": {
-                "generator": "rectangle",
-                "parameters": {"length": 100.0, "height": 1.0, "nx": 100, "ny": 2},
-            },
+            "mesh": rectangle_mesh(100, 2, length=100.0, height=1.0),
             "material": {"young": 1e6, "poisson": 0.3},
-            "displacement": {"boundary": "left", "x": 0.0, "y": 0.0},
+            "displacement": fixed("left"),
             "traction": {"boundary": "right", "y": -1.0},
             "contact": {"boundary": "bottom", "gap": 0.1},
         }

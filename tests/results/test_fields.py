@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from mesh_files import arrays_of
 from mpi4py import MPI
+from scene_tables import fixed, rectangle_mesh
 from spaces import box
 
 from signorini_fx.results.fields import write_vtu
@@ -42,7 +43,7 @@ def stretched(cells, degree):
         "xyz"[i]: " + ".join(f"{GRADIENT[i, j]} * x[{j}]" for j in range(dim)) for i in range(dim)
     }
     sides = ["left", "right", "bottom", "top", "front", "back"][: 2 * dim]
-    mesh = {"generator": "rectangle", "parameters": {"nx": 3, "ny": 2, "cell": cells}}
+    mesh = rectangle_mesh(3, 2, cell=cells)
     return parse_scene(
         {
             "mesh": mesh if dim == 2 else box(cells, (2, 2, 2), comm=COMM),
@@ -126,10 +127,10 @@ def test_load_steps(tmp_path):
     """A file for each load step with a solution, and their times."""
     scene = parse_scene(
         {
-            "mesh": {"generator": "rectangle", "parameters": {"nx": 3, "ny": 2}},
+            "mesh": rectangle_mesh(3, 2),
             "material": {"young": YOUNG, "poisson": POISSON},
             "displacement": [
-                {"boundary": "left", "x": 0.0, "y": 0.0},
+                fixed("left"),
                 {"boundary": "right", "x": "t"},
             ],
             "load_steps": {"times": [0.5, 1.0]},

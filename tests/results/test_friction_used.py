@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from boxes import Box, boxes_mesh, scene_on
 from mpi4py import MPI
+from scene_tables import coulomb_friction, fixed, rectangle_mesh
 from scenes import alone
 from scipy.optimize import linprog
 
@@ -21,7 +22,7 @@ def hub(torque, **load_steps):
         {
             "mesh": {"generator": "ring", "parameters": {"nr": 2, "nt": 4, "nz": 1}},
             "material": {"young": 1e5, "poisson": 0.3},
-            "displacement": {"boundary": "bottom", "z": 0.0},
+            "displacement": fixed("bottom", "z"),
             "traction": {
                 "boundary": "outer",
                 "x": f"{-torque} * x[1]",
@@ -31,7 +32,7 @@ def hub(torque, **load_steps):
             "contact": {
                 "boundary": "inner",
                 "gap": -1e-3,
-                "friction": {"law": "coulomb", "coefficient": 0.3},
+                "friction": coulomb_friction(0.3),
             },
             **({"load_steps": load_steps} if load_steps else {}),
         }
@@ -77,7 +78,7 @@ def test_of_several_pieces_the_weakest_counts(pushes):
     tractions = [
         {"boundary": f"left {box.name}", "x": push} for box, push in zip(boxes, pushes, strict=True)
     ]
-    friction = {"law": "coulomb", "coefficient": 0.8}
+    friction = coulomb_friction(0.8)
     contact = [{"boundary": f"bottom {box.name}", "friction": friction} for box in boxes]
     scene = scene_on(
         boxes_mesh(MPI.COMM_SELF, boxes),
@@ -102,16 +103,13 @@ def test_of_a_wheel_the_nodes_in_contact_count():
     wheel |= {"force": [push, -weight], "prescribed": {"rotation": 0.0}}
     scene = parse_scene(
         {
-            "mesh": {
-                "generator": "rectangle",
-                "parameters": {"length": 10.0, "height": 3.0, "nx": 40, "ny": 12},
-            },
+            "mesh": rectangle_mesh(40, 12, length=10.0, height=3.0),
             "material": {"young": 20.0, "poisson": 0.3},
-            "displacement": {"boundary": "bottom", "x": 0.0, "y": 0.0},
+            "displacement": fixed("bottom"),
             "contact": {
                 "boundary": "top",
                 "foundation": wheel,
-                "friction": {"law": "coulomb", "coefficient": 0.5},
+                "friction": coulomb_friction(0.5),
             },
         }
     )

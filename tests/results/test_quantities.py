@@ -7,6 +7,7 @@ import pytest
 import ufl
 from dolfinx import fem
 from mpi4py import MPI
+from scene_tables import fixed, rectangle_mesh
 from scenes import alone, example1
 
 from signorini_fx.addons.pictures import gather
@@ -56,7 +57,7 @@ def scene(gradient, hypothesis, cell, degree=1):
     sides = {"x": f"{a} * x[0] + {b} * x[1]", "y": f"{c} * x[0] + {d} * x[1]"}
     return parse_scene(
         {
-            "mesh": {"generator": "rectangle", "parameters": {"nx": 6, "ny": 4, "cell": cell}},
+            "mesh": rectangle_mesh(6, 4, cell=cell),
             "element": {"degree": degree},
             "material": {"young": YOUNG, "poisson": POISSON, "hypothesis": hypothesis},
             "displacement": [
@@ -151,7 +152,7 @@ def test_extremes_of_the_stress():
     }
     bent = parse_scene(
         {
-            "mesh": {"generator": "rectangle", "parameters": {"nx": 6, "ny": 4}},
+            "mesh": rectangle_mesh(6, 4),
             "element": {"degree": 2},
             "material": {"young": YOUNG, "poisson": POISSON, "hypothesis": "plane stress"},
             "displacement": [
@@ -234,9 +235,9 @@ def test_the_place_of_a_stress_that_is_the_same_everywhere():
     """That with the smallest coordinates, on any number of ranks, raw and recovered."""
     scene = parse_scene(
         {
-            "mesh": {"generator": "rectangle", "parameters": {"nx": 8, "ny": 4}},
+            "mesh": rectangle_mesh(8, 4),
             "material": {"young": YOUNG, "poisson": POISSON},
-            "displacement": [{"boundary": "left", "x": 0.0}, {"boundary": "top", "y": -0.01}],
+            "displacement": [fixed("left", "x"), {"boundary": "top", "y": -0.01}],
             "contact": {"boundary": "bottom"},
         }
     )

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
+from scene_tables import coulomb_friction, fixed, rectangle_mesh
 from scenes import alone, example1
 from spaces import block as block_in_space
 from spaces import box
@@ -21,13 +22,13 @@ LENGTH, HEIGHT, DEPTH = 2.0, 3.0, 1.5
 # Cells and degree in 2D.
 PLANE = [("quadrilateral", 1), ("triangle", 2)]
 SPACE = [("hexahedra", 1), ("tetrahedra", 2)]
-COULOMB = {"law": "coulomb", "coefficient": 0.6}
+COULOMB = coulomb_friction(0.6)
 
 
 def plane(cell="quadrilateral", degree=1, **effects):
     """A rectangle from the origin."""
     size = {"length": LENGTH, "height": HEIGHT, "nx": 6, "ny": 5, "cell": cell}
-    mesh = {"generator": "rectangle", "parameters": size}
+    mesh = rectangle_mesh(**size)
     return parse_scene({"mesh": mesh, "element": {"degree": degree}, "material": STEEL, **effects})
 
 
@@ -50,7 +51,7 @@ def test_clamped_beam_in_space(cells, degree):
     beam = space(
         cells,
         degree,
-        displacement={"boundary": "left", "x": 0.0, "y": 0.0, "z": 0.0},
+        displacement=fixed("left", "xyz"),
         traction=load,
     )
     found = solve(beam, COMM).resultants
@@ -161,7 +162,7 @@ def test_support_and_contact_on_one_boundary():
     last load step.
     """
     scene = plane(
-        displacement={"boundary": "bottom", "x": 0.0},
+        displacement=fixed("bottom", "x"),
         traction={"boundary": "top", "x": 0.4, "y": -2.0, "factors": [2.0, 0.5]},
         contact={"boundary": "bottom", "friction": COULOMB},
     )
@@ -198,7 +199,7 @@ def test_summary(tmp_path):
 
 def test_mistakes():
     """A boundary that the mesh has not, and a point of another dimension."""
-    found = alone(plane(displacement={"boundary": "left", "x": 0.0, "y": 0.0})).resultants
+    found = alone(plane(displacement=fixed("left"))).resultants
     with pytest.raises(MeshError, match="no boundary 'nose'"):
         found.of("nose")
     with pytest.raises(ValueError, match="2 coordinates"):

@@ -9,6 +9,7 @@ from pathlib import Path
 import jsonschema
 import pytest
 from quantities import markdown
+from scene_tables import coulomb_friction, fixed, plane_shape, rectangle_mesh
 from scenes import alone, example1
 from spaces import block
 
@@ -34,10 +35,7 @@ def standing(push, law, press=1.0):
     """A block on its foundation, pushed sideways and pressed down."""
     return parse_scene(
         {
-            "mesh": {
-                "generator": "rectangle",
-                "parameters": {"length": 1.0, "height": 1.0, "nx": 4, "ny": 4},
-            },
+            "mesh": rectangle_mesh(4, 4, length=1.0, height=1.0),
             "material": {"young": 1000.0, "poisson": 0.3},
             "body_force": {"x": push, "y": -press},
             "contact": {"boundary": "bottom", "friction": law},
@@ -63,9 +61,9 @@ def linear():
     """No contact."""
     return parse_scene(
         {
-            "mesh": {"generator": "rectangle", "parameters": {"nx": 6, "ny": 3}},
+            "mesh": rectangle_mesh(6, 3),
             "material": {"young": 1000.0, "poisson": 0.3, "hypothesis": "plane stress"},
-            "displacement": {"boundary": "left", "x": 0.0, "y": 0.0},
+            "displacement": fixed("left"),
             "traction": {"boundary": "right", "y": -1.0},
         }
     )
@@ -111,7 +109,7 @@ def cornered():
     wedge = {"shape": "polyline", "points": [[-0.6, -1.0], [0.4, 0.0], [1.4, -1.0]]}
     return parse_scene(
         {
-            "mesh": {"generator": "rectangle", "parameters": {"length": 1.0, "nx": 4, "ny": 4}},
+            "mesh": rectangle_mesh(4, 4, length=1.0),
             "material": {"young": 1000.0, "poisson": 0.3},
             "displacement": {"boundary": "top", "x": 0.0, "y": -0.01},
             "contact": {"boundary": "bottom", "foundation": wedge},
@@ -123,7 +121,7 @@ def twisted():
     """A ring that is pressed and turned in two load steps."""
     return parse_scene(
         {
-            "mesh": {"generator": "rectangle", "parameters": {"nx": 3, "ny": 2}},
+            "mesh": rectangle_mesh(3, 2),
             "material": {
                 "young": 1000.0,
                 "poisson": 0.3,
@@ -145,18 +143,18 @@ def dented():
     """A metal that yields under a plate."""
     return parse_scene(
         {
-            "mesh": {"generator": "rectangle", "parameters": {"nx": 3, "ny": 2}},
+            "mesh": rectangle_mesh(3, 2),
             "material": {"law": "j2", "young": 1000.0, "poisson": 0.3, "yield_stress": 5.0},
-            "displacement": {"boundary": "bottom", "x": 0.0, "y": 0.0},
+            "displacement": fixed("bottom"),
             "contact": {
                 "boundary": "top",
-                "foundation": {"shape": "plane", "point": [0.0, 0.99], "normal": [0.0, -1.0]},
+                "foundation": plane_shape([0.0, 0.99], [0.0, -1.0]),
             },
         }
     )
 
 
-COULOMB = {"law": "coulomb", "coefficient": 0.3}
+COULOMB = coulomb_friction(0.3)
 SCENES = {
     "plane": lambda: example1(bound=1.5, nx=12, ny=4),
     "space": lambda: block(6, coefficient=0.3, gamma="auto"),
@@ -176,7 +174,7 @@ SCENES = {
     "slides": lambda: standing(0.5, COULOMB),
     "rubber": lambda: parse_scene(
         {
-            "mesh": {"generator": "rectangle", "parameters": {"nx": 2, "ny": 1}},
+            "mesh": rectangle_mesh(2, 1),
             "material": {"law": "neo-hooke", "young": 2.0, "poisson": 0.3},
             "displacement": {"boundary": "top", "x": 0.0, "y": -0.1},
             "contact": {"boundary": "bottom", "gap": 0.0},

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 from mpi4py import MPI
+from scene_tables import box_mesh, coulomb_friction, rectangle_mesh
 from test_certificate_of_pairs import scene as two_bodies
 
 from signorini_fx.records import Status
@@ -29,7 +30,7 @@ SLIDING = {
     }
 }
 CUBE = {
-    "mesh": {"generator": "box", "parameters": dict.fromkeys(("nx", "ny", "nz"), 2)},
+    "mesh": box_mesh(**dict.fromkeys(("nx", "ny", "nz"), 2)),
     "displacement": [{"boundary": "top", "x": 0.01, "y": 0.0, "z": -0.003}],
 }
 ASTRAY = np.array([[0.95, 0.3, 0.0], [-0.3, 0.95, 0.0], [0.0, 0.0, 1.0]])
@@ -41,7 +42,7 @@ def block(contact=BOWL, coefficient=0.3, factors=None, **more):
     """A block whose top is pressed on a rough foundation and pushed along it."""
     return parse_scene(
         {
-            "mesh": {"generator": "rectangle", "parameters": {"length": 2.0, "nx": 12, "ny": 6}},
+            "mesh": rectangle_mesh(12, 6, length=2.0),
             "material": {"young": 5000.0, "poisson": 0.3},
             "displacement": [
                 {"boundary": "top", "y": -0.003},
@@ -49,7 +50,7 @@ def block(contact=BOWL, coefficient=0.3, factors=None, **more):
             ],
             "contact": {
                 "boundary": "bottom",
-                "friction": {"law": "coulomb", "coefficient": coefficient},
+                "friction": coulomb_friction(coefficient),
                 **contact,
             },
             "solver": {"fallbacks": False},

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from pressed_block import block, check, contact, coulomb, tresca
+from scene_tables import coulomb_friction, plane_shape, rectangle_mesh, tresca_friction
 from scenes import alone, example1
 
 from signorini_fx.errors import SceneError
@@ -58,7 +59,7 @@ ALL = {
     "body_force": {"y": "-x[0]"},
     "springs": [{"boundary": "right", "tangential": "1 + x[1]"}, {"boundary": "top", "x": 0.0}],
     "contact": [
-        {"boundary": "bottom", "friction": {"law": "tresca", "bound": 0.0}},
+        {"boundary": "bottom", "friction": tresca_friction(0.0)},
         {"boundary": "right", "gap": 1.0},
     ],
 }
@@ -134,20 +135,17 @@ def test_friction_in_one_load_step(factors, gap, warned, law, press):
     loads = {"displacement": [aside], "traction": []}
     loads[press].append(down | ({} if factors is None else {"factors": factors}))
     scene = {
-        "mesh": {
-            "generator": "rectangle",
-            "parameters": {"length": 2.0, "height": 1.0, "nx": 8, "ny": 4},
-        },
+        "mesh": rectangle_mesh(8, 4, length=2.0, height=1.0),
         "material": {"young": 5000.0, "poisson": 0.3} | ({"law": law} if law else {}),
         "contact": {
             "boundary": "bottom",
             "gap": gap,
-            "friction": {"law": "coulomb", "coefficient": 0.3},
+            "friction": coulomb_friction(0.3),
         },
     }
     told = said(parse_scene(scene | loads)).get("contact[0].friction", "")
     assert told.startswith(AT_ONCE) is warned
-    without = {**scene["contact"], "friction": {"law": "tresca", "bound": 1.0}}
+    without = {**scene["contact"], "friction": tresca_friction(1.0)}
     assert "contact[0].friction" not in said(parse_scene(scene | loads | {"contact": without}))
 
 
@@ -176,7 +174,7 @@ def test_a_direction_that_is_inclined(degrees, warned):
     inclined = {"boundary": "bottom", "direction": [np.sin(angle), -np.cos(angle)]}
     told = said(block(contact=inclined)).get("contact[0].direction", "")
     assert (f"acts {degrees} degrees off the normal" in told) is warned
-    plane = {"shape": "plane", "point": [0.0, 0.0], "normal": [-np.sin(angle), np.cos(angle)]}
+    plane = plane_shape([0.0, 0.0], [-np.sin(angle), np.cos(angle)])
     told = said(block(contact={"boundary": "bottom", "foundation": plane}))
     assert "degrees off the normal" not in told.get("contact[0].foundation", "")
 
@@ -229,7 +227,7 @@ QUIET = {
         traction={"boundary": "top", "x": 2.0, "y": -20.0}, **FREE, **coulomb(0.3)
     ),
     "bilateral contact with friction": block(
-        **contact(kind="bilateral", friction={"law": "coulomb", "coefficient": 0.3})
+        **contact(kind="bilateral", friction=coulomb_friction(0.3))
     ),
     "held by bilateral contact": block(
         traction={"boundary": "top", "y": 20.0}, **contact(kind="bilateral")
@@ -244,12 +242,7 @@ def test_no_warning(name):
     assert alone(QUIET[name], check=False).status is Status.CONVERGED
 
 
-NARROW = {
-    "mesh": {
-        "generator": "rectangle",
-        "parameters": {"length": 1.0, "height": 3.0, "nx": 4, "ny": 12},
-    }
-}
+NARROW = {"mesh": rectangle_mesh(4, 12, length=1.0, height=3.0)}
 # A scene, the path and words of its warning, and how it ends.
 LOOSE = {
     "nothing": (

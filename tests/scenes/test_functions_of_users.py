@@ -5,6 +5,7 @@ another.
 import numpy as np
 import pytest
 from mpi4py import MPI
+from scene_tables import rectangle_mesh
 
 import signorini_fx as sfx
 from signorini_fx.errors import SceneError
@@ -46,10 +47,7 @@ def entries(function):
 def scene(changes):
     """A block pressed onto a flat foundation."""
     data = {
-        "mesh": {
-            "generator": "rectangle",
-            "parameters": {"nx": 6, "ny": 4, "length": 2.0, "height": 1.0},
-        },
+        "mesh": rectangle_mesh(6, 4, length=2.0, height=1.0),
         "material": {"young": 200.0, "poisson": 0.3},
         "displacement": {"boundary": "top", "x": 0.0, "y": -0.01},
         "contact": {"boundary": "bottom"},

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from mpi4py import MPI
+from scene_tables import coulomb_friction, rectangle_mesh
 from scenes import alone
 
 from signorini_fx.errors import SceneError
@@ -25,17 +26,14 @@ def leaning(path=None, value=None):
     entry.
     """
     data = {
-        "mesh": {
-            "generator": "rectangle",
-            "parameters": {"length": 1.0, "height": 0.3, "nx": 24, "ny": 6},
-        },
+        "mesh": rectangle_mesh(24, 6, length=1.0, height=0.3),
         "material": {"young": 1000.0, "poisson": 0.3},
         "traction": [{"boundary": "top", "y": "-1 - x[0]"}, {"boundary": "right", "x": -0.05}],
         "contact": [
             {
                 "boundary": "bottom",
                 "gap": "0.01 + 0.02 * (x[0] - 0.4)**2",
-                "friction": {"law": "coulomb", "coefficient": 0.3},
+                "friction": coulomb_friction(0.3),
             },
             {"boundary": "left"},
         ],

@@ -4,6 +4,14 @@ words.
 
 import pytest
 from mpi4py import MPI
+from scene_tables import (
+    box_mesh,
+    coulomb_friction,
+    fixed,
+    plane_shape,
+    rectangle_mesh,
+    tresca_friction,
+)
 
 from signorini_fx import solve
 from signorini_fx.errors import SignoriniError
@@ -12,19 +20,16 @@ from signorini_fx.scenes.checks import check_scene
 from signorini_fx.scenes.reading import parse_scene
 
 COMM = MPI.COMM_SELF
-COULOMB = {"law": "coulomb", "coefficient": 0.3}
+COULOMB = coulomb_friction(0.3)
 BLOCK = {
-    "mesh": {
-        "generator": "rectangle",
-        "parameters": {"length": 2.0, "height": 1.0, "nx": 8, "ny": 4},
-    },
+    "mesh": rectangle_mesh(8, 4, length=2.0, height=1.0),
     "material": {"young": 1000.0, "poisson": 0.3},
     "contact": [{"boundary": "bottom", "friction": COULOMB}],
 }
 PRESSED = {"traction": {"boundary": "top", "y": -1.0}}
 HELD = {"displacement": {"boundary": "top", "x": 0.0, "y": -0.001}}
 MOVING = {"shape": "plane", "point": [0.0, 0.0], "normal": [0.0, 1.0], "shift": ["0.01*t", 0.0]}
-TRIANGLES = {"generator": "rectangle", "parameters": {"nx": 4, "ny": 2, "cell": "triangle"}}
+TRIANGLES = rectangle_mesh(4, 2, cell="triangle")
 STACK = [
     {"name": name, "mesh": TRIANGLES, "shift": [0.0, height]}
     for name, height in (("lower", 0.0), ("upper", 1.0))
@@ -37,7 +42,7 @@ def bodies(**more):
         "body": STACK,
         "material": BLOCK["material"],
         "displacement": [
-            {"boundary": "lower.bottom", "x": 0.0, "y": 0.0},
+            fixed("lower.bottom"),
             {"boundary": "upper.top", "x": 0.0, "y": -0.001},
         ],
         "contact": [{"boundary": "upper.bottom", "against": "lower.top"}],
@@ -63,14 +68,14 @@ def tool(**more):
 
 
 SPACE = {
-    "mesh": {"generator": "box", "parameters": {"nx": 4, "ny": 2, "nz": 2}},
+    "mesh": box_mesh(4, 2, 2),
     "material": BLOCK["material"],
     "displacement": {"boundary": "top", "x": 0.0, "y": 0.0, "z": -0.001},
 }
 AXISYMMETRIC = {"material": {"young": 1000.0, "poisson": 0.3, "hypothesis": "axisymmetric"}}
 ORTHOTROPIC = {"young": [1000.0, 900.0, 800.0], "poisson": [0.3] * 3, "shear": [300.0] * 3}
 DISK = {"generator": "half_disk", "parameters": {"radius": 1.0, "size": 0.5}}
-TETRAHEDRA = {"generator": "box", "parameters": {"nx": 2, "ny": 2, "nz": 2, "cell": "tetrahedron"}}
+TETRAHEDRA = box_mesh(2, 2, 2, cell="tetrahedron")
 
 
 def contact(scene=BLOCK | HELD, **more):
@@ -109,7 +114,7 @@ REFUSED = {
         "material": {"young": 1000.0, "poisson": 0.5},
         "element": {"degree": 2, "volumetric": "mixed"},
         "displacement": [
-            {"boundary": side, "x": 0.0, "y": 0.0} for side in ("left", "right", "top", "bottom")
+            fixed(side) for side in ("left", "right", "top", "bottom")
         ],
     },
     # Requested accuracy.
@@ -120,17 +125,17 @@ REFUSED = {
     | {"accuracy": {"target": 0.3, "refinement": "adaptive", "of": "peak"}},
     # Boundaries and values.
     "no such boundary": contact(boundary="nowhere"),
-    "support on contact": BLOCK | {"displacement": {"boundary": "bottom", "y": 0.0}},
+    "support on contact": BLOCK | {"displacement": fixed("bottom", "y")},
     "gap that is no number": contact(gap="log(x[0] - 0.5)"),
-    "negative bound": contact(friction={"law": "tresca", "bound": "x[0] - 0.5"}),
-    "negative coefficient": contact(friction={"law": "coulomb", "coefficient": "x[0] - 0.5"}),
-    "negative coefficient later": contact(friction={"law": "coulomb", "coefficient": "0.3*(1 - 2*t)"})
+    "negative bound": contact(friction=tresca_friction("x[0] - 0.5")),
+    "negative coefficient": contact(friction=coulomb_friction("x[0] - 0.5")),
+    "negative coefficient later": contact(friction=coulomb_friction("0.3*(1 - 2*t)"))
     | {"load_steps": {"times": [0.0, 1.0]}},
     "ellipse in 2D": contact(friction=COULOMB | {"ratio": 2.0}),
     "ellipse along the normal": ellipse(along=[0.0, 0.0, 1.0]),
     "ellipse and support": ellipse(along=[1.0, 1.0, 0.0])
-    | {"displacement": [SPACE["displacement"], {"boundary": "left", "x": 0.0}]},
-    "plane in 3D": contact(foundation={"shape": "plane", "point": [0.0] * 3, "normal": [0.0, 1.0, 0.0]}),
+    | {"displacement": [SPACE["displacement"], fixed("left", "x")]},
+    "plane in 3D": contact(foundation=plane_shape([0.0] * 3, [0.0, 1.0, 0.0])),
     "surface without a file": contact(SPACE, foundation={"shape": "surface", "file": "/nowhere.stl"}),
     "force whose spread is nothing": BLOCK
     | HELD
@@ -159,7 +164,7 @@ REFUSED = {
     "section on the boundary": bodies(preload=[{"section": "upper.left", "force": 1.0}]),
     # Meshes.
     "no such generator": mesh_of({"generator": "nothing"}),
-    "no such parameter": mesh_of({"generator": "rectangle", "parameters": {"wrong": 1}}),
+    "no such parameter": mesh_of(rectangle_mesh(wrong=1)),
     "no such file": mesh_of({"file": "/nowhere.msh"}),
     "no format of meshes": mesh_of({"file": "/nowhere.docx"}),
     "two kinds of cells": bodies(body=[STACK[0], STACK[1] | {"mesh": TETRAHEDRA}]),

@@ -8,6 +8,7 @@ from itertools import combinations
 import declared_refusals as refusals
 import pytest
 from mpi4py import MPI
+from scene_tables import box_mesh, coulomb_friction, fixed, plane_shape, rectangle_mesh
 
 from signorini_fx import SceneError, sensitivity
 from signorini_fx.mechanics.statement.features import features
@@ -17,12 +18,12 @@ from signorini_fx.scenes.reading import parse_scene
 COMM = MPI.COMM_SELF
 GRID = {"nx": 4, "ny": 4, "length": 2.0, "height": 1.0}
 BASE = {
-    "mesh": {"generator": "rectangle", "parameters": GRID},
+    "mesh": rectangle_mesh(**GRID),
     "material": {"young": 1000.0, "poisson": 0.3},
     "displacement": [{"boundary": "top", "x": 0.0, "y": -0.001}],
-    "contact": {"boundary": "bottom", "friction": {"law": "coulomb", "coefficient": 0.3}},
+    "contact": {"boundary": "bottom", "friction": coulomb_friction(0.3)},
 }
-PLANE = {"shape": "plane", "point": [0.0, 0.0], "normal": [0.0, 1.0]}
+PLANE = plane_shape([0.0, 0.0], [0.0, 1.0])
 ORTHOTROPIC = {"young": [1000.0, 900.0, 800.0], "poisson": [0.3] * 3, "shear": [300.0] * 3}
 SECTION = {"point": [1.0, 0.37], "axis": [0.0, 1.0]}
 TRIANGLES = {"mesh": {"parameters": {"cell": "triangle"}}}
@@ -137,7 +138,7 @@ def of_bodies(data, bodies):
     if len(bodies) > 1:
         data["displacement"] = [
             *data["displacement"],
-            {"boundary": "lower.bottom", "x": 0.0, "y": 0.0},
+            fixed("lower.bottom"),
         ]
     return data
 
@@ -236,7 +237,7 @@ COMPUTED = {
     "derivatives": message_of(lambda scene: sensitivity(scene, "force bottom y", [], comm=COMM)),
 }
 SPACE = {
-    "mesh": {"generator": "box", "parameters": {"nx": 2, "ny": 2, "nz": 2, "cell": "tetrahedron"}},
+    "mesh": box_mesh(2, 2, 2, cell="tetrahedron"),
     "displacement": {"boundary": "top", "z": -0.001},
 }
 

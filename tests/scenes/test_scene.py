@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scene_tables import coulomb_friction, fixed, rectangle_mesh, tresca_friction
 
 from signorini_fx.errors import SceneError
 from signorini_fx.mechanics.laws.coulomb import Tresca
@@ -16,11 +17,11 @@ from signorini_fx.scenes.scene import Scene
 
 GOOD = {
     "title": "a block",
-    "mesh": {"generator": "rectangle", "parameters": {"nx": 6, "ny": 2}},
+    "mesh": rectangle_mesh(6, 2),
     "material": {"young": 5000.0, "poisson": 0.4},
-    "displacement": [{"boundary": "left", "x": 0.0}, {"boundary": "right", "x": "0.1*x[1]"}],
+    "displacement": [fixed("left", "x"), {"boundary": "right", "x": "0.1*x[1]"}],
     "traction": [{"boundary": "top", "y": "-20 if 1 <= x[0] <= 2 else 0"}],
-    "contact": [{"boundary": "bottom", "gap": 0.001, "friction": {"law": "tresca", "bound": 1.5}}],
+    "contact": [{"boundary": "bottom", "gap": 0.001, "friction": tresca_friction(1.5)}],
     "solver": {"gamma_n": 1e8, "initial_contact": "1.25 <= x[0] <= 1.75"},
 }
 NOTHING = object()
@@ -152,7 +153,7 @@ def test_one_table_instead_of_a_list():
         ("contact.0.friction.bound", -1.5, "contact[0].friction.bound", "negative"),
         (
             "contact.0.friction",
-            {"law": "coulomb", "coefficient": -0.3},
+            coulomb_friction(-0.3),
             "contact[0].friction.coefficient",
             "negative",
         ),
@@ -208,7 +209,7 @@ def test_entries_that_do_not_go_together():
         changed(
             ("material", [two, {**two, "hypothesis": "plane stress"}]),
             ("contact", [{"boundary": "a"}, {"boundary": "b"}, {"boundary": "a"}]),
-            ("displacement", [{"boundary": "c", "x": 0}, {"boundary": "b", "normal": 0}]),
+            ("displacement", [fixed("c", "x"), {"boundary": "b", "normal": 0}]),
             ("load_steps", {"names": ["one", "two"]}),
         )
     )

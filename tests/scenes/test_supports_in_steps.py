@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
+from scene_tables import coulomb_friction, fixed, plane_shape, rectangle_mesh
 
 from signorini_fx.errors import SceneError
 from signorini_fx.scenes.reading import as_scene
 from signorini_fx.scenes.solver import solve
 
-FIRST = [{"boundary": "top", "x": 0.0, "y": -0.001}, {"boundary": "left", "x": 0.0}]
+FIRST = [{"boundary": "top", "x": 0.0, "y": -0.001}, fixed("left", "x")]
 SECOND = [{"boundary": "right", "x": 0.01}, {"boundary": "top", "y": -0.002}]
 TOOL = {
     "shape": "plane",
@@ -31,10 +32,7 @@ WITH = {
 def block(supports, **more):
     """A square on a foundation, pressed from above."""
     data = {
-        "mesh": {
-            "generator": "rectangle",
-            "parameters": {"length": 1.0, "height": 1.0, "nx": 6, "ny": 6},
-        },
+        "mesh": rectangle_mesh(6, 6, length=1.0, height=1.0),
         "material": {"young": 1000.0, "poisson": 0.3},
         "traction": [{"boundary": "top", "y": -5.0}],
         "contact": [{"boundary": "bottom"}],
@@ -71,9 +69,7 @@ def test_friction_remembers():
     on from the step before, and the sum of the friction balances nothing, as nothing else acts
     along it.
     """
-    friction = {
-        "contact": [{"boundary": "bottom", "friction": {"law": "coulomb", "coefficient": 0.3}}]
-    }
+    friction = {"contact": [{"boundary": "bottom", "friction": coulomb_friction(0.3)}]}
     pushed = [{"boundary": "left", "x": 0.02}]
     scene = block([{"boundary": "top", "y": -0.003}, *changing(pushed, [])], **friction)
     solution = solve(scene)
@@ -107,7 +103,7 @@ def test_what_is_wrong(holds, more, said):
     assert said in str(raised.value)
 
 
-PLANE = {"shape": "plane", "point": [0.0, 0.0], "normal": [0.0, 1.0]}
+PLANE = plane_shape([0.0, 0.0], [0.0, 1.0])
 FEW = [
     {"boundary": "top", "x": 0.0, "y": -1e-5},
     {"boundary": "left", "x": 0.0, "holds": [True, False, True]},
@@ -122,7 +118,7 @@ def few(material, **more):
     contact = {
         "boundary": "bottom",
         "foundation": PLANE,
-        "friction": {"law": "coulomb", "coefficient": 0.3},
+        "friction": coulomb_friction(0.3),
     }
     scene = block(FEW, **{"material": material, "contact": [contact]} | more)
     return scene.model_copy(update={"traction": ()})
@@ -156,16 +152,13 @@ def test_supports_of_nonlinear_bodies(law):
 
 def test_supports_of_nonlinear_pairs_stay():
     """In contact of two nonlinear bodies supports that hold in some steps only are refused."""
-    square = {
-        "generator": "rectangle",
-        "parameters": {"length": 1.0, "height": 1.0, "nx": 2, "ny": 2},
-    }
+    square = rectangle_mesh(2, 2, length=1.0, height=1.0)
     bodies = [
         {"name": "lower", "mesh": square},
         {"name": "upper", "mesh": square, "shift": [0.0, 1.0]},
     ]
     supports = [
-        {"boundary": "lower.bottom", "x": 0.0, "y": 0.0},
+        fixed("lower.bottom"),
         {"boundary": "upper.top", "y": -0.01},
     ]
     supports.append({"boundary": "upper.left", "x": 0.0, "holds": [True, False]})

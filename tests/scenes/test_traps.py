@@ -8,6 +8,7 @@ import ufl
 from dolfinx import fem
 from mpi4py import MPI
 from pressed_block import block, check, contact, coulomb
+from scene_tables import circle_shape, fixed, plane_shape, rectangle_mesh
 from scenes import alone, example1
 
 from signorini_fx.machine import parallel
@@ -32,12 +33,9 @@ def warned(found):
 def tall(**changes):
     """A body of 30 x 20 that its sides hold sideways, pressed onto a flat foundation."""
     data = {
-        "mesh": {
-            "generator": "rectangle",
-            "parameters": {"length": 30.0, "height": 20.0, "nx": 12, "ny": 8},
-        },
+        "mesh": rectangle_mesh(12, 8, length=30.0, height=20.0),
         "material": {"young": 5000.0, "poisson": 0.3},
-        "displacement": [{"boundary": side, "x": 0.0} for side in ("left", "right")],
+        "displacement": [fixed(side, "x") for side in ("left", "right")],
         "traction": {"boundary": "top", "y": "-20 if 10 <= x[0] <= 20 else 0"},
         "contact": {"boundary": "bottom"},
     }
@@ -59,7 +57,7 @@ ABSURD = {
         "contact.gap, displacement",
     ),
     "without contact": (
-        tall(material=SOFT, contact=[], displacement={"boundary": "left", "x": 0.0, "y": 0.0}),
+        tall(material=SOFT, contact=[], displacement=fixed("left")),
         "material, traction, body_force, displacement",
     ),
     "a turn": (
@@ -95,11 +93,8 @@ def test_a_scene_may_raise_the_limit(case):
 
 
 FIELDS = {
-    "quadrilaterals": {
-        "generator": "rectangle",
-        "parameters": {"length": 3.0, "height": 1.0, "nx": 6, "ny": 2},
-    },
-    "triangles": {"generator": "rectangle", "parameters": {"nx": 6, "ny": 4, "cell": "triangle"}},
+    "quadrilaterals": rectangle_mesh(6, 2, length=3.0, height=1.0),
+    "triangles": rectangle_mesh(6, 4, cell="triangle"),
     "distorted": {
         "generator": "block",
         "parameters": {"nx": 12, "ny": 4, "layout": "unstructured"},
@@ -152,7 +147,7 @@ def test_figures_of_known_fields(mesh, degree):
 
 # --- what check knows, solve says -----------------------------------------------------------------
 
-TRIANGLES = {"generator": "rectangle", "parameters": {"nx": 12, "ny": 4, "cell": "triangle"}}
+TRIANGLES = rectangle_mesh(12, 4, cell="triangle")
 
 
 @pytest.mark.mpi
@@ -174,14 +169,11 @@ def test_nothing_is_said_where_nothing_hurts():
 
 
 PAD = {
-    "mesh": {
-        "generator": "rectangle",
-        "parameters": {"length": 10.0, "height": 1.0, "nx": 20, "ny": 2},
-    },
+    "mesh": rectangle_mesh(20, 2, length=10.0, height=1.0),
     "material": {"young": 100.0, "poisson": 0.3},
-    "displacement": {"boundary": "bottom", "x": 0.0, "y": 0.0},
+    "displacement": fixed("bottom"),
 }
-CIRCLE = {"shape": "circle", "centre": [5.0, 3.0], "radius": 2.0}
+CIRCLE = circle_shape([5.0, 3.0], 2.0)
 # A wide pad under 1 % of its modulus; a foundation that arrives later; soft contact, whose
 # foundation enters the body.
 SOUND = {
@@ -228,7 +220,7 @@ def test_a_plane_that_faces_away(normal, warns):
     """Nothing would be in contact, as the body is behind the plane's back."""
     plane = {
         "boundary": "bottom",
-        "foundation": {"shape": "plane", "point": [0.0, 0.0], "normal": normal},
+        "foundation": plane_shape([0.0, 0.0], normal),
     }
     found = warned(check(tall(contact=plane)).findings).get("contact[0].foundation", "")
     assert ("no facet of the boundary faces the foundation" in found) == warns

@@ -12,6 +12,7 @@ import pytest
 from certifying import certify
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
+from scene_tables import coulomb_friction, tresca_friction
 from scenes import alone
 from spaces import CELLS
 
@@ -61,10 +62,10 @@ def block(element, law="none", length=1.0, force=1.0, comm=MPI.COMM_SELF, **solv
     stress, tagged = force / length**2, body(*element, length, comm)
     friction = {
         "none": {"law": "none"},
-        "tresca": {"law": "tresca", "bound": 1.1 * stress},
-        "coulomb": {"law": "coulomb", "coefficient": 0.3},
+        "tresca": tresca_friction(1.1 * stress),
+        "coulomb": coulomb_friction(0.3),
         "cap": {"law": "coulomb", "coefficient": 0.4, "cap": 3.0 * stress},
-        "bilateral": {"law": "tresca", "bound": 0.7 * stress},
+        "bilateral": tresca_friction(0.7 * stress),
     }[law]
     space = tagged.dimension == 3
     return parse_scene(

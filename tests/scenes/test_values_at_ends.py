@@ -2,6 +2,7 @@
 
 import pytest
 from mpi4py import MPI
+from scene_tables import coulomb_friction, rectangle_mesh, tresca_friction
 
 from signorini_fx import solve
 from signorini_fx.scenes.reading import parse_scene
@@ -11,15 +12,12 @@ from signorini_fx.scenes.reading import parse_scene
 def test_values_that_are_zero_at_an_end(law):
     """A coefficient of friction or a bound that vanishes at an end of the body is one."""
     for friction in (
-        {"law": "coulomb", "coefficient": "0.3*sqrt(x[0])"},
-        {"law": "tresca", "bound": "0.01*x[0]"},
+        coulomb_friction("0.3*sqrt(x[0])"),
+        tresca_friction("0.01*x[0]"),
     ):
         scene = parse_scene(
             {
-                "mesh": {
-                    "generator": "rectangle",
-                    "parameters": {"length": 2.0, "height": 1.0, "nx": 8, "ny": 4},
-                },
+                "mesh": rectangle_mesh(8, 4, length=2.0, height=1.0),
                 "material": {"young": 1.0, "poisson": 0.3, **law},
                 "displacement": {"boundary": "bottom", "x": 0.0, "y": 0.01},
                 "contact": {"boundary": "top", "friction": friction},

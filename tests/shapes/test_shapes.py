@@ -11,6 +11,14 @@ import pytest
 import ufl
 from dolfinx import fem
 from mpi4py import MPI
+from scene_tables import (
+    box_mesh,
+    circle_shape,
+    coulomb_friction,
+    fixed,
+    plane_shape,
+    rectangle_mesh,
+)
 
 from signorini_fx import ContactProblem, Coulomb, FormError, Foundation, SceneError, solve
 from signorini_fx.mechanics.statement.rigid_shape import distance_from, read_shape
@@ -276,7 +284,7 @@ def of_a_slope(normal, height):
 SAME = {
     "circle": (
         2,
-        {"shape": "circle", "centre": (0.9, -1.51), "radius": 1.5},
+        circle_shape((0.9, -1.51), 1.5),
         of_a_ball((0.9, -1.51), 1.5),
     ),
     "sphere": (
@@ -291,7 +299,7 @@ SAME = {
     ),
     "plane": (
         3,
-        {"shape": "plane", "point": (0, 0, -0.03), "normal": (0.02, 0, 2.0)},
+        plane_shape((0, 0, -0.03), (0.02, 0, 2.0)),
         of_a_slope((0.01, 0, 1), 0.03),
     ),
     "polyline": (
@@ -411,10 +419,7 @@ def test_shapes_that_are_not_what_they_say(wrong, message):
 def scene(shape, **more):
     """The block on a cylinder of the demonstration, on a coarse mesh."""
     given = {
-        "mesh": {
-            "generator": "rectangle",
-            "parameters": {"length": 10.0, "height": 5.0, "nx": 20, "ny": 10},
-        },
+        "mesh": rectangle_mesh(20, 10, length=10.0, height=5.0),
         "material": {"young": 200.0, "poisson": 0.3},
         "displacement": {"boundary": "top", "x": 0.0, "y": -0.06},
         "contact": {"boundary": "bottom", "foundation": shape},
@@ -422,7 +427,7 @@ def scene(shape, **more):
     return parse_scene(given | more)
 
 
-GROUND = {"shape": "plane", "point": (0, -0.01), "normal": (0, 1)}
+GROUND = plane_shape((0, -0.01), (0, 1))
 
 
 @pytest.mark.mpi
@@ -430,7 +435,7 @@ def test_a_scene():
     """A plane is the gap; the certificate evaluates the shape anew, and ``check`` says where it
     is.
     """
-    coulomb = {"law": "coulomb", "coefficient": 0.3}
+    coulomb = coulomb_friction(0.3)
     first = solve(
         scene(None, contact={"boundary": "bottom", "foundation": GROUND, "friction": coulomb})
     )
@@ -450,11 +455,11 @@ def test_a_scene():
     ("shape", "message"),
     [
         (
-            {"shape": "circle", "centre": (5, -8), "radius": 0},
+            circle_shape((5, -8), 0),
             "foundation.radius: must be greater than 0",
         ),
         (
-            {"shape": "circle", "centre": (5, -8, 0), "radius": 8},
+            circle_shape((5, -8, 0), 8),
             "foundation.centre: the mesh is plane: give 2",
         ),
         ({"shape": "circle", "center": (5, -8), "radius": 8}, "unknown key: did you mean 'centre'"),
@@ -463,7 +468,7 @@ def test_a_scene():
             "foundation.qqq: unknown key",
         ),
         (
-            {"shape": "circle", "centre": (5, 0), "radius": 80},
+            circle_shape((5, 0), 80),
             "the whole body is inside of the foundation",
         ),
         (
@@ -553,17 +558,12 @@ def test_bad_surfaces(tmp_path):
 def moving(*, tool, shift, rotation=0.0, **more):
     """A block in four load steps on a plane that moves, or whose top moves instead."""
     axes = ("x", "y")
-    given = {
-        "mesh": {
-            "generator": "rectangle",
-            "parameters": {"length": 2.0, "height": 1.0, "nx": 8, "ny": 4},
-        }
-    }
+    given = {"mesh": rectangle_mesh(8, 4, length=2.0, height=1.0)}
     given |= {
         "material": {"young": 1000.0, "poisson": 0.3},
         "load_steps": {"times": [0.0, 1.0, 2.0, 3.0]},
     }
-    foundation = {"shape": "plane", "point": [0.0, 0.0], "normal": [0.0, 1.0]}
+    foundation = plane_shape([0.0, 0.0], [0.0, 1.0])
     top = (
         dict.fromkeys(axes, 0.0)
         if tool
@@ -574,7 +574,7 @@ def moving(*, tool, shift, rotation=0.0, **more):
     contact = {
         "boundary": "bottom",
         "foundation": foundation,
-        "friction": {"law": "coulomb", "coefficient": 0.3},
+        "friction": coulomb_friction(0.3),
     }
     return parse_scene(
         given | {"displacement": {"boundary": "top", **top}, "contact": contact} | more
@@ -634,7 +634,7 @@ def test_a_foundation_moves_in_a_scene(more):
         ({"shift": ["t", 0.0, 0.0]}, "foundation.shift: the mesh is plane: give 2 numbers, not 3"),
         (
             {
-                "displacement": {"boundary": "top", "x": 0.0},
+                "displacement": fixed("top", "x"),
                 "traction": {"boundary": "top", "pressure": 1.0},
             },
             "supports",
@@ -653,12 +653,9 @@ def test_bad_motions(more, message):
 def test_surfaces_that_are_coarser_than_the_body(files, cells, coarse):
     """The ball presses with its facets: a note has their size, and that of the body's."""
     scene = {
-        "mesh": {
-            "generator": "box",
-            "parameters": {"length": 1, "nx": cells, "ny": cells, "nz": 1, "height": 0.5},
-        },
+        "mesh": box_mesh(cells, cells, 1, length=1, height=0.5),
         "material": {"young": 1.0, "poisson": 0.3},
-        "displacement": {"boundary": "bottom", "x": 0.0, "y": 0.0, "z": 0.0},
+        "displacement": fixed("bottom", "xyz"),
         "contact": {
             "boundary": "top",
             "foundation": {

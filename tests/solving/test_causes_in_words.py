@@ -2,13 +2,14 @@
 
 import pytest
 from mpi4py import MPI
+from scene_tables import coulomb_friction, fixed, rectangle_mesh
 
 from signorini_fx import ConvergenceError, Scene, Status, solve
 from signorini_fx.scenes.reading import parse_scene
 
 ELASTIC = {"young": 100.0, "poisson": 0.3}
 RUBBER = {"law": "neo-hooke", **ELASTIC}
-COULOMB = {"law": "coulomb", "coefficient": 0.3}
+COULOMB = coulomb_friction(0.3)
 # At which factor of the push each of three blocks slides.
 LIMITS = (1.9, 1.95, 1.99)
 
@@ -16,7 +17,7 @@ LIMITS = (1.9, 1.95, 1.99)
 def pushed(material, limits=LIMITS):
     """Blocks that are pressed, and pushed up to twice a force by which each slides at a factor."""
     size = {"length": 2.0, "height": 1.0, "nx": 6, "ny": 3}
-    mesh = {"generator": "rectangle", "parameters": size}
+    mesh = rectangle_mesh(**size)
     names = [f"b{number}" for number in range(len(limits))]
     traction = []
     for name, limit in zip(names, limits, strict=True):
@@ -79,11 +80,11 @@ def test_friction_that_is_too_small_for_a_nonlinear_body():
 
 def test_a_section_that_yields():
     """It carries no larger load, which no cell that is turned inside out explains."""
-    mesh = {"generator": "rectangle", "parameters": {"length": 2.0, "nx": 8, "ny": 4}}
+    mesh = rectangle_mesh(8, 4, length=2.0)
     scene = Scene(
         mesh=mesh,
         material={"law": "j2", **ELASTIC, "yield_stress": 0.3},
-        displacement={"boundary": "left", "x": 0.0},
+        displacement=fixed("left", "x"),
         traction={"boundary": "top", "y": -1.0},
         contact={"boundary": "bottom"},
         load_steps={"steps": 4},
@@ -123,7 +124,7 @@ def test_a_pin_that_turns_freely_in_an_eye(tmp_path):
     scene = {
         "mesh": {"file": str(path), "boundaries": boundaries},
         "material": ELASTIC,
-        "displacement": {"boundary": "rim", "x": 0.0, "y": 0.0},
+        "displacement": fixed("rim"),
         "traction": {"boundary": "bore", "y": -1.0},
         "contact": {"boundary": "pin", "against": "eye"},
     }

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from dolfinx import mesh
 from mpi4py import MPI
+from scene_tables import coulomb_friction, fixed, plane_shape, rectangle_mesh
 
 from signorini_fx import ConvergenceError, Status, solve
 from signorini_fx.scenes.reading import parse_scene
@@ -56,7 +57,7 @@ load_steps.times = [0.5, 1.0, 1.1]
 contact.boundary = "bottom"
 contact.foundation = { shape = "plane", point = [0.0, -1.0], normal = [0.0, 1.0] }
 """
-COULOMB = {"law": "coulomb", "coefficient": 0.3}
+COULOMB = coulomb_friction(0.3)
 
 
 def stack(law, bodies, path, *, rough=False, held=True):
@@ -64,16 +65,16 @@ def stack(law, bodies, path, *, rough=False, held=True):
     load, further = PATHS[path]
     names = [""] if bodies == 1 else ["lower.", "upper."]
     rubs = {"friction": COULOMB} if rough else {}
-    plane = {"shape": "plane", "point": [0.0, 0.0], "normal": [0.0, 1.0]}
+    plane = plane_shape([0.0, 0.0], [0.0, 1.0])
     blocks = []
     for k, name in enumerate(names):
         size = {"length": WIDTH, "height": HEIGHT, "nx": 3 - k, "ny": 2, "cell": "quadrilateral"}
-        mesh = {"generator": "rectangle", "parameters": size}
+        mesh = rectangle_mesh(**size)
         blocks.append({"name": name[:-1], "mesh": mesh, "shift": [0.0, k * HEIGHT]})
     scene = {
         "material": LAWS[law],
         "contact": [{"boundary": f"{names[0]}bottom", "foundation": plane, **rubs}],
-        "displacement": [{"boundary": f"{name}left", "x": 0.0} for name in names] if held else [],
+        "displacement": [fixed(f"{name}left", "x") for name in names] if held else [],
     }
     if load is not None:
         scene["force"] = {"boundary": f"{names[-1]}top", "y": -FORCE, **load}
@@ -201,7 +202,7 @@ def test_a_wall_that_goes_back_leaves_a_body_where_it_is():
     """
     scene = stack("linear", 1, "first").model_dump(exclude_unset=True)
     scene |= {
-        "displacement": {"boundary": "bottom", "y": 0.0},
+        "displacement": fixed("bottom", "y"),
         "contact": {"boundary": "left", "gap": "0.1*(t - 2)"},
     }
     solution = solve(
@@ -223,9 +224,7 @@ def test_augmentation_after_a_step_without_a_load():
 def test_without_any_load(law):
     """One load step without a load has no solution of its own, and the outcome says why."""
     scene = stack(law, 1, "first")
-    alone = parse_scene(
-        scene.model_dump(exclude_unset=True) | {"force": {"boundary": "top", "y": 0.0}}
-    )
+    alone = parse_scene(scene.model_dump(exclude_unset=True) | {"force": fixed("top", "y")})
     with pytest.raises(
         ConvergenceError, match=r"nothing presses on the body|no load presses the body on"
     ) as error:
@@ -264,7 +263,7 @@ def test_a_nonlinear_body_moves_before_it_touches(law, degree):
 @pytest.mark.parametrize("sliding", ["small", "finite"])
 def test_what_pressed_before_does_not_turn_in_a_step_without_a_load(sliding):
     """A block on another one that nothing presses on any more: it stays, and no step is halved."""
-    mesh = {"generator": "rectangle", "parameters": {"nx": 4, "ny": 4}}
+    mesh = rectangle_mesh(4, 4)
     entry = {"boundary": "upper.bottom", "against": "lower.top"}
     scene = {
         "body": [
@@ -273,8 +272,8 @@ def test_what_pressed_before_does_not_turn_in_a_step_without_a_load(sliding):
         ],
         "material": LAWS["neo-hooke"],
         "displacement": [
-            {"boundary": "lower.bottom", "x": 0.0, "y": 0.0},
-            {"boundary": "upper.left", "x": 0.0},
+            fixed("lower.bottom"),
+            fixed("upper.left", "x"),
         ],
         "traction": {"boundary": "upper.top", "y": -50.0, "factors": [1.0, 0.0]},
         "contact": entry | ({"sliding": sliding} if sliding == "small" else {}),

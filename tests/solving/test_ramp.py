@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from pushed_block import LENGTH, LIMIT, PRESSURE, block, friction_force
+from scene_tables import fixed, rectangle_mesh, tresca_friction
 from scenes import alone
 
 from signorini_fx.errors import FormError, SceneError
@@ -79,7 +80,7 @@ def test_limit_load_from_nothing():
         30,
         {
             "traction": [{"boundary": "top", "x": push * bound, "y": -PRESSURE}],
-            "contact": {"boundary": "bottom", "friction": {"law": "tresca", "bound": bound}},
+            "contact": {"boundary": "bottom", "friction": tresca_friction(bound)},
             "load_steps": {"steps": 4},
         },
     )
@@ -158,9 +159,9 @@ def test_a_ramp_without_contact_says_where_it_ends():
     history has the attempts beyond it, too.
     """
     scene = {
-        "mesh": {"generator": "rectangle", "parameters": {"length": 3.0, "nx": 6, "ny": 2}},
+        "mesh": rectangle_mesh(6, 2, length=3.0),
         "material": {"young": 5000.0, "poisson": 0.3},
-        "displacement": [{"boundary": "bottom", "x": 0.0, "y": 0.0}],
+        "displacement": [fixed("bottom")],
         "traction": [{"boundary": "top", "y": -4000.0}],
         "load_steps": {"steps": 4},
     }

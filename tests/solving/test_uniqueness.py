@@ -8,6 +8,7 @@ from itertools import product
 import numpy as np
 import pytest
 from mpi4py import MPI
+from scene_tables import coulomb_friction, fixed, rectangle_mesh
 from scenes import one_triangle
 
 from signorini_fx.algebra.contact.friction import PointFriction
@@ -113,11 +114,11 @@ def test_what_is_not_tried():
     cohesion.
     """
     preload = {"point": [1.37, 0.0], "axis": [1.0, 0.0], "force": 0.1}
-    friction = {"law": "coulomb", "coefficient": 0.1}
+    friction = coulomb_friction(0.1)
     scene = {
-        "mesh": {"generator": "rectangle", "parameters": {"length": 3.0, "nx": 12, "ny": 4}},
+        "mesh": rectangle_mesh(12, 4, length=3.0),
         "material": {"young": 1000.0, "poisson": 0.3},
-        "displacement": {"boundary": "left", "x": 0.0, "y": 0.0},
+        "displacement": fixed("left"),
         "traction": {"boundary": "top", "y": -1.0},
         "contact": {"boundary": "bottom", "friction": friction},
     }

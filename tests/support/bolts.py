@@ -3,6 +3,7 @@
 import numpy as np
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
+from scene_tables import at_coordinate
 
 from signorini_fx.mechanics.mesh.tagged import tag_boundaries
 from signorini_fx.results.contact_figures import section_forces
@@ -49,8 +50,8 @@ def bodies(cell, length):
     bolt = dmesh.create_submesh(whole, dim, np.flatnonzero(kept).astype(np.int32))[0]
     foot = {"foot": lambda x: np.isclose(x[1], 0.0, atol=1e-9 * length)}
     under = {"under": lambda x: np.isclose(x[1], HEIGHT * length) & (np.abs(x[0]) > 0.49 * length)}
-    top = {"top": lambda x: np.isclose(x[1], HEIGHT * length)}
-    over = {"over": lambda x: np.isclose(x[1], 5.0 * length)}
+    top = {"top": at_coordinate(1, HEIGHT * length)}
+    over = {"over": at_coordinate(1, 5.0 * length)}
     return tag_boundaries(bolt, foot | under | over), tag_boundaries(
         block((0.0, 0.0), (1.0, HEIGHT), (3, 4)), foot | top
     )

@@ -3,6 +3,7 @@
 import numpy as np
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
+from scene_tables import at_coordinate, coulomb_friction, fixed
 
 from signorini_fx import tag_boundaries
 from signorini_fx.mechanics.contact_points.contact_table import contact_table
@@ -37,16 +38,14 @@ def half_disk(
         "symmetric": symmetric,
         "cell": cell,
     }
-    support = (
-        {"boundary": "symmetry", "normal": 0.0} if symmetric else {"boundary": "top", "x": 0.0}
-    )
+    support = {"boundary": "symmetry", "normal": 0.0} if symmetric else fixed("top", "x")
     contact = {
         "boundary": "arc",
         # The circle, not the chord on which midside nodes are: a polygon would press with its
         # corners.
         "gap": f"{RADIUS} - sqrt(max(0, {RADIUS**2} - x[0]**2))",
         "direction": [0, -1],
-        "friction": {"law": "coulomb", "coefficient": friction},
+        "friction": coulomb_friction(friction),
     }
     return parse_scene(
         {
@@ -98,7 +97,7 @@ def parabolic_block(columns):
     x[:, 1] = low + x[:, 1] ** 1.3 * (4.0 - low)
     sides = {
         "low": lambda x: np.isclose(x[1], x[0] ** 2 / 2 / RADIUS),
-        "top": lambda x: np.isclose(x[1], 4.0),
-        "middle": lambda x: np.isclose(x[0], 0.0),
+        "top": at_coordinate(1, 4.0),
+        "middle": at_coordinate(0, 0.0),
     }
     return tag_boundaries(mesh, sides)

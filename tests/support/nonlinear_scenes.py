@@ -5,6 +5,14 @@ import numpy as np
 import pytest
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
+from scene_tables import (
+    at_coordinate,
+    box_mesh,
+    circle_shape,
+    coulomb_friction,
+    fixed,
+    rectangle_mesh,
+)
 
 from signorini_fx.mechanics.mesh.tagged import tagged_mesh
 from signorini_fx.scenes.reading import parse_scene
@@ -42,9 +50,9 @@ def block(law, path, *, length=1.0, cells=(4, 4), unit=1.0, foundation=None, **f
     }
     size = {"length": length * unit, "height": unit, "nx": cells[0], "ny": cells[1]}
     scene = {
-        "mesh": {"generator": "rectangle", "parameters": size},
+        "mesh": rectangle_mesh(**size),
         "material": law,
-        "displacement": [{"boundary": "left", "x": 0.0}, {"boundary": "bottom", "y": 0.0}],
+        "displacement": [fixed("left", "x"), fixed("bottom", "y")],
         "contact": {"boundary": "top", "foundation": foundation or plate},
         "solver": {
             "algorithm": "alm"
@@ -61,7 +69,7 @@ def cube(law, *further_supports, cells=2, **further):
         for side, key in (("left", "x"), ("front", "y"), ("bottom", "z"))
     ]
     scene = {
-        "mesh": {"generator": "box", "parameters": size},
+        "mesh": box_mesh(**size),
         "material": law,
         "displacement": [*rollers, *further_supports],
     }
@@ -87,17 +95,17 @@ def indented(law, *, depth=0.2, cells=(10, 5), unit=1.0, **further):
     """A clamped block, and a rough circle that is pressed into it up to time 1, and moved sideways
     up to time 2.
     """
-    circle = {"shape": "circle", "centre": [0.8 * unit, 1.5 * unit], "radius": 0.5 * unit}
+    circle = circle_shape([0.8 * unit, 1.5 * unit], 0.5 * unit)
     circle["shift"] = [f"{unit} * max({depth / 2} * (t - 1), 0)", f"-{unit * depth} * min(t, 1)"]
     size = {"length": 2.0 * unit, "height": unit, "nx": cells[0], "ny": cells[1]}
     scene = {
-        "mesh": {"generator": "rectangle", "parameters": size},
+        "mesh": rectangle_mesh(**size),
         "material": law,
-        "displacement": {"boundary": "bottom", "x": 0.0, "y": 0.0},
+        "displacement": fixed("bottom"),
         "contact": {
             "boundary": "top",
             "foundation": circle,
-            "friction": {"law": "coulomb", "coefficient": 0.3},
+            "friction": coulomb_friction(0.3),
         },
         "load_steps": {"times": [1.0, 2.0]},
     }
@@ -141,8 +149,8 @@ def quarter_of_disk(cells, comm=MPI.COMM_SELF):
         return dmesh.locate_entities_boundary(mesh, 1, marker)
 
     names = {
-        "left": side(lambda x: np.isclose(x[0], 0.0)),
-        "bottom": side(lambda x: np.isclose(x[1], 0.0)),
+        "left": side(at_coordinate(0, 0.0)),
+        "bottom": side(at_coordinate(1, 0.0)),
     }
     return tagged_mesh(mesh, names | {"arc": side(lambda x: np.isclose(np.hypot(x[0], x[1]), 1.0))})
 
@@ -158,7 +166,7 @@ def flattened_disk(law, cells, path, **load_steps):
     scene = {
         "mesh": quarter_of_disk(cells),
         "material": law,
-        "displacement": [{"boundary": "left", "x": 0.0}, {"boundary": "bottom", "y": 0.0}],
+        "displacement": [fixed("left", "x"), fixed("bottom", "y")],
         "contact": {"boundary": "arc", "foundation": plate},
         "load_steps": load_steps,
     }

@@ -1,14 +1,15 @@
 """A block that is pressed on its foundation, and what is said of it before it is solved."""
 
 from mpi4py import MPI
+from scene_tables import fixed, rectangle_mesh, tresca_friction
 
 from signorini_fx.scenes.checks import check_scene
 from signorini_fx.scenes.reading import parse_scene
 
 BLOCK = {
-    "mesh": {"generator": "rectangle", "parameters": {"nx": 12, "ny": 4}},
+    "mesh": rectangle_mesh(12, 4),
     "material": {"young": 5000.0, "poisson": 0.3},
-    "displacement": {"boundary": "left", "x": 0.0, "y": 0.0},
+    "displacement": fixed("left"),
     "traction": {"boundary": "top", "y": -20.0},
     "contact": {"boundary": "bottom"},
 }
@@ -31,7 +32,7 @@ def coulomb(coefficient, **options):
 
 def tresca(bound):
     """The same with given friction."""
-    return contact(friction={"law": "tresca", "bound": bound})
+    return contact(friction=tresca_friction(bound))
 
 
 def check(data):

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from mpi4py import MPI
+from scene_tables import box_mesh, coulomb_friction, rectangle_mesh, tresca_friction
 from spaces import box, rotation
 
 from signorini_fx.records import StepRecord
@@ -79,8 +80,8 @@ class Product:
                 features.add(str(name))
         law = [
             {"law": "none"},
-            {"law": "tresca", "bound": round(float(random.uniform(0.5, 2.0)), 3)},
-            {"law": "coulomb", "coefficient": round(float(random.uniform(0.1, 0.4)), 3)},
+            tresca_friction(round(float(random.uniform(0.5, 2.0)), 3)),
+            coulomb_friction(round(float(random.uniform(0.1, 0.4)), 3)),
         ][int(random.integers(3))]
         methods: list[dict[str, object]] = [{}, {"algorithm": "alm"}, {"algorithm": "continuation"}]
         if law["law"] == "coulomb":
@@ -149,7 +150,7 @@ class Product:
     def _in_the_plane(self) -> dict[str, object]:
         """A block whose top is moved down and aside."""
         return {
-            "mesh": {"generator": "rectangle", "parameters": {"nx": 12, "ny": 4}},
+            "mesh": rectangle_mesh(12, 4),
             "material": {"young": _YOUNG, "poisson": 0.3},
             "displacement": {
                 "boundary": "top", "x": 0.02 * self.push, "y": "-0.02 + 0.001 * x[0]", "factors": self._factors(),
@@ -186,7 +187,7 @@ class Product:
             cell = "tetrahedron" if quadratic else "hexahedron"
             gap = "0.003 * ((x[0] - 0.6)**2 + (x[1] - 0.5)**2)"
             return data | {
-                "mesh": {"generator": "box", "parameters": {"length": 1.5, "cell": cell, **size}},
+                "mesh": box_mesh(length=1.5, cell=cell, **size),
                 "displacement": {
                     "boundary": "top", "x": 0.02 * self.push, "y": 0.003, "z": "-0.02 + 0.001 * x[0]",
                     "factors": self._factors(),

@@ -1,5 +1,7 @@
 """A block that only its foundation holds, and the largest force that friction can balance."""
 
+from scene_tables import coulomb_friction, rectangle_mesh
+
 from signorini_fx.scenes.reading import parse_scene
 
 FRICTION, PRESSURE, LENGTH = 0.3, 20.0, 3.0
@@ -12,14 +14,11 @@ def block(nx, loads, **solver):
     """A block 3 x 1 that only its foundation holds, with Coulomb friction."""
     return parse_scene(
         {
-            "mesh": {
-                "generator": "rectangle",
-                "parameters": {"length": LENGTH, "nx": nx, "ny": nx // 3},
-            },
+            "mesh": rectangle_mesh(nx, nx // 3, length=LENGTH),
             "material": {"young": 5000.0, "poisson": 0.3},
             "contact": {
                 "boundary": "bottom",
-                "friction": {"law": "coulomb", "coefficient": FRICTION},
+                "friction": coulomb_friction(FRICTION),
             },
             "solver": solver,
             **loads,

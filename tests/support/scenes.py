@@ -6,6 +6,7 @@ import itertools
 
 import numpy as np
 from mpi4py import MPI
+from scene_tables import coulomb_friction, fixed, rectangle_mesh, tresca_friction
 
 from signorini_fx.mechanics.contact_points.contact_table import contact_table
 from signorini_fx.mechanics.mesh.tagged import generate_mesh, gmsh_mesh
@@ -50,15 +51,15 @@ def example1(
         parameters["layout"] = layout
     friction = {"law": "none"}
     if bound is not None:
-        friction = {"law": "tresca", "bound": bound * stress}
+        friction = tresca_friction(bound * stress)
     if coefficient is not None:
-        friction = {"law": "coulomb", "coefficient": coefficient}
+        friction = coulomb_friction(coefficient)
     return parse_scene(
         {
             "mesh": {"generator": generator, "parameters": parameters},
             "element": {"degree": degree},
             "material": {"young": 5000.0 * stress, "poisson": poisson},
-            "displacement": [{"boundary": "left", "x": 0.0}, {"boundary": "right", "x": 0.0}],
+            "displacement": [fixed("left", "x"), fixed("right", "x")],
             "traction": {
                 "boundary": "top",
                 "y": f"{-20 * stress} if 1 <= x[0] / {length} <= 2 else 0",
@@ -77,10 +78,7 @@ def bar_on_a_bowl(nx, law, start):
     """A bar that only contact with a curved foundation holds, with Coulomb or Tresca friction."""
     return parse_scene(
         {
-            "mesh": {
-                "generator": "rectangle",
-                "parameters": {"length": 1.0, "height": 0.1, "nx": nx, "ny": 4},
-            },
+            "mesh": rectangle_mesh(nx, 4, length=1.0, height=0.1),
             "material": {"young": 1000.0, "poisson": 0.3},
             "traction": {"boundary": "top", "x": 0.05, "y": "-1 - x[0]"},
             "contact": {
@@ -118,11 +116,11 @@ def one_triangle(coefficient, force, **solver):
         {
             "mesh": gmsh_mesh(MPI.COMM_SELF, draw_triangle, name="triangle"),
             "material": {"young": 2.5, "poisson": 0.25},
-            "displacement": {"boundary": "support", "x": 0.0, "y": 0.0},
+            "displacement": fixed("support"),
             "body_force": {"x": force[0], "y": force[1]},
             "contact": {
                 "boundary": "contact",
-                "friction": {"law": "coulomb", "coefficient": coefficient},
+                "friction": coulomb_friction(coefficient),
             },
             "solver": solver,
         }
@@ -195,7 +193,7 @@ def stack_of_three(lift, below, above, gap=0.0, size=1.0, stress=1.0, **solver):
             "ny": cells,
             "cell": "quadrilateral",
         }
-        mesh = {"generator": "rectangle", "parameters": parameters}
+        mesh = rectangle_mesh(**parameters)
         bodies.append({"name": name, "mesh": mesh, "shift": [0.0, k * size]})
 
     def friction(law):
@@ -213,7 +211,7 @@ def stack_of_three(lift, below, above, gap=0.0, size=1.0, stress=1.0, **solver):
             "body": bodies,
             "material": {"young": 100.0 * stress, "poisson": 0.3},
             "displacement": [
-                {"boundary": "lower.bottom", "x": 0.0, "y": 0.0},
+                fixed("lower.bottom"),
                 moved,
             ],
             "contact": [

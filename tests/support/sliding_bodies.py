@@ -4,6 +4,7 @@ import numpy as np
 import ufl
 from dolfinx import fem
 from mpi4py import MPI
+from scene_tables import at_coordinate
 from scipy.spatial.transform import Rotation
 from support.nonlinear_bodies import neo_hooke
 from two_bodies import assembled, facets, facets_of_cells, grid, per_cell
@@ -193,8 +194,8 @@ def roller(kind="quadrilateral", cells=(32, 8), around=16, radius=0.5, gap=0.0, 
     def outer(x):
         return np.isclose(np.linalg.norm(x - middle[:, None], axis=0), radius)
 
-    touching = [lambda x: np.isclose(x[1], 1.0), outer]
-    held = [lambda x: np.isclose(x[1], 0.0), lambda x: np.isclose(x[1], middle[1])]
+    touching = [at_coordinate(1, 1.0), outer]
+    held = [at_coordinate(1, 0.0), at_coordinate(1, middle[1])]
     return SlidingBodies(kind, bodies, touching, held, **settings)
 
 
@@ -218,8 +219,8 @@ def wheel(kind="quadrilateral", cells=(12, 6), around=8, radius=0.5, **settings)
     def outer(x):
         return np.isclose(np.hypot(x[0], x[1] - radius), radius)
 
-    touching = [lambda x: np.isclose(x[1], 0.0), outer]
-    held = [lambda x: np.isclose(x[1], -1.0), lambda x: np.isclose(x[1], radius)]
+    touching = [at_coordinate(1, 0.0), outer]
+    held = [at_coordinate(1, -1.0), at_coordinate(1, radius)]
     return SlidingBodies(kind, bodies, touching, held, **settings)
 
 
@@ -237,7 +238,7 @@ def cylinders(kind="quadrilateral", lower=(5, 3), upper=(3, 2), inner=0.0, **set
         bodies,
         [level[0]] * 2,
         level[1:],
-        smooth=lambda x: np.isclose(x[0], 0.0),
+        smooth=at_coordinate(0, 0.0),
         revolved=True,
         **settings,
     )
@@ -290,8 +291,8 @@ def ring_on_cone(kind="quadrilateral", cells=(32, 6), around=12, size=0.2, **set
         lambda x: np.isclose(x[1], -x[0]),
         lambda x: np.isclose(np.linalg.norm(x - middle[:, None], axis=0), size),
     ]
-    held = [lambda x: np.isclose(x[1], -x[0] - 0.5), lambda x: np.isclose(x[1], middle[1])]
-    smooth = {"smooth": lambda x: np.isclose(x[0], 0.0)}
+    held = [lambda x: np.isclose(x[1], -x[0] - 0.5), at_coordinate(1, middle[1])]
+    smooth = {"smooth": at_coordinate(0, 0.0)}
     return SlidingBodies(kind, bodies, touching, held, revolved=True, **smooth, **settings)
 
 
@@ -384,8 +385,8 @@ def pillow(kind="hexahedron", lower=(10, 7, 3), upper=(5, 5, 2), height=0.5, top
     def below(x):
         return np.isclose(x[2], 0.3 + height * away(x))
 
-    touching = [lambda x: np.isclose(x[2], 0.3), below]
-    held = [lambda x: np.isclose(x[2], -0.3), lambda x: np.isclose(x[2], top)]
+    touching = [at_coordinate(2, 0.3), below]
+    held = [at_coordinate(2, -0.3), at_coordinate(2, top)]
     return SlidingBodies(kind, bodies, touching, held, **settings)
 
 
@@ -405,10 +406,10 @@ def rounded(kind="hexahedron", height=0.2, **settings):
         grid(kind, (4, 5, 1), [-0.6, -0.6, 0.0], [0.6, 0.6, 0.5], bent),
     )
     touching = [
-        lambda x: np.isclose(x[2], 0.0),
+        at_coordinate(2, 0.0),
         lambda x: np.isclose(x[2], height * away(x), atol=1e-12),
     ]
-    held = [lambda x: np.isclose(x[2], -0.6), lambda x: np.isclose(x[2], 0.5)]
+    held = [at_coordinate(2, -0.6), at_coordinate(2, 0.5)]
     return SlidingBodies(kind, bodies, touching, held, **settings)
 
 

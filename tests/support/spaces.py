@@ -7,6 +7,7 @@ from functools import partial
 import numpy as np
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
+from scene_tables import fixed, tresca_friction
 from scenes import rectangle
 
 from signorini_fx.mechanics.contact_points import contact_boundary
@@ -80,7 +81,7 @@ def disc(cells="hexahedra", n=12, radius=1.0, height=0.5, layers=3):
 def friction_of(bound=None, coefficient=None, **more):
     """The table of a friction law."""
     if bound is not None:
-        return {"law": "tresca", "bound": bound}
+        return tresca_friction(bound)
     return (
         {"law": "none"}
         if coefficient is None
@@ -108,7 +109,7 @@ def block(
             "mesh": mesh or box(cells, (nx, nx // 3, nx // 3), comm=comm),
             "element": {"degree": degree},
             "material": {"young": 5000.0, "poisson": 0.4},
-            "displacement": [{"boundary": name, "x": 0.0, "y": 0.0} for name in ("left", "right")],
+            "displacement": [fixed(name) for name in ("left", "right")],
             "traction": {
                 "boundary": "top",
                 "y": "4 if 1 <= x[0] <= 2 else 0",

@@ -9,6 +9,7 @@ import pytest
 import ufl
 from dolfinx import fem
 from mpi4py import MPI
+from scene_tables import box_mesh, coulomb_friction, fixed, plane_shape, rectangle_mesh
 from scipy.spatial.transform import Rotation
 from support.nonlinear_bodies import held, rectangle, residual
 from support.nonlinear_scenes import block, indented, material
@@ -108,9 +109,9 @@ def test_slender_bodies_converge_with_the_default_gamma(algorithm, length, cells
     """The end of a cantilever is pressed down by far: its force is that with a tenth of gamma."""
     parameters = {"length": length, "nx": cells, "ny": 2, "height": 1.0}
     scene = {
-        "mesh": {"generator": "rectangle", "parameters": parameters},
+        "mesh": rectangle_mesh(**parameters),
         "material": {"young": 210e3, "poisson": 0.3},
-        "displacement": {"boundary": "left", "x": 0.0, "y": 0.0},
+        "displacement": fixed("left"),
         "contact": {
             "boundary": "top",
             "gap": f"{-length / 20} if x[0] > {0.95 * length} else 1e9",
@@ -171,7 +172,7 @@ def test_load_steps_of_metal_that_yields(driven):
         if driven == "by a force at its end":
             scene = {
                 "contact": [],
-                "displacement": [{"boundary": "left", "x": 0.0}, {"boundary": "bottom", "y": 0.0}],
+                "displacement": [fixed("left", "x"), fixed("bottom", "y")],
                 "traction": {"boundary": "right", "x": 1.0, "factors": [1.5, 5.0, 3.0, 6.0]},
                 "load_steps": {"times": [1.0, 2.0, 3.0, 4.0]},
             }
@@ -200,10 +201,10 @@ def test_a_sphere_that_touches_in_one_point(cell, degree):
     sphere = {"shape": "sphere", "centre": [0.5, 0.5, -3.0], "radius": 3.0}
     size = {"length": 1.0, "width": 1.0, "height": 1.0, "nx": 4, "ny": 4, "nz": 2, "cell": cell}
     scene = {
-        "mesh": {"generator": "box", "parameters": size},
+        "mesh": box_mesh(**size),
         "element": {"degree": degree},
         "material": STEEL,
-        "displacement": {"boundary": "top", "x": 0.0, "y": 0.0, "z": 0.0},
+        "displacement": fixed("top", "xyz"),
         "contact": {"boundary": "bottom", "foundation": sphere},
     }
     solution = solve(parse_scene(scene), MPI.COMM_SELF)
@@ -239,7 +240,7 @@ def test_a_force_of_which_no_digit_is_known(tmp_path):
 PUNCH = {
     "material": STEEL,
     "displacement": [
-        {"boundary": "low.bottom", "x": 0.0, "y": 0.0},
+        fixed("low.bottom"),
         {"boundary": "high.top", "x": 0.0, "y": -0.01},
     ],
 }
@@ -260,7 +261,7 @@ def test_generators_agree_on_a_kind_of_cell(low, high, cell):
     bodies = [
         {
             "name": "low",
-            "mesh": {"generator": "rectangle", "parameters": {"length": 4.0, "height": 1.0, **low}},
+            "mesh": rectangle_mesh(length=4.0, height=1.0, **low),
         },
         {
             "name": "high",
@@ -305,14 +306,14 @@ def test_a_curved_drawing_and_a_straight_one(tmp_path):
     assert mesh.comm.allreduce(size) == pytest.approx(4.0 + segment, rel=1e-4)
 
 
-@pytest.mark.parametrize("friction", [{}, {"friction": {"law": "coulomb", "coefficient": 0.3}}])
+@pytest.mark.parametrize("friction", [{}, {"friction": coulomb_friction(0.3)}])
 def test_a_step_in_which_nothing_presses_has_no_other_law(friction):
     """A body that is let go after it was pressed and dragged: augmentation is said to be what
     solved it.
     """
     parameters = {"length": 2.21, "height": 0.714, "nx": 9, "ny": 5}
     scene = {
-        "mesh": {"generator": "rectangle", "parameters": parameters},
+        "mesh": rectangle_mesh(**parameters),
         "solver": {"algorithm": "alm"},
         "material": {"young": 248.0, "poisson": 0.2},
         "contact": {"boundary": "bottom", "gap": "0.00096*(x[0]-1.1)**2"} | friction,
@@ -329,7 +330,7 @@ def test_lines_that_are_drawn_the_wrong_way_round(law):
     """Half inside the body, so that it is not wholly inside the foundation: check says it."""
     line = [[3.0, 0.5], [1.0, 0.3], [-1.0, 0.5]]
     scene = {
-        "mesh": {"generator": "rectangle", "parameters": {"length": 2.0, "nx": 8, "ny": 4}},
+        "mesh": rectangle_mesh(8, 4, length=2.0),
         "material": STEEL | law,
         "displacement": {"boundary": "top", "x": 0.0, "y": -0.05},
         "contact": {"boundary": "bottom", "foundation": {"shape": "polyline", "points": line}},
@@ -346,7 +347,7 @@ def test_lines_that_are_drawn_the_wrong_way_round(law):
 def test_bodies_that_begin_beside_each_other(law):
     """They cannot be paired there, and the message says from where they can be brought together."""
     size = {"length": 1.0, "height": 1.0, "nx": 4, "ny": 4}
-    mesh = {"generator": "rectangle", "parameters": size}
+    mesh = rectangle_mesh(**size)
     scene = {
         "material": STEEL | law,
         "body": [
@@ -354,7 +355,7 @@ def test_bodies_that_begin_beside_each_other(law):
             {"name": "up", "mesh": mesh, "shift": [2.5, 1.0]},
         ],
         "displacement": [
-            {"boundary": "low.bottom", "x": 0.0, "y": 0.0},
+            fixed("low.bottom"),
             {"boundary": "up.top", "x": "-2.5*min(t, 1)", "y": "-0.05*max(t - 1, 0)"},
         ],
         "contact": {"boundary": "up.bottom", "against": "low.top"},
@@ -432,13 +433,13 @@ def test_between_a_plate_at_rest_and_one_that_moves():
     0.
     """
     plates = [
-        {"shape": "plane", "point": [0.0, 0.0], "normal": [0.0, 1.0]},
+        plane_shape([0.0, 0.0], [0.0, 1.0]),
         {"shape": "plane", "point": [0.0, 1.0], "normal": [0.0, -1.0], "shift": [0.0, "-0.1*t"]},
     ]
     scene = block(
         material("neo-hooke"),
         "0",
-        displacement=[{"boundary": "left", "x": 0.0}],
+        displacement=[fixed("left", "x")],
         contact=[
             {"boundary": name, "foundation": plate}
             for name, plate in zip(("bottom", "top"), plates, strict=True)
@@ -461,10 +462,7 @@ def test_the_side_that_ends_carries_the_points():
         {
             "name": name,
             "shift": shift,
-            "mesh": {
-                "generator": "rectangle",
-                "parameters": {"length": length, "height": 2.0, "nx": nx, "ny": 4},
-            },
+            "mesh": rectangle_mesh(nx, 4, length=length, height=2.0),
         }
         for name, (shift, length, nx) in sizes.items()
     ]
@@ -472,14 +470,14 @@ def test_the_side_that_ends_carries_the_points():
         "body": bodies,
         "material": {"law": "neo-hooke", **STEEL},
         "displacement": [
-            {"boundary": "base.bottom", "x": 0.0, "y": 0.0},
+            fixed("base.bottom"),
             {"boundary": "block.top", "y": -0.1},
             {"boundary": "block.top", "x": 1.5, "factors": [0.0, 0.5, 1.0]},
         ],
         "contact": {
             "boundary": "base.top",
             "against": "block.bottom",
-            "friction": {"law": "coulomb", "coefficient": 0.3},
+            "friction": coulomb_friction(0.3),
         },
     }
     solution = solve(parse_scene(scene), MPI.COMM_SELF)
@@ -497,7 +495,7 @@ def test_an_unstable_equilibrium_says_where():
         "0.02*t",
         length=0.1,
         cells=(2, 20),
-        displacement={"boundary": "bottom", "x": 0.0, "y": 0.0},
+        displacement=fixed("bottom"),
         load_steps={"times": [1.0, 4.0]},
     )
     with pytest.raises(ConvergenceError, match="unstable equilibrium") as error:

@@ -5,6 +5,7 @@ without a point.
 import numpy as np
 import pytest
 from mpi4py import MPI
+from scene_tables import circle_shape, coulomb_friction, fixed, plane_shape
 
 from signorini_fx import solve
 from signorini_fx.scenes.reading import parse_scene
@@ -12,8 +13,8 @@ from signorini_fx.scenes.reading import parse_scene
 DEPTH, POISSON = 1e-4, 0.3
 MODULUS = 1 / (1 - POISSON**2)
 FOUNDATIONS = {
-    "plane": {"shape": "plane", "point": [0.0, 0.0], "normal": [0.0, 1.0]},
-    "ball": {"shape": "circle", "centre": [0.0, -1.0], "radius": 1.0},
+    "plane": plane_shape([0.0, 0.0], [0.0, 1.0]),
+    "ball": circle_shape([0.0, -1.0], 1.0),
 }
 
 
@@ -32,15 +33,13 @@ def pressed(cell, degree, share, *, on="plane", law="linear", friction=0.0):
         "element": {"degree": degree},
         "material": {"law": law, "young": 1.0, "poisson": POISSON, "hypothesis": "axisymmetric"},
         "displacement": [
-            {"boundary": "symmetry", "x": 0.0},
+            fixed("symmetry", "x"),
             {"boundary": "top", "x": 0.0, "y": f"-{DEPTH}*t"},
         ],
         "contact": {
             "boundary": "arc",
             "foundation": FOUNDATIONS[on],
-            "friction": {"law": "coulomb", "coefficient": friction}
-            if friction
-            else {"law": "none"},
+            "friction": coulomb_friction(friction) if friction else {"law": "none"},
         },
         "load_steps": {"times": [1.0]},
         "solver": {"algorithm": "alm"},

@@ -4,6 +4,7 @@ does nothing.
 
 import numpy as np
 import pytest
+from scene_tables import coulomb_friction, fixed, rectangle_mesh, tresca_friction
 from scenes import PATCH, alone, energy, example1, on_mesh, rectangle, table_of
 
 from signorini_fx.mechanics.effects.loads import Traction
@@ -73,12 +74,9 @@ def skew(law, *, mirrored=False, cell="quadrilateral"):
     diagonal = {"diagonal": "left" if mirrored else "right"}
     return parse_scene(
         {
-            "mesh": {
-                "generator": "rectangle",
-                "parameters": {"nx": 45, "ny": 15, "cell": cell} | diagonal,
-            },
+            "mesh": rectangle_mesh(**({"nx": 45, "ny": 15, "cell": cell} | diagonal)),
             "material": {"young": 5000.0, "poisson": 0.3},
-            "displacement": {"boundary": "left" if mirrored else "right", "x": 0.0, "y": 0.0},
+            "displacement": fixed("left" if mirrored else "right"),
             "traction": {
                 "boundary": "top",
                 "x": f"{sign} * 4 * {x}",
@@ -98,7 +96,7 @@ def skew(law, *, mirrored=False, cell="quadrilateral"):
 @pytest.mark.parametrize("cell", ["quadrilateral", "triangle"])
 @pytest.mark.parametrize(
     "law",
-    [{"law": "none"}, {"law": "tresca", "bound": 1.5}, {"law": "coulomb", "coefficient": 0.4}],
+    [{"law": "none"}, tresca_friction(1.5), coulomb_friction(0.4)],
     ids=lambda law: law["law"],
 )
 def test_mirror(law, cell):
@@ -156,7 +154,7 @@ def pressed(law, element, turn, shift):
 @pytest.mark.parametrize("element", [("quadrilateral", 1), ("triangle", 2)], ids=["Q1", "P2"])
 @pytest.mark.parametrize(
     "law",
-    [{"law": "tresca", "bound": 2.0}, {"law": "coulomb", "coefficient": 0.2}],
+    [tresca_friction(2.0), coulomb_friction(0.2)],
     ids=lambda law: law["law"],
 )
 @pytest.mark.parametrize(

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
+from scene_tables import coulomb_friction, fixed
 
 from signorini_fx import solve
 from signorini_fx.mechanics.mesh.tagged import tagged_mesh
@@ -59,7 +60,7 @@ def ring_between_plates(thickness, cells):
         "mesh": tagged_mesh(mesh, facets),
         "element": {"degree": 2},
         "material": {"law": "saint-venant-kirchhoff", "young": 12 / thickness**3, "poisson": 0.0},
-        "displacement": [{"boundary": "foot", "y": 0.0}, {"boundary": "top", "x": 0.0}],
+        "displacement": [fixed("foot", "y"), fixed("top", "x")],
         "contact": {"boundary": "outside", "foundation": plate},
         "load_steps": {"times": [float(k + 1) for k in range(len(ELASTICA))]},
         "solver": {"algorithm": "alm"},
@@ -116,9 +117,9 @@ def punched(cells, friction):
         "element": {"degree": 2, "volumetric": "reduced"},
         "material": {"law": "j2", "young": 1e4, "poisson": 0.3, "yield_stress": np.sqrt(3)},
         "displacement": [
-            {"boundary": "left", "x": 0.0},
-            {"boundary": "right", "x": 0.0},
-            {"boundary": "bottom", "x": 0.0, "y": 0.0},
+            fixed("left", "x"),
+            fixed("right", "x"),
+            fixed("bottom"),
         ],
         "contact": contact if friction is None else contact | {"friction": friction},
         "load_steps": {"times": [0.1, 0.2, 0.4, 0.7, 0.85, 1.0]},
@@ -129,9 +130,7 @@ def punched(cells, friction):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "friction", [None, {"law": "coulomb", "coefficient": 1.0}], ids=["smooth", "rough"]
-)
+@pytest.mark.parametrize("friction", [None, coulomb_friction(1.0)], ids=["smooth", "rough"])
 def test_a_punch_meets_the_limit_of_prandtl_and_hill(friction):
     """(2 + pi) k, rough or smooth: from above on meshes, and as their size goes to zero."""
     coarse, fine = (punched(cells, friction) for cells in (4, 8))

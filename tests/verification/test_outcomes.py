@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scene_tables import coulomb_friction, fixed, rectangle_mesh, tresca_friction
 from scenes import PATCH, alone, example1
 
 from signorini_fx.mechanics.effects.loads import Traction
@@ -100,7 +101,7 @@ def fitted(gap, support, algorithm="ssn", **mesh):
     """A block of height 2 between two foundations, without a load."""
     size = {"length": 3.0, "height": 2.0, "nx": 6, "ny": 4, **mesh}
     scene = {
-        "mesh": {"generator": "rectangle", "parameters": size},
+        "mesh": rectangle_mesh(**size),
         "material": {"young": 1000.0, "poisson": 0.3},
         "displacement": support,
         "contact": [{"boundary": "bottom", "gap": gap[0]}, {"boundary": "top", "gap": gap[1]}],
@@ -109,7 +110,7 @@ def fitted(gap, support, algorithm="ssn", **mesh):
     return parse_scene(scene)
 
 
-LEFT = {"boundary": "left", "x": 0.0}
+LEFT = fixed("left", "x")
 
 
 @pytest.mark.parametrize("algorithm", ["ssn", "alm"])
@@ -139,9 +140,7 @@ def test_nothing_presses(gap):
 
 
 @pytest.mark.one_quick
-@pytest.mark.parametrize(
-    "friction", [{"law": "coulomb", "coefficient": 0.3}, {"law": "tresca", "bound": 0.3}]
-)
+@pytest.mark.parametrize("friction", [coulomb_friction(0.3), tresca_friction(0.3)])
 @pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
 @pytest.mark.parametrize(("nx", "ny"), [(3, 2), (14, 3)])
 def test_loads_that_balance_each_other(friction, cell, nx, ny):
@@ -158,7 +157,7 @@ def test_loads_that_balance_each_other(friction, cell, nx, ny):
         }
         scene = parse_scene(
             {
-                "mesh": {"generator": "rectangle", "parameters": parameters},
+                "mesh": rectangle_mesh(**parameters),
                 "material": {"young": 1000.0 * force, "poisson": 0.3},
                 "traction": [
                     {
@@ -170,9 +169,7 @@ def test_loads_that_balance_each_other(friction, cell, nx, ny):
                 ],
                 "contact": {
                     "boundary": "bottom",
-                    "friction": {"law": "tresca", "bound": 0.3 * force}
-                    if "bound" in friction
-                    else friction,
+                    "friction": tresca_friction(0.3 * force) if "bound" in friction else friction,
                 },
             }
         )
@@ -182,9 +179,7 @@ def test_loads_that_balance_each_other(friction, cell, nx, ny):
 
 
 @pytest.mark.one_quick
-@pytest.mark.parametrize(
-    "friction", [{"law": "coulomb", "coefficient": 0.3}, {"law": "tresca", "bound": 0.3}]
-)
+@pytest.mark.parametrize("friction", [coulomb_friction(0.3), tresca_friction(0.3)])
 @pytest.mark.parametrize("algorithm", ["ssn", "alm"])
 @pytest.mark.parametrize("gap", [(0.01, 0.01), (0.03, -0.01)])
 def test_strains_that_press(gap, algorithm, friction):
@@ -194,10 +189,7 @@ def test_strains_that_press(gap, algorithm, friction):
     sides = zip(("bottom", "top"), gap, strict=True)
     scene = parse_scene(
         {
-            "mesh": {
-                "generator": "rectangle",
-                "parameters": {"length": 3.0, "height": 2.0, "nx": 6, "ny": 4},
-            },
+            "mesh": rectangle_mesh(6, 4, length=3.0, height=2.0),
             "material": {"young": 1000.0, "poisson": 0.3},
             "displacement": LEFT,
             "traction": {"boundary": "right", "x": -30.0},
@@ -223,17 +215,14 @@ def test_held_by_friction_where_a_beam_bends_down(pressure, status, algorithm):
     """
     scene = parse_scene(
         {
-            "mesh": {
-                "generator": "rectangle",
-                "parameters": {"length": 3.0, "height": 0.5, "nx": 8, "ny": 2},
-            },
+            "mesh": rectangle_mesh(8, 2, length=3.0, height=0.5),
             "material": {"young": 1000.0, "poisson": 0.3},
-            "displacement": [{"boundary": "left", "y": 0.0}, {"boundary": "right", "y": 0.0}],
+            "displacement": [fixed("left", "y"), fixed("right", "y")],
             "traction": {"boundary": "top", "pressure": pressure},
             "contact": {
                 "boundary": "bottom",
                 "gap": 1e-3,
-                "friction": {"law": "coulomb", "coefficient": 0.05},
+                "friction": coulomb_friction(0.05),
             },
             "solver": {"algorithm": algorithm},
         }

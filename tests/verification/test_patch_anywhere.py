@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
+from scene_tables import coulomb_friction, fixed, tresca_friction
 from scenes import alone
 
 from signorini_fx.mechanics.contact_points.contact_table import contact_table
@@ -247,7 +248,7 @@ def test_pressed_with_fixed_sides(cell, degree, algorithm, angle, kind):
         assert_contact(solution, side, state="none", part=part)
 
 
-FRICTION = [{"law": "tresca", "bound": SHEAR}, {"law": "coulomb", "coefficient": SHEAR / PRESSURE}]
+FRICTION = [tresca_friction(SHEAR), coulomb_friction(SHEAR / PRESSURE)]
 COULOMB = FRICTION[1]
 law_and_way = pytest.mark.parametrize(
     ("friction", "sign"), [(FRICTION[0], 1), (FRICTION[1], -1)], ids=["tresca", "coulomb"]
@@ -421,7 +422,7 @@ def test_layers(cell, degree, algorithm, angle):
     turn = rotation(angle)
     scene = {"traction": [{"boundary": "top", "pressure": PRESSURE}], "contact": [bottom()]}
     if angle == 0.0:
-        scene["displacement"] = [{"boundary": name, "x": 0.0} for name in SIDES]
+        scene["displacement"] = [fixed(name, "x") for name in SIDES]
     else:
         scene["contact"] += symmetry("left", "right")
         scene["traction"] += State(xx=CONFINED["xx"]).tractions(angle, "left foot", "right foot")
@@ -476,7 +477,7 @@ def test_gravity(cell, degree):
     solution = run(
         patch_mesh(cell, 0.0),
         degree,
-        displacement=[{"boundary": name, "x": 0.0} for name in SIDES],
+        displacement=[fixed(name, "x") for name in SIDES],
         body_force={"y": -weight},
         contact=bottom(),
     )

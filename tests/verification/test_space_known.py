@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scene_tables import box_mesh, fixed
 from scenes import alone
 from spaces import box, disc, friction_of
 from torsion_oracle import torsion
@@ -113,7 +114,7 @@ def test_a_bent_block_presses_evenly_on_a_foundation_of_its_shape(law, poisson):
     parameters = {"nx": 3, "ny": 3, "nz": 2, "length": 1.0, "cell": "tetrahedron"}
     scene = parse_scene(
         {
-            "mesh": {"generator": "box", "parameters": parameters},
+            "mesh": box_mesh(**parameters),
             "element": {"degree": 2},
             "material": {"young": young, "poisson": poisson} | law,
             "displacement": [
@@ -137,10 +138,10 @@ def test_a_step_of_the_foundation_presses_on_nothing_beside_it(left, right):
     parameters = {"nx": 6, "ny": 3, "nz": 2, "length": 2.0, "cell": "tetrahedron"}
     scene = parse_scene(
         {
-            "mesh": {"generator": "box", "parameters": parameters},
+            "mesh": box_mesh(**parameters),
             "element": {"degree": 2},
             "material": {"young": 1000.0, "poisson": 0.3},
-            "displacement": {"boundary": "top", "x": 0.0, "y": 0.0, "z": 0.0},
+            "displacement": fixed("top", "xyz"),
             "contact": {"boundary": "bottom", "gap": f"{left} if x[0] < 1.1 else {right}"},
         }
     )
