@@ -64,6 +64,14 @@ def pytest_configure(config):
         reporter._tw = create_terminal_writer(config, io.StringIO())
 
 
+@pytest.hookimpl(trylast=True)
+def pytest_generate_tests(metafunc):
+    """Parametrise a function by the arguments of its mark ``one_quick``, if it has any."""
+    for mark in metafunc.definition.iter_markers("one_quick"):
+        if mark.args:
+            metafunc.parametrize(*mark.args, **mark.kwargs)
+
+
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items):
     """Of a function marked ``one_quick``, and on several ranks of every function, the first set of

@@ -79,8 +79,7 @@ def test_nodes_where_loads_jump_are_kept():
         assert first.mesh.parameters["ny"] == coarse_ny
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("target", [1e-2, 1e-3])
+@pytest.mark.one_quick("target", [1e-2, 1e-3])
 def test_peak(reference, target):
     """The same for the largest pressure."""
     friction, fine = reference
@@ -223,8 +222,7 @@ def test_the_largest_pressure_at_a_corner_has_no_value():
     )  # and so in the first lines
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("of", ["energy", "pressure", "force"])
+@pytest.mark.one_quick("of", ["energy", "pressure", "force"])
 def test_loads_that_jump_between_nodes(of):
     """The resultant that the mesh misses is part of the error: no load is off by more than is asked
     for.

@@ -71,9 +71,8 @@ def peak_of_hertz(force):
     return 2 * force / (np.pi * half)
 
 
-@pytest.mark.one_quick
 @pytest.mark.mpi(slow=True)
-@pytest.mark.parametrize("friction", [None, tresca_friction(0.3), coulomb_friction(0.3)])
+@pytest.mark.one_quick("friction", [None, tresca_friction(0.3), coulomb_friction(0.3)])
 def test_two_cylinders(friction):
     """Curved cells of degree 2 on both, finer from mesh to mesh, up to Hertz's peak for the force;
     friction carries what its law allows at most.
@@ -123,9 +122,8 @@ def stacked(meshes, **more):
     )
 
 
-@pytest.mark.one_quick
 @pytest.mark.mpi
-@pytest.mark.parametrize("kind", ["unilateral", "bonded"])
+@pytest.mark.one_quick("kind", ["unilateral", "bonded"])
 def test_patch(kind):
     """A uniform pressure has no error on any mesh, whichever cells are divided."""
     more = {"displacement": [fixed("lower.bottom", "y")]}
@@ -249,8 +247,7 @@ def pressed_blocks(dimension, goal, friction=None, push=(0.0, 0.0)):
 # The force on meshes that are much finer: 759,172 unknowns in 2D; in 3D, to 0.3 %, extrapolated
 # from
 # hexahedra with 314,574 and 1,033,890 unknowns and from some of degree 2.
-@pytest.mark.one_quick
-@pytest.mark.parametrize(("dimension", "target", "force"), [(2, 0.01, 1.7686), (3, 0.12, 1.864)])
+@pytest.mark.one_quick(("dimension", "target", "force"), [(2, 0.01, 1.7686), (3, 0.12, 1.864)])
 def test_a_force_where_contact_ends_at_edges(dimension, target, force):
     """Met, by estimates that are no more than five times the true error, which with their margin
     they never are below; the pressure in L2, whose error hardly decreases there, says nothing about
@@ -265,8 +262,7 @@ def test_a_force_where_contact_ends_at_edges(dimension, target, force):
     assert true < target
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("target", [0.05, 0.03])
+@pytest.mark.one_quick("target", [0.05, 0.03])
 def test_energy_of_two_bodies_by_local_refinement(target):
     """Cells of both are divided at the edges; without friction the error of the force is that of
     the energy.

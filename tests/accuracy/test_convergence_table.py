@@ -152,8 +152,7 @@ def test_ends_of_zones_to_one_interval():
     assert prices.ends_of_zones(table(s, [1.0] * 6)) is None
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("of", ["energy", "pressure"])
+@pytest.mark.one_quick("of", ["energy", "pressure"])
 def test_meshes_divided_in_some_places(fine, of):
     """The estimate of the ends of the zone is no less than their error, that of the largest
     pressure than its half.
@@ -270,8 +269,7 @@ def test_equilibrium_leaves_no_error_of_the_force(nested):
     assert all(row.force < 1e-9 for row in nested[0].convergence_table[2:])
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize(("zone", "force"), [(0.6, 3.4523), (0.7, 1.2), (0.7, 3.4523), (0.5, 2.4)])
+@pytest.mark.one_quick(("zone", "force"), [(0.6, 3.4523), (0.7, 1.2), (0.7, 3.4523), (0.5, 2.4)])
 def test_largest_pressure_from_few_nodes(zone, force):
     """Half a disk whose first meshes have one to four nodes in contact, of which one hits the top
     of the pressure by

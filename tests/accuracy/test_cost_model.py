@@ -18,9 +18,8 @@ from signorini_fx.scenes.mesh import load_mesh
 SLOWEST, FASTEST = 5e8, 2e10  # operations a second
 
 
-@pytest.mark.one_quick
 @pytest.mark.skipif(not has_package("mumps"), reason="MUMPS counts")
-@pytest.mark.parametrize(
+@pytest.mark.one_quick(
     ("cell", "degree"), [("quadrilateral", 1), ("triangle", 1), ("quadrilateral", 2)]
 )
 def test_operations_and_entries_of_a_factorisation(cell, degree):

@@ -34,8 +34,7 @@ def test_times_in_words(seconds, words):
     assert next_accuracy.between(seconds) == words
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize(("degree", "cell"), [(1, "quadrilateral"), (2, "triangle")])
+@pytest.mark.one_quick(("degree", "cell"), [(1, "quadrilateral"), (2, "triangle")])
 def test_the_command_reaches_what_was_foretold(degree, cell):
     """It is told from the mesh that was solved, and a run with it ends below the error that was
     foretold.

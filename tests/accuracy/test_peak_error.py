@@ -84,8 +84,7 @@ PROBLEMS = {
 }
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize(
+@pytest.mark.one_quick(
     ("degree", "target"),
     [
         (1, 0.05),

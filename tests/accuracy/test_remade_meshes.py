@@ -58,8 +58,7 @@ def on_circle(tagged):
     return off[off < 1e-3]
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.one_quick("degree", [1, 2])
 @pytest.mark.parametrize("source", ["drawing", "generator"])
 def test_cells_are_short_where_it_touches(tmp_path, source, degree):
     (tmp_path / "disk.geo").write_text(DISK)
@@ -116,8 +115,7 @@ def two_bodies(tmp_path, goal, comm=MPI.COMM_SELF):
     )
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("of", ["energy", "pressure"])
+@pytest.mark.one_quick("of", ["energy", "pressure"])
 def test_both_bodies_are_finer_where_they_touch(tmp_path, of):
     solution = solve(
         two_bodies(tmp_path, accuracy({"energy": 0.02, "pressure": 0.05}[of], of)), MPI.COMM_SELF
@@ -145,8 +143,7 @@ LARGEST = {
 }
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.one_quick("degree", [1, 2])
 @pytest.mark.parametrize("axisymmetric", [False, True])
 @pytest.mark.parametrize("bodies", ["one", "two"])
 def test_largest_pressure(tmp_path, bodies, axisymmetric, degree):

@@ -47,8 +47,7 @@ def hertz(cells, n):
     )
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("n", [6, 10])
+@pytest.mark.one_quick("n", [6, 10])
 @pytest.mark.parametrize("cells", ["hexahedra", "tetrahedra"])
 def test_pressure_of_hertz(cells, n):
     """With the margin not below 0.7 of the error against Hertz' pressure for the force, at the
@@ -107,8 +106,7 @@ def fine():
     return Reference(solve(block(24, gamma="auto", algorithm="alm"), MPI.COMM_SELF))
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("cell", ["tetrahedron", "hexahedron"])
+@pytest.mark.one_quick("cell", ["tetrahedron", "hexahedron"])
 @pytest.mark.parametrize(("of", "target"), [("energy", 0.5), ("pressure", 0.5)])
 def test_asked_for(fine, cell, of, target):
     """Met by tetrahedra that are divided where the error is, and by hexahedra that are all made

@@ -170,8 +170,7 @@ def missed(reaction, velocity, coefficient):
     return max(outside.max() / force, dual.max() / length, work)
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("kind", SYSTEMS)
+@pytest.mark.one_quick("kind", SYSTEMS)
 def test_in_the_form_of_fclib(kind, tmp_path):
     solution = alone(cube(algorithm="alm"))
     body, boundary = solution.model, solution.model.boundary

@@ -33,8 +33,7 @@ def pushed(**solver):
     )
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("coulomb", ["fp", "newton"])
+@pytest.mark.one_quick("coulomb", ["fp", "newton"])
 @pytest.mark.parametrize(
     "gamma", [(1e5, 1e4), (1e6, 1e2), (1e2, 1e6), (1e-3, 1e-3), (1e13, 1e13), (1e13, 1.0)]
 )

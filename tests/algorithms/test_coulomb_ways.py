@@ -44,8 +44,7 @@ def square(**solver):
     )
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("algorithm", METHODS)
+@pytest.mark.one_quick("algorithm", METHODS)
 def test_square_by_newton(algorithm):
     """The monolithic method needs a tenth of what the fixed point takes, with regularisation and
     without.
@@ -64,8 +63,7 @@ def test_square_by_newton(algorithm):
     )
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("algorithm", METHODS)
+@pytest.mark.one_quick("algorithm", METHODS)
 @pytest.mark.parametrize("coulomb", WAYS)
 def test_one_triangle(algorithm, coulomb):
     """F = 1.75 is above sqrt 3, where the fixed point does not contract: slip along -x by hand."""
@@ -104,8 +102,7 @@ def test_each_way_is_the_fallback_of_the_other(monkeypatch, algorithm, coulomb):
     )
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize(
+@pytest.mark.one_quick(
     ("push", "kind", "status"),
     [
         (2.0, "unilateral", Status.OUTER_MAX_ITERATIONS),
@@ -138,8 +135,7 @@ def test_one_bound_proves_nothing(monkeypatch, push, kind, status, fallbacks):
     assert alone(scene, check=False).status is status
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("solver", [{}, {"algorithm": "alm"}, {"fallbacks": False}])
+@pytest.mark.one_quick("solver", [{}, {"algorithm": "alm"}, {"fallbacks": False}])
 def test_friction_that_nothing_presses(solver):
     """A block beside a wall that leans away from it is drawn up, where friction would hold it if it
     were jammed between the wall and its support: but it is apart, the pressures found are zero, and
@@ -267,8 +263,7 @@ def by_enumeration(scene):
     return found
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("solver", [{}, {"coulomb": "newton"}, {"algorithm": "alm"}], ids=str)
+@pytest.mark.one_quick("solver", [{}, {"coulomb": "newton"}, {"algorithm": "alm"}], ids=str)
 def test_newton_where_contact_cannot_open(solver):
     """The bound is that of the size of the pressure: points that pull have friction, too.  The
     fixed point fails here, and the only solution is that of the enumeration of all combinations.

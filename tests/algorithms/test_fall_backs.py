@@ -79,8 +79,7 @@ def same(ours, theirs, rtol=1e-9):
     np.testing.assert_allclose(a, b, rtol=0, atol=rtol * np.abs(b).max())
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("law", [{}, {"bound": 1.5}, {"coefficient": 0.3}])
+@pytest.mark.one_quick("law", [{}, {"bound": 1.5}, {"coefficient": 0.3}])
 def test_the_plain_way_stays_plain(law):
     """Where nothing goes wrong there is no event, and no solve more than without fall-backs."""
     ours, without = (alone(example1(**law, nx=60, ny=20, fallbacks=on)) for on in (True, False))
@@ -252,8 +251,7 @@ def test_a_body_that_friction_alone_holds():
     np.testing.assert_allclose(contact + friction, [0.0, 20.0], atol=1e-6)
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize(
+@pytest.mark.one_quick(
     ("where", "seed"), [("plane", 7), ("space", 2), ("space-effects", 5), ("bodies", 7)]
 )
 def test_judged_by_another_programme(where, seed, monkeypatch):

@@ -61,9 +61,8 @@ def friction_circle(friction):
     return RADIUS * np.sin(np.arctan(friction))
 
 
-@pytest.mark.one_quick
 @pytest.mark.mpi(slow=True)
-@pytest.mark.parametrize("method", [{}, {"coulomb": "newton"}, {"algorithm": "alm"}])
+@pytest.mark.one_quick("method", [{}, {"coulomb": "newton"}, {"algorithm": "alm"}])
 def test_a_lug_on_a_pin_with_clearance(method):
     """Nothing touches at first, and normals do not hold it: friction must, where the lug comes to
     touch the pin.

@@ -112,9 +112,8 @@ def two_pieces(comm, **effects):
     )
 
 
-@pytest.mark.one_quick
 @pytest.mark.mpi
-@pytest.mark.parametrize("linear_algebra", LINEAR_ALGEBRA)
+@pytest.mark.one_quick("linear_algebra", LINEAR_ALGEBRA)
 @pytest.mark.parametrize("algorithm", ["ssn", "alm", "path-following"])
 @pytest.mark.parametrize("gap", [0.0, 0.01])
 def test_a_piece_that_nothing_holds(linear_algebra, algorithm, gap):
@@ -163,9 +162,8 @@ def random_piece(rng, name, place):
     return box, effects
 
 
-@pytest.mark.one_quick
 @pytest.mark.mpi
-@pytest.mark.parametrize("seed", range(16))
+@pytest.mark.one_quick("seed", range(16))
 def test_pieces_together_are_as_each_alone(seed):
     """Pieces that share nothing: the same outcome, pressure, shear and energy as each of them
     alone.
@@ -253,9 +251,8 @@ def regular(scene):
     return values[0] > 1e-9 * values[-1]
 
 
-@pytest.mark.one_quick
 @pytest.mark.mpi
-@pytest.mark.parametrize("seed", range(24))
+@pytest.mark.one_quick("seed", range(24))
 def test_random_boxes_are_held_or_not(seed):
     """Held is what no singular matrix denies; where a solution is found, it is in equilibrium."""
     scene_of = random_row(seed)

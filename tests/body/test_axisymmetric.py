@@ -46,9 +46,8 @@ def nodes(solution):
 # --- exact states ---------------------------------------------------------------------------------
 
 
-@pytest.mark.one_quick
 @pytest.mark.mpi
-@pytest.mark.parametrize("linear_algebra", ["full", "condensed", "krylov"])
+@pytest.mark.one_quick("linear_algebra", ["full", "condensed", "krylov"])
 @pytest.mark.parametrize(("cells", "degree"), ELEMENTS)
 def test_pressed_cylinder(cells, degree, linear_algebra):
     """A cylinder that is pressed on a plane: y = (nu p r, -p z) / E, pressure p, force pi R^2 p, no
@@ -88,8 +87,7 @@ def test_pressed_cylinder(cells, degree, linear_algebra):
 TOP = plane_shape([0.0, 1.0], [0.0, -1.0])
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize(
+@pytest.mark.one_quick(
     ("linear_algebra", "cells", "degree"),
     [("full", "triangle", 1), ("condensed", "quadrilateral", 2), ("krylov", "quadrilateral", 1)],
 )
@@ -130,9 +128,8 @@ def test_cylinder_pressed_by_a_force(linear_algebra, cells, degree):
     assert raised.value.solution.status is Status.OPEN
 
 
-@pytest.mark.one_quick
 @pytest.mark.mpi
-@pytest.mark.parametrize(("cells", "degree"), ELEMENTS)
+@pytest.mark.one_quick(("cells", "degree"), ELEMENTS)
 def test_squeezed_cylinder(cells, degree):
     """Under pressure all around: the stress is the same in all directions, on the axis too."""
     p = 3.0
@@ -176,9 +173,8 @@ def thick_cylinder(cells, degree, n, comm=COMM):
     return error / lame(1.0, 2.0, p, 1.0)[2], found / lame(1.0, 2.0, p, 1.0)[1] - 1
 
 
-@pytest.mark.one_quick
 @pytest.mark.mpi
-@pytest.mark.parametrize(("cells", "degree"), ELEMENTS)
+@pytest.mark.one_quick(("cells", "degree"), ELEMENTS)
 def test_thick_cylinder(cells, degree):
     """Lame: the displacement converges with one order more than the degree, the hoop stress is
     right.

@@ -16,9 +16,8 @@ COMM = MPI.COMM_WORLD
 MIXED = {"degree": 2, "volumetric": "mixed"}
 
 
-@pytest.mark.one_quick
 @pytest.mark.mpi
-@pytest.mark.parametrize(
+@pytest.mark.one_quick(
     ("cell", "poisson", "heat", "unit"),
     [
         ("triangle", 0.5, 0.02, 1.0),
@@ -73,11 +72,8 @@ def test_shortened_bar(cell, poisson, heat, unit):
     np.testing.assert_allclose(found, across * x, rtol=0, atol=1e-10 * unit)
 
 
-@pytest.mark.one_quick
 @pytest.mark.mpi(slow=True)
-@pytest.mark.parametrize(
-    ("cell", "unit"), [("triangle", (1.0, 1.0)), ("quadrilateral", (1e-6, 1e3))]
-)
+@pytest.mark.one_quick(("cell", "unit"), [("triangle", (1.0, 1.0)), ("quadrilateral", (1e-6, 1e3))])
 def test_bolted_joint(cell, unit):
     """Of rubber, tightened by a force and then pulled: forces of statics, with friction between
     bolt and sleeves.

@@ -83,9 +83,8 @@ def errors_of(stresses, hypothesis="plane strain"):
     return found
 
 
-@pytest.mark.one_quick
 @pytest.mark.mpi
-@pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
+@pytest.mark.one_quick("cell", ["triangle", "quadrilateral"])
 @pytest.mark.parametrize("hypothesis", ["plane strain", "plane stress"])
 def test_pressed_cylinder(hypothesis, cell):
     """Every field has the stress of Lame, raw and recovered, and at its worst node an error that
@@ -304,9 +303,8 @@ def true_error(solution):
     return float(np.sqrt(squares[0] / squares[1]))
 
 
-@pytest.mark.one_quick
 @pytest.mark.mpi(slow=True)
-@pytest.mark.parametrize(("degree", "cell"), KINDS)
+@pytest.mark.one_quick(("degree", "cell"), KINDS)
 def test_nearly_incompressible_cylinder(degree, cell):
     """Errors and their estimates are the same at nu = 0.499 and 0.4999, fall with h, and agree with
     each other.
@@ -329,8 +327,7 @@ def test_nearly_incompressible_cylinder(degree, cell):
     np.testing.assert_allclose(fine[2:], hoop, rtol={1: 0.18, 2: 0.03}[degree])
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize(("degree", "cell"), KINDS)
+@pytest.mark.one_quick(("degree", "cell"), KINDS)
 def test_uniform_stress(degree, cell):
     """A nearly incompressible block under uniform pressure has that stress everywhere; the estimate
     is nought.

@@ -115,9 +115,8 @@ def by_forms(solution, torque, friction, algorithm):
 # --- without contact ------------------------------------------------------------------------------
 
 
-@pytest.mark.one_quick
 @pytest.mark.mpi
-@pytest.mark.parametrize(
+@pytest.mark.one_quick(
     ("cells", "degree", "how"), [("quadrilateral", 1, "full"), ("triangle", 2, "reduced")]
 )
 def test_twisted_shaft(cells, degree, how):
@@ -201,9 +200,8 @@ def test_everything_acts():
 # --- a pressed cylinder ---------------------------------------------------------------------------
 
 
-@pytest.mark.one_quick
 @pytest.mark.mpi
-@pytest.mark.parametrize(
+@pytest.mark.one_quick(
     ("cells", "degree", "law", "algorithm", "algebra"),
     [
         ("quadrilateral", 1, "coulomb", "alm", "auto"),

@@ -38,8 +38,7 @@ def in_order(solution, values):
     return parallel.gather_rows(comm, values)[np.argsort(numbers)]
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("kind", SCENES)
+@pytest.mark.one_quick("kind", SCENES)
 def test_one_rank_or_many(kind):
     """Error, its parts and those of the cells, energy, force and words."""
     scene = SCENES[kind]()

@@ -106,8 +106,7 @@ def true_error(solution, bodies):
     )
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.one_quick("degree", [1, 2])
 @pytest.mark.parametrize(
     ("dimension", "count", "bodies"), [(2, 4, 1), (2, 4, 2), (3, 2, 1), (3, 2, 2)]
 )

@@ -35,8 +35,7 @@ def square(**more):
     return parse_scene(scene | more)
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize(("kind", "seed"), SEEDS)
+@pytest.mark.one_quick(("kind", "seed"), SEEDS)
 def test_true_errors(kind, seed):
     """Solutions on finer meshes refute neither the bounds of the error and the energy nor that of
     the force.
@@ -48,8 +47,7 @@ def test_true_errors(kind, seed):
     assert not wrong
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize(("kind", "seed"), SEEDS[::2])
+@pytest.mark.one_quick(("kind", "seed"), SEEDS[::2])
 def test_displacements_and_pressures_that_are_wrong(kind, seed):
     """Whatever is computed, the bound is above the distance from the solution, and not by orders of
     magnitude.
@@ -75,8 +73,7 @@ def test_displacements_and_pressures_that_are_wrong(kind, seed):
     assert true < bound.error < 100 * true
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize(("kind", "seed"), [("two bodies: plane", 5), ("two bodies: space", 2)])
+@pytest.mark.one_quick(("kind", "seed"), [("two bodies: plane", 5), ("two bodies: space", 2)])
 def test_both_sides_have_the_same_tractions(kind, seed):
     """Facets do not match: resultants of the tractions of both sides are opposite, and what is left
     is lifted.
@@ -96,8 +93,7 @@ def test_both_sides_have_the_same_tractions(kind, seed):
     assert case.bound().error < whole
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize(("kind", "seed"), SEEDS)
+@pytest.mark.one_quick(("kind", "seed"), SEEDS)
 def test_the_stress_is_in_equilibrium(kind, seed):
     """Without contact tractions and lifted parts its work on any displacement is that of loads and
     contact: it is the sum over the cells of the work of their forces on linear displacements that

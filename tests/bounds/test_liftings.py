@@ -86,8 +86,7 @@ def test_the_constant_is_enclosed(d, corners):
     assert constants[1] < 2.2 * least
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.one_quick("seed", [1, 2])
 @SHAPES
 def test_norms_of_liftings(d, corners, seed):
     """A traction that jumps inside a facet does no more work on polynomials than the bound says."""

@@ -137,8 +137,7 @@ def test_two_runs_differ_in_times_only(tmp_path, scene):
     assert found[0] == found[1]
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize(
+@pytest.mark.one_quick(
     ("old", "new", "path"),
     [
         ("young = 5000.0", "young = ", "syntax"),
@@ -192,8 +191,7 @@ def test_folder_that_cannot_be_written(tmp_path, here):
     assert "converged" not in process.stdout
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("arguments", [["--help"], ["solve", "--help"], ["--version"]])
+@pytest.mark.one_quick("arguments", [["--help"], ["solve", "--help"], ["--version"]])
 def test_help_does_not_import_dolfinx(arguments):
     """Help is there at once."""
     code = (

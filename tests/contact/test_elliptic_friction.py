@@ -165,9 +165,8 @@ def test_a_circle_is_the_disc():
 # --- independent judges ---------------------------------------------------------------------------
 
 
-@pytest.mark.one_quick
 @pytest.mark.skipif(convex.cvxopt is None, reason="CVXOPT (python3-cvxopt) is missing")
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.one_quick("seed", range(3))
 def test_cone_programme(seed, tmp_path):
     """Random scenes under the oracle, which solves given friction as a cone programme, and statics
     as another one.

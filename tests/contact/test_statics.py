@@ -77,8 +77,7 @@ def largest_by_programme(here, dead, live, *, outer, sides=64):
     return {0: lambda: -result.fun, 2: lambda: None, 3: lambda: np.inf}[result.status]()
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.one_quick("kind", KINDS)
 @pytest.mark.parametrize("dim", [2, 3])
 def test_balance_against_linear_programmes(kind, dim):
     """What is called unbalanced has no tractions within the polygon, what is called balanced has
@@ -101,8 +100,7 @@ def test_balance_against_linear_programmes(kind, dim):
     assert seen == {True, False}
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("kind", ["tresca", "mixed", "capped"])
+@pytest.mark.one_quick("kind", ["tresca", "mixed", "capped"])
 @pytest.mark.parametrize("dim", [2, 3])
 def test_largest_multiple_against_linear_programmes(kind, dim):
     """It is between those of the two polygons."""

@@ -67,8 +67,7 @@ def unpaired(*size, **options):
     return tractions(alone(scene(size, **options)), 0)
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize(
+@pytest.mark.one_quick(
     ("algorithm", "coulomb", "small", "steps"),
     [
         ("ssn", "fp", (1e-8, 1.0, 0.3), 0),

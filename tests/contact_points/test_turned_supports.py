@@ -32,8 +32,7 @@ ALONG = (0.0007, -0.0004)
 LIMIT = {"algorithm": "alm", "tolerance": 1e-12}
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("element", ELEMENTS)
+@pytest.mark.one_quick("element", ELEMENTS)
 @pytest.mark.parametrize("linear_algebra", ["full", "condensed"])
 def test_two_walls(element, linear_algebra):
     """Compression between two walls that are across no axis, and move: exact to round-off."""
@@ -58,8 +57,7 @@ def test_two_walls(element, linear_algebra):
     np.testing.assert_allclose(solution.table.columns["pressure"], PRESSURE, rtol=ROUND_OFF)
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("element", ["P1", "Q1", "Q2"])
+@pytest.mark.one_quick("element", ["P1", "Q1", "Q2"])
 @pytest.mark.parametrize("linear_algebra", ["full", "condensed"])
 def test_the_limit(element, linear_algebra):
     """Without regularisation as well: contact and supports share their nodes, whose frames
@@ -232,8 +230,7 @@ def meeting(supports, turn, comm=MPI.COMM_SELF, **solver):
     )
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("supports", MEETING.values(), ids=MEETING)
+@pytest.mark.one_quick("supports", MEETING.values(), ids=MEETING)
 @pytest.mark.parametrize("linear_algebra", ["full", "condensed"])
 def test_where_supports_meet(supports, linear_algebra):
     """The later one applies, and the earlier one in what is left, in a turned body as in one along

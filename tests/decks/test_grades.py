@@ -395,8 +395,7 @@ def place(effect):
     return f"line [0-9]+( and [0-9]+ more)?, [*]?.*{re.escape(effect)}"
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("grade", ["lost", "noted"])
+@pytest.mark.one_quick("grade", ["lost", "noted"])
 def test_grades(tmp_path, grade):
     """A deck with each row of the tables is graded so, and the remark names the line and the
     keyword.
@@ -421,8 +420,7 @@ def test_grades(tmp_path, grade):
     assert not wrong
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize(("keyword", "case", "effect"), rows(partly=REFUSED))
+@pytest.mark.one_quick(("keyword", "case", "effect"), rows(partly=REFUSED))
 def test_errors(tmp_path, keyword, case, effect):
     """A deck with each row ends in an error that names the line."""
     deck, _ = deck_of(tmp_path, keyword, case)

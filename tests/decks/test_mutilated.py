@@ -129,8 +129,7 @@ def mutilated(lines, chance):
     return other
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.one_quick("seed", range(3))
 @pytest.mark.parametrize(
     "lines", [[*CONTACT, *STEPS], assembly(), TIED], ids=["contact", "assembly", "tied"]
 )

@@ -92,8 +92,7 @@ LAWS = {
 }
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.one_quick("law", LAWS)
 def test_rubber(tmp_path, law):
     """As CalculiX has its energies; NLGEOM is nothing to remark on."""
     rows, shape = LAWS[law]
@@ -164,8 +163,7 @@ ROLLING = [line for line in BELOW if line not in ("21, 1, 2", "22, 1, 2")] + [
 ]
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("law", ["NEO HOOKE", "MOONEY-RIVLIN"])
+@pytest.mark.one_quick("law", ["NEO HOOKE", "MOONEY-RIVLIN"])
 def test_two_bodies_of_rubber(tmp_path, law):
     """A block on another one of the same rubber, both on rollers: each is compressed by half of the
     way, in closed form, as its sides slide on each other.

@@ -97,8 +97,7 @@ def totals(steps):
     return sums
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("name", STEPS)
+@pytest.mark.one_quick("name", STEPS)
 def test_total_loads(tmp_path, name):
     """Of two tied bodies, in each step."""
     lines = [*BODIES, *(f"*SOLID SECTION, ELSET={body}, MATERIAL=STEEL" for body in AREAS), *STEEL]

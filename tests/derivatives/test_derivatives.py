@@ -72,9 +72,8 @@ WAYS = {
 }
 
 
-@pytest.mark.one_quick
 @pytest.mark.mpi(slow=True)
-@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.one_quick("way", WAYS)
 def test_in_the_plane(way):
     """Each law, each way to treat regularisation and Coulomb's law, full and condensed."""
     friction, more, solver = WAYS[way]
@@ -91,9 +90,8 @@ SHAPE = [
 ]
 
 
-@pytest.mark.one_quick
 @pytest.mark.mpi(slow=True)
-@pytest.mark.parametrize(
+@pytest.mark.one_quick(
     ("friction", "cells", "degree", "solver"),
     [
         (
@@ -135,8 +133,7 @@ def test_the_force_on_a_block_that_slides():
     assert found.derivatives == pytest.approx((-8.0, -2.0, 0.0), rel=1e-9, abs=1e-7)
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("algorithm", ["alm", "ssn"])
+@pytest.mark.one_quick("algorithm", ["alm", "ssn"])
 @pytest.mark.parametrize("springs", [False, True])
 def test_a_support_holds_a_node_that_slips(algorithm, springs):
     """The left edge is pushed and held along the contact: its corner slips, but its shear moves

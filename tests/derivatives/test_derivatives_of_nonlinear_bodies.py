@@ -247,9 +247,8 @@ class Pressed:
         return problem
 
 
-@pytest.mark.one_quick
 @pytest.mark.mpi(slow=True)
-@pytest.mark.parametrize(
+@pytest.mark.one_quick(
     ("friction", "dim"), [(None, 2), ("coulomb", 2), ("tresca", 2), ("coulomb", 3)]
 )
 def test_constants_of_a_residual(friction, dim):

@@ -81,9 +81,8 @@ WAYS = {
 }
 
 
-@pytest.mark.one_quick
 @pytest.mark.mpi(slow=True)
-@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.one_quick("way", WAYS)
 def test_in_the_plane(way):
     """Each law, with regularisation and without, at the last load step and at earlier ones."""
     friction, more, solver = WAYS[way]

@@ -155,8 +155,7 @@ WAYS = [
 ]
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize(("dimension", "law", "algebra", "element"), WAYS)
+@pytest.mark.one_quick(("dimension", "law", "algebra", "element"), WAYS)
 def test_a_force_and_the_motion_that_it_causes_give_the_same(dimension, law, algebra, element):
     forced = solve(block(dimension, law, algebra, **element, **pressed(dimension, law)))
     (tool,) = forced.last_step.rigid_bodies
@@ -187,8 +186,7 @@ def test_multigrid_moves_the_nodes_that_a_tool_holds():
     assert "linear solver failed: the matrix is factorised" not in solution.history.events
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize(
+@pytest.mark.one_quick(
     ("dimension", "algebra", "poisson"),
     [(2, "condensed", 0.49), (2, "full", 0.5), (3, "full", 0.5)],
 )
@@ -522,8 +520,7 @@ WAYS_OF_FORMS = [
 ]
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize(("dimension", "law", "algebra", "element"), WAYS_OF_FORMS)
+@pytest.mark.one_quick(("dimension", "law", "algebra", "element"), WAYS_OF_FORMS)
 def test_forms_and_scenes_give_the_same(dimension, law, algebra, element):
     """Driven by force and moment, tilting; then by another force, without a new system."""
     given = tilting(dimension, law)

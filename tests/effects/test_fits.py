@@ -45,9 +45,8 @@ def share_found(problem):
     return float(told[-1].split()[7])
 
 
-@pytest.mark.one_quick
 @pytest.mark.mpi(slow=True)
-@pytest.mark.parametrize(
+@pytest.mark.one_quick(
     "settings", [{}, {"algorithm": "alm"}, {"coulomb": "newton"}, {"fallbacks": False}], ids=str
 )
 @pytest.mark.parametrize("dimension", [2, 3])

@@ -52,9 +52,8 @@ def pull(solution):
     return [-step.contact.forces[1][0] / (PRESS * AREA) for step in solution.steps]
 
 
-@pytest.mark.one_quick
 @pytest.mark.mpi
-@pytest.mark.parametrize(
+@pytest.mark.one_quick(
     ("dim", "solver"),
     [
         (2, {}),
@@ -87,9 +86,8 @@ def test_only_the_fall_makes_a_block_at_rest_slide():
 NONLINEAR = [{"law": "neo-hooke"}, {"law": "j2", "yield_stress": 5.0}]
 
 
-@pytest.mark.one_quick
 @pytest.mark.mpi
-@pytest.mark.parametrize("law", NONLINEAR)
+@pytest.mark.one_quick("law", NONLINEAR)
 def test_a_nonlinear_body(law):
     """Of a body that is rubber, or metal that does not yield here: coefficients that grow and fall
     while it is dragged, a fall that lets it relax, and steps between the times of the factors.

@@ -53,9 +53,8 @@ def test_a_load_has_one_rule_on_each_facet(where, degree):
 BOX = {"length": 1.0, "width": 0.5, "height": 0.3, "nx": 5, "ny": 3, "nz": 2}
 
 
-@pytest.mark.one_quick
 @pytest.mark.mpi
-@pytest.mark.parametrize("cell", ["triangle", "quadrilateral", "tetrahedron", "hexahedron"])
+@pytest.mark.one_quick("cell", ["triangle", "quadrilateral", "tetrahedron", "hexahedron"])
 def test_forces_of_all_kinds_that_jump(cell):
     """Tractions, total forces and body forces that jump at nodes, in two load steps between which
     the place moves: the force of the foundation is by hand.

@@ -31,9 +31,8 @@ def nodes(solution):
 # --- exact states ---------------------------------------------------------------------------------
 
 
-@pytest.mark.one_quick
 @pytest.mark.mpi
-@pytest.mark.parametrize("axis", [0, 1])
+@pytest.mark.one_quick("axis", [0, 1])
 @pytest.mark.parametrize(("cells", "degree"), ELEMENTS)
 def test_spread_of_a_total_force(cells, degree, axis):
     """In proportion to a value: the sum is the same, and it acts at the centroid of the value."""
@@ -132,9 +131,8 @@ def test_rotation_about_any_axis_in_space(axis):
     )
 
 
-@pytest.mark.one_quick
 @pytest.mark.mpi
-@pytest.mark.parametrize(("cells", "degree"), ELEMENTS)
+@pytest.mark.one_quick(("cells", "degree"), ELEMENTS)
 def test_archimedes(cells, degree):
     """A body that is all under water is pushed up by the weight of the water that it displaces."""
     up, _ = upwards(cells)
@@ -189,8 +187,7 @@ def same_steps(one, other, exact=1e-9):
         assert first.certificate.holds
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("linear_algebra", ["full", "condensed", "krylov"])
+@pytest.mark.one_quick("linear_algebra", ["full", "condensed", "krylov"])
 def test_time_is_a_list_of_factors(linear_algebra, tmp_path):
     """A load and a displacement that are linear in t: the same as factors, in load steps, a ramp
     and a restart.
@@ -317,9 +314,8 @@ def test_mistakes(mistake):
 # --- prescribed rotations, and supports at points -------------------------------------------------
 
 
-@pytest.mark.one_quick
 @pytest.mark.mpi
-@pytest.mark.parametrize("angle", [1e-3, "1e-3*t", "1e-3 + 0*x[0]"])
+@pytest.mark.one_quick("angle", [1e-3, "1e-3*t", "1e-3 + 0*x[0]"])
 @pytest.mark.parametrize(("cells", "degree"), ELEMENTS)
 def test_rotated_without_stress(cells, degree, angle):
     """Both ends rotate and move alike: y = w x (x - c) + d, without any stress."""

@@ -21,8 +21,7 @@ WAYS = [
 ]
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize(("cell", "degree", "solver", "unit"), WAYS)
+@pytest.mark.one_quick(("cell", "degree", "solver", "unit"), WAYS)
 def test_statics(cell, degree, solver, unit):
     """Tightened, locked and pulled: the bolt takes its preload, and then what clamps the sleeves
     and what pulls.
@@ -108,8 +107,7 @@ def bar(cell, degree=1, *, preload=None, volumetric="full", heat=0.0, **more):
     )
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("heat", [4.0, 0.0])
+@pytest.mark.one_quick("heat", [4.0, 0.0])
 @pytest.mark.parametrize(
     ("cell", "degree"), [("quadrilateral", 2), ("quadrilateral", 1), ("tetrahedron", 2)]
 )

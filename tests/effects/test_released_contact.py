@@ -41,8 +41,7 @@ def size(step):
     return MPI.COMM_WORLD.allreduce(largest, MPI.MAX)
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize(
+@pytest.mark.one_quick(
     "entries",
     [
         {},

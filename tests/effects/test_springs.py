@@ -18,9 +18,8 @@ from signorini_fx.scenes.solver import solve
 # --- exact states ---------------------------------------------------------------------------------
 
 
-@pytest.mark.one_quick
 @pytest.mark.mpi
-@pytest.mark.parametrize("keys", ["normal", "axis", "everything"])
+@pytest.mark.one_quick("keys", ["normal", "axis", "everything"])
 @pytest.mark.parametrize(("cells", "degree"), ELEMENTS)
 def test_bar_on_end_springs(cells, degree, keys):
     """A bar that is pulled at one end and held by springs at the other: y = t / k + t x / E,
@@ -64,9 +63,8 @@ def test_bar_on_end_springs(cells, degree, keys):
     assert error < 1e-5 * np.sqrt(2 * strained)
 
 
-@pytest.mark.one_quick
 @pytest.mark.mpi
-@pytest.mark.parametrize("linear_algebra", ["full", "condensed", "krylov"])
+@pytest.mark.one_quick("linear_algebra", ["full", "condensed", "krylov"])
 @pytest.mark.parametrize("cells", ["quadrilateral", "hexahedra"])
 def test_rigid_block_under_a_plate(cells, linear_algebra):
     """Springs below, a flat plate that has come down by d, a force at the left side: statics by

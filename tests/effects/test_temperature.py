@@ -58,9 +58,8 @@ FREE += [("triangle", 2, "plane stress", "full"), ("quadrilateral", 1, "plane st
 FREE += [("quadrilateral", 1, "plane strain", "reduced"), ("hexahedra", 1, None, "reduced")]
 
 
-@pytest.mark.one_quick
 @pytest.mark.mpi
-@pytest.mark.parametrize(("cells", "degree", "hypothesis", "volumetric"), FREE)
+@pytest.mark.one_quick(("cells", "degree", "hypothesis", "volumetric"), FREE)
 def test_free_expansion(cells, degree, hypothesis, volumetric):
     """y = k alpha T x without stress; in plane strain k = 1 + nu, and E alpha T is pressed out of
     the plane.
@@ -140,9 +139,8 @@ def test_prevented_expansion(cells, hypothesis, expected):
     assert last.strain_energy == pytest.approx(stress * directions * ALPHA * 40 / 2 * 2, rel=1e-10)
 
 
-@pytest.mark.one_quick
 @pytest.mark.mpi
-@pytest.mark.parametrize("linear_algebra", ["full", "condensed", "krylov"])
+@pytest.mark.one_quick("linear_algebra", ["full", "condensed", "krylov"])
 @pytest.mark.parametrize("cells", ["quadrilateral", "hexahedra", "axisymmetric"])
 def test_thermal_gap(cells, linear_algebra):
     """A bar between a wall and a stop at the distance d: heated, it presses with E (alpha T - d /

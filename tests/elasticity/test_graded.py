@@ -19,9 +19,8 @@ COMM = MPI.COMM_WORLD
 YOUNG = 5000.0
 
 
-@pytest.mark.one_quick
 @pytest.mark.mpi
-@pytest.mark.parametrize("linear_algebra", ["full", "condensed", "krylov"])
+@pytest.mark.one_quick("linear_algebra", ["full", "condensed", "krylov"])
 @pytest.mark.parametrize(
     ("cells", "degree"), [("quadrilateral", 2), ("triangle", 1), ("hexahedra", 1)]
 )
@@ -111,8 +110,7 @@ def test_graded_cylinder():
     assert errors[0] / errors[1] == pytest.approx(4, rel=0.1)
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
+@pytest.mark.one_quick("cell", ["triangle", "quadrilateral"])
 def test_curved_cells(cell):
     """The modulus is that in the middle of the corners, for the solver and the certificate
     alike.

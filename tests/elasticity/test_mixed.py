@@ -43,9 +43,8 @@ def pressed(tagged, poisson, length=1.0, force=1.0, **solver):
     )
 
 
-@pytest.mark.one_quick
 @pytest.mark.mpi
-@pytest.mark.parametrize("poisson", [0.3, 0.5])
+@pytest.mark.one_quick("poisson", [0.3, 0.5])
 @pytest.mark.parametrize("cell", CELLS)
 def test_patch(cell, poisson):
     """A uniform state on uneven cells: strains and stresses are those of Hooke's law, contact
@@ -110,9 +109,8 @@ def test_augmentation(poisson):
     )
 
 
-@pytest.mark.one_quick
 @pytest.mark.mpi
-@pytest.mark.parametrize("poisson", [0.3, 0.5])
+@pytest.mark.one_quick("poisson", [0.3, 0.5])
 @pytest.mark.parametrize("cell", ["quadrilateral", "tetrahedra"])
 def test_heated_patch(cell, poisson):
     """The same, heated: it expands freely but for plane strain, where E e is missing across the
@@ -213,8 +211,7 @@ class MadeUp:
         return np.array(found)
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("cell", PLANE)
+@pytest.mark.one_quick("cell", PLANE)
 def test_rates_without_locking(cell):
     """Orders 3 and 2 in L2, and errors that do not depend on Poisson's ratio."""
     errors = np.array(
@@ -233,8 +230,7 @@ def test_rates_without_locking(cell):
 # --- contact --------------------------------------------------------------------------------------
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("cell", PLANE)
+@pytest.mark.one_quick("cell", PLANE)
 def test_hertz_incompressible(cell):
     """Half-width and peak of a rubber cylinder with E* = E / (1 - 1/4), from the load."""
     scene = half_disk(cell=cell, degree=2, size=0.04)
@@ -271,8 +267,7 @@ def in_a_pipe(count, cell="quadrilateral", comm=MPI.COMM_SELF, **solver):
     )
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("cell", PLANE)
+@pytest.mark.one_quick("cell", PLANE)
 def test_ring_in_a_pipe(cell):
     """u = c / r with c = gap times radius, p uniform, and the contact pressure p_i - 2 mu c (1 /
     a^2 - 1 / b^2).
@@ -299,9 +294,8 @@ def test_ring_in_a_pipe(cell):
     assert (np.array(found[2]) < [2e-4, 0.05, 0.02]).all()
 
 
-@pytest.mark.one_quick
 @pytest.mark.mpi
-@pytest.mark.parametrize("linear_algebra", ["full", "condensed"])
+@pytest.mark.one_quick("linear_algebra", ["full", "condensed"])
 @pytest.mark.parametrize("cell", ["triangle", "tetrahedra"])
 def test_ways_to_solve(cell, linear_algebra):
     """Friction of Coulomb, skew supports and a ramp: all unknowns or those of contact lead to one

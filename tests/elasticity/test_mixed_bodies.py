@@ -98,9 +98,8 @@ KINDS = [
 ]
 
 
-@pytest.mark.one_quick
 @pytest.mark.mpi
-@pytest.mark.parametrize(("cell", "linear_algebra"), KINDS)
+@pytest.mark.one_quick(("cell", "linear_algebra"), KINDS)
 @pytest.mark.parametrize("contact", ["sliding", "bonded"])
 def test_patch(cell, linear_algebra, contact):
     """The pressure passes from one to the other to round-off; each has its own strains and pressure
@@ -142,9 +141,8 @@ def test_patch(cell, linear_algebra, contact):
     assert np.abs(solution.contact.shear).max(initial=0.0) < 1e-9
 
 
-@pytest.mark.one_quick
 @pytest.mark.mpi
-@pytest.mark.parametrize("unit", [(1e-6, 1.0), (1e3, 1e-3)])
+@pytest.mark.one_quick("unit", [(1e-6, 1.0), (1e3, 1e-3)])
 @pytest.mark.parametrize("linear_algebra", ["full", "condensed"])
 def test_friction(unit, linear_algebra):
     """Incompressible blocks, pressed and then pushed over two load steps: forces of statics in any

@@ -15,9 +15,8 @@ MIXED = {"degree": 2, "volumetric": "mixed"}
 YOUNG, PRESSURE = 5000.0, 3.0
 
 
-@pytest.mark.one_quick
 @pytest.mark.mpi
-@pytest.mark.parametrize("linear_algebra", ["full", "condensed"])
+@pytest.mark.one_quick("linear_algebra", ["full", "condensed"])
 @pytest.mark.parametrize("cells", ["quadrilateral", "hexahedra"])
 def test_bar_between_walls(cells, linear_algebra):
     """It shortens by the integral of p (1 + nu) (1 - 2 nu) / (E (1 - nu)), by the midpoint rule,

@@ -96,9 +96,8 @@ class Column:
         self.density = (self.sigma * elastic[0] + self.out * elastic[1]) / 2
 
 
-@pytest.mark.one_quick
 @pytest.mark.mpi(slow=True)
-@pytest.mark.parametrize("heat", [2.0, 0.0])
+@pytest.mark.one_quick("heat", [2.0, 0.0])
 @pytest.mark.parametrize("cell", ["triangle", "quadrilateral", "tetrahedra", "hexahedra"])
 def test_two_columns(cell, heat):
     """Displacement, pressure, stress, energy and contact are those of each column, to round-off.

@@ -114,9 +114,8 @@ def assert_uniform(solution, strain, stress, rel=1e-7):
     assert recovery.error(solution.displacement) <= 1e-5 * np.sqrt(2 * energy)
 
 
-@pytest.mark.one_quick
 @pytest.mark.mpi
-@pytest.mark.parametrize("linear_algebra", ["full", "condensed", "krylov"])
+@pytest.mark.one_quick("linear_algebra", ["full", "condensed", "krylov"])
 @pytest.mark.parametrize("hypothesis", ["plane strain", "plane stress"])
 @pytest.mark.parametrize(("cells", "degree"), [("quadrilateral", 1), ("triangle", 2)])
 def test_off_axis(cells, degree, hypothesis, linear_algebra):
@@ -131,9 +130,8 @@ def test_off_axis(cells, degree, hypothesis, linear_algebra):
     assert_uniform(solution, strain, -PRESSURE * np.diag([1.0, 0.0, out]))
 
 
-@pytest.mark.one_quick
 @pytest.mark.mpi
-@pytest.mark.parametrize("linear_algebra", ["full", "krylov"])
+@pytest.mark.one_quick("linear_algebra", ["full", "krylov"])
 @pytest.mark.parametrize(("cells", "degree"), [("hexahedra", 1), ("tetrahedra", 2)])
 def test_off_axis_in_space(cells, degree, linear_algebra):
     """The same with three turned axes; E along x is also that of S. G. Lekhnitskii (Theory of
@@ -199,8 +197,7 @@ def test_tube():
 # --- isotropic constants, turned scenes -----------------------------------------------------------
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("hypothesis", ["plane strain", "plane stress", "axisymmetric", None])
+@pytest.mark.one_quick("hypothesis", ["plane strain", "plane stress", "axisymmetric", None])
 def test_isotropic_constants(hypothesis):
     """The same solution and the same scales."""
     young, poisson = 5000.0, 0.3
@@ -229,8 +226,7 @@ def test_isotropic_constants(hypothesis):
     assert other.model.scales == one.model.scales
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.one_quick("dim", [2, 3])
 def test_turned_and_mirrored(dim):
     """Everything is turned or mirrored, and the pressures are the same."""
     angle = 0.7

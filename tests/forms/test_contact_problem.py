@@ -80,9 +80,8 @@ def test_exact_states(name):
 # --- time loops and changes -----------------------------------------------------------------------
 
 
-@pytest.mark.one_quick
 @pytest.mark.mpi(slow=True)
-@pytest.mark.parametrize("algorithm", ["auto", "alm"])
+@pytest.mark.one_quick("algorithm", ["auto", "alm"])
 def test_own_loop_is_factors(algorithm):
     """The law is incremental: the steps of the scene, one by one."""
     given = read_scene(ROOT / "demos" / "scenes" / "press_and_slide.toml").model_dump(
@@ -224,8 +223,7 @@ def test_coordinates_of_the_mesh_may_change():
     assert np.allclose(at.normal, np.array([-0.05, -1.0]) / np.hypot(0.05, 1.0))
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("settings", [{}, {"coulomb": "newton"}, {"linear_algebra": "full"}])
+@pytest.mark.one_quick("settings", [{}, {"coulomb": "newton"}, {"linear_algebra": "full"}])
 def test_places_that_are_tried_in_a_step(settings):
     """A circle on a block: wherever it has been since the last step, the result is that of its last
     place, and a place that is near the last one takes one or two linear solves.
@@ -301,8 +299,7 @@ def test_no_equilibrium(load, friction, status):
         problem.advance()
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("kind", [dmesh.CellType.tetrahedron, dmesh.CellType.hexahedron])
+@pytest.mark.one_quick("kind", [dmesh.CellType.tetrahedron, dmesh.CellType.hexahedron])
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.mpi
 def test_fields_on_all_elements(kind, degree):
@@ -446,8 +443,7 @@ def bad(**changes):
     }
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize(
+@pytest.mark.one_quick(
     ("changes", "message"),
     [
         ({"a": "unsymmetric"}, "a: is not symmetric"),
@@ -498,8 +494,7 @@ def test_bad_arguments_are_named(changes, message):
 # --- random forms ---------------------------------------------------------------------------------
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.one_quick("seed", range(12))
 def test_random_forms(seed):
     """Tensors, springs, supports, moduli and contacts at random, judged from a dense matrix."""
     assert forms.verdict(seed) == {}

@@ -43,9 +43,8 @@ def block(mesh, pushing=0.0, young=5000.0, friction=FRICTION, floor=None, **sett
     return ContactProblem(forms.hooke(u, v, young), L, [], foundation, **GAMMA, **settings), push
 
 
-@pytest.mark.one_quick
 @pytest.mark.mpi
-@pytest.mark.parametrize("steps", [None, 3])
+@pytest.mark.one_quick("steps", [None, 3])
 def test_a_path_is_a_loop(steps):
     """Its steps are those of ``solve`` and ``advance``, to the last bit."""
     mesh, times = forms.box((3.0, 1.0), (9, 3)), [0.0, 0.4, 0.8, -0.4]

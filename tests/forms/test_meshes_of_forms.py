@@ -93,9 +93,8 @@ def test_tetrahedra_are_divided():
     assert nested.steps[0].linear_solves <= nested.history.linear_solves
 
 
-@pytest.mark.one_quick
 @pytest.mark.mpi(slow=True)
-@pytest.mark.parametrize("of", ["energy", "pressure", "peak"])
+@pytest.mark.one_quick("of", ["energy", "pressure", "peak"])
 def test_adaptive_meshes_are_those_of_the_scene(of):
     """The same triangles are divided, and gamma is left to the program alike."""
     goal = Accuracy(target=0.15, of=of, refinement="adaptive")

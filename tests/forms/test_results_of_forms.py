@@ -198,9 +198,8 @@ def shared_folder(tmp_path):
     return COMM.bcast(tmp_path)
 
 
-@pytest.mark.one_quick
 @pytest.mark.mpi(slow=True)
-@pytest.mark.parametrize(
+@pytest.mark.one_quick(
     "scene",
     [example1(coefficient=0.3, nx=12, ny=4, poisson=0.3), block(), two_blocks()],
     ids=["Example 1", "space", "pair"],

@@ -319,8 +319,7 @@ def test_materials_that_are_not_linear_are_refused():
     assert judgement.reason == "materials that are not linear are not judged"
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize(
+@pytest.mark.one_quick(
     ("result", "code"), [("shelf_CPE4.dat", 0), ("press_CPE4.dat", 6), ("absent.dat", 2)]
 )
 def test_the_command(result, code, capsys):

@@ -140,8 +140,7 @@ BODIES = {
 }
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("name", BODIES)
+@pytest.mark.one_quick("name", BODIES)
 def test_blocks_change_no_answer(name, either):
     """As many Krylov steps, displacements and tractions to 1e-12."""
     (ours, steps), (theirs, wanted) = either(BODIES[name])

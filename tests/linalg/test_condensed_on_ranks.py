@@ -22,8 +22,7 @@ SCENES = {
 }
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.one_quick("name", SCENES)
 def test_one_body(name):
     """Sets, tractions, energy, certificate."""
     found = agree(SCENES[name])

@@ -131,8 +131,7 @@ SCENES = {
 }
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.one_quick("name", SCENES)
 def test_same_answer_as_a_factorisation(name, set_ups):
     """To 1e-8 of the largest, with one hierarchy for each mesh, whatever contact does on it."""
     ours, theirs = (alone(SCENES[name](linear_algebra=kind)) for kind in ("krylov", "full"))
@@ -367,9 +366,8 @@ RANKED = {
 }
 
 
-@pytest.mark.one_quick
 @pytest.mark.mpi
-@pytest.mark.parametrize("name", RANKED)
+@pytest.mark.one_quick("name", RANKED)
 def test_one_rank_or_many(name, steps):
     """As many solves but for one, as many steps but for a fifth, and the same answer to 1e-8.
 
@@ -391,8 +389,7 @@ def test_one_rank_or_many(name, steps):
             np.testing.assert_allclose(table[one], wanted[one], rtol=0, atol=close, err_msg=one)
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("algorithm", ["ssn", "alm"])
+@pytest.mark.one_quick("algorithm", ["ssn", "alm"])
 def test_condensed_with_turned_nodes(algorithm):
     """The dense matrix in the frames of the nodes, against the sparse one."""
     ours, theirs = (

@@ -20,9 +20,8 @@ from signorini_fx.scenes.solver import solve
 COMM = MPI.COMM_WORLD
 
 
-@pytest.mark.one_quick
 @pytest.mark.mpi
-@pytest.mark.parametrize("where", ["plane", "space"])
+@pytest.mark.one_quick("where", ["plane", "space"])
 def test_garbage_is_collected_at_another_time_on_each_rank(where):
     """One rank never collects what is in cycles of references, another one all the time: no rank
     waits for ever.

@@ -108,9 +108,8 @@ def test_another_program_that_compiles(folder):
     assert 0.4 < time.monotonic() - begun < 5.0
 
 
-@pytest.mark.one_quick
 @pytest.mark.mpi(slow=True)
-@pytest.mark.parametrize("missing", ["*.c.cached", "*.so", "*.c"])
+@pytest.mark.one_quick("missing", ["*.c.cached", "*.so", "*.c"])
 def test_what_is_not_whole_is_compiled_again(folder, missing):
     """On all ranks alike."""
     comm = MPI.COMM_WORLD

@@ -109,8 +109,7 @@ SCENES = {
 INTERPOLATED = ("several steps", "several meshes", "accuracy")
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.one_quick("name", SCENES)
 def test_nothing_is_left(name, counted):
     """With observers, and without them."""
     more = {"observers": [lambda record: None]}
@@ -136,8 +135,7 @@ def test_nothing_is_left_of_a_nonlinear_body(counted):
     assert counted() == before
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("name", ["full", "condensed", "krylov", "several meshes"])
+@pytest.mark.one_quick("name", ["full", "condensed", "krylov", "several meshes"])
 def test_nothing_is_left_of_an_error(name, counted):
     """An observer raises in the middle of a solve, on all ranks."""
 

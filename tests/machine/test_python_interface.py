@@ -185,8 +185,7 @@ def test_signature_of_a_table():
     )
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize(
+@pytest.mark.one_quick(
     "scene", [lambda: example1(nx=6, ny=2), lambda: block(3, "tetrahedra", degree=2)]
 )
 def test_grid_for_pyvista(scene, monkeypatch):

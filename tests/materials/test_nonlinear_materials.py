@@ -23,8 +23,7 @@ def named(name, **changes):
     return TypeAdapter(OneMaterial).validate_python(material(name, **changes))
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("name", LAWS)
+@pytest.mark.one_quick("name", LAWS)
 def test_what_they_say_of_themselves(name):
     """The energy does not change when the body turns, and has the moduli at rest; the stress of
     metal has its derivative.

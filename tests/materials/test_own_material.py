@@ -48,9 +48,8 @@ def orthotropic(dimension, **more):
     return {"orthotropic": hill(**MODULI) | AXES[dimension], **more}
 
 
-@pytest.mark.one_quick
 @pytest.mark.mpi
-@pytest.mark.parametrize(
+@pytest.mark.one_quick(
     "hypothesis", ["plane strain", "plane stress", "axisymmetric", None], ids=str
 )
 def test_as_the_orthotropic_one(hypothesis):

@@ -102,8 +102,7 @@ def far_sizes(tagged: TaggedMesh) -> np.ndarray:
     return tagged.mesh.h(tagged.dimension, cells)
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize(
+@pytest.mark.one_quick(
     ("name", "size"),
     [("plane.step", 0.3), ("plane.geo", 0.3), ("quads.geo", 0.3), ("space.step", 0.9)],
 )
@@ -153,8 +152,7 @@ def test_sizes_grow_by_a_quarter_per_length(drawings):
     assert quality(tagged.mesh.geometry.x[:, :2], compat.geometry_cells(tagged.mesh)).min() > 0.4
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize(
+@pytest.mark.one_quick(
     ("generator", "boundary", "size", "parameters"),
     [
         ("half_disk", "arc", 0.1, "radius = 8.0"),

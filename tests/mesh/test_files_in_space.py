@@ -112,9 +112,8 @@ def foreign(folder, kind):
     return points, [(kind, in_meshio(cells, cell)), (cell.facet, in_meshio(foot, own.facet))]
 
 
-@pytest.mark.one_quick
 @pytest.mark.filterwarnings("ignore::UserWarning")
-@pytest.mark.parametrize(
+@pytest.mark.one_quick(
     ("kind", "form"),
     [
         *((kind, form) for kind in KINDS for form in ("gmsh22", "vtu")),
@@ -289,8 +288,7 @@ SIDES = {
 }
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("name", ["plain.step", "metres.stp"])
+@pytest.mark.one_quick("name", ["plain.step", "metres.stp"])
 def test_faces_of_step(drawings, name):
     """They have the numbers of the file; the mesh is in millimetres whatever its unit."""
     unit = 1000.0 if name == "metres.stp" else 1.0

@@ -221,8 +221,7 @@ def test_the_same_mesh_every_time(name):
     np.testing.assert_array_equal(geometry_cells(first.mesh), geometry_cells(second.mesh))
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("unit", [1e-9, 1e6])
+@pytest.mark.one_quick("unit", [1e-9, 1e6])
 @each
 def test_the_same_mesh_in_all_units(name, unit):
     """A body of nanometres or of kilometres has the same cells."""
@@ -284,9 +283,8 @@ def test_words_that_are_refused(name):
         assert [problem[0] for problem in caught.value.problems] == [f"mesh.parameters.{key}"]
 
 
-@pytest.mark.one_quick
 @pytest.mark.mpi
-@pytest.mark.parametrize("everything", [True, False], ids=["all", "marked"])
+@pytest.mark.one_quick("everything", [True, False], ids=["all", "marked"])
 @pytest.mark.parametrize("name", ["box", "half_sphere"])
 def test_refined(name, everything):
     """Tetrahedra are bisected on any number of ranks: areas, volume and region stay."""

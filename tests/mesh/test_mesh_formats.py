@@ -126,9 +126,8 @@ def written(folder, cell, form):
     return file
 
 
-@pytest.mark.one_quick
 @pytest.mark.filterwarnings("ignore::UserWarning")
-@pytest.mark.parametrize("form", FORMATS)
+@pytest.mark.one_quick("form", FORMATS)
 @each_cell
 def test_the_same_answer(tmp_path, cell, form):
     """A foreign mesh of each format, its nodes and cells in another order: the answer of our own
@@ -151,8 +150,7 @@ RULES = {
 }
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("suffix", ["inp", "med", "msh", "vtu", "xdmf"])
+@pytest.mark.one_quick("suffix", ["inp", "med", "msh", "vtu", "xdmf"])
 @each_cell
 def test_names_by_rules(tmp_path, cell, suffix):
     """A file without any name: the scene says where its boundaries are."""

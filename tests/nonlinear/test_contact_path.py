@@ -11,8 +11,7 @@ from support.nonlinear_bodies import held, rectangle, residual
 from signorini_fx import Coulomb, Foundation, NonlinearContactProblem
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("algorithm", ["ssn", "alm"])
+@pytest.mark.one_quick("algorithm", ["ssn", "alm"])
 @pytest.mark.parametrize("friction", [None, 0.3])
 def test_pressed_and_released(algorithm, friction):
     """A body without stress is in equilibrium to round-off, however small its displacement."""
@@ -40,8 +39,7 @@ def turned(angle, dimension):
     return rotation
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("dimension", [2, 3])
+@pytest.mark.one_quick("dimension", [2, 3])
 @pytest.mark.parametrize("algorithm", ["ssn", "alm"])
 def test_stuck_contact_that_turns(algorithm, dimension):
     """A block that sticks to a tool turns by 90 degrees with it and with its ground, in three

@@ -41,9 +41,8 @@ def open_ring(kind, comm=MPI.COMM_SELF, degree=1):
     return problem, drive
 
 
-@pytest.mark.one_quick
 @pytest.mark.mpi
-@pytest.mark.parametrize("kind", ["quadrilateral", "triangle", "hexahedron", "tetrahedron"])
+@pytest.mark.one_quick("kind", ["quadrilateral", "triangle", "hexahedron", "tetrahedron"])
 def test_a_ring_whose_ends_pass_through_each_other(kind):
     """Its last solution is that of a step in which they do not meet."""
     problem, drive = open_ring(kind, MPI.COMM_WORLD)
@@ -64,8 +63,7 @@ def test_a_ring_whose_ends_pass_through_each_other(kind):
     assert 0.55 < ends[-1] < 0.8
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize(
+@pytest.mark.one_quick(
     "made",
     [
         lambda: blocks(),
@@ -122,8 +120,7 @@ def test_scenes_name_the_boundary():
     assert solution.steps[0].time == 0.01
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("sides", [False, True])
+@pytest.mark.one_quick("sides", [False, True])
 def test_a_side_that_rolls_onto_a_plate(sides):
     """A free side of rubber that bulges beyond the edge of a rough plate passes its surface, which
     is said by name, unless it may touch the plate, too.

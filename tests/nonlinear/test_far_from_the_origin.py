@@ -35,8 +35,7 @@ def moved(stated, far):
 
 
 # With a pull before there is contact (15, 35), and pressed by ways of 1e-4 of the size (6).
-@pytest.mark.one_quick
-@pytest.mark.parametrize("seed", [6, 15, 35])
+@pytest.mark.one_quick("seed", [6, 15, 35])
 def test_a_scene_as_the_judge_sees_it(seed):
     """1e6 times its size away from the origin: certified, right for another program that looks at
     the origin, and with the displacements of the scene at the origin, to the last digits of
@@ -71,8 +70,7 @@ def test_a_scene_as_the_judge_sees_it(seed):
         assert lost < UNITS_OF_PLACES * np.finfo(float).eps * np.abs(x).max()
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize(("unit", "far"), [(1e-6, 1e6), (1e6, 1e3)])
+@pytest.mark.one_quick(("unit", "far"), [(1e-6, 1e6), (1e6, 1e3)])
 def test_block_between_plates(unit, far):
     """Compressed by a third in plane strain: the pressure in closed form, to the digits of
     coordinates over a cell.

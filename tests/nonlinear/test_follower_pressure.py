@@ -47,9 +47,8 @@ def domain(kind, degree):
 CASES = [("axisymmetric", 2), ("plane", 1), ("plane", 2), ("space", 1)]
 
 
-@pytest.mark.one_quick
 @pytest.mark.mpi
-@pytest.mark.parametrize(("kind", "degree"), CASES)
+@pytest.mark.one_quick(("kind", "degree"), CASES)
 def test_work_on_a_closed_boundary_is_that_of_its_volume(kind, degree):
     """The forces are -p times the derivative of the deformed volume, node by node."""
     mesh, u = domain(kind, degree)

@@ -13,8 +13,7 @@ from signorini_fx import ConvergenceError, Coulomb, Foundation, NonlinearContact
 from signorini_fx.algebra.linalg import is_by_blocks
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize(("hollow", "most"), [(False, 6), (True, 8)])
+@pytest.mark.one_quick(("hollow", "most"), [(False, 6), (True, 8)])
 def test_a_deep_press_from_rest(hollow, most):
     """Points that stick come along a plane that turns by the way to the shape over its radius:
     Newton's method knows, and its last increments fall quadratically, not by this factor.  In a
@@ -103,8 +102,7 @@ def test_a_wrong_tangent_goes_on_until_the_forces_balance():
     assert short.status is Status.NOT_SOLVED
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("hollow", [False, True])
+@pytest.mark.one_quick("hollow", [False, True])
 def test_a_bilateral_shape_in_tension(hollow):
     """It pulls the body, whose normals turn as under pressure; a node of two such shapes has both
     curvatures.

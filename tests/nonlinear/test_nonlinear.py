@@ -191,9 +191,8 @@ def column(coefficient, **options):
     )
 
 
-@pytest.mark.one_quick
 @pytest.mark.mpi(slow=True)
-@pytest.mark.parametrize("system", ["full", "condensed"])
+@pytest.mark.one_quick("system", ["full", "condensed"])
 @pytest.mark.parametrize(
     ("friction", "stable", "unstable"), [(1.0, 0.03, 0.1), (1e-3, 0.003, 0.02), (None, 0.003, 0.02)]
 )

@@ -221,9 +221,8 @@ def test_condensed():
     assert force(ours.steps[-1]) == pytest.approx(force(full.steps[-1]), rel=1e-8)
 
 
-@pytest.mark.one_quick
 @pytest.mark.mpi
-@pytest.mark.parametrize("law", ["neo-hooke", "j2"])
+@pytest.mark.one_quick("law", ["neo-hooke", "j2"])
 def test_a_path_without_a_first_step(law, tmp_path):
     """Its outcome has a name, and the body is shown as it was before, under the load that it does
     not carry.
@@ -256,8 +255,7 @@ def test_a_path_without_a_first_step(law, tmp_path):
     assert error.value.solution.status is Status.LIMIT
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("name", ["neo-hooke", "j2"])
+@pytest.mark.one_quick("name", ["neo-hooke", "j2"])
 def test_a_path_may_begin_at_rest(name):
     """A plate that touches an unloaded body is a solution, of which all figures are round-off of
     positions; the next step is pressed as without it.

@@ -179,9 +179,8 @@ def test_folder(tmp_path):
     assert "error of the stress took" in str(solution.cost)
 
 
-@pytest.mark.one_quick
 @pytest.mark.mpi
-@pytest.mark.parametrize("law", ["neo-hooke", "j2"])
+@pytest.mark.one_quick("law", ["neo-hooke", "j2"])
 def test_resultants(law):
     """Of supports, contact and loads, at each load step, in balance; moments, too, of finite
     strains at the displaced points and of small ones at the undeformed points: the metal yields,

@@ -39,8 +39,7 @@ def two_blocks(contact, depths=(0.4,), **settings):
     return Scene(body=body, material=MODULI, displacement=displacement, contact=entry, **settings)
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize(
+@pytest.mark.one_quick(
     "contact",
     [
         {},

@@ -21,9 +21,8 @@ def problem(corner, cells, circle, sides=((1, 1.0),), degree=1, comm=MPI.COMM_SE
     return NonlinearContactProblem(residual(u), u, bcs=[held(space, side(1, 0.0))], contact=contact)
 
 
-@pytest.mark.one_quick
 @pytest.mark.mpi
-@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.one_quick("degree", [1, 2])
 def test_a_circle_that_is_moved_into_the_body_in_one_step(degree):
     """No node lies in it, and the residual is zero: all is left as it was before."""
     circle = {"centre": (1.52, 1.051), "radius": 0.05}
@@ -52,8 +51,7 @@ def with_shape(shape, corner=(1.0, 1.0), cells=(10, 10), sides=((1, 1.0),), comm
 POST = {"corner": (0.5, 2.0), "cells": (3, 10), "sides": ((0, 0.0), (0, 0.5), (1, 2.0))}
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize(
+@pytest.mark.one_quick(
     "shape",
     [
         {"shape": "circle", "centre": (-2.0, 1.5), "radius": 0.3},
@@ -79,8 +77,7 @@ def test_the_way_through_a_body(shape):
     assert found.status is Status.CONVERGED
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("steps", [1, 24])
+@pytest.mark.one_quick("steps", [1, 24])
 def test_a_post_is_not_passed_through(steps):
     """A circle that moves through a post bends it: the force is not zero in steps that touch it."""
     sides = ((0, 0.0), (0, 0.5), (1, 2.0))

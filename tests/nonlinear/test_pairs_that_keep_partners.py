@@ -35,8 +35,7 @@ def turned_as_a_whole(scene, way, angle, steps=4):
     return turn_of(angle, dim).T @ sum(problem.state.forces), problem
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize(
+@pytest.mark.one_quick(
     ("make", "way"),
     [
         (lambda: blocks(lower=(6, 3), upper=(3, 2), **KEPT), (0.0, -0.1)),
@@ -64,8 +63,7 @@ def test_joint_rotations_do_not_matter(make, way):
     assert not problem.linear.foundations.sliding  # none slides
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("facets", [0.2, 0.9])
+@pytest.mark.one_quick("facets", [0.2, 0.9])
 def test_sides_that_slide_too_far_are_told(facets):
     """A warning says how many facets points have moved along the side whose partners they keep."""
     scene = blocks(lower=(6, 3), upper=(3, 2), **KEPT)

@@ -14,8 +14,7 @@ from signorini_fx import solve
 from signorini_fx.scenes.reading import parse_scene
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("seed", [6, 2, 5, 20, 42])
+@pytest.mark.one_quick("seed", [6, 2, 5, 20, 42])
 def test_they_agree(seed):
     """Equilibrium, gaps, friction, reported forces, balance of tools, stability."""
     end, faults, _ = tried(seed)
@@ -23,8 +22,7 @@ def test_they_agree(seed):
     assert end == "converged"
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize(
+@pytest.mark.one_quick(
     ("changes", "fault"),
     [
         (

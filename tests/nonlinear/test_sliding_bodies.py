@@ -383,8 +383,7 @@ def test_ring_over_a_cone(friction):
 # --- ends, gaps and overlaps ----------------------------------------------------------------------
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize(("friction", "depth"), [(None, 0.3), (None, 0.42), (Coulomb(0.3), 0.42)])
+@pytest.mark.one_quick(("friction", "depth"), [(None, 0.3), (None, 0.42), (Coulomb(0.3), 0.42)])
 def test_edges_that_are_flush(friction, depth):
     """Equal blocks with their edges on each other: from a compression on the one slides over the
     other where nothing but pressure holds it, as in a model of its own, blocks with a penalty of

@@ -37,8 +37,7 @@ def of_digits(solution):
     return [found for found in solution.findings if "round-off" in found.message]
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.one_quick("law", LAWS)
 def test_a_block_under_a_load_of_any_size(law):
     """It is as far from the linear one as its strain, which round-off of I + grad u would hide from
     1e-8 on.
@@ -157,8 +156,7 @@ def along(problem, load, factors):
     return problem.run(np.arange(1.0, len(factors)), apply)
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("scale", [1e-15, 3e-15])
+@pytest.mark.one_quick("scale", [1e-15, 3e-15])
 @pytest.mark.parametrize("factors", [None, (0, 1), (0, 0.8, 1), (0, 1, 0), (0, 0, 1)])
 def test_a_body_of_which_no_digit_is_known(scale, factors):
     """The check after the solve would accept the body at rest: the outcome has a name, of a solve
@@ -177,8 +175,7 @@ def test_a_body_of_which_no_digit_is_known(scale, factors):
         assert [step.status for step in problem.solution.steps] == [ended]
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("advances", [True, False])
+@pytest.mark.one_quick("advances", [True, False])
 @pytest.mark.parametrize(
     "change", [lossy, lambda h, one: (one, ufl.sym(h))], ids=["finite", "linear"]
 )

@@ -38,9 +38,8 @@ def squeezed(name, pressure, expansion=0.0):
     return solved.x
 
 
-@pytest.mark.one_quick
 @pytest.mark.mpi
-@pytest.mark.parametrize("keys", [{"z": STIFFNESS}, {"normal": STIFFNESS}])
+@pytest.mark.one_quick("keys", [{"z": STIFFNESS}, {"normal": STIFFNESS}])
 def test_a_warm_cube_under_a_pressure_that_follows_it(keys):
     """The springs below carry the pressure on the top, which is larger the wider this is; both are
     on sides that move, and the cube becomes warmer.

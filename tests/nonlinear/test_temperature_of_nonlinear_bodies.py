@@ -28,8 +28,7 @@ def stresses(solution):
     return [solution.at(step).stress.at_points.stress for step in solution.steps]
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("name", but_slow(IN_SPACE, "neo-hooke", "j2"))
+@pytest.mark.one_quick("name", but_slow(IN_SPACE, "neo-hooke", "j2"))
 @pytest.mark.parametrize("change", [30.0, -20.0])
 def test_free_expansion(name, change):
     """A cube becomes larger by the expansion, far from small, and no stress arises."""
@@ -64,8 +63,7 @@ def held_bar(name, expansion):
     return slope(lambda along: stored(along, across), 1.0), across
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("name", but_slow([name for name in IN_SPACE if name != "j2"], "neo-hooke"))
+@pytest.mark.one_quick("name", but_slow([name for name in IN_SPACE if name != "j2"], "neo-hooke"))
 @pytest.mark.parametrize("volumetric", ["full", "reduced"])
 def test_a_bar_that_is_held(name, volumetric):
     """It presses on what holds its ends, in two steps of which the second cools it."""

@@ -88,8 +88,7 @@ def test_no_verdict_without_a_derivative():
     ).all()  # the state is that of the solution, whatever was tried for verdicts
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.one_quick("degree", [1, 2])
 def test_a_column_on_top_of_a_circle(degree):
     """It would roll off: the curvature of the circle decides, which the tangent of the body does
     not have.

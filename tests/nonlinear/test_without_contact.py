@@ -203,9 +203,8 @@ def test_a_column_is_stable_up_to_the_load_of_euler():
     assert problem.status is Status.UNSTABLE
 
 
-@pytest.mark.one_quick
 @pytest.mark.mpi
-@pytest.mark.parametrize("further", [{}, {"law": "neo-hooke"}], ids=["linear", "nonlinear"])
+@pytest.mark.one_quick("further", [{}, {"law": "neo-hooke"}], ids=["linear", "nonlinear"])
 def test_restart_of_a_scene(tmp_path, further):
     """Likewise, on any number of ranks."""
     folder, scene = Path(MPI.COMM_WORLD.bcast(str(tmp_path))), bar(**further)

@@ -120,9 +120,8 @@ def differences(half, whole):
     return np.abs(pressure - others[0]).max() / size, np.abs(shear - others[1]).max() / size
 
 
-@pytest.mark.one_quick
 @pytest.mark.mpi
-@pytest.mark.parametrize(
+@pytest.mark.one_quick(
     ("kind", "degree", "counts", "given"),
     [
         ("quadrilateral", 1, (6, 5), {"friction": Coulomb(0.3), "linear_algebra": "full"}),
@@ -152,8 +151,7 @@ def test_half_a_model(kind, degree, counts, given):
     assert half.certificate.holds
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize(
+@pytest.mark.one_quick(
     ("kind", "degree", "counts"), [("triangle", 1, (5, 6)), ("hexahedron", 1, (3, 4))]
 )
 def test_half_of_curved_sides(kind, degree, counts):
@@ -169,8 +167,7 @@ def test_half_of_curved_sides(kind, degree, counts):
     assert half.certificate.holds
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("of_master", [None, 0.0])
+@pytest.mark.one_quick("of_master", [None, 0.0])
 def test_where_it_is_no_plane_of_symmetry(of_master):
     """A support that holds the slave alone, or moves it past the other body, is none: friction acts
     across it.

@@ -43,8 +43,7 @@ def in_body(cell, centre, radius):
     return radius - outside
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.one_quick("degree", [1, 2])
 @pytest.mark.parametrize("cell", [*PLANE, *SPACE])
 @pytest.mark.parametrize(
     ("centre", "radius"),

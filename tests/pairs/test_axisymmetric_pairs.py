@@ -72,8 +72,7 @@ def pressure_of_a_fit(radii, young, poisson, fit):
     return fit / (inner + outer)
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize(
+@pytest.mark.one_quick(
     ("cell", "degree", "tolerance"),
     [("quadrilateral", 2, 3e-3), ("triangle", 2, 0.02), ("quadrilateral", 1, 0.06)],
 )
@@ -146,9 +145,8 @@ def test_ring_that_the_friction_of_a_fit_holds(radii, height, along, stiff, fit,
 # --- patches --------------------------------------------------------------------------------------
 
 
-@pytest.mark.one_quick
 @pytest.mark.mpi(slow=True)
-@pytest.mark.parametrize(
+@pytest.mark.one_quick(
     ("cell", "degree", "linear_algebra", "exchanged"),
     [
         ("quadrilateral", 1, "full", False),
@@ -207,8 +205,7 @@ def test_cylinders_upon_each_other(cell, degree, linear_algebra, exchanged):
     assert found.table.chains == [range(len(found.table.columns["x"]))]
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize(
+@pytest.mark.one_quick(
     ("kind", "inner", "slope"), [("quadrilateral", 0.0, 0.4), ("triangle", 0.5, -0.3)]
 )
 def test_bonded_cones(kind, inner, slope):
@@ -240,8 +237,7 @@ def test_bonded_cones(kind, inner, slope):
     assert found.contact.pressure == pytest.approx(3.0 * cosine * np.abs(normal[:, 1]), rel=1e-8)
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("measured", [True, False])
+@pytest.mark.one_quick("measured", [True, False])
 def test_forms_with_a_measure(measured):
     """A pair in forms that are multiplied by 2 pi r: the pressure of a scene, which without the
     measure is multiplied.

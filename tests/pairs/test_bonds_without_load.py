@@ -50,8 +50,7 @@ def hanging(**solver):
     )
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize(
+@pytest.mark.one_quick(
     "solver", [{"algorithm": "alm"}, {"algorithm": "alm", "coulomb": "newton"}, {}]
 )
 def test_lifted(solver):

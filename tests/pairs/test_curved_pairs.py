@@ -4,8 +4,7 @@ import pytest
 from curved_pairs import mirrored
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize(
+@pytest.mark.one_quick(
     ("kind", "cells", "depth", "degree"),
     [
         ("quadrilateral", (14, 10), 0.18, 1),

@@ -121,8 +121,7 @@ def evenly_pressed(kind, degree, bodies, held, slave, sides=None):
     return ContactProblem(a, nothing, bcs=bcs, contact=pair, algorithm="alm"), exact
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("slave", [0, 1])
+@pytest.mark.one_quick("slave", [0, 1])
 @pytest.mark.parametrize("upto", [(0.4, 0.4), (0.4, 0.55)])
 @pytest.mark.parametrize(
     ("kind", "degree"),

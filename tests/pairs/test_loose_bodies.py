@@ -21,8 +21,7 @@ def forces(solution):
     return np.array([total[part == k].sum() for k in (0, 1)])
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize(
+@pytest.mark.one_quick(
     ("below", "above", "solver"),
     [
         (COULOMB, COULOMB, {}),
@@ -62,8 +61,7 @@ def test_nothing_moves(gap, size, stress):
     )  # how soon is a matter of round-off
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize(
+@pytest.mark.one_quick(
     ("lift", "gap", "size", "stress"),
     [(-0.02, 0.0, 1.0, 1.0), (0.02, -0.03, 1e-6, 1e9), (-0.01, -0.01, 1e5, 1e-3)],
 )

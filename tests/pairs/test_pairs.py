@@ -42,8 +42,7 @@ def joint_motions(dimension):
     ]
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("curved", [False, True], ids=["flat", "curved"])
+@pytest.mark.one_quick("curved", [False, True], ids=["flat", "curved"])
 @pytest.mark.parametrize("overhang", [0.0, 0.33, 0.505])
 @pytest.mark.parametrize(("dimension", "element", "other"), PAIRS)
 def test_identities(dimension, element, other, overhang, curved):
@@ -80,8 +79,7 @@ def test_identities(dimension, element, other, overhang, curved):
         )
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize(("dimension", "element", "other"), PAIRS)
+@pytest.mark.one_quick(("dimension", "element", "other"), PAIRS)
 def test_nodes_that_cannot_carry_a_point(dimension, element, other):
     """Held nodes are given to their neighbours: the weights still are the covered area, and shares
     sum to one.

@@ -123,9 +123,8 @@ def with_regions(tagged):
     )
 
 
-@pytest.mark.one_quick
 @pytest.mark.mpi(slow=True)
-@pytest.mark.parametrize("cell", ["quadrilateral", "hexahedron"])
+@pytest.mark.one_quick("cell", ["quadrilateral", "hexahedron"])
 def test_the_same_as_one_mesh(cell):
     """Two blocks, the upper one moved to its place: every displacement is that of the same blocks
     as one mesh, on any number of ranks.  Turned about an axis, in 2D one of them upside down in
@@ -169,8 +168,7 @@ def test_the_same_as_one_mesh(cell):
     np.testing.assert_allclose((moved @ turn)[order], u, rtol=0, atol=1e-8 * size)
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize(("cell", "kind"), [("quadrilateral", "full"), ("hexahedron", "krylov")])
+@pytest.mark.one_quick(("cell", "kind"), [("quadrilateral", "full"), ("hexahedron", "krylov")])
 def test_a_sequence_of_meshes(cell, kind):
     """The generators of both bodies make coarser meshes, which change nothing but the work."""
     bodies = [

@@ -40,8 +40,7 @@ from signorini_fx.machine import parallel
 ELEMENTS = [(kind, degree) for kind in KINDS for degree in (1, 2)]
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("exchanged", [False, True], ids=["", "exchanged"])
+@pytest.mark.one_quick("exchanged", [False, True], ids=["", "exchanged"])
 @pytest.mark.parametrize("law", ["bonded", "stick", "slip"])
 @pytest.mark.parametrize(("kind", "degree"), ELEMENTS)
 def test_patch(kind, degree, law, exchanged):
@@ -144,8 +143,7 @@ def example1(count, degree=1, stiffer=1.0, rigid=False, comm=MPI.COMM_SELF, **se
     return problem
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize(("count", "degree"), [(60, 1), (30, 2)])
+@pytest.mark.one_quick(("count", "degree"), [(60, 1), (30, 2)])
 def test_example_1_on_a_foundation_of_its_own_material(count, degree):
     """Deflection, largest pressure and zone of contact are those of finer meshes of an independent
     program.
@@ -174,8 +172,7 @@ def block_on_block(friction=None, push=0.0, lift=0.0, on_both=False, **settings)
     return ContactProblem(a, force, bcs, contact=Pair(*both, friction=friction), **settings)
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize(
+@pytest.mark.one_quick(
     "settings", [{}, {"linear_algebra": "condensed"}, {"algorithm": "alm"}, {"coulomb": "fp"}]
 )
 def test_a_block_held_by_another_one(settings):
@@ -194,8 +191,7 @@ def test_a_block_held_by_another_one(settings):
     )
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize(
+@pytest.mark.one_quick(
     ("arguments", "status"),
     [
         ({"push": 0.6, "friction": Coulomb(0.5)}, Status.SLIDES),
@@ -306,8 +302,7 @@ def stack(kind, comm=MPI.COMM_SELF):
     return problem
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("kind", ["triangle", "quadrilateral"])
+@pytest.mark.one_quick("kind", ["triangle", "quadrilateral"])
 def test_three_bodies_on_a_foundation(kind):
     """Each contact carries what is above it."""
     state = stack(kind).state
@@ -317,8 +312,7 @@ def test_three_bodies_on_a_foundation(kind):
         assert total == pytest.approx([-0.2 * carried, carried], abs=1e-8)
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("linear_algebra", ["condensed", "krylov"])
+@pytest.mark.one_quick("linear_algebra", ["condensed", "krylov"])
 def test_two_blocks_on_the_same_side_of_a_plate(linear_algebra):
     """Masters may share facets: the answer is that of the same plate whose side is given to each
     block in parts, and each contact carries what is above it.
@@ -367,8 +361,7 @@ def test_two_blocks_on_the_same_side_of_a_plate(linear_algebra):
         ContactProblem(a, load, bcs, contact=[Pair(slaves[0], plate), Pair(plate, slaves[1])])
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("linear_algebra", ["full", "condensed", "krylov"])
+@pytest.mark.one_quick("linear_algebra", ["full", "condensed", "krylov"])
 @pytest.mark.parametrize("friction", [None, Coulomb(0.3)], ids=["", "coulomb"])
 @pytest.mark.parametrize(
     ("kind", "pressed"), [("quadrilateral", False), ("quadrilateral", True), ("hexahedron", False)]
@@ -448,9 +441,8 @@ def points_of(state):
     return rows[np.lexsort(np.round(rows[:, : 1 + boundary.x.shape[1]], 9).T)]
 
 
-@pytest.mark.one_quick
 @pytest.mark.mpi(slow=True)
-@pytest.mark.parametrize("name", PROBLEMS)
+@pytest.mark.one_quick("name", PROBLEMS)
 def test_one_rank_or_many(name):
     """Every kind of element and system; the certificate tries the map on all ranks."""
     together, alone = (PROBLEMS[name](comm) for comm in (WORLD, MPI.COMM_SELF))

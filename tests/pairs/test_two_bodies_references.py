@@ -36,8 +36,7 @@ def quarter(kind, counts, inner, outer):
     return grid(kind, counts, (inner, 0.0), (outer, np.pi / 2), place)
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("exchanged", [False, True], ids=["", "exchanged"])
+@pytest.mark.one_quick("exchanged", [False, True], ids=["", "exchanged"])
 def test_disc_that_sticks_in_a_ring(exchanged):
     """A disc cut at r = 0.6 under the pressure 1e7 + 1e6 cos 2t: the same pressure at the cut, and
     the shear
@@ -85,8 +84,7 @@ def test_disc_that_sticks_in_a_ring(exchanged):
     assert np.sqrt(np.mean(away[inside] ** 2)) < 0.08 * part
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("finer", ["slave", "master"])
+@pytest.mark.one_quick("finer", ["slave", "master"])
 @pytest.mark.parametrize(
     ("kind", "degree"), [("triangle", 1), ("quadrilateral", 1), ("triangle", 2)]
 )
@@ -137,8 +135,7 @@ def test_bonded_blocks_converge(kind, degree, finer):
     assert np.log2(errors[0] / errors[1]) == pytest.approx(degree, abs=0.15)
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.one_quick("degree", [1, 2])
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_narrow_block_on_a_wide_one(kind, degree):
     """A pressure on the top of a block and beside it on the wider one below: both have this stress,

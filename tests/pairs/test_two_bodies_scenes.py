@@ -122,8 +122,7 @@ def test_shrink_fit(tmp_path):
     )
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize(
+@pytest.mark.one_quick(
     ("changes", "side"),
     [
         ({}, "upper"),

@@ -105,9 +105,8 @@ NODAL = {
 }
 
 
-@pytest.mark.one_quick
 @pytest.mark.mpi
-@pytest.mark.parametrize("scene", NODAL.values(), ids=NODAL)
+@pytest.mark.one_quick("scene", NODAL.values(), ids=NODAL)
 def test_vertices_have_the_recovered_values(scene):
     """At each vertex of each cell stands what ``recovered`` has there; the displacement is that of
     the elements.

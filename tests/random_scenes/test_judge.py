@@ -277,8 +277,7 @@ def test_an_honest_answer_is_right(name, tmp_path_factory):
     assert convex.cvxopt is None or found.compared == len(given.steps)
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize(
+@pytest.mark.one_quick(
     ("fault", "name"), [(fault, name) for fault, names in INJECTED.items() for name in names]
 )
 def test_an_injected_fault_is_noticed(fault, name, tmp_path_factory):

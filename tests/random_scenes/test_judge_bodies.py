@@ -55,8 +55,7 @@ def weight_of_another_overlap(given):
     return given
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize(
+@pytest.mark.one_quick(
     "spoil", [None, one_pressure, one_body_moves, shear_reversed, weight_of_another_overlap]
 )
 @pytest.mark.parametrize("seed", SPOILT)
@@ -68,8 +67,7 @@ def test_what_is_wrong_is_noticed(seed, spoil, answers):
     assert found.kind == (RIGHT if spoil is None else WRONG), found.worst
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("seed", [0, 1, 3, 7])
+@pytest.mark.one_quick("seed", [0, 1, 3, 7])
 def test_joint_rigid_motions_do_not_move_the_points(seed):
     """The oracle's own map: zero on them, and one body alone moves all points by as much."""
     drawn = trial(seed, 2 + seed % 2)

@@ -192,8 +192,7 @@ def test_answers_of_the_package_are_right(name, tmp_path):
     assert {"open", "slip"} <= set(answer(name, tmp_path).steps[-1].table["state"])
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("spoil", SPOILT)
+@pytest.mark.one_quick("spoil", SPOILT)
 @pytest.mark.parametrize("name", TRIALS)
 def test_what_is_wrong_is_noticed(name, spoil, tmp_path):
     """One mistake at a time, of a tenth of a thousandth to one per cent."""

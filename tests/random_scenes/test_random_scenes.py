@@ -215,8 +215,7 @@ def test_spoilt_meshes(parameters):
         attempt(lambda: solve(scene, MPI.COMM_SELF, check=False))
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize(("nx", "ny", "levels"), [(1, 1, 2), (1, 3, 2), (4, 4, 3), (1, 1, 12)])
+@pytest.mark.one_quick(("nx", "ny", "levels"), [(1, 1, 2), (1, 3, 2), (4, 4, 3), (1, 1, 12)])
 @pytest.mark.parametrize("algorithm", ["ssn", "path-following"])
 def test_meshes_that_get_no_coarser(nx, ny, levels, algorithm):
     """A mesh of one cell has no coarser one: the levels that there are count."""

@@ -361,8 +361,7 @@ def broken(folder, tmp_path, *names, **texts):
     return copy
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize(
+@pytest.mark.one_quick(
     ("names", "texts", "message"),
     [
         (["summary.json"], {}, "half written"),

@@ -183,8 +183,7 @@ def test_the_rest_imports_no_add_on():
     assert {architecture.layer_of(room) for room in rooms} < set(architecture.ADD_ONS)
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("room", architecture.ADD_ONS)
+@pytest.mark.one_quick("room", architecture.ADD_ONS)
 def test_add_ons_use_no_private_names(room):
     """Of the rest, or of each other."""
     trees = {

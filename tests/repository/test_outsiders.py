@@ -76,8 +76,7 @@ def test_all_are_here():
         assert len(file.read_text(encoding="utf-8").splitlines()) <= 40, file
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("name", sorted(SPOILED))
+@pytest.mark.one_quick("name", sorted(SPOILED))
 def test_runs(name, capfd):
     """As it stands it ends with a solution, or says what it is about."""
     runpy.run_path(str(DEMOS / f"{name}.py"), run_name="__main__")

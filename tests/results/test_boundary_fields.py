@@ -61,8 +61,7 @@ def block(generator, cell, degree):
     }
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize(("generator", "cell", "degree"), PLANE + SPACE)
+@pytest.mark.one_quick(("generator", "cell", "degree"), PLANE + SPACE)
 @pytest.mark.mpi
 def test_a_constant_state(generator, cell, degree):
     """Pressure, shear, gap and slip at every node, their integrals, and the area, are exact."""
@@ -93,8 +92,7 @@ def test_a_constant_state(generator, cell, degree):
     assert np.abs(positions(fields.pressure)[:, last]).max(initial=0) == 0
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.one_quick("degree", [1, 2])
 @pytest.mark.mpi
 def test_values_at_points(degree):
     """Each node has the value that the contact table has at its position; forces are integrals, on

@@ -158,8 +158,7 @@ KINDS = {
 }
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.one_quick("kind", KINDS)
 @pytest.mark.parametrize(
     ("name", "algorithm"), [pair for pair in PAIRS if pair[0] in ("Coulomb", "Tresca", "wedge")]
 )
@@ -374,8 +373,7 @@ FAULTS = {
 }
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("fault", FAULTS)
+@pytest.mark.one_quick("fault", FAULTS)
 @by
 def test_faults_of_the_solver_are_refused(monkeypatch, fault, algorithm):
     """Whatever the solver gets wrong by itself: no result that is called converged."""
@@ -427,8 +425,7 @@ def test_a_rigid_motion_is_no_deformation():
     refused(judged(solution, statement=scene), "entered")
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize(("size", "stress"), [(1.0, 1.0), (1e-6, 1e9)])
+@pytest.mark.one_quick(("size", "stress"), [(1.0, 1.0), (1e-6, 1e9)])
 def test_a_body_that_moves_far_does_not_deform_another_one(size, stress):
     """Two blocks move by half of their size until a third one deforms them by a thousandth of that:
     a gap that is wrong by a share of what deforms them is not right because they have moved far.

@@ -63,8 +63,7 @@ def test_what_is_right_is_certified():
     assert found.certificate.coupling < 1e-10
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.one_quick("degree", [1, 2])
 def test_faces_that_are_no_parallelograms(degree):
     """Integrands are no polynomials there; the identities hold."""
 

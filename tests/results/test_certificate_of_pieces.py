@@ -65,8 +65,7 @@ def judged(solution, displacement=lambda y: y, pressure=lambda p: p, shear=lambd
     )
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize(
+@pytest.mark.one_quick(
     ("share", "dim", "algorithm"), [(1e-8, 2, "ssn"), (1e-5, 2, "alm"), (1e-8, 3, "ssn")]
 )
 def test_a_body_that_is_hardly_loaded(share, dim, algorithm):

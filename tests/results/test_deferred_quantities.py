@@ -42,9 +42,8 @@ def solution():
     return solve(scene, COMM)
 
 
-@pytest.mark.one_quick
 @pytest.mark.mpi
-@pytest.mark.parametrize("rank", [0, 1, None])
+@pytest.mark.one_quick("rank", [0, 1, None])
 def test_a_failure_is_one_of_all_ranks(rank, solution, tmp_path, monkeypatch):
     """Whichever rank it is on: the same warnings everywhere, and the results are there."""
     if rank == 1 and COMM.size == 1:

@@ -54,9 +54,8 @@ def stretched(cells, degree):
     )
 
 
-@pytest.mark.one_quick
 @pytest.mark.mpi
-@pytest.mark.parametrize(("cells", "degree"), CELLS)
+@pytest.mark.one_quick(("cells", "degree"), CELLS)
 def test_vtu(folder, cells, degree):
     """One file of all ranks has every cell once, in VTK's kind for the degree, and every field at
     its points.
@@ -90,8 +89,7 @@ def test_vtu(folder, cells, degree):
     np.testing.assert_allclose(arrays["density"][:, 0], mises**2 / (6 * mu), rtol=1e-6)
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("cells", ["quadrilateral", "tetrahedra"])
+@pytest.mark.one_quick("cells", ["quadrilateral", "tetrahedra"])
 def test_other_readers(tmp_path, cells):
     """PyVista and meshio find the same cells and fields, and the volume of the body."""
     meshio, pyvista = pytest.importorskip("meshio"), pytest.importorskip("pyvista")

@@ -67,9 +67,8 @@ def scene(gradient, hypothesis, cell, degree=1):
     )
 
 
-@pytest.mark.one_quick
 @pytest.mark.mpi
-@pytest.mark.parametrize("cell", ["quadrilateral", "triangle"])
+@pytest.mark.one_quick("cell", ["quadrilateral", "triangle"])
 @pytest.mark.parametrize("hypothesis", ["plane strain", "plane stress"])
 @pytest.mark.parametrize("name", GRADIENTS)
 def test_cells_for_pictures(name, hypothesis, cell):
@@ -114,9 +113,8 @@ def test_cells_for_pictures(name, hypothesis, cell):
     )
 
 
-@pytest.mark.one_quick
 @pytest.mark.mpi
-@pytest.mark.parametrize(("cell", "degree"), [("quadrilateral", 1), ("triangle", 2)])
+@pytest.mark.one_quick(("cell", "degree"), [("quadrilateral", 1), ("triangle", 2)])
 @pytest.mark.parametrize("hypothesis", ["plane strain", "plane stress"])
 @pytest.mark.parametrize("name", GRADIENTS)
 def test_stresses(name, hypothesis, cell, degree):
@@ -175,8 +173,7 @@ def test_extremes_of_the_stress():
         found.largest("mises")
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("hypothesis", ["plane strain", "plane stress"])
+@pytest.mark.one_quick("hypothesis", ["plane strain", "plane stress"])
 @pytest.mark.parametrize("name", GRADIENTS)
 def test_compliance_is_the_inverse_of_the_stiffness(name, hypothesis):
     """The energy of a stress, by which errors are measured, is that of the strain that it comes

@@ -72,9 +72,8 @@ def test_clamped_beam_in_space(cells, degree):
     assert found.of("right").moment_about(acts_at)[1:] == near([0.0, 0.0], size)
 
 
-@pytest.mark.one_quick
 @pytest.mark.mpi
-@pytest.mark.parametrize("where", ["plane", "space", "quadratic tetrahedra"])
+@pytest.mark.one_quick("where", ["plane", "space", "quadratic tetrahedra"])
 def test_balance(where):
     """With supports, loads and contact: of all forces and moments nothing is left, about any
     point.
@@ -98,9 +97,8 @@ def test_balance(where):
     )
 
 
-@pytest.mark.one_quick
 @pytest.mark.mpi
-@pytest.mark.parametrize("push", [0.2, 0.6, 0.9])
+@pytest.mark.one_quick("push", [0.2, 0.6, 0.9])
 @pytest.mark.parametrize(("cell", "degree"), PLANE)
 def test_block_that_may_tip(cell, degree, push):
     """A heavy block pushed sideways uses H / F W of its friction, and is pressed at one end."""

@@ -66,8 +66,7 @@ def test_files(written):
     assert (folder / "fields.vtu").exists()
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("kind", CELLS)
+@pytest.mark.one_quick("kind", CELLS)
 def test_moment_of_a_push(kind):
     """A push at a height tips the body: the pressure goes to the other end, where its resultant
     balances it.

@@ -224,8 +224,7 @@ def test_every_key_is_used(written):
         assert keys_of(name) == set(written[kind][name]), name
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize(
+@pytest.mark.one_quick(
     "place",
     [
         (),

@@ -77,8 +77,7 @@ VARIANTS = {
 }
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("variant", [*VARIANTS, *(demo.stem for demo in DEMOS)])
+@pytest.mark.one_quick("variant", [*VARIANTS, *(demo.stem for demo in DEMOS)])
 def test_the_unknowns_are_those_of_the_solve(variant):
     """Those of the body that no support holds, and those of rigid bodies."""
     data = (
@@ -97,8 +96,7 @@ def test_the_unknowns_are_those_of_the_solve(variant):
     assert report.cost.unknowns == solution.model.dofs - fixed + free
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("demo", DEMOS, ids=lambda demo: demo.stem)
+@pytest.mark.one_quick("demo", DEMOS, ids=lambda demo: demo.stem)
 def test_the_demos_are_fine(demo):
     """Nothing hurts there, but what the paper itself chose."""
     chosen = {
@@ -193,8 +191,7 @@ ESTIMATED = {
 }
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("kind", ESTIMATED)
+@pytest.mark.one_quick("kind", ESTIMATED)
 def test_linear_solves_are_as_many_as_estimated(kind):
     """The true number is in the range, or off by no more than a factor of 1.5."""
     low, high = check(ESTIMATED[kind]).cost.linear_solves
@@ -626,8 +623,7 @@ def test_schema(capsys):
     assert solver["gamma_n"]["description"].startswith("regularisation of the contact condition")
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize(
+@pytest.mark.one_quick(
     "demo", [*DEMOS, Path(template.__file__).with_name("template.toml")], ids=lambda demo: demo.stem
 )
 def test_the_schema_accepts(demo):
@@ -651,8 +647,7 @@ MISTAKES = [
 ]
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("mistake", MISTAKES, ids=str)
+@pytest.mark.one_quick("mistake", MISTAKES, ids=str)
 def test_the_schema_refuses(mistake):
     """What the scene refuses."""
     schema = template.scene_schema()
@@ -666,8 +661,7 @@ def test_the_schema_refuses(mistake):
 # --- how light the light commands are -------------------------------------------------------------
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize(
+@pytest.mark.one_quick(
     "arguments", [["--help"], ["check", "--help"], ["schema"], ["new", "scene.toml"]]
 )
 def test_light_commands(tmp_path, arguments):

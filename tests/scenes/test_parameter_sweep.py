@@ -47,9 +47,8 @@ def leaning(path=None, value=None):
     return parse_scene(data)
 
 
-@pytest.mark.one_quick
 @pytest.mark.mpi(slow=True)
-@pytest.mark.parametrize("path", ENTRIES)
+@pytest.mark.one_quick("path", ENTRIES)
 def test_values_of_an_entry(path):
     """The elastic system is assembled anew only where it changes; a value may have no solution."""
     values, matrices = ENTRIES[path]

@@ -185,8 +185,7 @@ def message(function, scene):
     return str(caught.value)
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("name", REFUSED)
+@pytest.mark.one_quick("name", REFUSED)
 def test_check_refuses_what_solve_refuses(name):
     """In the same words, and ``solve`` before the first linear solve."""
     solved = []

@@ -50,8 +50,7 @@ def changing(*lists):
     ]
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("kind", WITH)
+@pytest.mark.one_quick("kind", WITH)
 def test_each_step_has_its_supports(kind):
     """Without friction nothing but the supports of a step counts in it."""
     more = WITH[kind]
@@ -124,8 +123,7 @@ def few(material, **more):
     return scene.model_copy(update={"traction": ()})
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("law", ["neo-hooke", "saint-venant-kirchhoff"])
+@pytest.mark.one_quick("law", ["neo-hooke", "saint-venant-kirchhoff"])
 def test_supports_of_nonlinear_bodies(law):
     """Each step has its supports, and at small strains it is that of the linear body."""
     linear, solution = (

@@ -162,8 +162,7 @@ def named(combination):
     return "-".join((f"{cells}{degree}", *rest))
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("number", range(len(COVERING)), ids=[named(c) for c in COVERING])
+@pytest.mark.one_quick("number", range(len(COVERING)), ids=[named(c) for c in COVERING])
 def test_other_units(number):
     """Each pair of element, law, algorithm and linear algebra, in two of the eight systems of
     units.
@@ -204,8 +203,7 @@ def test_a_cone_that_is_violated(length):
 # --- numbers that are none ------------------------------------------------------------------------
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+@pytest.mark.one_quick("value", [np.nan, np.inf, -np.inf])
 @pytest.mark.parametrize("where", ["displacement", "pressure", "shear"])
 @pytest.mark.parametrize("element", SMALL, ids=str)
 @pytest.mark.parametrize("every", [False, True], ids=["one of them", "all of them"])

@@ -158,8 +158,7 @@ def test_distance_and_normal(table):
     assert (signed < 0).any()
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("name", ["cube.stl", "cube.step"])
+@pytest.mark.one_quick("name", ["cube.stl", "cube.step"])
 def test_surfaces_of_files(files, name):
     """The distance from a cube, on its faces, edges and corners, placed and turned."""
     x = np.random.default_rng(8).uniform(-2, 2, (500, 3))
@@ -206,8 +205,7 @@ def test_a_plane_mesh_is_a_shape(tmp_path):
     )
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("size", [0.05, 5e-3])
+@pytest.mark.one_quick("size", [0.05, 5e-3])
 def test_a_plane_drawing_is_a_shape(files, size):
     """A disc with a hole, with few and with many lines around it: distances are exact but for their
     sag.
@@ -326,9 +324,8 @@ SAME["cone"] = (
 )
 
 
-@pytest.mark.one_quick
 @pytest.mark.mpi
-@pytest.mark.parametrize("name", SAME)
+@pytest.mark.one_quick("name", SAME)
 def test_the_same_by_formula(name, files):
     """Displacement, pressure and shear are those of gap and direction by formula, on any number of
     ranks.
@@ -384,8 +381,7 @@ class Ball:
         return self.signed(size - 1.0, x), self.normal(away / size[:, None], x)
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize(
+@pytest.mark.one_quick(
     ("wrong", "message"),
     [
         ({"signed": lambda away, x: away * np.nan}, r"distance of Ball is not finite at \("),
@@ -593,9 +589,8 @@ def test_a_foundation_moves_a_body_that_nothing_holds():
         solve(loose)
 
 
-@pytest.mark.one_quick
 @pytest.mark.mpi(slow=True)
-@pytest.mark.parametrize(
+@pytest.mark.one_quick(
     "more",
     [
         {},

@@ -66,8 +66,7 @@ def scene_of(status, nx=12, ny=4, **settings):
     )
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("status", FAULTS)
+@pytest.mark.one_quick("status", FAULTS)
 @pytest.mark.parametrize("nested", [True, False])
 def test_scenes(status, nested, monkeypatch):
     """The coarsest mesh is solved, certified, and is what comes back; the reason says how the next

@@ -241,9 +241,8 @@ def without(monkeypatch):
     return take
 
 
-@pytest.mark.one_quick
 @pytest.mark.mpi
-@pytest.mark.parametrize("packages", [("mumps",), ("mumps", "superlu_dist", "cholmod")])
+@pytest.mark.one_quick("packages", [("mumps",), ("mumps", "superlu_dist", "cholmod")])
 @pytest.mark.parametrize("wanted", ["auto", "condensed", "full"])
 def test_without_mumps(without, packages, wanted):
     """It says so and uses what there is, to the same answer: PETSc's own factorisation, on several

@@ -125,8 +125,7 @@ def raise_enough():
     raise Enough
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("place", PLACES)
+@pytest.mark.one_quick("place", PLACES)
 def test_a_signal(place, older, tmp_path, monkeypatch, capfd):
     """Exit code 130 and one line about it; the older result stays, and what is complete can be gone
     on from.
@@ -146,8 +145,7 @@ def test_a_signal(place, older, tmp_path, monkeypatch, capfd):
     assert not signals.arrived
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("place", [place for place in PLACES if place != "writing"])
+@pytest.mark.one_quick("place", [place for place in PLACES if place != "writing"])
 def test_an_exception(place, tmp_path, monkeypatch):
     """It reaches the caller as it is, and the next solve knows nothing of it."""
     scene = written(tmp_path / "scene.toml", *at_second_call(monkeypatch, place, raise_enough))

@@ -114,8 +114,7 @@ def nodes_of(displacement):
     return [(x[part], y[part]) for part in (~upper, upper) if part.any()]
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize(("law", "bodies", "path", "rough", "held"), list(table()))
+@pytest.mark.one_quick(("law", "bodies", "path", "rough", "held"), list(table()))
 def test_stays_near_to_where_it_was(law, bodies, path, rough, held):
     """No forces, no strain but that of heat and of yielding, each body on what is below it, and not
     moved sideways.
@@ -176,8 +175,7 @@ def share_of_load(load, step):
     return np.interp(step.time, range(len(load["factors"]) + 1), [0.0, *load["factors"]])
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize(
+@pytest.mark.one_quick(
     ("law", "bodies"),
     [
         ("linear", 1),
@@ -241,8 +239,7 @@ def test_a_support_moves_a_body_that_is_let_go():
     assert not last.contact.in_contact.any()
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("law", ["neo-hooke", "saint-venant-kirchhoff"])
+@pytest.mark.one_quick("law", ["neo-hooke", "saint-venant-kirchhoff"])
 @pytest.mark.parametrize("degree", [2, 1])
 def test_a_nonlinear_body_moves_before_it_touches(law, degree):
     """Through the air and up to the plane it is only moved, which is a solution, and nothing is
@@ -259,8 +256,7 @@ def test_a_nonlinear_body_moves_before_it_touches(law, degree):
     assert solution.steps[-1].contact.in_contact.all()
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("sliding", ["small", "finite"])
+@pytest.mark.one_quick("sliding", ["small", "finite"])
 def test_what_pressed_before_does_not_turn_in_a_step_without_a_load(sliding):
     """A block on another one that nothing presses on any more: it stays, and no step is halved."""
     mesh = rectangle_mesh(4, 4)

@@ -36,9 +36,8 @@ def states(contact):
     return set(contact_table(contact, ["bottom"]).columns["friction"])
 
 
-@pytest.mark.one_quick
 @each_method
-@pytest.mark.parametrize("where", ["left", "top"])
+@pytest.mark.one_quick("where", ["left", "top"])
 def test_below_the_limit(method, where):
     """At 0.99 of F times the normal force the block stays, slips in part, and friction balances the
     push.
@@ -50,9 +49,8 @@ def test_below_the_limit(method, where):
     assert contact[1] == pytest.approx(PRESSURE * LENGTH, rel=1e-8)
 
 
-@pytest.mark.one_quick
 @each_method
-@pytest.mark.parametrize("where", ["left", "top"])
+@pytest.mark.one_quick("where", ["left", "top"])
 @pytest.mark.parametrize("push", [1.01, -1.01])
 def test_above_the_limit(method, where, push):
     """At 1.01 of it nothing holds the block, and the outcome says so."""
@@ -107,9 +105,8 @@ def test_hysteresis_loop(loading, method):
     assert np.abs(shear[0] - shear[-4]).max() > 0.01 * PRESSURE
 
 
-@pytest.mark.one_quick
 @each_method
-@pytest.mark.parametrize("loading", [by_force, by_displacement])
+@pytest.mark.one_quick("loading", [by_force, by_displacement])
 def test_one_step_is_the_static_law(loading, method):
     """A single load step with factors is the scene without them."""
     push = 0.9 if loading is by_force else 0.0036
@@ -130,8 +127,7 @@ def test_order_of_loading_matters():
     assert 0.01 < np.linalg.norm(first.shear - at_once.shear) / np.linalg.norm(first.shear) < 0.2
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("method", [{}, {"coulomb": "newton"}, {"algorithm": "alm"}])
+@pytest.mark.one_quick("method", [{}, {"coulomb": "newton"}, {"algorithm": "alm"}])
 def test_work_of_sliding(method):
     """Once everything slides, each increment costs F times the normal force times its length."""
     steps = alone(by_displacement(0.02, [0.0, 1.0, 2.0, 3.0, 2.0, 1.0, 0.0], **method)).steps
@@ -184,8 +180,7 @@ LAWS = {
 }
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize(
+@pytest.mark.one_quick(
     ("law", "method", "factors"),
     [
         *((law, {}, factors) for law in LAWS for factors in ([0.0, 1.0], [0.0, 0.0, 1.0])),

@@ -51,9 +51,8 @@ def test_bad_paths(arguments, message):
 # --- a limit load ---------------------------------------------------------------------------------
 
 
-@pytest.mark.one_quick
 @pytest.mark.mpi
-@pytest.mark.parametrize("push", [1.2, 40.0])
+@pytest.mark.one_quick("push", [1.2, 40.0])
 @pytest.mark.parametrize("method", [{}, {"coulomb": "newton"}, {"algorithm": "alm"}])
 def test_limit_load(push, method):
     """Statics: the block slides at F times the normal force; the ramp ends within 1 % of that, with

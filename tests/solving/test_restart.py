@@ -359,9 +359,8 @@ def a_ramp(push, **solver):
     return parse_scene({**data, "solver": solver, "load_steps": {"steps": 8}})
 
 
-@pytest.mark.one_quick
 @pytest.mark.mpi(slow=True)
-@pytest.mark.parametrize("push", [0.9, 1.3])
+@pytest.mark.one_quick("push", [0.9, 1.3])
 @pytest.mark.parametrize("method", [{"gamma_n": 1e7, "gamma_t": 2e6}, {"algorithm": "alm"}])
 def test_a_ramp(tmp_path, push, method):
     """It takes the load steps that it would have taken, with the same linear solves, and ends at
@@ -427,8 +426,7 @@ def broken(folder, what):
         file.write_bytes(file.read_bytes()[:-100])
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("what", ["removed", "figures", "state", "scene"])
+@pytest.mark.one_quick("what", ["removed", "figures", "state", "scene"])
 def test_truncated(tmp_path, what):
     """A load step that is not whole is solved again."""
     given = scene(PUSHED)

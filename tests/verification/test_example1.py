@@ -109,8 +109,7 @@ OTHERS = {
 }  # fmt: skip
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.one_quick("law", LAWS)
 @pytest.mark.parametrize("other", OTHERS)
 def test_other_discretisations(law, other):
     """Equilibrium holds exactly, energy and largest pressure to the discretisation error."""

@@ -28,8 +28,7 @@ def close(ours, theirs, rtol=1e-9):
     np.testing.assert_allclose(ours, theirs, rtol=0, atol=rtol * np.abs(theirs).max())
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.one_quick("law", LAWS)
 @pytest.mark.parametrize(("length", "stress"), [(1e3, 1e-6), (0.37, 7.3e4), (2.0**20, 2.0**-30)])
 def test_units(law, length, stress):
     """m and Pa, mm and MPa, or anything: with gamma = auto the same counts and scaled results."""
@@ -92,8 +91,7 @@ def skew(law, *, mirrored=False, cell="quadrilateral"):
     )
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("cell", ["quadrilateral", "triangle"])
+@pytest.mark.one_quick("cell", ["quadrilateral", "triangle"])
 @pytest.mark.parametrize(
     "law",
     [{"law": "none"}, tresca_friction(1.5), coulomb_friction(0.4)],
@@ -150,8 +148,7 @@ def pressed(law, element, turn, shift):
     return on_mesh(parse_scene(scene), tagged), rotation
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("element", [("quadrilateral", 1), ("triangle", 2)], ids=["Q1", "P2"])
+@pytest.mark.one_quick("element", [("quadrilateral", 1), ("triangle", 2)], ids=["Q1", "P2"])
 @pytest.mark.parametrize(
     "law",
     [tresca_friction(2.0), coulomb_friction(0.2)],

@@ -88,8 +88,7 @@ def test_rates_with_kinks_at_nodes(cell, degree, law):
     assert max(wrong) <= 2
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize(
+@pytest.mark.one_quick(
     "solver",
     [
         {"algorithm": "ssn"},

@@ -86,8 +86,7 @@ def test_mixed_and_displacement():
     assert 0.05 < missed[0] < 0.3
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize(("name", "poisson"), [("incompressible", 0.5), ("mixed", 0.49)])
+@pytest.mark.one_quick(("name", "poisson"), [("incompressible", 0.5), ("mixed", 0.49)])
 def test_hertz(name, poisson):
     """A long cylinder under the same force per length; its contact is small against its radius."""
     _, x, pressure, forces = ring(name)

@@ -32,8 +32,7 @@ def agree(solution, reference, nx, ny):
     assert energy(solution) == pytest.approx(reference.energy, rel=1e-9)
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("cell", CELLS)
+@pytest.mark.one_quick("cell", CELLS)
 @pytest.mark.parametrize(("nx", "ny"), GRIDS)
 @pytest.mark.parametrize("gamma", [(1e4, 1e6), (1e8, 1e8)])
 def test_tresca(nx, ny, cell, gamma):
@@ -53,8 +52,7 @@ def test_tresca(nx, ny, cell, gamma):
     assert solution.history.linear_solves == reference.solves
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("cell", CELLS)
+@pytest.mark.one_quick("cell", CELLS)
 @pytest.mark.parametrize(("nx", "ny"), GRIDS)
 @pytest.mark.parametrize("coefficient", [0.1, 0.3, 1.0])
 def test_coulomb(nx, ny, cell, coefficient):

@@ -139,8 +139,7 @@ def test_nothing_presses(gap):
     assert "nothing presses on the body" in solution.advice
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("friction", [coulomb_friction(0.3), tresca_friction(0.3)])
+@pytest.mark.one_quick("friction", [coulomb_friction(0.3), tresca_friction(0.3)])
 @pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
 @pytest.mark.parametrize(("nx", "ny"), [(3, 2), (14, 3)])
 def test_loads_that_balance_each_other(friction, cell, nx, ny):
@@ -178,8 +177,7 @@ def test_loads_that_balance_each_other(friction, cell, nx, ny):
         assert "nothing presses on the body" in solution.advice
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("friction", [coulomb_friction(0.3), tresca_friction(0.3)])
+@pytest.mark.one_quick("friction", [coulomb_friction(0.3), tresca_friction(0.3)])
 @pytest.mark.parametrize("algorithm", ["ssn", "alm"])
 @pytest.mark.parametrize("gap", [(0.01, 0.01), (0.03, -0.01)])
 def test_strains_that_press(gap, algorithm, friction):
@@ -206,8 +204,7 @@ def test_strains_that_press(gap, algorithm, friction):
     assert solution.contact.pressure.min() > 0
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("algorithm", ["ssn", "alm", "path-following"])
+@pytest.mark.one_quick("algorithm", ["ssn", "alm", "path-following"])
 @pytest.mark.parametrize(("pressure", "status"), [(10.0, Status.CONVERGED), (-10.0, Status.OPEN)])
 def test_held_by_friction_where_a_beam_bends_down(pressure, status, algorithm):
     """Both ends rest on rollers and nothing is pushed along them: friction holds the beam if it
@@ -236,8 +233,7 @@ def test_held_by_friction_where_a_beam_bends_down(pressure, status, algorithm):
         assert "nothing presses on the body" in solution.advice
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("gamma", [1e6, 1e8])
+@pytest.mark.one_quick("gamma", [1e6, 1e8])
 def test_cycling(gamma):
     """sigma = 1 / gamma_2 cycles (section 7.1); the advice names the cure, and the cure works."""
     solution = outcome(

@@ -310,8 +310,7 @@ def test_full_slip(cell, degree, algorithm, angle, kind, friction, sign):
 
 # What an update leaves of the error here, 0.56 to 0.82, depends on the distorted mesh, which
 # differs between releases of dolfinx: up to 130 updates for twelve digits.
-@pytest.mark.one_quick
-@pytest.mark.parametrize(
+@pytest.mark.one_quick(
     ("algorithm", "settings", "tolerance"),
     [
         ("alm", {"tolerance": 1e-12, "max_outer_iterations": 200}, 1e-9),
@@ -409,9 +408,8 @@ def confined_modulus(material):
     return young * (1 - poisson) / ((1 + poisson) * (1 - 2 * poisson))
 
 
-@pytest.mark.one_quick
 @each_element
-@pytest.mark.parametrize(("algorithm", "angle"), [("alm", 0.0), ("alm", 0.7), ("ssn", 0.0)])
+@pytest.mark.one_quick(("algorithm", "angle"), [("alm", 0.0), ("alm", 0.7), ("ssn", 0.0)])
 def test_layers(cell, degree, algorithm, angle):
     """Two materials on top of each other between frictionless walls: springs in series.
 
@@ -442,8 +440,7 @@ def test_layers(cell, degree, algorithm, angle):
     assert_contact(solution, PRESSURE, state="none")
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize(("cell", "degree"), ELEMENTS[1:])
+@pytest.mark.one_quick(("cell", "degree"), ELEMENTS[1:])
 @two_angles
 def test_reduced_volumetric_term(cell, degree, angle):
     """Reduced integration keeps constant states."""

@@ -100,9 +100,8 @@ SCENES = {
 }
 
 
-@pytest.mark.one_quick
 @pytest.mark.mpi(slow=True)
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.one_quick("name", SCENES)
 def test_one_rank_or_many(name):
     """Scenes of every kind."""
     agree(SCENES[name])

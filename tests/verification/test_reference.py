@@ -18,8 +18,7 @@ CONSTANTS = {
 }
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize(
+@pytest.mark.one_quick(
     ("cell", "degree", "material"),
     [
         ("triangle", 1, {}),

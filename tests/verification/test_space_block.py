@@ -30,8 +30,7 @@ def figures(solution):
     return y[under, 2], columns["pressure"].max(), friction, columns["weight"][pressed].sum()
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.one_quick("law", LAWS)
 def test_answers_of_other_programs(law):
     """All digits that they agree in."""
     solution = alone(block(24, **LAWS[law], gamma=1e8))

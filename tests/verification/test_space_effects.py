@@ -109,8 +109,7 @@ def counts(solution):
     ]
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.one_quick("name", SCENES)
 def test_solved_whatever_the_tangents(name, monkeypatch):
     """It is solved, its certificate holds, and no number depends on the tangents that somebody
     chose.

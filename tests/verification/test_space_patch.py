@@ -72,10 +72,9 @@ def test_compression(element, turn):
     np.testing.assert_allclose(solution.table.columns["pressure"][bottom], PRESSURE, rtol=ROUND_OFF)
 
 
-@pytest.mark.one_quick
 @each_element
 @each_turn
-@pytest.mark.parametrize("law", LAWS, ids=["tresca", "coulomb"])
+@pytest.mark.one_quick("law", LAWS, ids=["tresca", "coulomb"])
 def test_stick(element, turn, law):
     """Shear at 0.9 of its bound: everything sticks, and nothing but friction holds the body
     sideways.
@@ -117,10 +116,9 @@ def test_tilted_plane(element, turn):
     assert_contact(solution, turn, SHEAR * np.array([np.cos(OBLIQUE), np.sin(OBLIQUE)]), "stick")
 
 
-@pytest.mark.one_quick
 @each_element
 @each_turn
-@pytest.mark.parametrize("coulomb", ["tresca", "fp", "newton"])
+@pytest.mark.one_quick("coulomb", ["tresca", "fp", "newton"])
 def test_slip(element, turn, coulomb):
     """The top is moved farther than friction can hold, at 37 degrees: everything slips, the shear
     is at its bound.
@@ -178,8 +176,7 @@ def test_two_foundations(element, turn):
         )
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("element", ["P1", "Q1", "Q2"])
+@pytest.mark.one_quick("element", ["P1", "Q1", "Q2"])
 @pytest.mark.parametrize("linear_algebra", ["full", "condensed"])
 @pytest.mark.parametrize("across", [0, 1])
 def test_in_the_limit_beside_a_support(element, linear_algebra, across):

@@ -22,8 +22,7 @@ def pushed(law, angle, share, **more):
     )
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("law", FRICTION)
+@pytest.mark.one_quick("law", FRICTION)
 @pytest.mark.parametrize("angle", [0.1, 2.0, 4.4])
 def test_limit_push(law, angle):
     """The limit is F N in every direction: held at 0.99 of it, *slides* at 1.01."""
@@ -36,8 +35,7 @@ def test_limit_push(law, angle):
     assert pushed(FRICTION[law], angle, 1.01).status is Status.SLIDES
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("law", FRICTION)
+@pytest.mark.one_quick("law", FRICTION)
 def test_limit_push_on_quadratic_tetrahedra(law):
     """The same limit where contact points average."""
     more = {"mesh": box("tetrahedra", (3, 3, 2), size=(2.0, 2.0, 1.0)), "element": {"degree": 2}}
