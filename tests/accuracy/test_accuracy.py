@@ -11,7 +11,7 @@ from mesh_files import write_msh
 from mpi4py import MPI
 from reference import Reference, divided
 from scene_tables import coulomb_friction, fixed, rectangle_mesh
-from scenes import example1, on_mesh, rectangle
+from scenes import alone, example1, on_mesh, rectangle
 
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.machine import compat, parallel
@@ -54,7 +54,7 @@ def test_true_error_on_the_meshes_that_the_program_chooses(with_reference, of, t
     """
     friction, fine = with_reference
     for target, most in zip(targets, (3_000, 20_000, 60_000), strict=True):
-        solution = solve(asked(friction, target=target, of=of), MPI.COMM_SELF)
+        solution = alone(asked(friction, target=target, of=of))
         assert fine.errors(solution)[of] <= target
         assert solution.model.dofs < most
 
@@ -115,7 +115,7 @@ def test_a_mesh_that_cannot_be_divided_is_refused_first():
     with pytest.raises(MeshError, match="only triangles"):
         check_scene(scene, MPI.COMM_SELF)
     with pytest.raises(MeshError, match="only triangles"):
-        solve(scene, MPI.COMM_SELF, observers=[history.append])
+        alone(scene, observers=[history.append])
     assert not history
 
 
@@ -187,7 +187,7 @@ def test_arcs_get_degree_2():
     """
     scene = read_scene(SCENES / "hertz.toml")
     scene = scene.model_copy(update={"accuracy": Accuracy(target=0.02, of="pressure")})
-    solution = solve(scene, MPI.COMM_SELF)
+    solution = alone(scene)
     assert solution.statement.element.degree == 2
     assert compat.geometry_degree(solution.model.tagged.mesh) == 2
     assert solution.model.dofs < 10_000
@@ -211,7 +211,7 @@ TABLE = {
 def test_the_largest_pressure_at_a_corner_has_no_value():
     """It grows with every refinement: that is said, and no number is called right."""
     scene = parse_scene({**TABLE, "accuracy": {"target": "5%", "of": "peak"}})
-    solution = solve(scene, MPI.COMM_SELF, check=False)
+    solution = alone(scene, check=False)
     assert solution.status is Status.OUT_OF_REACH
     assert solution.convergence_table[-2].peak is None
     assert any(
@@ -241,7 +241,7 @@ def test_loads_that_jump_between_nodes(of):
         "accuracy": goal,
     }
     scene = parse_scene(scene)
-    solution = solve(scene, MPI.COMM_SELF)
+    solution = alone(scene)
     resultant = sum(float(load.forces.sum()) for load in solution.model.applied)
     assert abs(resultant / (-20 * 0.74) - 1) <= 0.02
     assert solution.levels[0].loads > solution.levels[-1].loads
@@ -277,23 +277,21 @@ def test_a_drawing_is_meshed_again(tmp_path):
     """
     drawing = tmp_path / "seal.geo"
     drawing.write_text(SEAL)
-    fine = solve(seal(drawing, target=0.03, of="pressure"), MPI.COMM_SELF)
+    fine = alone(seal(drawing, target=0.03, of="pressure"))
     assert fine.statement.element.degree == 2
     assert compat.geometry_degree(fine.model.tagged.mesh) == 2
     largest = fine.table.columns["pressure"].max()
-    solution = solve(seal(drawing, target=0.1, of="pressure"), MPI.COMM_SELF)
+    solution = alone(seal(drawing, target=0.1, of="pressure"))
     assert solution.table.columns["pressure"].max() == pytest.approx(largest, rel=0.03)
     for degree, name in ((1, "straight.msh"), (2, "curved.msh")):
         write_msh(drawing, tmp_path / name, degree)
-    curved = solve(seal(tmp_path / "curved.msh", target=0.1, of="pressure"), MPI.COMM_SELF)
+    curved = alone(seal(tmp_path / "curved.msh", target=0.1, of="pressure"))
     assert curved.table.columns["pressure"].max() == pytest.approx(largest, rel=0.03)
-    polygon = solve(
-        seal(tmp_path / "straight.msh", target=0.05, of="pressure"), MPI.COMM_SELF, check=False
-    )
+    polygon = alone(seal(tmp_path / "straight.msh", target=0.05, of="pressure"), check=False)
     assert polygon.status is Status.OUT_OF_REACH
     assert any("straight facets" in event for event in polygon.history.events)
     with pytest.raises(SceneError, match="dolfinx bisects straight ones only"):
-        solve(seal(tmp_path / "curved.msh", target=0.05, refinement="adaptive"), MPI.COMM_SELF)
+        alone(seal(tmp_path / "curved.msh", target=0.05, refinement="adaptive"))
 
 
 def test_the_cells_of_a_file_are_halved_or_not(tmp_path, monkeypatch):
@@ -307,7 +305,7 @@ def test_the_cells_of_a_file_are_halved_or_not(tmp_path, monkeypatch):
 
     monkeypatch.setattr(to_accuracy, "predict", noted)
     scene = seal(tmp_path / "seal.geo", target=1e-6, refinement="uniform", memory=1e-3)
-    assert solve(scene, MPI.COMM_SELF, check=False).status is Status.BUDGET
+    assert alone(scene, check=False).status is Status.BUDGET
     assert jumps == [2.0]
 
 
@@ -317,7 +315,7 @@ def test_load_steps(of):
     """Every load step counts: the worst of them has what is asked for."""
     scene = read_scene(SCENES / "press_and_slide.toml")
     rough, fine = (
-        solve(scene.model_copy(update={"accuracy": Accuracy(target=target, of=of)}), MPI.COMM_SELF)
+        alone(scene.model_copy(update={"accuracy": Accuracy(target=target, of=of)}))
         for target in (0.05, 0.01)
     )
     assert len(rough.steps) == scene.statement.steps > 1
@@ -393,5 +391,5 @@ def test_corners_interfaces_and_jumps(name):
     fine, _ = corner_reference(scene, block, 25, 15_000)
     for of in QUANTITIES:
         goal = Accuracy(target=0.05, of=of)
-        solution = solve(scene.model_copy(update={"accuracy": goal}), MPI.COMM_SELF)
+        solution = alone(scene.model_copy(update={"accuracy": goal}))
         assert fine.errors(solution)[of] <= 0.05

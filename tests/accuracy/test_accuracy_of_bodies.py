@@ -7,6 +7,7 @@ import pytest
 from mesh_files import write_msh
 from mpi4py import MPI
 from scene_tables import coulomb_friction, fixed, rectangle_mesh, tresca_friction
+from scenes import alone
 
 from signorini_fx import MeshError, SceneError, Status, solve
 from signorini_fx.mechanics.mesh.tagged import generate_mesh
@@ -156,7 +157,7 @@ def test_bodies_of_different_origin(tmp_path):
     }
     file = {"file": str(tmp_path / "block.msh")}
     for meshes in ((written, block(3, **cells)), (block(2, **cells), file)):
-        found = solve(stacked(meshes, **more), MPI.COMM_SELF)
+        found = alone(stacked(meshes, **more))
         cells_of = [level.dofs for level in found.levels]
         assert len(cells_of) >= 2
         assert cells_of[1] > 2.5 * cells_of[0]
@@ -178,7 +179,7 @@ def test_what_cannot_be_divided():
     """
     own = generate_mesh("rectangle", {"nx": 2, "ny": 2}, MPI.COMM_SELF)
     with pytest.raises(MeshError, match="body 'upper': only triangles can be refined"):
-        solve(stacked((block(2), own), accuracy={"target": 0.1}), MPI.COMM_SELF)
+        alone(stacked((block(2), own), accuracy={"target": 0.1}))
     with pytest.raises(SceneError, match="use 'uniform'"):
         stacked((block(2), block(2)), accuracy={"target": 0.1, "refinement": "adaptive"})
 
@@ -253,7 +254,7 @@ def test_a_force_where_contact_ends_at_edges(dimension, target, force):
     they never are below; the pressure in L2, whose error hardly decreases there, says nothing about
     it.
     """
-    found = solve(pressed_blocks(dimension, {"target": target, "of": "force"}), MPI.COMM_SELF)
+    found = alone(pressed_blocks(dimension, {"target": target, "of": "force"}))
     assert found.status is Status.CONVERGED
     levels, rows = found.levels, found.convergence_table[:-1]
     for level, row in list(zip(levels, rows, strict=True))[2:]:
@@ -267,7 +268,7 @@ def test_energy_of_two_bodies_by_local_refinement(target):
     """Cells of both are divided at the edges; without friction the error of the force is that of
     the energy.
     """
-    found = solve(pressed_blocks(2, {"target": target}), MPI.COMM_SELF)
+    found = alone(pressed_blocks(2, {"target": target}))
     assert found.status is Status.CONVERGED
     assert found.levels[-1].dofs < 4_000
     true = np.sqrt(abs(found.levels[-1].forces[1] / 1.7686 - 1))
@@ -338,7 +339,7 @@ LAME = 0.002 / (widening(2.0, 3.0, 0.25, 300.0, 2.0) + widening(1.0, 2.0, 0.3, 1
 def test_a_shrink_fit(of, target):
     """Lame's pressure p, everywhere, and the force p R along both axes on a quarter of the seat."""
     assert pytest.approx(0.048940, rel=1e-5) == LAME
-    found = solve(ring_in_ring({"target": target, "of": of}), MPI.COMM_SELF)
+    found = alone(ring_in_ring({"target": target, "of": of}))
     assert found.status is Status.CONVERGED
     for level, row in list(zip(found.levels, found.convergence_table, strict=False))[
         2 if of == "force" else 0 :

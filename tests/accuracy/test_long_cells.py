@@ -6,10 +6,10 @@ from functools import cache
 
 import numpy as np
 import pytest
-from mpi4py import MPI
 from reference import interpolated
+from scenes import alone
 
-from signorini_fx import Status, solve
+from signorini_fx import Status
 from signorini_fx.mechanics.contact_points.contact_table import contact_table
 from signorini_fx.results.accuracy.error_estimates import estimate_errors
 from signorini_fx.results.accuracy.long_cells import under_long_cells
@@ -41,9 +41,7 @@ def solved(load, generator, parameters, degree=1, **tables):
     """A block."""
     mesh = {"generator": generator, "parameters": SIDES | parameters}
     scene = {"mesh": mesh, "material": {"young": 1000.0, "poisson": 0.3}, **LOADS[load]}
-    return solve(
-        parse_scene(scene | {"element": {"degree": degree}} | tables), MPI.COMM_SELF, check=False
-    )
+    return alone(parse_scene(scene | {"element": {"degree": degree}} | tables), check=False)
 
 
 @cache

@@ -5,8 +5,9 @@ import pytest
 from dolfinx import mesh
 from mpi4py import MPI
 from scene_tables import coulomb_friction, fixed, rectangle_mesh
+from scenes import alone
 
-from signorini_fx import solve, tag_boundaries
+from signorini_fx import tag_boundaries
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable
 from signorini_fx.records import Status
 from signorini_fx.results.accuracy.pressure_error import diverging_row
@@ -101,7 +102,7 @@ def test_corners_in_contact(name, degree, target, refinement):
     """
     make, expected = PROBLEMS[name]
     scene = make(degree, {"target": target, "of": "peak", "refinement": refinement})
-    solution = solve(scene, MPI.COMM_SELF, check=False)
+    solution = alone(scene, check=False)
     largest = solution.table.columns["pressure"].max()
     if expected is None:
         assert solution.status is Status.OUT_OF_REACH

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 from from_scipy import from_scipy, task_of
+from numpy.testing import assert_allclose
 from scene_tables import at_coordinate, coulomb_friction
 from scenes import alone
 from spaces import box
@@ -68,15 +69,15 @@ def as_in_the_scene(solution, x, nodes, displacement, pressure, shear):
     """
     places = solution.model.space.tabulate_dof_coordinates()
     theirs = solution.displacement.x.array.reshape(-1, 3)[matched(x, places)]
-    np.testing.assert_allclose(displacement, theirs, rtol=0, atol=1e-10 * np.abs(theirs).max())
+    assert_allclose(displacement, theirs, rtol=0, atol=1e-10 * np.abs(theirs).max())
     contact = solution.contact
     order = matched(x[nodes], contact.boundary.x)
     scale = contact.pressure.max()
     assert (contact.pressure > 0).sum() > 4
     assert {"stick", "slip"} <= set(solution.table.columns["friction"])
-    np.testing.assert_allclose(pressure, contact.pressure[order], rtol=0, atol=1e-10 * scale)
+    assert_allclose(pressure, contact.pressure[order], rtol=0, atol=1e-10 * scale)
     vectors = np.einsum("nik,nk->ni", contact.boundary.tangents, contact.shear)[order]
-    np.testing.assert_allclose(shear, vectors, rtol=0, atol=1e-10 * scale)
+    assert_allclose(shear, vectors, rtol=0, atol=1e-10 * scale)
 
 
 @pytest.mark.parametrize("kind", SYSTEMS)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from scenes import alone, example1
 
 from signorini_fx.algebra.algorithms.ssn import SemismoothNewton
@@ -71,7 +72,7 @@ def test_normal_displacement_is_outward(side, component, sign, value):
     nodes = np.isclose(x[:, component], place) & ~np.isclose(x[:, 1], 0.0)
     moved = solution.displacement.x.array.reshape(-1, 2)[nodes, component]
     assert moved.size >= 2
-    np.testing.assert_allclose(moved, sign * 0.01, rtol=1e-12)
+    assert_allclose(moved, sign * 0.01, rtol=1e-12)
 
 
 @pytest.mark.parametrize("gamma", [(1e8, 1e5), (1e6, 1e9)])
@@ -79,5 +80,5 @@ def test_continuation_ends_at_both_gammas(gamma):
     """The last problem is that of the scene, also where gamma_n and gamma_t differ."""
     scene = {"bound": 1.5, "nx": 30, "ny": 10, "gamma": gamma}
     plain, followed = alone(example1(**scene)), alone(example1(**scene, algorithm="continuation"))
-    np.testing.assert_allclose(followed.contact.shear, plain.contact.shear, rtol=0, atol=1e-9)
-    np.testing.assert_allclose(followed.contact.u_t, plain.contact.u_t, rtol=0, atol=1e-12)
+    assert_allclose(followed.contact.shear, plain.contact.shear, rtol=0, atol=1e-9)
+    assert_allclose(followed.contact.u_t, plain.contact.u_t, rtol=0, atol=1e-12)

@@ -8,6 +8,7 @@ import time
 import numpy as np
 import pytest
 from mpi4py import MPI
+from numpy.testing import assert_allclose
 from scene_tables import coulomb_friction, rectangle_mesh
 from scenes import alone, example1, one_triangle
 
@@ -55,12 +56,10 @@ def test_square_by_newton(algorithm):
     assert monolithic.history.linear_solves <= 15 < 100 <= fixed.history.linear_solves
     largest = monolithic.contact.pressure.max()
     # The fixed point stops at a change of 1e-7; it contracts by 0.9.
-    np.testing.assert_allclose(
+    assert_allclose(
         fixed.contact.pressure, monolithic.contact.pressure, rtol=0, atol=2e-6 * largest
     )
-    np.testing.assert_allclose(
-        fixed.contact.shear, monolithic.contact.shear, rtol=0, atol=8e-6 * largest
-    )
+    assert_allclose(fixed.contact.shear, monolithic.contact.shear, rtol=0, atol=8e-6 * largest)
 
 
 @pytest.mark.one_quick("algorithm", METHODS)
@@ -97,7 +96,7 @@ def test_each_way_is_the_fallback_of_the_other(monkeypatch, algorithm, coulomb):
     other = "monolithic Newton" if coulomb == "fp" else "fixed point"
     assert f"active sets cycle: {other} from the same start" in solution.history.events
     largest = expected.contact.pressure.max()
-    np.testing.assert_allclose(
+    assert_allclose(
         solution.contact.pressure, expected.contact.pressure, rtol=0, atol=1e-6 * largest
     )
 
@@ -275,6 +274,6 @@ def test_newton_where_contact_cannot_open(solver):
     assert solution.certificate.holds
     accuracy = 1e-6 if "algorithm" in solver else 1e-3
     found, wanted = np.sort(solution.contact.pressure), np.sort(expected)
-    np.testing.assert_allclose(found, wanted, rtol=0, atol=accuracy * np.abs(wanted).max())
+    assert_allclose(found, wanted, rtol=0, atol=accuracy * np.abs(wanted).max())
     if solver.get("coulomb") == "newton":
         assert solution.history.linear_solves <= 6

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from mpi4py import MPI
+from numpy.testing import assert_allclose, assert_array_equal
 from scene_tables import coulomb_friction, fixed, plane_shape, rectangle_mesh, tresca_friction
 from scenes import PATCH, alone, energy, example1
 
@@ -76,7 +77,7 @@ def fall_backs_of(solution):
 def same(ours, theirs, rtol=1e-9):
     """Equal displacements, to a share of the largest."""
     a, b = ours.displacement.x.array, theirs.displacement.x.array
-    np.testing.assert_allclose(a, b, rtol=0, atol=rtol * np.abs(b).max())
+    assert_allclose(a, b, rtol=0, atol=rtol * np.abs(b).max())
 
 
 @pytest.mark.one_quick("law", [{}, {"bound": 1.5}, {"coefficient": 0.3}])
@@ -85,7 +86,7 @@ def test_the_plain_way_stays_plain(law):
     ours, without = (alone(example1(**law, nx=60, ny=20, fallbacks=on)) for on in (True, False))
     assert ours.history.events == []
     assert ours.history.linear_solves == without.history.linear_solves
-    np.testing.assert_array_equal(ours.displacement.x.array, without.displacement.x.array)
+    assert_array_equal(ours.displacement.x.array, without.displacement.x.array)
 
 
 def test_interior_point():
@@ -143,7 +144,7 @@ def test_the_same_solution_on_every_number_of_ranks(make):
         assert fall_backs_of(ours) == fall_backs_of(reference)
     assert energy(ours) == pytest.approx(energy(reference), rel=1e-8)
     ours_force, force = (np.sum(solution.contact.forces, axis=0) for solution in (ours, reference))
-    np.testing.assert_allclose(ours_force, force, rtol=0, atol=1e-6)
+    assert_allclose(ours_force, force, rtol=0, atol=1e-6)
 
 
 def ladder(coefficient):
@@ -248,7 +249,7 @@ def test_elements_that_lock(monkeypatch):
 def test_a_body_that_friction_alone_holds():
     """No set of the solution holds it, each step does."""
     contact, friction = alone(flat()).contact.forces
-    np.testing.assert_allclose(contact + friction, [0.0, 20.0], atol=1e-6)
+    assert_allclose(contact + friction, [0.0, 20.0], atol=1e-6)
 
 
 @pytest.mark.one_quick(

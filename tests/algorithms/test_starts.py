@@ -4,6 +4,7 @@ although walls hold.
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from scene_tables import coulomb_friction, fixed, rectangle_mesh
 from scenes import alone, bar_on_a_bowl
 
@@ -49,9 +50,7 @@ def test_slip_counts_from_where_the_body_was(law):
     for names, tolerance in ((("pressure", "shear"), 1e-6), (("u_n", "u_t"), 1e-9)):
         size = max(np.abs(tables[0][name]).max() for name in names)
         for name in names:
-            np.testing.assert_allclose(
-                tables[1][name], tables[0][name], rtol=0, atol=tolerance * size
-            )
+            assert_allclose(tables[1][name], tables[0][name], rtol=0, atol=tolerance * size)
 
 
 def friction_circle(friction):
@@ -71,7 +70,7 @@ def test_a_lug_on_a_pin_with_clearance(method):
     assert ARM * slope / np.hypot(1, slope) < friction_circle(0.3)
     solution = solve(lug(slope, **method))
     normal, tangential = solution.contact.forces
-    np.testing.assert_allclose(normal + tangential, [-4.0, -4.0 * slope], atol=1e-6)
+    assert_allclose(normal + tangential, [-4.0, -4.0 * slope], atol=1e-6)
     touching = solution.table.columns["pressure"] > 0
     assert 0 < np.count_nonzero(touching) < touching.size / 4
 
@@ -94,7 +93,7 @@ def test_a_block_that_friction_keeps_in_its_corner(walls):
     )
     solution = alone(scene)
     normal, tangential = solution.contact.forces
-    np.testing.assert_allclose(normal + tangential, [-9.0, 60.0], atol=1e-6)
+    assert_allclose(normal + tangential, [-9.0, 60.0], atol=1e-6)
 
 
 @pytest.mark.parametrize("distance", [1e4, 1e5, 1e6, 1e7])

@@ -6,6 +6,7 @@ import sys
 import numpy as np
 import pytest
 from hertz import RADIUS, parabolic_block
+from numpy.testing import assert_allclose
 from scene_tables import box_mesh, coulomb_friction, fixed, plane_shape, rectangle_mesh
 from scipy.special import beta
 
@@ -148,7 +149,7 @@ def test_two_blocks(counts, degree):
     for name in ("heat_in", "heat_through", "heat_out"):
         assert figures[name] == pytest.approx(754.4420239523894, rel=2e-12)
     flux = np.abs(solution.state.fields["heat_flux"].values)
-    np.testing.assert_allclose(flux, 754.4420239523894, rtol=1e-9)
+    assert_allclose(flux, 754.4420239523894, rtol=1e-9)
 
 
 @pytest.mark.mpi
@@ -236,7 +237,7 @@ def test_law():
     pressure, closed = np.array([0.0, 2.0, 4.0]), np.array([False, True, True])
     gap = np.array([0.1, 0.0, 0.0])
     of = Conductance(3.0, exponent=0.5, open=0.2, length=0.1).of(pressure, gap, closed)
-    np.testing.assert_allclose(of, [1.0, 3.0 * 2**0.5 + 2.0, 8.0])
+    assert_allclose(of, [1.0, 3.0 * 2**0.5 + 2.0, 8.0])
 
 
 # --- friction: E 1000, alpha 1e-3, F .2, K 2, L 1, p without heat 1 ---
@@ -279,7 +280,7 @@ def test_sliding_wall(ratio, pressure):
     """p_0 / (1 - v / v_cr), v_cr = 2 K / (E alpha F L); heat F P v; turns repeat v / v_cr."""
     solution = solve(rod(ratio))
     figures = solution.steps[0].figures
-    np.testing.assert_allclose(solution.contact.pressure, pressure, rtol=1e-8)
+    assert_allclose(solution.contact.pressure, pressure, rtol=1e-8)
     assert figures["heat_factor"] == pytest.approx(ratio, rel=1e-6)
     force = solution.contact.forces[0][-1]
     heat = 0.2 * force * ratio * CRITICAL
@@ -300,7 +301,7 @@ def test_runs_away(ratio):
 def test_share():
     """What goes into the wall does not heat the rod: twice the critical speed."""
     solution = solve(rod(0.5, share=0.5))
-    np.testing.assert_allclose(solution.contact.pressure, 4 / 3, rtol=1e-8)
+    assert_allclose(solution.contact.pressure, 4 / 3, rtol=1e-8)
 
 
 # --- what it does not go with ---

@@ -12,7 +12,9 @@ import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
+from numpy.testing import assert_allclose, assert_array_equal
 from scene_tables import circle_shape, fixed, plane_shape, rectangle_mesh
+from scenes import alone
 
 from signorini_fx import ContactProblem, Foundation, build_problem, sensitivity, solve
 from signorini_fx.addons.pictures.load_steps import load_steps
@@ -132,10 +134,10 @@ def test_load_steps_are_divided(monkeypatch):
     solution = solve(falling)
     assert [each.time for each in solution.steps] == [2.4, 4.8]
     assert [len(each.between) for each in solution.steps] == [48, 48]
-    np.testing.assert_allclose([time for time, _ in told(solution)], 0.05 * np.arange(1, 97))
+    assert_allclose([time for time, _ in told(solution)], 0.05 * np.arange(1, 97))
     moved = solution.displacement.x.array.reshape(-1, 2)
-    np.testing.assert_allclose(moved, np.tile([0.0, -4.8], (len(moved), 1)), atol=1e-9)
-    np.testing.assert_allclose(solution.contact.gap - solution.contact.u_n, 0.2, rtol=1e-9)
+    assert_allclose(moved, np.tile([0.0, -4.8], (len(moved), 1)), atol=1e-9)
+    assert_allclose(solution.contact.gap - solution.contact.u_n, 0.2, rtol=1e-9)
     assert solution.steps[-1].deformation.largest < 1e-9
     assert len(made) == 1
 
@@ -151,7 +153,7 @@ def test_results_are_those_of_the_end_of_a_step(monkeypatch):
     times = [float(time) for time in np.arange(0.0, 3.6, 0.1)]
     solution = solve(changed(BLOCK, load_steps={"times": times}))
     assert len(loads) == len(times) + 1  # one more at the start
-    np.testing.assert_array_equal(solution.displacement.x.array, solution.state.displacement)
+    assert_array_equal(solution.displacement.x.array, solution.state.displacement)
     assert solution.last_step.strain_energy == pytest.approx(
         solution.last_step.figures["strain_energy"], rel=1e-2
     )
@@ -162,9 +164,9 @@ def test_results_are_those_of_the_end_of_a_step(monkeypatch):
     assert sum(slips) == pytest.approx(way, rel=1e-4)
     braked = solution.at(solution.steps[10]).resultants
     forces = [each.force for each in braked.every()]
-    np.testing.assert_allclose(np.sum(forces, axis=0), 0.0, atol=1e-9)
+    assert_allclose(np.sum(forces, axis=0), 0.0, atol=1e-9)
     assert braked.body_force().acts == ("gravity", "inertia")
-    np.testing.assert_allclose(abs(braked.body_force().force[0]), 0.15, rtol=1e-3)
+    assert_allclose(abs(braked.body_force().force[0]), 0.15, rtol=1e-3)
 
 
 @pytest.mark.parametrize(
@@ -197,7 +199,7 @@ def test_a_static_state_stays(law):
     size = np.abs(first.displacement.x.array).max()
     moved = np.abs(last.displacement.x.array - first.displacement.x.array).max()
     assert moved < 1e-9 * size
-    np.testing.assert_allclose(last.contact.pressure, first.contact.pressure, rtol=1e-7)
+    assert_allclose(last.contact.pressure, first.contact.pressure, rtol=1e-7)
     assert last.figures["kinetic_energy"] < 1e-16
 
 
@@ -212,7 +214,7 @@ def test_an_obstacle_moves_into_a_body_at_rest():
     )
     solution = solve(moving)
     for each in solution.steps:
-        np.testing.assert_allclose(each.contact.pressure, 1e-3, rtol=2e-3)
+        assert_allclose(each.contact.pressure, 1e-3, rtol=2e-3)
         assert each.certificate.holds
     x = solution.displacement.function_space.tabulate_dof_coordinates()
     moved = solution.state.displacement.reshape(-1, 2)[x[:, 1] < 1e-9, 1]
@@ -365,8 +367,8 @@ def test_a_body_on_a_spring():
         load_steps={"times": [0.0, np.pi / 2, np.pi]},
     )
     first, last = solve(swings).steps[-2:]
-    np.testing.assert_allclose(first.displacement.x.array[::2], 1.0, rtol=1e-3)
-    np.testing.assert_allclose(last.displacement.x.array[::2], 0.0, atol=2e-3)
+    assert_allclose(first.displacement.x.array[::2], 1.0, rtol=1e-3)
+    assert_allclose(last.displacement.x.array[::2], 0.0, atol=2e-3)
 
 
 @pytest.mark.slow
@@ -527,7 +529,7 @@ def test_bouncing_disc(count, ratio, energy, roughness, force):
 def test_a_form_of_the_mass():
     """It is the same as its density."""
     with_form = bounced(8, 2.0, density=lambda u, v: ufl.inner(u, v) * ufl.dx)[0]
-    np.testing.assert_allclose(with_form, bounced(8, 2.0)[0], rtol=1e-9, atol=1e-14)
+    assert_allclose(with_form, bounced(8, 2.0)[0], rtol=1e-9, atol=1e-14)
 
 
 @pytest.mark.slow
@@ -573,12 +575,10 @@ def test_each_step_again(tmp_path):
     fresh = build_problem(scene)
     again, report = step(fresh, State.load(path, fresh), 0.4, time=0.2)
     assert report.result.certificate.holds
-    np.testing.assert_allclose(again.displacement, later.displacement, rtol=1e-9, atol=1e-12)
+    assert_allclose(again.displacement, later.displacement, rtol=1e-9, atol=1e-12)
     for name in ("velocity", "load", "contact"):
         size = np.abs(later.fields[name].values).max(initial=1e-12)
-        np.testing.assert_allclose(
-            again.fields[name].values, later.fields[name].values, atol=1e-8 * size
-        )
+        assert_allclose(again.fields[name].values, later.fields[name].values, atol=1e-8 * size)
 
 
 class Killed(Exception):
@@ -601,7 +601,7 @@ def test_a_killed_run_goes_on(tmp_path, accuracy):
 
     if comm.rank == 0:
         with pytest.raises(Killed):
-            solve(scene, MPI.COMM_SELF, checkpoint=folder, observers=[stop])
+            alone(scene, checkpoint=folder, observers=[stop])
     comm.barrier()
     ended = solve(scene, checkpoint=folder, restart=True)
     whole = solve(scene)
@@ -610,9 +610,7 @@ def test_a_killed_run_goes_on(tmp_path, accuracy):
     assert ended.last_step.figures == pytest.approx(whole.last_step.figures, rel=1e-4, abs=1e-9)
     for (_, ours), (_, theirs) in zip(told(ended), told(whole), strict=True):
         assert ours["kinetic_energy"] == pytest.approx(theirs["kinetic_energy"], rel=1e-6)
-    np.testing.assert_allclose(
-        ended.displacement.x.array, whole.displacement.x.array, rtol=1e-7, atol=1e-10
-    )
+    assert_allclose(ended.displacement.x.array, whole.displacement.x.array, rtol=1e-7, atol=1e-10)
 
 
 HEAVY = {"young": 1.0, "poisson": 0.0}

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from bolts import PULL, TIGHT, clamped, figures
 from mpi4py import MPI
+from numpy.testing import assert_allclose
 from spaces import uneven
 
 from signorini_fx.results.contact_figures import section_forces
@@ -58,18 +59,18 @@ def test_shortened_bar(cell, poisson, heat, unit):
     across = heat - poisson * (sigma + out) / young
     tensor = solution.stress.tensor.x.array.reshape(-1, 3, 3)
     expected = np.diag([sigma, 0.0, out])
-    np.testing.assert_allclose(tensor, np.broadcast_to(expected, tensor.shape), atol=1e-8)
+    assert_allclose(tensor, np.broadcast_to(expected, tensor.shape), atol=1e-8)
     pressure = (
         young / (1 + poisson) * (across - heat) + young / (1 + poisson) * heat
     )  # sigma_yy = 0
-    np.testing.assert_allclose(solution.displacement.hydrostatic.x.array, pressure, rtol=1e-8)
+    assert_allclose(solution.displacement.hydrostatic.x.array, pressure, rtol=1e-8)
     energy = 3.0 * unit**dim * (sigma * (strain - heat) - out * heat) / 2
     assert solution.last_step.strain_energy == pytest.approx(energy, rel=1e-9)
     (section,) = section_forces(solution.model, solution.displacement, 0)
     assert section.force == pytest.approx(sigma * unit ** (dim - 1), rel=1e-9)
     x = solution.model.space.tabulate_dof_coordinates()[:, 1]
     found = solution.displacement.x.array.reshape(-1, dim)[:, 1]
-    np.testing.assert_allclose(found, across * x, rtol=0, atol=1e-10 * unit)
+    assert_allclose(found, across * x, rtol=0, atol=1e-10 * unit)
 
 
 @pytest.mark.mpi(slow=True)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from scene_tables import coulomb_friction, fixed, rectangle_mesh, tresca_friction
+from scenes import alone
 
 from signorini_fx.mechanics.body.discretisation import prepare
 from signorini_fx.records import Timings
@@ -15,7 +16,6 @@ from signorini_fx.results.singularities import why_no_limit
 from signorini_fx.results.summary import short_answer, summary_of
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene
-from signorini_fx.scenes.solver import solve
 
 COMM = MPI.COMM_WORLD
 CLAMPED = [fixed("left")]
@@ -50,7 +50,7 @@ def test_what_is_said_is_what_meshes_show(displacement, end):
     rollers it does not.
     """
     scenes = [block(displacement, n) for n in (4, 8, 16, 32)]
-    found = [solve(scene, MPI.COMM_SELF).stress for scene in scenes]
+    found = [alone(scene).stress for scene in scenes]
     growth = np.diff(np.log([one.largest().value for one in found]))
     assert (growth > 0.1).all() if end else np.abs(growth).max() < 1e-6
     if end:
@@ -102,7 +102,7 @@ def test_beside_a_single_node():
     assert said(scene, (1.0, 0.5)) is None
     pinned = block([{"at": [1.0, 0.0], "x": 0.0, "y": 0.0}, *ROLLERS])
     assert said(pinned, (1.0, 0.0)) == expected
-    extremes = solve(scene, MPI.COMM_SELF).stress.as_dict()
+    extremes = alone(scene).stress.as_dict()
     assert extremes["von_mises"]["no_limit"] == expected
 
 
@@ -191,7 +191,7 @@ def test_the_largest_pressure(name):
     halved; elsewhere by less than a hundredth.
     """
     make, why = PRESSED[name]
-    found = [solve(parse_scene(make(n)), MPI.COMM_SELF) for n in (8, 16, 32)]
+    found = [alone(parse_scene(make(n))) for n in (8, 16, 32)]
     largest = [one.table.columns["pressure"].max() for one in found]
     growth = np.diff(np.log(largest))
     assert (growth > 0.1).all() if why else abs(growth[-1]) < 0.01

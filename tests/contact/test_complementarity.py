@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
 from shifted_problems import shifted
 
 from signorini_fx.algebra.contact.active_sets import (
@@ -153,16 +154,14 @@ def test_fixed_points_satisfy_the_complementarity_system(state, sigma):
         current = classify(current, u_n, u_t, problem)
     assert not current.changed(classify(current, u_n, u_t, problem)).any()
     pressure, shear = multipliers(current, u_n, u_t, problem)
-    np.testing.assert_array_equal(
-        pressure, np.maximum(0, problem.lambda_hat + GAMMA_N * (u_n - problem.gap))
-    )
+    assert_array_equal(pressure, np.maximum(0, problem.lambda_hat + GAMMA_N * (u_n - problem.gap)))
     trial, bound = problem.mu_hat + GAMMA_T * u_t, problem.bound[:, None]
-    np.testing.assert_array_equal(shear, np.clip(trial, -bound, bound))
+    assert_array_equal(shear, np.clip(trial, -bound, bound))
     assert not law_residual(current, u_n, u_t, problem).any()
     xi = u_t + (problem.mu_hat - shear) / GAMMA_T
     weight = 1.0 if math.isinf(sigma) else sigma
     over, under = xi + weight * (shear - bound), xi + weight * (shear + bound)
-    np.testing.assert_array_equal(xi - np.maximum(0, over) - np.minimum(0, under), 0.0)
+    assert_array_equal(xi - np.maximum(0, over) - np.minimum(0, under), 0.0)
 
 
 # In 3D: the disc.
@@ -216,8 +215,8 @@ def test_tangent_is_the_derivative_in_space(disc):
         multipliers(current, np.ones(bound.size), u, problem)[1] for u in (u_t, u_t + step)
     )
     expected = np.einsum("nij,nj->ni", blocks[:, 1:, 1:], step)
-    np.testing.assert_allclose(after - before, expected, rtol=0, atol=1e-9 * GAMMA_T)
-    np.testing.assert_array_equal(blocks, blocks.transpose(0, 2, 1))
+    assert_allclose(after - before, expected, rtol=0, atol=1e-9 * GAMMA_T)
+    assert_array_equal(blocks, blocks.transpose(0, 2, 1))
     assert (np.linalg.eigvalsh(blocks) >= -1e-12 * GAMMA_T).all()
 
 
@@ -229,7 +228,7 @@ def test_turning_is_the_slope_of_the_projection(disc):
     _, u_t, mu_hat, bound = disc
     current = natural_sets(u_t, in_space(u_t, mu_hat, bound))
     trial = length(mu_hat + GAMMA_T * u_t)
-    np.testing.assert_allclose(
+    assert_allclose(
         (current.turning * trial)[current.slip], GAMMA_T * bound[current.slip], rtol=1e-12
     )
 
@@ -243,9 +242,7 @@ def test_the_primal_sets_give_the_projection(disc):
     problem = in_space(u_t, mu_hat, bound)
     current = natural_sets(u_t, problem)
     _, shear = multipliers(current, np.ones(bound.size), u_t, problem)
-    np.testing.assert_allclose(
-        shear, onto_disc(mu_hat + GAMMA_T * u_t, bound), rtol=0, atol=1e-12 * GAMMA_T
-    )
+    assert_allclose(shear, onto_disc(mu_hat + GAMMA_T * u_t, bound), rtol=0, atol=1e-12 * GAMMA_T)
     assert (law_residual(current, np.ones(bound.size), u_t, problem) <= 1e-12 * GAMMA_T).all()
 
 
@@ -266,7 +263,7 @@ def test_the_law_does_not_depend_on_the_tangents(disc, angle):
     edge = np.abs(inner(unit(direction), trial) - bound) <= 1e-9 * GAMMA_T
     assert (plain.slip == other.slip)[~edge].all()
     slipping = plain.slip & other.slip
-    np.testing.assert_allclose(
+    assert_allclose(
         (plain.direction @ turn.T)[slipping], other.direction[slipping], rtol=0, atol=1e-9
     )
 

@@ -5,6 +5,7 @@ errors.
 import numpy as np
 import pytest
 from mpi4py import MPI
+from numpy.testing import assert_allclose
 from scene_tables import coulomb_friction, fixed, tresca_friction
 from scenes import alone
 from spaces import block, box, brick
@@ -68,9 +69,7 @@ def test_critical_slope(law, angle):
     held = alone(inclined(law, angle, 0.9999 * critical))
     assert held.converged
     force = -held.contact.forces[1][:2] / (PRESS * 4.0)
-    np.testing.assert_allclose(
-        force, 0.9999 * critical * np.array([np.cos(angle), np.sin(angle)]), rtol=1e-6
-    )
+    assert_allclose(force, 0.9999 * critical * np.array([np.cos(angle), np.sin(angle)]), rtol=1e-6)
     assert held.contact_figures[0].friction_limit == pytest.approx(critical * PRESS * 4.0, rel=1e-6)
     assert alone(inclined(law, angle, 1.0001 * critical), check=False).status is Status.SLIDES
     assert alone(inclined(law, angle, 0.5 * critical)).friction_used == pytest.approx(0.5, rel=1e-6)
@@ -94,12 +93,12 @@ def slips_normal_to_the_ellipse(scene, law):
     size = np.multiply.outer(
         [F1, F2], c["pressure"][here] if law == "coulomb" else PRESS + 0 * here[here]
     )
-    np.testing.assert_allclose(np.hypot(shear[0] / size[0], shear[1] / size[1]), 1.0, rtol=1e-9)
+    assert_allclose(np.hypot(shear[0] / size[0], shear[1] / size[1]), 1.0, rtol=1e-9)
     xi = slip - shear / solution.certificate.law.gamma_t / np.array(
         [[1.0], [(F2 / F1) ** 2]]
     )  # less the elastic slip
     normal = shear / size**2
-    np.testing.assert_allclose(
+    assert_allclose(
         xi[0] * normal[1], xi[1] * normal[0], atol=1e-9 * np.abs(xi[0] * normal[1]).max()
     )
     assert (xi * normal).sum(axis=0).min() > 0
@@ -157,9 +156,7 @@ def test_a_circle_is_the_disc():
     y = one.displacement.x.array
     assert np.abs(other.displacement.x.array - y).max() <= 1e-11 * np.abs(y).max()
     assert other.history.linear_solves == one.history.linear_solves
-    np.testing.assert_allclose(
-        other.table.columns["shear_y"], one.table.columns["shear_y"], atol=1e-9
-    )
+    assert_allclose(other.table.columns["shear_y"], one.table.columns["shear_y"], atol=1e-9)
 
 
 # --- independent judges ---------------------------------------------------------------------------

@@ -10,6 +10,7 @@ import pytest
 import ufl
 from dolfinx import fem
 from forms import box, hooke, side
+from numpy.testing import assert_allclose
 from scene_tables import box_mesh, plane_shape, rectangle_mesh
 
 import signorini_fx as sfx
@@ -100,9 +101,9 @@ def test_steady_sliding_on_a_belt(law, dt, algorithm):
     solution = sfx.solve(on_a_belt(law, times, solver={"algorithm": algorithm, "tolerance": 1e-9}))
     last = solution.steps[-1]
     assert all(step.certificate.holds for step in solution.steps)
-    np.testing.assert_allclose(ratio(last.contact), AT_SPEED[law.law], rtol=1e-6)
+    assert_allclose(ratio(last.contact), AT_SPEED[law.law], rtol=1e-6)
     # The belt goes along x, and the block stays where it is.
-    np.testing.assert_allclose(-last.contact.slip_length[:, 0] / dt, SPEED, rtol=1e-6)
+    assert_allclose(-last.contact.slip_length[:, 0] / dt, SPEED, rtol=1e-6)
     assert last.linear_solves <= 3
 
 
@@ -137,7 +138,7 @@ def test_steady_sliding_of_forms(law):
     problem, at = dragged(law, tolerance=1e-9)
     solution = problem.run([0.4 * k for k in range(1, 7)], at)
     assert solution.converged
-    np.testing.assert_allclose(ratio(solution.steps[-1].contact), AT_SPEED[law.law], rtol=1e-6)
+    assert_allclose(ratio(solution.steps[-1].contact), AT_SPEED[law.law], rtol=1e-6)
     with pytest.raises(sfx.FormError, match="solve by run, whose load steps have times"):
         problem.solve()
 
@@ -161,7 +162,7 @@ def test_a_law_without_the_slip_is_not_asked_for_it():
         problem, at = dragged(law, coulomb="newton", tolerance=1e-10)
         forces.append(problem.run([1.0, 2.0], at).steps[-1].contact.forces[1])
         assert problem.status is Status.CONVERGED
-    np.testing.assert_allclose(*forces, rtol=1e-10, atol=1e-12)
+    assert_allclose(*forces, rtol=1e-10, atol=1e-12)
 
 
 def test_restart(tmp_path):
@@ -177,9 +178,7 @@ def test_restart(tmp_path):
         sfx.solve(scene, checkpoint=tmp_path, observers=[stop])
     again = sfx.solve(scene, checkpoint=tmp_path, restart=True)
     for first, second in zip(whole.steps, again.steps, strict=True):
-        np.testing.assert_allclose(
-            first.contact.forces[1], second.contact.forces[1], rtol=1e-7, atol=1e-9
-        )
+        assert_allclose(first.contact.forces[1], second.contact.forces[1], rtol=1e-7, atol=1e-9)
 
 
 STRIBECK = {"law": "stribeck", "coefficient": 0.4, "kinetic": 0.2, "speed": 0.006}
@@ -198,13 +197,13 @@ def test_curves(curve, value):
     """In a scene as in forms; the table of points has the speed, and the summary its extremes."""
     scene = on_a_belt(curve, 0.5 * np.arange(1, 25), solver={"tolerance": 1e-9})
     solution = sfx.solve(scene)
-    np.testing.assert_allclose(ratio(solution.contact), value, rtol=1e-6)
-    np.testing.assert_allclose(solution.table.columns["speed"], SPEED, rtol=1e-6)
-    np.testing.assert_allclose(solution.contact_figures[0].slip_speed, SPEED, rtol=1e-6)
+    assert_allclose(ratio(solution.contact), value, rtol=1e-6)
+    assert_allclose(solution.table.columns["speed"], SPEED, rtol=1e-6)
+    assert_allclose(solution.contact_figures[0].slip_speed, SPEED, rtol=1e-6)
     kind = sfx.Stribeck if curve["law"] == "stribeck" else sfx.SpeedTable
     problem, at = dragged(kind(**curve), tolerance=1e-9)
     steps = problem.run([0.5 * k for k in range(1, 9)], at).steps
-    np.testing.assert_allclose(ratio(steps[-1].contact), value, rtol=1e-6)
+    assert_allclose(ratio(steps[-1].contact), value, rtol=1e-6)
 
 
 @pytest.mark.parametrize("curve", [curve for curve, _ in CURVES], ids=str)
@@ -227,7 +226,7 @@ def test_in_space():
             load_steps={"times": [0.5, 1.0, 1.5, 2.0, 2.5]},
         )
         solution = sfx.solve(scene)
-        np.testing.assert_allclose(ratio(solution.contact), CURVES[1][1], rtol=1e-6)
+        assert_allclose(ratio(solution.contact), CURVES[1][1], rtol=1e-6)
 
 
 def test_free_to_slide():
@@ -245,7 +244,7 @@ def test_free_to_slide():
     contact = sfx.solve(scene).contact
     # In the mean, 0.3 = 0.2 + 5 v, weighted by the pressure.
     speeds = contact.speed @ (contact.points.weight * contact.pressure)
-    np.testing.assert_allclose(speeds, 0.02 * 2.0, rtol=1e-6)
+    assert_allclose(speeds, 0.02 * 2.0, rtol=1e-6)
 
 
 STIFF = {
@@ -264,7 +263,7 @@ def test_the_bound_on_the_step():
     assert solution.steps[-1].status is Status.JUMPS
     named = float(re.search(r"one of more than ([\d.]+) has", str(caught.value))[1])
     force = np.linalg.norm(solution.steps[-2].contact.forces[0])
-    np.testing.assert_allclose(named, force * FALL / 200.0, rtol=2e-2)
+    assert_allclose(named, force * FALL / 200.0, rtol=2e-2)
     longer = on_a_belt(STRIBECK, 1.1 * named * np.arange(1, 8), **STIFF)
     assert sfx.solve(longer).converged
 

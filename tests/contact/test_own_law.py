@@ -11,6 +11,7 @@ import pytest
 import ufl
 from dolfinx import fem
 from forms import Block
+from numpy.testing import assert_allclose, assert_array_equal
 from scene_tables import rectangle_mesh
 from two_bodies import blocks, facets, forms, held
 
@@ -63,7 +64,7 @@ def test_one_body(settings):
     assert problem.certificate.holds
     shear = np.abs(state.shear[:, 0])
     slips = shear >= bound(state.pressure) * (1 - 1e-7)
-    np.testing.assert_allclose(shear[slips], bound(state.pressure)[slips], rtol=1e-6, atol=1e-9)
+    assert_allclose(shear[slips], bound(state.pressure)[slips], rtol=1e-6, atol=1e-9)
     assert 0 < np.count_nonzero(slips & (state.pressure > 0)) < np.count_nonzero(state.pressure > 0)
     coulomb = solved(Coulomb(F), tolerance=1e-10, **settings).problem
     assert np.abs(coulomb.state.shear).max() > 1.3 * shear.max()
@@ -297,16 +298,16 @@ def test_a_law_of_the_slip_without_times(settings):
 def test_laws_answer():
     """Every law says its bound, and what it is without slip, at numbers and at points."""
     pressure = np.array([0.0, 2.0, 9.0])
-    np.testing.assert_array_equal(Coulomb(0.3).limit(pressure), 0.3 * pressure)
+    assert_array_equal(Coulomb(0.3).limit(pressure), 0.3 * pressure)
     capped = Coulomb(0.5, cap=2.0, cohesion=0.25)
     bounds, by_pressure, by_slip = capped.evaluate(pressure, np.ones(3), 0.1)
-    np.testing.assert_array_equal(bounds, [0.25, 1.25, 2.0])
-    np.testing.assert_array_equal(by_pressure, [0.5, 0.5, 0.0])
-    np.testing.assert_array_equal(by_slip, 0.0)
-    np.testing.assert_array_equal(Tresca(3.0).limit(pressure), 3.0)
-    np.testing.assert_array_equal(Tresca(3.0).evaluate(pressure, pressure, 1.0)[1], 0.0)
-    np.testing.assert_array_equal(NoFriction().evaluate(pressure, pressure, 0.0)[0], 0.0)
-    np.testing.assert_allclose(Saturating(F, K).limit(pressure), bound(pressure))
+    assert_array_equal(bounds, [0.25, 1.25, 2.0])
+    assert_array_equal(by_pressure, [0.5, 0.5, 0.0])
+    assert_array_equal(by_slip, 0.0)
+    assert_array_equal(Tresca(3.0).limit(pressure), 3.0)
+    assert_array_equal(Tresca(3.0).evaluate(pressure, pressure, 1.0)[1], 0.0)
+    assert_array_equal(NoFriction().evaluate(pressure, pressure, 0.0)[0], 0.0)
+    assert_allclose(Saturating(F, K).limit(pressure), bound(pressure))
     with pytest.raises(NotImplementedError):
         type("Silent", (FrictionLaw,), {"__module__": __name__})(law="silent").limit(pressure)
 
@@ -349,7 +350,7 @@ def test_a_cap_by_newton(algorithm):
         assert problem.certificate.holds
         assert ("newton" in problem.solution.algorithm) == (coulomb == "newton")
     shears = [problem.state.shear for problem in by.values()]
-    np.testing.assert_allclose(*shears, rtol=1e-6, atol=1e-6)
+    assert_allclose(*shears, rtol=1e-6, atol=1e-6)
     assert np.isclose(np.abs(shears[1]), 1.5).any()
 
 

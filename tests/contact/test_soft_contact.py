@@ -4,6 +4,7 @@ not go with.
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from scene_tables import coulomb_friction, fixed, rectangle_mesh
 
 from signorini_fx import sensitivity
@@ -32,7 +33,7 @@ def test_uniform_pressure(gap):
     """The block sinks by what the law says of the pressure, the gap, and its own compression."""
     solution = solve(block(LAW, contact=[{"boundary": "bottom", "overclosure": LAW, "gap": gap}]))
     assert solution.certificate.holds
-    np.testing.assert_allclose(solution.contact.pressure, 5.0, rtol=1e-8)
+    assert_allclose(solution.contact.pressure, 5.0, rtol=1e-8)
     top = solution.displacement.x.array[1::2].min()
     assert top == pytest.approx(-0.05 - gap - 5.0 / YOUNG, rel=1e-7)
 
@@ -56,7 +57,7 @@ def test_pressures_of_each_point(more):
     state = solution.contact
     assert np.ptp(state.pressure) > 0.2
     h = state.u_n - state.gap
-    np.testing.assert_allclose(state.pressure, 100.0 * np.maximum(h, 0.0), rtol=1e-6, atol=1e-9)
+    assert_allclose(state.pressure, 100.0 * np.maximum(h, 0.0), rtol=1e-6, atol=1e-9)
     assert state.pressure @ state.boundary.weight == pytest.approx(20.0 / 3.0, rel=1e-8)
 
 
@@ -81,7 +82,7 @@ def test_two_stiffnesses():
     solution = solve(as_scene(data))
     state = solution.contact
     means = [state.pressure[state.boundary.part == part].mean() for part in (0, 1)]
-    np.testing.assert_allclose(means, [0.01 / (1 / k + 1e-6) for k in (100.0, 300.0)], rtol=1e-6)
+    assert_allclose(means, [0.01 / (1 / k + 1e-6) for k in (100.0, 300.0)], rtol=1e-6)
 
 
 def test_two_bodies():

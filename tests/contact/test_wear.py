@@ -13,6 +13,7 @@ from dolfinx import mesh as dmesh
 from forms import Block
 from hertz import RADIUS, parabolic_block
 from mpi4py import MPI
+from numpy.testing import assert_allclose
 from scene_tables import box_mesh, fixed, plane_shape, rectangle_mesh
 
 from signorini_fx import (
@@ -101,7 +102,7 @@ def test_uniform_pressure(more):
     assert all(step.certificate.holds for step in solution.steps)
     depth = solution.state.fields["wear"].values
     digits = 1e-8 if "solver" in more else 3e-13
-    np.testing.assert_allclose(depth, 1e-6 * 5.0 * 3e3, rtol=digits)
+    assert_allclose(depth, 1e-6 * 5.0 * 3e3, rtol=digits)
     last = solution.steps[-1].figures
     assert last["wear"] == pytest.approx(0.015, rel=digits)
     area = np.pi if more is ROUND else 1.0
@@ -184,9 +185,9 @@ def test_own_slip(coefficient, more):
     solution = solve(changed(BLOCK, **{**more, **changes, "displacement": [*held, way]}))
     assert all(step.certificate.holds for step in solution.steps)
     slips = [step.figures["slip_range"] for step in solution.steps]
-    np.testing.assert_allclose(slips, [0.005, 0.005, 0.02, 0.02], rtol=1e-7)
+    assert_allclose(slips, [0.005, 0.005, 0.02, 0.02], rtol=1e-7)
     depth = solution.state.fields["wear"].values
-    np.testing.assert_allclose(depth, coefficient * 5.0 * 0.05, rtol=1e-7)
+    assert_allclose(depth, coefficient * 5.0 * 0.05, rtol=1e-7)
 
 
 def test_a_slip_that_does_not_settle(monkeypatch):
@@ -304,7 +305,7 @@ def test_fretting_wears_the_ends():
     depth, energy = (solution.state.fields[name].values for name in ("wear", "dissipated"))
     x = solution.contact.boundary.x[:, 0]
     assert (depth[np.abs(x) < 0.1] == 0).all()
-    np.testing.assert_allclose(depth, 1e-7 / 0.5 * energy, rtol=1e-6, atol=1e-15)
+    assert_allclose(depth, 1e-7 / 0.5 * energy, rtol=1e-6, atol=1e-15)
     assert depth.max() > 0
     table = solution.table.columns
     assert sorted(table["wear"]) == pytest.approx(sorted(depth))
@@ -414,7 +415,7 @@ def test_forms():
         assert result.certificate.holds
         expected = expected + 1e-6 * 3e3 * (time - before) * result.contact.pressure
         before = time
-    np.testing.assert_allclose(state.fields["wear"].values, expected, rtol=1e-12)
+    assert_allclose(state.fields["wear"].values, expected, rtol=1e-12)
 
 
 def wear(**more):

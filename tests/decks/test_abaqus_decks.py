@@ -7,8 +7,8 @@ import tomllib
 import numpy as np
 import pytest
 from mesh_files import read_file
-from mpi4py import MPI
 from scene_tables import coulomb_friction, fixed
+from scenes import alone
 
 from signorini_fx.addons.decks.draft import draft
 from signorini_fx.errors import MeshError
@@ -323,14 +323,14 @@ def test_axisymmetric_elements(tmp_path, capsys):
     scene, data, said = drafted(tmp_path, lines, capsys)
     assert data["material"]["hypothesis"] == "axisymmetric"
     assert lines_of(said) == []
-    solution = solve(read_scene(scene), MPI.COMM_SELF)
+    solution = alone(read_scene(scene))
     assert solution.displacement.x.array[1::2].min() == pytest.approx(-4.0 * HEIGHT / 1000.0)
     lines[-1:] = ["*CLOAD", *(f"{n}, 2, -2.0" for n in RIGHT), "*END STEP"]
     (tmp_path / "more").mkdir()
     scene, data, said = drafted(tmp_path / "more", lines, capsys)
     assert lines_of(said) == []
     assert len(data["point_force"]) == NY + 1
-    carried = solve(read_scene(scene), MPI.COMM_SELF).resultants.of("support_1").force
+    carried = alone(read_scene(scene)).resultants.of("support_1").force
     assert carried[1] == pytest.approx(4.0 * np.pi * LENGTH**2 + 2.0 * (NY + 1), rel=1e-9)
 
 
@@ -378,7 +378,7 @@ def test_temperatures(tmp_path, capsys):
     assert data["material"] == {"young": 1000.0, "poisson": 0.25, "expansion": 1e-5}
     assert data["temperature"] == [{"change": 100.0, "factors": [0.5, 0.0, 1.0]}]
     assert not lines_of(said)
-    solution = solve(read_scene(scene), MPI.COMM_SELF)
+    solution = alone(read_scene(scene))
     grown = (1 + 0.25) * 1e-5 * 100.0 * np.array([LENGTH, HEIGHT])
     np.testing.assert_allclose(
         solution.displacement.x.array.reshape(-1, 2).max(axis=0), grown, rtol=1e-9
@@ -541,7 +541,7 @@ def test_two_bodies(tmp_path, capsys, bonded):
             "CONTACT PAIR: contact of 'LID' with 'LID': contact of a surface with itself",
         ]
     )
-    solution = solve(read_scene(scene), MPI.COMM_SELF)
+    solution = alone(read_scene(scene))
     assert solution.converged
     sinking = -4.0 * (HEIGHT + 1.0) * (1 - 0.25**2) / 1000.0
     assert solution.displacement.x.array[1::2].min() == pytest.approx(sinking, rel=1e-4)
@@ -550,7 +550,7 @@ def test_two_bodies(tmp_path, capsys, bonded):
 def test_it_is_solved(tmp_path, capsys):
     """The weight and the pressure of the first step are on the floor."""
     scene, _, _ = drafted(tmp_path, [*block(), *MATERIAL, *BELOW, *STEPS], capsys)
-    solution = solve(read_scene(scene), MPI.COMM_SELF)
+    solution = alone(read_scene(scene))
     assert solution.converged
     force = -(4.0 * LENGTH + 9.81 * 2.5 * LENGTH * HEIGHT)
     first = solution.at(solution.steps[0])

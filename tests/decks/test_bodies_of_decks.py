@@ -3,11 +3,10 @@
 import tomllib
 
 import numpy as np
-from mpi4py import MPI
+from scenes import alone
 
 from signorini_fx.scenes import cli
 from signorini_fx.scenes.reading import read_scene
-from signorini_fx.scenes.solver import solve
 
 YOUNG, POISSON, EXPANSION = 1000.0, 0.3, 1e-5
 MATERIAL = ["*MATERIAL, NAME=M", "*ELASTIC", f"{YOUNG}, {POISSON}", "*EXPANSION", f"{EXPANSION}"]
@@ -83,7 +82,7 @@ def test_a_hot_ring_in_a_cold_one(tmp_path):
     ]
     scene, data = drafted(tmp_path, lines)
     assert data["temperature"] == [{"change": hot, "region": "body_1"}]
-    solution = solve(read_scene(scene), MPI.COMM_SELF)
+    solution = alone(read_scene(scene))
     shares = [
         (b * b + a * a) / (b * b - a * a) for a, b in ((inner, interface), (interface, outer))
     ]

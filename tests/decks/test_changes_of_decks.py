@@ -7,11 +7,10 @@ import tomllib
 import numpy as np
 import pytest
 from deck_lines import POISSON, YOUNG, squares, stacked
-from mpi4py import MPI
+from scenes import alone
 
 from signorini_fx.addons.decks.draft import draft
 from signorini_fx.scenes.reading import read_scene
-from signorini_fx.scenes.solver import solve
 
 
 def drafted(folder, lines):
@@ -25,7 +24,7 @@ def drafted(folder, lines):
 
 def solved(folder):
     """The results at the nodes of the deck, step by step, whose certificates hold."""
-    solution = solve(read_scene(folder / "deck.toml"), MPI.COMM_SELF)
+    solution = alone(read_scene(folder / "deck.toml"))
     assert solution.certificate.holds
     return solution
 

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from deck_lines import POISSON, STEEL, YOUNG, assembly, squares, stacked
 from mesh_files import read_file
-from mpi4py import MPI
+from numpy.testing import assert_allclose
+from scenes import alone
 
 from signorini_fx.addons.decks import text
 from signorini_fx.scenes import cli
 from signorini_fx.scenes.reading import read_scene
-from signorini_fx.scenes.solver import solve
 
 
 def drafted(folder, lines, capsys, name="deck.inp", code=0):
@@ -47,9 +47,9 @@ def test_forces_on_several_bodies(tmp_path, capsys):
     scene, data, _ = drafted(tmp_path, two_towers((3.0, 10.0)), capsys)
     assert [entry["boundary"] for entry in data["traction"]] == ["A_HEAD", "B_HEAD"]
     assert "point_force" not in data
-    solution = solve(read_scene(scene), MPI.COMM_SELF)
+    solution = alone(read_scene(scene))
     feet = [solution.resultants.of(f"{name}_FEET").force[1] for name in "AB"]
-    np.testing.assert_allclose(feet, [3.0, 10.0], rtol=1e-9)
+    assert_allclose(feet, [3.0, 10.0], rtol=1e-9)
 
 
 def test_forces_with_a_moment(tmp_path, capsys):
@@ -60,7 +60,7 @@ def test_forces_with_a_moment(tmp_path, capsys):
         "121, 2, -1.0" if line.startswith("121, 2,") else line for line in two_towers((3.0, 10.0))
     ]
     scene, _, _ = drafted(tmp_path, lines, capsys)
-    feet = solve(read_scene(scene), MPI.COMM_SELF).resultants.of("B_FEET")
+    feet = alone(read_scene(scene)).resultants.of("B_FEET")
     forces, arms = np.array([1.0, 2.5, 2.5, 2.5, 1.25]), np.linspace(3.0, 5.0, 5)
     assert feet.force == pytest.approx([0.0, forces.sum()], abs=1e-9)
     assert feet.moment_about((0.0, 0.0)) == pytest.approx(forces @ arms, rel=1e-9)
@@ -89,7 +89,7 @@ def test_soft_contact(tmp_path, capsys, behaviour, solver):
     given = data.get("solver", {})
     assert (given.get("gamma_n"), given.get("gamma_t")) == (solver or (None, None))
     assert "lost" not in said
-    solution = solve(read_scene(scene), MPI.COMM_SELF)
+    solution = alone(read_scene(scene))
     y = solution.displacement.x.array[1::2].min()
     soft = 5.0 / solver[0] if solver else 0.0
     assert y == pytest.approx(-5.0 * 2 * SINKS - soft, rel=1e-4)
@@ -104,13 +104,13 @@ def test_adjust(tmp_path, capsys, gap):
     lines = stacked([], gap, "*CONTACT PAIR, INTERACTION=I, ADJUST=0.005")
     scene, data, _ = drafted(tmp_path, lines, capsys)
     assert data["contact"] == [{"boundary": "UP_BOTTOM", "against": "LOW_TOP", "adjust": 0.005}]
-    solution = solve(read_scene(scene), MPI.COMM_SELF)
+    solution = alone(read_scene(scene))
     assert solution.certificate.holds
     left = gap if gap > 0.005 else 0.0
     y = solution.displacement.x.array[1::2].min()
     assert y == pytest.approx(-5.0 * 2 * SINKS - left, rel=1e-4)
-    np.testing.assert_allclose(solution.table.columns["gap"], left, atol=1e-12)
-    np.testing.assert_allclose(solution.table.columns["pressure"], 5.0, rtol=1e-6)
+    assert_allclose(solution.table.columns["gap"], left, atol=1e-12)
+    assert_allclose(solution.table.columns["pressure"], 5.0, rtol=1e-6)
 
 
 # --- materials ------------------------------------------------------------------------------------
@@ -179,9 +179,9 @@ def test_an_assembly(tmp_path, capsys):
     assert len(mesh.points) == 30
     assert len(mesh.cells) == 16
     lid = mesh.points[mesh.facets[mesh.boundaries["LID"]]]
-    np.testing.assert_allclose(lid[..., 1], 2.0)
-    np.testing.assert_allclose(mesh.points.min(axis=0), 0.0, atol=1e-12)
-    y = solve(read_scene(scene), MPI.COMM_SELF).displacement.x.array[1::2].min()
+    assert_allclose(lid[..., 1], 2.0)
+    assert_allclose(mesh.points.min(axis=0), 0.0, atol=1e-12)
+    y = alone(read_scene(scene)).displacement.x.array[1::2].min()
     assert y == pytest.approx(-5.0 * 2 * SINKS, rel=1e-4)
     assert "lost" not in said
 
@@ -232,8 +232,8 @@ def test_an_instance_in_space(tmp_path):
     deck = tmp_path / "deck.inp"
     deck.write_text("\n".join(part))
     mesh = read_file(deck)
-    np.testing.assert_allclose(mesh.points.min(axis=0), [0.0, 0.0, 0.0], atol=1e-12)
-    np.testing.assert_allclose(mesh.points.max(axis=0), [1.0, 2.0, 1.0], atol=1e-12)
+    assert_allclose(mesh.points.min(axis=0), [0.0, 0.0, 0.0], atol=1e-12)
+    assert_allclose(mesh.points.max(axis=0), [1.0, 2.0, 1.0], atol=1e-12)
 
 
 def test_included_files(tmp_path, capsys):

@@ -7,11 +7,10 @@ import tomllib
 import numpy as np
 import pytest
 from deck_lines import POISSON, YOUNG, squares, stacked
-from mpi4py import MPI
+from scenes import alone
 
 from signorini_fx.addons.decks.draft import draft
 from signorini_fx.scenes.reading import read_scene
-from signorini_fx.scenes.solver import solve
 
 LENGTH, TENSION = 2.0, 3.0
 BAR = [
@@ -48,7 +47,7 @@ def solved(folder, lines, lost=()):
     made = draft(deck, scene)
     assert [remark for remark in made.lost if not any(word in remark for word in lost)] == []
     scene.write_text(made.text, encoding="utf-8")
-    solution = solve(read_scene(scene), MPI.COMM_SELF)
+    solution = alone(read_scene(scene))
     assert solution.certificate.holds
     return tomllib.loads(made.text), solution
 

@@ -7,11 +7,10 @@ from collections import Counter
 import numpy as np
 import pytest
 from deck_lines import STEEL, squares
-from mpi4py import MPI
+from scenes import alone
 
 from signorini_fx.addons.decks.draft import draft
 from signorini_fx.scenes.reading import read_scene
-from signorini_fx.scenes.solver import solve
 
 BODIES = [*squares(4, 2, name="LOW"), *squares(4, 2, 101, (0.0, 1.0), name="UP")]
 NODES = {"UP_HEAD": range(111, 116), "UP_WALL": (101, 106, 111), "LOW_WALL": (1, 6, 11)}
@@ -122,7 +121,7 @@ def test_total_loads(tmp_path, name):
     drafted = draft(deck, scene)
     scene.write_text(drafted.text)
     assert not [lost for lost in drafted.lost if "moment" not in lost], drafted.lost
-    solution = solve(read_scene(scene), MPI.COMM_SELF)
+    solution = alone(read_scene(scene))
     wanted = totals(STEPS[name])
     assert len(solution.shown_steps) == len(wanted)
     found = [solution.at(step).resultants.of("LOW_FEET").force for step in solution.shown_steps]

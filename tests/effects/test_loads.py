@@ -204,7 +204,7 @@ def test_time_is_a_list_of_factors(linear_algebra, tmp_path):
         {"boundary": "right", "x": 1e-3, "factors": sorted(times)},
     ]
     given = scene(body(comm=MPI.COMM_SELF), **{**PRESSED, **given}, solver=solver)
-    timed = solve(given, MPI.COMM_SELF, check=False, checkpoint=tmp_path)
+    timed = alone(given, check=False, checkpoint=tmp_path)
     factors = alone(
         scene(body(comm=MPI.COMM_SELF), **{**PRESSED, **listed}, solver=solver), check=False
     )
@@ -213,7 +213,7 @@ def test_time_is_a_list_of_factors(linear_algebra, tmp_path):
         assert [step.linear_solves for step in timed.steps] == [
             step.linear_solves for step in factors.steps
         ]
-    again = solve(given, MPI.COMM_SELF, check=False, checkpoint=tmp_path, restart=True)
+    again = alone(given, check=False, checkpoint=tmp_path, restart=True)
     assert np.array_equal(again.displacement.x.array, timed.displacement.x.array)
 
 

@@ -4,8 +4,8 @@ refused.
 
 import numpy as np
 import pytest
-from mpi4py import MPI
 from scene_tables import fixed, rectangle_mesh
+from scenes import alone
 
 from signorini_fx import SceneError
 from signorini_fx.scenes.reading import parse_scene
@@ -51,6 +51,6 @@ def test_what_carries_forces_at_nodes(degree):
 def test_forces_that_are_wrong(force, message):
     """One error with the path of the entry, and what is wrong."""
     with pytest.raises(SceneError) as error:
-        solve(pulled([force]), MPI.COMM_SELF)
+        alone(pulled([force]))
     assert "point_force[0]" in str(error.value)
     assert message in str(error.value)

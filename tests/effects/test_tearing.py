@@ -9,6 +9,7 @@ import ufl
 from boxes import Box, boxes_mesh
 from forms import box, hooke, side
 from mpi4py import MPI
+from numpy.testing import assert_allclose
 from scene_tables import rectangle_mesh
 
 import signorini_fx as sfx
@@ -50,7 +51,7 @@ def test_pulled_and_released(generator):
     assert [step.status.name for step in solution.steps] == ["CONVERGED"] * 5 + ["NOT_HELD"]
     for step, stress in zip(solution.steps[:5], STRESS, strict=False):
         pressure = step.contact.pressure
-        np.testing.assert_allclose(pressure, -stress, rtol=2e-5, atol=1e-9)
+        assert_allclose(pressure, -stress, rtol=2e-5, atol=1e-9)
     last = solution.steps[4].figures
     assert last["torn"] == pytest.approx(0.05, rel=1e-9)
     assert last["broken"] == pytest.approx(1.0)
@@ -115,7 +116,7 @@ def test_pressed_and_sheared():
     shear = (1 - damage) * 1e5 * 0.02 + damage * 0.4 * 20.0
     # The body is stiff, not rigid.
     forces = [step.contact.forces[1][0] for step in solution.steps]
-    np.testing.assert_allclose(forces, [-20 * shear, -160.0, -160.0, 160.0], rtol=1e-2)
+    assert_allclose(forces, [-20 * shear, -160.0, -160.0, 160.0], rtol=1e-2)
     assert forces[1:] == pytest.approx([-160.0, -160.0, 160.0], rel=1e-9)
     assert solution.steps[-1].figures["torn"] == pytest.approx(18.0, rel=1e-4)
 
@@ -263,7 +264,7 @@ def test_stiff_and_strong():
         ).displacement.x.array
         for tie in ties
     ]
-    np.testing.assert_allclose(moved[1], moved[0], atol=1e-4 * np.abs(moved[0]).max())
+    assert_allclose(moved[1], moved[0], atol=1e-4 * np.abs(moved[0]).max())
 
 
 @pytest.mark.parametrize(

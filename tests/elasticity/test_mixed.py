@@ -9,6 +9,7 @@ from certifying import certify
 from dolfinx import fem
 from hertz import RADIUS, YOUNG, ellipse, half_disk, profile
 from mpi4py import MPI
+from numpy.testing import assert_allclose
 from revolved import section
 from scene_tables import coulomb_friction, fixed, rectangle_mesh
 from scenes import alone, rectangle
@@ -63,17 +64,15 @@ def test_patch(cell, poisson):
     assert pressure == pytest.approx(3 * poisson / (1 + poisson) * (0.5 - outward) / 3)
     at = solution.model.space.tabulate_dof_coordinates()[:, : tagged.dimension]
     found = solution.displacement.x.array.reshape(at.shape)
-    np.testing.assert_allclose(found, at * strains[: tagged.dimension], rtol=0, atol=1e-10)
-    np.testing.assert_allclose(solution.displacement.hydrostatic.x.array, pressure, rtol=1e-9)
+    assert_allclose(found, at * strains[: tagged.dimension], rtol=0, atol=1e-10)
+    assert_allclose(solution.displacement.hydrostatic.x.array, pressure, rtol=1e-9)
     tensor = solution.stress.tensor.x.array.reshape(-1, 3, 3)
-    np.testing.assert_allclose(
-        tensor, np.broadcast_to(np.diag([0, -0.5, outward]), tensor.shape), atol=1e-9
-    )
+    assert_allclose(tensor, np.broadcast_to(np.diag([0, -0.5, outward]), tensor.shape), atol=1e-9)
     recovered = solution.stress.recovered.tensor.x.array.reshape(-1, 3, 3)
-    np.testing.assert_allclose(
+    assert_allclose(
         recovered, np.broadcast_to(np.diag([0, -0.5, outward]), recovered.shape), atol=2e-5
     )
-    np.testing.assert_allclose(solution.contact.pressure, 0.5, rtol=1e-8)
+    assert_allclose(solution.contact.pressure, 0.5, rtol=1e-8)
     assert solution.certificate.worst < 1e-9
     volume = 3.0
     assert solution.last_step.strain_energy == pytest.approx(
@@ -129,14 +128,12 @@ def test_heated_patch(cell, poisson):
     strain = ((1 + poisson) * stress - poisson * np.trace(stress) * np.eye(3)) / 10.0
     at = solution.model.space.tabulate_dof_coordinates()[:, : tagged.dimension]
     found = solution.displacement.x.array.reshape(at.shape)
-    np.testing.assert_allclose(
-        found, at * (np.diag(strain) + e)[: tagged.dimension], rtol=0, atol=1e-10
-    )
+    assert_allclose(found, at * (np.diag(strain) + e)[: tagged.dimension], rtol=0, atol=1e-10)
     tensor = solution.stress.tensor.x.array.reshape(-1, 3, 3)
-    np.testing.assert_allclose(tensor, np.broadcast_to(stress, tensor.shape), atol=1e-9)
+    assert_allclose(tensor, np.broadcast_to(stress, tensor.shape), atol=1e-9)
     recovered = solution.stress.recovered.tensor.x.array.reshape(-1, 3, 3)
-    np.testing.assert_allclose(recovered, np.broadcast_to(stress, recovered.shape), atol=2e-5)
-    np.testing.assert_allclose(solution.contact.pressure, 0.5, rtol=1e-8)
+    assert_allclose(recovered, np.broadcast_to(stress, recovered.shape), atol=2e-5)
+    assert_allclose(solution.contact.pressure, 0.5, rtol=1e-8)
     assert solution.certificate.worst < 1e-9
     assert solution.last_step.strain_energy == pytest.approx(
         np.sum(stress * strain) / 2 * 3.0, rel=1e-9
@@ -326,7 +323,7 @@ def test_ways_to_solve(cell, linear_algebra):
         (other.displacement.hydrostatic, reference.displacement.hydrostatic),
     ):
         size = np.abs(two.x.array).max(initial=0.0)
-        np.testing.assert_allclose(one.x.array, two.x.array, rtol=0, atol=1e-3 * size)
+        assert_allclose(one.x.array, two.x.array, rtol=0, atol=1e-3 * size)
 
 
 def rubbed(cell, tagged, poisson=0.5, **solver):
@@ -481,4 +478,4 @@ def test_a_foundation_that_moves_in_load_steps():
         (alone_in_place.displacement, alone_in_place.displacement.hydrostatic),
         strict=True,
     ):
-        np.testing.assert_allclose(one.x.array, other.x.array, atol=1e-12)
+        assert_allclose(one.x.array, other.x.array, atol=1e-12)

@@ -7,6 +7,7 @@ from functools import partial
 import numpy as np
 import pytest
 from mpi4py import MPI
+from numpy.testing import assert_allclose
 from scene_tables import coulomb_friction, fixed
 from scenes import rectangle
 from spaces import box
@@ -132,12 +133,10 @@ def test_patch(cell, linear_algebra, contact):
         exact[:, 1] = (
             soft[1] + strain[1] * x[here, 1] if name == "above" else soft[1] * (x[here, 1] + 1)
         )
-        np.testing.assert_allclose(found[here], exact, rtol=0, atol=1e-10)
+        assert_allclose(found[here], exact, rtol=0, atol=1e-10)
         inside = y.hydrostatic.x.array[cells[tagged.cells(name)]]
-        np.testing.assert_allclose(
-            inside, young / (1 + poisson) * strain[0], rtol=1e-8
-        )  # sigma_xx = 0
-    np.testing.assert_allclose(solution.contact.pressure, PRESSURE, rtol=1e-8)
+        assert_allclose(inside, young / (1 + poisson) * strain[0], rtol=1e-8)  # sigma_xx = 0
+    assert_allclose(solution.contact.pressure, PRESSURE, rtol=1e-8)
     assert np.abs(solution.contact.shear).max(initial=0.0) < 1e-9
 
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
+from numpy.testing import assert_allclose
 from scenes import alone, rectangle
 from spaces import box
 
@@ -115,22 +116,20 @@ def test_two_columns(cell, heat):
         at[:, 0] - HALF, 0
     )
     exact[:, 1] = -DOWN * at[:, 1]
-    np.testing.assert_allclose(y.x.array.reshape(at.shape), exact, rtol=0, atol=1e-10)
+    assert_allclose(y.x.array.reshape(at.shape), exact, rtol=0, atol=1e-10)
     raw, recovered = solution.stress.tensor, solution.stress.recovered.tensor
     for name, state in zip(("left", "right"), states, strict=True):
         cells = tagged.cells(name)
         pressure = y.hydrostatic.x.array[y.hydrostatic.function_space.dofmap.list[cells]]
-        np.testing.assert_allclose(pressure, state.pressure, rtol=1e-8)
+        assert_allclose(pressure, state.pressure, rtol=1e-8)
         expected = np.diag([0, state.sigma, state.out])
         for tensor, accuracy in ((raw, 1e-9), (recovered, 1e-4)):
             values = tensor.x.array.reshape(-1, 3, 3)[tensor.function_space.dofmap.list[cells]]
-            np.testing.assert_allclose(
-                values, np.broadcast_to(expected, values.shape), atol=accuracy
-            )
+            assert_allclose(values, np.broadcast_to(expected, values.shape), atol=accuracy)
     contact = solution.contact
     x = contact.boundary.x[:, 0]
     for side, state in ((x < HALF - 1e-6, states[0]), (x > HALF + 1e-6, states[1])):
-        np.testing.assert_allclose(contact.pressure[side], -state.sigma, rtol=1e-7)
+        assert_allclose(contact.pressure[side], -state.sigma, rtol=1e-7)
     assert contact.forces[0][1] == pytest.approx(
         -HALF * sum(state.sigma for state in states), rel=1e-9
     )

@@ -10,7 +10,7 @@ import pytest
 from forms import block_on_a_floor
 from mpi4py import MPI
 from petsc4py import PETSc
-from scenes import example1
+from scenes import alone, example1
 
 from signorini_fx import ConvergenceError, solve_to_accuracy
 from signorini_fx.algebra.linalg import ElasticSystem
@@ -20,7 +20,6 @@ from signorini_fx.mechanics.statement.settings import Accuracy
 from signorini_fx.records import Status
 from signorini_fx.scenes.cli import on_ranks
 from signorini_fx.scenes.cli.grammar import EXIT_CRASH
-from signorini_fx.scenes.solver import solve
 
 FAULTS = {
     "numpy": (lambda: MemoryError(), Status.NO_MEMORY),
@@ -99,7 +98,7 @@ def test_one_mesh(fault, coulomb, monkeypatch):
     """The outcome is that memory ends, and says nothing of supports or of a required accuracy."""
     lacking(fault, monkeypatch)
     scene = example1(coefficient=0.3, nx=6, ny=2, linear_algebra="full", coulomb=coulomb)
-    solution = solve(scene, MPI.COMM_SELF, check=False)
+    solution = alone(scene, check=False)
     assert solution.status is FAULTS[fault][1]
     if solution.status is Status.NO_MEMORY:
         assert solution.advice.startswith(
@@ -125,9 +124,9 @@ def test_without_contact(fault, monkeypatch):
     scene = example1(nx=6, ny=2, linear_algebra="full")
     held = Displacement(boundary="bottom", x=0.0, y=0.0)
     scene = scene.model_copy(update={"contact": (), "displacement": (held,)})
-    assert solve(scene, MPI.COMM_SELF, check=False).status is Status.CONVERGED
+    assert alone(scene, check=False).status is Status.CONVERGED
     monkeypatch.setattr(ElasticSystem, "configure", configure)
-    assert solve(scene, MPI.COMM_SELF, check=False).status is FAULTS[fault][1]
+    assert alone(scene, check=False).status is FAULTS[fault][1]
 
 
 def test_forms(monkeypatch):

@@ -271,7 +271,7 @@ def test_what_fails_is_factorised(coulomb, kind, enough, monkeypatch):
 
     monkeypatch.setattr(krylov.KrylovSystem, "keep_factor", keep)
     monkeypatch.setattr(krylov, "enough_memory", lambda comm, needed: enough)
-    found = solve(two_steps("krylov"), MPI.COMM_SELF, check=False)
+    found = alone(two_steps("krylov"), check=False)
     if not enough:
         assert found.status is Status.LINEAR_SOLVER
         return
@@ -377,7 +377,7 @@ def test_one_rank_or_many(name, steps):
     together = solve(RANKED[name](WORLD), WORLD)
     ours = same_on_all_ranks([count for *_, count in steps])
     steps.clear()
-    single = solve(RANKED[name](MPI.COMM_SELF), MPI.COMM_SELF)
+    single = alone(RANKED[name](MPI.COMM_SELF))
     theirs = [count for *_, count in steps]
     assert abs(len(ours) - len(theirs)) <= 1
     assert sum(ours) == pytest.approx(sum(theirs), rel=0.2)

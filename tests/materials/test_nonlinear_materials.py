@@ -7,12 +7,12 @@ from typing import ClassVar, Literal
 import numpy as np
 import pytest
 import ufl
-from mpi4py import MPI
 from pydantic import TypeAdapter
+from scenes import alone
 from support.nonlinear_scenes import LAWS, block, force, material
 from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
 
-from signorini_fx import Hyperelastic, PathDependent, SceneError, extensions, solve
+from signorini_fx import Hyperelastic, PathDependent, SceneError, extensions
 from signorini_fx.extensions import MATERIALS
 from signorini_fx.mechanics.effects.material import Entry as OneMaterial
 from signorini_fx.mechanics.materials.trial import fault_of
@@ -160,7 +160,7 @@ def test_a_material_of_ones_own(monkeypatch):
     """
     monkeypatch.setattr(extensions, "_registered", {MATERIALS: {"soft": Soft}})
     law = {"law": "soft", "shear": 3.0, "bulk": 10.0}
-    (step,) = solve(block(law, "1e-4*t"), MPI.COMM_SELF).steps
+    (step,) = alone(block(law, "1e-4*t")).steps
     plane = 4 * 3.0 * (10.0 + 1.0) / (10.0 + 4.0)
     assert force(step)[1] == pytest.approx(-plane * 1e-4, rel=1e-3)
 
@@ -171,7 +171,7 @@ def test_what_is_found_of_it(message, monkeypatch):
     wrong = type("Wrong", (Soft,), WRONG[message])
     monkeypatch.setattr(extensions, "_registered", {MATERIALS: {"soft": wrong}})
     with pytest.raises(SceneError, match="material.*" + message):
-        solve(block({"law": "soft", "shear": 3.0, "bulk": 10.0}, "0.1*t"), MPI.COMM_SELF)
+        alone(block({"law": "soft", "shear": 3.0, "bulk": 10.0}, "0.1*t"))
 
 
 def test_a_path_dependent_one_of_ones_own():

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import ufl
 from mpi4py import MPI
+from scenes import alone
 from steel_blocks import body, pushed_down
 
 from signorini_fx import InstallationError, SceneError, extensions, solve
@@ -120,7 +121,7 @@ def test_materials_that_are_not_what_they_say(methods, message):
     """Are refused by name before anything is assembled."""
     scene = pushed_down(body("triangle", comm=MPI.COMM_SELF), own(2, lying(**methods)))
     with pytest.raises(SceneError, match=message):
-        solve(scene, MPI.COMM_SELF)
+        alone(scene)
 
 
 def test_by_name():

@@ -16,6 +16,7 @@ from dolfinx import default_scalar_type, fem
 from dolfinx import mesh as dmesh
 from mesh_quality import quality
 from mpi4py import MPI
+from numpy.testing import assert_allclose, assert_array_equal
 from scenes import alone, table_of
 
 from signorini_fx.errors import SceneError
@@ -153,7 +154,7 @@ def check(name, tagged, rel):
     if name in SPACE:
         named = np.concatenate([tagged.facets(boundary) for boundary in sizes])
         exterior = dmesh.exterior_facet_indices(tagged.mesh.topology)
-        np.testing.assert_array_equal(np.sort(named), np.sort(exterior))
+        assert_array_equal(np.sort(named), np.sort(exterior))
 
 
 def cells_of(tagged):
@@ -217,8 +218,8 @@ def test_geometry_of_degree_two(name, cell):
 def test_the_same_mesh_every_time(name):
     """Points and cells, bit by bit."""
     first, second = make(name), make(name)
-    np.testing.assert_array_equal(first.mesh.geometry.x, second.mesh.geometry.x)
-    np.testing.assert_array_equal(geometry_cells(first.mesh), geometry_cells(second.mesh))
+    assert_array_equal(first.mesh.geometry.x, second.mesh.geometry.x)
+    assert_array_equal(geometry_cells(first.mesh), geometry_cells(second.mesh))
 
 
 @pytest.mark.one_quick("unit", [1e-9, 1e6])
@@ -233,11 +234,9 @@ def test_the_same_mesh_in_all_units(name, unit):
         if isinstance(value, float) and k not in NO_LENGTHS
     }
     first, second = make(name), make(name, **lengths)
-    np.testing.assert_array_equal(geometry_cells(first.mesh), geometry_cells(second.mesh))
+    assert_array_equal(geometry_cells(first.mesh), geometry_cells(second.mesh))
     size = np.abs(first.mesh.geometry.x).max()
-    np.testing.assert_allclose(
-        second.mesh.geometry.x / unit, first.mesh.geometry.x, rtol=0, atol=1e-8 * size
-    )
+    assert_allclose(second.mesh.geometry.x / unit, first.mesh.geometry.x, rtol=0, atol=1e-8 * size)
 
 
 @pytest.mark.one_quick

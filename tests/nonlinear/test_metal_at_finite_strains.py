@@ -7,6 +7,7 @@ import pytest
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from scene_tables import coulomb_friction, fixed, rectangle_mesh
+from scenes import alone
 from scipy.optimize import brentq
 from support.nonlinear_scenes import block, but_slow, cube, force, material
 
@@ -78,9 +79,7 @@ def test_upset_without_friction():
     path = "0.2 * t if t <= 1 else 0.2 - 0.0001 * (t - 1)"
     steps = {"times": [0.5, 1.0, 2.0]}
     element = {"volumetric": "auto"}
-    solution = solve(
-        block(ROUND, path, cells=(3, 3), load_steps=steps, element=element), MPI.COMM_SELF
-    )
+    solution = alone(block(ROUND, path, cells=(3, 3), load_steps=steps, element=element))
     assert solution.converged
     stresses = [free_bar(high)[0] for high in (0.9, 0.8)]
     stresses.append(stresses[-1] + YOUNG * np.log(0.8001 / 0.8))
@@ -117,7 +116,7 @@ def test_upset_with_friction():
             "contact": contact,
             "load_steps": {"times": [0.5, 1.0], "steps": 4},
         }
-        solution = solve(parse_scene(scene), MPI.COMM_SELF, check=False)
+        solution = alone(parse_scene(scene), check=False)
         assert solution.converged
         ends = [step for step in solution.steps if step.time in (0.5, 1.0)]
         loads = [solution.at(step).resultants.as_rows() for step in ends]
@@ -165,7 +164,7 @@ def test_a_bar_that_necks():
         ],
         "load_steps": {"times": [1.0], "steps": 30},
     }
-    solution = solve(parse_scene(scene), MPI.COMM_SELF, check=False)
+    solution = alone(parse_scene(scene), check=False)
     assert solution.converged
     assert len(solution.steps) == 30
     rows = [solution.at(step).resultants.as_rows() for step in solution.steps[9::5]]
@@ -209,7 +208,7 @@ def test_rubber_on_metal(order):
         "load_steps": {"times": [1.0], "steps": 2},
         "element": {"volumetric": "auto"},
     }
-    solution = solve(parse_scene(scene), MPI.COMM_SELF)
+    solution = alone(parse_scene(scene))
     assert solution.converged
     assert abs(force(solution.steps[-1])[1]) == pytest.approx(abs(metal(high)), rel=1e-3)
 
@@ -222,7 +221,7 @@ def test_what_is_refused():
         ({"strains": "large"}, "'small' or 'finite'"),
     ):
         with pytest.raises(SceneError, match=said):
-            solve(block(METAL | change, "0.1 * t"), MPI.COMM_SELF)
+            alone(block(METAL | change, "0.1 * t"))
     both = [METAL | {"region": "low"}, METAL | {"region": "high", "strains": "small"}]
     with pytest.raises(SceneError, match=r"material\[1\].*give it strains = 'finite'"):
-        solve(block(both, "0.1 * t"), MPI.COMM_SELF)
+        alone(block(both, "0.1 * t"))

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from scene_tables import box_mesh, fixed, plane_shape, rectangle_mesh
+from scenes import alone
 from support.nonlinear_scenes import block, indented, material
 
 from signorini_fx import SceneError, extensions, read_results, solve, write_results
@@ -119,7 +120,7 @@ def test_ogden_in_space_is_refused():
         load_steps={},
     )
     with pytest.raises(SceneError, match=r"material\[0\].law: 'ogden' is not possible in 3D yet"):
-        solve(scene, MPI.COMM_SELF)
+        alone(scene)
 
 
 def test_check():
@@ -156,7 +157,7 @@ def test_folder(tmp_path):
     scene = indented(
         RUBBER, title="Rubber", units={"length": "mm", "stress": "MPa"}, load_steps=path
     )
-    solution = solve(scene, MPI.COMM_SELF)
+    solution = alone(scene)
     summary = write_results(solution, tmp_path, pictures=False)
     assert not {"strain_energy", "friction_used", "plastic_strain"} & set(summary)
     assert summary["stress"]["recovered"] is summary["stress"]["error"] is None
@@ -210,7 +211,7 @@ def drawn_out(law, **further):
         fixed("bottom", "y"),
     ]
     further = {"displacement": held, "load_steps": {"times": [0.2, 2.0]}} | further
-    return solve(block(material(law), "0", cells=(3, 3), **further), MPI.COMM_SELF, check=False)
+    return alone(block(material(law), "0", cells=(3, 3), **further), check=False)
 
 
 @pytest.mark.slow

@@ -4,11 +4,11 @@ refused.
 
 import numpy as np
 import pytest
-from mpi4py import MPI
 from scene_tables import coulomb_friction, fixed, rectangle_mesh
+from scenes import alone
 from support.nonlinear_bodies import LAME, MU, stress_of_block
 
-from signorini_fx import Scene, SceneError, solve
+from signorini_fx import Scene, SceneError
 
 POISSON = LAME / (2 * (LAME + MU))
 LINEAR = {"young": 2 * MU * (1 + POISSON), "poisson": POISSON}
@@ -50,7 +50,7 @@ def two_blocks(contact, depths=(0.4,), **settings):
 )
 def test_blocks(contact):
     """Each is compressed by a fifth: the pressure of a block in plane strain, in closed form."""
-    solution = solve(two_blocks(contact), MPI.COMM_SELF)
+    solution = alone(two_blocks(contact))
     assert solution.certificate.holds
     assert solution.contact.pressure == pytest.approx(-stress_of_block(0.8, 1), rel=1e-4)
 
@@ -86,7 +86,7 @@ def test_forces_act_where_a_body_has_slid_to(sliding):
         | ({} if sliding is True else {"sliding": sliding}),
         load_steps={"times": [1.0, 2.0, 3.0]},
     )
-    solution = solve(scene, MPI.COMM_SELF)
+    solution = alone(scene)
     rows = {row.boundary: row for row in solution.resultants.every()}
     held = rows["upper.top"]
     for contact, support in (("upper.bottom", "upper.top"), ("lower.top", "lower.bottom")):
@@ -104,9 +104,7 @@ def test_forces_act_where_a_body_has_slid_to(sliding):
 
 def test_bonds():
     """Tied sides of the same blocks, which pull, too."""
-    solution = solve(
-        two_blocks({"kind": "bonded", "sliding": "small"}, depths=(-0.4,)), MPI.COMM_SELF
-    )
+    solution = alone(two_blocks({"kind": "bonded", "sliding": "small"}, depths=(-0.4,)))
     assert solution.certificate.holds
     assert solution.contact.pressure == pytest.approx(-stress_of_block(1.2, 1), rel=1e-4)
 
@@ -120,7 +118,7 @@ def test_what_is_refused():
             SceneError,
             match=rf"contact\[0\].{key}: .* where sides slide.* give sliding = \"small\"",
         ):
-            solve(two_blocks({key: value}), MPI.COMM_SELF)
+            alone(two_blocks({key: value}))
 
 
 @pytest.mark.slow
@@ -154,7 +152,7 @@ def test_a_stiff_block_slides_on_a_soft_one_with_its_corners():
             "times": [1 / 3, 2 / 3, 1.0, *(1 + 0.5 * (k + 1) / slides for k in range(slides))]
         },
     )
-    solution = solve(scene, MPI.COMM_SELF)
+    solution = alone(scene)
     assert solution.certificate.holds
     assert solution.contact.in_contact.sum() >= 8
     pressed = solution.contact.pressure > 0.0

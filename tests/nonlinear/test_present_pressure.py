@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from scene_tables import fixed, plane_shape
+from scenes import alone
 
 from signorini_fx import solve
 from signorini_fx.results.summary import short_answer, summary_of
@@ -65,12 +66,11 @@ def test_it_is_that_of_cauchys_stress(name):
 
 def test_small_strains_have_one_area():
     """There is no other pressure."""
-    found = solve(
+    found = alone(
         parse_scene(
             BLOCKS["plane strain"]
             | {"material": {"young": 2.0, "poisson": 0.3}, "load_steps": {"times": [0.001]}}
         ),
-        MPI.COMM_SELF,
     )
     assert "present_pressure" not in found.table.columns
     assert "present_pressure" not in summary_of(found)

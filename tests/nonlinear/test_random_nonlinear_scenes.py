@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from scene_tables import coulomb_friction
+from scenes import alone
 
 from benchmarks.stability.nonlinear_scenes import RandomScene, judged, tried
-from signorini_fx import solve
 from signorini_fx.scenes.reading import parse_scene
 
 
@@ -63,7 +63,7 @@ def test_the_judge_sees_what_is_wrong(changes, fault):
         scene = replace(
             scene, warmth=np.outer(np.array(scene.times) / scene.times[-1], [0.02, 0.01, -0.02])
         )
-    solution = solve(parse_scene(scene.stated()), MPI.COMM_SELF)
+    solution = alone(parse_scene(scene.stated()))
     assert judged(scene, solution, MPI.COMM_SELF) == []
     if "sizes" in changes:  # of the foundation's place
         changes = {"centre": scene.centre - np.array([0.0, 0.01 * scene.sizes[1]])}

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from scene_tables import circle_shape, coulomb_friction, fixed, plane_shape, rectangle_mesh
+from scenes import alone
 from scipy.integrate import solve_ivp
 
 from signorini_fx import SceneError, solve
@@ -124,7 +125,7 @@ def test_times_before_zero_are_refused():
 
 def told(scene):
     """The lines error and cost of a solution, and its notes about load steps."""
-    found = solve(parse_scene(scene), MPI.COMM_SELF)
+    found = alone(parse_scene(scene))
     lines = " ".join(" ".join(map(str, short_answer(summary_of(found), Path()))).split())
     notes = [one.message for one in found.findings if STEPS_UNESTIMATED in one.message]
     return lines.partition(" error ")[2].partition(" certificate ")[0], notes

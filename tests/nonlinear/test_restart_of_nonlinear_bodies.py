@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from dolfinx import fem
 from mpi4py import MPI
+from scenes import alone
 from support.nonlinear_bodies import Killed, rectangle, residual
 from support.nonlinear_scenes import indented, material
 
@@ -141,7 +142,7 @@ def test_another_scene_is_refused(tmp_path):
     with pytest.raises(
         SceneError, match=r"material\[0\].*: was .* in the run to go on from"
     ) as refused:
-        solve(stiffer, MPI.COMM_SELF, checkpoint=tmp_path, restart=True)
+        alone(stiffer, checkpoint=tmp_path, restart=True)
     assert "solve without restart" in str(refused.value)
     space, side = rectangle([1.0, 1.0], [2, 2], MPI.COMM_SELF)
     u = fem.Function(space)

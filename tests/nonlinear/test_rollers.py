@@ -8,6 +8,7 @@ from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from scene_tables import box_mesh, coulomb_friction, fixed
+from scenes import alone
 from support.nonlinear_bodies import held, neo_hooke, rectangle, residual
 from support.nonlinear_scenes import indented, material
 
@@ -242,12 +243,12 @@ def test_what_is_refused():
     with pytest.raises(
         SceneError, match="turn about more than one axis is not possible yet"
     ) as refused:
-        solve(on_a_box(drive, load_steps={}), MPI.COMM_SELF)
+        alone(on_a_box(drive, load_steps={}))
     assert "contact[0].foundation.prescribed" in str(refused.value)
     assert "prescribe rotation_x = 0 and rotation_z = 0, or all of" in str(refused.value)
     drive["prescribed"] = {"rotation_x": 0.2, "rotation_z": 0.0}
     with pytest.raises(SceneError, match="turn about more than one axis"):
-        solve(on_a_box(drive, load_steps={}), MPI.COMM_SELF)
+        alone(on_a_box(drive, load_steps={}))
     drive |= {"prescribed": {"rotation_x": 0.0, "rotation_z": 0.0}, "rotation": [0.0, 0.0, 10.0]}
     with pytest.raises(
         SceneError, match=r"foundation\.rotation: forces turn this rigid body about another axis"

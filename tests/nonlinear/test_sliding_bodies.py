@@ -10,6 +10,7 @@ import pytest
 from dolfinx import fem
 from mpi4py import MPI
 from scene_tables import at_coordinate, fixed, plane_shape, rectangle_mesh
+from scenes import alone
 from support.nonlinear_bodies import stress_of_block
 from support.sliding_bodies import (
     as_linear_bodies,
@@ -36,7 +37,6 @@ from signorini_fx import (
     Pair,
     Status,
     Tresca,
-    solve,
 )
 from signorini_fx.forms.nonlinear.results import certified
 from signorini_fx.mechanics.laws.protocol import Envelope, FrictionLaw, Parameter
@@ -534,7 +534,7 @@ def test_bodies_inside_each_other_by_a_gap_that_is_added():
             "contact": {"boundary": "upper.bottom", "against": "lower.top", "gap": gap},
             "load_steps": {"times": [1.0]},
         }
-        solution = solve(parse_scene(scene), MPI.COMM_SELF)
+        solution = alone(parse_scene(scene))
         forces.append(solution.contact.forces[0][1])
     assert forces[0] == pytest.approx(forces[1], rel=1e-3)
 

@@ -9,9 +9,10 @@ from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from scene_tables import at_coordinate, coulomb_friction, fixed, plane_shape, rectangle_mesh
+from scenes import alone
 from support.nonlinear_scenes import LAWS, block, material
 
-from signorini_fx import ConvergenceError, NonlinearContactProblem, Scene, Status, solve
+from signorini_fx import ConvergenceError, NonlinearContactProblem, Scene, Status
 
 SCALES = [10.0**-power for power in (3, 8, 12)]
 # Terms of the strain beside it: of Saint Venant-Kirchhoff 3.5 strains in the block below.
@@ -48,9 +49,7 @@ def test_a_block_under_a_load_of_any_size(law):
             "traction": [{"boundary": "top", "x": 30.0 * scale, "y": -100.0 * scale}],
         }
         solution, linear = (
-            solve(
-                Scene(mesh=block(one, "t").mesh, material=one, **loads), MPI.COMM_SELF, check=False
-            )
+            alone(Scene(mesh=block(one, "t").mesh, material=one, **loads), check=False)
             for one in (material(law), linear_twin(law))
         )
         assert apart(solution, linear) <= BESIDE * scale + ROUND_OFF
@@ -95,7 +94,7 @@ def test_contact_at_displacements_of_any_size(contact):
                 for entry in one["contact"]
             ]
             scene = Scene(**{**one, "contact": entries}, material=law, solver={"algorithm": "alm"})
-            pairs.append(solve(scene, MPI.COMM_SELF, check=False))
+            pairs.append(alone(scene, check=False))
         error = apart(*pairs)
         known = BESIDE * scale + LEFT_BY_CONTACT
         told = of_digits(pairs[0])
@@ -215,6 +214,6 @@ def test_metal_that_flows_does_not_lock():
             element={"volumetric": volumetric},
             load_steps={"times": [0.2, 0.4, 0.6]},
         )
-        forces[volumetric] = -solve(scene, MPI.COMM_SELF).resultants.of("top").force[1]
+        forces[volumetric] = -alone(scene).resultants.of("top").force[1]
     assert forces["auto"] == forces["reduced"]
     assert forces["reduced"] < 0.8 * forces["full"]

@@ -7,7 +7,9 @@ import pytest
 import ufl
 from dolfinx import fem
 from mpi4py import MPI
+from numpy.testing import assert_allclose
 from scene_tables import circle_shape, coulomb_friction
+from scenes import alone
 from step_effects import Counted, Wear
 from support.nonlinear_bodies import Killed, held, rectangle, residual
 from support.nonlinear_scenes import indented
@@ -86,8 +88,8 @@ def assert_again(found, state, result, tolerance=1e-9):
     """
     new, again = found
     size = np.abs(state.displacement).max(initial=0.0)
-    np.testing.assert_allclose(new.displacement, state.displacement, rtol=0, atol=tolerance * size)
-    np.testing.assert_allclose(new.rigid, state.rigid, rtol=0, atol=tolerance)
+    assert_allclose(new.displacement, state.displacement, rtol=0, atol=tolerance * size)
+    assert_allclose(new.rigid, state.rigid, rtol=0, atol=tolerance)
     one, other = new.contact, state.contact
     assert (one.contact == other.contact).all()
     assert ((one.direction != 0).any(axis=1) == (other.direction != 0).any(axis=1)).all()
@@ -95,7 +97,7 @@ def assert_again(found, state, result, tolerance=1e-9):
         values = field.values
         size = np.abs(values).max(initial=0.0)
         ours = new.fields[name].values
-        np.testing.assert_allclose(ours, values, rtol=0, atol=10 * tolerance * size)
+        assert_allclose(ours, values, rtol=0, atol=10 * tolerance * size)
     assert abs(again.linear_solves - result.linear_solves) <= (MPI.COMM_WORLD.size > 1)
     assert again.certificate.holds
 
@@ -159,7 +161,7 @@ def test_a_solve_goes_on_from_a_state():
         assert (ours.linear_solves, ours.time) == (theirs.linear_solves, theirs.time)
     assert whole.state.fields.keys() == {"material 0", "rate", "impulse", "steps"}
     for name, field in whole.state.fields.items():
-        np.testing.assert_allclose(rest.state.fields[name].values, field.values, rtol=1e-13)
+        assert_allclose(rest.state.fields[name].values, field.values, rtol=1e-13)
     assert whole.state.fields["steps"].values == [3.0]
 
 
@@ -171,9 +173,9 @@ def test_wear_of_rubber():
     supports = [{"boundary": "top", "x": 0.0, "y": -1e-3, "factors": [1.0, 1.0, 1.0, 1.0]}]
     law = {"law": "neo-hooke", "young": 10.0, "poisson": 0.0}
     scene = indented(law, cells=(4, 4), **text, displacement=supports)
-    solution = solve(scene, MPI.COMM_SELF, effects=[Told(1e-3)])
+    solution = alone(scene, effects=[Told(1e-3)])
     found = [step.contact.pressure.mean() for step in solution.steps]
-    np.testing.assert_allclose(found, found[0] * 0.99 ** np.arange(4), rtol=3e-3)
+    assert_allclose(found, found[0] * 0.99 ** np.arange(4), rtol=3e-3)
     assert all(step.certificate.holds for step in solution.steps)
     forces = [step.contact.forces[0][1] for step in solution.steps]
     assert [step.figures["support"] for step in solution.steps] == pytest.approx(-np.array(forces))
@@ -269,7 +271,7 @@ def test_restart_with_a_history_of_a_users_own(tmp_path, kept):
         whole.place(0, shift=(0.02 * time, -0.03 * time))
         whole.solve()
         whole.advance()
-    np.testing.assert_allclose(u.x.array, reference.x.array, rtol=0, atol=1e-12)
+    assert_allclose(u.x.array, reference.x.array, rtol=0, atol=1e-12)
     assert (solution.state.number, solution.state.time) == (3, 3.0)
 
 

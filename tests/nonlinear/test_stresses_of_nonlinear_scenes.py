@@ -8,8 +8,10 @@ import ufl
 from dolfinx import fem
 from dolfinx.fem import petsc as fem_petsc
 from mpi4py import MPI
+from numpy.testing import assert_allclose
 from petsc4py import PETSc
 from scene_tables import circle_shape, fixed
+from scenes import alone
 from scipy.optimize import brentq
 from support.nonlinear_scenes import block, material, pressed_cube
 
@@ -63,13 +65,11 @@ def test_a_block_of_rubber_between_plates(kind):
     further, element, free = PRESSED_BLOCKS[kind]
     steps = {"times": [1.0, 2.0]}
     law = material("neo-hooke", **RUBBER, **further)
-    solution = solve(
-        block(law, "0.15*t", cells=(2, 2), element=element, load_steps=steps), MPI.COMM_SELF
-    )
+    solution = alone(block(law, "0.15*t", cells=(2, 2), element=element, load_steps=steps))
     for step, high in zip(solution.steps, (0.85, 0.7), strict=True):
         at_step, expected = solution.at(step), neo_hooke(high, free)
         wanted = np.broadcast_to(np.diag(expected), tensors(at_step).shape)
-        np.testing.assert_allclose(tensors(at_step), wanted, atol=1e-9 * abs(expected[1]))
+        assert_allclose(tensors(at_step), wanted, atol=1e-9 * abs(expected[1]))
         largest = at_step.stress.as_dict()
         assert largest["smallest_principal"]["value"] == pytest.approx(expected[1], rel=1e-9)
         assert largest["recovered"] is largest["error"] is None
@@ -83,7 +83,7 @@ def test_a_cube_of_rubber_between_plates(cells):
     across, along, _ = neo_hooke(0.7, (0, 2))
     assert abs(across) < 1e-12
     wanted = np.broadcast_to(np.diag([0.0, 0.0, along]), tensors(solution).shape)
-    np.testing.assert_allclose(tensors(solution), wanted, atol=1e-9 * abs(along))
+    assert_allclose(tensors(solution), wanted, atol=1e-9 * abs(along))
     assert solution.stress.largest().value == pytest.approx(abs(along), rel=1e-9)
 
 
@@ -135,7 +135,7 @@ def test_a_block_of_metal_between_walls(body):
         scene = block(
             law, path, cells=(2, 2), element=element, displacement=walls, load_steps=steps
         )
-    solution, expected = solve(scene, MPI.COMM_SELF), list(confined(depths, *METAL.values()))
+    solution, expected = alone(scene), list(confined(depths, *METAL.values()))
     assert [hardened > 0 for _, _, hardened in expected] == [False, True, True, True]
     assert expected[3][2] > 1.5 * expected[2][2]
     for number in (3, 1, 2, 0):
@@ -144,8 +144,8 @@ def test_a_block_of_metal_between_walls(body):
         np.fill_diagonal(wanted, [down if axis == along else aside for axis in range(3)])
         found = tensors(at_step)
         size = max(abs(down), abs(aside))
-        np.testing.assert_allclose(found, np.broadcast_to(wanted, found.shape), atol=1e-9 * size)
-        np.testing.assert_allclose(at_step.stress.plastic_strain.x.array, hardened, atol=1e-11)
+        assert_allclose(found, np.broadcast_to(wanted, found.shape), atol=1e-9 * size)
+        assert_allclose(at_step.stress.plastic_strain.x.array, hardened, atol=1e-11)
         assert at_step.stress.largest().value == pytest.approx(abs(aside - down), rel=1e-8)
         assert at_step.stress.plastic_extreme()["value"] == pytest.approx(hardened, abs=1e-11)
 
@@ -201,7 +201,7 @@ def test_small_depths_have_the_stress_of_the_linear_scene(name, further, element
     wanted = at_quadrature(linear, at_points.points)
     size = comm.allreduce(np.abs(wanted).max(), op=MPI.MAX)
     assert size > 0
-    np.testing.assert_allclose(at_points.stress, wanted, atol=3e-5 * size)
+    assert_allclose(at_points.stress, wanted, atol=3e-5 * size)
     deviator = wanted - np.trace(wanted, axis1=2, axis2=3)[..., None, None] / 3 * np.eye(3)
     mises, largest = (
         np.sqrt(1.5) * np.linalg.norm(deviator, axis=(2, 3)),
@@ -215,9 +215,7 @@ def test_small_depths_have_the_stress_of_the_linear_scene(name, further, element
     ranks = comm.allgather((mises[at], tuple(places[at])))
     assert largest.place == pytest.approx(max(ranks)[1], abs=1e-9)
     if not further:
-        np.testing.assert_allclose(
-            projected(linear), nonlinear.stress.tensor.x.array, atol=3e-5 * size
-        )
+        assert_allclose(projected(linear), nonlinear.stress.tensor.x.array, atol=3e-5 * size)
 
 
 def projected(solution):

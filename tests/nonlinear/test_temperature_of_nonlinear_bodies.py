@@ -4,12 +4,12 @@ refused.
 
 import numpy as np
 import pytest
-from mpi4py import MPI
 from scene_tables import box_mesh, fixed
+from scenes import alone
 from scipy.optimize import brentq
 from support.nonlinear_scenes import LAWS, but_slow, cube, energy_of_stretches, material
 
-from signorini_fx import Status, solve
+from signorini_fx import Status
 from signorini_fx.scenes.reading import parse_scene
 
 IN_SPACE = [name for name in LAWS if name != "ogden"]
@@ -32,9 +32,7 @@ def stresses(solution):
 @pytest.mark.parametrize("change", [30.0, -20.0])
 def test_free_expansion(name, change):
     """A cube becomes larger by the expansion, far from small, and no stress arises."""
-    solution = solve(
-        warmed_cube(material(name), change, solver={"largest_deformation": 1.0}), MPI.COMM_SELF
-    )
+    solution = alone(warmed_cube(material(name), change, solver={"largest_deformation": 1.0}))
     assert solution.status is Status.CONVERGED
     x = solution.model.space.tabulate_dof_coordinates()
     expected = EXPANSION * change * x
@@ -77,7 +75,7 @@ def test_a_bar_that_is_held(name, volumetric):
         load_steps={"times": [1.0, 2.0], "steps": 4},
         element={"volumetric": volumetric},
     )
-    solution = solve(scene, MPI.COMM_SELF)
+    solution = alone(scene)
     x = solution.model.space.tabulate_dof_coordinates()
     changes, tried = {1.0: 25.0, 2.0: -15.0}, 0  # other steps are halves of these
     for step, cauchy in zip(solution.steps, stresses(solution), strict=True):
@@ -100,9 +98,8 @@ def test_a_bar_that_yields():
     young, first, slope = 100.0, 1.0, 20.0
     law = {"law": "j2", "young": young, "poisson": 0.3, "yield_stress": first, "hardening": slope}
     times = {"times": [0.5, 1.0, 2.0]}
-    solution = solve(
+    solution = alone(
         warmed_cube(law, "4 * min(t, 2 - t)", fixed("right", "x"), load_steps=times),
-        MPI.COMM_SELF,
     )
     expansions = EXPANSION * np.array([2.0, 4.0])
     plastic = (young * expansions - first) / (young + slope)
@@ -131,7 +128,7 @@ def between_walls(law, change, **further):
         "temperature": {"change": change},
         "displacement": [fixed(side, "xyz") for side in ("left", "right")],
     }
-    return solve(parse_scene(scene | further), MPI.COMM_SELF)
+    return alone(parse_scene(scene | further))
 
 
 def at_middle(solution, step):

@@ -8,6 +8,8 @@ import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
+from numpy.testing import assert_allclose
+from scenes import alone
 from scipy.optimize import root
 from support.nonlinear_bodies import Killed, held, rectangle
 
@@ -73,12 +75,12 @@ def test_a_bar_of_rubber():
             space.tabulate_dof_coordinates()[:count, :2],
             step.displacement.x.array.reshape(-1, 2)[:count],
         )
-        np.testing.assert_allclose(y, x * (along - 1, across - 1), atol=1e-9)
+        assert_allclose(y, x * (along - 1, across - 1), atol=1e-9)
         assert step.linear_solves > 2
     rows = {row.boundary: row for row in solution.resultants.every()}
-    np.testing.assert_allclose(rows["right"].force, (PULL, 0.0), atol=1e-9)
-    np.testing.assert_allclose(rows["left"].force, (-PULL, 0.0), atol=1e-9)
-    np.testing.assert_allclose(rows["left"].acts_at, (0.0, across / 2), atol=1e-9)
+    assert_allclose(rows["right"].force, (PULL, 0.0), atol=1e-9)
+    assert_allclose(rows["left"].force, (-PULL, 0.0), atol=1e-9)
+    assert_allclose(rows["left"].acts_at, (0.0, across / 2), atol=1e-9)
     assert solution.stress.largest("xx").value == pytest.approx(PULL / across, rel=1e-9)
 
 
@@ -121,7 +123,7 @@ def forms(mesh):
 
 def test_three_fronts_agree():
     """A scene, forms, and a residual that is linear, over two load steps."""
-    scene = certified(solve(bar(), MPI.COMM_SELF))
+    scene = certified(alone(bar()))
     space, a, L, stress, bcs, sides, pull = forms(scene.model.tagged.mesh)
     linear = ContactProblem(a, L, contact=(), bcs=bcs, stress=stress, boundaries=sides)
     u = fem.Function(space)
@@ -133,11 +135,9 @@ def test_three_fronts_agree():
         )
         assert [step.time for step in solution.steps] == [0.5, 1.0]
         for step, reference in zip(solution.steps, scene.steps, strict=True):
-            np.testing.assert_allclose(
-                step.displacement.x.array, reference.displacement.x.array, atol=1e-12
-            )
+            assert_allclose(step.displacement.x.array, reference.displacement.x.array, atol=1e-12)
         force = {row.boundary: row.force for row in solution.resultants.every()}["left"]
-        np.testing.assert_allclose(force, (-PULL, 0.0), atol=1e-9)
+        assert_allclose(force, (-PULL, 0.0), atol=1e-9)
     assert scene.error_bound.error < 1e-6 * scene.error_bound.size  # the stress is constant
     assert linear.solution.last_step.strain_energy == pytest.approx(
         scene.last_step.strain_energy, rel=1e-12
@@ -223,4 +223,4 @@ def test_restart_of_a_scene(tmp_path, further):
         both = step.displacement, other.displacement  # whose nodes may be on other ranks
         owned = [y.x.array[: 2 * y.function_space.dofmap.index_map.size_local] for y in both]
         everywhere = [np.sort(np.concatenate(MPI.COMM_WORLD.allgather(values))) for values in owned]
-        np.testing.assert_allclose(*everywhere, atol=1e-12)
+        assert_allclose(*everywhere, atol=1e-12)

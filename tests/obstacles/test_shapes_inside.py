@@ -6,12 +6,12 @@ from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from scene_tables import circle_shape, fixed, rectangle_mesh
+from scenes import alone
 
 from signorini_fx.errors import SceneError
 from signorini_fx.mechanics.obstacles.shapes_inside import BodyCells
 from signorini_fx.mechanics.statement.rigid_shape import read_shape
 from signorini_fx.scenes.reading import parse_scene
-from signorini_fx.scenes.solver import solve
 
 PLANE, SPACE = ("triangle", "quadrilateral"), ("tetrahedron", "hexahedron")
 
@@ -98,8 +98,8 @@ def test_a_linear_body_refuses_a_circle_in_it(unit):
     with pytest.raises(
         SceneError, match=r"contact\[0\]: the foundation lies inside the body, at \("
     ):
-        solve(scene(0.7), MPI.COMM_SELF)
-    assert solve(scene(1.049), MPI.COMM_SELF).contact.pressure.max() > 0
+        alone(scene(0.7))
+    assert alone(scene(1.049)).contact.pressure.max() > 0
 
 
 def test_a_linear_result_names_a_circle_between_its_nodes():
@@ -120,7 +120,7 @@ def test_a_linear_result_names_a_circle_between_its_nodes():
                 },
             }
         )
-        solution = solve(scene, MPI.COMM_SELF)
+        solution = alone(scene)
         return [
             found.message
             for found in solution.findings

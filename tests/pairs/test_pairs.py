@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from surfaces import ELEMENTS, both, curve
 
 from signorini_fx.mechanics.pairs.dual_functions import carried
@@ -52,14 +53,10 @@ def test_identities(dimension, element, other, overhang, curved):
     slave, master = both(element, other, curved, overhang=overhang, dimension=dimension)
     found = coupled(slave, master)
     for shares in (found.slave, found.master):
-        np.testing.assert_allclose(shares.sum(axis=1), 1.0, rtol=0, atol=1e-11)
-    np.testing.assert_allclose(
-        found.slave @ slave.x - found.master @ master.x + found.distance, 0, atol=1e-12
-    )
+        assert_allclose(shares.sum(axis=1), 1.0, rtol=0, atol=1e-11)
+    assert_allclose(found.slave @ slave.x - found.master @ master.x + found.distance, 0, atol=1e-12)
     for motion in joint_motions(dimension):
-        np.testing.assert_allclose(
-            relative(found, motion(slave.x), motion(master.x)), 0, atol=1e-11
-        )
+        assert_allclose(relative(found, motion(slave.x), motion(master.x)), 0, atol=1e-11)
     assert (found.weight > 0).all()
     assert found.weight.sum() == pytest.approx(found.covered, rel=1e-12)
     width = 1.0 - max(0.0, overhang - 0.05)
@@ -72,7 +69,7 @@ def test_identities(dimension, element, other, overhang, curved):
     on_slave, on_master = found.slave.T @ traction, -found.master.T @ traction
     turning = (found.turning.T @ traction.ravel()).reshape(-1, dimension)
     on_slave, on_master = on_slave + turning[: len(on_slave)], on_master + turning[len(on_slave) :]
-    np.testing.assert_allclose(on_slave.sum(axis=0) + on_master.sum(axis=0), 0, atol=1e-12)
+    assert_allclose(on_slave.sum(axis=0) + on_master.sum(axis=0), 0, atol=1e-12)
     for motion in joint_motions(dimension):
         assert (
             abs(np.sum(on_slave * motion(slave.x)) + np.sum(on_master * motion(master.x))) < 1e-12
@@ -91,9 +88,7 @@ def test_nodes_that_cannot_carry_a_point(dimension, element, other):
     assert found.nodes.size < whole.nodes.size
     assert found.weight.sum() == pytest.approx(whole.weight.sum(), rel=1e-12)
     for motion in joint_motions(dimension):
-        np.testing.assert_allclose(
-            relative(found, motion(slave.x), motion(master.x)), 0, atol=1e-11
-        )
+        assert_allclose(relative(found, motion(slave.x), motion(master.x)), 0, atol=1e-11)
     with pytest.raises(PairingError, match="hold all nodes"):
         coupled(slave, master, unable=np.ones(len(slave.x), dtype=bool))
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
+from numpy.testing import assert_allclose
 from scene_tables import coulomb_friction, rectangle_mesh
 from scipy.linalg import expm
 from two_bodies import assembled, grid
@@ -143,8 +144,8 @@ def test_the_same_as_one_mesh(cell):
         update={"mesh": with_regions(one_mesh(cell, WORLD)), "body": ()}
     )
     there, moved = at_nodes(solve(reference, WORLD))
-    np.testing.assert_allclose(x, there, rtol=0, atol=1e-12)
-    np.testing.assert_allclose(u, moved, rtol=0, atol=1e-12)
+    assert_allclose(x, there, rtol=0, atol=1e-12)
+    assert_allclose(u, moved, rtol=0, atol=1e-12)
 
     if dim == 2:
         rotation, spin = 30.0, np.radians(30.0) * np.array([[0.0, -1.0], [1.0, 0.0]])
@@ -164,8 +165,8 @@ def test_the_same_as_one_mesh(cell):
     skew = scene(cell, [{**lower, "rotation": rotation}, upper], turn, names)
     there, moved = at_nodes(solve(skew, WORLD))
     order = np.lexsort(np.round(there @ turn, 9).T)
-    np.testing.assert_allclose((there @ turn)[order], x, rtol=0, atol=1e-12)
-    np.testing.assert_allclose((moved @ turn)[order], u, rtol=0, atol=1e-8 * size)
+    assert_allclose((there @ turn)[order], x, rtol=0, atol=1e-12)
+    assert_allclose((moved @ turn)[order], u, rtol=0, atol=1e-8 * size)
 
 
 @pytest.mark.one_quick(("cell", "kind"), [("quadrilateral", "full"), ("hexahedron", "krylov")])
@@ -187,9 +188,7 @@ def test_a_sequence_of_meshes(cell, kind):
     assert [level.dofs for level in levels.levels][-1] == alone.model.dofs
     assert levels.levels[0].dofs < alone.model.dofs / 3
     size = alone.contact.pressure.max()
-    np.testing.assert_allclose(
-        levels.contact.pressure, alone.contact.pressure, rtol=0, atol=1e-6 * size
-    )
+    assert_allclose(levels.contact.pressure, alone.contact.pressure, rtol=0, atol=1e-6 * size)
 
 
 MATERIAL = {"young": 1.0, "poisson": 0.3}

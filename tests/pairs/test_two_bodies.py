@@ -7,6 +7,7 @@ from dolfinx import fem
 from dolfinx import mesh as dmesh
 from dolfinx.graph import adjacencylist
 from mpi4py import MPI
+from numpy.testing import assert_allclose
 from scene_tables import at_coordinate
 from two_bodies import (
     KINDS,
@@ -98,14 +99,12 @@ def test_patch(kind, degree, law, exchanged):
     )
     problem.solve()
     size = np.abs(exact.x.array).max()
-    np.testing.assert_allclose(problem.u.x.array, exact.x.array, rtol=0, atol=1e-9 * size)
+    assert_allclose(problem.u.x.array, exact.x.array, rtol=0, atol=1e-9 * size)
     state = problem.state
-    np.testing.assert_allclose(state.pressure, pressure, rtol=1e-8)
+    assert_allclose(state.pressure, pressure, rtol=1e-8)
     sign = -1.0 if exchanged else 1.0
     found = np.einsum("ijk,ik->ij", state.boundary.tangents, state.shear)
-    np.testing.assert_allclose(
-        found, np.tile(sign * shear, (len(found), 1)), rtol=0, atol=1e-8 * pressure
-    )
+    assert_allclose(found, np.tile(sign * shear, (len(found), 1)), rtol=0, atol=1e-8 * pressure)
     assert problem.certificate.coupling < 1e-9
 
 
@@ -354,7 +353,7 @@ def test_two_blocks_on_the_same_side_of_a_plate(linear_algebra):
             assert forces[state.boundary.part == number].sum(axis=0) == pytest.approx(
                 [-0.2, 1.0], abs=1e-7
             )
-    np.testing.assert_allclose(*found, rtol=0, atol=1e-9 * np.abs(found[0]).max())
+    assert_allclose(*found, rtol=0, atol=1e-9 * np.abs(found[0]).max())
     with pytest.raises(FormError, match=r"contact\[1\].against: shares 4 facets"):
         ContactProblem(a, load, bcs, contact=[Pair(slaves[0], plate), Pair(slaves[1], slaves[0])])
     with pytest.raises(FormError, match=r"contact\[0\].against: shares 9 facets"):
@@ -411,9 +410,7 @@ def test_bodies_that_do_not_touch(kind, pressed, friction, linear_algebra):
         space.tabulate_dof_coordinates()[:, 1] > 0.01
     )
     moved = problem.u.x.array.reshape(-1, dim)[here]
-    np.testing.assert_allclose(
-        moved, np.tile((0.01, -0.02, 0.005)[:dim], (len(moved), 1)), atol=1e-12
-    )
+    assert_allclose(moved, np.tile((0.01, -0.02, 0.005)[:dim], (len(moved), 1)), atol=1e-12)
 
 
 WORLD = MPI.COMM_WORLD
@@ -461,7 +458,7 @@ def test_one_rank_or_many(name):
     ].max()  # places: heights above y = 0 are round-off
     size[-1 - dimension :] = size[-1 - dimension]  # tractions
     assert (np.abs(ours - theirs) <= close * np.maximum(size, 1e-300)).all()
-    np.testing.assert_allclose(
+    assert_allclose(
         together.state.forces, alone.state.forces, atol=close * np.abs(alone.state.forces).max()
     )
     assert together.certificate.coupling < 1e-9

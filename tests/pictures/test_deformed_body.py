@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from matplotlib.collections import PolyCollection
+from numpy.testing import assert_allclose
 
 from signorini_fx.addons.pictures.body import DrawnBody, tiling
 from signorini_fx.addons.pictures.deformed_body import deformed_mesh
@@ -60,9 +61,9 @@ def test_a_gap_that_hardly_varies_is_magnified_like_the_displacement():
     assert factor == 200
     assert "displacement and gap" in title
     assert "200" in title
-    np.testing.assert_allclose(body_of(axes), (POINTS + factor * displacement)[CELLS])
+    assert_allclose(body_of(axes), (POINTS + factor * displacement)[CELLS])
     line = foundation_of(axes)
-    np.testing.assert_allclose(line.get_xydata(), BOTTOM + factor * gap[:, None] * DOWN)
+    assert_allclose(line.get_xydata(), BOTTOM + factor * gap[:, None] * DOWN)
 
 
 def test_round_off_is_not_magnified():
@@ -81,8 +82,8 @@ def test_a_foundation_that_would_be_bent_is_drawn_where_it_is(gap):
     assert magnification(replace(BODY, displacement=displacement), []) > 1
     (axes, *_), title = drawn(gap, displacement)
     assert "displacement \N{MULTIPLICATION SIGN} 1" in title
-    np.testing.assert_allclose(body_of(axes), (POINTS + displacement)[CELLS])
-    np.testing.assert_allclose(foundation_of(axes).get_xydata(), BOTTOM + gap[:, None] * DOWN)
+    assert_allclose(body_of(axes), (POINTS + displacement)[CELLS])
+    assert_allclose(foundation_of(axes).get_xydata(), BOTTOM + gap[:, None] * DOWN)
 
 
 def test_a_small_contact_zone_is_enlarged():
@@ -93,7 +94,7 @@ def test_a_small_contact_zone_is_enlarged():
     assert title == "left: displacement \N{MULTIPLICATION SIGN} 1; right: the contact zone as it is"
     low, high = zone.get_xlim()
     assert 0 < low < X[5] < X[7] < high < 3
-    np.testing.assert_allclose(body_of(zone), (POINTS + sinking(0.0012))[CELLS])
+    assert_allclose(body_of(zone), (POINTS + sinking(0.0012))[CELLS])
     assert whole.get_xlim()[0] < 0
 
 

@@ -5,6 +5,7 @@ of them.
 import numpy as np
 import pytest
 from mpi4py import MPI
+from numpy.testing import assert_allclose, assert_array_equal
 
 from signorini_fx.addons.pictures.rigid_shapes import lines_of, triangles_of
 from signorini_fx.mechanics.statement.rigid_shape import distance_from
@@ -30,8 +31,8 @@ def test_a_circle_is_a_closed_line_of_its_length(hollow):
     """
     shape = {"shape": "circle", "centre": [0.5, 0.5], "radius": RADIUS, "hollow": hollow}
     (line,) = lines_of(distance_from(shape, 2), mesh_of(2))
-    np.testing.assert_allclose(np.linalg.norm(line - 0.5, axis=1), RADIUS, rtol=1e-4)
-    np.testing.assert_array_equal(line[0], line[-1])
+    assert_allclose(np.linalg.norm(line - 0.5, axis=1), RADIUS, rtol=1e-4)
+    assert_array_equal(line[0], line[-1])
     x, y = (line - 0.5).T
     area = 0.5 * np.sum(x[:-1] * y[1:] - x[1:] * y[:-1])
     # Seen from inside it runs counterclockwise, from outside clockwise.
@@ -49,9 +50,7 @@ def test_a_sphere_has_its_volume(hollow):
     # The distance is linear along the diagonals of the grid, of 40 points along the longest side
     # and what is beside it.
     longest = np.sqrt(3) * (1 + 2 * 2.2 * RADIUS) / 39
-    np.testing.assert_allclose(
-        np.linalg.norm(points - 0.5, axis=1), RADIUS, rtol=longest**2 / (8 * RADIUS**2)
-    )
+    assert_allclose(np.linalg.norm(points - 0.5, axis=1), RADIUS, rtol=longest**2 / (8 * RADIUS**2))
     sides = np.sort(
         np.concatenate([triangles[:, pair] for pair in ([0, 1], [1, 2], [2, 0])]), axis=1
     )

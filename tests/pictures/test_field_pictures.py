@@ -7,6 +7,7 @@ import pytest
 from dolfinx import mesh as dmesh
 from matplotlib.collections import TriMesh
 from mpi4py import MPI
+from numpy.testing import assert_allclose
 from scene_tables import fixed, rectangle_mesh
 from scenes import alone, example1, on_mesh, rectangle
 from scipy.spatial import cKDTree
@@ -79,7 +80,7 @@ def test_fields_are_the_same_on_any_number_of_ranks():
             values = np.column_stack([field.mean(axis=1) for field in found.values.values()])
             both.append(values[np.lexsort(np.round(middle, 6).T)])
         scale = np.abs(both[1]).max(axis=0)
-        np.testing.assert_allclose(both[0] / scale, both[1] / scale, atol=1e-8)
+        assert_allclose(both[0] / scale, both[1] / scale, atol=1e-8)
 
 
 def test_fields_that_are_none(tmp_path, capsys):
@@ -136,13 +137,11 @@ def test_vertices_have_the_recovered_values(scene):
     for name, values in nodal.items():
         drawn = found.values[name]
         assert drawn.shape == found.within.shape
-        np.testing.assert_allclose(
+        assert_allclose(
             drawn[:, found.tiles.vertices], values[at[1]], rtol=1e-9, atol=1e-9 * abs(values).max()
         )
     size = np.linalg.norm(found.displacement, axis=1)
-    np.testing.assert_allclose(
-        found.values["displacement"], size[found.within], rtol=1e-9, atol=1e-15
-    )
+    assert_allclose(found.values["displacement"], size[found.within], rtol=1e-9, atol=1e-15)
 
 
 def two_layers():
@@ -178,10 +177,10 @@ def test_a_jump_between_materials_is_not_smeared(tmp_path):
     gathered = gather_body(two_layers(), ("von_mises",))
     middle = gathered.points[gathered.perimeters].mean(axis=1)[:, 1]
     expected = np.where(middle > 0.5, 0.1, 10.0)[:, None].repeat(5, axis=1)  # E times 0.03 / 3
-    np.testing.assert_allclose(gathered.values["von_mises"], expected, rtol=1e-5)
+    assert_allclose(gathered.values["von_mises"], expected, rtol=1e-5)
     mesh, _ = drawn_in_the_plane(gathered)
     corners = mesh.get_array()[mesh._triangulation.triangles]
-    np.testing.assert_allclose(corners.min(axis=1), corners.max(axis=1), rtol=1e-5)
+    assert_allclose(corners.min(axis=1), corners.max(axis=1), rtol=1e-5)
 
 
 def test_a_jump_between_materials_in_space():
@@ -212,7 +211,7 @@ def test_a_jump_between_materials_in_space():
     )  # points are shared
     middle = surface.points[surface.perimeters].mean(axis=1)[:, 2]
     expected = np.where(middle > 0.5, 0.1, 10.0)[:, None].repeat(5, axis=1)
-    np.testing.assert_allclose(surface.values["von_mises"], expected, rtol=1e-5)
+    assert_allclose(surface.values["von_mises"], expected, rtol=1e-5)
 
 
 def drawn_in_the_plane(gathered, name="von_mises"):
@@ -230,7 +229,7 @@ def test_the_colour_bar_says_what_is_seen():
     drawn = np.column_stack((mesh._triangulation.x, mesh._triangulation.y))
     away, at = cKDTree(drawn).query((points.points + 50 * points.displacement)[points.within])
     assert away.max() < 1e-12
-    np.testing.assert_allclose(mesh.get_array()[at], points.values["von_mises"], rtol=1e-5)
+    assert_allclose(mesh.get_array()[at], points.values["von_mises"], rtol=1e-5)
     _, label = drawn_in_the_plane(points, "displacement")
     assert label.split(" (unit")[0] == "size of the displacement"
     _, label = drawn_in_the_plane(replace(points, recovered=False))
@@ -262,4 +261,4 @@ def test_nothing_is_recovered_from_what_is_not_finite():
         raw = solution.stress.von_mises
         own = solution.model.tagged.mesh.topology.index_map(2).size_local
         cells = raw.x.array[raw.function_space.dofmap.list[:own]]
-        np.testing.assert_allclose(values[:own].max(axis=1), cells.max(axis=1))
+        assert_allclose(values[:own].max(axis=1), cells.max(axis=1))

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from drawing import needs_pictures_in_3d
+from numpy.testing import assert_allclose, assert_array_equal
 
 from signorini_fx.addons.pictures import solid as drawing
 from signorini_fx.addons.pictures import view
@@ -59,9 +60,7 @@ def test_colours_are_those_of_the_field():
     front = [1, 2, 5]  # top, front, right
     picture = drawing.image(solid(sides.repeat(2)), camera, WIDTH)
     middles = CUBE[SIDES].mean(axis=1)[front]
-    np.testing.assert_allclose(
-        hue(at(picture, camera, middles)), hue(VALUES(sides[front])), atol=0.02
-    )
+    assert_allclose(hue(at(picture, camera, middles)), hue(VALUES(sides[front])), atol=0.02)
     brightness = at(picture, camera, middles).sum(axis=1) / VALUES(sides[front])[:, :3].sum(axis=1)
     assert np.ptp(brightness) > 0.05 * brightness.max()
     assert (
@@ -70,10 +69,8 @@ def test_colours_are_those_of_the_field():
     ).all()
     rising = drawing.image(solid(CUBE[TRIANGLES][..., 0]), camera, WIDTH)
     along = np.array([[x, 0.5, 1.0] for x in (0.1, 0.4, 0.6, 0.9)])
-    np.testing.assert_allclose(hue(at(rising, camera, along)), hue(VALUES(along[:, 0])), atol=0.02)
-    np.testing.assert_array_equal(
-        drawing.image(solid(CUBE[TRIANGLES][..., 0]), camera, WIDTH), rising
-    )
+    assert_allclose(hue(at(rising, camera, along)), hue(VALUES(along[:, 0])), atol=0.02)
+    assert_array_equal(drawing.image(solid(CUBE[TRIANGLES][..., 0]), camera, WIDTH), rising)
 
 
 def test_a_jump_of_the_field_is_not_smeared():
@@ -86,15 +83,13 @@ def test_a_jump_of_the_field_is_not_smeared():
     camera = view.Camera.on(flat, points)
     picture = drawing.image(solid([0.0, 0.0, 1.0, 1.0], points, triangles), camera, WIDTH)
     for x, value in ((0.95, 0.0), (1.05, 1.0)):
-        np.testing.assert_allclose(
-            hue(at(picture, camera, [[x, 0.5, 0.0]])), [hue(VALUES(value))], atol=0.02
-        )
+        assert_allclose(hue(at(picture, camera, [[x, 0.5, 0.0]])), [hue(VALUES(value))], atol=0.02)
 
 
 def test_foundations_are_seen_from_the_body():
     """A plane from above, gray; not from below, where it would hide the body."""
     ground = drawing.ground_of(over([0.2] * 4), 1.0)
-    np.testing.assert_allclose(ground[0][:, 2], -0.2)
+    assert_allclose(ground[0][:, 2], -0.2)
     assert normals_of(ground[0][ground[1]])[0, 2] > 0
     corner = ground[0][np.argmin(ground[0] @ view.oblique().right)]
     inside = corner + 0.1 * (ground[0].mean(axis=0) - corner)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from matplotlib.quiver import Quiver
 from mpi4py import MPI
+from numpy.testing import assert_allclose, assert_array_equal
 from scene_tables import box_mesh, fixed
 from scenes import example1
 
@@ -59,8 +60,8 @@ def test_in_the_plane():
     assert by_name["left"].held == ("x",)
     assert not by_name["left"].moved.any()
     top = by_name["top"]
-    np.testing.assert_allclose(top.normals, np.broadcast_to([0, 1], top.normals.shape), atol=1e-15)
-    np.testing.assert_allclose(areas(top.corners) @ top.load, [0, -20], atol=1e-12)
+    assert_allclose(top.normals, np.broadcast_to([0, 1], top.normals.shape), atol=1e-15)
+    assert_allclose(areas(top.corners) @ top.load, [0, -20], atol=1e-12)
 
 
 def areas_of_cells(polygons):
@@ -80,11 +81,11 @@ def test_in_space():
     assert by_name["right"].kinds == ("springs",)
     assert by_name["left"].held == ("x", "y", "z")
     assert by_name["back"].held == ("normal",)
-    np.testing.assert_array_equal(
+    assert_array_equal(
         by_name["front"].moved, np.broadcast_to([0, 0.5, 0], by_name["front"].moved.shape)
     )
     top = by_name["top"]
-    np.testing.assert_allclose(
+    assert_allclose(
         top.load, np.column_stack((top.middles[:, 1], 0 * top.load[:, 0], 0 * top.load[:, 0] - 2))
     )
     low, high = setup.polygons.min(axis=(0, 1)), setup.polygons.max(axis=(0, 1))
@@ -164,7 +165,5 @@ def test_the_legend_says_what_acts(monkeypatch):
     assert lines[texts[0]].get_marker() == "s"
     assert lines[texts[1]].get_marker() == "o"
     (arrows,) = (one for one in drawn[0].axes[0].collections if isinstance(one, Quiver) and one.N)
-    np.testing.assert_allclose(arrows.V, -LONGEST_ARROW_OF_SETUP * 3.0)
-    np.testing.assert_allclose(
-        np.asarray(arrows.get_offsets())[:, 1] + arrows.V, 1.0
-    )  # they end at the body
+    assert_allclose(arrows.V, -LONGEST_ARROW_OF_SETUP * 3.0)
+    assert_allclose(np.asarray(arrows.get_offsets())[:, 1] + arrows.V, 1.0)  # they end at the body

@@ -15,6 +15,7 @@ from matplotlib.colors import to_rgba
 from matplotlib.quiver import Quiver
 from mesh_files import arrays_of
 from mpi4py import MPI
+from numpy.testing import assert_allclose, assert_array_equal
 from PIL import Image
 from scene_tables import fixed
 from scenes import alone
@@ -126,11 +127,11 @@ def test_pressure_is_that_of_the_table(folder):
     for side, axes in zip(sides, pressed, strict=True):
         (mesh,) = [c for c in axes.collections if type(c).__name__ == "TriMesh"]
         pressure = side.floats("pressure")
-        np.testing.assert_array_equal(mesh.get_array()[: len(pressure)], pressure)
+        assert_array_equal(mesh.get_array()[: len(pressure)], pressure)
         points = np.column_stack((mesh._triangulation.x, mesh._triangulation.y))
         for direction, along in ((side.view.right, 0), (side.view.up, 1)):
             expected = np.column_stack([side.floats(axis) for axis in "xyz"]) @ direction
-            np.testing.assert_allclose(points[: len(pressure), along], expected, atol=1e-12)
+            assert_allclose(points[: len(pressure), along], expected, atol=1e-12)
         low, high = mesh.get_clim()
         assert low == 0
         assert high == pytest.approx(pressure.max())
@@ -151,10 +152,10 @@ def test_states_and_slip_are_those_of_the_table(folders):
     regions = next(c for c in right.collections if isinstance(c, PolyCollection))
     where, owner = contact_surface._around_nodes(side.nodes, side.polygons)
     expected = [to_rgba(STATES[str(state)][0]) for state in side.columns["state"][owner]]
-    np.testing.assert_allclose(regions.get_facecolor(), expected)
+    assert_allclose(regions.get_facecolor(), expected)
     x, y = where[..., 0], where[..., 1]
     pieces = np.abs((x * np.roll(y, -1, axis=1) - y * np.roll(x, -1, axis=1)).sum(axis=1)) / 2
-    np.testing.assert_allclose(np.bincount(owner, pieces), side.floats("weight"))
+    assert_allclose(np.bincount(owner, pieces), side.floats("weight"))
     assert np.abs(where - side.nodes[owner][:, None]).max() == pytest.approx(
         0.125
     )  # half of a facet
@@ -165,7 +166,7 @@ def test_states_and_slip_are_those_of_the_table(folders):
     rows = [at[tuple(np.round(place, 9))] for place in arrows.get_offsets()]
     assert len(rows) == len(slips)  # few enough to show all
     for component, axis in ((arrows.U, "x"), (arrows.V, "y")):
-        np.testing.assert_allclose(
+        assert_allclose(
             component, factor * side.floats(f"slip_{axis}")[rows], rtol=1e-9, atol=1e-15
         )
     legend = {text.get_text() for text in figure.legends[0].get_texts()}
@@ -200,7 +201,7 @@ def test_outer_surface(cells):
     assert len(single.perimeters) == len(together.perimeters)
     for surface in (together, single):
         areas = areas_of(surface)
-        np.testing.assert_allclose(areas.sum(axis=0), 0.0, atol=1e-12)
+        assert_allclose(areas.sum(axis=0), 0.0, atol=1e-12)
         assert np.linalg.norm(areas, axis=1).sum() == pytest.approx(14.0)
         middle = surface.points[surface.perimeters].mean(axis=1)
         assert np.einsum("ij,ij->", middle, areas) / 3 == pytest.approx(3.0)
@@ -216,7 +217,7 @@ def test_outer_surface(cells):
         for s in (together, single)
     ]
     ours, theirs = (row[np.lexsort(np.round(row[:, :3], 6).T)] for row in rows)
-    np.testing.assert_allclose(ours, theirs, atol=1e-9)
+    assert_allclose(ours, theirs, atol=1e-9)
 
 
 @pytest.mark.slow

@@ -10,12 +10,12 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from mpi4py import MPI
 from scene_tables import fixed, rectangle_mesh
+from scenes import alone
 
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.records import Status
 from signorini_fx.scenes.checks import check_scene
 from signorini_fx.scenes.reading import parse_scene
-from signorini_fx.scenes.solver import solve
 from signorini_fx.scenes.template import starting_scene
 
 FEW = settings(
@@ -154,7 +154,7 @@ def ends_well(data):
     scene, problems = attempt(parse_scene, data)
     if problems:
         return
-    solution, problems = attempt(lambda: solve(scene, MPI.COMM_SELF, check=False))
+    solution, problems = attempt(lambda: alone(scene, check=False))
     check, foreseen = attempt(check_scene, scene, MPI.COMM_SELF)
     assert foreseen == problems
     if problems:
@@ -212,7 +212,7 @@ def test_spoilt_meshes(parameters):
     if problems:
         return
     with contextlib.suppress(MeshError):
-        attempt(lambda: solve(scene, MPI.COMM_SELF, check=False))
+        attempt(lambda: alone(scene, check=False))
 
 
 @pytest.mark.one_quick(("nx", "ny", "levels"), [(1, 1, 2), (1, 3, 2), (4, 4, 3), (1, 1, 12)])

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from mpi4py import MPI
+from numpy.testing import assert_allclose
 
 from signorini_fx.results import files
 
@@ -107,11 +108,11 @@ def test_press_and_slide(run):
 def test_dovetail(run):
     """Equilibrium in every step; friction holds on the way up, and turns round on the way down."""
     found = run("dovetail", 24, drawn=False)
-    np.testing.assert_allclose(found["balance"], found["load"], rtol=1e-6)
+    assert_allclose(found["balance"], found["load"], rtol=1e-6)
     normal, low, high = found["normal"], found["low"], found["high"]
-    np.testing.assert_allclose(normal[:5], low[:5], rtol=1e-5)
+    assert_allclose(normal[:5], low[:5], rtol=1e-5)
     assert normal[5] > 1.08 * low[5]
-    np.testing.assert_allclose(normal[-2:], high[-2:], rtol=1e-5)
+    assert_allclose(normal[-2:], high[-2:], rtol=1e-5)
     assert found["mean"] == pytest.approx(106, rel=0.01)
     assert found["largest"] == pytest.approx(443, rel=0.05)
     pictures("dovetail/hysteresis")
@@ -170,12 +171,12 @@ def test_sphere_under_tangential_load(run):
     """
     found = run("sphere_under_tangential_load", 3, drawn=False)
     columns = found["table"][0.49]
-    np.testing.assert_allclose(columns["a computed"], columns["a"], rtol=5e-3)
-    np.testing.assert_allclose(columns["p0 computed"], columns["p0"], rtol=0.04)
+    assert_allclose(columns["a computed"], columns["a"], rtol=5e-3)
+    assert_allclose(columns["p0 computed"], columns["p0"], rtol=0.04)
     assert columns["Q/FP"][-1] == pytest.approx(0.895, abs=5e-3)
-    np.testing.assert_allclose(columns["c/a computed"], columns["c/a"], rtol=0.06)
-    np.testing.assert_allclose(columns["c/a by area"], columns["c/a"], rtol=0.07)
-    np.testing.assert_allclose(found["predicted"][1:], found["moved"][1:], rtol=0.02)
+    assert_allclose(columns["c/a computed"], columns["c/a"], rtol=0.06)
+    assert_allclose(columns["c/a by area"], columns["c/a"], rtol=0.07)
+    assert_allclose(found["predicted"][1:], found["moved"][1:], rtol=0.02)
     # Where the press makes a shear of its own the formula must not hold.
     columns = found["table"][0.3]
     assert (columns["c/a by area"] < columns["c/a"] - 0.06).all()
@@ -188,7 +189,7 @@ def test_torsion_of_a_pressed_cylinder(run):
     found = run("torsion_of_a_pressed_cylinder", 5, drawn=False)
     assert found["off"].max() < 2e-3
     sticking = [step.stick for step in found["expected"]]
-    np.testing.assert_allclose(found["stick"], sticking, rtol=0, atol=0.5 / 5)
+    assert_allclose(found["stick"], sticking, rtol=0, atol=0.5 / 5)
     assert (np.diff(found["stick"][2:5]) < -0.2).all()
     assert found["torque"][-1] == pytest.approx(2 / 3 * 0.3 * 10.0 * np.pi, rel=2e-3)
     pictures("torsion_of_a_pressed_cylinder/torque")
@@ -200,10 +201,8 @@ def test_bracket(run):
     no further.
     """
     found = run("bracket", 6, drawn=False)
-    np.testing.assert_allclose(found["through"], found["statics"], rtol=0, atol=1e-8)
-    np.testing.assert_allclose(
-        found["pull"], np.outer((0.0, 0.5, 1.0), (320.0, 160.0)), rtol=0, atol=1e-6
-    )
+    assert_allclose(found["through"], found["statics"], rtol=0, atol=1e-8)
+    assert_allclose(found["pull"], np.outer((0.0, 0.5, 1.0), (320.0, 160.0)), rtol=0, atol=1e-6)
     assert found["simple"] == pytest.approx(1 / 6.70, rel=0.01)
     assert found["used"] == pytest.approx(1 / 3.206, rel=0.02)
     assert 0.97 < found["at_limit"] * found["used"] < 1.03

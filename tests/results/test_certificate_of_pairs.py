@@ -8,6 +8,7 @@ import pytest
 from certifying import certify
 from mpi4py import MPI
 from scene_tables import coulomb_friction, fixed, rectangle_mesh
+from scenes import alone
 from two_bodies import assembled, grid
 
 from signorini_fx import Status, solve
@@ -78,7 +79,7 @@ def test_faces_that_are_no_parallelograms(degree):
             mesh, {"bottom": f"abs(x[2] - {low}) < 1e-9", "top": f"abs(x[2] - {low + 1}) < 1e-9"}
         )
 
-    found = solve(
+    found = alone(
         parse_scene(
             {
                 "body": [
@@ -92,7 +93,6 @@ def test_faces_that_are_no_parallelograms(degree):
                 "contact": {"boundary": "upper.bottom", "against": "lower.top", "kind": "bonded"},
             }
         ),
-        MPI.COMM_SELF,
     )
     assert found.converged
     assert found.certificate.coupling < 1e-8
@@ -108,7 +108,7 @@ def test_it_says_to_what_a_soft_body_is_checked(ratio, known):
         parameters = {"length": 2.0, "height": 1.0, "nx": 2 * count, "ny": count}
         return rectangle_mesh(**parameters)
 
-    found = solve(
+    found = alone(
         parse_scene(
             {
                 "body": [
@@ -130,7 +130,6 @@ def test_it_says_to_what_a_soft_body_is_checked(ratio, known):
                 },
             }
         ),
-        MPI.COMM_SELF,
     )
     checked = found.certificate.checked
     assert 0.1 * known < checked <= known

@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 from mesh_files import arrays_of
 from mpi4py import MPI
+from numpy.testing import assert_allclose
 from scene_tables import fixed, rectangle_mesh
+from scenes import alone
 from spaces import box
 
 from signorini_fx.results.fields import write_vtu
@@ -75,25 +77,23 @@ def test_vtu(folder, cells, degree):
     corners = len(points) // count
     assert arrays["offsets"].ravel().tolist() == list(range(corners, len(points) + 1, corners))
     assert sorted(arrays["connectivity"].ravel()) == list(range(len(points)))
-    np.testing.assert_allclose(arrays["displacement"], points @ gradient.T, atol=1e-12)
+    assert_allclose(arrays["displacement"], points @ gradient.T, atol=1e-12)
     for name in ("stress", "recovered_stress"):
         expected = np.tile(stress.ravel(), (len(points), 1))
-        np.testing.assert_allclose(arrays[name], expected, atol=1e-6 * np.abs(stress).max())
+        assert_allclose(arrays[name], expected, atol=1e-6 * np.abs(stress).max())
     principal = np.linalg.eigvalsh(stress)[::-1]
-    np.testing.assert_allclose(
-        arrays["principal_stresses"], np.tile(principal, (len(points), 1)), atol=1e-6
-    )
+    assert_allclose(arrays["principal_stresses"], np.tile(principal, (len(points), 1)), atol=1e-6)
     mises = np.sqrt(1.5) * np.linalg.norm(stress - np.trace(stress) / 3 * np.eye(3))
     for name in ("von_mises", "recovered_von_mises"):
-        np.testing.assert_allclose(arrays[name][:, 0], mises, rtol=1e-6)
-    np.testing.assert_allclose(arrays["density"][:, 0], mises**2 / (6 * mu), rtol=1e-6)
+        assert_allclose(arrays[name][:, 0], mises, rtol=1e-6)
+    assert_allclose(arrays["density"][:, 0], mises**2 / (6 * mu), rtol=1e-6)
 
 
 @pytest.mark.one_quick("cells", ["quadrilateral", "tetrahedra"])
 def test_other_readers(tmp_path, cells):
     """PyVista and meshio find the same cells and fields, and the volume of the body."""
     meshio, pyvista = pytest.importorskip("meshio"), pytest.importorskip("pyvista")
-    write_results(solve(stretched(cells, 2), MPI.COMM_SELF), tmp_path, pictures=False)
+    write_results(alone(stretched(cells, 2)), tmp_path, pictures=False)
     grid, read = pyvista.read(tmp_path / "fields.vtu"), meshio.read(tmp_path / "fields.vtu")
     sizes = grid.compute_cell_sizes()
     assert sizes["Area"].sum() + sizes["Volume"].sum() == pytest.approx(3.0)
@@ -134,7 +134,7 @@ def test_load_steps(tmp_path):
             "load_steps": {"times": [0.5, 1.0]},
         }
     )
-    summary = write_results(solve(scene, MPI.COMM_SELF), tmp_path, pictures=False)
+    summary = write_results(alone(scene), tmp_path, pictures=False)
     assert summary["fields"] == ["fields.pvd"]
     listed = [
         (row.get("timestep"), row.get("file"))
@@ -147,7 +147,7 @@ def test_load_steps(tmp_path):
 
 def test_without_fields(tmp_path):
     """Those of an earlier run go; there is one format."""
-    solution, out = solve(stretched("triangle", 1), MPI.COMM_SELF), tmp_path / "out"
+    solution, out = alone(stretched("triangle", 1)), tmp_path / "out"
     write_results(solution, out, pictures=False)
     assert (out / "fields.vtu").exists()
     write_results(solution, out, fields=False, pictures=False)

@@ -7,6 +7,7 @@ import pytest
 import ufl
 from dolfinx import fem
 from mpi4py import MPI
+from numpy.testing import assert_allclose
 from scene_tables import fixed, rectangle_mesh
 from scenes import alone, example1
 
@@ -89,12 +90,10 @@ def test_cells_for_pictures(name, hypothesis, cell):
     }
     raw = {"density": solution.stress.shear_energy_density, "von_mises": solution.stress.von_mises}
     for name, value in exact.items():
-        np.testing.assert_allclose(raw[name].x.array, value, rtol=1e-10)
+        assert_allclose(raw[name].x.array, value, rtol=1e-10)
         # Recovered by an average over cells, with weights that are solved for to a residual of
         # 1.5e-8.
-        np.testing.assert_allclose(
-            gathered.values[name], value, rtol=1e-8 if comm.size == 1 else 1e-7
-        )
+        assert_allclose(gathered.values[name], value, rtol=1e-8 if comm.size == 1 else 1e-7)
     assert len(gathered.perimeters) == {"quadrilateral": 24, "triangle": 48}[cell]
     corners = gathered.points[gathered.perimeters]
     following = np.roll(corners, -1, axis=1)
@@ -104,13 +103,11 @@ def test_cells_for_pictures(name, hypothesis, cell):
         )
         / 2
     )
-    np.testing.assert_allclose(areas, 3.0 / len(areas), rtol=1e-12)
+    assert_allclose(areas, 3.0 / len(areas), rtol=1e-12)
     middles = {(round(x, 9), round(y, 9)) for x, y in corners.mean(axis=1)}
     assert len(middles) == len(areas)
     expected = gathered.points @ np.transpose(gradient)
-    np.testing.assert_allclose(
-        gathered.displacement, expected, rtol=0, atol=1e-12 * np.abs(expected).max()
-    )
+    assert_allclose(gathered.displacement, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
 
 
 @pytest.mark.mpi
@@ -131,9 +128,7 @@ def test_stresses(name, hypothesis, cell, degree):
         (found.principal, np.linalg.eigvalsh(sigma)[::-1]),
     ):
         values = function.x.array.reshape(-1, *np.shape(expected))
-        np.testing.assert_allclose(
-            values, np.broadcast_to(expected, values.shape), rtol=0, atol=1e-9 * size
-        )
+        assert_allclose(values, np.broadcast_to(expected, values.shape), rtol=0, atol=1e-9 * size)
     assert found.smallest().value == pytest.approx(
         np.linalg.eigvalsh(sigma)[0], rel=1e-9, abs=1e-9 * size
     )
@@ -216,8 +211,8 @@ def test_arc_length(degree):
     beginning.
     """
     columns = alone(example1(bound=1.5, nx=6, ny=2, degree=degree)).table.columns
-    np.testing.assert_allclose(columns["x"], np.linspace(0.0, 3.0, 6 * degree + 1), atol=1e-12)
-    np.testing.assert_allclose(columns["s"], columns["x"], atol=1e-12)
+    assert_allclose(columns["x"], np.linspace(0.0, 3.0, 6 * degree + 1), atol=1e-12)
+    assert_allclose(columns["s"], columns["x"], atol=1e-12)
 
 
 def test_zones_of_a_closed_boundary():
@@ -240,4 +235,4 @@ def test_the_place_of_a_stress_that_is_the_same_everywhere():
     )
     stress = solve(scene, MPI.COMM_WORLD).stress
     for extreme in (stress.largest(), stress.smallest(), stress.recovered.largest()):
-        np.testing.assert_allclose(extreme.place, 0.0, rtol=0, atol=1e-12)
+        assert_allclose(extreme.place, 0.0, rtol=0, atol=1e-12)

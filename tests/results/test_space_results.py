@@ -8,6 +8,7 @@ import json
 import numpy as np
 import pytest
 from mesh_files import arrays_of
+from numpy.testing import assert_allclose, assert_array_equal
 from scenes import alone
 from spaces import block, box, friction_of
 
@@ -50,12 +51,8 @@ def test_files(written):
         vector = [float(row[f"shear_{axis}"]) for axis in "xyz"]
         assert np.linalg.norm(vector) == pytest.approx(float(row["shear"]), abs=1e-12)
     arrays = arrays_of(folder / "contact.vtu")
-    np.testing.assert_array_equal(
-        arrays["pressure"][:, 0], [float(row["pressure"]) for row in rows]
-    )
-    np.testing.assert_array_equal(
-        arrays["shear vector"][:, 1], [float(row["shear_y"]) for row in rows]
-    )
+    assert_array_equal(arrays["pressure"][:, 0], [float(row["pressure"]) for row in rows])
+    assert_array_equal(arrays["shear vector"][:, 1], [float(row["shear_y"]) for row in rows])
     cells = arrays["connectivity"].astype(int).reshape(len(arrays["offsets"]), -1)
     corners = arrays["points"][cells[:, : 3 if arrays["types"][0, 0] == 5 else 4]][:, :, :2]
     nxt = np.roll(corners, -1, axis=1)
@@ -86,4 +83,4 @@ def test_moment_of_a_push(kind):
     area = 2.0
     loads = np.array([0.5, -1.0, 0.0]) * -press * area + np.array([0.0, height, 0.0]) * push * area
     loads[2] = -0.5 * push * area
-    np.testing.assert_allclose(moment, -loads, atol=1e-8)
+    assert_allclose(moment, -loads, atol=1e-8)

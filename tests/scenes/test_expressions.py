@@ -5,6 +5,7 @@ import pytest
 import ufl
 from dolfinx import fem, mesh
 from mpi4py import MPI
+from numpy.testing import assert_allclose, assert_array_equal
 
 from signorini_fx.machine.compat import interpolation_points
 from signorini_fx.mechanics.statement.expressions import Expression, sample
@@ -45,8 +46,8 @@ def test_meaning(text):
     points = X.copy()
     values = Expression(text)(points)
     assert values.dtype == float
-    np.testing.assert_allclose(values, MEANINGS[text], rtol=1e-15)
-    np.testing.assert_array_equal(points, X)
+    assert_allclose(values, MEANINGS[text], rtol=1e-15)
+    assert_array_equal(points, X)
 
 
 @pytest.mark.parametrize(("text", "at"), [("x[0]", 1.0), ("x[0]", 0.0), ("x[0]**2 + 3", 4.0)])
@@ -78,9 +79,7 @@ def test_numpy_and_compiled_ufl_agree():
     function.interpolate(fem.Expression(together, interpolation_points(space.element)))
     points = space.tabulate_dof_coordinates().T
     for values, text in zip(function.x.array.reshape(-1, len(MEANINGS)).T, MEANINGS, strict=True):
-        np.testing.assert_allclose(
-            values, Expression(text)(points), rtol=1e-13, atol=1e-13, err_msg=text
-        )
+        assert_allclose(values, Expression(text)(points), rtol=1e-13, atol=1e-13, err_msg=text)
 
 
 @pytest.mark.parametrize(
@@ -161,4 +160,4 @@ def test_sample():
         (lambda x: x[0] ** 2, x0**2),
         (lambda x: 3, np.full(5, 3.0)),
     ):
-        np.testing.assert_array_equal(sample(value, X), expected)
+        assert_array_equal(sample(value, X), expected)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from mpi4py import MPI
+from numpy.testing import assert_allclose
 from scene_tables import coulomb_friction, rectangle_mesh
 from scenes import alone
 
@@ -60,11 +61,9 @@ def test_values_of_an_entry(path):
             continue
         assert point.certificate.holds
         size = np.abs(solution.contact.forces).max()
-        np.testing.assert_allclose(
-            point.contact.forces, solution.contact.forces, rtol=0, atol=1e-8 * size
-        )
+        assert_allclose(point.contact.forces, solution.contact.forces, rtol=0, atol=1e-8 * size)
         pressure = MPI.COMM_WORLD.allreduce(point.contact.pressure.max(initial=0.0), MPI.MAX)
-        np.testing.assert_allclose(pressure, solution.contact.pressure.max(), rtol=1e-6)
+        assert_allclose(pressure, solution.contact.pressure.max(), rtol=1e-6)
     assert len({id(point.model.stiffness) for point in points}) == matrices
 
 
@@ -79,9 +78,7 @@ def test_load_steps_and_several_meshes():
             wanted = alone(scene.remade(contact=point.statement.contact))
             assert point.statement.contact[0].friction.coefficient == value
             assert len(point.steps) == steps
-            np.testing.assert_allclose(
-                point.contact.forces, wanted.contact.forces, rtol=0, atol=1e-8
-            )
+            assert_allclose(point.contact.forces, wanted.contact.forces, rtol=0, atol=1e-8)
 
 
 def test_values_are_refused_by_their_place():

@@ -1,10 +1,9 @@
 """Values at nodes that round-off of their positions puts beside the body."""
 
 import pytest
-from mpi4py import MPI
 from scene_tables import coulomb_friction, rectangle_mesh, tresca_friction
+from scenes import alone
 
-from signorini_fx import solve
 from signorini_fx.scenes.reading import parse_scene
 
 
@@ -23,4 +22,4 @@ def test_values_that_are_zero_at_an_end(law):
                 "contact": {"boundary": "top", "friction": friction},
             }
         )
-        assert solve(scene, MPI.COMM_SELF).converged
+        assert alone(scene).converged

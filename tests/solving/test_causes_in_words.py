@@ -1,10 +1,10 @@
 """What is said of a load step that has no solution is of that step, and of its cause."""
 
 import pytest
-from mpi4py import MPI
 from scene_tables import coulomb_friction, fixed, rectangle_mesh
+from scenes import alone
 
-from signorini_fx import ConvergenceError, Scene, Status, solve
+from signorini_fx import ConvergenceError, Scene, Status
 from signorini_fx.scenes.reading import parse_scene
 
 ELASTIC = {"young": 100.0, "poisson": 0.3}
@@ -39,7 +39,7 @@ def pushed(material, limits=LIMITS):
 def failing(scene):
     """The error of a scene without a solution."""
     with pytest.raises(ConvergenceError) as raised:
-        solve(scene, MPI.COMM_SELF)
+        alone(scene)
     return raised.value
 
 

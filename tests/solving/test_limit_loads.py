@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from mpi4py import MPI
+from scenes import alone
 from scipy.optimize import linprog
 
 from signorini_fx import solve
@@ -163,7 +163,7 @@ def enclosed(case):
         elif isinstance(record, IterationRecord) and attempts:
             attempts[-1][1] += 1
 
-    solution = solve(case.scene, MPI.COMM_SELF, check=False, observers=[count])
+    solution = alone(case.scene, check=False, observers=[count])
     limit = case.limit or limit_by_programme(case, solution)
     held, failed = solution.last_step.time, solution.steps[-1].time
     assert (1 - FURTHEST) * limit <= held <= limit <= failed <= (1 + FURTHEST) * limit

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from dolfinx import mesh
 from mpi4py import MPI
+from numpy.testing import assert_allclose
 from scene_tables import coulomb_friction, fixed, plane_shape, rectangle_mesh
 
 from signorini_fx import ConvergenceError, Status, solve
@@ -134,9 +135,7 @@ def test_stays_near_to_where_it_was(law, bodies, path, rough, held):
     for step in solution.steps:
         exerted = np.sum(step.contact.forces_of_each, axis=1)
         if step.step not in free_steps:
-            np.testing.assert_allclose(
-                np.abs(exerted[:, 1]), FORCE * share_of_load(load, step), rtol=1e-5
-            )
+            assert_allclose(np.abs(exerted[:, 1]), FORCE * share_of_load(load, step), rtol=1e-5)
         else:
             assert not np.abs(step.contact.forces_of_each).any()
             warmth, floor = CHANGE * EXPANSION * share_of_load(hot, step), 0.0
@@ -147,15 +146,13 @@ def test_stays_near_to_where_it_was(law, bodies, path, rough, held):
                         (np.tile(np.eye(2), (len(x), 1)), arms, *((x.ravel(),) if warmth else ()))
                     )
                     motion = np.linalg.lstsq(rows, y.ravel(), rcond=None)[0]
-                    np.testing.assert_allclose(rows @ motion, y.ravel(), rtol=0, atol=1e-8 * size)
-                    np.testing.assert_allclose(
-                        motion[3:], (1 + ELASTIC["poisson"]) * warmth, rtol=1e-2
-                    )
+                    assert_allclose(rows @ motion, y.ravel(), rtol=0, atol=1e-8 * size)
+                    assert_allclose(motion[3:], (1 + ELASTIC["poisson"]) * warmth, rtol=1e-2)
                 bottom = np.isclose(x[:, 1], x[:, 1].min())
                 places = x[bottom, 1] + y[bottom, 1]
                 # What has yielded is not flat any more, and touches at its lowest place.
                 lowest = places.min() if law == "j2" else places
-                np.testing.assert_allclose(lowest, floor, rtol=0, atol=2e-4 * size)
+                assert_allclose(lowest, floor, rtol=0, atol=2e-4 * size)
                 assert places.min() > floor - 1e-6 * size
                 floor = (x[:, 1] + y[:, 1]).max()
         if not held and law != "j2" and last is not None:
@@ -206,7 +203,7 @@ def test_a_wall_that_goes_back_leaves_a_body_where_it_is():
     solution = solve(
         parse_scene(scene | {"force": [], "load_steps": {"times": [1.0, 2.0]}}), MPI.COMM_SELF
     )
-    np.testing.assert_allclose(solution.displacement.x.array[::2], 0.1, rtol=1e-5)
+    assert_allclose(solution.displacement.x.array[::2], 0.1, rtol=1e-5)
 
 
 def test_augmentation_after_a_step_without_a_load():
@@ -215,7 +212,7 @@ def test_augmentation_after_a_step_without_a_load():
         "solver": {"algorithm": "alm"}
     }
     first, _, again = solve(parse_scene(scene), MPI.COMM_SELF).steps
-    np.testing.assert_allclose(again.contact.shear, first.contact.shear, rtol=1e-4)
+    assert_allclose(again.contact.shear, first.contact.shear, rtol=1e-4)
 
 
 @pytest.mark.parametrize("law", LAWS)
@@ -251,7 +248,7 @@ def test_a_nonlinear_body_moves_before_it_touches(law, degree):
     assert solution.converged
     assert [finding for finding in solution.findings if finding.path == "material"] == []
     moved = solution.steps[0].displacement.x.array.reshape(-1, 2)
-    np.testing.assert_allclose(moved, np.tile([0.0, -0.5], (len(moved), 1)), atol=1e-12)
+    assert_allclose(moved, np.tile([0.0, -0.5], (len(moved), 1)), atol=1e-12)
     assert not solution.steps[0].contact.in_contact.any()
     assert solution.steps[-1].contact.in_contact.all()
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from pushed_block import FRICTION, LENGTH, LIMIT, PRESSURE, block, friction_force
 from scenes import alone
 
@@ -90,10 +91,8 @@ def test_hysteresis_loop(loading, method):
         slice(len(UP) + CYCLE - 1, len(UP) + 2 * CYCLE),
         slice(len(UP) + 2 * CYCLE - 1, None),
     )
-    np.testing.assert_allclose(shear[third] / PRESSURE, shear[second] / PRESSURE, **close)
-    np.testing.assert_allclose(
-        slip[third] / np.abs(slip).max(), slip[second] / np.abs(slip).max(), **close
-    )
+    assert_allclose(shear[third] / PRESSURE, shear[second] / PRESSURE, **close)
+    assert_allclose(slip[third] / np.abs(slip).max(), slip[second] / np.abs(slip).max(), **close)
     assert work[third][1:].sum() == pytest.approx(work[second][1:].sum(), rel=1e-4)
     assert work[third][1:].sum() > 0
     # At the push 0 on the way back the block is further to the right than on the way there.
@@ -114,7 +113,7 @@ def test_one_step_is_the_static_law(loading, method):
     scales = {"u_n": 0.003, "u_t": 0.003, "pressure": PRESSURE, "shear": PRESSURE}
     for name, scale in scales.items():
         ours, theirs = getattr(one.contact, name), getattr(static.contact, name)
-        np.testing.assert_allclose(ours, theirs, rtol=0, atol=1e-9 * scale)
+        assert_allclose(ours, theirs, rtol=0, atol=1e-9 * scale)
     assert one.history.linear_solves == static.history.linear_solves
 
 
@@ -169,8 +168,8 @@ def test_tresca_steps():
     scene = by_displacement(0.02, [0.0, 1.0, 0.0], algorithm="alm")
     contact = scene.contact[0].model_copy(update={"friction": Tresca(bound=2.0)})
     steps = alone(scene.model_copy(update={"contact": (contact,)})).steps
-    np.testing.assert_allclose(steps[1].contact.shear, 2.0, rtol=1e-9)
-    np.testing.assert_allclose(steps[2].contact.shear, -2.0, rtol=1e-9)
+    assert_allclose(steps[1].contact.shear, 2.0, rtol=1e-9)
+    assert_allclose(steps[2].contact.shear, -2.0, rtol=1e-9)
 
 
 LAWS = {
@@ -219,6 +218,4 @@ def test_a_loose_body_waits_for_its_load(law, method, factors):
     assert not [f for f in at_once.findings if "nothing presses on the body" in f.message]
     expected = at_once.steps[-1].displacement.x.array
     # Path-following and augmentation stop within their own tolerances, on other ways.
-    np.testing.assert_allclose(
-        last.displacement.x.array, expected, rtol=0, atol=1e-6 * np.abs(expected).max()
-    )
+    assert_allclose(last.displacement.x.array, expected, rtol=0, atol=1e-6 * np.abs(expected).max())

@@ -14,6 +14,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from mpi4py import MPI
+from numpy.testing import assert_allclose
+from scenes import alone
 
 from signorini_fx.errors import SceneError
 from signorini_fx.records import StepRecord
@@ -269,21 +271,19 @@ def assert_same(solution, reference, tolerance=1e-8):
         assert (one.step, one.place, one.time) == (other.step, other.place, other.time)
         assert one.certificate.holds
         for ours, theirs in zip(one.contact.forces, other.contact.forces, strict=True):
-            np.testing.assert_allclose(
+            assert_allclose(
                 ours, theirs, rtol=0, atol=tolerance * np.abs(other.contact.forces_of_each).max()
             )
         found, wanted = (
             np.array([[*tool.translation, *tool.rotation] for tool in result.rigid_bodies])
             for result in (one, other)
         )
-        np.testing.assert_allclose(
-            found, wanted, rtol=0, atol=tolerance * np.abs(wanted).max(initial=0.0)
-        )
+        assert_allclose(found, wanted, rtol=0, atol=tolerance * np.abs(wanted).max(initial=0.0))
     ours, theirs = solution.table.columns, reference.table.columns
     assert (ours["state"] == theirs["state"]).all()
     assert (ours["friction"] == theirs["friction"]).all()
     for name, like in (("pressure", "pressure"), ("shear", "pressure"), ("u_n", "u_n")):
-        np.testing.assert_allclose(
+        assert_allclose(
             ours[name], theirs[name], rtol=0, atol=tolerance * np.abs(theirs[like]).max()
         )
 
@@ -370,9 +370,8 @@ def test_a_ramp(tmp_path, push, method):
     for step in (3, 5):
         if MPI.COMM_WORLD.rank == 0:
             with pytest.raises(Killed):
-                solve(
+                alone(
                     given,
-                    MPI.COMM_SELF,
                     checkpoint=folder,
                     restart=step > 3,
                     observers=[until(step)],
@@ -387,7 +386,7 @@ def test_a_ramp(tmp_path, push, method):
         assert (one.step, one.place, one.status) == (other.step, other.place, other.status)
         assert one.linear_solves == other.linear_solves
         ours, theirs = one.contact.forces, other.contact.forces
-        np.testing.assert_allclose(ours, theirs, rtol=0, atol=1e-7 * np.abs(theirs).max())
+        assert_allclose(ours, theirs, rtol=0, atol=1e-7 * np.abs(theirs).max())
     assert solution.parameters == pytest.approx(reference.parameters)
 
 
@@ -432,9 +431,9 @@ def test_truncated(tmp_path, what):
     given = scene(PUSHED)
     interrupted(given, MPI.COMM_SELF, tmp_path, 4)
     broken(tmp_path, what)
-    solution = solve(given, MPI.COMM_SELF, checkpoint=tmp_path, restart=True)
+    solution = alone(given, checkpoint=tmp_path, restart=True)
     assert solution.history.events[0].startswith("restart: 0 " if what == "scene" else "restart: ")
-    assert_same(solution, solve(given, MPI.COMM_SELF))
+    assert_same(solution, alone(given))
 
 
 def test_the_certificate_judges(tmp_path):
@@ -446,10 +445,10 @@ def test_the_certificate_judges(tmp_path):
         changed = {**own, **{name: other[name] for name in ("displacement", "y")}}
     with files[1].open("wb") as stream:
         np.savez(stream, **changed)
-    solution = solve(given, MPI.COMM_SELF, checkpoint=tmp_path, restart=True)
+    solution = alone(given, checkpoint=tmp_path, restart=True)
     assert solution.history.events[0].startswith("restart: 3 complete load step")
     assert re.search(r"load step 3 .*certificate does not hold", solution.history.events[1])
-    assert_same(solution, solve(given, MPI.COMM_SELF))
+    assert_same(solution, alone(given))
 
 
 def test_another_scene(tmp_path):
@@ -457,7 +456,7 @@ def test_another_scene(tmp_path):
     interrupted(scene(PUSHED), MPI.COMM_SELF, tmp_path, 3)
     changed = PUSHED.replace("coefficient = 0.3", "coefficient = 0.4").replace("-0.4]", "-0.5]")
     with pytest.raises(SceneError) as error:
-        solve(scene(changed, tolerance=1e-8), MPI.COMM_SELF, checkpoint=tmp_path, restart=True)
+        alone(scene(changed, tolerance=1e-8), checkpoint=tmp_path, restart=True)
     assert [key for key, _ in error.value.problems] == [
         "traction[1].factors[5]",
         "contact[0].friction.coefficient",
@@ -465,7 +464,7 @@ def test_another_scene(tmp_path):
     ]
     assert error.value.problems[1][1].startswith("was 0.3 in the run to go on from, and is 0.4: ")
     renamed = scene(PUSHED.replace("block,", "brick,"))
-    assert solve(renamed, MPI.COMM_SELF, checkpoint=tmp_path, restart=True).converged
+    assert alone(renamed, checkpoint=tmp_path, restart=True).converged
 
 
 @pytest.mark.parametrize(
@@ -483,13 +482,13 @@ def test_nothing_to_go_on_from(tmp_path, text, message):
     which it is.
     """
     with pytest.raises(SceneError, match=message):
-        solve(scene(text), MPI.COMM_SELF, checkpoint=tmp_path, restart=True)
+        alone(scene(text), checkpoint=tmp_path, restart=True)
 
 
 def test_results_remove_the_checkpoint(tmp_path):
     """Until the result is complete it stays, and a restart without one begins at the beginning."""
     given = scene(PUSHED)
-    solution = solve(given, MPI.COMM_SELF, checkpoint=tmp_path, restart=True)
+    solution = alone(given, checkpoint=tmp_path, restart=True)
     assert (
         solution.history.events[0] == f"restart: 0 complete load steps in {tmp_path / CHECKPOINT}"
     )
@@ -548,7 +547,7 @@ def rows(file):
 def uninterrupted(tmp_path_factory):
     """The result folder of PUSHED, solved in one go."""
     folder = tmp_path_factory.mktemp("reference")
-    write_results(solve(scene(PUSHED), MPI.COMM_SELF), folder, fields=False, pictures=False)
+    write_results(alone(scene(PUSHED)), folder, fields=False, pictures=False)
     return folder
 
 
@@ -588,6 +587,4 @@ def test_killed(tmp_path, uninterrupted, before, after):
             # Coordinates, displacements and forces that are round-off are compared with the unit.
             scale = max(np.abs(other).max(), 1e-6)
             if column != "linear_solves":
-                np.testing.assert_allclose(
-                    one, other, rtol=0, atol=1e-8 * scale, err_msg=f"{name} {column}"
-                )
+                assert_allclose(one, other, rtol=0, atol=1e-8 * scale, err_msg=f"{name} {column}")

@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 from forms import Block
 from mpi4py import MPI
+from numpy.testing import assert_allclose, assert_array_equal
+from scenes import alone
 from step_effects import (
     Counted,
     ErodedContact,
@@ -123,9 +125,7 @@ def solved(given, comm=MPI.COMM_WORLD):
 def assert_again(state, report, other, reference, tolerance=1e-9):
     """The same displacement, sets, and linear solves."""
     size = np.abs(other.displacement).max(initial=0.0)
-    np.testing.assert_allclose(
-        state.displacement, other.displacement, rtol=0, atol=tolerance * size
-    )
+    assert_allclose(state.displacement, other.displacement, rtol=0, atol=tolerance * size)
     assert (state.contact.contact == other.contact.contact).all()
     slips, slipped = ((one.contact.direction != 0).any(axis=1) for one in (state, other))
     assert (slips == slipped).all()
@@ -311,7 +311,7 @@ def test_a_solve_goes_on_from_a_state():
         assert u == pytest.approx(expected, rel=0.0, abs=digits * np.abs(expected).max())
         assert (ours.linear_solves, ours.time) == (theirs.linear_solves, theirs.time)
     for name, field in whole.state.fields.items():
-        np.testing.assert_allclose(rest.state.fields[name].values, field.values, rtol=1e-13)
+        assert_allclose(rest.state.fields[name].values, field.values, rtol=1e-13)
     assert whole.state.fields["steps"].values == [6.0]
 
 
@@ -322,13 +322,13 @@ def test_fields_survive_a_restart(tmp_path):
     if MPI.COMM_WORLD.rank == 0:
         how = {"effects": [Counted()], "observers": [until(4)], "checkpoint": folder}
         with pytest.raises(Killed):
-            solve(given, MPI.COMM_SELF, **how)
+            alone(given, **how)
     MPI.COMM_WORLD.barrier()
     ended = solve(given, checkpoint=folder, restart=True, effects=[Counted()])
     whole = solve(given, effects=[Counted()])
     assert ended.state.fields["steps"].values == [6.0]
     for name, field in whole.state.fields.items():
-        np.testing.assert_allclose(ended.state.fields[name].values, field.values, rtol=1e-7)
+        assert_allclose(ended.state.fields[name].values, field.values, rtol=1e-7)
 
 
 def test_wear_in_scenes_and_forms():
@@ -349,7 +349,7 @@ def test_wear_in_scenes_and_forms():
     solution = solve(scene(text), effects=[Wear(1e-5)])
     found = [step.contact.pressure.mean() for step in solution.steps]
     # E / H times what is left of the displacement; gamma is 1e3 of it.
-    np.testing.assert_allclose(found, 10.0 * 0.99 ** np.arange(4), rtol=2e-3)
+    assert_allclose(found, 10.0 * 0.99 ** np.arange(4), rtol=2e-3)
     assert all(step.certificate.holds for step in solution.steps)
     block = Block((4, 4))
     problem = ContactProblem(block.a, block.L, block.bcs, block.foundation, effects=[Wear(1e-5)])
@@ -374,7 +374,7 @@ def test_a_part_of_a_contact(monkeypatch):
     eroded = ErodedContact(**dict(stated), erosion={"rate": 1e-5})
     given = scene(PUSHED).model_copy(update={"contact": eroded})
     expected = solve(scene(PUSHED), effects=[Wear(1e-5)]).state.fields["worn"].values
-    np.testing.assert_array_equal(solve(given).state.fields["worn"].values, expected)
+    assert_array_equal(solve(given).state.fields["worn"].values, expected)
     with pytest.raises(SceneError, match=r"erosion\.rate.*greater than 0"):
         ErodedContact(boundary="bottom", erosion={"rate": -1.0})
     with pytest.raises(SceneError, match="erosion: must be a table"):
@@ -390,7 +390,7 @@ def test_a_part_of_a_contact(monkeypatch):
     ):
         problem = ContactProblem(block.a, block.L, block.bcs, **more)
         worn.append(problem.step(problem.initial(), 1.0)[0].fields["worn"].values)
-    np.testing.assert_array_equal(*worn)
+    assert_array_equal(*worn)
     wrong = ErodedFoundation(block.foundation.facets, erosion=1e-5)
     with pytest.raises(FormError, match=r"contact\[0\]\.erosion.*Erosion\(...\), not float"):
         ContactProblem(block.a, block.L, block.bcs, wrong)

@@ -15,6 +15,7 @@ import numpy.typing as npt
 import ufl
 from dolfinx import fem
 from mpi4py import MPI
+from scenes import alone
 from scipy.spatial import cKDTree
 
 from signorini_fx.machine import compat
@@ -28,7 +29,6 @@ from signorini_fx.results.accuracy.contact_surface import ContactSurface, places
 from signorini_fx.results.solution import Solution
 from signorini_fx.scenes.mesh import load_mesh, scene_on
 from signorini_fx.scenes.scene import Scene
-from signorini_fx.scenes.solver import solve
 from signorini_fx.tuned import EXPECTED_RATES
 
 Floats = npt.NDArray[np.float64]
@@ -290,7 +290,7 @@ def divided(scene: Scene, first: float, unknowns: int) -> list[Solution]:
     tagged = load_mesh(varied(scene, first, "P2", {}), MPI.COMM_SELF)
     solutions: list[Solution] = []
     while not solutions or solutions[-1].model.dofs < unknowns:
-        solutions.append(solve(varied(scene, tagged, "P2", LIMIT), MPI.COMM_SELF, check=False))
+        solutions.append(alone(varied(scene, tagged, "P2", LIMIT), check=False))
         tagged = refine(tagged, mark(MPI.COMM_SELF, solutions[-1].stress.squares))
     return solutions
 

@@ -6,6 +6,7 @@ import itertools
 
 import numpy as np
 from mpi4py import MPI
+from numpy.testing import assert_allclose, assert_array_equal
 from scene_tables import coulomb_friction, fixed, rectangle_mesh, tresca_friction
 
 from signorini_fx.mechanics.contact_points.contact_table import contact_table
@@ -159,14 +160,12 @@ def same_answer(ours, theirs, share=1e-8):
     assert ours.status is theirs.status is Status.CONVERGED
     assert ours.certificate.holds
     wanted = theirs.displacement.x.array
-    np.testing.assert_allclose(
-        ours.displacement.x.array, wanted, rtol=0, atol=share * np.abs(wanted).max()
-    )
+    assert_allclose(ours.displacement.x.array, wanted, rtol=0, atol=share * np.abs(wanted).max())
     found, wanted = ours.contact, theirs.contact
-    np.testing.assert_array_equal(found.in_contact, wanted.in_contact)
+    assert_array_equal(found.in_contact, wanted.in_contact)
     size = max(np.abs(wanted.pressure).max(), np.abs(wanted.shear).max())
     for name in ("pressure", "shear"):
-        np.testing.assert_allclose(
+        assert_allclose(
             getattr(found, name), getattr(wanted, name), rtol=0, atol=share * size, err_msg=name
         )
 

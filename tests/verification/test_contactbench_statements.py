@@ -8,6 +8,7 @@ import meshio
 import numpy as np
 import pytest
 from mesh_files import read_file
+from numpy.testing import assert_allclose, assert_array_equal
 
 from benchmarks.contactbench.elasticity import nodal_loads, nodal_weights, prescribed, values_at
 from benchmarks.contactbench.grids import make_grid
@@ -98,22 +99,18 @@ def test_files(tmp_path, name):
     text = "\n".join(inp_lines(grid, problem.hypothesis)) + "\n"
     (tmp_path / "a.inp").write_text(text)
     found = meshio.read(tmp_path / "a.msh")
-    np.testing.assert_allclose(
-        found.points[:, : problem.dimension], grid.points, rtol=0, atol=1e-15
-    )
+    assert_allclose(found.points[:, : problem.dimension], grid.points, rtol=0, atol=1e-15)
     kind = {4: "quad", 8: "hexahedron"}[grid.cells.shape[1]]
-    np.testing.assert_array_equal(
-        np.vstack([b.data for b in found.cells if b.type == kind]), grid.cells
-    )
+    assert_array_equal(np.vstack([b.data for b in found.cells if b.type == kind]), grid.cells)
     assert set(found.field_data) == {*grid.facets, *grid.names}
     tag = {key: int(value[0]) for key, value in found.field_data.items()}
     across = {2: "line", 3: "quad"}[problem.dimension]
     rows = np.vstack([b.data for b in found.cells if b.type == across])
     tags = found.get_cell_data("gmsh:physical", across)
     for boundary, facets in grid.facets.items():
-        np.testing.assert_array_equal(rows[tags == tag[boundary]], facets)
+        assert_array_equal(rows[tags == tag[boundary]], facets)
     deck = read_file(tmp_path / "a.inp")
-    np.testing.assert_allclose(
+    assert_allclose(
         np.asarray(deck.points)[:, : problem.dimension], grid.points, rtol=1e-11, atol=1e-12
     )
     assert all(f"NAME=S_{boundary.upper()}," in text for boundary in grid.facets)

@@ -8,6 +8,7 @@ sum of such errors.
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from scenes import alone, energy, example1, table_of
 
 LAWS = {
@@ -37,8 +38,8 @@ def test_resultants(solved):
     assert np.dot(solution.contact.boundary.weight, solution.contact.pressure) == pytest.approx(
         20.0, abs=1e-6
     )
-    np.testing.assert_allclose(contact, [0.0, 20.0], atol=1e-6)
-    np.testing.assert_allclose(friction, [0.0, 0.0], atol=1e-6)
+    assert_allclose(contact, [0.0, 20.0], atol=1e-6)
+    assert_allclose(friction, [0.0, 0.0], atol=1e-6)
 
 
 def test_numbers(solved):
@@ -65,9 +66,7 @@ def test_slip_zones(solved):
     if law == "tresca":
         assert zones(table, friction == "slip-") == [[0.325, 0.95]]
         assert zones(table, friction == "slip+") == [[2.05, 2.675]]
-        np.testing.assert_allclose(
-            np.abs(table.columns["shear"])[friction != "stick"], 1.5, rtol=1e-12
-        )
+        assert_allclose(np.abs(table.columns["shear"])[friction != "stick"], 1.5, rtol=1e-12)
     else:
         assert zones(table, state == "stick") == [[1.025, 1.975]]
         assert zones(table, state == "slip-") == [[0.85, 1.0]]

@@ -10,6 +10,7 @@ import ufl
 from dolfinx import fem
 from mpi4py import MPI
 from scene_tables import box_mesh, coulomb_friction, fixed, plane_shape, rectangle_mesh
+from scenes import alone
 from scipy.spatial.transform import Rotation
 from support.nonlinear_bodies import held, rectangle, residual
 from support.nonlinear_scenes import block, indented, material
@@ -184,7 +185,7 @@ def test_load_steps_of_metal_that_yields(driven):
                 "contact": {"boundary": "top", "foundation": circle},
                 "load_steps": {"times": [0.2, 1.5, 4.0]},
             }
-        solution = solve(indented(metal, unit=unit, cells=(8, 4), **scene), MPI.COMM_SELF)
+        solution = alone(indented(metal, unit=unit, cells=(8, 4), **scene))
         assert [step.time for step in solution.steps] == scene["load_steps"]["times"]
         ends.append(solution.displacement.x.array / unit)
     assert abs(ends[1] - ends[0]).max() <= 1e-9 * abs(ends[0]).max()
@@ -207,7 +208,7 @@ def test_a_sphere_that_touches_in_one_point(cell, degree):
         "displacement": fixed("top", "xyz"),
         "contact": {"boundary": "bottom", "foundation": sphere},
     }
-    solution = solve(parse_scene(scene), MPI.COMM_SELF)
+    solution = alone(parse_scene(scene))
     assert solution.converged
     assert solution.table.columns["gap"].min() >= -1e-12
     assert np.abs(solution.contact.forces).max() == 0.0
@@ -216,7 +217,7 @@ def test_a_sphere_that_touches_in_one_point(cell, degree):
 def test_a_force_of_which_no_digit_is_known(tmp_path):
     """Its first digit stands with the error: 0 would be a claim."""
     scene = block(STEEL, "0.01", load_steps={}, solver={})
-    summary = summary_of(solve(scene, MPI.COMM_SELF))
+    summary = summary_of(alone(scene))
     row = {
         "energy": None,
         "pressure": None,
@@ -273,7 +274,7 @@ def test_generators_agree_on_a_kind_of_cell(low, high, cell):
         {**PUNCH, "body": bodies, "contact": {"boundary": "high.foot", "against": "low.top"}}
     )
     assert load_mesh(given, MPI.COMM_SELF).mesh.topology.cell_name() == cell
-    assert solve(given, MPI.COMM_SELF).converged
+    assert alone(given).converged
 
 
 BLOCK = """
@@ -446,9 +447,7 @@ def test_between_a_plate_at_rest_and_one_that_moves():
         ],
         load_steps={"times": [1.0, 2.0]},
     )
-    for step, pressure in zip(
-        solve(scene, MPI.COMM_SELF).steps, (12.052108, 26.863153), strict=True
-    ):
+    for step, pressure in zip(alone(scene).steps, (12.052108, 26.863153), strict=True):
         forces = np.array(step.contact.forces_of_each)[:, 0, 1]
         assert forces == pytest.approx([pressure, -pressure], rel=1e-6)
 
@@ -480,7 +479,7 @@ def test_the_side_that_ends_carries_the_points():
             "friction": coulomb_friction(0.3),
         },
     }
-    solution = solve(parse_scene(scene), MPI.COMM_SELF)
+    solution = alone(parse_scene(scene))
     assert solution.converged
     assert len(solution.steps) == 3
     assert set(solution.table.columns["boundary"]) == {"block.bottom"}
@@ -499,7 +498,7 @@ def test_an_unstable_equilibrium_says_where():
         load_steps={"times": [1.0, 4.0]},
     )
     with pytest.raises(ConvergenceError, match="unstable equilibrium") as error:
-        solve(scene, MPI.COMM_SELF)
+        alone(scene)
     assert "instead of a force" not in str(error.value)
     assert "begins" in str(error.value)
 

@@ -4,10 +4,9 @@ without a point.
 
 import numpy as np
 import pytest
-from mpi4py import MPI
 from scene_tables import circle_shape, coulomb_friction, fixed, plane_shape
+from scenes import alone
 
-from signorini_fx import solve
 from signorini_fx.scenes.reading import parse_scene
 
 DEPTH, POISSON = 1e-4, 0.3
@@ -46,7 +45,7 @@ def pressed(cell, degree, share, *, on="plane", law="linear", friction=0.0):
     }
     if law == "linear":
         del scene["material"]["law"]
-    solution = solve(parse_scene(scene), MPI.COMM_SELF)
+    solution = alone(parse_scene(scene))
     force = np.sum(solution.contact.forces, axis=0)[1]
     radius = (3 * force / 4 / MODULUS / curvature) ** (1 / 3)
     largest = 3 * force / 2 / np.pi / radius**2

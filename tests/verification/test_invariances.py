@@ -4,6 +4,7 @@ does nothing.
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 from scene_tables import coulomb_friction, fixed, rectangle_mesh, tresca_friction
 from scenes import PATCH, alone, energy, example1, on_mesh, rectangle, table_of
 
@@ -25,7 +26,7 @@ def counts(solution):
 
 def close(ours, theirs, rtol=1e-9):
     """Equal to 1e-9 of the largest value."""
-    np.testing.assert_allclose(ours, theirs, rtol=0, atol=rtol * np.abs(theirs).max())
+    assert_allclose(ours, theirs, rtol=0, atol=rtol * np.abs(theirs).max())
 
 
 @pytest.mark.one_quick("law", LAWS)
@@ -178,8 +179,8 @@ def test_rigid_motion_of_the_scene(law, element, turn, shift):
 def test_a_law_that_transmits_nothing_is_no_friction(nothing):
     """F = 0 and g = 0 take the path of frictionless contact: the same bits, the same solves."""
     without, zero = alone(example1(nx=60, ny=20)), alone(example1(**nothing, nx=60, ny=20))
-    np.testing.assert_array_equal(zero.displacement.x.array, without.displacement.x.array)
-    np.testing.assert_array_equal(zero.contact.pressure, without.contact.pressure)
+    assert_array_equal(zero.displacement.x.array, without.displacement.x.array)
+    assert_array_equal(zero.contact.pressure, without.contact.pressure)
     assert (zero.algorithm, counts(zero)) == (without.algorithm, counts(without))
 
 

@@ -3,6 +3,7 @@
 import numpy as np
 import oracle
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 from scenes import PATCH, alone, energy, example1, table_of
 
 GRIDS = [(30, 10), (60, 20)]
@@ -22,13 +23,13 @@ def in_grid_order(solution, nx, ny):
 def agree(solution, reference, nx, ny):
     """Displacement, lambda, mu to 1e-9 of their largest values, the sets and the energy."""
     table = table_of(solution).columns
-    np.testing.assert_array_equal(table["state"] != "open", reference.in_contact)
+    assert_array_equal(table["state"] != "open", reference.in_contact)
     for ours, theirs in (
         (in_grid_order(solution, nx, ny), reference.u),
         (table["pressure"], reference.pressure),
         (table["shear"], reference.shear),
     ):
-        np.testing.assert_allclose(ours, theirs, rtol=0, atol=1e-9 * np.abs(theirs).max())
+        assert_allclose(ours, theirs, rtol=0, atol=1e-9 * np.abs(theirs).max())
     assert energy(solution) == pytest.approx(reference.energy, rel=1e-9)
 
 
@@ -45,7 +46,7 @@ def test_tresca(nx, ny, cell, gamma):
     reference = oracle.tresca(nx, ny, 0.4, 1.5, gamma, (1.25, 1.75), cell)
     agree(solution, reference, nx, ny)
     table = table_of(solution).columns
-    np.testing.assert_array_equal(
+    assert_array_equal(
         np.select([table["friction"] == "slip+", table["friction"] == "slip-"], [1, -1]),
         reference.slip,
     )

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
+from numpy.testing import assert_allclose
 from scene_tables import coulomb_friction, fixed, tresca_friction
 from scenes import alone
 
@@ -167,7 +168,7 @@ def run(tagged, degree, algorithm="alm", **scene):
 def assert_displacement(solution, exact, tolerance=ROUND_OFF):
     expected = exact(solution.model.space.tabulate_dof_coordinates().T).T
     found = solution.displacement.x.array.reshape(-1, 2)
-    np.testing.assert_allclose(found, expected, rtol=0, atol=tolerance * np.abs(expected).max())
+    assert_allclose(found, expected, rtol=0, atol=tolerance * np.abs(expected).max())
 
 
 def assert_contact(solution, pressure, shear=0.0, state="stick", part=0, tolerance=ROUND_OFF):
@@ -175,10 +176,8 @@ def assert_contact(solution, pressure, shear=0.0, state="stick", part=0, toleran
     names = [effect.boundary for effect in solution.statement.contact]
     columns = contact_table(solution.contact, names).columns
     here = columns["boundary"] == names[part]
-    np.testing.assert_allclose(
-        columns["pressure"][here], pressure, rtol=0, atol=tolerance * PRESSURE
-    )
-    np.testing.assert_allclose(columns["shear"][here], shear, rtol=0, atol=tolerance * PRESSURE)
+    assert_allclose(columns["pressure"][here], pressure, rtol=0, atol=tolerance * PRESSURE)
+    assert_allclose(columns["shear"][here], shear, rtol=0, atol=tolerance * PRESSURE)
     assert set(columns["friction"][here]) == {state}
 
 
@@ -392,8 +391,8 @@ def test_two_foundations(cell, degree, angle):
     assert_contact(solution, PRESSURE, SHEAR, "slip+")
     columns = contact_table(solution.contact, ["bottom", "right", "right foot"]).columns
     right = columns["boundary"] != "bottom"
-    np.testing.assert_allclose(columns["pressure"][right], side, rtol=0, atol=ROUND_OFF * PRESSURE)
-    np.testing.assert_allclose(columns["shear"][right], -SHEAR, rtol=0, atol=ROUND_OFF * PRESSURE)
+    assert_allclose(columns["pressure"][right], side, rtol=0, atol=ROUND_OFF * PRESSURE)
+    assert_allclose(columns["shear"][right], -SHEAR, rtol=0, atol=ROUND_OFF * PRESSURE)
 
 
 LOW, HIGH = (
@@ -479,7 +478,7 @@ def test_gravity(cell, degree):
         contact=bottom(),
     )
     contact, _ = solution.contact.forces
-    np.testing.assert_allclose(contact[1], weight * LENGTH * HEIGHT, rtol=ROUND_OFF)
+    assert_allclose(contact[1], weight * LENGTH * HEIGHT, rtol=ROUND_OFF)
     if degree == 2:
         stiffness = confined_modulus(LOW)
         assert_displacement(

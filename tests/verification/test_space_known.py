@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 from scene_tables import box_mesh, fixed
 from scenes import alone
 from spaces import box, disc, friction_of
@@ -44,9 +45,7 @@ def test_hertz():
     assert 16 / (3 * np.pi) * mean == pytest.approx(a, rel=0.02)
     expected = peak * np.sqrt(np.maximum(1 - (r / a) ** 2, 0.0))
     inside = r < 0.5 * a
-    np.testing.assert_allclose(
-        columns["pressure"][inside], expected[inside], rtol=0, atol=0.03 * peak
-    )
+    assert_allclose(columns["pressure"][inside], expected[inside], rtol=0, atol=0.03 * peak)
 
 
 @pytest.mark.slow
@@ -86,7 +85,7 @@ def test_hertz_on_curved_quadratic_tetrahedra():
     inside = r < 0.5 * a
     assert inside.sum() > 10
     expected = peak * np.sqrt(1 - (r[inside] / a) ** 2)
-    np.testing.assert_allclose(columns["pressure"][inside], expected, rtol=0, atol=0.02 * peak)
+    assert_allclose(columns["pressure"][inside], expected, rtol=0, atol=0.02 * peak)
 
 
 CURVATURE = 1e-3
@@ -127,7 +126,7 @@ def test_a_bent_block_presses_evenly_on_a_foundation_of_its_shape(law, poisson):
     )
     columns = alone(scene).table.columns
     inner = (np.abs(columns["x"] - 0.5) < 0.4) & (np.abs(columns["y"] - 0.5) < 0.4)
-    np.testing.assert_allclose(columns["pressure"][inner], pressure, rtol=5e-3)
+    assert_allclose(columns["pressure"][inner], pressure, rtol=5e-3)
 
 
 @pytest.mark.parametrize(("left", "right"), [(0.0, 0.05), (0.05, 0.0)])
@@ -147,7 +146,7 @@ def test_a_step_of_the_foundation_presses_on_nothing_beside_it(left, right):
     )
     columns = alone(scene).table.columns
     assert columns["pressure"].max() == 0.0
-    np.testing.assert_array_equal(columns["gap"], np.where(columns["x"] < 1.1, left, right))
+    assert_array_equal(columns["gap"], np.where(columns["x"] < 1.1, left, right))
 
 
 @pytest.mark.slow

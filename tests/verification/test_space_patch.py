@@ -8,6 +8,7 @@ constant state turns into a rigid motion.
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from space_patches import (
     CONFINED,
     ELEMENTS,
@@ -43,11 +44,11 @@ def assert_contact(solution, turn, shear=(0.0, 0.0), state=None):
     The iteration leaves up to 1e-8 of its bound of a shear whose direction it has to find.
     """
     columns = solution.table.columns
-    np.testing.assert_allclose(columns["pressure"], PRESSURE, rtol=0, atol=ROUND_OFF * PRESSURE)
+    assert_allclose(columns["pressure"], PRESSURE, rtol=0, atol=ROUND_OFF * PRESSURE)
     vectors = np.column_stack([columns[f"shear_{axis}"] for axis in "xyz"])
     expected = rotation(*TURNS[turn]) @ np.array([*shear, 0.0])
     left = 1e-8 * SHEAR if state == "slip" else ROUND_OFF * PRESSURE
-    np.testing.assert_allclose(vectors, np.tile(expected, (len(vectors), 1)), rtol=0, atol=left)
+    assert_allclose(vectors, np.tile(expected, (len(vectors), 1)), rtol=0, atol=left)
     if state is not None:
         assert set(columns["state"]) == {state}
 
@@ -69,7 +70,7 @@ def test_compression(element, turn):
     solution = run(element, turn, traction=[{"boundary": "top", "pressure": PRESSURE}], **walls)
     assert_displacement(solution, state, turn)
     bottom = solution.table.columns["boundary"] == "bottom"
-    np.testing.assert_allclose(solution.table.columns["pressure"][bottom], PRESSURE, rtol=ROUND_OFF)
+    assert_allclose(solution.table.columns["pressure"][bottom], PRESSURE, rtol=ROUND_OFF)
 
 
 @each_element
@@ -171,9 +172,7 @@ def test_two_foundations(element, turn):
     columns = solution.table.columns
     for name, value in (("bottom", PRESSURE), ("left", -CONFINED)):
         here = columns["boundary"] == name
-        np.testing.assert_allclose(
-            columns["pressure"][here], value, rtol=0, atol=ROUND_OFF * PRESSURE
-        )
+        assert_allclose(columns["pressure"][here], value, rtol=0, atol=ROUND_OFF * PRESSURE)
 
 
 @pytest.mark.one_quick("element", ["P1", "Q1", "Q2"])
@@ -201,6 +200,6 @@ def test_in_the_limit_beside_a_support(element, linear_algebra, across):
     columns = solution.table.columns
     inside = np.abs(columns["xy"[across]] - SIZE[across] / 2) < 0.4 * SIZE[across]
     assert inside.any()
-    np.testing.assert_allclose(columns["pressure"], PRESSURE, rtol=0, atol=ROUND_OFF * PRESSURE)
+    assert_allclose(columns["pressure"], PRESSURE, rtol=0, atol=ROUND_OFF * PRESSURE)
     # What friction takes beside a wall the wall may take as well.
-    np.testing.assert_allclose(columns["shear"][inside], SHEAR, rtol=0, atol=ROUND_OFF * PRESSURE)
+    assert_allclose(columns["shear"][inside], SHEAR, rtol=0, atol=ROUND_OFF * PRESSURE)

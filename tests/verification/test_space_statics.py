@@ -4,6 +4,7 @@ motions.
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from scenes import alone
 from spaces import box, brick, disc, friction_of
 
@@ -29,9 +30,7 @@ def test_limit_push(law, angle):
     held = pushed(FRICTION[law], angle, 0.99)
     assert held.status is Status.CONVERGED
     force = held.contact.forces[1]
-    np.testing.assert_allclose(
-        force[:2], -0.99 * LIMIT * np.array([np.cos(angle), np.sin(angle)]), rtol=1e-6
-    )
+    assert_allclose(force[:2], -0.99 * LIMIT * np.array([np.cos(angle), np.sin(angle)]), rtol=1e-6)
     assert pushed(FRICTION[law], angle, 1.01).status is Status.SLIDES
 
 
@@ -127,7 +126,7 @@ def test_reference_motion():
     dropped = alone(brick(law, contact={**contact, "gap": "0.02 + 0.01 * x[0] + 0.005 * x[1]"}))
     assert dropped.converged
     one, other = (solution.table.columns["pressure"] for solution in (lying, dropped))
-    np.testing.assert_allclose(other, one, rtol=0, atol=2e-2 * one.max())
-    np.testing.assert_allclose(sum(dropped.contact.forces)[2], PRESS * AREA, rtol=1e-9)
+    assert_allclose(other, one, rtol=0, atol=2e-2 * one.max())
+    assert_allclose(sum(dropped.contact.forces)[2], PRESS * AREA, rtol=1e-9)
     u_n = dropped.table.columns["u_n"] - dropped.table.columns["gap"]
     assert np.abs(u_n).max() < 1e-5
