@@ -8,7 +8,8 @@ import pytest
 import scipy.sparse as sp
 from from_scipy import from_scipy, task_of
 from numpy.testing import assert_allclose
-from scene_tables import at_coordinate, coulomb_friction
+from on_meshes import at_coordinate
+from scene_tables import coulomb_friction
 from scenes import alone
 from spaces import box
 

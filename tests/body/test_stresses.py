@@ -8,7 +8,8 @@ import ufl
 from dolfinx import fem
 from mpi4py import MPI
 from numpy.testing import assert_allclose
-from scene_tables import at_coordinate, fixed, rectangle_mesh
+from on_meshes import at_coordinate
+from scene_tables import fixed, rectangle_mesh
 from scenes import alone
 from spaces import box
 

@@ -8,7 +8,8 @@ import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
-from scene_tables import at_coordinate, circle_shape, coulomb_friction, fixed, rectangle_mesh
+from on_meshes import at_coordinate, vector_space
+from scene_tables import circle_shape, coulomb_friction, fixed, rectangle_mesh
 
 from signorini_fx import ContactProblem, ConvergenceError, Coulomb, Foundation, SceneError, Tresca
 from signorini_fx.mechanics.assembly.mesh_entities import strain_degree
@@ -91,7 +92,7 @@ def by_forms(solution, torque, friction, algorithm):
     """The same cylinder as forms of one's own on the same mesh, with the same quadrature."""
     d = solution.model
     mesh, degree = d.tagged.mesh, d.statement.element.degree
-    space = fem.functionspace(mesh, ("Lagrange", degree, (3,)))
+    space = vector_space(mesh, degree, 3)
     u, v, r = ufl.TrialFunction(space), ufl.TestFunction(space), ufl.SpatialCoordinate(mesh)[0]
 
     def strain(y):
@@ -325,7 +326,7 @@ def test_turned_on_a_sphere():
     a = (3 * force * radius * (1 - poisson**2) / (4 * YOUNG)) ** (1 / 3)
     assert torque == pytest.approx(3 * np.pi / 16 * FRICTION * force * a, rel=0.015)
     d = solution.model
-    space = fem.functionspace(d.tagged.mesh, ("Lagrange", 2, (3,)))
+    space = vector_space(d.tagged.mesh, 2, 3)
     u, v, r = (
         ufl.TrialFunction(space),
         ufl.TestFunction(space),

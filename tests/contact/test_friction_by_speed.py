@@ -11,6 +11,7 @@ import ufl
 from dolfinx import fem
 from forms import box, hooke, side
 from numpy.testing import assert_allclose
+from on_meshes import vector_space
 from scene_tables import box_mesh, plane_shape, rectangle_mesh
 
 import signorini_fx as sfx
@@ -117,7 +118,7 @@ def test_short_steps():
 def dragged(friction, **settings):
     """The same of a user's own forms: the top is dragged with the speed; u and the problem."""
     mesh = box((2.0, 1.0), (8, 4))
-    V = fem.functionspace(mesh, ("Lagrange", 1, (2,)))
+    V = vector_space(mesh)
     u, v = ufl.TrialFunction(V), ufl.TestFunction(V)
     moved = fem.Function(V)
     top = fem.locate_dofs_topological(V, 1, side(mesh, 1, 1.0))

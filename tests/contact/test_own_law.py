@@ -12,6 +12,7 @@ import ufl
 from dolfinx import fem
 from forms import Block
 from numpy.testing import assert_allclose, assert_array_equal
+from on_meshes import at_coordinate
 from scene_tables import rectangle_mesh
 from two_bodies import blocks, facets, forms, held
 
@@ -82,7 +83,7 @@ def two_blocks(friction):
     """
     mesh, both = blocks("quadrilateral", np.eye(2), ((6, 4), (4, 4)))
     space, a, v = forms(mesh, 1, fem.Constant(mesh, 1000.0))
-    bottom, top = (facets(mesh, lambda x, at=at: np.isclose(x[1], at)) for at in (-1, 1))
+    bottom, top = (facets(mesh, at_coordinate(1, at)) for at in (-1, 1))
     moved = held(space, top, value=lambda x: np.array([0.004 + 0 * x[0], -0.01 + 0.012 * x[0]]))
     bcs = [*(held(space, bottom, k) for k in (0, 1)), moved]
     load = ufl.inner(fem.Constant(mesh, (0.0, 0.0)), v) * ufl.dx

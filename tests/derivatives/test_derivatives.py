@@ -7,6 +7,7 @@ from dolfinx import fem
 from dolfinx import mesh as dmesh
 from forms import box as plain_box
 from forms import hooke, side
+from on_meshes import vector_space
 from scene_tables import coulomb_friction, fixed, rectangle_mesh
 from sensitivities import COMM, COULOMB, TRESCA, agrees
 from spaces import box
@@ -191,7 +192,7 @@ def test_constants_of_forms(settings):
     displacement.
     """
     mesh = plain_box((3.0, 1.0), (18, 6), dmesh.CellType.quadrilateral)
-    space = fem.functionspace(mesh, ("Lagrange", 1, (2,)))
+    space = vector_space(mesh)
     young, friction, load, gap, moved = (
         fem.Constant(mesh, value) for value in (5000.0, 0.3, -20.0, 0.001, 0.002)
     )
@@ -240,7 +241,7 @@ def test_constants_that_enter_nonlinearly():
     2.9e-6 with 0.11.
     """
     mesh = plain_box((30.0, 1.0), (60, 2), dmesh.CellType.quadrilateral)
-    space = fem.functionspace(mesh, ("Lagrange", 2, (2,)))
+    space = vector_space(mesh, 2)
     poisson, share = (fem.Constant(mesh, value) for value in (0.3, 1.0))
     y, z = ufl.TrialFunction(space), ufl.TestFunction(space)
     bcs = [
@@ -267,7 +268,7 @@ def test_constants_that_enter_nonlinearly():
 def test_bad_arguments_of_gradient():
     """One error each."""
     mesh = plain_box((1.0, 1.0), (2, 2), dmesh.CellType.quadrilateral)
-    space = fem.functionspace(mesh, ("Lagrange", 1, (2,)))
+    space = vector_space(mesh)
     y, z = ufl.TrialFunction(space), ufl.TestFunction(space)
     load = fem.Constant(mesh, -1.0)
     problem = ContactProblem(
@@ -296,7 +297,7 @@ def test_after_advance():
     points stick the step before matters.
     """
     mesh = plain_box((2.0, 1.0), (8, 4), dmesh.CellType.quadrilateral)
-    space = fem.functionspace(mesh, ("Lagrange", 1, (2,)))
+    space = vector_space(mesh)
     friction, load, push = (fem.Constant(mesh, value) for value in (0.25, -4.0, 0.0))
     y, z, top = ufl.TrialFunction(space), ufl.TestFunction(space), np.sort(side(mesh, 1, 1.0))
     ds = ufl.Measure(

@@ -8,8 +8,8 @@ import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
+from on_meshes import at_coordinate, vector_space
 from scene_tables import (
-    at_coordinate,
     box_mesh,
     circle_shape,
     coulomb_friction,
@@ -186,7 +186,7 @@ class Pressed:
             else (dmesh.create_box, dmesh.CellType.hexahedron)
         )
         domain = make(COMM, [[0.0] * dim, size], counts, cell)
-        V = fem.functionspace(domain, ("Lagrange", 1, (dim,)))
+        V = vector_space(domain)
         self.u, self.dim = fem.Function(V), dim
         self.data = {
             name: fem.Constant(domain, value)

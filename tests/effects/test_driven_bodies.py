@@ -10,7 +10,8 @@ from boxes import Box, boxes_mesh
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
-from scene_tables import at_coordinate, coulomb_friction, fixed, rectangle_mesh, tresca_friction
+from on_meshes import at_coordinate
+from scene_tables import coulomb_friction, fixed, rectangle_mesh, tresca_friction
 
 from signorini_fx import (
     ContactProblem,

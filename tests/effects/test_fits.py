@@ -2,11 +2,11 @@
 carry.
 """
 
-import numpy as np
 import pytest
 import ufl
 from dolfinx import fem, mesh
 from mpi4py import MPI
+from on_meshes import at_coordinate
 from two_bodies import facets, forms, held
 
 from signorini_fx import ContactProblem, ConvergenceError, Coulomb, Foundation, Status
@@ -27,10 +27,10 @@ def pushed_between_walls(dimension, share, **settings):
     kind = {2: mesh.CellType.quadrilateral, 3: mesh.CellType.hexahedron}[dimension]
     block = cells[0](MPI.COMM_WORLD, *cells[1], cell_type=kind)
     space, a, v = forms(block, 1, YOUNG, 0.0)
-    walls = [facets(block, lambda x, at=at: np.isclose(x[0], at)) for at in (0.0, 1.0)]
+    walls = [facets(block, at_coordinate(0, at)) for at in (0.0, 1.0)]
     weight = share * 2 * FRICTION * YOUNG * 2 * OVERLAP
     load = fem.Constant(block, (0.0, -weight, 0.0)[:dimension])
-    bcs = [held(space, facets(block, lambda x: np.isclose(x[2], 0.0)), 2)] if dimension == 3 else []
+    bcs = [held(space, facets(block, at_coordinate(2, 0.0)), 2)] if dimension == 3 else []
     contact = [Foundation(wall, gap=-OVERLAP, friction=Coulomb(FRICTION)) for wall in walls]
     return ContactProblem(a, ufl.inner(load, v) * ufl.dx, bcs, contact=contact, **settings)
 

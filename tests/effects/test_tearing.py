@@ -10,6 +10,7 @@ from boxes import Box, boxes_mesh
 from forms import box, hooke, side
 from mpi4py import MPI
 from numpy.testing import assert_allclose
+from on_meshes import vector_space
 from scene_tables import rectangle_mesh
 
 import signorini_fx as sfx
@@ -73,7 +74,7 @@ def test_of_forms(pair):
         contact = sfx.Foundation(side(mesh, 1, 0.0), cohesion=COLUMN)
     from dolfinx import fem
 
-    space = fem.functionspace(mesh, ("Lagrange", 1, (2,)))
+    space = vector_space(mesh)
     top = fem.Constant(mesh, 0.0)
     bcs = []
     for axis, at, value in ((1, 10.0, top), (0, 0.0, 0.0)) + ((1, 0.0, 0.0),) * pair:

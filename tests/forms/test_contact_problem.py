@@ -14,6 +14,7 @@ from dolfinx import fem
 from dolfinx import mesh as dmesh
 from forms import Block
 from mpi4py import MPI
+from on_meshes import vector_space
 from scene_tables import circle_shape, coulomb_friction
 
 from signorini_fx import (
@@ -93,7 +94,7 @@ def test_own_loop_is_factors(algorithm):
     scene = parse_scene(given)
     solution = solve(scene, COMM)
     tagged = solution.model.tagged
-    V = fem.functionspace(tagged.mesh, ("Lagrange", 1, (2,)))
+    V = vector_space(tagged.mesh)
     u, v = ufl.TrialFunction(V), ufl.TestFunction(V)
     aside, top = fem.Constant(tagged.mesh, 0.0), tagged.facets("top")
     bcs = [
@@ -357,7 +358,7 @@ def test_stresses_of_two_materials():
         "solver": settings,
     }
     theirs = solve(parse_scene(scene), COMM).stress
-    V, Q = fem.functionspace(mesh, ("Lagrange", 1, (2,))), fem.functionspace(mesh, ("DG", 0))
+    V, Q = vector_space(mesh), fem.functionspace(mesh, ("DG", 0))
     lame, mu = fem.Function(Q), fem.Function(Q)
     for function, values in zip(
         (lame, mu), zip(*(one.lame for one in hooke), strict=True), strict=True
@@ -400,8 +401,8 @@ def bad(**changes):
     block = Block()
     u, v = ufl.TrialFunction(block.V), ufl.TestFunction(block.V)
     scalar = fem.functionspace(block.mesh, ("Lagrange", 1))
-    other = fem.functionspace(block.mesh, ("Lagrange", 2, (2,)))
-    cubic = fem.functionspace(block.mesh, ("Lagrange", 3, (2,)))
+    other = vector_space(block.mesh, 2)
+    cubic = vector_space(block.mesh, 3)
     away = fem.functionspace(forms.box((1.0, 1.0), [2, 2]), ("Lagrange", 1))
     inner = np.setdiff1d(
         np.arange(20, dtype=np.int32), dmesh.exterior_facet_indices(block.mesh.topology)
@@ -525,7 +526,7 @@ def test_contact_that_is_no_foundation(contact):
 def nothing():
     """The forms of a block without a load."""
     mesh = forms.box((1.0, 1.0), (2, 2))
-    V = fem.functionspace(mesh, ("Lagrange", 1, (2,)))
+    V = vector_space(mesh)
     u, v = ufl.TrialFunction(V), ufl.TestFunction(V)
     return forms.hooke(u, v), ufl.inner(fem.Constant(mesh, (0.0, 0.0)), v) * ufl.dx
 

@@ -12,6 +12,7 @@ import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 from numpy.testing import assert_allclose, assert_array_equal
+from on_meshes import at_coordinate, vector_space
 from pushed_block import FRICTION, LIMIT, PRESSURE
 
 from signorini_fx import (
@@ -29,7 +30,7 @@ def block(mesh, pushing=0.0, young=5000.0, friction=FRICTION, floor=None, **sett
     """The block of ``pushed_block``, and the Constant with the force that pushes it on its left
     side.
     """
-    V = fem.functionspace(mesh, ("Lagrange", 1, (2,)))
+    V = vector_space(mesh)
     u, v = ufl.TrialFunction(V), ufl.TestFunction(V)
     facets = [forms.side(mesh, axis, at) for axis, at in ((0, 0.0), (1, 1.0), (1, 0.0))]
     numbers, marks = (
@@ -128,9 +129,7 @@ def test_a_block_that_falls_first_bears_the_same(change):
             if change == "tilt":
                 tilt.value = 1e-3
             elif not problem.bcs:
-                top = fem.locate_dofs_geometrical(
-                    problem.u.function_space, lambda x: np.isclose(x[1], 1.0)
-                )
+                top = fem.locate_dofs_geometrical(problem.u.function_space, at_coordinate(1, 1.0))
                 problem.bcs = [fem.dirichletbc(problem.u.copy(), top)]
     for touching, fallen in zip(*states, strict=True):
         assert_allclose(fallen.pressure, touching.pressure, rtol=1e-8)

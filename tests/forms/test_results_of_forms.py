@@ -12,6 +12,7 @@ import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
+from on_meshes import vector_space
 from scene_tables import box_mesh, coulomb_friction, fixed, rectangle_mesh
 from scenes import example1
 from two_bodies import stress_of
@@ -31,7 +32,7 @@ def as_forms(statement, tagged, **arguments):
     loads.
     """
     mesh, (material,), gdim = tagged.mesh, statement.material, tagged.dimension
-    V = fem.functionspace(mesh, ("Lagrange", statement.element.degree, (gdim,)))
+    V = vector_space(mesh, statement.element.degree)
     u, v, x = ufl.TrialFunction(V), ufl.TestFunction(V), ufl.SpatialCoordinate(mesh)
 
     def stress(y):

@@ -13,6 +13,7 @@ from dolfinx import default_scalar_type, fem, jit
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from numpy.testing import assert_allclose, assert_array_equal
+from on_meshes import vector_space
 from petsc4py import PETSc
 from ranks import same_on_all_ranks
 from scenes import alone, example1, same_answer
@@ -72,7 +73,7 @@ def two_matrices(dimension, comm):
             comm, [(0.0, 0.0), (3.0, 1.0)], (9, 4), dmesh.CellType.quadrilateral
         )
     )
-    space = fem.functionspace(mesh, ("Lagrange", 1, (dimension,)))
+    space = vector_space(mesh)
     moduli = fem.Function(fem.functionspace(mesh, ("DG", 0)))
     moduli.x.array[:] = 1 + np.random.default_rng(comm.rank).random(moduli.x.array.size)
     moduli.x.scatter_forward()

@@ -10,6 +10,7 @@ import pytest
 import ufl
 from dolfinx import fem
 from mpi4py import MPI
+from on_meshes import vector_space
 from petsc4py import PETSc
 from ranks import same_on_all_ranks
 from scenes import alone, example1, same_answer, table_of
@@ -295,7 +296,7 @@ def test_own_loops_try_again_after_a_failure(monkeypatch):
     monkeypatch.setattr(krylov.KrylovSystem, "keep_factor", keep)
     monkeypatch.setattr(krylov, "enough_memory", lambda comm, needed: True)
     mesh = forms.box([1.0, 1.0], [8, 8], comm=MPI.COMM_SELF)
-    space = fem.functionspace(mesh, ("Lagrange", 1, (2,)))
+    space = vector_space(mesh)
     u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
     top = fem.locate_dofs_topological(space, 1, forms.side(mesh, 1, 1.0))
     press = fem.Function(space)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from dolfinx import mesh
 from mpi4py import MPI
-from scene_tables import at_coordinate
+from on_meshes import at_coordinate
 from scenes import alone, example1, on_mesh, rectangle
 
 from signorini_fx.errors import InstallationError, MeshError, SceneError
@@ -47,7 +47,7 @@ def test_empty_boundary():
     """A name without facets is a mistake, not a boundary where nothing happens."""
     tagged = rectangle(nx=6, ny=2)
     sides = {"left": 0.0, "right": 3.0}
-    markers = {name: lambda x, at=at: np.isclose(x[0], at) for name, at in sides.items()}
+    markers = {name: at_coordinate(0, at) for name, at in sides.items()}
     markers |= {"top": at_coordinate(1, 1.0), "bottom": lambda x: x[1] < -1.0}
     found = mistakes(on_mesh(example1(nx=6, ny=2), tag_boundaries(tagged.mesh, markers)))
     assert list(found) == ["contact[0].boundary"]

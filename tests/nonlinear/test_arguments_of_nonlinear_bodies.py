@@ -7,6 +7,7 @@ import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
+from on_meshes import at_coordinate, vector_space
 from support.nonlinear_bodies import PLATE, held, rectangle, residual
 
 from signorini_fx import ConvergenceError, FormError, Foundation, NonlinearContactProblem, Status
@@ -68,8 +69,8 @@ def test_wrong_arguments_are_named():
     ):
         NonlinearContactProblem(form, u, contact=Foundation(side(1, 1.0), shape=PLATE))
     tetrahedra = dmesh.create_unit_cube(MPI.COMM_SELF, 1, 1, 1)
-    u = fem.Function(fem.functionspace(tetrahedra, ("Lagrange", 2, (3,))))
-    top = dmesh.locate_entities_boundary(tetrahedra, 2, lambda x: np.isclose(x[2], 1.0))
+    u = fem.Function(vector_space(tetrahedra, 2, 3))
+    top = dmesh.locate_entities_boundary(tetrahedra, 2, at_coordinate(2, 1.0))
     ball = {"shape": "sphere", "centre": (0.5, 0.5, 2.0), "radius": 1.0}
     with pytest.raises(FormError, match="on quadratic tetrahedra a shape must be a plane"):
         NonlinearContactProblem(residual(u), u, contact=Foundation(top, shape=ball))

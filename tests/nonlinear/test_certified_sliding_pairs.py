@@ -5,7 +5,7 @@ supports fix.
 import numpy as np
 import pytest
 from dolfinx.mesh import compute_midpoints
-from scene_tables import at_coordinate
+from on_meshes import at_coordinate
 from support.sliding_bodies import SlidingBodies, cylinders, wheel
 from two_bodies import grid
 
@@ -93,7 +93,7 @@ def two_pairs(slave=0):
         grid(kind, (8, 3), [-1.0, -1.0], [1.0, 0.0]),
         grid(kind, (6, 3), [-0.75, 1e-6], [0.75, 1.0]),
     )
-    level = [lambda x, y=y: np.isclose(x[1], y, atol=1e-9) for y in (0.0, 1e-6, -1.0, 1.0)]
+    level = [at_coordinate(1, y, atol=1e-09) for y in (0.0, 1e-6, -1.0, 1.0)]
     scene = SlidingBodies(kind, bodies, level[:2], level[2:], friction=Coulomb(0.3))
 
     def parts(side):

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from dolfinx import fem
 from mpi4py import MPI
+from on_meshes import vector_space
 from scene_tables import coulomb_friction, fixed, plane_shape, rectangle_mesh
 from support.nonlinear_bodies import residual
 from support.sliding_bodies import blocks, cylinders, stacked
@@ -26,7 +27,7 @@ def open_ring(kind, comm=MPI.COMM_SELF, degree=1):
 
     cells = grid(kind, counts, [0.0] * dim, [1.0] * dim, bent)
     mesh = assembled(kind, cells, comm=comm)
-    space = fem.functionspace(mesh, ("Lagrange", degree, (dim,)))
+    space = vector_space(mesh, degree)
 
     def end(angle):
         return facets(mesh, lambda x: np.isclose(np.arctan2(x[1], x[0]) % (2 * np.pi), angle))

@@ -8,6 +8,7 @@ import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
+from on_meshes import vector_space
 from scene_tables import circle_shape, fixed, plane_shape, rectangle_mesh
 from scenes import alone
 from scipy.integrate import solve_ivp
@@ -39,7 +40,7 @@ def domain(kind, degree):
             MPI.COMM_WORLD, [[1.0, 0.0], [2.0, 1.0]], [3, 2], dmesh.CellType.triangle
         )
     dim = mesh.geometry.dim
-    u = fem.Function(fem.functionspace(mesh, ("Lagrange", degree, (dim,))))
+    u = fem.Function(vector_space(mesh, degree))
     waves = np.array([[1.1, 0.7, 0.4], [0.3, 1.9, 0.8], [0.5, 0.2, 1.3]])[:dim]
     u.interpolate(lambda x: 0.2 * np.sin(waves @ x + np.arange(dim)[:, None]))
     return mesh, u

@@ -8,6 +8,7 @@ import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
+from on_meshes import vector_space
 from support.nonlinear_bodies import held, neo_hooke
 
 from signorini_fx import Foundation, NonlinearContactProblem, Status
@@ -20,7 +21,7 @@ def arch(**shape):
     mesh = dmesh.create_rectangle(
         MPI.COMM_SELF, [[0.0, 0.0], [4.0, 0.3]], [12, 1], dmesh.CellType.quadrilateral
     )
-    space = fem.functionspace(mesh, ("Lagrange", 2, (2,)))
+    space = vector_space(mesh, 2)
 
     def side(axis, at):
         return dmesh.locate_entities_boundary(mesh, 1, lambda x: np.isclose(x[axis], at))

@@ -6,6 +6,7 @@ import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
+from on_meshes import at_coordinate, vector_space
 from scene_tables import circle_shape
 from support.nonlinear_bodies import MU, PLATE, held, neo_hooke, rectangle, residual
 
@@ -41,10 +42,9 @@ def test_a_ball_with_multigrid():
     mesh = dmesh.create_box(
         MPI.COMM_WORLD, [[0.0, 0.0, 0.0], [2.0, 2.0, 1.0]], [12, 12, 5], dmesh.CellType.hexahedron
     )
-    space = fem.functionspace(mesh, ("Lagrange", 1, (3,)))
+    space = vector_space(mesh, 1, 3)
     bottom, top = (
-        dmesh.locate_entities_boundary(mesh, 2, lambda x, at=at: np.isclose(x[2], at))
-        for at in (0.0, 1.0)
+        dmesh.locate_entities_boundary(mesh, 2, at_coordinate(2, at)) for at in (0.0, 1.0)
     )
     u = fem.Function(space)
     ball = {"shape": "sphere", "centre": (1.0, 1.0, 1.55), "radius": 0.6}

@@ -6,6 +6,7 @@ import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
+from on_meshes import at_coordinate
 from scene_tables import box_mesh, fixed
 from scenes import alone
 from scipy.integrate import solve_ivp
@@ -29,7 +30,7 @@ def ring(law, speed, comm=MPI.COMM_SELF, **further):
     size = [[INSIDE, 0.0], [OUTSIDE, 0.1]]
     mesh = dmesh.create_rectangle(comm, size, [16, 1], dmesh.CellType.quadrilateral)
     ends = {
-        name: dmesh.locate_entities_boundary(mesh, 1, lambda x, at=at: np.isclose(x[1], at))
+        name: dmesh.locate_entities_boundary(mesh, 1, at_coordinate(1, at))
         for name, at in (("bottom", 0.0), ("top", 0.1))
     }
     scene = {

@@ -10,7 +10,8 @@ import ufl
 from dolfinx import fem
 from dolfinx.mesh import compute_midpoints
 from mpi4py import MPI
-from scene_tables import at_coordinate, coulomb_friction, plane_shape
+from on_meshes import at_coordinate, vector_space
+from scene_tables import coulomb_friction, plane_shape
 from support.nonlinear_bodies import Killed
 from support.sliding_bodies import roller
 from two_bodies import assembled, facets, grid, on
@@ -107,7 +108,7 @@ class CrushedRing:
     ):
         mesh, sides = ring(cells, np.pi if half else 2.0 * np.pi, comm, kind)
         dim = self.dim = len(cells)
-        space = fem.functionspace(mesh, ("Lagrange", 1, (dim,)))
+        space = vector_space(mesh)
         u = fem.Function(space)
         upper, lower = placed(UPPER, dim), placed(LOWER, dim)
         contact = [Foundation(sides["upper"], shape=upper, friction=friction)]
@@ -123,7 +124,7 @@ class CrushedRing:
             for axis in range((friction is None) + half)
         ]
         if dim == 3:
-            ends = [lambda x, at=at: np.isclose(x[2], at) for at in (0.0, 1.0)]
+            ends = [at_coordinate(2, at) for at in (0.0, 1.0)]
             bcs += [zero(space, 2, end) for end in ends]
         self.problem = NonlinearContactProblem(
             hyperelastic(u), u, bcs=bcs, contact=contact, stability=False
@@ -250,12 +251,12 @@ def folded(revolved, half):
     start, around = (0.0, 20) if half else (-1.0, 40)
     cells = grid("quadrilateral", (around, 4), [start, 0.0], [1.0, 1.0], bent)
     mesh = assembled("quadrilateral", cells)
-    space = fem.functionspace(mesh, ("Lagrange", 1, (2,)))
+    space = vector_space(mesh)
     u = fem.Function(space)
     radius = ufl.SpatialCoordinate(mesh)[0] if revolved else None
     measure = {"measure": 2 * np.pi * radius} if revolved else {}
     inside = facets(mesh, lambda x: (np.abs(x[1]) < 0.15 + 1e-9) & (x[0] < 2.15 + 1e-9))
-    legs = [facets(mesh, lambda x, y=y: np.isclose(x[1], y)) for y in (0.45, -0.45)]
+    legs = [facets(mesh, at_coordinate(1, y)) for y in (0.45, -0.45)]
     plates = [
         Foundation(leg, shape=plate | {"point": (0.0, y)}, **measure)
         for leg, plate, y in zip(legs, (UPPER, LOWER), (0.45, -0.45), strict=True)
@@ -297,7 +298,7 @@ def test_an_elastica_under_pressure():
     radii = 1.0 + thickness * (0.5 - cells[1][:, 1:])
     x = radii * np.column_stack((np.cos(cells[1][:, 0]), np.sin(cells[1][:, 0])))
     mesh = assembled("quadrilateral", (cells[0], x))
-    space = fem.functionspace(mesh, ("Lagrange", 2, (2,)))
+    space = vector_space(mesh, 2)
     u, v = fem.Function(space), ufl.TestFunction(space)
     gradient = ufl.Identity(2) + ufl.grad(u)
     volume = ufl.ln(ufl.det(gradient))

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from dolfinx import fem
 from mpi4py import MPI
-from scene_tables import at_coordinate, fixed, plane_shape, rectangle_mesh
+from on_meshes import at_coordinate
+from scene_tables import fixed, plane_shape, rectangle_mesh
 from scenes import alone
 from support.nonlinear_bodies import stress_of_block
 from support.sliding_bodies import (

@@ -8,7 +8,8 @@ import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
-from scene_tables import at_coordinate, coulomb_friction, fixed, plane_shape, rectangle_mesh
+from on_meshes import at_coordinate, vector_space
+from scene_tables import coulomb_friction, fixed, plane_shape, rectangle_mesh
 from scenes import alone
 from support.nonlinear_scenes import LAWS, block, material
 
@@ -122,7 +123,7 @@ def own_block(change, scale, comm=MPI.COMM_SELF):
         comm: the ranks.
     """
     mesh = dmesh.create_rectangle(comm, [[0, 0], [1, 0.5]], [6, 3], dmesh.CellType.quadrilateral)
-    space = fem.functionspace(mesh, ("Lagrange", 1, (2,)))
+    space = vector_space(mesh)
     u, v, identity = fem.Function(space), ufl.TestFunction(space), ufl.Identity(2)
     mu, lame = 100 / 2.6, 100 * 0.3 / (1.3 * 0.4)
     top = np.sort(dmesh.locate_entities_boundary(mesh, 1, at_coordinate(1, 0.5)))

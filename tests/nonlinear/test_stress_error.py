@@ -5,6 +5,7 @@ import pytest
 import ufl
 from dolfinx import fem, mesh
 from mpi4py import MPI
+from on_meshes import at_coordinate, vector_space
 from reference import interpolated
 from scene_tables import circle_shape, rectangle_mesh
 
@@ -42,10 +43,9 @@ def pressed(cells, degree):
     """A block under a circle, pressed by a fifth of its height."""
     comm, kind = MPI.COMM_SELF, mesh.CellType.quadrilateral
     block = mesh.create_rectangle(comm, [[0.0, 0.0], [2.0, 1.0]], [2 * cells, cells], kind)
-    u = fem.Function(fem.functionspace(block, ("Lagrange", degree, (2,))))
+    u = fem.Function(vector_space(block, degree))
     top, bottom = (
-        mesh.locate_entities_boundary(block, 1, lambda x, at=at: np.isclose(x[1], at))
-        for at in (1.0, 0.0)
+        mesh.locate_entities_boundary(block, 1, at_coordinate(1, at)) for at in (1.0, 0.0)
     )
     fixed = fem.dirichletbc(
         np.zeros(2), fem.locate_dofs_topological(u.function_space, 1, bottom), u.function_space
@@ -62,7 +62,7 @@ def test_stress_of_a_residual(dim):
     """Of constant gradients it is exact, whatever multiplies the test function itself."""
     cells = [2] * dim
     body = (mesh.create_unit_square if dim == 2 else mesh.create_unit_cube)(WORLD, *cells)
-    u = fem.Function(fem.functionspace(body, ("Lagrange", 1, (dim,))))
+    u = fem.Function(vector_space(body))
     u.interpolate(lambda x: 0.1 * np.sin(2 * x[:dim] + x[::-1][:dim]))
     test, normal = ufl.TestFunction(u.function_space), ufl.FacetNormal(body)
     found = stress_of(
@@ -83,7 +83,7 @@ def test_stress_of_a_residual(dim):
 def test_a_stress_that_the_cells_have():
     """The stress of a quadratic displacement is linear: there is no error; of others there is."""
     body = mesh.create_unit_square(WORLD, 3, 3)
-    u = fem.Function(fem.functionspace(body, ("Lagrange", 2, (2,))))
+    u = fem.Function(vector_space(body, 2))
     strain = ufl.sym(ufl.grad(u))
     residual = lowered(
         ufl.inner(2 * MU * strain, ufl.grad(ufl.TestFunction(u.function_space))) * ufl.dx
@@ -152,7 +152,7 @@ def under_a_circle(degree, cells, turn=0.0, values=None):
     strip = mesh.create_rectangle(
         MPI.COMM_SELF, [[0.0, 0.0], [10.0, 1.0]], cells, mesh.CellType.triangle
     )
-    u = fem.Function(fem.functionspace(strip, ("Lagrange", degree, (2,))))
+    u = fem.Function(vector_space(strip, degree))
     rotation = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
     left, top = (
         mesh.locate_entities_boundary(strip, 1, lambda x, k=k: np.isclose(x[k], k)) for k in (0, 1)

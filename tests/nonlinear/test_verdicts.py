@@ -8,6 +8,7 @@ import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
+from on_meshes import at_coordinate, vector_space
 from support.nonlinear_bodies import LAME, MU, PLATE, held, rectangle, residual
 
 from signorini_fx import ConvergenceError, Coulomb, Foundation, NonlinearContactProblem, Status
@@ -124,7 +125,7 @@ def test_shears_that_turn_with_their_slip(monkeypatch):
     mesh = dmesh.create_box(
         MPI.COMM_SELF, [[0.0] * 3, [1.0] * 3], [4, 4, 4], dmesh.CellType.hexahedron
     )
-    space = fem.functionspace(mesh, ("Lagrange", 1, (3,)))
+    space = vector_space(mesh, 1, 3)
     u = fem.Function(space)
     gradient = ufl.Identity(3) + ufl.grad(u)
     volume = ufl.det(gradient)
@@ -135,8 +136,7 @@ def test_shears_that_turn_with_their_slip(monkeypatch):
         energy * ufl.dx(metadata={"quadrature_degree": 2}), u, ufl.TestFunction(space)
     )
     bottom, top = (
-        dmesh.locate_entities_boundary(mesh, 2, lambda x, at=at: np.isclose(x[2], at))
-        for at in (0.0, 1.0)
+        dmesh.locate_entities_boundary(mesh, 2, at_coordinate(2, at)) for at in (0.0, 1.0)
     )
     plate = {
         "shape": "plane",

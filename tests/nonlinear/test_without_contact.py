@@ -9,6 +9,7 @@ from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from numpy.testing import assert_allclose
+from on_meshes import vector_space
 from scenes import alone
 from scipy.optimize import root
 from support.nonlinear_bodies import Killed, held, rectangle
@@ -88,7 +89,7 @@ def forms(mesh):
     """The linear bar as forms: a, L, its stress, conditions, parts of its boundary, and the
     pull.
     """
-    space = fem.functionspace(mesh, ("Lagrange", 1, (2,)))
+    space = vector_space(mesh)
     sides = {
         name: dmesh.locate_entities_boundary(
             mesh, 1, lambda x, axis=axis, at=at: np.isclose(x[axis], at)

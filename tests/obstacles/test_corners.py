@@ -8,6 +8,7 @@ import pytest
 import ufl
 from dolfinx import fem
 from mpi4py import MPI
+from on_meshes import vector_space
 from scene_tables import box_mesh, fixed, rectangle_mesh, tresca_friction
 
 from signorini_fx import ContactProblem, ConvergenceError, Foundation, Tresca, solve
@@ -201,7 +202,7 @@ def test_check_names_corners_and_radius():
 def test_forms_say_where():
     """The message of ``solve`` has the place; the block in the air over the edge comes first in a loop of one's own."""
     mesh = forms.box((2.0, 1.0), [20, 10])
-    V = fem.functionspace(mesh, ("Lagrange", 1, (2,)))
+    V = vector_space(mesh)
     u, v = ufl.TrialFunction(V), ufl.TestFunction(V)
     pressed = fem.Constant(mesh, (0.0, 0.01))
     top = fem.locate_dofs_topological(V, 1, forms.side(mesh, 1, 1.0))

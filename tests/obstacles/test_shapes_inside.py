@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
+from on_meshes import vector_space
 from scene_tables import circle_shape, fixed, rectangle_mesh
 from scenes import alone
 
@@ -23,7 +23,7 @@ def body(cell, degree=1, comm=MPI.COMM_SELF):
         mesh = dmesh.create_rectangle(comm, [[0, 0], [4, 1]], (16, 4), kind)
     else:
         mesh = dmesh.create_box(comm, [[0, 0, 0], [4, 1, 1]], (16, 4, 4), kind)
-    return BodyCells.of(fem.functionspace(mesh, ("Lagrange", degree, (mesh.geometry.dim,))))
+    return BodyCells.of(vector_space(mesh, degree))
 
 
 def ball(cells, centre, radius, **more):
@@ -141,7 +141,7 @@ def test_elongated_cells(cell, axis):
     make = dmesh.create_rectangle if dim == 2 else dmesh.create_box
     counts = tuple(np.where(np.arange(dim) == axis, 4, 8))
     mesh = make(MPI.COMM_SELF, [np.zeros(dim), upper], counts, getattr(dmesh.CellType, cell))
-    cells = BodyCells.of(fem.functionspace(mesh, ("Lagrange", 1, (dim,))))
+    cells = BodyCells.of(vector_space(mesh))
     for gap in (1e-3, -0.4):
         centre = 0.37 * upper
         centre[1 - axis] = 1.0 + radius + gap

@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 import ufl
-from dolfinx import fem
 from mpi4py import MPI
+from on_meshes import at_coordinate, vector_space
 from revolved import Bodies, Box, Touching
-from scene_tables import at_coordinate, coulomb_friction, fixed, rectangle_mesh
+from scene_tables import coulomb_friction, fixed, rectangle_mesh
 from two_bodies import facets, held
 
 from signorini_fx import Status, read_scene, solve
@@ -250,7 +250,7 @@ def test_forms_with_a_measure(measured):
         touching=[Touching("b.bottom", "a.top")],
     )
     tagged = bodies.mesh()
-    space = fem.functionspace(tagged.mesh, ("Lagrange", 1, (2,)))
+    space = vector_space(tagged.mesh)
     u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
     around = 2 * ufl.pi * ufl.SpatialCoordinate(tagged.mesh)[0]
 

@@ -10,6 +10,7 @@ import pytest
 import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
+from on_meshes import vector_space
 from support.sliding_bodies import SlidingBodies, as_linear_bodies
 from two_bodies import assembled, facets, facets_of_cells, grid
 
@@ -100,7 +101,7 @@ def evenly_pressed(kind, degree, bodies, held, slave, sides=None):
             listed[chosen(at)]
             for listed, chosen, at in zip(all_facets, sides, middles, strict=True)
         ]
-    space = fem.functionspace(mesh, ("Lagrange", degree, (dim,)))
+    space = vector_space(mesh, degree)
     exact = fem.Function(space)
     exact.interpolate(lambda x: np.stack([*[0.0 * x[0]] * up, -strain * x[up]]))
     ends = [*held, facets(mesh, lambda x: np.isclose(np.abs(x[up]), 1.0))]

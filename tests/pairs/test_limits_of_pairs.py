@@ -5,6 +5,7 @@ contact owns.
 import numpy as np
 import pytest
 from dolfinx.mesh import compute_midpoints
+from on_meshes import at_coordinate
 from support.sliding_bodies import SlidingBodies, as_linear_bodies
 from two_bodies import grid
 
@@ -18,7 +19,7 @@ def stacked(kind, counts, low, high, degree):
         grid(kind, (*counts[0], 1), [*low, -0.3], [*high, 0.0]),
         grid(kind, (*counts[1], 1), [0.0] * 3, [1.0, 1.0, 0.3]),
     )
-    level = [lambda x, z=z: np.isclose(x[2], z) for z in (0.0, -0.3, 0.3)]
+    level = [at_coordinate(2, z) for z in (0.0, -0.3, 0.3)]
     scene = SlidingBodies(
         kind, bodies, [level[0]] * 2, level[1:], slave=1, degree=degree, pair={"sliding": "small"}
     )
@@ -50,7 +51,7 @@ def test_facets_as_far_apart_as_the_reach_are_partners(far):
         grid("triangle", (3, 1), [0.0, -0.3], [1.0, 0.0]),
         grid("triangle", (4, 1), [0.0, far], [1.0, far + 0.3]),
     )
-    level = [lambda x, y=y: np.isclose(x[1], y) for y in (0.0, far, -0.3, far + 0.3)]
+    level = [at_coordinate(1, y) for y in (0.0, far, -0.3, far + 0.3)]
     scene = SlidingBodies(
         "triangle", bodies, level[:2], level[2:], slave=1, pair={"reach": far, "sliding": "small"}
     )

@@ -8,7 +8,7 @@ from dolfinx import mesh as dmesh
 from dolfinx.graph import adjacencylist
 from mpi4py import MPI
 from numpy.testing import assert_allclose
-from scene_tables import at_coordinate
+from on_meshes import at_coordinate
 from two_bodies import (
     KINDS,
     assembled,
@@ -265,9 +265,7 @@ def test_bodies_in_the_wrong_place(shift, faces, match):
     _, a, v = forms(mesh, 1, per_cell(mesh, lambda x: 1.0))
     pair = Pair(
         *(
-            facets_of_cells(
-                mesh, lambda x, height=height: np.isclose(x[1], height), np.arange(first, first + 9)
-            )
+            facets_of_cells(mesh, at_coordinate(1, height), np.arange(first, first + 9))
             for height, first in ((shift[1] + faces[0], 0), (faces[1], 9))
         )
     )

@@ -5,7 +5,7 @@ import pytest
 import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
-from scene_tables import at_coordinate
+from on_meshes import at_coordinate
 from two_bodies import (
     KINDS,
     assembled,
@@ -217,7 +217,7 @@ def test_cattaneo_and_mindlin_of_two_balls():
         )
         for s in (1.0, -1.0)
     ]
-    ends = [facets(mesh, lambda x, z=z: np.isclose(x[2], z)) for z in (size, -size)]
+    ends = [facets(mesh, at_coordinate(2, z)) for z in (size, -size)]
     bcs = [held(space, facets(mesh, at_coordinate(1, 0.0)), 1)]
     bcs += [held(space, ends[0], k, value) for k, value in ((0, 0.0036), (2, -0.016))]
     bcs += [held(space, ends[1], k) for k in (0, 2)]

@@ -19,8 +19,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from mpi4py import MPI
+from on_meshes import at_coordinate
 from PIL import Image
-from scene_tables import at_coordinate
 from scenes import alone, example1, on_mesh, rectangle
 
 from signorini_fx.addons.report import markup, sections

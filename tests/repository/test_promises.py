@@ -5,6 +5,7 @@ import pytest
 import ufl
 from dolfinx import fem
 from mpi4py import MPI
+from on_meshes import vector_space
 
 import signorini_fx as sfx
 
@@ -13,7 +14,7 @@ import signorini_fx as sfx
 def cornered():
     """A block that is pressed into a corner of two foundations, frictionless."""
     block = sfx.generate_mesh("rectangle", {"length": 2.0, "nx": 8, "ny": 4}, MPI.COMM_WORLD)
-    V = fem.functionspace(block.mesh, ("Lagrange", 1, (2,)))
+    V = vector_space(block.mesh)
     u, v = ufl.TrialFunction(V), ufl.TestFunction(V)
     a = 1000.0 * ufl.inner(ufl.sym(ufl.grad(u)), ufl.sym(ufl.grad(v))) * ufl.dx
     L = ufl.inner(fem.Constant(block.mesh, (-1.0, -4.0)), v) * ufl.dx

@@ -11,6 +11,7 @@ import pytest
 import ufl
 from dolfinx import fem
 from mpi4py import MPI
+from on_meshes import vector_space
 from scene_tables import (
     box_mesh,
     circle_shape,
@@ -239,7 +240,7 @@ def pressed(shape=None, mesh=None, degree=1, scale=1.0, **data):
     """A block whose top is pressed on a foundation below it."""
     mesh = mesh or block(comm=MPI.COMM_SELF)
     dim = mesh.geometry.dim
-    space = fem.functionspace(mesh, ("Lagrange", degree, (dim,)))
+    space = vector_space(mesh, degree)
     u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
     a = 1000.0 / scale ** (dim - 2) * ufl.inner(ufl.sym(ufl.grad(u)), ufl.sym(ufl.grad(v))) * ufl.dx
     down = np.zeros(dim)

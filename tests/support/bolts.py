@@ -3,7 +3,7 @@
 import numpy as np
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
-from scene_tables import at_coordinate
+from on_meshes import at_coordinate
 
 from signorini_fx.mechanics.mesh.tagged import tag_boundaries
 from signorini_fx.results.contact_figures import section_forces

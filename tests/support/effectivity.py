@@ -22,6 +22,7 @@ import numpy as np
 import ufl
 from dolfinx import fem
 from mpi4py import MPI
+from on_meshes import vector_space
 from reference import Reference, divided, reference_errors, reference_solution
 
 from signorini_fx.machine.result_files import write_csv
@@ -165,9 +166,7 @@ def exact_errors(solution) -> dict[str, float]:
     """Errors against the made-up displacement and pressure."""
     d = solution.model
     # In a richer space: against the interpolant in its own a solution looks better than it is.
-    richer = fem.functionspace(
-        d.tagged.mesh, ("Lagrange", solution.statement.element.degree + 2, (2,))
-    )
+    richer = vector_space(d.tagged.mesh, solution.statement.element.degree + 2)
     exact, difference = fem.Function(richer), fem.Function(richer)
     exact.interpolate(lambda x: np.array(manufactured.displacement(manufactured.NUMBERS, x)))
     difference.interpolate(solution.displacement)

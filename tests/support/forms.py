@@ -11,6 +11,7 @@ import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
+from on_meshes import vector_space
 
 from signorini_fx import ContactProblem, Coulomb, Foundation, TaggedMesh, Tresca
 from signorini_fx.records import Status
@@ -81,7 +82,7 @@ def draw(seed):
     sizes = rng.uniform(0.5, 2.0, d)
     kind = CELLS[d][rng.integers(len(CELLS[d]))]
     mesh = box(sizes, rng.integers(2, 7 if d == 2 else 4, d).tolist(), kind)
-    V = fem.functionspace(mesh, ("Lagrange", int(rng.integers(1, 3)) if d == 2 else 1, (d,)))
+    V = vector_space(mesh, int(rng.integers(1, 3)) if d == 2 else 1)
     u, v, x = ufl.TrialFunction(V), ufl.TestFunction(V), ufl.SpatialCoordinate(mesh)
     count, unit = d * (d + 1) // 2, 10.0 ** rng.uniform(-3, 6)
     moduli = fem.Constant(mesh, unit * positive(rng, count))
@@ -240,7 +241,7 @@ def block_on_a_floor(degree=1, friction=None, **settings):
     def make(mesh):
         mesh = mesh.mesh if isinstance(mesh, TaggedMesh) else mesh
         dim = mesh.topology.dim
-        V = fem.functionspace(mesh, ("Lagrange", degree, (dim,)))
+        V = vector_space(mesh, degree)
         u, v = ufl.TrialFunction(V), ufl.TestFunction(V)
         stress = stress_of(1000.0, 0.3, dim)
         held = fem.dirichletbc(
@@ -270,7 +271,7 @@ class Block:
     ):
         d = len(counts)
         self.mesh = box((3.0, 1.0, 1.0)[:d], list(counts), kind, comm) if mesh is None else mesh
-        self.V = fem.functionspace(self.mesh, ("Lagrange", degree, (d,)))
+        self.V = vector_space(self.mesh, degree)
         u, v = ufl.TrialFunction(self.V), ufl.TestFunction(self.V)
         self.bottom, self.top = side(self.mesh, d - 1, 0.0), side(self.mesh, d - 1, 1.0)
         self.young, self.load = fem.Constant(self.mesh, 1000.0), fem.Constant(self.mesh, load)

@@ -3,7 +3,8 @@
 import numpy as np
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
-from scene_tables import at_coordinate, coulomb_friction, fixed
+from on_meshes import at_coordinate
+from scene_tables import coulomb_friction, fixed
 
 from signorini_fx import tag_boundaries
 from signorini_fx.mechanics.contact_points.contact_table import contact_table

@@ -5,6 +5,7 @@ import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
+from on_meshes import vector_space
 from scipy.optimize import brentq
 
 YOUNG, POISSON = 100.0, 0.3
@@ -21,7 +22,7 @@ def rectangle(corner, cells, comm=MPI.COMM_WORLD, cell="quadrilateral", degree=1
     coordinate.
     """
     mesh = dmesh.create_rectangle(comm, [[0.0, 0.0], corner], cells, getattr(dmesh.CellType, cell))
-    space = fem.functionspace(mesh, ("Lagrange", degree, (2,)))
+    space = vector_space(mesh, degree)
 
     def side(axis, at):
         return dmesh.locate_entities_boundary(mesh, 1, lambda x: np.isclose(x[axis], at))

@@ -5,14 +5,8 @@ import numpy as np
 import pytest
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
-from scene_tables import (
-    at_coordinate,
-    box_mesh,
-    circle_shape,
-    coulomb_friction,
-    fixed,
-    rectangle_mesh,
-)
+from on_meshes import at_coordinate
+from scene_tables import box_mesh, circle_shape, coulomb_friction, fixed, rectangle_mesh
 
 from signorini_fx.mechanics.mesh.tagged import tagged_mesh
 from signorini_fx.scenes.reading import parse_scene

@@ -1,7 +1,5 @@
 """Tables that scenes of many tests have."""
 
-import numpy as np
-
 
 def rectangle_mesh(*cells, **parameters):
     """The table of a rectangle, with the numbers of cells along x and y."""
@@ -38,8 +36,3 @@ def plane_shape(point, normal):
 def circle_shape(centre, radius):
     """The table of a round foundation."""
     return {"shape": "circle", "centre": centre, "radius": radius}
-
-
-def at_coordinate(axis, value):
-    """Whether points have a coordinate, as dolfinx asks for it."""
-    return lambda x: np.isclose(x[axis], value)

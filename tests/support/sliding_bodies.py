@@ -4,7 +4,7 @@ import numpy as np
 import ufl
 from dolfinx import fem
 from mpi4py import MPI
-from scene_tables import at_coordinate
+from on_meshes import at_coordinate, vector_space
 from scipy.spatial.transform import Rotation
 from support.nonlinear_bodies import neo_hooke
 from two_bodies import assembled, facets, facets_of_cells, grid, per_cell
@@ -64,7 +64,7 @@ class SlidingBodies:
             [(cells, x @ self.turn.T) for cells, x in bodies],
         )
         mesh = self.mesh = assembled(kind, *turned, comm=comm)
-        space = fem.functionspace(mesh, ("Lagrange", degree, (dim,)))
+        space = vector_space(mesh, degree)
         u = self.u = fem.Function(space)
         of_body = self.of_body = per_cell(mesh, lambda x: 0.0)
         local = np.arange(len(of_body.x.array), dtype=np.int32)
@@ -154,7 +154,7 @@ def blocks(kind="quadrilateral", lower=(12, 3), upper=(5, 4), width=2.0, **setti
         grid(kind, lower, low, [(1 + width) / 2, 0.0]),
         grid(kind, upper, [0.0, 0.0], [1.0, 1.0]),
     )
-    level = [lambda x, y=y: np.isclose(x[1], y) for y in (0.0, -1.0, 1.0)]
+    level = [at_coordinate(1, y) for y in (0.0, -1.0, 1.0)]
     return SlidingBodies(kind, bodies, [level[0]] * 2, level[1:], **settings)
 
 
@@ -170,7 +170,7 @@ def bump(kind="quadrilateral", height=2e-4, lower=(24, 8), upper=(18, 6), **sett
         grid(kind, lower, [-0.5, -1.0], [1.5, 0.0]),
         grid(kind, upper, [0.0, 0.0], [1.0, 1.0], bent),
     )
-    level = [lambda x, y=y: np.isclose(x[1], y) for y in (0.0, -1.0, 1.0)]
+    level = [at_coordinate(1, y) for y in (0.0, -1.0, 1.0)]
 
     def below(x):
         return np.isclose(x[1], height * (2 * x[0] - 1) ** 2, atol=1e-12)
@@ -232,7 +232,7 @@ def cylinders(kind="quadrilateral", lower=(5, 3), upper=(3, 2), inner=0.0, **set
         grid(kind, lower, [inner, -1.0], [1.0, 0.0]),
         grid(kind, upper, [inner, 0.0], [1.0, 1.0]),
     )
-    level = [lambda x, y=y: np.isclose(x[1], y) for y in (0.0, -1.0, 1.0)]
+    level = [at_coordinate(1, y) for y in (0.0, -1.0, 1.0)]
     return SlidingBodies(
         kind,
         bodies,
@@ -259,7 +259,7 @@ def dome(kind="quadrilateral", height=2e-7, lower=(18, 8), upper=(13, 6), **sett
         grid(kind, lower, [0.0, -1.0], [1.0, 0.0], below),
         grid(kind, upper, [0.0, 0.0], [1.0, 1.0], bent),
     )
-    level = [lambda x, y=y: np.isclose(x[1], y, atol=1e-12) for y in (0.0, -1.0, 1.0)]
+    level = [at_coordinate(1, y, atol=1e-12) for y in (0.0, -1.0, 1.0)]
 
     def rounded(x):
         return np.isclose(x[1], height * x[0] ** 2, atol=1e-12) & (x[0] <= 1.0)
@@ -337,7 +337,7 @@ def stacked(kind="hexahedron", lower=(4, 3, 2), upper=(3, 4, 2), width=1.0, **se
         grid(kind, lower, [low, low, -1.0], [high, high, 0.0]),
         grid(kind, upper, [0.0] * 3, [1.0] * 3),
     )
-    level = [lambda x, z=z: np.isclose(x[2], z) for z in (0.0, -1.0, 1.0)]
+    level = [at_coordinate(2, z) for z in (0.0, -1.0, 1.0)]
     return SlidingBodies(kind, bodies, [level[0]] * 2, level[1:], **settings)
 
 
@@ -356,7 +356,7 @@ def bulge(kind="hexahedron", height=2e-4, lower=(8, 8, 4), upper=(6, 5, 3), **se
         grid(kind, lower, [-0.5, -0.5, -1.0], [1.5, 1.5, 0.0]),
         grid(kind, upper, [0.0, 0.0, 0.0], [1.0, 1.0, 1.0], bent),
     )
-    level = [lambda x, z=z: np.isclose(x[2], z) for z in (0.0, -1.0, 1.0)]
+    level = [at_coordinate(2, z) for z in (0.0, -1.0, 1.0)]
     return SlidingBodies(
         kind,
         bodies,
@@ -432,7 +432,7 @@ def quarter_of_a_bulge(kind="hexahedron", height=2e-3, cells=(12, 8), **settings
 
     (along, up), ends = (
         cells,
-        [lambda x, z=z: np.isclose(x[2], z, atol=1e-12) for z in (0.0, -1.0, 1.0)],
+        [at_coordinate(2, z, atol=1e-12) for z in (0.0, -1.0, 1.0)],
     )
     bodies = (
         grid(

@@ -6,6 +6,7 @@ import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
+from on_meshes import at_coordinate, vector_space
 
 from signorini_fx import ContactProblem, Coulomb, Pair
 from signorini_fx.machine import compat
@@ -73,7 +74,7 @@ def per_cell(mesh, value):
 
 def forms(mesh, degree, young, poisson=0.3):
     """Space, a, and a function from loads (a density) to L."""
-    space = fem.functionspace(mesh, ("Lagrange", degree, (mesh.geometry.dim,)))
+    space = vector_space(mesh, degree)
     u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
     stress = stress_of(u, young, poisson)
     return space, ufl.inner(stress, ufl.sym(ufl.grad(v))) * ufl.dx, v
@@ -190,7 +191,7 @@ def paraboloids(kind, degree, counts, comm=MPI.COMM_SELF, **settings):
         )
         for of in ((8.0, 1.0), (12.0, -1.0))
     ]
-    top, bottom = (facets(mesh, lambda x, z=z: np.isclose(x[2], z)) for z in (1.0, -1.0))
+    top, bottom = (facets(mesh, at_coordinate(2, z)) for z in (1.0, -1.0))
     bcs = [held(space, top, k, value) for k, value in enumerate((0.004, 0.002, -0.02))]
     bcs += [held(space, bottom, k) for k in range(3)]
     problem = ContactProblem(

@@ -18,6 +18,7 @@ from manufactured import (
     s_of,
     shear,
 )
+from on_meshes import vector_space
 from scenes import alone, example1, rectangle
 
 ELEMENTS = [("triangle", 1), ("quadrilateral", 1), ("triangle", 2), ("quadrilateral", 2)]
@@ -30,7 +31,7 @@ def errors(count, cell, degree, law, **solver):
     tagged = rectangle(length=LENGTH, height=HEIGHT, nx=count, ny=count // 2, cell=cell)
     solution = alone(made_up(tagged, degree, law, **solver))
     # In a richer space: against the interpolant in its own a solution looks better than it is.
-    richer = fem.functionspace(tagged.mesh, ("Lagrange", degree + 2, (2,)))
+    richer = vector_space(tagged.mesh, degree + 2)
     exact, found = fem.Function(richer), fem.Function(richer)
     exact.interpolate(lambda x: np.array(displacement(NUMBERS, x)))
     found.interpolate(solution.displacement)

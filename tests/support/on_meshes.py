@@ -1,0 +1,14 @@
+"""Spaces and sides of meshes, which many tests need."""
+
+import numpy as np
+from dolfinx import fem
+
+
+def vector_space(mesh, degree=1, components=None):
+    """Continuous elements with as many components as the mesh has axes, or others."""
+    return fem.functionspace(mesh, ("Lagrange", degree, (components or mesh.geometry.dim,)))
+
+
+def at_coordinate(axis, value, **tolerance):
+    """Whether points have a coordinate, as dolfinx asks for it."""
+    return lambda x: np.isclose(x[axis], value, **tolerance)
