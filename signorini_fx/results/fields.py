@@ -1,7 +1,7 @@
 """The fields of a result and its contact surface in 3D for ParaView, in VTK's XML format.
 
-Each file is one unstructured grid in base64: ParaView, PyVista and meshio read it.  Each rank writes
-its own cells into it, and no rank has those of another.  (meshio reads neither the raw form
+Each file is one unstructured grid in base64: ParaView, PyVista and meshio read it.  Each rank
+writes its own cells into it, and no rank has those of another.  (meshio reads neither the raw form
 reliably nor files of several pieces.)
 """
 
