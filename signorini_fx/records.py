@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -10,6 +11,18 @@ from enum import Enum
 from typing import Literal
 
 import numpy as np
+
+
+def _on_first_rank(_: logging.LogRecord) -> bool:
+    """Return whether this rank writes the log."""
+    from signorini_fx.machine.terminal import started_as_root
+
+    return started_as_root()
+
+
+# The log of solves: linear solves are its details (DEBUG), all else INFO.
+_LOG = logging.getLogger("signorini_fx")
+_LOG.addFilter(_on_first_rank)
 
 # How an event begins that is about a requested accuracy.
 ACCURACY = "accuracy: "
@@ -266,6 +279,14 @@ class IterationRecord:
     factorised: bool
     seconds: float
 
+    def __str__(self) -> str:
+        """Return a row of the table of iterations."""
+        return (
+            f"{self.solve:5d}  {self.outer:5d} {self.iteration:5d} {self.active_contact:8d} "
+            f"{self.slip_plus:7d} {self.slip_minus:7d} {self.changed:8d}   {self.residual:8.1e}  "
+            f"{self.seconds:8.3f}"
+        )
+
 
 @dataclass(frozen=True)
 class OuterRecord:
@@ -287,6 +308,11 @@ class OuterRecord:
     gamma_n: float
     change: float | None
     status: str
+
+    def __str__(self) -> str:
+        change = "" if self.change is None else f", change of the friction bound {self.change:.2e}"
+        solves = f"{self.linear_solves} linear solve{'s' * (self.linear_solves != 1)}"
+        return f"{self.outer:5d}  {self.status} after {solves}{change}"
 
 
 @dataclass
@@ -395,6 +421,8 @@ class History:
                 self.events.append(record)
             case StepRecord():  # the results have a table of their own
                 self.step = record.step
+        level = logging.DEBUG if isinstance(record, IterationRecord) else logging.INFO
+        _LOG.log(level, "%s", record)
         for observer in self.observers:
             observer(record)
 

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 from html import escape
 from typing import Any
 
+from signorini_fx.errors import MissingPackageError
 from signorini_fx.machine.terminal import printable
 from signorini_fx.records import Status, StepRecord
 
@@ -25,6 +26,20 @@ def html_table(columns: Sequence[str], rows: Iterable[Sequence[Any]], caption: s
     )
     rows_of_names = f"<caption>{safe(caption)}</caption><thead><tr>{head}</tr></thead>"
     return f"<table>{rows_of_names}<tbody>{body}</tbody></table>"
+
+
+def dataframe(columns: Any) -> Any:
+    """Return columns by their names, or rows, as a ``pandas.DataFrame``.
+
+    Raises:
+        InstallationError: pandas is not installed.
+    """
+    try:
+        from pandas import DataFrame
+    except ModuleNotFoundError:
+        message = "a DataFrame needs pandas, which is not installed: pip install pandas"
+        raise MissingPackageError(message) from None
+    return DataFrame(columns)
 
 
 def clean(value: Any, scale: float) -> Any:

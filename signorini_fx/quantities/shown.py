@@ -5,16 +5,26 @@ numbers with the digits that their error estimates allow, and in words.
 from __future__ import annotations
 
 import math
+import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from signorini_fx.machine.display import clean, effort_in_words, on_several_bodies, touch_each_other
-from signorini_fx.machine.terminal import TerminalLine
+from signorini_fx.extensions import STEP_EFFECTS, names_of
+from signorini_fx.machine.display import (
+    clean,
+    effort_in_words,
+    on_several_bodies,
+    results_of,
+    status_in_words,
+    touch_each_other,
+)
+from signorini_fx.machine.terminal import COLUMNS, TerminalLine, printable
 from signorini_fx.mechanics.kinematics import of_data
 from signorini_fx.mechanics.kinematics.protocol import Kinematics
 from signorini_fx.mechanics.statement.units import with_unit
@@ -665,6 +675,72 @@ def _effort(summary: Summary) -> Lines:
     ]
     seconds = sum(solved) if solved else sum(summary.get("timings", {}).values())
     return [f"{effort_in_words(summary)}, {summary['dofs']} unknowns{ranks}, {seconds:.1f} s"]
+
+
+# So many warnings are printed without --verbose.
+_MOST_WARNINGS = 3
+
+
+def short_answer(summary: Summary, folder: Path | None = None) -> list[TerminalLine]:
+    """What ``solve`` prints without ``--verbose``, in 80 columns: the outcome, the first warnings,
+    what to do unless it is a solution, the figures that are asked for first, and the folder where
+    the results are, if there is one.
+    """
+    warnings = warning_lines(summary)
+    if (more := len(warnings) - _MOST_WARNINGS) > 0:
+        rest = row("warning", f"{more} more with --verbose, and in summary.json", "warning")
+        warnings = [*warnings[:_MOST_WARNINGS], rest]
+    answer = [*outcome_lines(summary), *effect_lines(summary), *brief_lines(summary)]
+    lines = [*warnings, *answer, *([row("results", f"{folder}/")] if folder else [])]
+    return [heading(summary), *(narrow for line in lines for narrow in _narrow(line))]
+
+
+def _narrow(line: TerminalLine) -> list[TerminalLine]:
+    """A line with a short label, in 80 columns; a longer label ends with a colon."""
+    label = line.begin.strip()
+    begin = f"  {label:12s}" if len(label) < 12 else f"  {label}: "
+    texts = textwrap.wrap(printable(line.text), COLUMNS - len(begin))
+    return [
+        TerminalLine(begin if k == 0 else " " * 14, text, line.kind * (k == 0))
+        for k, text in enumerate(texts)
+    ]
+
+
+def heading(summary: Summary) -> TerminalLine:
+    """Return the first line: the title and the outcome."""
+    good = summary["converged"] and not summary["incomplete"]
+    title = printable(summary["title"]) or "scene"
+    return TerminalLine(f"{title}: {status_in_words(summary)}", kind="good" if good else "")
+
+
+def outcome_lines(summary: Summary) -> list[TerminalLine]:
+    """Return the load step of the results, and what to do unless it is a solution."""
+    lines = [row("results of", results_of(summary))] if "results_of" in summary else []
+    return (
+        lines if summary["converged"] else [*lines, row("what to do", summary["advice"], "advice")]
+    )
+
+
+def effect_lines(summary: Summary) -> list[TerminalLine]:
+    """The notes of what else happens from step to step, such as wear, under their keys."""
+    notes = [found for found in summary["findings"] if found["level"] == "note"]
+    keyed = [(note["path"].rpartition(".")[2], note["message"]) for note in notes]
+    return [row(key, message) for key, message in keyed if key in names_of(STEP_EFFECTS)]
+
+
+def warning_lines(summary: Summary) -> list[TerminalLine]:
+    """The warnings, those of a certain entry before those of the whole scene."""
+    found = [
+        finding
+        for finding in summary["findings"]
+        if finding["level"] == "warning"
+        and finding["message"] not in summary["advice"]
+        and summary["advice"] not in finding["message"]
+    ]
+    found.sort(key=lambda finding: "[" not in finding["path"])
+    return [
+        row("warning", f"{finding['path']}: {finding['message']}", "warning") for finding in found
+    ]
 
 
 _TABLE = (

@@ -15,6 +15,7 @@ from typing_extensions import TypeAliasType
 
 from signorini_fx.errors import InstallationError, ResultError
 from signorini_fx.extensions import QUANTITIES, load, names_of
+from signorini_fx.machine.display import dataframe
 from signorini_fx.machine.result_files import folder_path, read_csv, read_summary
 
 SCHEMA_VERSION = 1
@@ -541,6 +542,10 @@ class Results:
             return read_csv(self.path / f"{name}.csv")
         except (OSError, ValueError) as error:
             raise ResultError(f"{self.path}: {name}.csv cannot be read: {error}") from None
+
+    def to_dataframe(self, name: str) -> Any:
+        """Return a table as a ``pandas.DataFrame``, see ``table``."""
+        return dataframe(self.table(name))
 
 
 def read_results(folder: str | os.PathLike[str]) -> Results:

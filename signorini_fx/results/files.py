@@ -92,7 +92,7 @@ _LEADING_COLUMNS = ("x", "y", "z", "s", "boundary")
 
 def write_results(
     solution: Solution,
-    folder: str | Path | ResultFolder,
+    folder: str | Path | ResultFolder | None,
     *,
     fields: bool = True,
     pictures: bool | Sequence[str] = True,
@@ -106,7 +106,7 @@ def write_results(
 
     Args:
         solution: what to write, converged or not.
-        folder: made if it does not exist, or claimed before.
+        folder: made if it does not exist, or claimed before; None: nothing is written.
         fields: write the fields for ParaView.
         pictures: draw the deformed body with the von Mises stress, and the contact boundary; a list
             of names: draw the deformed body with these fields too (``pressure``, ``displacement``,
@@ -132,6 +132,9 @@ def write_results(
     """
     if not isinstance(solution, Solution):
         raise TypeError(f"write_results takes a Solution and a folder, not {kind_of(solution)}")
+    if folder is None:
+        summary = _standing(solution) | of_fields(solution)
+        return summary | proved(solution, summary["findings"])
     if not isinstance(fields, bool):
         raise ValueError(
             f"fields: True or False is expected, got {fields!r}: all of them are in {VTU}"
@@ -170,6 +173,17 @@ def title_of_result(folder: Path) -> str | None:
         return str(read_summary(folder).get("title", ""))
     except ResultError:
         return None
+
+
+def _standing(solution: Solution) -> dict[str, Any]:
+    """The figures of the solution and its scene; collective."""
+    model = solution.model
+    tables = solution.statement.tables
+    if "forms" in tables:
+        tables |= {"title": model.title, "load_steps": vars(model.path)}
+    # Keys that a scene in 2D, or one in 3D, does not have.
+    left_out = ("z" if model.tagged.dimension == 2 else "hypothesis",)
+    return summary_of(solution) | {"scene": describe(tables, left_out)}
 
 
 @dataclass(frozen=True)
@@ -219,14 +233,7 @@ class _Written:
         solution = self.solution
         comm = self.solution.comm
         part = self.folder.part
-        summary = summary_of(solution)
-        model = solution.model
-        tables = solution.statement.tables
-        if "forms" in tables:
-            tables |= {"title": model.title, "load_steps": vars(model.path)}
-        # Keys that a scene in 2D, or one in 3D, does not have.
-        left_out = ("z" if model.tagged.dimension == 2 else "hypothesis",)
-        summary["scene"] = describe(tables, left_out)
+        summary = _standing(solution)
         summary["finished"] = parallel.on_root(
             comm, lambda: datetime.now(UTC).isoformat(timespec="seconds")
         )

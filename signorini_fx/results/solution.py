@@ -17,6 +17,7 @@ from signorini_fx.errors import SignoriniError
 from signorini_fx.extensions import LINEAR_SOLVERS, add_on, names_of
 from signorini_fx.machine import parallel
 from signorini_fx.machine.display import html_table
+from signorini_fx.machine.terminal import TerminalLine
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable, contact_table
 from signorini_fx.mechanics.model import Model
@@ -131,17 +132,33 @@ class Solution:
             "unknowns>"
         )
 
+    def __str__(self) -> str:
+        """Return what ``solve`` prints; on several ranks, as long as ``summary`` was not called,
+        the line of ``repr``: all of them would have to compute it.
+        """
+        return "\n".join(map(str, self._answer)) if self._answer else repr(self)
+
     def _repr_html_(self) -> str:
-        """A table for notebooks: how the solve ended, the certificate and the findings."""
-        rows = [
-            ("status", self.status.value),
-            ("algorithm", f"{self.algorithm}, {self.linear_algebra}"),
-            ("unknowns", f"{self.model.dofs:,}"),
-            ("linear solves", self.history.linear_solves),
-            ("certificate", repr(self.certificate).strip("<>")),
-            *((f"{finding.level}: {finding.path}", finding.message) for finding in self.findings),
-        ]
-        return html_table(("", ""), rows, self.model.title)
+        """Return these lines as a table for notebooks."""
+        first, *lines = self._answer or [TerminalLine(repr(self))]
+        rows = [(line.begin.strip(), line.text) for line in lines]
+        return html_table(("", ""), rows, str(first))
+
+    @property
+    def _answer(self) -> list[TerminalLine]:
+        """What ``solve`` prints; empty where this rank cannot tell alone."""
+        from signorini_fx.quantities.shown import short_answer
+
+        alone = self.comm.size == 1 or "_summary" in vars(self)
+        return short_answer(self._summary) if alone else []
+
+    def summary(self) -> dict[str, Any]:
+        """Return the figures that ``write_results`` writes into summary.json; collective."""
+        return self._summary
+
+    @cached_property
+    def _summary(self) -> dict[str, Any]:
+        return signorini_fx.write_results(self, None)
 
     @property
     def model(self) -> Model:

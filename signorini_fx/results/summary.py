@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import platform
-import textwrap
 import time
 import traceback
 from collections.abc import Callable
@@ -18,20 +17,24 @@ from mpi4py import MPI
 from pydantic import TypeAdapter
 
 import signorini_fx
-from signorini_fx.extensions import STEP_EFFECTS, names_of
 from signorini_fx.machine import parallel
-from signorini_fx.machine.display import results_of, status_in_words
-from signorini_fx.machine.terminal import COLUMNS, TerminalLine, printable, say_once
+from signorini_fx.machine.terminal import TerminalLine, say_once
 from signorini_fx.mechanics.assembly.pieces import extent
-from signorini_fx.quantities.shown import Summary, all_shown, brief_lines, row, shown_lines
+from signorini_fx.quantities.shown import (
+    Summary,
+    all_shown,
+    effect_lines,
+    heading,
+    outcome_lines,
+    row,
+    shown_lines,
+    warning_lines,
+)
 from signorini_fx.quantities.summary import SCHEMA_VERSION, Price, Quantity, own_quantities
 from signorini_fx.quantities.values import NO_BOUND, afterwards, of_results, of_step
-from signorini_fx.records import Finding, OuterRecord, Record, StepRecord
+from signorini_fx.records import Finding, IterationRecord, Record, StepRecord
 from signorini_fx.results.solution import Solution
 from signorini_fx.tuned import ERROR_PATIENCE
-
-# So many warnings are printed without --verbose.
-_MOST_WARNINGS = 3
 
 
 def summary_of(solution: Solution) -> dict[str, Any]:
@@ -116,24 +119,11 @@ def table_row(record: Record) -> str:
     """Return one line of the iteration table, the first with its header; an outer record closes its
     regularised problem.
     """
-    if isinstance(record, str):
-        return f"       {record}"
     if isinstance(record, StepRecord):
         return f"--- {record} ".ljust(len(_HEADER), "-")
-    if isinstance(record, OuterRecord):
-        change = (
-            "" if record.change is None else f", change of the friction bound {record.change:.2e}"
-        )
-        solves = f"{record.linear_solves} linear solve{'s' * (record.linear_solves != 1)}"
-        return f"       {record.outer:5d}  {record.status} after {solves}{change}"
-    header = _HEADER if record.solve == 1 else ""
-    numbers = (
-        f"{record.solve:5d}  {record.outer:5d} {record.iteration:5d} {record.active_contact:8d} "
-        f"{record.slip_plus:7d}"
-        f" {record.slip_minus:7d} {record.changed:8d}   {record.residual:8.1e}  "
-        f"{record.seconds:8.3f}"
-    )
-    return header + numbers
+    if isinstance(record, IterationRecord):
+        return f"{_HEADER * (record.solve == 1)}{record}"
+    return f"       {record}"
 
 
 def print_progress(record: Record) -> None:
@@ -157,49 +147,18 @@ def lines_of(summary: Summary, folder: Path) -> list[TerminalLine]:
     return [*_figures(summary), row("results", f"{folder}/")]
 
 
-def short_answer(summary: Summary, folder: Path) -> list[TerminalLine]:
-    """What ``solve`` prints without ``--verbose``, in 80 columns: the outcome, the first warnings,
-    what to do unless it is a solution, the figures that are asked for first, and where the results
-    are.
-    """
-    warnings = _warnings(summary)
-    if (more := len(warnings) - _MOST_WARNINGS) > 0:
-        rest = row("warning", f"{more} more with --verbose, and in summary.json", "warning")
-        warnings = [*warnings[:_MOST_WARNINGS], rest]
-    answer = [*_outcome(summary), *_of_effects(summary), *brief_lines(summary)]
-    lines = [*warnings, *answer, row("results", f"{folder}/")]
-    return [_heading(summary), *(narrow for line in lines for narrow in _narrow(line))]
-
-
-def _narrow(line: TerminalLine) -> list[TerminalLine]:
-    """A line with a short label, in 80 columns; a longer label ends with a colon."""
-    label = line.begin.strip()
-    begin = f"  {label:12s}" if len(label) < 12 else f"  {label}: "
-    texts = textwrap.wrap(printable(line.text), COLUMNS - len(begin))
-    return [
-        TerminalLine(begin if k == 0 else " " * 14, text, line.kind * (k == 0))
-        for k, text in enumerate(texts)
-    ]
-
-
-def _heading(summary: Summary) -> TerminalLine:
-    good = summary["converged"] and not summary["incomplete"]
-    title = printable(summary["title"]) or "scene"
-    return TerminalLine(f"{title}: {status_in_words(summary)}", kind="good" if good else "")
-
-
 def _figures(summary: Summary) -> list[TerminalLine]:
     from signorini_fx.results.accuracy import convergence_table
 
     method = [row("algorithm", summary["algorithm"]), *_events(summary["events"])]
     method.append(row("linear algebra", summary["linear_algebra"]))
     lines = [
-        _heading(summary),
-        *_outcome(summary),
+        heading(summary),
+        *outcome_lines(summary),
         *method,
         *_pieces(summary["pieces"]),
-        *_warnings(summary),
-        *_of_effects(summary),
+        *warning_lines(summary),
+        *effect_lines(summary),
     ]
     if (
         not summary["converged"] and summary["linear_solves"] == 0
@@ -216,14 +175,6 @@ def _figures(summary: Summary) -> list[TerminalLine]:
         prices = [Price(**price) for price in summary["convergence_table"]]
         lines.append(TerminalLine(convergence_table.render(prices)))
     return lines
-
-
-def _outcome(summary: Summary) -> list[TerminalLine]:
-    """Return the load step of the results, and what to do unless it is a solution."""
-    lines = [row("results of", results_of(summary))] if "results_of" in summary else []
-    return (
-        lines if summary["converged"] else [*lines, row("what to do", summary["advice"], "advice")]
-    )
 
 
 def _events(events: list[str]) -> list[TerminalLine]:
@@ -243,28 +194,6 @@ def _events(events: list[str]) -> list[TerminalLine]:
             f"halved {halved} time{'s' * (halved > 1)}, where a load step had no solution"
         ]
     return [row(name, "; ".join(kind)) for name, kind in kinds.items() if kind]
-
-
-def _of_effects(summary: Summary) -> list[TerminalLine]:
-    """The notes of what else happens from step to step, such as wear, under their keys."""
-    notes = [found for found in summary["findings"] if found["level"] == "note"]
-    keyed = [(note["path"].rpartition(".")[2], note["message"]) for note in notes]
-    return [row(key, message) for key, message in keyed if key in names_of(STEP_EFFECTS)]
-
-
-def _warnings(summary: Summary) -> list[TerminalLine]:
-    """The warnings, those of a certain entry before those of the whole scene."""
-    found = [
-        finding
-        for finding in summary["findings"]
-        if finding["level"] == "warning"
-        and finding["message"] not in summary["advice"]
-        and summary["advice"] not in finding["message"]
-    ]
-    found.sort(key=lambda finding: "[" not in finding["path"])
-    return [
-        row("warning", f"{finding['path']}: {finding['message']}", "warning") for finding in found
-    ]
 
 
 def _pieces(pieces: list[dict[str, Any]], limit: int = 4) -> list[TerminalLine]:

@@ -16,6 +16,7 @@ from pydantic import BaseModel, ValidationError
 
 from signorini_fx.errors import SceneError
 from signorini_fx.mechanics.statement.base import problems_of
+from signorini_fx.mechanics.statement.mesh_sources import MeshInMemory
 from signorini_fx.mechanics.statement.values import kind_of
 from signorini_fx.scenes.scene import Scene
 
@@ -158,7 +159,16 @@ def as_scene(scene: object, comm: MPI.Comm | None = None) -> Scene:
         case _:
             wrong = f"a Scene or the path of a scene file is expected, not {kind_of(scene)}"
             raise TypeError(wrong)
-    if comm is None or found.general_contact is None:
+    if comm is None:
+        return found
+    if any(isinstance(mesh, MeshInMemory) for mesh in found.meshes):
+        from signorini_fx.mechanics.mesh.tagged import read_mesh
+
+        found = found.with_meshes(
+            read_mesh(mesh, comm) if isinstance(mesh, MeshInMemory) else mesh
+            for mesh in found.meshes
+        )
+    if found.general_contact is None:
         return found
     from signorini_fx.scenes.found_contacts import with_found_contacts
 

@@ -22,6 +22,7 @@ from signorini_fx.algebra.algorithms.task import Task
 from signorini_fx.algebra.linalg import petsc_options
 from signorini_fx.errors import SceneError
 from signorini_fx.machine import manifest, parallel
+from signorini_fx.machine.display import dataframe
 from signorini_fx.machine.result_files import write_csv
 from signorini_fx.mechanics.body.discretisation import with_gap_and_friction
 from signorini_fx.records import History, Status, Timings
@@ -59,7 +60,7 @@ def sweep(
     scene: Scene | str | Path,
     entries: Mapping[str, Iterable[Any]],
     comm: MPI.Comm = MPI.COMM_WORLD,
-) -> Iterator[Solution]:
+) -> Sweep:
     """Solve a scene for each combination of values of its entries, as the iterator advances;
     collective.
 
@@ -70,7 +71,9 @@ def sweep(
         comm: the ranks that share the work.
 
     Returns:
-        The solution of each combination, or its last iterate: look at ``Solution.status``.
+        An iterator over the solution of each combination, or its last iterate: look at
+        ``Solution.status``; ``to_dataframe()`` solves what is left and gives a row of figures for
+        each of them.
 
     Raises:
         TypeError: an argument is of the wrong kind.
@@ -85,7 +88,37 @@ def sweep(
     scene = as_scene(scene)
     refuse_other_than_comm(comm)
     petsc_options.refuse_exchanged()
-    return solutions_of(scene, combinations(entries), comm)
+    return Sweep(scene, combinations(entries), comm)
+
+
+class Sweep(Iterator[Solution]):
+    """The solutions of a scene for several values of its entries, one after the other; every
+    method is collective.
+
+    Attributes:
+        rows: the values, outcome and figures of those that are solved, see ``row_of``.
+    """
+
+    def __init__(self, scene: Scene, changes: Sequence[Mapping[str, Any]], comm: MPI.Comm) -> None:
+        self.rows: list[dict[str, Any]] = []
+        self._changes = changes
+        self._solutions = solutions_of(scene, changes, comm)
+
+    def __next__(self) -> Solution:
+        solution = next(self._solutions)
+        self.rows.append(row_of(self._changes[len(self.rows)], solution))
+        return solution
+
+    def to_dataframe(self) -> Any:
+        """Solve what is left, and return all rows as a ``pandas.DataFrame``.
+
+        Raises:
+            InstallationError: pandas is not installed.
+        """
+        dataframe([])  # it says before the solves that pandas is missing
+        for _ in self:
+            pass
+        return dataframe(self.rows)
 
 
 def combinations(entries: Mapping[str, Iterable[Any]]) -> list[dict[str, Any]]:

@@ -11,9 +11,10 @@ from scene_tables import coulomb_friction, fixed, rectangle_mesh, tresca_frictio
 from scenes import alone
 
 from signorini_fx.mechanics.body.discretisation import prepare
+from signorini_fx.quantities.shown import short_answer
 from signorini_fx.records import Timings
 from signorini_fx.results.singularities import why_no_limit
-from signorini_fx.results.summary import short_answer, summary_of
+from signorini_fx.results.summary import summary_of
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene
 

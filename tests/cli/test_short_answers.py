@@ -9,7 +9,8 @@ import pytest
 from scenes import example1
 
 from signorini_fx import solve, write_results
-from signorini_fx.results.summary import lines_of, short_answer
+from signorini_fx.quantities.shown import short_answer
+from signorini_fx.results.summary import lines_of
 from signorini_fx.scenes.cli import main
 
 FOLDER = Path("results/scene")

@@ -1,8 +1,13 @@
 """The package from Python: names, help, arguments of another kind, short forms."""
 
 import inspect
+import logging
 import pydoc
+import sys
+from types import SimpleNamespace
 
+import gmsh
+import meshio
 import numpy as np
 import pytest
 from dolfinx import fem, mesh
@@ -98,6 +103,85 @@ def test_what_can_be_accepted(tmp_path):
     field = alone(scene(traction=sfx.Traction(boundary="top", y=function())))
     for other in (numbers, field):
         np.testing.assert_allclose(other.contact.pressure, plain.contact.pressure, rtol=1e-9)
+
+
+def test_a_solution_in_words(caplog):
+    """``str`` is what solve prints, in a notebook a table; the log has each regularised problem,
+    and as details each linear solve.
+    """
+    caplog.set_level(logging.DEBUG, "signorini_fx")
+    solution = alone(scene())
+    levels = [record.levelname for record in caplog.records]
+    assert levels.count("DEBUG") == solution.history.linear_solves
+    assert "converged after" in caplog.messages[-1]
+    first, *lines = str(solution).splitlines()
+    assert first == "scene: converged"
+    assert [line.split()[0] for line in lines if line[2] != " "] == [
+        *("force", "contact", "stress", "error", "cost", "certificate", "effort")
+    ]
+    assert solution.summary()["contact_force"] == solution.contact.forces[0].tolist()
+    html = solution._repr_html_()
+    assert all(line[14:] in html.replace("&lt;", "<") for line in lines if line.strip())
+
+
+@pytest.mark.mpi
+def test_one_rank_prints_a_solution():
+    """It does not wait for the others; after ``summary`` it has the lines of them all."""
+    comm = MPI.COMM_WORLD
+    solution = sfx.solve(scene(mesh={"generator": "rectangle"}), comm)
+    if comm.rank == 0:
+        assert ("<Solution" in str(solution)) == (comm.size > 1)
+        assert "<table>" in solution._repr_html_()
+    solution.summary()
+    assert str(solution).startswith("scene: converged\n")
+
+
+def test_tables_for_pandas(monkeypatch, tmp_path):
+    """Contact boundaries, tables of a result folder, sweeps; without pandas one error says so."""
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    with pytest.raises(sfx.InstallationError, match="pip install pandas"):
+        sfx.sweep(scene(), {"material.young": [1000.0]}, COMM).to_dataframe()
+    monkeypatch.setitem(sys.modules, "pandas", SimpleNamespace(DataFrame=lambda table: table))
+    solution = alone(scene())
+    sfx.write_results(solution, tmp_path, fields=False, pictures=False)
+    stored = sfx.read_results(tmp_path).to_dataframe("contact")
+    np.testing.assert_allclose(stored["pressure"], solution.table.to_dataframe()["pressure"])
+    rows = sfx.sweep(scene(), {"traction[0].y": [-1.0, -2.0]}, COMM).to_dataframe()
+    # Without a gap all is proportional to the load, -20 in ``scene``.
+    forces = solution.contact.forces[0][1] * np.array([0.05, 0.1])
+    np.testing.assert_allclose([row["contact_force"] for row in rows], forces, rtol=1e-9)
+
+
+def test_meshes_of_other_programs_in_memory(tmp_path):
+    """The model of gmsh, what meshio reads of it and a grid of PyVista: one answer."""
+    pyvista = pytest.importorskip("pyvista")
+    gmsh.initialize(interruptible=False)
+    try:
+        gmsh.option.setNumber("General.Terminal", 0)
+        with pytest.raises(sfx.MeshError, match=r"call gmsh\.model\.mesh\.generate"):
+            sfx.solve(scene(mesh=gmsh.model), COMM)
+        face = gmsh.model.occ.addRectangle(0.0, 0.0, 0.0, 3.0, 1.0)
+        gmsh.model.occ.synchronize()
+        gmsh.model.addPhysicalGroup(2, [face], name="body")
+        for line, name in zip((1, 2, 3, 4), ("bottom", "right", "top", "left"), strict=True):
+            gmsh.model.addPhysicalGroup(1, [line], name=name)
+        gmsh.model.mesh.generate(2)
+        gmsh.write(str(tmp_path / "block.msh"))
+        solutions = [alone(scene(mesh=gmsh.model))]
+    finally:
+        gmsh.finalize()
+    mesh = meshio.read(tmp_path / "block.msh")
+    solutions.append(alone(scene(mesh=mesh)))
+    grid = pyvista.from_meshio(mesh)
+    with pytest.raises(sfx.MeshError, match="name some by read_mesh"):
+        sfx.solve(scene(mesh=grid), COMM)
+    rules = {"left": "x[0] < 1e-9", "bottom": "x[1] < 1e-9", "top": "x[1] > 1 - 1e-9"}
+    solutions.append(alone(scene(mesh=sfx.read_mesh(grid, COMM, boundaries=rules))))
+    of_file = alone(scene(mesh={"file": str(tmp_path / "block.msh")}))
+    for solution in solutions:
+        np.testing.assert_allclose(
+            solution.contact.pressure, of_file.contact.pressure, rtol=1e-9, atol=1e-9
+        )
 
 
 WRONG = {

@@ -11,7 +11,8 @@ from scene_tables import fixed, plane_shape
 from scenes import alone
 
 from signorini_fx import solve
-from signorini_fx.results.summary import short_answer, summary_of
+from signorini_fx.quantities.shown import short_answer
+from signorini_fx.results.summary import summary_of
 from signorini_fx.scenes.reading import parse_scene
 
 RUBBER = {"law": "neo-hooke", "young": 2.0, "poisson": 0.3}

@@ -14,8 +14,9 @@ from scenes import alone
 from scipy.integrate import solve_ivp
 
 from signorini_fx import SceneError, solve
+from signorini_fx.quantities.shown import short_answer
 from signorini_fx.records import STEPS_UNESTIMATED
-from signorini_fx.results.summary import short_answer, summary_of
+from signorini_fx.results.summary import summary_of
 from signorini_fx.scenes.reading import parse_scene
 
 COMM = MPI.COMM_WORLD

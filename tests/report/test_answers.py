@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 import summaries_of_outcomes as page
 
+from signorini_fx.quantities.shown import short_answer
 from signorini_fx.records import Status
-from signorini_fx.results.summary import short_answer
 
 SOLVED = (
     "converged",

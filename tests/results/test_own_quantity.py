@@ -22,8 +22,9 @@ from signorini_fx import (
 )
 from signorini_fx.addons.report.page import page
 from signorini_fx.extensions import QUANTITIES
+from signorini_fx.quantities.shown import short_answer
 from signorini_fx.quantities.summary import own_quantities
-from signorini_fx.results.summary import lines_of, short_answer
+from signorini_fx.results.summary import lines_of
 from signorini_fx.scenes.template import summary_schema
 
 DEMO = Path(__file__).parents[2] / "demos" / "extensions" / "quantity.py"

@@ -24,7 +24,8 @@ from signorini_fx import (
     Status,
     solve,
 )
-from signorini_fx.results.summary import short_answer, summary_of
+from signorini_fx.quantities.shown import short_answer
+from signorini_fx.results.summary import summary_of
 from signorini_fx.scenes.checks import check_scene
 from signorini_fx.scenes.cli import main
 from signorini_fx.scenes.mesh import load_mesh

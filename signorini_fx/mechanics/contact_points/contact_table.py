@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from signorini_fx.arrays import Array, Flags, Ints, length
 from signorini_fx.machine import parallel
-from signorini_fx.machine.display import clean, html_table
+from signorini_fx.machine.display import clean, dataframe, html_table
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 
 # Rows of a table that a notebook shows.
@@ -66,6 +66,10 @@ class ContactTable:
             rows,
             f"{len(self.columns['x'])} contact nodes, the first {len(rows)}",
         )
+
+    def to_dataframe(self) -> Any:
+        """Return the columns as a ``pandas.DataFrame``, one row per node."""
+        return dataframe(self.columns)
 
     @property
     def touching(self) -> int:

@@ -8,7 +8,6 @@ from collections.abc import Callable, Mapping
 from contextvars import ContextVar
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import basix.ufl
@@ -33,7 +32,7 @@ from signorini_fx.tuned import SAME_LENGTH
 if TYPE_CHECKING:
     from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, Selection
     from signorini_fx.mechanics.mesh.files.size_field import Sizes
-    from signorini_fx.mechanics.statement.mesh_sources import MeshFile
+    from signorini_fx.mechanics.statement.mesh_sources import MeshFile, MeshInMemory
     from signorini_fx.mechanics.statement.statement import Statement
 
 # Name of a boundary or region -> its tag, or its tags.
@@ -371,18 +370,18 @@ def generate_mesh(
 
 
 def read_mesh(
-    file: Path,
+    file: Any,
     comm: MPI.Comm,
     boundaries: Mapping[str, Selection] | None = None,
     regions: Mapping[str, Selection] | None = None,
     data: str | None = None,
     size: float | None = None,
 ) -> TaggedMesh:
-    """Return the mesh of a file, which the first rank reads; collective.  The formats are those of
-    ``formats.read_file``.
+    """Return the mesh of a file, or one that another program has in memory; the first rank reads
+    it; collective.  The formats are those of ``formats.read_file``.
 
     Args:
-        file: the file.
+        file: the path of the file, or gmsh.model, a mesh of meshio, or a grid of PyVista.
         comm: the ranks that share the mesh.
         boundaries: name -> a number in the cell data of the file, or a function of points of shape
             (3, n) that is positive at all vertices of the exterior facets of the boundary.
@@ -406,12 +405,14 @@ def read_mesh(
         >>> print(len(read.facets("foot")))
         8
     """
-    from signorini_fx.mechanics.statement.mesh_sources import MeshFile
+    from signorini_fx.mechanics.statement.mesh_sources import MeshFile, MeshInMemory
 
+    held = file if isinstance(file, MeshInMemory) else MeshInMemory(file)
+    name = f"mesh of {held.program}" if held.program else file
     mesh = MeshFile(
-        file=file, boundaries=boundaries or {}, regions=regions or {}, data=data, size=size
+        file=name, boundaries=boundaries or {}, regions=regions or {}, data=data, size=size
     )
-    return _of_file(mesh, comm)
+    return _of_file(mesh, comm, held=held)
 
 
 def load_file(
@@ -436,16 +437,27 @@ def load_file(
 
 
 def _of_file(
-    mesh: MeshFile, comm: MPI.Comm, halvings: int = 0, degree: int | None = None, sizes: Sizes = ()
+    mesh: MeshFile,
+    comm: MPI.Comm,
+    halvings: int = 0,
+    degree: int | None = None,
+    sizes: Sizes = (),
+    held: MeshInMemory | None = None,
 ) -> TaggedMesh:
     from signorini_fx.mechanics.mesh.files import formats
+    from signorini_fx.mechanics.mesh.files.arrays import from_raw
 
     def read() -> MeshArrays:
-        arrays = formats.read_file(mesh, halvings, degree, sizes)
+        names = "in mesh.boundaries of the scene"
+        if held is not None and held.program:
+            names = "by read_mesh(mesh, comm, boundaries={...})"
+            given = (mesh.boundaries, mesh.regions, mesh.data)
+            arrays = from_raw(formats.raw_of(held), str(mesh.file), *given)
+        else:
+            arrays = formats.read_file(mesh, halvings, degree, sizes)
         if not any(rows.size for rows in arrays.boundaries.values()):
             raise MeshError(
-                f"{mesh.file}: the mesh has no named boundary: name some in mesh.boundaries of "
-                "the scene, "
+                f"{mesh.file}: the mesh has no named boundary: name some {names}, "
                 f"or in the file (in gmsh: physical groups of dimension {arrays.dim - 1})"
             )
         return arrays

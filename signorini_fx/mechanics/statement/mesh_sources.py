@@ -28,6 +28,8 @@ from signorini_fx.mechanics.statement.values import (
 # Files that gmsh meshes: its scripts, and CAD drawings.
 DRAWN = (".geo", ".step", ".stp", ".brep")
 MESH_FORMATS = (*DRAWN, ".inp", ".med", ".msh", ".vtu", ".xdmf")
+# Programs whose meshes are taken as they are in memory, by the modules of their classes.
+_PROGRAMS = ("gmsh", "meshio", "pyvista")
 # The generators of bodies without arcs.
 WITHOUT_ARCS = ("rectangle", "block", "box", "wedge")
 
@@ -149,6 +151,22 @@ class MeshGenerator(Table):
         return factor
 
 
+@dataclass(frozen=True, eq=False)
+class MeshInMemory(TaggedMeshBase):
+    """A mesh that another program has in memory: gmsh.model, a mesh of meshio, or a grid of
+    PyVista.
+    """
+
+    source: Any
+
+    @property
+    def program(self) -> str:
+        """Return the name of the program; an empty string if meshes of this kind are not known."""
+        module = getattr(self.source, "__module__", None) or ""
+        first = module.partition(".")[0]
+        return first if first in _PROGRAMS else ""
+
+
 def one_mesh(entry: Any) -> Any:
     """Decide by the key, so that errors are reported for the kind of mesh that was meant."""
     if isinstance(entry, Mapping):
@@ -160,6 +178,9 @@ def one_mesh(entry: Any) -> Any:
             )
         return (MeshFile if "file" in entry else MeshGenerator).model_validate(entry)
     if not isinstance(entry, MeshFile | MeshGenerator | TaggedMeshBase):
+        held = MeshInMemory(entry)
+        if held.program:
+            return held
         wanted = (
             "a table with file or generator, or a mesh with named boundaries, see tag_boundaries,"
         )

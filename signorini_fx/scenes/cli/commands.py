@@ -79,11 +79,12 @@ def solve(options: argparse.Namespace, comm: MPI.Comm) -> int:
 
     path = options.out or Path("results") / options.scene.stem
     scene = _read_scene(options, comm)
+    from signorini_fx.quantities.shown import short_answer
     from signorini_fx.results import files
     from signorini_fx.results.folder import CHECKPOINT, ResultFolder
     from signorini_fx.results.progress_line import ProgressLine
     from signorini_fx.results.solution import outcome
-    from signorini_fx.results.summary import lines_of, short_answer, table_row
+    from signorini_fx.results.summary import lines_of, table_row
     from signorini_fx.scenes import solver
 
     if (

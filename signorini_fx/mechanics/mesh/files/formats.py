@@ -8,6 +8,7 @@ import contextlib
 import importlib
 import io
 import os
+import tempfile
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -18,10 +19,15 @@ from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.extensions import add_on
 from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, RawMesh, from_raw
 from signorini_fx.mechanics.mesh.files.cells import curvature, kind_of_mesh, order_in
-from signorini_fx.mechanics.mesh.files.gmsh_reader import CAD, read_gmsh
+from signorini_fx.mechanics.mesh.files.gmsh_reader import CAD, content, read_gmsh
 from signorini_fx.mechanics.mesh.files.size_field import SizeField, Sizes
 from signorini_fx.mechanics.mesh.halving import halved, straightened
-from signorini_fx.mechanics.statement.mesh_sources import DRAWN, MESH_FORMATS, MeshFile
+from signorini_fx.mechanics.statement.mesh_sources import (
+    DRAWN,
+    MESH_FORMATS,
+    MeshFile,
+    MeshInMemory,
+)
 from signorini_fx.tuned import SAME_LENGTH
 
 
@@ -102,6 +108,26 @@ def files_of(file: Path) -> list[Path]:
     )
 
 
+def raw_of(mesh: MeshInMemory) -> RawMesh:
+    """Return the content of a mesh that another program has in memory.
+
+    Raises:
+        MeshError: it has no cells, or its program is not the one that made it.
+    """
+    if mesh.program == "meshio":
+        return _of_meshio(mesh.source)
+    if mesh.program == "pyvista":
+        with tempfile.TemporaryDirectory() as folder:
+            file = Path(folder, "grid.vtu")
+            mesh.source.cast_to_unstructured_grid().save(file)
+            return read_meshio(file, "vtu")
+    import gmsh
+
+    if not gmsh.isInitialized() or not len(gmsh.model.mesh.getElementTypes(2)):
+        raise MeshError("gmsh.model has no cells: call gmsh.model.mesh.generate before")
+    return content(gmsh)
+
+
 # --- meshio ---------------------------------------------------------------------------------------
 
 
@@ -142,6 +168,11 @@ def _of_meshio(mesh: Any) -> RawMesh:
             for values in arrays
         ):
             raw.data[name] = [np.asarray(values, dtype=np.int64) for values in arrays]
+    for name, rows in getattr(mesh, "cell_sets", {}).items():
+        if not name.startswith("gmsh:"):
+            raw.sets[name] = [np.asarray([] if r is None else r, dtype=np.int64) for r in rows]
+    for name, members in getattr(mesh, "point_sets", {}).items():
+        raw.node_sets[name] = np.asarray(members, dtype=np.int64)
     # In MED an element, or a node, has the number of a family, and a family belongs to groups.
     families = raw.data.pop("cell_tags", None) if hasattr(mesh, "cell_tags") else None
     for number, groups in mesh.cell_tags.items() if families is not None else ():
