@@ -40,13 +40,13 @@ def write_fields(solution: Solution, folder: Path) -> list[str]:
     ParaView takes for a tensor, in 2D too.  An OSError is raised on all ranks alike; collective.
     """
     if not solution.model.path.several:
-        write_vtu(folder / VTU, solution.comm, *_grid(solution.at(solution.last_step)))
+        write_vtu(folder / VTU, solution.comm, *grid_of(solution.at(solution.last_step)))
         return [VTU]
     parallel.on_root(solution.comm, lambda: (folder / VTU_FOLDER).mkdir())
     rows = []
     for step in solution.shown_steps:
         name = f"{VTU_FOLDER}/{step.step:04d}.vtu"
-        write_vtu(folder / name, solution.comm, *_grid(solution.at(step)))
+        write_vtu(folder / name, solution.comm, *grid_of(solution.at(step)))
         rows.append(f'<DataSet timestep="{step.time!r}" file="{name}"/>')
     text = "\n".join(
         [
@@ -60,7 +60,7 @@ def write_fields(solution: Solution, folder: Path) -> list[str]:
     return [VTU_STEPS]
 
 
-def _grid(moment: Solution) -> tuple[Array, Array, int, dict[str, Array]]:
+def grid_of(moment: Solution) -> tuple[Array, Array, int, dict[str, Array]]:
     """Points, cells, their kind, and the fields at the points of the cells that this rank owns, see
     ``write_vtu``.
     """

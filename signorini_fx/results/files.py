@@ -73,6 +73,7 @@ FILES = (
     *FIELD_FILES,
     "contact.vtu",
     "report.html",
+    "view.html",
 )
 # The columns that come first in the table of all load steps, and those that it leaves out.
 _CONSTANT_COLUMNS = (

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -507,9 +508,45 @@ class Solution:
             return None
         return friction_used(self.model, self.contact, self._position)
 
-    def plot(self, *fields: str) -> Any:
-        """Return pictures that a notebook displays, see the function ``plot``; collective."""
-        return signorini_fx.plot(self, *fields)
+    def plot(self, field: str | Sequence[str] = (), *, ax: Any = None) -> Any:
+        """Return pictures that a notebook displays, or draw a body in 2D on axes, see the function
+        ``plot``; collective.
+        """
+        return signorini_fx.plot(self, field, ax=ax)
+
+    def plotter(self, field: str = "", **options: Any) -> Any:
+        """Return a ``pyvista.Plotter`` with the deformed body, None on all ranks but the first;
+        collective.
+
+            solution.plotter("recovered_von_mises").show()
+
+        Args:
+            field: that of the colours, among those that are written for ParaView; "": the von Mises
+                stress, or the displacement.
+            options: ``times``, the magnification of displacements; all others are those of
+                ``pyvista.Plotter``.
+
+        Raises:
+            ValueError: there is no such field.
+            PictureError: PyVista is not installed, or has no display.
+        """
+        return add_on("plotter")(self, field, **options)
+
+    def animate(self, file: str | Path, field: str = "", **options: Any) -> None:
+        """Write the load steps as a moving picture, or how the displacement of a single one grows;
+        collective.
+
+        Args:
+            file: its path, which ends with .gif.
+            field: see ``plotter``.
+            options: see ``plotter``.
+
+        Raises:
+            OutputError: the file cannot be written.
+            PictureError: see ``plotter``.
+            ValueError: see ``plotter``.
+        """
+        add_on("animate")(self, file, field, **options)
 
     @property
     def _position(self) -> float:

@@ -11,14 +11,17 @@ import meshio
 import numpy as np
 import pytest
 from dolfinx import fem, mesh
+from drawing import needs_pictures_in_3d
+from matplotlib.collections import TriMesh
+from matplotlib.figure import Figure
 from mpi4py import MPI
+from PIL import Image
 from scenes import alone, example1
 from scipy.spatial import cKDTree
 from spaces import block
 
 import signorini_fx as sfx
 from signorini_fx import SceneError
-from signorini_fx.addons.pictures import plot
 from signorini_fx.mechanics.statement.base import tables
 from signorini_fx.mechanics.statement.effect import Effect
 from signorini_fx.scenes.template import described
@@ -291,6 +294,30 @@ def test_grid_for_pyvista(scene, monkeypatch):
         atol=1e-15,
     )
     assert {"von_mises", "recovered_von_mises", "stress", "density"} <= set(grid.point_data)
-    monkeypatch.setattr(plot, "find_spec", lambda name: None)
+    monkeypatch.setitem(sys.modules, "pyvista", None)
     with pytest.raises(sfx.PictureError, match="pip install pyvista"):
         sfx.pyvista_grid(solution)
+
+
+def test_pictures_of_ones_own(tmp_path):
+    """A field on axes of a user's, the body in a window of PyVista, and load steps that move."""
+    needs_pictures_in_3d()
+    factors = {"displacement": sfx.Displacement(boundary="left", x=0.0, y=0.1, factors=[0.0, 1.0])}
+    solution = alone(scene(**factors))
+    ax = Figure().subplots()
+    assert solution.plot("displacement", ax=ax) is ax
+    drawn = next(one for one in ax.collections if isinstance(one, TriMesh))
+    assert drawn.get_array().max() == pytest.approx(0.1, rel=0.02)
+    window = solution.plotter("displacement", times=3.0, off_screen=True)
+    grid = sfx.pyvista_grid(solution)
+    places = grid.points + 3.0 * grid["displacement"]
+    np.testing.assert_allclose(window.actors["body"].mapper.dataset.points, places, atol=1e-6)
+    window.close()
+    solution.animate(tmp_path / "steps.gif", window_size=(120, 90))
+    with Image.open(tmp_path / "steps.gif") as moving:
+        assert moving.n_frames == 2
+    for wrong in (solution.plotter, lambda name: solution.plot(name, ax=ax)):
+        with pytest.raises(ValueError, match=r"'heat': there are .*displacement"):
+            wrong("heat")
+    with pytest.raises(sfx.SignoriniError, match=r"is \.gif"):
+        solution.animate(tmp_path / "steps.png")

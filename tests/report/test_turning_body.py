@@ -14,6 +14,7 @@ from numpy.testing import assert_allclose
 from signorini_fx import solve, write_results
 from signorini_fx.addons.report import turning_body as body
 from signorini_fx.addons.report.page import page
+from signorini_fx.scenes import cli
 from signorini_fx.scenes.reading import parse_scene
 
 BOX = """
@@ -37,6 +38,18 @@ def on_page(text, folder):
     write_results(solve(scene), folder, pictures=False)
     found = re.search(r'<script type="application/json" class="data">(.*?)</script>', page(folder))
     return json.loads(found[1])
+
+
+def test_view_shows_the_body_alone(tmp_path, monkeypatch):
+    """The command writes a page with the outcome and the body, and opens it where it can."""
+    opened = []
+    monkeypatch.setattr("webbrowser.open", opened.append)
+    monkeypatch.setenv("DISPLAY", ":7")
+    on_page(PLANE, tmp_path)
+    assert cli.main(["view", str(tmp_path)]) == 0
+    text = (tmp_path / "view.html").read_text(encoding="utf-8")
+    assert re.findall(r"<h2>(.*?)</h2>", text) == ["Outcome", "Body"]
+    assert opened == [(tmp_path / "view.html").as_uri()]
 
 
 def unpacked(text, kind=np.float32):

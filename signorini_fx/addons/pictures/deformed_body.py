@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -86,6 +87,24 @@ def deformed_mesh(
         mark_largest(grid[0], moved[largest.point], largest.text)
     tones.bar(figure, list(grid))
     return figure, remark
+
+
+@mpl.rc_context(STYLE)
+def draw_on_axes(axes: Axes, body: DrawnBody, name: str) -> None:
+    """Draw the deformed body with a field and its colour bar on axes, magnified as in a picture."""
+    factor = magnification(body, ())
+    moved = body.moved(factor)
+    field = FIELDS[name].labelled(recovered=body.recovered)
+    values = body.at_corners(name).ravel()
+    areas = _areas(moved[body.triangles]).repeat(3) / 3
+    tones = Tones(field, values, *usual_range(values, areas, signed=field.signed))
+    low, high = _window(body, factor, [])
+    figure: Any = axes.figure
+    width = axes.get_position().width * figure.get_figwidth()
+    _draw_body(axes, body, name, tones, factor, inch=width / float(high[0] - low[0]))
+    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
+    axes.set_title(magnified((), factor))
+    tones.bar(figure, axes)
 
 
 def _small_zone(foundations: Sequence[Foundation], size: float) -> Window | None:

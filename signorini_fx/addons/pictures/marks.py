@@ -158,7 +158,7 @@ class Tones:
             ],
             shrink=0.7,
             aspect=40,
-            pad=0.02,
+            pad=0.02 if figure.get_layout_engine() else 0.2,
         )
         bar.ax.locator_params(
             nbins=min(6, max(3, round(1.1 * figure.get_figwidth())))

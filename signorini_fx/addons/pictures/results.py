@@ -39,14 +39,14 @@ def gather_pictures(
 
         setup = gather_setup(solution.model.tagged, solution.statement, solution.model.title)
         return ResultPictures(solution, suffixes, setup=setup)
-    fields = _fields(solution, asked)
+    fields = drawn_fields(solution, asked)
     body = gather_body(solution, fields)
     return ResultPictures(
         solution, suffixes, fields, body, {} if body is None else drawn_shapes(solution)
     )
 
 
-def _fields(solution: Solution, asked: Sequence[str]) -> tuple[str, ...]:
+def drawn_fields(solution: Solution, asked: Sequence[str]) -> tuple[str, ...]:
     """The fields that are drawn; says which are not."""
     stress = solution.known_stress
     usual: tuple[str, ...] = ("displacement",) if stress is None else ("von_mises",)

@@ -213,22 +213,32 @@ def figure_of(solid: Solid, camera: Camera, inch: float) -> tuple[Figure, Axes]:
     return figure, axes
 
 
-def image(solid: Solid, camera: Camera, width: int) -> npt.NDArray[np.uint8]:
-    """A picture with this many pixels across on a white ground, shape (h, w, 3).
+def ready_pyvista(*, draws: bool = True) -> Any:
+    """Return PyVista, which can draw if it ``draws``.
 
     Raises:
-        PictureError: PyVista is missing, or its VTK needs a display and there is none.
+        PictureError: it is missing, or its VTK needs a display and there is none.
     """
     try:
         import pyvista
     except ImportError:
-        raise PictureError(f"a body in 3D is drawn by {PYVISTA}") from None
-    if not can_draw():
+        raise PictureError(f"this is drawn by {PYVISTA}") from None
+    if draws and not can_draw():
         version = ".".join(map(str, pyvista.vtk_version_info))
         raise PictureError(f"VTK {version} needs a display: install Xvfb, or {PYVISTA}")
     from vtkmodules.vtkCommonCore import vtkLogger
 
     vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_OFF)  # of the displays that it tries
+    return pyvista
+
+
+def image(solid: Solid, camera: Camera, width: int) -> npt.NDArray[np.uint8]:
+    """A picture with this many pixels across on a white ground, shape (h, w, 3).
+
+    Raises:
+        PictureError: see ``ready_pyvista``.
+    """
+    pyvista = ready_pyvista()
     size = (width, round(width * float(camera.half[1] / camera.half[0])))
     plotter = pyvista.Plotter(off_screen=True, window_size=size, lighting="none")
     try:
@@ -337,6 +347,7 @@ def can_draw() -> bool:
         )
         atexit.register(server.wait)
         atexit.register(server.terminate)  # before it is waited for
+        atexit.register(pyvista.close_all)  # windows end before the display
         os.close(answer)
         name = text.readline().strip()  # nothing if the server has ended
     if name:

@@ -106,6 +106,15 @@ def readable(ideal: float) -> float:
     return float(f"{min(steps, key=lambda step: abs(math.log(step / ideal))):.0e}")
 
 
+def visible_factor(points: Array, displacement: Array) -> float:
+    """Return the magnification of displacements that shows the largest one as a tenth of the
+    longest side of the body; 1 where it is seen as it is.
+    """
+    largest = float(np.linalg.norm(displacement, axis=1).max(initial=0.0))
+    wanted = 0.1 * float(np.ptp(points, axis=0).max()) / largest if largest > 0 else 1.0
+    return float(f"{wanted:.1g}") if wanted > 1 else 1.0
+
+
 def unit_of(power: int, quantity: str = "") -> str:
     """The suffix of a label whose figures were multiplied by 10^power: each of them counts
     10^-power.

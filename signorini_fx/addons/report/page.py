@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+from collections.abc import Sequence
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -29,8 +30,8 @@ PAGE = "report.html"
 _MADE_BY = '<meta name="generator" content="signorini_fx'
 
 
-def page(folder: Path) -> str:
-    """The report of a result folder.
+def page(folder: Path, only: Sequence[str] = ()) -> str:
+    """The report of a result folder; ``only``: the chapters that it has; (): all of them.
 
     Raises:
         ResultError: it is not a result folder, or it is incomplete.
@@ -38,7 +39,7 @@ def page(folder: Path) -> str:
     summary = read_summary(folder)
     try:
         with labelled(names_of(summary["scene"], summary["dimension"])):
-            return _page(summary, folder)
+            return _page(summary, folder, only)
     except FileNotFoundError as error:
         name = Path(error.filename).name
         raise ResultError(
@@ -60,7 +61,7 @@ def page(folder: Path) -> str:
         ) from error
 
 
-def _page(summary: dict[str, Any], folder: Path) -> str:
+def _page(summary: dict[str, Any], folder: Path, only: Sequence[str]) -> str:
     name = folder.resolve().name
     solved = was_solved(summary)
     contact = "contact_nodes" in summary
@@ -104,17 +105,20 @@ def _page(summary: dict[str, Any], folder: Path) -> str:
         if "finished" in summary
         else "",
         style=Markup(style.read_text(encoding="utf-8")),
-        chapters={heading: text for heading, text in chapters.items() if text},
+        chapters={head: chapters[head] for head in only or chapters if chapters[head]},
     )
     return f"{text}\n"
 
 
-def write_report(folder: str | Path, file: str | Path | None = None) -> Path:
+def write_report(
+    folder: str | Path, file: str | Path | None = None, only: Sequence[str] = ()
+) -> Path:
     """Write the report of a result folder.
 
     Args:
         folder: the result folder that ``solve`` wrote.
         file: the page; None: ``report.html`` in the folder.
+        only: the chapters that it has; (): all of them.
 
     Returns:
         The file.
@@ -124,9 +128,9 @@ def write_report(folder: str | Path, file: str | Path | None = None) -> Path:
         OutputError: the page cannot be written, or a file is in the way that is no such page.
     """
     folder = Path(folder)
-    text = page(folder)
-    listed = file is None
+    text = page(folder, only)
     file = Path(folder / PAGE if file is None else file)
+    listed = file.parent == folder
     if file.is_dir():
         raise OutputError(f"{file}: is a folder: give the name of a file")
     if os.path.lexists(file) and not _is_page(file):
@@ -138,7 +142,7 @@ def write_report(folder: str | Path, file: str | Path | None = None) -> Path:
         file.parent.mkdir(parents=True, exist_ok=True)
         part.write_text(text, encoding="utf-8", errors="xmlcharrefreplace")
         if listed:
-            manifest.add(folder, [PAGE])
+            manifest.add(folder, [file.name])
         part.replace(file)
     except (OSError, ValueError) as error:  # ValueError: a null byte in the name
         with contextlib.suppress(OSError, ValueError):

@@ -16,7 +16,7 @@ import numpy as np
 from matplotlib.colors import to_hex
 from scipy.spatial import cKDTree
 
-from signorini_fx.addons.pictures.style import VALUES
+from signorini_fx.addons.pictures.style import VALUES, visible_factor
 from signorini_fx.addons.report.markup import Markup, rendered
 from signorini_fx.arrays import Array, Ints
 from signorini_fx.machine.result_files import read_csv
@@ -73,7 +73,7 @@ def turning_body(summary: Mapping[str, Any], folder: Path) -> Markup:
         "edges": _packed(np.unique(np.sort(edges, axis=1), axis=0), np.uint32),
         "colours": [to_hex(VALUES(k / 15)) for k in range(16)],
         "plane": plane,
-        "scale": _magnified(points, grids[-1]["displacement"]),
+        "scale": visible_factor(points, grids[-1]["displacement"]),
         "steps": shown,
     }
     script = resources.files(__package__).joinpath("turning_body.js").read_text(encoding="utf-8")
@@ -179,15 +179,6 @@ def _contact_tables(folder: Path) -> dict[int, dict[str, Array]]:
             for number in np.unique(numbers)
         }
     return {0: read_csv(folder / "contact.csv")} if (folder / "contact.csv").is_file() else {}
-
-
-def _magnified(points: Array, displacement: Array) -> float:
-    """Return the magnification of displacements at first: the largest one is shown as a tenth of
-    the body, or as it is.
-    """
-    largest = float(np.linalg.norm(displacement, axis=1).max(initial=0.0))
-    wanted = 0.1 * float(np.ptp(points, axis=0).max()) / largest if largest > 0 else 1.0
-    return float(f"{wanted:.1g}") if wanted > 1 else 1.0
 
 
 def _packed(values: Array, kind: Any = np.float32) -> str:

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from mpi4py import MPI
 
 # The commands that all ranks but one leave alone.
-_ON_ONE_PROCESS = ("new", "schema", "report", "mesh-info", "contacts")
+_ON_ONE_PROCESS = ("new", "schema", "report", "view", "mesh-info", "contacts")
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -8,6 +8,7 @@ import argparse
 import gc
 import json
 import os
+import webbrowser
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import partial
@@ -321,6 +322,14 @@ def contacts(options: argparse.Namespace) -> str:
 def report(options: argparse.Namespace) -> str:
     """Write the report of a result folder."""
     return str(add_on("report")(options.folder, options.out))
+
+
+def view(options: argparse.Namespace) -> str:
+    """Write the page with the body that turns, and show it where there is a screen."""
+    file = add_on("report")(options.folder, options.folder / "view.html", ("Outcome", "Body"))
+    if os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):
+        webbrowser.open(file.absolute().as_uri())
+    return str(file)
 
 
 def judge(options: argparse.Namespace, comm: MPI.Comm) -> int:

@@ -74,6 +74,9 @@ def parser() -> argparse.ArgumentParser:
     report = commands.add_parser(
         "report", help="write one HTML page from a result folder, to read, print and send"
     )
+    view = commands.add_parser(
+        "view", help="write and open a page on which the body of a result folder turns"
+    )
     judge = commands.add_parser("judge", help="check another program's result", epilog=judged)
     sweep = commands.add_parser(
         "sweep", help="solve a scene for several values of some of its entries", epilog=epilog
@@ -129,9 +132,10 @@ def parser() -> argparse.ArgumentParser:
     check.add_argument(
         "--picture", **file, help="draw mesh, loads, supports and contact: .png, .pdf or .svg"
     )
-    report.add_argument(
-        "folder", type=named_path, metavar="FOLDER", help="result folder that solve wrote"
-    )
+    for command in (report, view):
+        command.add_argument(
+            "folder", type=named_path, metavar="FOLDER", help="result folder that solve wrote"
+        )
     report.add_argument("-o", "--out", **file, help="the page (default: report.html in the folder)")
     judge.add_argument(
         "problem", type=named_path, metavar="PROBLEM", help="input file, .inp, or scene file (TOML)"
