@@ -48,7 +48,7 @@ def test_view_shows_the_body_alone(tmp_path, monkeypatch):
     on_page(PLANE, tmp_path)
     assert cli.main(["view", str(tmp_path)]) == 0
     text = (tmp_path / "view.html").read_text(encoding="utf-8")
-    assert re.findall(r"<h2>(.*?)</h2>", text) == ["Outcome", "Body"]
+    assert re.findall(r"<h2>(.*?)</h2>", text) == ["Body", "Outcome"]
     assert opened == [(tmp_path / "view.html").as_uri()]
 
 

@@ -326,7 +326,7 @@ def report(options: argparse.Namespace) -> str:
 
 def view(options: argparse.Namespace) -> str:
     """Write the page with the body that turns, and show it where there is a screen."""
-    file = add_on("report")(options.folder, options.folder / "view.html", ("Outcome", "Body"))
+    file = add_on("report")(options.folder, options.folder / "view.html", ("Body", "Outcome"))
     if os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):
         webbrowser.open(file.absolute().as_uri())
     return str(file)
