@@ -155,11 +155,9 @@ class StepEffect:
         """
         return model
 
-    def at_nodes(
-        self, model: Model, state: State, place: float, time: float
-    ) -> Mapping[str, Array]:
-        """Return what initial strains of the step to a place and time follow from, by the names by
-        which they ask for it, at the nodes of this rank, shape (nodes,).
+    def at_nodes(self, model: Model, state: State, time: float) -> Mapping[str, Array]:
+        """Return what initial strains of the step to a time follow from, by the names by which they
+        ask for it, at the nodes of this rank, shape (nodes,).
         """
         return {}
 

@@ -100,10 +100,9 @@ def fields_in_cells(solution: Solution) -> dict[str, fem.Function]:
     place = solution.last_step.place
     lagrange = fem.functionspace(mesh, ("Lagrange", degree))
     known = {"displacement": y}
-    for name, at in solution.statement.computed:
-        if at == place:
-            known[name] = fem.Function(lagrange)
-            known[name].x.array[:] = solution.statement.computed[name, at]
+    for name, values in getattr(place, "computed", {}).items():
+        known[name] = fem.Function(lagrange)
+        known[name].x.array[:] = values
     if stress is not None:
         known |= {
             "stress": stress.tensor,

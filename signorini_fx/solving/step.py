@@ -21,7 +21,7 @@ from signorini_fx.mechanics.body.deformation import deformation_of
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.state import State
-from signorini_fx.mechanics.statement.load_path import LoadPath
+from signorini_fx.mechanics.statement.load_path import LoadPath, Place
 from signorini_fx.mechanics.step_effect import AddedForces, StepContact, StepEffect, StepEnd
 from signorini_fx.records import Finding, History, Status, Timings
 from signorini_fx.results.certificate.contact_nodes import ContactConditions, ContactNodes
@@ -351,10 +351,9 @@ def begun(
     rests = not state.number and any(effect.moves_bodies for effect in problem.effects)
     posed = replace(problem.pose_at(state, place, dt), dt=dt)
     posed = _lasting(posed, _FOREVER if rests else dt)
-    for effect in problem.effects:
-        for name, values in effect.at_nodes(posed.body, state, place, time).items():
-            posed.body.statement.computed[name, place] = values
     if problem.effects:
+        computed = [effect.at_nodes(posed.body, state, time) for effect in problem.effects]
+        place = Place.of(place, dict(item for each in computed for item in each.items()))
         posed = with_contact(posed, problem.effects, state)
         # Its gammas are there already.
         start, before = start_of(posed, replace(state, gammas=None), guess)

@@ -186,6 +186,22 @@ def test_from_one_rank_to_all(tmp_path, name):
     assert_again(new, report, states[2], reports[1], tolerance=1e-8)
 
 
+def test_branches():
+    """What was found of a step stays as it is when the same step is solved from another state."""
+    given = scene(TEXTS["heated"][0], **METHODS["newton"])
+    problem, states, (_, report, *_) = solved(given)
+    expected = report.mechanics.stress(report.result.displacement, report.start.place)
+    expected = expected.tensor.x.array.copy()
+    apart, _ = step(problem, states[0], report.start.place)
+    assert np.abs(apart.displacement - states[2].displacement).max() > 1e-6
+    found = report.mechanics.stress(report.result.displacement, report.start.place)
+    np.testing.assert_array_equal(found.tensor.x.array, expected)
+    new, once = step(fresh(given), states[1], report.start.place)
+    assert_again(new, once, states[2], report)
+    found = once.mechanics.stress(once.result.displacement, once.start.place)
+    np.testing.assert_allclose(found.tensor.x.array, expected, rtol=1e-8, atol=1e-8)
+
+
 def test_a_failed_step_changes_nothing():
     """The state before it is as it was, and the step has its solution afterwards."""
     given = scene(PUSHED)

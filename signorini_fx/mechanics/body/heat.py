@@ -431,9 +431,7 @@ class Conduction(StepEffect):
             passed = PassedHeat(conducts, zero, zero, zero)
         return Conductor.of(model).undetermined(boundary, passed)
 
-    def at_nodes(
-        self, model: Model, state: State, place: float, time: float
-    ) -> Mapping[str, Array]:
+    def at_nodes(self, model: Model, state: State, time: float) -> Mapping[str, Array]:
         return {"temperature": self._used(model, state, time)}
 
     def _used(self, model: Model, state: State, time: float) -> Array:

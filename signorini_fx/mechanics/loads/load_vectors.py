@@ -117,7 +117,7 @@ class FormCoefficients:
         """
         self._time.value = self.statement.time_at(step)
         for name, function in self._computed.items():
-            function.x.array[:] = self.statement.computed.get((name, step), 0.0)
+            function.x.array[:] = getattr(step, "computed", {}).get(name, 0.0)
 
     @cached_property
     def _computed(self) -> dict[str, fem.Function]:

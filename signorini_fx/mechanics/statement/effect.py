@@ -74,7 +74,7 @@ class BodyCoefficients(Coefficients, Protocol):
         """Return a number of the materials by its key, 0 where it is not given."""
 
     def computed(self, name: str) -> Any:
-        """Return what effects have computed at the nodes for a step, see ``Statement``."""
+        """Return what effects have computed at the nodes for a step, see ``Place``."""
 
     def value_in(self, region: str | None, value: Any) -> Any:
         """A value in a region of the mesh, 0 elsewhere; None: everywhere.  A callable is asked at

@@ -6,7 +6,7 @@ for the body without any load.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import ceil, floor, inf, isfinite, log10
 from typing import Annotated, Any, Self
@@ -14,6 +14,7 @@ from typing import Annotated, Any, Self
 import numpy as np
 from pydantic import Field, model_validator
 
+from signorini_fx.arrays import Array
 from signorini_fx.errors import FormError, SceneError
 from signorini_fx.mechanics.statement.base import Table, refused
 from signorini_fx.mechanics.statement.values import Count, Entries, Finite, Positive
@@ -98,6 +99,23 @@ def factor_at(factors: Sequence[float], step: float) -> float:
     if step == int(step) and step >= 0:
         return factors[int(step)]
     return float(np.interp(step, np.arange(-1, len(factors)), (0.0, *factors)))
+
+
+class Place(float):
+    """A place with what effects have computed for the step that has gone there.
+
+    Attributes:
+        computed: at the nodes of a rank, for initial strains, by names, shape (nodes,).
+    """
+
+    computed: Mapping[str, Array]
+
+    @classmethod
+    def of(cls, place: float, computed: Mapping[str, Array]) -> Self:
+        """Return a place, with what is computed."""
+        new = cls(place)
+        new.computed = computed
+        return new
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,6 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Self, TypeVar
 
-from signorini_fx.arrays import Array
 from signorini_fx.mechanics.kinematics.protocol import SPACE, Kinematics
 from signorini_fx.mechanics.statement.effect import Effect, ForceDensity, Load
 from signorini_fx.mechanics.statement.load_path import LoadPath, LoadSteps, factor_at
@@ -47,8 +46,6 @@ class Statement:
         arcs: whether the mesh may stand for a body with arcs.
         single: the keys of effects of which there can be one only.
         origin: what else was given, by its keys, for the summary alone.
-        computed: what effects have computed at the nodes of a rank for initial strains, by names
-            and places of load steps, shape (nodes,).
     """
 
     title: str
@@ -67,7 +64,6 @@ class Statement:
     arcs: bool = True
     single: frozenset[str] = frozenset()
     origin: Mapping[str, Any] = field(default_factory=dict)
-    computed: dict[tuple[str, float], Array] = field(default_factory=dict, compare=False)
 
     def changed(self, **entries: tuple[Any, ...]) -> Self:
         """Return the statement with other entries of some keys."""
