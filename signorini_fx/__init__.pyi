@@ -24,6 +24,7 @@ from signorini_fx.mechanics.effects.displacement import Displacement as Displace
 from signorini_fx.mechanics.effects.heat import Conductance as Conductance
 from signorini_fx.mechanics.effects.heat import FrictionHeat as FrictionHeat
 from signorini_fx.mechanics.effects.heat import Heat as Heat
+from signorini_fx.mechanics.effects.heat import InitialTemperature as InitialTemperature
 from signorini_fx.mechanics.effects.inertia import Inertia as Inertia
 from signorini_fx.mechanics.effects.inertia import InitialVelocity as InitialVelocity
 from signorini_fx.mechanics.effects.loads import BodyForce as BodyForce

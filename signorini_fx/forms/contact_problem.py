@@ -28,6 +28,7 @@ from signorini_fx.results.certificate.certificate import Certificate
 if TYPE_CHECKING:
     from signorini_fx.forms.steps import Ran
     from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
+    from signorini_fx.mechanics.contact_points.contact_map import ContactMap
     from signorini_fx.mechanics.state import State
     from signorini_fx.mechanics.step_effect import StepEffect
     from signorini_fx.quantities.differentiable import Gradient
@@ -168,6 +169,21 @@ class ProblemOfForms:
             FormError: it has no shape that can be placed, or the placement is wrong.
         """
         self.assembled.foundations.place(number, placement)
+
+    def map(self, space: fem.FunctionSpace) -> ContactMap:
+        """Return what takes values at nodes, such as temperatures, to the contact points of the
+        last solve, and brings back what acts there; collective.
+
+        Args:
+            space: of the values, with the nodes of ``u`` and one component.
+
+        Raises:
+            FormError: the space is another one.
+            RuntimeError: there is no solution so far.
+        """
+        from signorini_fx.mechanics.contact_points.contact_map import ContactMap
+
+        return ContactMap(self.state.boundary, space)
 
     def advance(self) -> None:
         """End a step of an own time loop: friction acts on what the next solve adds to the slip,

@@ -87,6 +87,7 @@ class Scene(Table):
         force: total forces, each spread over a boundary, see ``Force``; default: none.
         gravity: accelerations, see ``Gravity``; default: none.
         heat: temperatures, fluxes, films and sources, see ``Heat``; default: none.
+        initial_temperature: see ``InitialTemperature``; default: that without strain.
         inertia: of all bodies, with its time step, see ``Inertia``; default: none.
         initial_velocity: velocities at the first time, see ``InitialVelocity``; default: none.
         point_force: forces at nodes, see ``PointForce``; default: none.

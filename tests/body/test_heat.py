@@ -5,26 +5,35 @@ import sys
 
 import numpy as np
 import pytest
+import ufl
+from dolfinx import fem
+from dolfinx.fem.petsc import assemble_matrix, create_vector, set_bc
 from hertz import RADIUS, parabolic_block
+from mpi4py import MPI
 from numpy.testing import assert_allclose
+from petsc4py import PETSc
 from scene_tables import box_mesh, coulomb_friction, fixed, plane_shape, rectangle_mesh
 from scipy.special import beta
 
 from signorini_fx import (
     Conductance,
     Contact,
+    ContactProblem,
     Displacement,
     Heat,
     LinearElastic,
+    Pair,
     Scene,
     sensitivity,
     solve,
 )
-from signorini_fx.errors import SceneError
+from signorini_fx.errors import FormError, SceneError
+from signorini_fx.mechanics.assembly.mesh_entities import node_positions
 from signorini_fx.records import Status
 from signorini_fx.results.fields import fields_in_cells
 from signorini_fx.results.solution import ConvergenceError
 from signorini_fx.scenes.checks import check_scene
+from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene
 
 BLOCK = {
@@ -153,6 +162,65 @@ def test_two_blocks(counts, degree):
 
 
 @pytest.mark.mpi
+def test_by_forms():
+    """The same by forms of a user's own for both fields; heat that one side loses the other one
+    gains.
+    """
+    tagged = load_mesh(two(), MPI.COMM_WORLD)
+    mesh = tagged.mesh
+    V = fem.functionspace(mesh, ("Lagrange", 1, (2,)))
+    Q = fem.functionspace(mesh, ("Lagrange", 1))
+    young, conductivity = (fem.Function(fem.functionspace(mesh, ("DG", 0))) for _ in range(2))
+    for region, modulus, k in (("up", 1000.0, 15.0), ("low", 2000.0, 50.0)):
+        young.x.array[tagged.cells(region)] = modulus
+        conductivity.x.array[tagged.cells(region)] = k
+
+    def held(space, name, value, of=None):
+        dofs = fem.locate_dofs_topological(space, 1, tagged.facets(name))
+        return fem.dirichletbc(value, dofs, of)
+
+    u, v, t, s = (
+        ufl.TrialFunction(V),
+        ufl.TestFunction(V),
+        ufl.TrialFunction(Q),
+        ufl.TestFunction(Q),
+    )
+    strain = ufl.sym(ufl.grad(u))
+    stress = young / 1.3 * (strain + 0.75 * ufl.tr(strain) * ufl.Identity(2))
+    x, y = V.sub(0), V.sub(1)
+    pair = Pair(tagged.facets("up.bottom"), tagged.facets("low.top"))
+    bcs = [held(x, "low.left", 0.0, x), held(x, "up.left", 0.0, x), held(y, "low.bottom", 0.0, y)]
+    top = ufl.conditional(ufl.gt(ufl.SpatialCoordinate(mesh)[1], 2.9), 2.0, 0.0)
+    load = -top * ufl.FacetNormal(mesh)[1] * v[1] * ufl.ds
+    problem = ContactProblem(ufl.inner(stress, ufl.grad(v)) * ufl.dx, load, bcs, pair)
+    problem.solve()
+    at_contact = problem.map(Q)
+    h = 20.0 * problem.state.pressure**0.95
+    conduction = conductivity * ufl.inner(ufl.grad(t), ufl.grad(s)) * ufl.dx
+    matrix = assemble_matrix(fem.form(conduction))
+    matrix.assemble()
+    matrix.axpy(1.0, at_contact.matrix(h))
+    temperature = fem.Function(Q)
+    ends = [held(Q, "up.top", 100.0, Q), held(Q, "low.bottom", 0.0, Q)]
+    right = create_vector(fem.form(s * ufl.dx))
+    rows = np.concatenate([each.dof_indices()[0] for each in ends])
+    set_bc(right, ends)
+    matrix.zeroRowsColumns(rows, 1.0, right, right)
+    ksp = PETSc.KSP().create(mesh.comm)
+    ksp.setOperators(matrix)
+    ksp.setType("preonly")
+    ksp.getPC().setType("lu")
+    ksp.solve(right, temperature.x.petsc_vec)
+    flux = h * at_contact.of(temperature.x.array)
+    assert_allclose(flux, 754.4420239523894, rtol=1e-9)
+    passed = at_contact.vector(flux)
+    assert abs(passed.sum()) < 1e-9
+    own = at_contact.vector(flux, at_contact.side).sum()
+    assert own == pytest.approx(754.4420239523894, rel=1e-9)
+    with pytest.raises(FormError, match=r"space: must be \('Lagrange', 1\) on the mesh"):
+        problem.map(V)
+
+
 def test_expanding_blocks():
     """Where bodies bend by their temperature turns agree, and heat is in balance."""
     step = solve(two(expansion=1e-4)).steps[0]
@@ -343,6 +411,15 @@ def test_share():
             },
             "contact.conductance: needs \\[\\[heat\\]\\]",
         ),
+        (
+            {"material": {**BLOCK["material"], "specific_heat": 3.0}},
+            "needs specific_heat and density",
+        ),
+        (
+            {"material": {**BLOCK["material"], "specific_heat": 3.0, "density": 2.0}},
+            "material.specific_heat: needs load_steps.times, the first above 0",
+        ),
+        ({"initial_temperature": {"temperature": 1.0}}, "needs .* material.specific_heat"),
         ({"accuracy": {"target": 0.1}}, "accuracy: is not possible yet with heat"),
     ],
 )
@@ -384,3 +461,102 @@ def test_import_closure():
         "sys.exit(any(name.endswith('.heat') for name in sys.modules))"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+# --- heat takes time: density 2, specific heat 3 ---
+
+STORES = {"conductivity": 2.0, "density": 2.0, "specific_heat": 3.0}
+
+
+@pytest.mark.parametrize(("degree", "error"), [(1, 2e-4), (2, 1e-6)])
+def test_heated_end(degree, error):
+    """From 0 to 100 at one end, the other one insulated: Fourier's series, each term of which falls
+    by 1 / (1 + rate dt) in a step; without steps it falls by an exponential.
+    """
+    times = np.linspace(0.0, 0.5, 41)[1:]
+    scene = {
+        "mesh": rectangle_mesh(1, 40, length=0.1, height=1.0),
+        "material": {"young": 1000.0, "poisson": 0.3, **STORES},
+        "element": {"degree": degree},
+        "displacement": fixed("bottom"),
+        "load_steps": {"times": list(times)},
+        "heat": {"boundary": "top", "temperature": 100.0},
+    }
+    solution = solve(parse_scene(scene))
+    space = fem.functionspace(solution.model.tagged.mesh, ("Lagrange", degree))
+    y = node_positions(space)[:, 1]
+    odd = np.arange(1, 2000, 2) * np.pi / 2
+    steps = (1 + odd**2 / 3 * times[0]) ** -40.0
+    sign = np.where(np.arange(odd.size) % 2, -1.0, 1.0)
+    found = solution.state.fields["temperature"].values.ravel() / 100
+    for falls, within in ((steps, error), (np.exp(-(odd**2) * 0.5 / 3), 7e-3)):
+        series = 1 - np.cos(y[:, None] * odd) @ (2 * sign / odd * falls)
+        assert np.abs(found - series).max() < within
+    brought, kept = (
+        times[0] * sum(step.figures[name] for step in solution.steps)
+        for name in ("heat_in", "heat_stored")
+    )
+    assert brought == pytest.approx(kept, rel=1e-10)
+    assert kept == pytest.approx(60.0 * (1 - (2 / odd**2 * steps).sum()), rel=5 * error)
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("more", KINDS.values(), ids=KINDS)
+def test_lumped(more):
+    """A body that conducts well and cools by a film: T - 20 falls by 1 / (1 + h A dt / c V)."""
+    up = "z" if more is BOX else "y"
+    times = [0.1, 0.2, 0.4, 1.0]
+    changes = {
+        **more,
+        "material": {**more.get("material", BLOCK["material"]), **STORES, "conductivity": 1e7},
+        "heat": [{"boundary": "bottom", "film": 6.0, "ambient": 20.0}],
+        "initial_temperature": {"temperature": 120.0},
+        "load_steps": {"times": times},
+        "traction": {"boundary": "top", up: -5.0},
+    }
+    solution = solve(block(**changes))
+    spans = np.diff(times, prepend=0.0)
+    expected = 20.0 + 100.0 / np.cumprod(1 + 6.0 * spans / 6.0)
+    found = [step.figures["hottest"] for step in solution.steps]
+    assert_allclose(found, expected, rtol=1e-5)
+    assert solution.certificate.holds
+
+
+def test_contact_takes_time():
+    """Of two blocks that conduct well, insulated but for their contact, the difference falls by
+    1 / (1 + h dt (1 / C_1 + 1 / C_2)), and no heat is lost.
+    """
+    joint = {"boundary": "up.bottom", "against": "low.top", "conductance": 20.0}
+    given = {"poisson": 0.3, "density": 2.0, "conductivity": 1e6}
+    materials = [
+        {"region": "up", "young": 1000.0, "specific_heat": 3.0, **given},
+        {"region": "low", "young": 2000.0, "specific_heat": 5.0, **given},
+    ]
+    solution = solve(
+        two(
+            material=materials,
+            contact=joint,
+            heat={"source": 0.0},
+            initial_temperature={"region": "up", "temperature": 100.0},
+            load_steps={"times": [0.1, 0.3]},
+        )
+    )
+    first, second = 2.0 * 3.0 * 1.0, 2.0 * 5.0 * 2.0
+    fall = np.prod(1 / (1 + 20.0 * np.array([0.1, 0.2]) * (1 / first + 1 / second)))
+    assert_allclose(
+        np.abs(solution.state.fields["temperature_jump"].values), 100.0 * fall, rtol=1e-4
+    )
+    mean = 100.0 * first / (first + second)
+    hottest = mean + 100.0 * fall * second / (first + second)
+    assert solution.steps[-1].figures["hottest"] == pytest.approx(hottest, rel=1e-4)
+    assert abs(solution.steps[-1].figures["heat_stored"]) < 1e-6
+
+
+def test_friction_takes_time():
+    """Beyond the critical speed the rod heats from step to step: each step has a temperature."""
+    given = {"young": 1e3, "poisson": 0.0, "expansion": 1e-3, **STORES}
+    solution = solve(rod(1.5, material=given, load_steps={"times": [0.02, 0.04]}))
+    heat = [step.figures["friction_heat"] for step in solution.steps]
+    assert heat[1] > heat[0]
+    assert solution.steps[1].figures["heat_factor"] < 1.0
+    assert abs(solution.steps[1].figures["heat_balance"]) < 1e-10

@@ -33,7 +33,7 @@ from setuptools import find_packages
 import signorini_fx
 from signorini_fx.mechanics.effects import contact, displacement, loads
 from signorini_fx.mechanics.effects.contact import Overclosure
-from signorini_fx.mechanics.effects.heat import Heat
+from signorini_fx.mechanics.effects.heat import Heat, InitialTemperature
 from signorini_fx.mechanics.effects.inertia import Inertia, InitialVelocity
 from signorini_fx.mechanics.effects.wear import Archard
 from signorini_fx.mechanics.laws.coulomb import Coulomb, NoFriction, Tresca
@@ -587,7 +587,9 @@ def shown_default(default):
 def test_every_class_has_a_table():
     """Walked from the scene."""
     found = classes_in(model := described())
-    assert found - {Heat, Inertia, InitialVelocity} == {model}.union(*MODELS.values()) - {
+    assert found - {Heat, InitialTemperature, Inertia, InitialVelocity} == {model}.union(
+        *MODELS.values()
+    ) - {
         scene.Scene,
         RigidMotion,
         Archard,  # of files that are imported where a scene names them

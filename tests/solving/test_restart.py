@@ -291,6 +291,7 @@ def assert_same(solution, reference, tolerance=1e-8):
 ELLIPSE = IN_SPACE.replace(
     "coefficient = 0.3", "coefficient = 0.3, ratio = 0.4, along = [0.8, 0.6, 0.0]"
 )
+STORES = "density = 2.0\nspecific_heat = 3.0\n"
 # A scene, its method, and the step that is not begun any more.
 IN_TIME = PUSHED.replace("coefficient = 0.3", 'coefficient = "0.3 + 0.01 * t"')
 CASES = {
@@ -315,6 +316,7 @@ CASES = {
     "spinning": (SPINNING, "fp", 3),
     # The temperature, and that from which the turns of contact and heat begin.
     "heated": (HEATED, "newton", 3),
+    "warming": (HEATED.replace("expansion", STORES + "expansion"), "newton", 3),
     "torn": (TORN, "fp", 3),
     "torn, newton": (TORN, "newton", 3),
     "torn in space": (TORN_IN_SPACE, "newton", 3),
@@ -327,7 +329,7 @@ CASES = {
     "name",
     [
         name
-        if name in ("fp", "tool", "torn", "wear", "heated")
+        if name in ("fp", "tool", "torn", "wear", "heated", "warming")
         else pytest.param(name, marks=pytest.mark.slow)
         for name in CASES
     ],

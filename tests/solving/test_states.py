@@ -104,6 +104,7 @@ QUICK = (
     "mixed",
     "torn",
     "heated",
+    "warming",
 )
 NAMES = [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in TEXTS]
 
@@ -170,7 +171,7 @@ def test_what_is_assembled_is_no_state(name):
 
 
 @pytest.mark.mpi(slow=True)
-@pytest.mark.parametrize("name", ["tool", "moving", "bodies", "mixed", "torn", "heated"])
+@pytest.mark.parametrize("name", ["tool", "moving", "bodies", "mixed", "torn", "warming"])
 def test_from_one_rank_to_all(tmp_path, name):
     """A state that one rank has written is read on all of them, and the next step is the same."""
     text, method = TEXTS[name]
@@ -188,7 +189,7 @@ def test_from_one_rank_to_all(tmp_path, name):
 
 def test_branches():
     """What was found of a step stays as it is when the same step is solved from another state."""
-    given = scene(TEXTS["heated"][0], **METHODS["newton"])
+    given = scene(TEXTS["warming"][0], **METHODS["newton"])
     problem, states, (_, report, *_) = solved(given)
     expected = report.mechanics.stress(report.result.displacement, report.start.place)
     expected = expected.tensor.x.array.copy()

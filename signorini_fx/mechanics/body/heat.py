@@ -1,15 +1,17 @@
-"""Steady heat in bodies and through their contact, from load step to load step.
+"""Heat in bodies and through their contact, from load step to load step: steady, or by the
+implicit Euler rule where materials have a specific heat.
 
 With B the map of contact points to temperatures, one side less the other, D and M its two parts,
 and the weights w,
 
-    K T + B^T w h (B T - T_f) = f + D^T w b q + M^T w (1 - b) q,    q = share of mu . xi / dt,
+    C (T - T_0) / dt + K T + B^T w h (B T - T_f) = f + D^T w b q + M^T w (1 - b) q,
+    q = share of mu . xi / dt,
 
-where h(pressure, gap) is the conductance, T_f the temperature of foundations, b the share of one
-side.  Rows of D and M have the sum one: what one side loses the other gains.  Temperatures strain
-the body, and contact decides h and q: a step is solved again until both agree.  Aitken's factor
-shortens that, and the factor by which a turn repeats a change of the temperature is physics: from
-one on no steady temperature is stable.
+T_0 at its beginning, where h(pressure, gap) is the conductance, T_f the temperature of foundations,
+b the share of one side.  Rows of D and M have the sum one: what one side loses the other gains.
+Temperatures strain the body, and contact decides h and q: a step is solved again until both agree.
+Aitken's factor shortens that, and the factor by which a turn repeats a change of the temperature is
+physics: from one on no steady temperature is stable.
 """
 
 from __future__ import annotations
@@ -17,19 +19,17 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
-import scipy.sparse as sp
 import ufl
 from dolfinx import fem
 from petsc4py import PETSc
 
 from signorini_fx.algebra.linalg.factorisation import use_direct
-from signorini_fx.arrays import Array, Flags
+from signorini_fx.arrays import Array, Flags, Ints
 from signorini_fx.errors import SceneError
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.assembly.averages import from_owners, to_owners
 from signorini_fx.mechanics.assembly.mesh_entities import (
     assemble,
     compile_form,
@@ -37,7 +37,7 @@ from signorini_fx.mechanics.assembly.mesh_entities import (
     marked_nodes,
     node_positions,
 )
-from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
+from signorini_fx.mechanics.contact_points.contact_map import ContactMap
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.effects.heat import Heat
 from signorini_fx.mechanics.loads.load_vectors import FormCoefficients, measures
@@ -52,6 +52,23 @@ _SETTLED = 1e-10  # of the range of temperatures: by how much a turn may change 
 _GROWING = 3  # turns one after the other, each of which repeats more than all of a change
 
 
+# The temperature at the nodes as a step begins, and the duration of the step.
+Before = tuple[Array, float]
+
+
+class Balance(NamedTuple):
+    """The balance of heat in a step: the power that each entry brings, shape (entries,), the
+    largest residual at free nodes relative to the largest power at a node, what contact takes from
+    all bodies, what they store, and powers below which there is round-off alone.
+    """
+
+    power: Array
+    residual: float
+    lost: float
+    stored: float
+    least: float
+
+
 @dataclass(frozen=True)
 class PassedHeat:
     """Heat at the n contact points of this rank.
@@ -61,12 +78,14 @@ class PassedHeat:
         beyond: the temperature of foundations, zero between two bodies, shape (n,).
         friction: heat of friction, power per area, shape (n,).
         share: that of the side with the points, shape (n,).
+        map: from temperatures at nodes to those at the points.
     """
 
     conductance: Array
     beyond: Array
     friction: Array
     share: Array
+    map: ContactMap
 
     @classmethod
     def of(cls, model: Model, contact: ContactState, time: float, dt: float) -> Self:
@@ -86,7 +105,23 @@ class PassedHeat:
             if (heated := entry.friction_heat) is not None:
                 friction[on] = heated.fraction * contact.friction_energy[on] / dt
                 share[on] = heated.share
-        return cls(conductance, beyond, friction, share)
+        to_points = ContactMap(contact.boundary, Conductor.of(model).space)
+        return cls(conductance, beyond, friction, share, to_points)
+
+    def jump(self, values: Array) -> Array:
+        """The temperature of the side of the points less that of the other one, shape (n,), of
+        temperatures at the nodes of this rank; collective.
+        """
+        return self.map.of(values) - self.beyond
+
+    def at_nodes(self, values: Array | None) -> Array:
+        """What contact brings to the owned nodes, power, shape (owned nodes,), at temperatures of
+        the nodes of this rank, None: at zero; collective.
+        """
+        apart = -self.beyond if values is None else self.jump(values)
+        other = (1.0 - self.share) * self.friction
+        of_friction = self.map.vector(self.friction, self.map.side)
+        return of_friction - self.map.vector(other + self.conductance * apart)
 
 
 class Conductor:
@@ -105,7 +140,9 @@ class Conductor:
         if not np.array_equal(self.space.dofmap.list, space.dofmap.list):
             raise RuntimeError("temperatures are numbered otherwise than the nodes")
         self.entries: tuple[Heat, ...] = model.statement.effects["heat"]
+        self.stores = any(one.specific_heat is not None for one in model.statement.material)
         self.temperature = fem.Function(self.space)
+        self.rate = fem.Function(self.space)
         self._solved: tuple[bytes, Array] | None = None
         test = ufl.TestFunction(self.space)
         trial = ufl.TrialFunction(self.space)
@@ -135,8 +172,15 @@ class Conductor:
                 return on.value(entry.film) * (on.value(entry.ambient) - film)
             return on.value_in(entry.region, entry.flux if entry.source is None else entry.source)
 
+        def storing(value: Any) -> Any:
+            capacity = on.density * on.of_material("specific_heat")
+            return capacity * value * test * around * dx
+
         self.matrix_form = compile_form(resisting(trial))
         self.residual_form = compile_form(resisting(self.temperature))
+        if self.stores:
+            self.capacity_form = compile_form(storing(trial))
+            self.storing_form = compile_form(storing(self.rate))
         loads = [
             brought(entry, 0.0) * test * around * d
             for entry, d in zip(self.given, places, strict=True)
@@ -161,26 +205,40 @@ class Conductor:
         """How many nodes this rank owns."""
         return int(self.space.dofmap.index_map.size_local)
 
-    def prescribed(self, time: float) -> tuple[Flags, Array, Array]:
-        """Which nodes of this rank have a prescribed temperature, what it is, and the number of the
-        entry that prescribes it, shape (nodes,).
+    def nodes_of(self, entry: Any) -> Ints:
+        """The nodes of this rank on the boundary of an entry, or in its region; collective."""
+        if getattr(entry, "boundary", None) is not None:
+            nodes = facet_nodes(self.space, self.model.tagged.facets(entry.boundary))
+        else:
+            nodes = self.space.dofmap.list[self.model.tagged.cells(entry.region)]
+        return np.flatnonzero(marked_nodes(self.space, np.asarray(nodes).ravel()))
+
+    def prescribed(self, time: float) -> tuple[Array, Ints]:
+        """The prescribed temperatures at nodes of this rank, and the number of the entry that
+        prescribes each, -1: none does, shape (nodes,); collective.
         """
         x = node_positions(self.space).T
         values = np.zeros(x.shape[1])
         by = np.full(x.shape[1], -1)
-        tagged = self.model.tagged
         for number, entry in enumerate(self.entries):
-            if entry.temperature is None:
-                continue
-            if entry.boundary is not None:
-                nodes = facet_nodes(self.space, tagged.facets(entry.boundary))
-            else:
-                nodes = self.space.dofmap.list[tagged.cells(entry.region)]
-            held = np.flatnonzero(marked_nodes(self.space, np.asarray(nodes).ravel()))
-            if held.size:
+            if entry.temperature is not None:
+                held = self.nodes_of(entry)
                 values[held] = sample(entry.at_time(time).temperature, x[:, held])
-            by[held] = number
-        return by >= 0, values, by
+                by[held] = number
+        return values, by
+
+    def first(self) -> Array:
+        """The temperature before the first step, at the nodes of this rank, shape (nodes,);
+        collective.
+        """
+        x = node_positions(self.space).T
+        values = np.zeros(x.shape[1])
+        statement = self.model.statement
+        for entry in (*statement.material, *statement.effects.get("initial_temperature", ())):
+            nodes = self.nodes_of(entry)
+            given = getattr(entry, "temperature", getattr(entry, "reference_temperature", 0.0))
+            values[nodes] = sample(given or 0.0, x[:, nodes])
+        return values
 
     def _moved_to(self, time: float) -> None:
         """Give values that depend on the time those of a time."""
@@ -190,33 +248,43 @@ class Conductor:
     def _stiffness(self) -> PETSc.Mat:
         return sum_of([self.matrix_form], [])
 
-    def solved(
-        self, boundary: ContactBoundary | None, passed: PassedHeat | None, time: float
-    ) -> Array:
-        """Return the temperature at the nodes, shape (nodes,)."""
+    @cached_property
+    def _capacity(self) -> PETSc.Mat:
+        return sum_of([self.capacity_form], [])
+
+    def solved(self, passed: PassedHeat | None, time: float, before: Before | None) -> Array:
+        """Return the temperature at the nodes at a time, shape (nodes,), after a step that began
+        with another one; None: a steady one.
+        """
         parts = () if passed is None else (passed.conductance, passed.beyond, passed.friction)
-        key = np.concatenate([[time], *parts]).tobytes()
+        key = np.concatenate([[time], *parts, *(before or ())], axis=None).tobytes()
         same = self._solved is not None and self._solved[0] == key
         if self._solved is not None and not parallel.any_rank(self.model.comm, not same):
             return self._solved[1]
         self._moved_to(time)
         owned = self.owned
-        comm = self.model.comm
         load = np.zeros(owned) if self.load_form is None else assemble(self.load_form)
         matrix = self._stiffness.copy()
-        held, values, _ = self.prescribed(time)
-        if boundary is not None and passed is not None:
-            added = self._coupling(boundary, passed, matrix)
-            matrix.axpy(1.0, added, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
-            load = load + self._of_contact(boundary, passed, None)
-        loose = self._of_pieces(~self._determined(boundary, passed, held))
+        pattern = PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN
+        values, by = self.prescribed(time)
+        held = by >= 0
+        x, right = matrix.createVecs()
+        if before is not None:
+            earlier, dt = before
+            matrix.axpy(1.0 / dt, self._capacity, structure=pattern)
+            x.getArray()[:] = earlier[:owned] / dt
+            self._capacity.mult(x, right)
+            load = load + right.getArray(readonly=True)
+        if passed is not None:
+            matrix.axpy(1.0, passed.map.matrix(passed.conductance), structure=pattern)
+            load = load + passed.at_nodes(None)
+        loose = self._of_pieces(~self._determined(passed, held))
         rows = np.flatnonzero(held[:owned] | loose)
         first = self.space.dofmap.index_map.local_range[0]
-        x, right = matrix.createVecs()
         x.getArray()[:] = np.where(held[:owned], values[:owned], 0.0)
         right.getArray()[:] = load
         matrix.zeroRowsColumns((first + rows).astype(PETSc.IntType), 1.0, x, right)
-        ksp = PETSc.KSP().create(comm)
+        ksp = PETSc.KSP().create(self.model.comm)
         ksp.setOperators(matrix)
         ksp.setType(PETSc.KSP.Type.PREONLY)
         matrix.setOption(PETSc.Mat.Option.SPD, True)
@@ -228,138 +296,71 @@ class Conductor:
         self._solved = key, result
         return result
 
-    def _coupling(
-        self, boundary: ContactBoundary, passed: PassedHeat, like: PETSc.Mat
-    ) -> PETSc.Mat:
-        """B^T w h B."""
-        averages = boundary.averages
-        shares = sp.csr_array(averages.shares)
-        weighted = sp.diags_array(boundary.weight * passed.conductance) @ shares
-        product = sp.csr_array(shares.T @ weighted)
-        nodes = averages.nodes.astype(PETSc.IntType)
-        added = PETSc.Mat().createAIJ(like.getSizes(), comm=self.model.comm)
-        added.setUp()
-        added.setValuesIJV(
-            product.indptr.astype(PETSc.IntType),
-            nodes[product.indices],
-            product.data,
-            addv=PETSc.InsertMode.ADD_VALUES,
-            rowmap=nodes,
-        )
-        added.assemble()
-        return added
-
-    def relative(self, boundary: ContactBoundary, values: Array) -> Array:
-        """B of values at the nodes of this rank, shape (n,)."""
-        averages = boundary.averages
-        owned = np.asarray(values)[: self.owned, None]
-        return np.asarray(
-            averages.shares @ from_owners(owned, averages.nodes, self.model.comm)[:, 0]
-        )
-
-    def sides(self, boundary: ContactBoundary) -> tuple[Any, Any]:
-        """D and M, sparse, shape (n, m): columns of nodes on the side of the points, and others."""
-        averages = boundary.averages
-        shares = sp.csr_array(averages.shares)
-        own = sp.lil_array(shares.shape)
-        for space, facets, number in boundary.surface:
-            on_side = marked_nodes(space, facet_nodes(space, facets).ravel())[: self.owned, None]
-            slave = from_owners(on_side.astype(np.float64), averages.nodes, self.model.comm)[:, 0]
-            rows = sp.diags_array((boundary.part == number).astype(np.float64))
-            own = own + rows @ shares @ sp.diags_array(slave)
-        return sp.csr_array(own), sp.csr_array(own - shares)
-
-    def _of_contact(
-        self, boundary: ContactBoundary, passed: PassedHeat, values: Array | None
-    ) -> Array:
-        """What contact brings to the owned nodes, power, shape (owned nodes,), at temperatures of
-        the nodes of this rank, None: at zero.
-        """
-        averages = boundary.averages
-        weight = boundary.weight
-        own, other = self.sides(boundary)
-        apart = -passed.beyond
-        if values is not None:
-            apart = apart + self.relative(boundary, values)
-        crossing = passed.conductance * apart
-        at_nodes = (
-            -averages.shares.T @ (weight * crossing)
-            + own.T @ (weight * passed.share * passed.friction)
-            + other.T @ (weight * (1.0 - passed.share) * passed.friction)
-        )
-        return to_owners(
-            np.asarray(at_nodes)[:, None], averages.nodes, self.model.comm, self.owned
-        )[:, 0]
-
     def balance(
-        self,
-        boundary: ContactBoundary | None,
-        passed: PassedHeat | None,
-        values: Array,
-        time: float,
-    ) -> tuple[Array, float, float, float]:
-        """Return the power that each entry brings, shape (entries,), the largest residual at free
-        nodes, by forms of its own, relative to the largest power at a node, what contact takes from
-        all bodies, and powers below which there is round-off alone.
+        self, passed: PassedHeat | None, values: Array, time: float, before: Before | None
+    ) -> Balance:
+        """Return the balance of temperatures at a time, see ``solved``, by forms of its own;
+        collective.
         """
         comm = self.model.comm
         self._moved_to(time)
         self.temperature.x.array[:] = values
-        resisted = assemble(self.residual_form)
-        load = np.zeros(self.owned) if self.load_form is None else assemble(self.load_form)
-        residual = resisted - load
-        lost = 0.0
+        residual = assemble(self.residual_form)
         # Of an even temperature all powers are round-off.
         diagonal = self._stiffness.getDiagonal().getArray(readonly=True)
         across = diagonal * np.abs(values[: self.owned])
         least = ROOT_OF_EPS * parallel.largest(comm, across)
-        largest = max(np.abs(load).max(initial=0.0), least)
-        if boundary is not None and passed is not None:
-            contact = self._of_contact(boundary, passed, values)
-            residual = residual - contact
-            lost = -float(parallel.global_sum(comm, np.array(contact.sum())))
-            largest = max(largest, np.abs(contact).max(initial=0.0))
-        held, _, by = self.prescribed(time)
-        largest = max(largest, np.abs(residual[held[: self.owned]]).max(initial=0.0))
-        largest = parallel.global_max(comm, float(largest))
-        wrong = parallel.largest(comm, np.abs(residual[~held[: self.owned]]))
-        power = np.zeros(len(self.entries))
-        on_node = by[: self.owned]
+        acting = [] if self.load_form is None else [assemble(self.load_form)]
+        lost = stored = 0.0
+        if passed is not None:
+            acting.append(passed.at_nodes(values))
+            lost = -float(parallel.global_sum(comm, np.array(acting[-1].sum())))
+        if before is not None:
+            self.rate.x.array[:] = (values - before[0]) / before[1]
+            acting.append(-assemble(self.storing_form))
+            stored = -float(parallel.global_sum(comm, np.array(acting[-1].sum())))
+        for each in acting:
+            residual = residual - each
+        on_node = self.prescribed(time)[1][: self.owned]
         taken = on_node >= 0
-        power += np.bincount(on_node[taken], residual[taken], minlength=power.size)
+        powers = [*(np.abs(each) for each in acting), np.abs(residual[taken])]
+        largest = max(least, *(parallel.largest(comm, each) for each in powers))
+        wrong = parallel.largest(comm, np.abs(residual[~taken]))
+        power = np.zeros(len(self.entries))
+        power += np.bincount(on_node[taken], residual[taken], minlength=len(self.entries))
         given = iter(self.power_forms)
         for number, entry in enumerate(self.entries):
             if entry.temperature is None:
                 power[number] = fem.assemble_scalar(next(given))
         total = parallel.global_sum(comm, power)
-        return total, wrong / largest if largest else 0.0, lost, least
+        return Balance(total, wrong / largest if largest else 0.0, lost, stored, least)
 
     # --- what decides a temperature ---
 
-    def _determined(
-        self, boundary: ContactBoundary | None, passed: PassedHeat | None, held: Flags
-    ) -> Flags:
-        """Which pieces of the body have a temperature that something decides, shape (pieces,)."""
+    def _determined(self, passed: PassedHeat | None, held: Flags) -> Flags:
+        """Which pieces of the body have a temperature that something decides, shape (pieces,);
+        collective.
+        """
         pieces = self.model.pieces
         comm = self.model.comm
+        if self.stores:
+            return np.ones(pieces.count, dtype=bool)
         known: Flags = np.zeros(pieces.count, dtype=bool)
         dofs = self.space.dofmap.list
-        known[pieces.of_cell[held[dofs].any(axis=1)]] = True
         for entry in self.given:
             if entry.film is not None:
-                nodes = facet_nodes(self.space, self.model.tagged.facets(str(entry.boundary)))
-                on_film = marked_nodes(self.space, nodes.ravel())
-                known[pieces.of_cell[on_film[dofs].any(axis=1)]] = True
+                held = held | np.isin(np.arange(held.size), self.nodes_of(entry))
+        known[pieces.of_cell[held[dofs].any(axis=1)]] = True
         known = parallel.global_sum(comm, known.astype(np.int64)) > 0
-        if boundary is None or passed is None:
+        if passed is None:
             return known
-        averages = boundary.averages
-        piece_of = np.zeros((held.size, 1))
-        piece_of[dofs.ravel(), 0] = np.repeat(pieces.of_cell, dofs.shape[1])
-        of_node = from_owners(piece_of[: self.owned], averages.nodes, comm)[:, 0].astype(np.int64)
+        boundary = passed.map.boundary
+        piece_of = np.zeros(held.size)
+        piece_of[dofs.ravel()] = np.repeat(pieces.of_cell, dofs.shape[1])
+        of_node = passed.map.received(piece_of).astype(np.int64)
         conducts = passed.conductance * boundary.weight > 0
         linked: Array = np.zeros((pieces.count, pieces.count + 1))
-        shares = sp.csr_array(averages.shares)
+        shares = passed.map.rows
         for point in np.flatnonzero(conducts):
             touched = np.unique(of_node[shares.indices[slice(*shares.indptr[point : point + 2])]])
             linked[np.ix_(touched, touched)] = 1.0
@@ -376,14 +377,29 @@ class Conductor:
         nodes = self.space.dofmap.list[chosen[self.model.pieces.of_cell]]
         return np.asarray(np.isin(np.arange(self.owned), nodes))
 
-    def undetermined(self, boundary: ContactBoundary | None, passed: PassedHeat | None) -> str:
+    def undetermined(self, passed: PassedHeat | None) -> str:
         """Return what has a temperature that nothing decides; "": everything has one."""
-        held, _, _ = self.prescribed(self.model.path.time_at(0))
-        known = self._determined(boundary, passed, held)
+        _, by = self.prescribed(self.model.path.time_at(0))
+        known = self._determined(passed, by >= 0)
         if known.all():
             return ""
         loose = " and ".join(self.model.pieces.called(piece) for piece in np.flatnonzero(~known))
         return f"the temperature of {loose} is not determined"
+
+
+def _used(state: State) -> Array:
+    """The temperature that strains the body in a step from a state where contact decides it, shape
+    (nodes,).
+    """
+    fields = state.fields
+    return fields.get("heating", fields["temperature"]).values.ravel()
+
+
+def _before(model: Model, state: State, time: float) -> Before | None:
+    """What the step from a state to a time begins with; None: it is a steady one."""
+    if not Conductor.of(model).stores:
+        return None
+    return state.fields["temperature"].values.ravel(), time - state.time
 
 
 @dataclass(frozen=True)
@@ -415,7 +431,7 @@ class Conduction(StepEffect):
         if reason := self._undetermined(model):
             cure = "give it one, or a film, or its contact a conductance"
             raise SceneError.at("heat", f"{reason}: {cure}")
-        return state
+        return state.with_field("temperature", "nodes", Conductor.of(model).first())
 
     @staticmethod
     def _undetermined(model: Model) -> str:
@@ -428,43 +444,31 @@ class Conduction(StepEffect):
             joints = [entry.conductance for entry in model.statement.contact]
             conducts = np.array([joint is not None for joint in joints])[boundary.part] * 1.0
             zero = np.zeros(boundary.size)
-            passed = PassedHeat(conducts, zero, zero, zero)
-        return Conductor.of(model).undetermined(boundary, passed)
+            to_points = ContactMap(boundary, Conductor.of(model).space)
+            passed = PassedHeat(conducts, zero, zero, zero, to_points)
+        return Conductor.of(model).undetermined(passed)
 
     def at_nodes(self, model: Model, state: State, time: float) -> Mapping[str, Array]:
-        return {"temperature": self._used(model, state, time)}
+        if self._turns(model):
+            return {"temperature": _used(state)}
+        return {"temperature": Conductor.of(model).solved(None, time, _before(model, state, time))}
 
-    def _used(self, model: Model, state: State, time: float) -> Array:
-        """The temperature that strains the body in a step from a state, or that has in one to it,
-        shape (nodes,).
-        """
-        conductor = Conductor.of(model)
-        if not self._turns(model):
-            return conductor.solved(None, None, time)
-        known = state.fields.get("heating")
-        if known is not None:
-            return known.values.ravel()
-        reference = model.statement.material[0].reference_temperature or 0.0
-        return np.full(conductor.temperature.x.array.size, reference)
-
-    def _found(self, new: State, ended: StepEnd) -> Array:
+    def _found(self, state: State, new: State, ended: StepEnd) -> Array:
         """The temperature that a step leads to, shape (nodes,)."""
-        contact = ended.contact
-        boundary = None if contact is None else contact.boundary
-        conductor = Conductor.of(ended.model)
-        return conductor.solved(boundary, self._passed(new, ended), new.time)
+        before = _before(ended.model, state, new.time)
+        return Conductor.of(ended.model).solved(self._passed(new, ended), new.time, before)
 
     def _passed(self, new: State, ended: StepEnd) -> PassedHeat | None:
         if ended.contact is None or not self._turns(ended.model):
             return None
         return PassedHeat.of(ended.model, ended.contact, new.time, ended.dt)
 
-    def _unsettled(self, new: State, ended: StepEnd) -> tuple[Array, float]:
+    def _unsettled(self, state: State, new: State, ended: StepEnd) -> tuple[Array, float]:
         """Return the change of the temperature by a turn, shape (nodes,), and the largest one
         relative to the range of temperatures; collective.
         """
-        found = self._found(new, ended)
-        change = found - self._used(ended.model, new, new.time)
+        found = self._found(state, new, ended)
+        change = found - _used(state)
         comm = ended.model.comm
         size = parallel.largest(comm, found) + parallel.largest(comm, -found)
         size = max(size, parallel.largest(comm, np.abs(found)) * _SETTLED)
@@ -474,26 +478,19 @@ class Conduction(StepEffect):
         model = ended.model
         if not self._turns(model):
             return None
-        change, unsettled = self._unsettled(new, ended)
+        change, unsettled = self._unsettled(state, new, ended)
         if unsettled <= _SETTLED:
             return None
         turns = np.array([new.number, 1.0, 1.0, 0.0, 0.0])
         before = state.fields.get("heat_turns")
         if before is not None and before.values[0] == new.number:
             earlier = state.fields["heat_change"].values.ravel()
-            comm = model.comm
             owned = slice(0, Conductor.of(model).owned)
             difference = (change - earlier)[owned]
-            along, size, old = parallel.global_sum(
-                comm,
-                np.array(
-                    [
-                        earlier[owned] @ difference,
-                        difference @ difference,
-                        earlier[owned] @ earlier[owned],
-                    ]
-                ),
+            products = (
+                np.array([difference, earlier[owned]]) @ np.array([earlier[owned], difference]).T
             )
+            (along, size), (old, _) = parallel.global_sum(model.comm, products)
             _, count, used, _, growing = before.values
             factor = 1.0 + along / (used * old) if old else 0.0
             growing = growing + 1 if factor >= 1.0 else 0.0
@@ -503,7 +500,7 @@ class Conduction(StepEffect):
             return None
         fields = {
             **state.fields,
-            "heating": Field("nodes", self._used(ended.model, new, new.time) + turns[2] * change),
+            "heating": Field("nodes", _used(state) + turns[2] * change),
             "heat_change": Field("nodes", change),
             "heat_turns": Field("global", turns),
         }
@@ -514,12 +511,12 @@ class Conduction(StepEffect):
         return state if used is None else replace(state, fields={**state.fields, "heating": used})
 
     def after(self, state: State, new: State, ended: StepEnd) -> State:
-        new = new.with_field("temperature", "nodes", self._found(new, ended))
+        found = self._found(state, new, ended)
+        new = new.with_field("temperature", "nodes", found)
         if self._turns(ended.model):
-            new = new.with_field("heating", "nodes", self._used(ended.model, new, new.time))
-        contact, passed = ended.contact, self._passed(new, ended)
-        if contact is not None and passed is not None:
-            jump = self._jump(new, ended, passed)
+            new = new.with_field("heating", "nodes", _used(state))
+        if (passed := self._passed(new, ended)) is not None:
+            jump = passed.jump(found)
             new = new.with_field("temperature_jump", "points", jump)
             new = new.with_field("heat_flux", "points", passed.conductance * jump)
         return replace(
@@ -529,22 +526,21 @@ class Conduction(StepEffect):
     def outcome(self, state: State, new: State, ended: StepEnd) -> tuple[Status, Finding] | None:
         model = ended.model
         conductor = Conductor.of(model)
-        passed = self._passed(new, ended)
-        boundary = None if ended.contact is None else ended.contact.boundary
-        if reason := conductor.undetermined(boundary, passed):
+        if reason := conductor.undetermined(self._passed(new, ended)):
             reason = f"{reason} while its contact is open"
             return Status.RUNS_AWAY, Finding("warning", "heat", reason)
-        _, unsettled = self._unsettled(new, ended)
+        _, unsettled = self._unsettled(state, new, ended)
         if self._turns(model) and unsettled > _SETTLED:
             turns = new.fields.get("heat_turns")
             growing = 0.0 if turns is None else turns.values[3]
+            cure = "take shorter load steps"
             if growing >= 1.0:
                 reason = f"a turn of contact and heat multiplies a change by {growing:.3g}"
+                reason += f": {cure}" * conductor.stores
                 return Status.RUNS_AWAY, Finding("warning", "heat", reason)
             reason = f"a turn still changes temperatures by {unsettled:.1g} of their range"
-            cure = "take shorter load steps"
             return Status.OUTER_MAX_ITERATIONS, Finding("warning", "heat", f"{reason}: {cure}")
-        wrong = self._balance(new, ended)[1]
+        wrong = self._balance(state, new, ended).residual
         if wrong > CERTIFICATE_TOLERANCE:
             reason = f"heat is not in balance: {wrong:.1g} of the largest at a node is left"
             return Status.NOT_CERTIFIED, Finding("warning", "heat", reason)
@@ -552,51 +548,39 @@ class Conduction(StepEffect):
 
     # --- what is told ---
 
-    def _balance(self, new: State, ended: StepEnd) -> tuple[Array, float, float, float]:
-        contact = ended.contact
-        boundary = None if contact is None else contact.boundary
+    def _balance(self, state: State, new: State, ended: StepEnd) -> Balance:
         values = new.fields["temperature"].values.ravel()
-        passed = self._passed(new, ended)
-        return Conductor.of(ended.model).balance(boundary, passed, values, new.time)
+        before = _before(ended.model, state, new.time)
+        return Conductor.of(ended.model).balance(self._passed(new, ended), values, new.time, before)
 
     def figures(self, state: State, new: State, ended: StepEnd) -> Mapping[str, float]:
-        """Return what comes in, what goes out, what passes contact, heat of friction, powers, the
-        residual at nodes, the balance, the turns and their factor.
+        """Return what comes in, what goes out, what stays, what passes contact, heat of friction,
+        powers, the residual at nodes, the balance, the turns and their factor.
         """
-        power, wrong, lost, least = self._balance(new, ended)
+        balance = self._balance(state, new, ended)
         comm = ended.model.comm
-        into = float(power[power > 0].sum())
-        out = -float(power[power < 0].sum())
+        into = float(balance.power[balance.power > 0].sum())
+        out = -float(balance.power[balance.power < 0].sum())
         through = rubbed = 0.0
-        contact = ended.contact
-        passed = self._passed(new, ended)
-        if contact is not None and passed is not None:
-            flux = contact.boundary.weight * passed.conductance * self._jump(new, ended, passed)
-            heated = contact.boundary.weight @ passed.friction
-            through, rubbed = map(
-                float, parallel.global_sum(comm, np.array([np.abs(flux).sum(), heated]))
-            )
-        size = max(into, out, abs(lost), rubbed, least)
+        if (passed := self._passed(new, ended)) is not None:
+            each = np.abs(new.fields["heat_flux"].values.ravel()), passed.friction
+            through, rubbed = parallel.global_sum(comm, np.array(each) @ passed.map.weight)
+        left = balance.lost + balance.stored
+        size = max(into, out, abs(balance.lost), abs(balance.stored), rubbed, balance.least)
         figures = {
             "heat_in": into,
             "heat_out": out,
-            "heat_through": through,
-            "friction_heat": rubbed,
-            "heat_balance": (into - out - lost) / size if size else 0.0,
-            "heat_error": wrong,
+            "heat_stored": balance.stored,
+            "heat_through": float(through),
+            "friction_heat": float(rubbed),
+            "heat_balance": (into - out - left) / size if size else 0.0,
+            "heat_error": balance.residual,
             "hottest": parallel.largest(comm, new.fields["temperature"].values),
         }
         turns = new.fields.get("heat_turns")
         if turns is not None and turns.values[0] == new.number:
             figures |= {"heat_turns": float(turns.values[1]), "heat_factor": float(turns.values[3])}
         return figures
-
-    def _jump(self, new: State, ended: StepEnd, passed: PassedHeat) -> Array:
-        """The temperature of the side of the points less that of the other one, shape (n,)."""
-        assert ended.contact is not None
-        values = new.fields["temperature"].values.ravel()
-        apart = Conductor.of(ended.model).relative(ended.contact.boundary, values)
-        return apart - passed.beyond
 
     def columns(self, new: State) -> Mapping[str, Array]:
         names = ("temperature_jump", "heat_flux")
@@ -611,6 +595,8 @@ class Conduction(StepEffect):
 
     def told(self, new: State, ended: StepEnd, figures: Mapping[str, float]) -> Iterator[Finding]:
         text = f"{figures['heat_in']:.4g} in, {figures['heat_out']:.4g} out"
+        if figures["heat_stored"]:
+            text += f", {figures['heat_stored']:.4g} stay"
         if figures["friction_heat"]:
             text += f", {figures['friction_heat']:.4g} by friction"
         if figures["heat_through"]:

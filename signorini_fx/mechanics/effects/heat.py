@@ -16,6 +16,7 @@ from signorini_fx.mechanics.statement.effect import (
     BodyCoefficients,
     ContactPart,
     Contradictions,
+    Effect,
     Features,
     InitialStrain,
 )
@@ -24,6 +25,7 @@ from signorini_fx.mechanics.statement.values import (
     NonNegative,
     NonNegativeValue,
     Positive,
+    SampledValue,
     TimedSampledValue,
 )
 
@@ -112,9 +114,17 @@ class Heat(InitialStrain):
             yield ("heat", number, "factors"), "leave it out: give values that depend on t"
         if number:
             return
+        stores = [material.specific_heat is not None for material in statement.material]
+        times = statement.load_steps.times
         for at, material in enumerate(statement.material):
             if material.conductivity is None:
                 yield ("material", at), "has no conductivity, which heat needs"
+            if any(stores) and not (stores[at] and material.density):
+                reason = "needs specific_heat and density: heat takes time in all bodies or in none"
+                yield ("material", at), reason
+        if any(stores) and (times is None or times[0] <= 0):
+            reason = "needs load_steps.times, the first above 0, where heat begins"
+            yield ("material", stores.index(True), "specific_heat"), reason
 
     def strain(self, on: BodyCoefficients) -> Any:
         """Return the strain of the temperature, UFL: all entries make it together, the first one
@@ -124,6 +134,32 @@ class Heat(InitialStrain):
             return 0.0
         expansion, reference = on.of_material("expansion"), on.of_material("reference_temperature")
         return expansion * (on.computed("temperature") - reference)
+
+
+class InitialTemperature(Effect):
+    """The temperature at time 0 where heat takes time; where none is given that without strain, and
+    of several at one place the last one applies.
+
+    Attributes:
+        temperature: its value.
+        region: name of the part of the body; None: all of it.
+
+    Examples:
+        >>> print(sfx.InitialTemperature(20.0, region="pad").temperature)
+        20.0
+    """
+
+    key: ClassVar[str] = "initial_temperature"
+    value_keys: ClassVar[tuple[str, ...]] = ("temperature",)
+    positional: ClassVar[tuple[str, ...]] = ("temperature",)
+
+    temperature: SampledValue = Field(kw_only=False)
+    region: str | None = None
+
+    def contradictions(self, statement: Any, number: int) -> Contradictions:
+        stored = [material.specific_heat for material in statement.material]
+        if not statement.effects.get("heat") or None in stored:
+            yield ("initial_temperature", number), "needs [[heat]] and material.specific_heat"
 
 
 class _HeatOfContact(ContactPart):

@@ -51,6 +51,8 @@ class Material(Effect):
         expansion: coefficient of thermal expansion, 1 / temperature, which ``temperature`` needs;
             None: not known.
         conductivity: power per length and temperature, which ``heat`` needs; None: not known.
+        specific_heat: energy per mass and temperature, by which heat takes time; None: heat is
+            steady in each load step.
         reference_temperature: at which it has no thermal strain; None: 0.
         region: name of the part of the body that is made of this material; None: all of it.
 
@@ -94,6 +96,7 @@ class Material(Effect):
     density: NonNegative | None = None
     expansion: Finite | None = None
     conductivity: Positive | None = None
+    specific_heat: Positive | None = None
     reference_temperature: Finite | None = None
     region: str | None = None
 
@@ -176,7 +179,8 @@ class Material(Effect):
     @property
     def kind(self) -> tuple[Any, ...]:
         """Return what two regions of the same material have in common."""
-        apart = ("region", "density", "expansion", "conductivity", "yield_stress")
+        of_heat = "expansion", "conductivity", "specific_heat"
+        apart = "region", "density", "yield_stress", *of_heat
         return type(self), *(
             getattr(self, key) for key in type(self).model_fields if key not in apart
         )
