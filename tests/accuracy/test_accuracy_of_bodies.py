@@ -112,10 +112,7 @@ def stacked(meshes, **more):
                 {"name": "upper", "mesh": upper, "shift": [0.0, 1.0]},
             ],
             "material": {"young": 100.0, "poisson": 0.3},
-            "displacement": [
-                fixed("lower.bottom", "y"),
-                fixed("lower.left", "x"),
-            ],
+            "displacement": [fixed("lower.bottom", "y"), fixed("lower.left", "x")],
             "traction": [{"boundary": "upper.top", "y": -0.3}],
             "contact": {"boundary": "lower.top", "against": "upper.bottom"},
             **more,

@@ -28,11 +28,7 @@ def block(bound=5.0, gap=0.0, **traction):
             "material": {"young": 5000.0, "poisson": 0.3},
             "traction": [{"boundary": "top", "y": -20.0}, {"boundary": "left", **traction}],
             "displacement": fixed("right", "x"),
-            "contact": {
-                "boundary": "bottom",
-                "gap": gap,
-                "friction": tresca_friction(bound),
-            },
+            "contact": {"boundary": "bottom", "gap": gap, "friction": tresca_friction(bound)},
         }
     )
 
@@ -105,10 +101,7 @@ def test_rings():
         data = {
             "mesh": rectangle_mesh(12, 6, length=unit, height=unit / 2),
             "material": {"young": 1000.0, "poisson": 0.3, "hypothesis": "axisymmetric"},
-            "displacement": [
-                fixed("left", "x"),
-                {"boundary": "top", "x": 0.0, "y": -0.03 * unit},
-            ],
+            "displacement": [fixed("left", "x"), {"boundary": "top", "x": 0.0, "y": -0.03 * unit}],
             "contact": {
                 "boundary": "bottom",
                 "gap": f"x[0]**2 / {4 * unit} + where(abs(x[0] - {0.22 * unit}) < {0.01 * unit}, "

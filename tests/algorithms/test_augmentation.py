@@ -123,10 +123,7 @@ def test_a_node_that_a_support_drags_along_the_foundation(dimension, coulomb):
                     {"boundary": "left", "x": 0.002, **({} if dimension == 2 else {"y": 0.001})},
                     {"boundary": "top", up: -0.01},
                 ],
-                "contact": {
-                    "boundary": "bottom",
-                    "friction": coulomb_friction(0.3),
-                },
+                "contact": {"boundary": "bottom", "friction": coulomb_friction(0.3)},
                 "solver": {"algorithm": "alm", "coulomb": coulomb, "gamma_n": 1e8, "gamma_t": 1e5},
             }
         )

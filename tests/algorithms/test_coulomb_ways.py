@@ -123,11 +123,7 @@ def test_one_bound_proves_nothing(monkeypatch, push, kind, status, fallbacks):
             "mesh": rectangle_mesh(6, 2),
             "material": {"young": 1000.0, "poisson": 0.3},
             "traction": [{"boundary": "top", "pressure": 10.0}, {"boundary": "left", "x": push}],
-            "contact": {
-                "boundary": "bottom",
-                "kind": kind,
-                "friction": coulomb_friction(0.4),
-            },
+            "contact": {"boundary": "bottom", "kind": kind, "friction": coulomb_friction(0.4)},
             "solver": {"fallbacks": fallbacks},
         }
     )

@@ -58,11 +58,7 @@ def pulled(coefficient, **settings):
         "material": {"young": 5000.0, "poisson": 0.3},
         "displacement": fixed("right"),
         "traction": [{"boundary": "top", "y": -20.0}, {"boundary": "left", "x": 60.0}],
-        "contact": {
-            "boundary": "bottom",
-            "gap": 1e-4,
-            "friction": coulomb_friction(coefficient),
-        },
+        "contact": {"boundary": "bottom", "gap": 1e-4, "friction": coulomb_friction(coefficient)},
         "solver": settings,
     }
     return parse_scene(data)

@@ -26,11 +26,7 @@ def lug(slope, friction=0.3, **solver):
             },
             "material": {"young": 1000.0, "poisson": 0.3},
             "traction": [{"boundary": "right", "x": 1.0, "y": slope}],
-            "contact": {
-                "boundary": "hole",
-                "gap": 0.02,
-                "friction": coulomb_friction(friction),
-            },
+            "contact": {"boundary": "hole", "gap": 0.02, "friction": coulomb_friction(friction)},
             "solver": solver,
         }
     )

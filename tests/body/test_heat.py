@@ -77,11 +77,7 @@ def two(counts=(8, 12), expansion=0.0, **more):
             {"region": "up", "young": 1000.0, "conductivity": 15.0, **given},
             {"region": "low", "young": 2000.0, "conductivity": 50.0, **given},
         ],
-        "displacement": [
-            fixed("low.bottom", "y"),
-            fixed("low.left", "x"),
-            fixed("up.left", "x"),
-        ],
+        "displacement": [fixed("low.bottom", "y"), fixed("low.left", "x"), fixed("up.left", "x")],
         "traction": {"boundary": "up.top", "y": -2.0},
         "contact": {
             "boundary": "up.bottom",
@@ -253,10 +249,7 @@ def test_open_gap():
     """Heat passes a gap of .2, whose filling conducts .5 over gap and roughness."""
     joint = {"open": 0.5, "length": 0.05}
     contact = {"boundary": "up.bottom", "against": "low.top", "gap": 0.2, "conductance": joint}
-    held = [
-        fixed("low.bottom"),
-        fixed("up.top"),
-    ]
+    held = [fixed("low.bottom"), fixed("up.top")]
     solution = solve(two(contact=contact, displacement=held, traction=[]))
     flux = 100.0 / (1 / 15 + 2 / 50 + 0.25 / 0.5)
     assert solution.steps[0].figures["heat_through"] == pytest.approx(flux, rel=1e-12)
@@ -327,11 +320,7 @@ def rod(ratio, share=1.0, **more):
     scene = {
         "mesh": rectangle_mesh(1, 4, length=0.25),
         "material": {"young": 1e3, "poisson": 0.0, "expansion": 1e-3, "conductivity": 2.0},
-        "displacement": [
-            fixed("left", "x"),
-            fixed("right", "x"),
-            {"boundary": "top", "y": -1e-3},
-        ],
+        "displacement": [fixed("left", "x"), fixed("right", "x"), {"boundary": "top", "y": -1e-3}],
         "contact": {
             "boundary": "bottom",
             "foundation": wall,
@@ -408,10 +397,7 @@ def test_share():
             "friction_heat: needs friction",
         ),
         (
-            {
-                "heat": [],
-                "contact": {"boundary": "bottom", "conductance": {"temperature": 0.0}},
-            },
+            {"heat": [], "contact": {"boundary": "bottom", "conductance": {"temperature": 0.0}}},
             "contact.conductance: needs \\[\\[heat\\]\\]",
         ),
         (

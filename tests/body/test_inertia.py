@@ -339,12 +339,7 @@ def test_a_sphere_bounces():
         "inertia": {"time_step": tau},
         "initial_velocity": {"y": -velocity},
         "displacement": [fixed("symmetry", "x")],
-        "contact": [
-            {
-                "boundary": "arc",
-                "foundation": plane_shape([0.0, 0.0], [0.0, 1.0]),
-            }
-        ],
+        "contact": [{"boundary": "arc", "foundation": plane_shape([0.0, 0.0], [0.0, 1.0])}],
         "load_steps": {"times": np.arange(0.0, 1.2 * duration, tau).tolist()},
     }
     solution = solve(changed(BAR, **entries))
@@ -461,10 +456,7 @@ def test_errors_in_time(name):
 def disc(count):
     """A disc of radius 1 of mapped quadrilaterals."""
     mesh = dmesh.create_rectangle(
-        MPI.COMM_WORLD,
-        [[-1.0, -1.0], [1.0, 1.0]],
-        [count, count],
-        dmesh.CellType.quadrilateral,
+        MPI.COMM_WORLD, [[-1.0, -1.0], [1.0, 1.0]], [count, count], dmesh.CellType.quadrilateral
     )
     x, y = mesh.geometry.x[:, 0].copy(), mesh.geometry.x[:, 1].copy()
     mesh.geometry.x[:, 0] = x * np.sqrt(1 - y**2 / 2)

@@ -146,21 +146,14 @@ def punched(n, *, flat):
     gap = {} if flat else {"gap": "0.4*(x[0] - 1.5)**2"}
     return {
         "body": [
-            {
-                "name": "up",
-                "shift": [1.0, 1.0],
-                "mesh": rectangle_mesh(**parameters),
-            },
+            {"name": "up", "shift": [1.0, 1.0], "mesh": rectangle_mesh(**parameters)},
             {"name": "low", "mesh": rectangle_mesh(**broad)},
         ],
         "material": [
             {"young": 1000.0, "poisson": 0.3, "region": "up"},
             {"young": 100.0, "poisson": 0.3, "region": "low"},
         ],
-        "displacement": [
-            fixed("low.bottom"),
-            {"boundary": "up.top", "x": 0.0, "y": -0.02},
-        ],
+        "displacement": [fixed("low.bottom"), {"boundary": "up.top", "x": 0.0, "y": -0.02}],
         "contact": {"boundary": "up.bottom", "against": "low.top", **gap},
     }
 

@@ -226,10 +226,7 @@ def test_two_materials(stiff_yield):
                 {"young": 100.0, "poisson": POISSON, "region": "soft", "yield_stress": 0.1},
                 {"young": 300.0, "poisson": POISSON, "region": "stiff", **stiff_yield},
             ],
-            "displacement": [
-                {"boundary": "ends", "x": f"{strain} * x[0]"},
-                fixed("bottom", "y"),
-            ],
+            "displacement": [{"boundary": "ends", "x": f"{strain} * x[0]"}, fixed("bottom", "y")],
         }
     )
     found = solve(scene, COMM).stress

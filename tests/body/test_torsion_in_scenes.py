@@ -74,10 +74,7 @@ def pressed(tagged, torques, degree=1, friction=None, length=1.0, stress=1.0, **
                 "factors": [one / torques[0] for one in torques],
             },
         ],
-        contact={
-            "boundary": "bottom",
-            "friction": friction or coulomb_friction(FRICTION),
-        },
+        contact={"boundary": "bottom", "friction": friction or coulomb_friction(FRICTION)},
         **more,
     )
 

@@ -173,10 +173,7 @@ def on_layer(deep, *, nx, ny, degree):
             "mesh": block(2, 1, length=6.0, nx=nx, ny=ny),
             "element": {"degree": degree},
             "material": {"young": 100.0, "poisson": 0.3},
-            "displacement": [
-                fixed("bottom"),
-                fixed("left", "x"),
-            ],
+            "displacement": [fixed("bottom"), fixed("left", "x")],
             "contact": {"boundary": "top", "gap": f"x[0]**2 / 200 - {deep}"},
             "solver": {"algorithm": "alm"},
         }

@@ -135,9 +135,7 @@ def test_what_has_no_bound():
         "a foundation that is no plane at rest": {
             "contact": {"boundary": "bottom", "foundation": circle}
         },
-        "coulomb friction": {
-            "contact": {"boundary": "bottom", "friction": coulomb_friction(0.2)},
-        },
+        "coulomb friction": {"contact": {"boundary": "bottom", "friction": coulomb_friction(0.2)}},
         "a traction that is not linear": {"traction": {"boundary": "right", "x": "x[1]**2"}},
         "a traction that jumps or has a kink between nodes": {
             "traction": {"boundary": "right", "x": "abs(x[1] - 0.3)"}

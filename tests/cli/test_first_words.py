@@ -61,11 +61,7 @@ def test_a_command_that_is_misspelt(capsys):
             "syntax",
             "mesh is complete with its braces",
         ),
-        (
-            "material = 210e3",
-            "material",
-            "must be a table or a list of tables",
-        ),
+        ("material = 210e3", "material", "must be a table or a list of tables"),
         ("traction = 3", "traction", "must be a table or a list of tables"),
         (
             'displacement = { boundary = ["left", "right"], x = 0.0 }',

@@ -224,10 +224,7 @@ def test_refused(friction, more, place, message):
         "mesh": box("hexahedra", (2, 2, 1)),
         "material": {"young": 1000.0, "poisson": 0.3},
         "displacement": {"boundary": "top", "x": 0.0, "y": 0.0, "z": -0.01},
-        "contact": {
-            "boundary": "bottom",
-            "friction": coulomb_friction(0.3) | friction,
-        },
+        "contact": {"boundary": "bottom", "friction": coulomb_friction(0.3) | friction},
     }
     with pytest.raises(SceneError, match=f"{place}.*{message}") as raised:
         check_scene(parse_scene(data | more), MPI.COMM_SELF)

@@ -88,12 +88,7 @@ def ratio(contact):
 
 @pytest.mark.parametrize(
     ("law", "dt", "algorithm"),
-    [
-        (RISING, 0.4, "ssn"),
-        (RISING, 0.4, "alm"),
-        (FALLING, 0.4, "ssn"),
-        (FALLING, 0.4, "alm"),
-    ],
+    [(RISING, 0.4, "ssn"), (RISING, 0.4, "alm"), (FALLING, 0.4, "ssn"), (FALLING, 0.4, "alm")],
     ids=str,
 )
 def test_steady_sliding_on_a_belt(law, dt, algorithm):

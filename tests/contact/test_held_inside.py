@@ -135,13 +135,7 @@ def test_friction_there_is_that_without_pressure(law):
             0.001,
         ),
         ({"gap": 0.003, "contact": {"kind": "bilateral"}}, 0.003),
-        (
-            {
-                "supports": fixed("bottom"),
-                "contact": {"direction": [1.0, 1.0]},
-            },
-            0.001,
-        ),
+        ({"supports": fixed("bottom"), "contact": {"direction": [1.0, 1.0]}}, 0.001),
         ({"supports": fixed("left")}, None),
     ],
 )

@@ -16,15 +16,7 @@ from on_meshes import at_coordinate
 from scene_tables import rectangle_mesh
 from two_bodies import blocks, facets, forms, held
 
-from signorini_fx import (
-    ContactProblem,
-    Coulomb,
-    FormError,
-    NoFriction,
-    Pair,
-    SceneError,
-    Tresca,
-)
+from signorini_fx import ContactProblem, Coulomb, FormError, NoFriction, Pair, SceneError, Tresca
 from signorini_fx.mechanics.laws.at_points import fault_of
 from signorini_fx.mechanics.laws.protocol import FrictionLaw, Parameter
 from signorini_fx.records import Status

@@ -45,13 +45,7 @@ def test_pressures_of_each_point(more):
     """Under a load that varies and friction each pressure is that of its own overclosure, and all
     together balance.
     """
-    contact = [
-        {
-            "boundary": "bottom",
-            "overclosure": LAW,
-            "friction": coulomb_friction(0.2),
-        }
-    ]
+    contact = [{"boundary": "bottom", "overclosure": LAW, "friction": coulomb_friction(0.2)}]
     solution = solve(block(LAW, "-20*x[0]*x[0]", contact=contact, **more))
     assert solution.certificate.holds
     state = solution.contact

@@ -60,21 +60,10 @@ ROUND = {"material": {"young": 1000.0, "poisson": 0.3, "hypothesis": "axisymmetr
 TWO = {
     "mesh": None,
     "body": [
-        {
-            "name": "low",
-            "mesh": rectangle_mesh(4, 4, length=1.0),
-        },
-        {
-            "name": "up",
-            "mesh": rectangle_mesh(5, 5, length=1.0),
-            "shift": [0.0, 1.0],
-        },
+        {"name": "low", "mesh": rectangle_mesh(4, 4, length=1.0)},
+        {"name": "up", "mesh": rectangle_mesh(5, 5, length=1.0), "shift": [0.0, 1.0]},
     ],
-    "displacement": [
-        fixed("low.bottom", "y"),
-        fixed("low.left", "x"),
-        fixed("up.left", "x"),
-    ],
+    "displacement": [fixed("low.bottom", "y"), fixed("low.left", "x"), fixed("up.left", "x")],
     "traction": {"boundary": "up.top", "y": -5.0},
     "contact": {
         "boundary": "up.bottom",

@@ -408,12 +408,7 @@ def test_amplitudes(tmp_path, capsys):
     """What acts at the end of each step; what a step does not give again keeps what it has
     reached.
     """
-    lines = [
-        "*AMPLITUDE, NAME=Up",
-        "0., 0., 4., 2.",
-        "*AMPLITUDE, NAME=DOWN",
-        "0., 0., 4., 6.",
-    ]
+    lines = ["*AMPLITUDE, NAME=Up", "0., 0., 4., 2.", "*AMPLITUDE, NAME=DOWN", "0., 0., 4., 6."]
     lines += [
         "*STEP",
         "*STATIC",
@@ -537,9 +532,7 @@ def test_two_bodies(tmp_path, capsys, bonded):
     assert lines_of(said) == (
         ["TIE: a constraint between nodes is not read"]
         if bonded
-        else [
-            "CONTACT PAIR: contact of 'LID' with 'LID': contact of a surface with itself",
-        ]
+        else ["CONTACT PAIR: contact of 'LID' with 'LID': contact of a surface with itself"]
     )
     solution = alone(read_scene(scene))
     assert solution.converged

@@ -217,10 +217,7 @@ def test_an_instance_in_space(tmp_path):
         "*NODE",
         *(f"{n}, {x}, {y}, {z}" for n, (x, y, z) in enumerate(cube, 1)),
     ]
-    part += [
-        "*ELEMENT, TYPE=C3D8, ELSET=E",
-        "1, 1, 2, 3, 4, 5, 6, 7, 8",
-    ]
+    part += ["*ELEMENT, TYPE=C3D8, ELSET=E", "1, 1, 2, 3, 4, 5, 6, 7, 8"]
     part += ["*SOLID SECTION, ELSET=E, MATERIAL=W", "*END PART", "*ASSEMBLY, NAME=A"]
     part += [
         "*INSTANCE, NAME=P-1, PART=P",
@@ -251,7 +248,7 @@ def test_included_files(tmp_path, capsys):
     _, data, _ = drafted(tmp_path, deck, capsys)
     assert data == wanted
     assert [one.name for one in text.read_keywords(tmp_path / "deck.inp")[1]] == [
-        *("deck.inp", "all.inc", "low.inp", "nodes.txt"),
+        *("deck.inp", "all.inc", "low.inp", "nodes.txt")
     ]
     (tmp_path / "nodes.txt").write_text("101, 0., zero\n")
     said = drafted(tmp_path, deck, capsys, code=2)[2]

@@ -165,11 +165,7 @@ NOTED = (
         "SHELL SECTION",
         "MEMBRANE SECTION",
     ),
-    (
-        "as in the step before: this one names no procedure",
-        "a later one without *STATIC",
-        "STEP",
-    ),
+    ("as in the step before: this one names no procedure", "a later one without *STATIC", "STEP"),
     ("no part of the body", "of other nodes", "BOUNDARY"),
     ("without effect in static steps", "VELOCITY", "INITIAL CONDITIONS"),
 )

@@ -46,10 +46,7 @@ def space(friction, cells="hexahedra", degree=1, **solver):
             "mesh": box(cells, (6, 2, 2), comm=COMM),
             "element": {"degree": degree},
             "material": {"young": 5000.0, "poisson": 0.33},
-            "displacement": [
-                fixed("left"),
-                {"boundary": "right", "x": 0.001, "y": 0.0},
-            ],
+            "displacement": [fixed("left"), {"boundary": "right", "x": 0.001, "y": 0.0}],
             "traction": [{"boundary": "top", "x": 3.0, "y": 2.0, "z": -20.0}],
             "contact": {
                 "boundary": "bottom",
@@ -147,11 +144,7 @@ def test_a_support_holds_a_node_that_slips(algorithm, springs):
             "material": {"young": 5000.0, "poisson": 0.3},
             "displacement": [{"boundary": "left", "x": 0.002}],
             "traction": [{"boundary": "top", "y": -7.0}],
-            "contact": {
-                "boundary": "bottom",
-                "gap": 0.0,
-                "friction": coulomb_friction(0.15),
-            },
+            "contact": {"boundary": "bottom", "gap": 0.0, "friction": coulomb_friction(0.15)},
             "solver": {"algorithm": algorithm},
             **more,
         }

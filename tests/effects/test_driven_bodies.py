@@ -28,11 +28,7 @@ from signorini_fx.records import Status
 from signorini_fx.scenes.reading import parse_scene
 
 COMM = MPI.COMM_WORLD
-LAWS = {
-    "none": {"law": "none"},
-    "tresca": tresca_friction(4.0),
-    "coulomb": coulomb_friction(0.3),
-}
+LAWS = {"none": {"law": "none"}, "tresca": tresca_friction(4.0), "coulomb": coulomb_friction(0.3)}
 
 
 def block(
@@ -225,8 +221,7 @@ def posts(apart_by=10.0, width=0.1, height=1.0):
     ]
     mesh = boxes_mesh(COMM, both).mesh
     return tag_boundaries(
-        mesh,
-        {"tops": at_coordinate(1, height), "bottoms": at_coordinate(1, 0.0)},
+        mesh, {"tops": at_coordinate(1, height), "bottoms": at_coordinate(1, 0.0)}
     )
 
 

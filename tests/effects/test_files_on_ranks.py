@@ -9,9 +9,7 @@ from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
 
 COMM = MPI.COMM_WORLD
-TABLES = {
-    "temperature": ("x,y,change\n0,0,1\n1,0,1\n0,1,1\n1,1,1\n", {}),
-}
+TABLES = {"temperature": ("x,y,change\n0,0,1\n1,0,1\n0,1,1\n1,1,1\n", {})}
 
 
 @pytest.mark.mpi

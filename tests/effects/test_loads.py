@@ -300,15 +300,7 @@ def test_mistakes(mistake):
     """Each with its path, on all ranks."""
     material, more, message = REFUSED[mistake]
     with pytest.raises(SceneError, match=message):
-        check_scene(
-            scene(
-                body(),
-                1,
-                material,
-                **{"displacement": fixed("left"), **more},
-            ),
-            COMM,
-        )
+        check_scene(scene(body(), 1, material, **{"displacement": fixed("left"), **more}), COMM)
 
 
 # --- prescribed rotations, and supports at points -------------------------------------------------

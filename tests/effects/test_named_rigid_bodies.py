@@ -66,10 +66,7 @@ def roller(
             rectangle("upper", **plate, shift=[-length / 2, 2 * middle]),
         ],
         "material": {"young": 1000.0 * stress, "poisson": 0.3},
-        "displacement": [
-            fixed("lower.bottom"),
-            {"boundary": "upper.top", **top},
-        ],
+        "displacement": [fixed("lower.bottom"), {"boundary": "upper.top", **top}],
         "contact": [
             {"boundary": name, "foundation": foundation, "friction": law}
             for name, foundation in (("lower.top", driven), ("upper.bottom", shape))

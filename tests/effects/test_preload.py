@@ -96,10 +96,7 @@ def bar(cell, degree=1, *, preload=None, volumetric="full", heat=0.0, **more):
             },
             "element": {"degree": degree, "volumetric": volumetric},
             "material": {"young": YOUNG, "poisson": 0.0, "expansion": 1e-3, **law},
-            "displacement": [
-                *(fixed(name, "x") for name in ("left", "right")),
-                *slides,
-            ],
+            "displacement": [*(fixed(name, "x") for name in ("left", "right")), *slides],
             "preload": preload or given,
             **({"temperature": {"change": heat}} if heat else {}),
             **more,
@@ -168,10 +165,7 @@ def test_a_section_that_a_file_names(tmp_path, several):
                 else {"mesh": {"file": str(file)}}
             ),
             "material": {"young": YOUNG, "poisson": 0.0},
-            "displacement": [
-                fixed(f"{name}left"),
-                fixed(f"{name}right", "x"),
-            ],
+            "displacement": [fixed(f"{name}left"), fixed(f"{name}right", "x")],
             "preload": {"section": f"{name}cut", "shortening": 0.03},
         }
     )

@@ -48,10 +48,7 @@ def size(step):
         {"displacement": [fixed("top", "x")]},
         {"element": {"degree": 2}},
         {"solver": {"algorithm": "alm"}},
-        {
-            "material": STEEL | {"hypothesis": "axisymmetric"},
-            "displacement": [fixed("left", "x")],
-        },
+        {"material": STEEL | {"hypothesis": "axisymmetric"}, "displacement": [fixed("left", "x")]},
         {"mesh": BOX, "up": "z", "displacement": [PUSHED[0] | {"y": 0.004}]},
     ],
     ids=["pushed", "pressed", "degree 2", "alm", "axisymmetric", "space"],

@@ -191,9 +191,7 @@ def test_hinged_block(algebra):
             angles,
             mesh=rectangle_mesh(**parameters),
             material=sfx.LinearElastic(young=1e9, poisson=0.0),
-            displacement=[
-                sfx.Displacement(boundary="top", x="-x[1]", y="x[0]", factors=angles),
-            ],
+            displacement=[sfx.Displacement(boundary="top", x="-x[1]", y="x[0]", factors=angles)],
             contact=sfx.Contact(boundary="bottom", cohesion=bond),
             solver={"largest_deformation": 10.0, "linear_algebra": algebra},
         )

@@ -350,11 +350,7 @@ def test_stresses_of_two_materials():
             for one, region in zip(hooke, ("soft", "stiff"), strict=True)
         ],
         "displacement": {"boundary": "top", "x": 0.001, "y": -0.01},
-        "contact": {
-            "boundary": "bottom",
-            "gap": "0.004*x[0]",
-            "friction": coulomb_friction(0.3),
-        },
+        "contact": {"boundary": "bottom", "gap": "0.004*x[0]", "friction": coulomb_friction(0.3)},
         "solver": settings,
     }
     theirs = solve(parse_scene(scene), COMM).stress

@@ -15,13 +15,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from on_meshes import at_coordinate, vector_space
 from pushed_block import FRICTION, LIMIT, PRESSURE
 
-from signorini_fx import (
-    ContactProblem,
-    Coulomb,
-    FormError,
-    Foundation,
-    LoadPath,
-)
+from signorini_fx import ContactProblem, Coulomb, FormError, Foundation, LoadPath
 
 GAMMA = {"gamma_n": 1e6, "gamma_t": 1e6}
 

@@ -112,11 +112,7 @@ def test_adaptive_meshes_are_those_of_the_scene(of):
             "material": {"young": 1000.0, "poisson": 0.3},
             "displacement": [fixed("left")],
             "body_force": {"y": -8.0},
-            "contact": {
-                "boundary": "bottom",
-                "gap": 0.002,
-                "friction": tresca_friction(bound),
-            },
+            "contact": {"boundary": "bottom", "gap": 0.002, "friction": tresca_friction(bound)},
             "solver": {} if of == "pressure" else GAMMA,
         }
     )

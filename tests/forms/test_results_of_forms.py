@@ -105,11 +105,7 @@ def block(**changes):
         "material": {"young": 1000.0, "poisson": 0.3},
         "displacement": {"boundary": "top", "x": 0.002, "y": 0.0, "z": -0.01},
         "traction": {"boundary": "right", "x": 2.0},
-        "contact": {
-            "boundary": "bottom",
-            "gap": 0.002,
-            "friction": coulomb_friction(0.3),
-        },
+        "contact": {"boundary": "bottom", "gap": 0.002, "friction": coulomb_friction(0.3)},
         "solver": {"gamma_n": 1e7, "gamma_t": 1e7},
     }
     return parse_scene(data | changes)
@@ -126,10 +122,7 @@ def two_blocks():
                 {"name": "high", "mesh": high, "shift": [0.5, 1.0]},
             ],
             "material": {"young": 1000.0, "poisson": 0.3},
-            "displacement": [
-                fixed("low.bottom"),
-                {"boundary": "high.top", "x": 0.001, "y": -0.01},
-            ],
+            "displacement": [fixed("low.bottom"), {"boundary": "high.top", "x": 0.001, "y": -0.01}],
             "traction": {"boundary": "high.left", "x": 1.0},
             "contact": {
                 "boundary": "high.bottom",

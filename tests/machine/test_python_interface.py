@@ -212,10 +212,7 @@ WRONG = {
     "mesh": (lambda: scene(mesh=DOLFINX_MESH), "mesh: .* see tag_boundaries"),
     "file": (lambda: scene(mesh="body.msh"), "mesh: a table with file or generator"),
     "key": (lambda: sfx.Traction(boundary="top", yy=3.0), "yy: unknown key"),
-    "kind": (
-        lambda: scene(contact=sfx.Traction(boundary="top")),
-        "contact: must be a table",
-    ),
+    "kind": (lambda: scene(contact=sfx.Traction(boundary="top")), "contact: must be a table"),
 }
 
 

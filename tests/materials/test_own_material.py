@@ -108,10 +108,7 @@ def isotropic(self, strain):
         ({"stress": lambda law, e: law.p * e + law.m}, "Lying fails: ValueError"),
         ({"stress": Material.stress}, r"Lying must define stress\(\)"),
         ({"isotropic": constant(True)}, "Lying.isotropic is True, but its stress depends"),
-        (
-            {"isotropic": True, "stress": isotropic},
-            "derive it from LinearElastic",
-        ),
+        ({"isotropic": True, "stress": isotropic}, "derive it from LinearElastic"),
         ({"free_strain": constant((1.0, np.inf, 1.0))}, "free_strain of Lying"),
         ({"axes": halved}, "must be unit vectors at right angles"),
         ({"axes": lambda *_: np.eye(3)}, "must have the shape"),

@@ -316,10 +316,7 @@ def tower(**changed):
         "body": [block("low", 0.0), block("middle", 1.0), block("high", 2.0)],
         "material": {"young": 1000.0, "poisson": 0.3},
         "displacement": [fixed("low.bottom")],
-        "traction": [
-            {"boundary": "high.top", "y": -1.0},
-            {"boundary": "middle.right", "x": -0.1},
-        ],
+        "traction": [{"boundary": "high.top", "y": -1.0}, {"boundary": "middle.right", "x": -0.1}],
         "general_contact": {"friction": coulomb_friction(0.3)},
     } | changed
 
@@ -351,10 +348,7 @@ def test_general_contact_of_some_bodies():
         parse_scene(
             tower(
                 general_contact={"without": [["low", "middle"]], "kind": "bonded"},
-                displacement=[
-                    fixed("low.bottom"),
-                    fixed("middle.left"),
-                ],
+                displacement=[fixed("low.bottom"), fixed("middle.left")],
             )
         ),
         MPI.COMM_SELF,

@@ -125,10 +125,7 @@ def test_a_mesh_study(fine):
     """Each mesh is solved anew, and the last row of the table tells its errors."""
     fine = fine("rubber")
     parameters = {**PRESSED["mesh"]["parameters"], "nx": 32, "ny": 16}
-    study = PRESSED | {
-        "mesh": rectangle_mesh(**parameters),
-        "solver": {"levels": 3},
-    }
+    study = PRESSED | {"mesh": rectangle_mesh(**parameters), "solver": {"levels": 3}}
     found = solve(
         parse_scene(study | {"material": MATERIALS["rubber"]}), MPI.COMM_SELF, check=False
     )
@@ -146,10 +143,7 @@ def test_a_body_of_revolution():
     """
     scene = {
         "mesh": rectangle_mesh(20, 8, length=5.0, height=2.0),
-        "displacement": [
-            fixed("left", "x"),
-            {"boundary": "top", "x": 0.0, "y": -0.003},
-        ],
+        "displacement": [fixed("left", "x"), {"boundary": "top", "x": 0.0, "y": -0.003}],
         "contact": {"boundary": "bottom", "gap": "x[0]**2 / 2000"},
     }
     errors = []

@@ -195,13 +195,7 @@ ANGLES = (0.0, np.pi / 2, 1.0, 4.5)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("degree", "upto", "friction"),
-    [
-        (1, 0.05, None),
-        (2, -0.4, Coulomb(0.3)),
-    ],
-)
+@pytest.mark.parametrize(("degree", "upto", "friction"), [(1, 0.05, None), (2, -0.4, Coulomb(0.3))])
 def test_nodes_over_each_other_that_are_held(degree, upto, friction):
     """A node of the one side lies exactly over the last held one of the other side, and both are
     held along the axes of space: forces are those of any other rotation of the scene, as no plane

@@ -102,14 +102,8 @@ def test_scenes_name_the_boundary():
             {"name": "upper", "mesh": mesh, "shift": [0.0, 1.02]},
         ],
         material={"law": "neo-hooke", "young": 1.0, "poisson": 0.3},
-        displacement=[
-            fixed("lower.bottom"),
-            {"boundary": "upper.top", "x": 0.0, "y": "-t"},
-        ],
-        contact={
-            "boundary": "lower.top",
-            "foundation": plane_shape([0.0, 9.0], [0.0, -1.0]),
-        },
+        displacement=[fixed("lower.bottom"), {"boundary": "upper.top", "x": 0.0, "y": "-t"}],
+        contact={"boundary": "lower.top", "foundation": plane_shape([0.0, 9.0], [0.0, -1.0])},
         load_steps={"times": [0.01, 0.1]},
     )
     with pytest.raises(
@@ -133,11 +127,7 @@ def test_a_side_that_rolls_onto_a_plate(sides):
         material={"law": "neo-hooke", "young": 1.0, "poisson": 0.45},
         displacement=[fixed("left", "x"), fixed("bottom", "y")],
         contact=[
-            {
-                "boundary": name,
-                "foundation": plate,
-                "friction": coulomb_friction(0.8),
-            }
+            {"boundary": name, "foundation": plate, "friction": coulomb_friction(0.8)}
             for name in names
         ],
         element={"volumetric": "auto"},

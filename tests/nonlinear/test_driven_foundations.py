@@ -8,14 +8,7 @@ from scene_tables import circle_shape, coulomb_friction, fixed, plane_shape, rec
 from support.nonlinear_bodies import neo_hooke, rectangle, residual
 from support.nonlinear_scenes import block, indented, material
 
-from signorini_fx import (
-    FormError,
-    Foundation,
-    NonlinearContactProblem,
-    SceneError,
-    Status,
-    solve,
-)
+from signorini_fx import FormError, Foundation, NonlinearContactProblem, SceneError, Status, solve
 
 LAWS = {
     "rubber": material("neo-hooke"),

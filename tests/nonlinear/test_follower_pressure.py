@@ -16,12 +16,7 @@ from scipy.optimize import brentq
 from support.nonlinear_bodies import LAME, MU
 from support.nonlinear_scenes import material
 
-from signorini_fx import (
-    Status,
-    follower_pressure,
-    solve,
-    write_results,
-)
+from signorini_fx import Status, follower_pressure, solve, write_results
 from signorini_fx.mechanics.assembly.mesh_entities import assemble
 from signorini_fx.mechanics.mesh.tagged import tagged_mesh
 from signorini_fx.scenes.reading import parse_scene
@@ -89,10 +84,7 @@ def tube(pressure, law, comm, **further):
         "element": {"degree": 2},
         "displacement": [fixed("bottom", "y"), fixed("top", "y")],
         "traction": {"boundary": "left", "pressure": pressure},
-        "contact": {
-            "boundary": "right",
-            "foundation": plane_shape([9.0, 0.0], [-1.0, 0.0]),
-        },
+        "contact": {"boundary": "right", "foundation": plane_shape([9.0, 0.0], [-1.0, 0.0])},
         "load_steps": {"steps": 2},
     }
     return parse_scene(scene | further)
@@ -169,10 +161,7 @@ def test_a_cantilever(tmp_path):
     """Its tangent is not symmetric.  What holds it takes p times the chord of the deformed side,
     turned.
     """
-    ground = {
-        "boundary": "bottom",
-        "foundation": circle_shape([3.0, -1.5], 0.5),
-    }
+    ground = {"boundary": "bottom", "foundation": circle_shape([3.0, -1.5], 0.5)}
     solution = alone(beam("0.5 * t", load_steps={"times": [1.0]}, contact=ground))
     assert solution.status is Status.CONVERGED
     assert solution.certificate.holds

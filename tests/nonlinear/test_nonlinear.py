@@ -23,13 +23,7 @@ from support.nonlinear_bodies import (
     residual,
 )
 
-from signorini_fx import (
-    ConvergenceError,
-    Coulomb,
-    Foundation,
-    NonlinearContactProblem,
-    Status,
-)
+from signorini_fx import ConvergenceError, Coulomb, Foundation, NonlinearContactProblem, Status
 from signorini_fx.forms.nonlinear.results import certified
 from signorini_fx.results.certificate.law_of_method import Tractions
 

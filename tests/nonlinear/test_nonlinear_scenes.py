@@ -19,12 +19,7 @@ from support.nonlinear_scenes import (
     pressed_cube,
 )
 
-from signorini_fx import (
-    ConvergenceError,
-    Status,
-    solve,
-    write_results,
-)
+from signorini_fx import ConvergenceError, Status, solve, write_results
 from signorini_fx.solving.meshed_problem import Unsolved
 
 HYPERELASTIC = [name for name in LAWS if name != "j2"]
@@ -165,11 +160,7 @@ def test_objectivity(name):
     ways = ["max(0.1*(t - 1), 0)", "-0.2*min(t, 1)"]
     shift = [f"({row[0]:.17g}) * {ways[0]} + ({row[1]:.17g}) * ({ways[1]})" for row in turn]
     circle = {"shape": "circle", "centre": list(turn @ (0.8, 1.5)), "radius": 0.5, "shift": shift}
-    contact = {
-        "boundary": "top",
-        "foundation": circle,
-        "friction": coulomb_friction(0.3),
-    }
+    contact = {"boundary": "top", "foundation": circle, "friction": coulomb_friction(0.3)}
     turned = solve(indented(material(name), mesh=tagged, contact=contact, **exact), MPI.COMM_SELF)
     for mine, theirs in zip(turned.steps, first.steps, strict=True):
         assert turn.T @ force(mine) == pytest.approx(force(theirs), rel=1e-9)

@@ -138,10 +138,7 @@ def test_check():
         indented(
             RUBBER | {"poisson": 0.499},
             mesh=rectangle_mesh(4, 4, cell="triangle"),
-            contact={
-                "boundary": "top",
-                "foundation": plane_shape([0.0, 2.0], [0.0, -1.0]),
-            },
+            contact={"boundary": "top", "foundation": plane_shape([0.0, 2.0], [0.0, -1.0])},
             load_steps={},
         ),
         MPI.COMM_SELF,
@@ -205,11 +202,7 @@ def test_resultants(law):
 
 def drawn_out(law, **further):
     """A block that is drawn out to three times its length, away from its foundation."""
-    held = [
-        fixed("left", "x"),
-        {"boundary": "right", "x": "t"},
-        fixed("bottom", "y"),
-    ]
+    held = [fixed("left", "x"), {"boundary": "right", "x": "t"}, fixed("bottom", "y")]
     further = {"displacement": held, "load_steps": {"times": [0.2, 2.0]}} | further
     return alone(block(material(law), "0", cells=(3, 3), **further), check=False)
 

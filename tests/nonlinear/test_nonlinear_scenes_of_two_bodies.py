@@ -21,11 +21,7 @@ def two_blocks(contact, depths=(0.4,), **settings):
     """
     counts = {"lower": 3, "upper": 2}
     body = [
-        {
-            "name": name,
-            "mesh": rectangle_mesh(count, count),
-            "shift": [0.0, float(number)],
-        }
+        {"name": name, "mesh": rectangle_mesh(count, count), "shift": [0.0, float(number)]}
         for number, (name, count) in enumerate(counts.items())
     ]
     largest = max(depths)

@@ -41,11 +41,7 @@ BLOCKS = {
     "degree 2": squeezed("rectangle", SIDES, [DOWN, HELD], FLAT, 2),
     "of revolution": squeezed("rectangle", SIDES, [DOWN, HELD], FLAT, 1, hypothesis="axisymmetric"),
     "3D": squeezed(
-        "box",
-        CUBE,
-        [HELD, fixed("front", "y"), {"boundary": "top", "z": "-0.35*t"}],
-        SPATIAL,
-        1,
+        "box", CUBE, [HELD, fixed("front", "y"), {"boundary": "top", "z": "-0.35*t"}], SPATIAL, 1
     ),
 }
 
@@ -71,7 +67,7 @@ def test_small_strains_have_one_area():
         parse_scene(
             BLOCKS["plane strain"]
             | {"material": {"young": 2.0, "poisson": 0.3}, "load_steps": {"times": [0.001]}}
-        ),
+        )
     )
     assert "present_pressure" not in found.table.columns
     assert "present_pressure" not in summary_of(found)

@@ -46,13 +46,7 @@ def test_the_judge_sees_what_is_wrong(changes, fault):
         if s.kind == "plane strain" and s.shape == "circle"
     )
     rubber = {"law": "neo-hooke", "young": 1.0, "poisson": 0.3}
-    scene = replace(
-        scene,
-        law=rubber,
-        friction=coulomb_friction(0.3),
-        push=None,
-        volumetric="full",
-    )
+    scene = replace(scene, law=rubber, friction=coulomb_friction(0.3), push=None, volumetric="full")
     scene = replace(
         scene,
         ways=0.02 * scene.sizes[1] * (scene.ways / abs(scene.ways).max()),

@@ -91,11 +91,7 @@ def test_fast_and_slow_limits_are_those_of_the_linear_material():
         young = 9 * BULK * shear / (3 * BULK + shear)
         linear = {"young": young, "poisson": (3 * BULK - 2 * shear) / (2 * (3 * BULK + shear))}
         circle = circle_shape([1.0, -3.0], 3.0)
-        contact = {
-            "boundary": "bottom",
-            "foundation": circle,
-            "friction": coulomb_friction(0.2),
-        }
+        contact = {"boundary": "bottom", "foundation": circle, "friction": coulomb_friction(0.2)}
         held = [{"boundary": "top", "x": 0.0, "y": -1e-6}]
         both = [
             confined("0", times, displacement=held, contact=contact, material=law)
@@ -193,11 +189,7 @@ def divided(scene, count):
 def moving(x, y):
     """Contact with a circle that moves."""
     circle = {"shape": "circle", "centre": [0.9, 2.0], "radius": 1.0, "shift": [x, y]}
-    return {
-        "boundary": "top",
-        "foundation": circle,
-        "friction": coulomb_friction(0.3),
-    }
+    return {"boundary": "top", "foundation": circle, "friction": coulomb_friction(0.3)}
 
 
 HELD = [fixed("bottom")]
@@ -208,16 +200,8 @@ CREEPS = pad(
 )
 # Scenes, an accuracy, and into how many parts each load step is divided for the truth.
 IN_TIME = {
-    "creeps": (
-        CREEPS,
-        0.1,
-        32,
-    ),
-    "creeps, short steps": (
-        CREEPS,
-        0.03,
-        32,
-    ),
+    "creeps": (CREEPS, 0.1, 32),
+    "creeps, short steps": (CREEPS, 0.03, 32),
     "pressed and let go": (pad(), 0.1, 32),
     "relaxes": (pad(load_steps={"times": [0.001, 1.0]}), 0.03, 64),
     "metal pressed": (

@@ -10,13 +10,7 @@ from scenes import alone
 from support.nonlinear_bodies import Killed, rectangle, residual
 from support.nonlinear_scenes import indented, material
 
-from signorini_fx import (
-    FormError,
-    Foundation,
-    NonlinearContactProblem,
-    SceneError,
-    solve,
-)
+from signorini_fx import FormError, Foundation, NonlinearContactProblem, SceneError, solve
 from signorini_fx.mechanics.contact_points.contact_table import contact_table
 from signorini_fx.records import StepRecord
 

@@ -9,12 +9,7 @@ from dolfinx import fem
 from mpi4py import MPI
 from support.nonlinear_bodies import held, neo_hooke, rectangle, residual
 
-from signorini_fx import (
-    Coulomb,
-    Foundation,
-    NonlinearContactProblem,
-    Status,
-)
+from signorini_fx import Coulomb, Foundation, NonlinearContactProblem, Status
 
 CIRCLE = {"shape": "circle", "centre": (0.8, 1.5), "radius": 0.5}
 

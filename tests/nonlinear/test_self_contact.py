@@ -205,10 +205,7 @@ def test_a_ring_that_rolls():
     forces = list[list[float]]()
     for sign in (1.0, -1.0):
         rolled = CrushedRing(
-            (48, 2),
-            pair=itself(friction=Coulomb(0.3)),
-            friction=Coulomb(0.5),
-            comm=MPI.COMM_WORLD,
+            (48, 2), pair=itself(friction=Coulomb(0.3)), friction=Coulomb(0.5), comm=MPI.COMM_WORLD
         )
         ways = (0.4, 1.8, 3.0, 4.0, 4.4, 4.4, 4.4, 4.4)
         forces.append(rolled.crush(ways, (*[0.0] * 5, 0.3 * sign, 0.6 * sign, 0.9 * sign)))

@@ -392,11 +392,7 @@ def test_edges_that_are_flush(friction, depth):
     """
     smooth = friction is None and depth > 0.4
     scene = blocks(
-        lower=(8, 8),
-        upper=(8, 8),
-        width=1.0,
-        smooth=at_coordinate(0, 0.0),
-        friction=friction,
+        lower=(8, 8), upper=(8, 8), width=1.0, smooth=at_coordinate(0, 0.0), friction=friction
     )
     scene.move(0.0, -0.2)
     scene.move(0.0, -0.4)
@@ -519,11 +515,7 @@ def test_bodies_inside_each_other_by_a_gap_that_is_added():
     for gap, apart in ((0.1, 0.0), (0.0, 0.1)):
         scene = {
             "body": [
-                {
-                    "name": name,
-                    "shift": [0.0, shift],
-                    "mesh": rectangle_mesh(**cells),
-                }
+                {"name": name, "shift": [0.0, shift], "mesh": rectangle_mesh(**cells)}
                 for name, shift in (("lower", 0.0), ("upper", 1.0 + apart))
             ],
             "material": {"law": "neo-hooke", "young": 1.0, "poisson": 0.3},

@@ -98,9 +98,7 @@ def test_a_bar_that_yields():
     young, first, slope = 100.0, 1.0, 20.0
     law = {"law": "j2", "young": young, "poisson": 0.3, "yield_stress": first, "hardening": slope}
     times = {"times": [0.5, 1.0, 2.0]}
-    solution = alone(
-        warmed_cube(law, "4 * min(t, 2 - t)", fixed("right", "x"), load_steps=times),
-    )
+    solution = alone(warmed_cube(law, "4 * min(t, 2 - t)", fixed("right", "x"), load_steps=times))
     expansions = EXPANSION * np.array([2.0, 4.0])
     plastic = (young * expansions - first) / (young + slope)
     back = (young * plastic[-1] - first - slope * plastic[-1]) / (young + slope)

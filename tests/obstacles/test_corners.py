@@ -63,9 +63,7 @@ NEO_HOOKE = {"material": {"law": "neo-hooke", "young": 1000.0, "poisson": 0.3}}
 
 
 @pytest.mark.parametrize(
-    "keys",
-    [{"contact": TRESCA}, {"contact": TRESCA} | NEO_HOOKE],
-    ids=["linear", "neo-hooke"],
+    "keys", [{"contact": TRESCA}, {"contact": TRESCA} | NEO_HOOKE], ids=["linear", "neo-hooke"]
 )
 @pytest.mark.parametrize("x", [1.025, 1.05])
 def test_edge_without_contact_points(x, keys):

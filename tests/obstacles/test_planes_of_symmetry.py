@@ -203,11 +203,7 @@ def two_boxes(support, **further):
 
     def body(name, count, height):
         size = {"length": 2.0, "nx": count, "ny": 2, "nz": 1, "cell": "hexahedron"}
-        return {
-            "name": name,
-            "mesh": box_mesh(**size),
-            "shift": [0.0, 0.0, height],
-        }
+        return {"name": name, "mesh": box_mesh(**size), "shift": [0.0, 0.0, height]}
 
     friction = coulomb_friction(0.3)
     return parse_scene(

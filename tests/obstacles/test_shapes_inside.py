@@ -114,10 +114,7 @@ def test_a_linear_result_names_a_circle_between_its_nodes():
                 "material": {"young": 100.0, "poisson": 0.3},
                 "displacement": fixed("bottom"),
                 "traction": {"boundary": "right", "x": 0.1},
-                "contact": {
-                    "boundary": "top",
-                    "foundation": circle_shape([0.11, 1.01], 0.05),
-                },
+                "contact": {"boundary": "top", "foundation": circle_shape([0.11, 1.01], 0.05)},
             }
         )
         solution = alone(scene)

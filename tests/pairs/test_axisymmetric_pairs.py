@@ -32,11 +32,7 @@ def rings(
 
     def body(name, inner, outer, along):
         across = {"length": outer - inner, "height": height, "nx": 3, "ny": along, "cell": cell}
-        return {
-            "name": name,
-            "mesh": rectangle_mesh(**across),
-            "shift": [inner, 0.0],
-        }
+        return {"name": name, "mesh": rectangle_mesh(**across), "shift": [inner, 0.0]}
 
     names = "shaft", "hub"
     return parse_scene(
@@ -165,11 +161,7 @@ def test_cylinders_upon_each_other(cell, degree, linear_algebra, exchanged):
 
     def body(name, count, height):
         across = {"length": radius, "height": 1.0, "nx": count, "ny": 2, "cell": cell}
-        return {
-            "name": name,
-            "mesh": rectangle_mesh(**across),
-            "shift": [0.0, height],
-        }
+        return {"name": name, "mesh": rectangle_mesh(**across), "shift": [0.0, height]}
 
     sides = ["upper.bottom", "lower.top"][:: -1 if exchanged else 1]
     found = solve(

@@ -65,11 +65,7 @@ def scene(
             ],
             "displacement": {"boundary": bottom, **dict.fromkeys("xyz"[:dim], 0.0)},
             "traction": {"boundary": top, **turned(0.3 * pull + 0.05 * shear, turn)},
-            "contact": {
-                "boundary": slave,
-                "against": master,
-                "friction": coulomb_friction(0.3),
-            },
+            "contact": {"boundary": slave, "against": master, "friction": coulomb_friction(0.3)},
             **more,
         }
     )

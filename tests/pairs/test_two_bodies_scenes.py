@@ -155,18 +155,10 @@ def test_a_plane_of_symmetry_that_comes_or_goes(holds):
 
     def body(name, height, cells):
         sizes = {"length": 1.0, "height": 0.5, "nx": cells, "ny": 3}
-        return {
-            "name": name,
-            "shift": [0.0, height],
-            "mesh": rectangle_mesh(**sizes),
-        }
+        return {"name": name, "shift": [0.0, height], "mesh": rectangle_mesh(**sizes)}
 
     def forces(boundary, against):
-        contact = {
-            "boundary": boundary,
-            "against": against,
-            "friction": coulomb_friction(0.4),
-        }
+        contact = {"boundary": boundary, "against": against, "friction": coulomb_friction(0.4)}
         found = solve(parse_scene(scene | {"contact": contact}))
         return np.abs(found.contact.forces)[[0, 1], [1, 0]]
 

@@ -19,10 +19,7 @@ COMM = MPI.COMM_WORLD
 BOX = {
     "mesh": box_mesh(3, 2, 2, cell="hexahedron"),
     "material": {"young": 1.0, "poisson": 0.3},
-    "traction": [
-        {"boundary": "top", "pressure": 2.0, "x": "x[1]"},
-        fixed("right", "x"),
-    ],
+    "traction": [{"boundary": "top", "pressure": 2.0, "x": "x[1]"}, fixed("right", "x")],
     "displacement": [
         fixed("left", "xyz"),
         {"boundary": "back", "normal": 0.0},
@@ -142,10 +139,7 @@ def test_the_legend_says_what_acts(monkeypatch):
         BOX
         | {
             "mesh": {"generator": "rectangle"},
-            "displacement": [
-                fixed("left"),
-                {"boundary": "right", "normal": 0.0},
-            ],
+            "displacement": [fixed("left"), {"boundary": "right", "normal": 0.0}],
             "springs": [],
             "traction": [{"boundary": "top", "pressure": 2.0}],
         }

@@ -92,7 +92,7 @@ def test_faces_that_are_no_parallelograms(degree):
                 "traction": {"boundary": "upper.top", "x": 1.0, "z": "-1 - x[0]"},
                 "contact": {"boundary": "upper.bottom", "against": "lower.top", "kind": "bonded"},
             }
-        ),
+        )
     )
     assert found.converged
     assert found.certificate.coupling < 1e-8
@@ -129,7 +129,7 @@ def test_it_says_to_what_a_soft_body_is_checked(ratio, known):
                     "gap": "1e-3*(x[0] - 1)**2",
                 },
             }
-        ),
+        )
     )
     checked = found.certificate.checked
     assert 0.1 * known < checked <= known

@@ -127,10 +127,7 @@ def test_load_steps(tmp_path):
         {
             "mesh": rectangle_mesh(3, 2),
             "material": {"young": YOUNG, "poisson": POISSON},
-            "displacement": [
-                fixed("left"),
-                {"boundary": "right", "x": "t"},
-            ],
+            "displacement": [fixed("left"), {"boundary": "right", "x": "t"}],
             "load_steps": {"times": [0.5, 1.0]},
         }
     )

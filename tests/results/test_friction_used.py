@@ -28,11 +28,7 @@ def hub(torque, **load_steps):
                 "y": f"{torque} * x[0]",
                 **({"factors": [0.0, 1.0]} if load_steps else {}),
             },
-            "contact": {
-                "boundary": "inner",
-                "gap": -1e-3,
-                "friction": coulomb_friction(0.3),
-            },
+            "contact": {"boundary": "inner", "gap": -1e-3, "friction": coulomb_friction(0.3)},
             **({"load_steps": load_steps} if load_steps else {}),
         }
     )
@@ -105,11 +101,7 @@ def test_of_a_wheel_the_nodes_in_contact_count():
             "mesh": rectangle_mesh(40, 12, length=10.0, height=3.0),
             "material": {"young": 20.0, "poisson": 0.3},
             "displacement": fixed("bottom"),
-            "contact": {
-                "boundary": "top",
-                "foundation": wheel,
-                "friction": coulomb_friction(0.5),
-            },
+            "contact": {"boundary": "top", "foundation": wheel, "friction": coulomb_friction(0.5)},
         }
     )
     solution = alone(scene)

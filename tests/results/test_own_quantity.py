@@ -12,14 +12,7 @@ import pytest
 from quantities import markdown
 from scenes import alone, example1
 
-from signorini_fx import (
-    InstallationError,
-    Quantity,
-    extensions,
-    read_results,
-    solve,
-    write_results,
-)
+from signorini_fx import InstallationError, Quantity, extensions, read_results, solve, write_results
 from signorini_fx.addons.report.page import page
 from signorini_fx.extensions import QUANTITIES
 from signorini_fx.quantities.shown import short_answer

@@ -62,8 +62,7 @@ def scene(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "name",
-    ["history.csv", "report.html", "fields/a.txt", "checkpoint/deep/er.txt", "summary.json"],
+    "name", ["history.csv", "report.html", "fields/a.txt", "checkpoint/deep/er.txt", "summary.json"]
 )
 def test_files_of_others(scene, tmp_path, monkeypatch, capsys, name):
     """They are named and stay, and nothing is solved."""

@@ -37,12 +37,7 @@ boundary = "bottom"
 NAMES = ("a", "b", "results", "fields", "checkpoint", "displacement", "0-00000")
 STRANGERS = (
     *("notes.txt", "contact.csv", "summary.json", "history.csv", "sweep.csv", "report.html"),
-    *(
-        "stress",
-        "fields/a.vtu",
-        "fields.vtu",
-        "checkpoint/0-00000/mine.npz",
-    ),
+    *("stress", "fields/a.vtu", "fields.vtu", "checkpoint/0-00000/mine.npz"),
 )
 
 

@@ -48,12 +48,7 @@ def near(expected, scale):
 def test_clamped_beam_in_space(cells, degree):
     """Force and all three moments, of a load that bends and twists."""
     load = {"boundary": "right", "x": 1.0, "y": "x[2]", "z": "2 * x[1]"}
-    beam = space(
-        cells,
-        degree,
-        displacement=fixed("left", "xyz"),
-        traction=load,
-    )
+    beam = space(cells, degree, displacement=fixed("left", "xyz"), traction=load)
     found = solve(beam, COMM).resultants
     area, (y, z) = DEPTH * HEIGHT, (DEPTH / 2, HEIGHT / 2)
     force = np.array([1.0, z, 2 * y]) * area

@@ -146,10 +146,7 @@ def dented():
             "mesh": rectangle_mesh(3, 2),
             "material": {"law": "j2", "young": 1000.0, "poisson": 0.3, "yield_stress": 5.0},
             "displacement": fixed("bottom"),
-            "contact": {
-                "boundary": "top",
-                "foundation": plane_shape([0.0, 0.99], [0.0, -1.0]),
-            },
+            "contact": {"boundary": "top", "foundation": plane_shape([0.0, 0.99], [0.0, -1.0])},
         }
     )
 

@@ -48,11 +48,7 @@ def block(contact=BOWL, coefficient=0.3, factors=None, **more):
                 {"boundary": "top", "y": -0.003},
                 {"boundary": "top", "x": 0.001, "factors": factors},
             ],
-            "contact": {
-                "boundary": "bottom",
-                "friction": coulomb_friction(coefficient),
-                **contact,
-            },
+            "contact": {"boundary": "bottom", "friction": coulomb_friction(coefficient), **contact},
             "solver": {"fallbacks": False},
         }
         | more

@@ -135,11 +135,7 @@ def test_friction_in_one_load_step(factors, gap, warned, law, press):
     scene = {
         "mesh": rectangle_mesh(8, 4, length=2.0, height=1.0),
         "material": {"young": 5000.0, "poisson": 0.3} | ({"law": law} if law else {}),
-        "contact": {
-            "boundary": "bottom",
-            "gap": gap,
-            "friction": coulomb_friction(0.3),
-        },
+        "contact": {"boundary": "bottom", "gap": gap, "friction": coulomb_friction(0.3)},
     }
     told = said(parse_scene(scene | loads)).get("contact[0].friction", "")
     assert told.startswith(AT_ONCE) is warned

@@ -41,10 +41,7 @@ def bodies(**more):
     return {
         "body": STACK,
         "material": BLOCK["material"],
-        "displacement": [
-            fixed("lower.bottom"),
-            {"boundary": "upper.top", "x": 0.0, "y": -0.001},
-        ],
+        "displacement": [fixed("lower.bottom"), {"boundary": "upper.top", "x": 0.0, "y": -0.001}],
         "contact": [{"boundary": "upper.bottom", "against": "lower.top"}],
         **more,
     }

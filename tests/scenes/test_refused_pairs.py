@@ -136,10 +136,7 @@ def of_bodies(data, bodies):
         {"name": name, "mesh": mesh, "shift": [0.0, -float(k)]} for k, name in enumerate(bodies)
     ]
     if len(bodies) > 1:
-        data["displacement"] = [
-            *data["displacement"],
-            fixed("lower.bottom"),
-        ]
+        data["displacement"] = [*data["displacement"], fixed("lower.bottom")]
     return data
 
 
@@ -234,7 +231,7 @@ def message_of(function):
 
 
 COMPUTED = {
-    "derivatives": message_of(lambda scene: sensitivity(scene, "force bottom y", [], comm=COMM)),
+    "derivatives": message_of(lambda scene: sensitivity(scene, "force bottom y", [], comm=COMM))
 }
 SPACE = {
     "mesh": box_mesh(2, 2, 2, cell="tetrahedron"),

@@ -114,11 +114,7 @@ def few(material, **more):
     """A square on a plane with friction, which other sides hold in each of three load steps, and
     strains of 1e-5.
     """
-    contact = {
-        "boundary": "bottom",
-        "foundation": PLANE,
-        "friction": coulomb_friction(0.3),
-    }
+    contact = {"boundary": "bottom", "foundation": PLANE, "friction": coulomb_friction(0.3)}
     scene = block(FEW, **{"material": material, "contact": [contact]} | more)
     return scene.model_copy(update={"traction": ()})
 
@@ -155,10 +151,7 @@ def test_supports_of_nonlinear_pairs_stay():
         {"name": "lower", "mesh": square},
         {"name": "upper", "mesh": square, "shift": [0.0, 1.0]},
     ]
-    supports = [
-        fixed("lower.bottom"),
-        {"boundary": "upper.top", "y": -0.01},
-    ]
+    supports = [fixed("lower.bottom"), {"boundary": "upper.top", "y": -0.01}]
     supports.append({"boundary": "upper.left", "x": 0.0, "holds": [True, False]})
     rubber = {"law": "neo-hooke", "young": 1000.0, "poisson": 0.3}
     contact = {"boundary": "upper.bottom", "against": "lower.top"}

@@ -218,9 +218,6 @@ def test_a_direction_that_leads_into_the_body(direction, opposite):
 )
 def test_a_plane_that_faces_away(normal, warns):
     """Nothing would be in contact, as the body is behind the plane's back."""
-    plane = {
-        "boundary": "bottom",
-        "foundation": plane_shape([0.0, 0.0], normal),
-    }
+    plane = {"boundary": "bottom", "foundation": plane_shape([0.0, 0.0], normal)}
     found = warned(check(tall(contact=plane)).findings).get("contact[0].foundation", "")
     assert ("no facet of the boundary faces the foundation" in found) == warns

@@ -10,10 +10,7 @@ from signorini_fx.scenes.reading import parse_scene
 @pytest.mark.parametrize("law", [{}, {"law": "neo-hooke"}], ids=["linear", "neo-hooke"])
 def test_values_that_are_zero_at_an_end(law):
     """A coefficient of friction or a bound that vanishes at an end of the body is one."""
-    for friction in (
-        coulomb_friction("0.3*sqrt(x[0])"),
-        tresca_friction("0.01*x[0]"),
-    ):
+    for friction in (coulomb_friction("0.3*sqrt(x[0])"), tresca_friction("0.01*x[0]")):
         scene = parse_scene(
             {
                 "mesh": rectangle_mesh(8, 4, length=2.0, height=1.0),

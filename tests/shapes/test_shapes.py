@@ -126,11 +126,7 @@ def on_the_surface(shape, dim, count=5_000):
 # --- distances ------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    "table",
-    [*PLANE, *SPACE],
-    ids=lambda table: table["shape"],
-)
+@pytest.mark.parametrize("table", [*PLANE, *SPACE], ids=lambda table: table["shape"])
 def test_distance_and_normal(table):
     """The gradient has the length one and is the normal; no point of the surface is closer, and one
     is as close.
@@ -259,10 +255,7 @@ def of_a_ball(centre, radius):
     def away(x):
         return x[: len(centre)] - np.array(centre)[:, None]
 
-    return {
-        "gap": lambda x: np.hypot.reduce(away(x)) - radius,
-        "direction": lambda x: -away(x),
-    }
+    return {"gap": lambda x: np.hypot.reduce(away(x)) - radius, "direction": lambda x: -away(x)}
 
 
 def of_a_rod(height, radius, offset):
@@ -281,11 +274,7 @@ def of_a_slope(normal, height):
 
 
 SAME = {
-    "circle": (
-        2,
-        circle_shape((0.9, -1.51), 1.5),
-        of_a_ball((0.9, -1.51), 1.5),
-    ),
+    "circle": (2, circle_shape((0.9, -1.51), 1.5), of_a_ball((0.9, -1.51), 1.5)),
     "sphere": (
         3,
         {"shape": "sphere", "centre": (0.9, 0.5, -1.51), "radius": 1.5},
@@ -296,11 +285,7 @@ SAME = {
         {"shape": "cylinder", "centre": (0.9, 7.0, -1.51), "axis": (0, -2, 0), "radius": 1.5},
         of_a_rod(-1.51, 1.5, 0.9),
     ),
-    "plane": (
-        3,
-        plane_shape((0, 0, -0.03), (0.02, 0, 2.0)),
-        of_a_slope((0.01, 0, 1), 0.03),
-    ),
+    "plane": (3, plane_shape((0, 0, -0.03), (0.02, 0, 2.0)), of_a_slope((0.01, 0, 1), 0.03)),
     "polyline": (
         2,
         {"shape": "polyline", "points": ((0.0, -0.03), (1.0, -0.02))},
@@ -451,23 +436,14 @@ def test_a_scene():
 @pytest.mark.parametrize(
     ("shape", "message"),
     [
-        (
-            circle_shape((5, -8), 0),
-            "foundation.radius: must be greater than 0",
-        ),
-        (
-            circle_shape((5, -8, 0), 8),
-            "foundation.centre: the mesh is plane: give 2",
-        ),
+        (circle_shape((5, -8), 0), "foundation.radius: must be greater than 0"),
+        (circle_shape((5, -8, 0), 8), "foundation.centre: the mesh is plane: give 2"),
         ({"shape": "circle", "center": (5, -8), "radius": 8}, "unknown key: did you mean 'centre'"),
         (
             {"shape": "circle", "centre": (5, -8), "radius": 8, "qqq": 1},
             "foundation.qqq: unknown key",
         ),
-        (
-            circle_shape((5, 0), 80),
-            "the whole body is inside of the foundation",
-        ),
+        (circle_shape((5, 0), 80), "the whole body is inside of the foundation"),
         (
             {"shape": "sphere", "centre": (5, -8), "radius": 8},
             "the mesh is plane: there is no sphere",
@@ -568,11 +544,7 @@ def moving(*, tool, shift, rotation=0.0, **more):
     )
     if tool:
         foundation |= {"shift": shift, "rotation": rotation}
-    contact = {
-        "boundary": "bottom",
-        "foundation": foundation,
-        "friction": coulomb_friction(0.3),
-    }
+    contact = {"boundary": "bottom", "foundation": foundation, "friction": coulomb_friction(0.3)}
     return parse_scene(
         given | {"displacement": {"boundary": "top", **top}, "contact": contact} | more
     )
@@ -629,10 +601,7 @@ def test_a_foundation_moves_in_a_scene(more):
         ({"shift": ["x[0]", 0.0]}, "a number or an expression of the time t is expected"),
         ({"shift": ["t", 0.0, 0.0]}, "foundation.shift: the mesh is plane: give 2 numbers, not 3"),
         (
-            {
-                "displacement": fixed("top", "x"),
-                "traction": {"boundary": "top", "pressure": 1.0},
-            },
+            {"displacement": fixed("top", "x"), "traction": {"boundary": "top", "pressure": 1.0}},
             "supports",
         ),
     ],

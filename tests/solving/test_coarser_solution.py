@@ -53,10 +53,7 @@ def ends_with(status, fails=lambda unknowns: unknowns > MOST):
     return fault
 
 
-FAULTS = {
-    Status.LINEAR_SOLVER: krylov_fails,
-    Status.CYCLING: ends_with(Status.CYCLING),
-}
+FAULTS = {Status.LINEAR_SOLVER: krylov_fails, Status.CYCLING: ends_with(Status.CYCLING)}
 KINDS = {Status.LINEAR_SOLVER: "krylov"}
 
 

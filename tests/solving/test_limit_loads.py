@@ -74,13 +74,7 @@ def corner(coefficient, cells, beyond=1.3):
         {"boundary": "right", "x": -back},
     )
     return Case(
-        pulled(
-            size,
-            5000.0,
-            coefficient,
-            dead,
-            {"boundary": "right", "x": pull},
-        ),
+        pulled(size, 5000.0, coefficient, dead, {"boundary": "right", "x": pull}),
         [
             ((0, 0, -down), (0.5, 0.5, 1)),
             ((0, -side, 0), (0.5, 1, 0.5)),

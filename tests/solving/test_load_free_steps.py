@@ -264,10 +264,7 @@ def test_what_pressed_before_does_not_turn_in_a_step_without_a_load(sliding):
             {"name": "upper", "mesh": mesh, "shift": [0.0, 1.0]},
         ],
         "material": LAWS["neo-hooke"],
-        "displacement": [
-            fixed("lower.bottom"),
-            fixed("upper.left", "x"),
-        ],
+        "displacement": [fixed("lower.bottom"), fixed("upper.left", "x")],
         "traction": {"boundary": "upper.top", "y": -50.0, "factors": [1.0, 0.0]},
         "contact": entry | ({"sliding": sliding} if sliding == "small" else {}),
     }

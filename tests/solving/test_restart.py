@@ -372,12 +372,7 @@ def test_a_ramp(tmp_path, push, method):
     for step in (3, 5):
         if MPI.COMM_WORLD.rank == 0:
             with pytest.raises(Killed):
-                alone(
-                    given,
-                    checkpoint=folder,
-                    restart=step > 3,
-                    observers=[until(step)],
-                )
+                alone(given, checkpoint=folder, restart=step > 3, observers=[until(step)])
         MPI.COMM_WORLD.barrier()
     solution, reference = (
         solve(given, checkpoint=folder, restart=True, check=False),

@@ -9,14 +9,7 @@ from forms import Block
 from mpi4py import MPI
 from numpy.testing import assert_allclose, assert_array_equal
 from scenes import alone
-from step_effects import (
-    Counted,
-    ErodedContact,
-    ErodedContacts,
-    ErodedFoundation,
-    Erosion,
-    Wear,
-)
+from step_effects import Counted, ErodedContact, ErodedContacts, ErodedFoundation, Erosion, Wear
 from test_restart import CASES, METHODS, MOVING, PUSHED, Killed, scene, until
 
 from signorini_fx import (

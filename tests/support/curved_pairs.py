@@ -53,18 +53,7 @@ def cap(kind, radius, sign, cells, power=1.7):
     )
 
 
-def press(
-    kind,
-    cells,
-    radii,
-    depth,
-    *,
-    poisson=0.3,
-    degree=1,
-    slave=0,
-    friction=0.3,
-    **given,
-):
+def press(kind, cells, radii, depth, *, poisson=0.3, degree=1, slave=0, friction=0.3, **given):
     """Press two caps, or one on a rigid foundation, and solve.
 
     Args:

@@ -14,9 +14,7 @@ from signorini_fx.mechanics.statement.effect import Effect
 from signorini_fx.mechanics.statement.features import REFUSED_BY_SETTINGS
 
 # What is computed of a scene, and the features that it does not know.
-COMPUTED = {
-    "derivatives": of_scene.REFUSES,
-}
+COMPUTED = {"derivatives": of_scene.REFUSES}
 YET = (" yet", " so far", "not tried")
 
 

@@ -96,11 +96,7 @@ def indented(law, *, depth=0.2, cells=(10, 5), unit=1.0, **further):
         "mesh": rectangle_mesh(**size),
         "material": law,
         "displacement": fixed("bottom"),
-        "contact": {
-            "boundary": "top",
-            "foundation": circle,
-            "friction": coulomb_friction(0.3),
-        },
+        "contact": {"boundary": "top", "foundation": circle, "friction": coulomb_friction(0.3)},
         "load_steps": {"times": [1.0, 2.0]},
     }
     return parse_scene(scene | further)
@@ -142,10 +138,7 @@ def quarter_of_disk(cells, comm=MPI.COMM_SELF):
     def side(marker):
         return dmesh.locate_entities_boundary(mesh, 1, marker)
 
-    names = {
-        "left": side(at_coordinate(0, 0.0)),
-        "bottom": side(at_coordinate(1, 0.0)),
-    }
+    names = {"left": side(at_coordinate(0, 0.0)), "bottom": side(at_coordinate(1, 0.0))}
     return tagged_mesh(mesh, names | {"arc": side(lambda x: np.isclose(np.hypot(x[0], x[1]), 1.0))})
 
 

@@ -16,10 +16,7 @@ def block(nx, loads, **solver):
         {
             "mesh": rectangle_mesh(nx, nx // 3, length=LENGTH),
             "material": {"young": 5000.0, "poisson": 0.3},
-            "contact": {
-                "boundary": "bottom",
-                "friction": coulomb_friction(FRICTION),
-            },
+            "contact": {"boundary": "bottom", "friction": coulomb_friction(FRICTION)},
             "solver": solver,
             **loads,
         }

@@ -119,10 +119,7 @@ def one_triangle(coefficient, force, **solver):
             "material": {"young": 2.5, "poisson": 0.25},
             "displacement": fixed("support"),
             "body_force": {"x": force[0], "y": force[1]},
-            "contact": {
-                "boundary": "contact",
-                "friction": coulomb_friction(coefficient),
-            },
+            "contact": {"boundary": "contact", "friction": coulomb_friction(coefficient)},
             "solver": solver,
         }
     )
@@ -209,10 +206,7 @@ def stack_of_three(lift, below, above, gap=0.0, size=1.0, stress=1.0, **solver):
         {
             "body": bodies,
             "material": {"young": 100.0 * stress, "poisson": 0.3},
-            "displacement": [
-                fixed("lower.bottom"),
-                moved,
-            ],
+            "displacement": [fixed("lower.bottom"), moved],
             "contact": [
                 contact,
                 {"boundary": "upper.bottom", "against": "middle.top", "friction": friction(above)},

@@ -405,10 +405,7 @@ def rounded(kind="hexahedron", height=0.2, **settings):
         grid(kind, (8, 7, 2), [-1.0, -1.0, -0.6], [1.0, 1.0, 0.0]),
         grid(kind, (4, 5, 1), [-0.6, -0.6, 0.0], [0.6, 0.6, 0.5], bent),
     )
-    touching = [
-        at_coordinate(2, 0.0),
-        lambda x: np.isclose(x[2], height * away(x), atol=1e-12),
-    ]
+    touching = [at_coordinate(2, 0.0), lambda x: np.isclose(x[2], height * away(x), atol=1e-12)]
     held = [at_coordinate(2, -0.6), at_coordinate(2, 0.5)]
     return SlidingBodies(kind, bodies, touching, held, **settings)
 
@@ -430,10 +427,7 @@ def quarter_of_a_bulge(kind="hexahedron", height=2e-3, cells=(12, 8), **settings
         at[:, 2] += height * (1 - at[:, 2]) * np.sum(at[:, :2] ** 2, axis=1)
         return at
 
-    (along, up), ends = (
-        cells,
-        [at_coordinate(2, z, atol=1e-12) for z in (0.0, -1.0, 1.0)],
-    )
+    (along, up), ends = (cells, [at_coordinate(2, z, atol=1e-12) for z in (0.0, -1.0, 1.0)])
     bodies = (
         grid(
             kind,

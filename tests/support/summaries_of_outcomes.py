@@ -108,10 +108,7 @@ STRENGTHS: dict[str, dict[str, Any]] = {
     },
     "no fields": {"utilisation": None, "stress": None},
 }
-STATICS: dict[str, dict[str, Any]] = {
-    "friction used": {},
-    "nothing": {"friction_used": None},
-}
+STATICS: dict[str, dict[str, Any]] = {"friction used": {}, "nothing": {"friction_used": None}}
 ERRORS: dict[str, dict[str, Any]] = {
     "of the stress": {},
     "none": {"stress": {"error": None}, "cost": None},

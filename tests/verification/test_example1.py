@@ -11,10 +11,7 @@ import pytest
 from numpy.testing import assert_allclose
 from scenes import alone, energy, example1, table_of
 
-LAWS = {
-    "tresca": {"bound": 1.5},
-    "coulomb": {"coefficient": 0.3},
-}
+LAWS = {"tresca": {"bound": 1.5}, "coulomb": {"coefficient": 0.3}}
 ENERGY = {"tresca": 0.0231870, "coulomb": 0.0234108}
 LARGEST_PRESSURE = {"tresca": 20.1121, "coulomb": 20.1810}
 

@@ -114,10 +114,7 @@ def test_slender_bodies_converge_with_the_default_gamma(algorithm, length, cells
         "mesh": rectangle_mesh(**parameters),
         "material": {"young": 210e3, "poisson": 0.3},
         "displacement": fixed("left"),
-        "contact": {
-            "boundary": "top",
-            "gap": f"{-length / 20} if x[0] > {0.95 * length} else 1e9",
-        },
+        "contact": {"boundary": "top", "gap": f"{-length / 20} if x[0] > {0.95 * length} else 1e9"},
         "solver": {"algorithm": algorithm},
     }
     solution = solve(parse_scene(scene))
@@ -241,10 +238,7 @@ def test_a_force_of_which_no_digit_is_known(tmp_path):
 
 PUNCH = {
     "material": STEEL,
-    "displacement": [
-        fixed("low.bottom"),
-        {"boundary": "high.top", "x": 0.0, "y": -0.01},
-    ],
+    "displacement": [fixed("low.bottom"), {"boundary": "high.top", "x": 0.0, "y": -0.01}],
 }
 
 
@@ -261,10 +255,7 @@ def test_generators_agree_on_a_kind_of_cell(low, high, cell):
     first.
     """
     bodies = [
-        {
-            "name": "low",
-            "mesh": rectangle_mesh(length=4.0, height=1.0, **low),
-        },
+        {"name": "low", "mesh": rectangle_mesh(length=4.0, height=1.0, **low)},
         {
             "name": "high",
             "mesh": {"generator": "punch", "parameters": {"size": 0.8, **high}},
@@ -352,10 +343,7 @@ def test_bodies_that_begin_beside_each_other(law):
     mesh = rectangle_mesh(**size)
     scene = {
         "material": STEEL | law,
-        "body": [
-            {"name": "low", "mesh": mesh},
-            {"name": "up", "mesh": mesh, "shift": [2.5, 1.0]},
-        ],
+        "body": [{"name": "low", "mesh": mesh}, {"name": "up", "mesh": mesh, "shift": [2.5, 1.0]}],
         "displacement": [
             fixed("low.bottom"),
             {"boundary": "up.top", "x": "-2.5*min(t, 1)", "y": "-0.05*max(t - 1, 0)"},
@@ -459,11 +447,7 @@ def test_the_side_that_ends_carries_the_points():
     """
     sizes = {"block": ([3.0, 0.0], 4.0, 8), "base": ([0.0, -2.0], 10.0, 20)}
     bodies = [
-        {
-            "name": name,
-            "shift": shift,
-            "mesh": rectangle_mesh(nx, 4, length=length, height=2.0),
-        }
+        {"name": name, "shift": shift, "mesh": rectangle_mesh(nx, 4, length=length, height=2.0)}
         for name, (shift, length, nx) in sizes.items()
     ]
     scene = {

@@ -11,10 +11,7 @@ from signorini_fx.scenes.reading import parse_scene
 
 DEPTH, POISSON = 1e-4, 0.3
 MODULUS = 1 / (1 - POISSON**2)
-FOUNDATIONS = {
-    "plane": plane_shape([0.0, 0.0], [0.0, 1.0]),
-    "ball": circle_shape([0.0, -1.0], 1.0),
-}
+FOUNDATIONS = {"plane": plane_shape([0.0, 0.0], [0.0, 1.0]), "ball": circle_shape([0.0, -1.0], 1.0)}
 
 
 def pressed(cell, degree, share, *, on="plane", law="linear", friction=0.0):
@@ -31,10 +28,7 @@ def pressed(cell, degree, share, *, on="plane", law="linear", friction=0.0):
         "mesh": {"generator": "half_disk", "parameters": size | form},
         "element": {"degree": degree},
         "material": {"law": law, "young": 1.0, "poisson": POISSON, "hypothesis": "axisymmetric"},
-        "displacement": [
-            fixed("symmetry", "x"),
-            {"boundary": "top", "x": 0.0, "y": f"-{DEPTH}*t"},
-        ],
+        "displacement": [fixed("symmetry", "x"), {"boundary": "top", "x": 0.0, "y": f"-{DEPTH}*t"}],
         "contact": {
             "boundary": "arc",
             "foundation": FOUNDATIONS[on],

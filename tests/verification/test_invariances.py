@@ -54,9 +54,7 @@ def test_units(law, length, stress):
 
 @pytest.mark.parametrize("stress", [1e-12, 1.0, 1e9])
 @pytest.mark.parametrize(
-    ("push", "status"),
-    [(0.9, Status.CONVERGED), (1.1, Status.SLIDES)],
-    ids=["held", "pushed away"],
+    ("push", "status"), [(0.9, Status.CONVERGED), (1.1, Status.SLIDES)], ids=["held", "pushed away"]
 )
 def test_statics_have_no_unit(push, status, stress):
     """A block that friction with F g = 1.5 on a length of 3 holds against a push of 4.5, in any
@@ -151,9 +149,7 @@ def pressed(law, element, turn, shift):
 
 @pytest.mark.one_quick("element", [("quadrilateral", 1), ("triangle", 2)], ids=["Q1", "P2"])
 @pytest.mark.parametrize(
-    "law",
-    [tresca_friction(2.0), coulomb_friction(0.2)],
-    ids=lambda law: law["law"],
+    "law", [tresca_friction(2.0), coulomb_friction(0.2)], ids=lambda law: law["law"]
 )
 @pytest.mark.parametrize(
     ("turn", "shift"), [(0.0, (12.0, -7.0)), (0.7, (0.0, 0.0)), (2.6, (-3.0, 1.0))]

@@ -116,11 +116,7 @@ def punched(cells, friction):
         "mesh": tagged_mesh(mesh, facets),
         "element": {"degree": 2, "volumetric": "reduced"},
         "material": {"law": "j2", "young": 1e4, "poisson": 0.3, "yield_stress": np.sqrt(3)},
-        "displacement": [
-            fixed("left", "x"),
-            fixed("right", "x"),
-            fixed("bottom"),
-        ],
+        "displacement": [fixed("left", "x"), fixed("right", "x"), fixed("bottom")],
         "contact": contact if friction is None else contact | {"friction": friction},
         "load_steps": {"times": [0.1, 0.2, 0.4, 0.7, 0.85, 1.0]},
         "solver": {"algorithm": "alm"},

@@ -216,11 +216,7 @@ def test_held_by_friction_where_a_beam_bends_down(pressure, status, algorithm):
             "material": {"young": 1000.0, "poisson": 0.3},
             "displacement": [fixed("left", "y"), fixed("right", "y")],
             "traction": {"boundary": "top", "pressure": pressure},
-            "contact": {
-                "boundary": "bottom",
-                "gap": 1e-3,
-                "friction": coulomb_friction(0.05),
-            },
+            "contact": {"boundary": "bottom", "gap": 1e-3, "friction": coulomb_friction(0.05)},
             "solver": {"algorithm": algorithm},
         }
     )

@@ -94,9 +94,7 @@ SCENES = {
 AVERAGED = ("monolithic", "alm", "bilateral", "two boundaries", "direction", "load steps")
 SCENES |= {
     f"quadratic tetrahedra, {name}": changed(
-        SCENES[name],
-        mesh=box("tetrahedra", (6, 2, 2)),
-        element={"degree": 2},
+        SCENES[name], mesh=box("tetrahedra", (6, 2, 2)), element={"degree": 2}
     )
     for name in AVERAGED
 }

@@ -163,11 +163,7 @@ def test_two_foundations(element, turn):
         element,
         turn,
         traction=state.tractions(turn, "top", "right", "front", "back"),
-        contact=[
-            contact(),
-            {"boundary": "left", "gap": GAP},
-            *smooth("front"),
-        ],
+        contact=[contact(), {"boundary": "left", "gap": GAP}, *smooth("front")],
     )
     columns = solution.table.columns
     for name, value in (("bottom", PRESSURE), ("left", -CONFINED)):
