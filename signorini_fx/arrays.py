@@ -57,8 +57,23 @@ def unit(vectors: Array) -> Array:
     size = length(vectors)
     units = np.zeros_like(vectors)
     units[:, :1] = 1.0
-    np.divide(vectors, size[:, None], out=units, where=(size > 0)[:, None])
-    return units
+    return quotient(vectors, size[:, None], otherwise=units)
+
+
+def quotient(
+    dividend: npt.ArrayLike,
+    divisor: npt.ArrayLike,
+    where: Flags | None = None,
+    *,
+    otherwise: npt.ArrayLike = 0.0,
+) -> Array:
+    """Return dividend / divisor where the divisor is positive, or at other entries, ``where``;
+    elsewhere another value.
+    """
+    below = np.asarray(divisor)
+    found = np.full(np.broadcast_shapes(np.shape(dividend), below.shape), otherwise, np.float64)
+    np.divide(dividend, below, out=found, where=below > 0 if where is None else where)
+    return found
 
 
 def sides_of(polygons: Ints) -> Ints:

@@ -32,11 +32,11 @@ from signorini_fx.algebra.contact.complementarity import RegularisedData, slip_o
 from signorini_fx.algebra.contact.contact_map import ContactMap
 from signorini_fx.algebra.contact.friction import as_given
 from signorini_fx.algebra.contact.motions import FreeMotions
-from signorini_fx.algebra.contact.points import ContactPoints, shares
+from signorini_fx.algebra.contact.points import ContactPoints
 from signorini_fx.algebra.contact.statics import Escape, no_balance
 from signorini_fx.algebra.linalg import SAME_PATTERN, SUBSET_PATTERN, ElasticSystem, is_by_blocks
 from signorini_fx.algebra.linalg.petsc_calls import called_back
-from signorini_fx.arrays import Array, inner, length
+from signorini_fx.arrays import Array, inner, length, quotient
 from signorini_fx.machine import parallel
 from signorini_fx.records import Status
 from signorini_fx.tuned import ATTAINABLE_SHARE, NO_FORCE
@@ -257,7 +257,7 @@ class RegularisedProblem:
         pressure, shear = self.multipliers(x, self.sets)
         alone = self.points.felt(shear)
         felt = self.points.felt(shear, pressure)
-        felt_ratio = np.divide(felt, alone, out=np.ones_like(felt), where=alone > 0)
+        felt_ratio = quotient(felt, alone, otherwise=1.0)
         # What follows the pressure of nodes that supports press into the foundation is no scale for
         # others, nor is what a pressure and a shear undo in each other.
         felt = np.maximum(
@@ -268,7 +268,7 @@ class RegularisedProblem:
         size = self.scales(size, x)
         if self.system.contact.paired:
             size = np.maximum(size, self._least_traction(x))
-        return float(shares(away, size, away).max())
+        return float(quotient(away, size, otherwise=away).max())
 
     def scales(self, sizes: Array, x: PETSc.Vec) -> Array:
         """What tractions of each group are judged by, see ``PointGroups.scales``: of several groups

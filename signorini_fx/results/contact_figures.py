@@ -17,7 +17,7 @@ from mpi4py import MPI
 from signorini_fx.algebra.contact.friction import as_given
 from signorini_fx.algebra.contact.motions import total_work
 from signorini_fx.algebra.contact.statics import largest_multiple, reactions
-from signorini_fx.arrays import Array, Flags, rmatvec
+from signorini_fx.arrays import Array, Flags, quotient, rmatvec
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.kinematics import CARTESIAN
@@ -184,7 +184,7 @@ def _largest_along(tangents: Array, bound: Array, resultant: Array, comm: MPI.Co
     if resultant.any():
         way = resultant / np.linalg.norm(resultant)
         along = np.linalg.norm(np.einsum("nij,i->nj", tangents, way) / lengths**2, axis=1)
-        largest = np.divide(1.0, along, out=np.zeros_like(along), where=along > 0)
+        largest = quotient(1.0, along)
     return parallel.total(comm, bound @ largest)
 
 

@@ -16,7 +16,7 @@ from petsc4py import PETSc
 
 from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
 from signorini_fx.algebra.contact.active_sets import ActiveSets, release
-from signorini_fx.arrays import Array, inner, length, matvec, rmatvec, unit
+from signorini_fx.arrays import Array, inner, length, matvec, quotient, rmatvec, unit
 from signorini_fx.errors import FormError
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary, no_points
@@ -279,7 +279,7 @@ def solution_of(
             bound, _, _ = start.law.evaluate(0.0 * pressure, 0.0)
         elif start.data.bond is not None:
             broken = start.data.bond.damaged((u_n, u_t))
-            bound = np.divide(bound, broken, out=bound.copy(), where=sets.slip & (broken > 0))
+            bound = quotient(bound, broken, sets.slip & (broken > 0), otherwise=bound)
         solved = replace(solved, bound=bound, follows=start.law if monolithic else None)
     if augmented:
         # Shifts with which the iterate has the tractions of the state; see ``sliding_shear``.

@@ -19,7 +19,7 @@ from signorini_fx.algebra.algorithms.task import Outcome, Task
 from signorini_fx.algebra.contact.active_sets import ActiveSets
 from signorini_fx.algebra.linalg.choice import krylov_from
 from signorini_fx.algebra.linalg.petsc_calls import memory_ended
-from signorini_fx.arrays import Array, length, matvec, rmatvec, unit
+from signorini_fx.arrays import Array, length, matvec, quotient, rmatvec, unit
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
@@ -377,7 +377,7 @@ def carry_over(
         # Perpendicular to its direction the shear depends on the slip by the factor bound / slip.
         bound = np.where(np.isfinite(bound), bound, 0.0)  # where nothing slips
         far, shear_bound = ((share * values[:, :, 0]).sum(axis=1) for values in (slipped, bound))
-        turning[on_part] = np.divide(shear_bound, far, out=np.zeros_like(far), where=far > 0)
+        turning[on_part] = quotient(shear_bound, far)
     turned = rmatvec(fine.cotangents, direction)
     slip = length(turned) > 0
     sets = ActiveSets.of(contact, np.where(slip[:, None], unit(turned), 0.0), turning)

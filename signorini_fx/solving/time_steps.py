@@ -15,7 +15,7 @@ import numpy as np
 import ufl
 from dolfinx import fem
 
-from signorini_fx.arrays import Array
+from signorini_fx.arrays import Array, quotient
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import compile_form
 from signorini_fx.mechanics.state import State
@@ -70,7 +70,7 @@ class Pairs:
 
     def shares(self, errors: Array) -> float:
         """Return the largest error, relative to the largest value."""
-        return float(np.divide(errors, self.sizes, out=0.0 * errors, where=self.sizes > 0).max())
+        return float(quotient(errors, self.sizes).max())
 
 
 def time_error(state: State) -> float | None:

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from signorini_fx.addons.bounds.simplices import EPS
-from signorini_fx.arrays import Array
+from signorini_fx.arrays import Array, quotient
 from signorini_fx.quantities.proved_statements import Refused
 from signorini_fx.tuned import MANY_STEPS, NOTHING_LEFT
 
@@ -68,10 +68,8 @@ class AdmissibleTractions:
         free = self.shear - self.across @ y / unit
         size = np.linalg.norm(free, axis=2)
         inside = size < self.least
-        share = np.divide(self.least, size, out=np.ones_like(size), where=~inside & (size > 0))
-        unit_shear = np.divide(
-            free, size[..., None], out=np.zeros_like(free), where=size[..., None] > 0
-        )
+        share = quotient(self.least, size, ~inside & (size > 0), otherwise=1.0)
+        unit_shear = quotient(free, size[..., None])
         along = np.einsum("fadk,fad->fak", self.across, unit_shear) * ~inside[..., None]
         across = share[:, :, None, None] * (self.across - unit_shear[..., None] * along[:, :, None])
         return np.einsum("fak,fal->kl", self.normal / unit, self.normal * room) + np.einsum(
@@ -132,5 +130,5 @@ def balanced(
 def onto_disc(shear: Array, least: Array) -> Array:
     """The closest vectors of a size of at most ``least``, shape (..., d)."""
     size = np.linalg.norm(shear, axis=-1)
-    share = np.divide(least, size, out=np.ones_like(size), where=size > least) * (1 - 2 * EPS)
+    share = quotient(least, size, size > least, otherwise=1.0) * (1 - 2 * EPS)
     return shear * share[..., None]

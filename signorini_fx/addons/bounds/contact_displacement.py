@@ -14,7 +14,7 @@ import numpy as np
 
 from signorini_fx.addons.bounds.plain_problem import FacetsInContact, PlainProblem
 from signorini_fx.addons.bounds.simplices import EDGES_OF_FACET
-from signorini_fx.arrays import Array, Ints, inner, matvec
+from signorini_fx.arrays import Array, Ints, inner, matvec, quotient
 from signorini_fx.quantities.proved_statements import Refused
 from signorini_fx.tuned import SAME_LENGTH
 
@@ -101,11 +101,11 @@ def _moved(places: Ints, depth: Array, normal: Array, free: Array) -> Array:
         np.add.at(sums, column, normal)
         np.maximum.at(deepest, column, depths)
     sizes = np.linalg.norm(sums, axis=1, keepdims=True)
-    mean = np.divide(sums, sizes, out=np.zeros_like(sums), where=sizes > 0)
+    mean = quotient(sums, sizes)
     ways = matvec(free, mean)
     least = np.full(len(free), np.inf)
     for column in places.T:
         np.minimum.at(least, column, inner(ways[column], normal))
     movable = (least > _MOVABLE) & np.isfinite(least)
-    scale = np.divide(deepest, least, out=np.zeros_like(deepest), where=movable)
+    scale = quotient(deepest, least, movable)
     return scale[:, None] * ways

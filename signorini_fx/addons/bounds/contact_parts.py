@@ -24,7 +24,7 @@ from signorini_fx.addons.bounds.simplices import (
     closest_linear,
     with_hats,
 )
-from signorini_fx.arrays import Array, Ints
+from signorini_fx.arrays import Array, Ints, quotient
 from signorini_fx.mechanics.pairs.overlap import clip
 from signorini_fx.mechanics.pairs.search import Patches, candidates
 from signorini_fx.tuned import NOTHING_LEFT, ROOT_OF_EPS, SAME_LENGTH
@@ -199,7 +199,7 @@ class ContactParts:
         closest, missed, squares = _closest(
             traction, self.area, self.local[side], self.row[side], areas
         )
-        return closest, np.divide(missed, squares, out=np.zeros_like(squares), where=squares > 0)
+        return closest, quotient(missed, squares)
 
     def projected_on_pieces(
         self, traction: Array, side: int, rows: Ints, pieces: Array, areas: Array

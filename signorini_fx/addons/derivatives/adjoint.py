@@ -28,7 +28,7 @@ from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.contact.state import PointState
 from signorini_fx.algebra.linalg import ElasticSystem, petsc_calls, petsc_options
 from signorini_fx.algebra.regularised import ContactTangent
-from signorini_fx.arrays import Array, Flags, inner, length, rmatvec, unit
+from signorini_fx.arrays import Array, Flags, inner, length, quotient, rmatvec, unit
 from signorini_fx.errors import SignoriniError
 from signorini_fx.machine import parallel
 from signorini_fx.tuned import CERTIFICATE_TOLERANCE, LEFT_BY_SOLVES, MANY_STEPS, SAME_NUMBER
@@ -111,7 +111,7 @@ def linearised(
         reach = np.maximum(along + (0.0 if before is None else inner(slip, before)), bound)
     else:  # where the slip is hardly any the shear turns as if it were regularised
         reach = np.maximum(along, bound * CERTIFICATE_TOLERANCE)
-    share = gamma[1] * np.divide(bound, reach, out=np.zeros(count), where=reach > 0)
+    share = gamma[1] * quotient(bound, reach)
     turning = np.zeros_like(spread)
     turning[:, 1:, 1:] = share[:, None, None] * (
         np.eye(tangents) - slip[:, :, None] * slip[:, None, :]

@@ -22,8 +22,7 @@ import numpy as np
 from signorini_fx.algebra.algorithms.ssn import SemismoothNewton
 from signorini_fx.algebra.contact.active_sets import ActiveSets
 from signorini_fx.algebra.contact.complementarity import RegularisedData, slip_of
-from signorini_fx.algebra.contact.points import shares
-from signorini_fx.arrays import Array, inner, unit
+from signorini_fx.arrays import Array, inner, quotient, unit
 from signorini_fx.arrays import length as length_of
 from signorini_fx.records import Status
 from signorini_fx.tuned import GAMMA_GROWTH, NEGLIGIBLE
@@ -104,7 +103,7 @@ class Augmentation:
         stress = np.maximum(
             groups.scales(groups.largest(np.maximum(*felt))), groups.largest(round_off)
         )
-        length = np.maximum(length, shares(NEGLIGIBLE * stress, self._stiffness))
+        length = np.maximum(length, quotient(NEGLIGIBLE * stress, self._stiffness))
         lengths, stresses = (
             np.where(movement > 0, movement, 1.0)[groups.number] for movement in (length, stress)
         )
@@ -124,13 +123,13 @@ class Augmentation:
         for change, last, gamma, movement, floor in zip(
             changes, self.changes, gammas, open_at, least, strict=True
         ):
-            share = shares(change, last, np.nan)
-            beyond = shares(share, 1 - share, np.inf)
+            share = quotient(change, last, otherwise=np.nan)
+            beyond = quotient(share, 1 - share, otherwise=np.inf)
             times = np.maximum(1.0, np.fmin(beyond, self._stiffness / gamma))
             ahead = change * times
-            remaining = shares(ahead, size, ahead)
+            remaining = quotient(ahead, size, otherwise=ahead)
             missed = np.asarray(groups.largest(movement) / gamma, dtype=np.float64)
-            violation = np.maximum(floor, shares(missed, length, missed))
+            violation = np.maximum(floor, quotient(missed, length, otherwise=missed))
             far = np.maximum(remaining, violation) > self.tolerance
             slow.append(bool(np.any((share > 1 / GAMMA_GROWTH) & far)))
             lefts.append(remaining)
@@ -140,7 +139,7 @@ class Augmentation:
         self.left = float(np.max(sum(lefts)))
         self.violation = float(np.max(violations))
         total = changes[0] + changes[1]
-        return float(shares(total, size, total).max())
+        return float(quotient(total, size, otherwise=total).max())
 
     def next(self, data: RegularisedData, factor: float = 1.0) -> RegularisedData:
         """The next problem: the multipliers as shifts; gamma times ``factor`` or, if convergence is

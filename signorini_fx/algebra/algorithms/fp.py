@@ -14,8 +14,7 @@ from signorini_fx.algebra.algorithms.ssn import SemismoothNewton
 from signorini_fx.algebra.contact.active_sets import ActiveSets
 from signorini_fx.algebra.contact.complementarity import RegularisedData, slip_of
 from signorini_fx.algebra.contact.friction import PointFriction
-from signorini_fx.algebra.contact.points import shares
-from signorini_fx.arrays import Array, length
+from signorini_fx.arrays import Array, length, quotient
 from signorini_fx.records import Status
 from signorini_fx.tuned import CERTIFICATE_TOLERANCE, NEGLIGIBLE
 
@@ -107,7 +106,7 @@ def _changes(newton: SemismoothNewton, g: Array) -> Array:
     size = groups.norms(points.felt(following, shear))
     if not size.all():
         size = np.where(size > 0, size, groups.norms(points.felt(g)))
-    return shares(groups.norms(following - g), problem.scales(size, newton.x))
+    return quotient(groups.norms(following - g), problem.scales(size, newton.x))
 
 
 def _missed(newton: SemismoothNewton, data: RegularisedData, law: PointFriction) -> float:
@@ -128,5 +127,5 @@ def _missed(newton: SemismoothNewton, data: RegularisedData, law: PointFriction)
     felt = np.maximum(points.felt(pressure, shear), points.felt(shear, pressure))
     largest, size, any_size = map(groups.largest, (away, felt, np.abs(pressure)))
     return float(
-        shares(largest, newton.problem.scales(np.where(size > 0, size, any_size), newton.x)).max()
+        quotient(largest, newton.problem.scales(np.where(size > 0, size, any_size), newton.x)).max()
     )

@@ -47,7 +47,7 @@ from signorini_fx.algebra.contact.complementarity import (
 )
 from signorini_fx.algebra.linalg import finite, petsc_calls, petsc_options
 from signorini_fx.algebra.linalg.petsc_calls import factor_lacks_memory, unprinted
-from signorini_fx.arrays import Array, Flags, inner, length, matvec
+from signorini_fx.arrays import Array, Flags, inner, length, matvec, quotient
 from signorini_fx.machine import parallel
 from signorini_fx.records import Status
 from signorini_fx.tuned import (
@@ -227,13 +227,10 @@ class _Programme:
         """The points in contact and those that slip, by the quotients of two iterates."""
         one = self._one_sided
         rubs = self._rubs
-        none = np.zeros_like(begin.pressure)
-        presses = np.divide(end.pressure, begin.pressure, out=none + 1.0, where=one)
-        opens = np.divide(end.opening, begin.opening, out=none.copy(), where=one)
-        slides = np.divide(end.rate, begin.rate, out=none.copy(), where=rubs)
-        remains = np.divide(
-            self._room(end.shear), self._room(begin.shear), out=none + 1.0, where=rubs
-        )
+        presses = quotient(end.pressure, begin.pressure, one, otherwise=1.0)
+        opens = quotient(end.opening, begin.opening, one)
+        slides = quotient(end.rate, begin.rate, rubs)
+        remains = quotient(self._room(end.shear), self._room(begin.shear), rubs, otherwise=1.0)
         return presses > opens, rubs & (slides > remains)
 
     def _on_a_soft_foundation(self) -> _Inside | None:
@@ -270,7 +267,7 @@ class _Programme:
             np.where(self._one_sided, (apart + pressure) / 2, pressure),
             opening,
             shear,
-            np.divide(product, self._room(shear), out=np.zeros_like(pressure), where=self._rubs),
+            quotient(product, self._room(shear), self._rubs),
         )
 
     def _room(self, shear: Array) -> Array:
@@ -325,13 +322,12 @@ class _Programme:
         one = self._one_sided
         rubs = self._rubs
         room = self._room(at.shear)
-        none = np.zeros_like(room)
         traces = self._problem.system.contact.traces
         u_n, u_t = traces(self._newton.x)
         # What the equations miss, the changes of s and r eliminated.
         normal = u_n - data.gap - (at.pressure - data.lambda_hat) / data.stiffness
-        normal += np.divide(normal_target, at.pressure, out=none.copy(), where=one)
-        pull = np.divide(disc_target, room, out=none.copy(), where=rubs)[:, None] * at.shear
+        normal += quotient(normal_target, at.pressure, one)
+        pull = quotient(disc_target, room, rubs)[:, None] * at.shear
         across = slip_of(u_t, data) - (at.shear - data.mu_hat) / data.gamma_t - pull
 
         def answer(normal: Array, across: Array) -> tuple[Array, Array]:
@@ -345,12 +341,10 @@ class _Programme:
             return None
         w_n, w_t = traces(self._newton.x)
         pressure, shear = answer(normal + w_n - u_n, across + w_t - u_t)
-        opens = np.divide(
-            normal_target - at.opening * pressure, at.pressure, out=at.opening.copy(), where=one
+        opens = quotient(
+            normal_target - at.opening * pressure, at.pressure, one, otherwise=at.opening
         )
-        slides = np.divide(
-            disc_target + at.rate * inner(at.shear, shear), room, out=none, where=rubs
-        )
+        slides = quotient(disc_target + at.rate * inner(at.shear, shear), room, rubs)
         return _Inside(pressure, opens - at.opening, shear, slides - at.rate)
 
     def _blocks(self, at: _Inside, room: Array) -> Array:
@@ -360,10 +354,10 @@ class _Programme:
         data = self._data
         size = self._points.dimension - 1
         blocks = np.zeros((room.size, 1 + size, 1 + size))
-        opens = np.divide(at.opening, at.pressure, out=np.zeros_like(room), where=self._one_sided)
+        opens = quotient(at.opening, at.pressure, self._one_sided)
         blocks[:, 0, 0] = 1.0 / (1.0 / data.stiffness + opens)
         soft = 1.0 / data.gamma_t + at.rate
-        grows = np.divide(at.rate, room, out=np.zeros_like(room), where=self._rubs)
+        grows = quotient(at.rate, room, self._rubs)
         share = grows / (soft + grows * inner(at.shear, at.shear))
         along = share[:, None, None] * at.shear[:, :, None] * at.shear[:, None, :]
         blocks[:, 1:, 1:] = np.where(self._bound > 0, 1.0 / soft, 0.0)[:, None, None] * (
@@ -377,15 +371,13 @@ class _Programme:
         b = inner(at.shear, step.shear)
         c = 2 * self._room(at.shear)
         ahead = b + np.sqrt(b**2 + a * c)
-        shares = [np.divide(c, ahead, out=np.full_like(c, np.inf), where=self._rubs & (ahead > 0))]
+        shares = [quotient(c, ahead, self._rubs & (ahead > 0), otherwise=np.inf)]
         for values, change, where in (
             (at.pressure, step.pressure, self._one_sided),
             (at.opening, step.opening, self._one_sided),
             (at.rate, step.rate, self._rubs),
         ):
-            shares.append(
-                np.divide(-values, change, out=np.full_like(c, np.inf), where=where & (change < 0))
-            )
+            shares.append(quotient(-values, change, where & (change < 0), otherwise=np.inf))
         return -parallel.global_max(self._comm, -float(np.min(shares, initial=np.inf)))
 
     def _moves(self, pressure: Array, shear: Array, blocks: Array, closed: int) -> bool:

@@ -30,7 +30,7 @@ from signorini_fx.algebra.contact.complementarity import (
 from signorini_fx.algebra.contact.friction import Evaluated
 from signorini_fx.algebra.contact.motions import FreeMotions
 from signorini_fx.algebra.contact.points import ContactPoints
-from signorini_fx.arrays import Array, Flags, Ints, inner, length, unit
+from signorini_fx.arrays import Array, Flags, Ints, inner, length, quotient, unit
 from signorini_fx.machine import parallel
 from signorini_fx.records import Status
 
@@ -182,7 +182,7 @@ def next_sets(u_n: Array, u_t: Array, xi: Array, mu: Array, data: RegularisedDat
     along = data.gamma_t * inner(direction, motion) + inner(direction, data.mu_hat)
     reach = np.maximum(along, bound)
     where = (reach > 0) & np.isfinite(bound)
-    turning = data.gamma_t * np.divide(bound, reach, out=np.zeros_like(bound), where=where)
+    turning = data.gamma_t * quotient(bound, reach, where)
     return ActiveSets.of(contact, direction, turning)
 
 

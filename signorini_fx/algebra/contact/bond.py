@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from signorini_fx.arrays import Array, inner
+from signorini_fx.arrays import Array, inner, quotient
 
 # Shares of shear of which the energy and the strength are looked at.
 _SHARES = np.linspace(0.0, 1.0, 33)
@@ -170,7 +170,7 @@ class Bond:
         slip = traces[1] - self.position[:, 1:]
         squared = inner(slip, slip)
         size = np.sqrt(along**2 + squared)
-        shear = np.divide(squared, size**2, out=np.zeros_like(size), where=size > 0)
+        shear = quotient(squared, size**2, size > 0)
         return _Opened(along, slip, size, shear)
 
     def _limits(self, shear: Array) -> _Limits:

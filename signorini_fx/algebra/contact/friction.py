@@ -14,7 +14,7 @@ from typing import Any, ClassVar, Protocol
 
 import numpy as np
 
-from signorini_fx.arrays import Array, Flags, Ints
+from signorini_fx.arrays import Array, Flags, Ints, quotient
 
 Evaluated = tuple[Array, Array, Array]  # a bound, stress; its derivatives by pressure and by slip
 
@@ -196,7 +196,7 @@ class PointFriction:
             by_slip = np.where(np.greater(along, 0.0), by_slip, np.maximum(by_slip, 0.0))
             if careful:
                 risen = bound - self.evaluate(pushing, 0.0)[0]
-                steepness = np.divide(risen, slip, out=np.zeros_like(risen), where=slip > 0)
+                steepness = quotient(risen, slip)
                 by_slip = np.maximum(by_slip, steepness)
         return bound - by_pressure * pushing - by_slip * along, by_pressure, by_slip
 

@@ -220,9 +220,3 @@ class PointGroups:
         counting = np.where(self.pieces, of_pieces, 0.0 if lengths else np.inf)
         scales = counting.max(axis=1) if lengths else counting.min(axis=1)
         return np.maximum(scales, NO_FORCE * sizes.max())
-
-
-def shares(parts: Array, wholes: Array, of_nothing: float | Array = 0.0) -> Array:
-    """Parts over wholes, ``of_nothing`` where a whole is zero, shape (g,)."""
-    found = np.array(np.broadcast_to(of_nothing, parts.shape), dtype=np.float64)
-    return np.divide(parts, wholes, out=found, where=wholes > 0)

@@ -25,7 +25,7 @@ import numpy as np
 
 from signorini_fx.algebra.contact.friction import PointFriction, as_given
 from signorini_fx.algebra.contact.motions import FreeMotions
-from signorini_fx.arrays import Array, Flags, Ints, length, unit
+from signorini_fx.arrays import Array, Flags, Ints, length, quotient, unit
 from signorini_fx.machine import parallel
 from signorini_fx.records import Status
 from signorini_fx.tuned import (
@@ -334,7 +334,7 @@ def combination(
                 banned.append(passive.pop())
                 values = values[:-1]
                 break
-            steps = np.divide(values, values - wanted, out=np.full_like(values, np.inf), where=low)
+            steps = quotient(values, values - wanted, low, otherwise=np.inf)
             first = int(np.argmin(steps))
             values = values + steps[first] * (wanted - values)
             values[first] = 0.0  # whatever round-off leaves: the set must shrink

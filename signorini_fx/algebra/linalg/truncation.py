@@ -26,7 +26,7 @@ from signorini_fx.algebra.linalg import (
     row_by_row,
 )
 from signorini_fx.algebra.linalg.blocks import with_added
-from signorini_fx.arrays import Array, Flags, Ints
+from signorini_fx.arrays import Array, Flags, Ints, quotient
 from signorini_fx.tuned import NOTHING_LEFT
 
 
@@ -68,9 +68,7 @@ class NodalBlocks:
         self.columns = np.repeat(begins - self.starts[:-1], counts) + np.arange(self._rows.size)
         self._elastic = self._blocks(elastic)
         trace = np.trace(self._elastic, axis1=1, axis2=2)
-        self.scale = np.divide(
-            trace, self._components().sum(axis=1), out=np.ones_like(trace), where=trace > 0
-        )
+        self.scale = quotient(trace, self._components().sum(axis=1), trace > 0, otherwise=1.0)
 
     def _components(self) -> Flags:
         present = np.zeros(self.shape[:2], dtype=bool)

@@ -14,7 +14,7 @@ import ufl
 from dolfinx import fem, jit, la
 from dolfinx import mesh as dmesh
 
-from signorini_fx.arrays import Array, Flags, Indices
+from signorini_fx.arrays import Array, Flags, Indices, quotient
 from signorini_fx.machine import compat, parallel
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.kinematics.protocol import SPACE, Kinematics
@@ -104,7 +104,7 @@ def heights_at_nodes(space: fem.FunctionSpace, facets: Indices) -> Array:
     sums.scatter_reverse(la.InsertMode.add)
     sums.scatter_forward()
     total, count = sums.array.reshape(-1, 2).T
-    return np.asarray(np.divide(total, count, out=np.full(count.size, np.nan), where=count > 0))
+    return np.asarray(quotient(total, count, otherwise=np.nan))
 
 
 def facet_vertices(mesh: dmesh.Mesh, facets: Indices) -> Array:

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal, Self, cast
 import numpy as np
 from pydantic import Field, PrivateAttr, model_validator
 
-from signorini_fx.arrays import Array
+from signorini_fx.arrays import Array, quotient
 from signorini_fx.mechanics.materials.finite_plasticity import respond_at_finite_strains
 from signorini_fx.mechanics.materials.nonlinear import (
     DEVIATORIC,
@@ -204,11 +204,11 @@ class Maxwell(PathDependent):
         spring = super().constants_at_rest[0]
         parts = list[Array]()
         stress = 2 * spring * strain_deviator
-        stiffness = np.full(len(strain_deviator), 2 * spring)
+        stiffness: Array = np.full(len(strain_deviator), 2 * spring)
         for branch, (shear, relaxation) in enumerate(self.branches):
             lasts = since / relaxation
             # (1 - exp(-x)) / x
-            share = np.divide(-np.expm1(-lasts), lasts, out=np.ones_like(lasts), where=lasts > 0)
+            share = quotient(-np.expm1(-lasts), lasts, otherwise=1.0)
             part = np.exp(-lasts)[:, None, None] * state[:, 9 * branch : 9 * branch + 9].reshape(
                 -1, 3, 3
             )

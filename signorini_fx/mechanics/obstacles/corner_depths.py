@@ -15,7 +15,7 @@ import basix
 import numpy as np
 from dolfinx import fem
 
-from signorini_fx.arrays import Array, Indices, Ints, inner
+from signorini_fx.arrays import Array, Indices, Ints, inner, quotient
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import (
     facet_cells,
@@ -257,7 +257,7 @@ def _normals(x: Array) -> Array:
         else np.cross(along, x[:, 2] - x[:, 0])
     )
     size = np.linalg.norm(normal, axis=1, keepdims=True)
-    return np.divide(normal, size, out=np.zeros_like(normal), where=size > 0)
+    return quotient(normal, size)
 
 
 def _closest(points: Array, x: Array) -> Array:

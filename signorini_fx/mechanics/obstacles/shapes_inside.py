@@ -31,7 +31,7 @@ import numpy as np
 from dolfinx import fem
 from scipy.spatial import cKDTree
 
-from signorini_fx.arrays import Array, Indices, Ints, inner
+from signorini_fx.arrays import Array, Indices, Ints, inner, quotient
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import node_positions
 from signorini_fx.tuned import (
@@ -133,7 +133,7 @@ class BodyCells:
             np.einsum("cfd,cfd->cf", normal, at[:, :, 0] - corners.mean(axis=1)[:, None])
         )[..., None]
         size = np.linalg.norm(normal, axis=2, keepdims=True)
-        return at[:, :, 0], np.divide(normal, size, out=np.zeros_like(normal), where=size > 0)
+        return at[:, :, 0], quotient(normal, size)
 
     def inside(self, places: Array, shape: Any, added: float = 0.0) -> InsideBody | None:
         """Return the place where a shape, an object with ``distance``, lies inside the body, None:

@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from signorini_fx.arrays import Array, Flags, Ints
+from signorini_fx.arrays import Array, Flags, Ints, quotient
 from signorini_fx.mechanics.pairs.pair_side import Overlap, PairSurface
 from signorini_fx.tuned import KEPT_WEIGHT, NEGLIGIBLE, NOTHING_LEFT, SAME_NUMBER, WHOLE_WEIGHT
 
@@ -82,7 +82,7 @@ def carried_evenly(
     """
     pairs, tested_nodes = _together(side, covered)
     able = tested_nodes & ~side.unable & ~side.without_area & (side.area > 0)
-    share = np.divide(weight, side.area, out=np.zeros_like(weight), where=able)
+    share = quotient(weight, side.area, able)
     part = np.clip((share - KEPT_WEIGHT) / (WHOLE_WEIGHT - KEPT_WEIGHT), 0.0, 1.0)
     portion = np.where(able, part**2 * (3.0 - 2.0 * part), 0.0)
     portion *= movable**2 * (3.0 - 2.0 * movable)
@@ -157,15 +157,10 @@ def _mixed(
     to = (shares @ own).T  # which points the function of each of them is in
     remainder = np.maximum(1.0 - to[at], 0.0)
     to[at] = 0.0
-    mean = (
-        to
-        * np.divide(1.0, remainder, out=np.zeros_like(remainder), where=remainder > SAME_NUMBER)[
-            :, None
-        ]
-    )
+    mean = to * quotient(1.0, remainder, remainder > SAME_NUMBER)[:, None]
     sizes = shares @ weights[0]
     added = ((1.0 - portion[weak]) * weights[1][weak])[:, None] * mean
-    added *= np.divide(1.0, sizes, out=np.zeros_like(sizes), where=sizes > 0)
+    added *= quotient(1.0, sizes)
     added /= np.maximum(1.0, 2.0 * added.sum(axis=0))
     kept = np.arange(nodes.size)
     row, column = np.nonzero(added)

@@ -36,7 +36,7 @@ from mpi4py import MPI
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from signorini_fx.arrays import Array, Flags, Ints, inner
+from signorini_fx.arrays import Array, Flags, Ints, inner, quotient
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.pairs.dual_functions import (
     carried,
@@ -298,7 +298,7 @@ class Tested:
         held = self.master.held[self.master.nodes[self.overlap.master]].astype(np.float64)
         of_held = self.moments(self.shapes[1] @ held[..., None])[:, 0]
         # On a part of a facet a quadratic function may have a negative weight, which says nothing.
-        seen = np.divide(of_held, self.areas, out=np.zeros_like(of_held), where=self.areas > 0.0)
+        seen = quotient(of_held, self.areas)
         return np.where(self.slave.held, 1.0 - np.clip(seen, 0.0, 1.0), 1.0)
 
     @property

@@ -17,7 +17,7 @@ import basix
 import numpy as np
 from mpi4py import MPI
 
-from signorini_fx.arrays import Array, Ints, matvec
+from signorini_fx.arrays import Array, Ints, matvec, quotient
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.pairs.pair_side import Lagrange, Overlap, PairSurface
 from signorini_fx.mechanics.pairs.search import Parts, candidates
@@ -218,7 +218,7 @@ def clip(subject: Array, window: Array) -> tuple[Array, Ints]:
         height_after = _cross(along, next_corners - start)
         inside = valid & (height >= 0)
         crosses = valid & ((height >= 0) != (height_after >= 0))
-        share = np.divide(height, height - height_after, out=np.zeros_like(height), where=crosses)
+        share = quotient(height, height - height_after, crosses)
         cut = polygon + share[..., None] * (next_corners - polygon)
         # Of each side first the corner that stays, then where it crosses the edge.
         corners = np.stack((polygon, cut), axis=2).reshape(len(polygon), 2 * size, 2)
@@ -332,7 +332,7 @@ def _crossing(factors: Array) -> Array:
         slope = _powers(rates, at)
         low = np.where(value > 0, at, low)
         high = np.where(value > 0, high, at)
-        step = np.divide(value, slope, out=np.full(value.shape, np.nan), where=slope != 0)
+        step = quotient(value, slope, slope != 0, otherwise=np.nan)
         following = np.clip(at - step, 0.0, 1.0)
         following = np.where((following >= low) & (following <= high), following, (low + high) / 2)
         step = following - at

@@ -19,7 +19,7 @@ import numpy as np
 import scipy.sparse as sp
 from mpi4py import MPI
 
-from signorini_fx.arrays import Array, Flags, Ints, inner
+from signorini_fx.arrays import Array, Flags, Ints, inner, quotient
 from signorini_fx.machine import parallel
 from signorini_fx.tuned import SAME_NUMBER, ZERO_COMPONENT
 
@@ -303,7 +303,7 @@ class PairSurface:
         """
         vectors = vectors - (self.across[nodes] @ vectors[..., None])[..., 0]
         size = np.linalg.norm(vectors, axis=1, keepdims=True)
-        return np.divide(vectors, size, out=np.zeros_like(vectors), where=size > 0)
+        return quotient(vectors, size)
 
     @cached_property
     def turning(self) -> Array:
@@ -326,7 +326,7 @@ class PairSurface:
         within = np.eye(dim) - self.across
         normals = self.nodal_normals
         size = np.linalg.norm((within @ self.moments[..., None])[..., 0], axis=1)
-        inverse = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0)
+        inverse = quotient(1.0, size)
         across = inverse[:, None, None] * (within - normals[:, :, None] * normals[:, None])
         return across[self.points][:, :, None] @ (turning * self.sign[:, None, None, None, None])
 
@@ -357,7 +357,7 @@ class PairSurface:
             self.functions.tests.values(self.functions.places) @ self.nodal_normals[self.points]
         )
         size = np.linalg.norm(directions, axis=1, keepdims=True)
-        return np.divide(directions, size, out=np.zeros_like(directions), where=size > 0)
+        return quotient(directions, size)
 
     @property
     def facet_areas(self) -> Array:
@@ -398,7 +398,7 @@ class PairSurface:
         way = x[beside.indices] - x[row]
         apart = inner(way, way)
         bent = inner(normals[row] - normals[beside.indices], way)
-        curvature = np.divide(bent, apart, out=np.zeros_like(bent), where=apart > 0.0)
+        curvature = quotient(bent, apart)
         # Each facet is beside itself, with a curvature of zero.
         return np.maximum.reduceat(curvature, beside.indptr[:-1]) if facets.size else curvature
 
@@ -532,7 +532,7 @@ def turning_of(
     moments = a[:, None, None] * _crossing(r)
     inertia: Array = np.zeros((count, *turns.shape[1:2] * 2))
     np.add.at(inertia, row, moments @ turns.swapaxes(1, 2))
-    inverse = np.divide(1.0, inertia, out=np.zeros_like(inertia), where=inertia > 0)
+    inverse = quotient(1.0, inertia)
     if dim == 3:
         inverse = np.asarray(
             np.linalg.pinv(inertia, rcond=SAME_NUMBER, hermitian=True), dtype=np.float64

@@ -27,7 +27,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import scipy.sparse as sp
 
-from signorini_fx.arrays import Array, Flags, Ints, inner, matvec, rmatvec
+from signorini_fx.arrays import Array, Flags, Ints, inner, matvec, quotient, rmatvec
 from signorini_fx.mechanics.pairs.dual_functions import carried_evenly
 from signorini_fx.mechanics.pairs.mortar_coupling import coupled, projected
 from signorini_fx.mechanics.pairs.overlap import axes_across
@@ -133,7 +133,7 @@ class SlidingCoupling:
         """
         sums = self.frames.both @ np.concatenate((self.slave.directions, self.master.directions))
         size = np.linalg.norm(sums, axis=1)[:, None]
-        along = np.divide(along, size, out=np.zeros_like(along), where=size > 0.0)
+        along = quotient(along, size)
         turns = means_along(along, self.frames.both) @ turned_normals(self.slave, self.master)
         return turns - self.pieces.passing(along)
 

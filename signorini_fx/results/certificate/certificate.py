@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from dolfinx import fem
 
-from signorini_fx.arrays import Array, matvec
+from signorini_fx.arrays import Array, matvec, quotient
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.rigid.rigid_bodies import Drive, RigidBodyMotion
 from signorini_fx.mechanics.scales import Scales
@@ -302,7 +302,7 @@ def judged(
     points = units.between(*at)
     own = np.maximum(felt, mean)
     known = own > NO_FORCE * stiffest.modulus * reach / stiffest.size
-    blunter = np.divide(stress, own, out=np.ones_like(own), where=known).max()
+    blunter = quotient(stress, own, known, otherwise=1.0).max()
     figures["checked"] = CERTIFICATE_TOLERANCE * max(1.0, float(blunter))
     figures |= contact_conditions(
         nodes.without_bond(u_n, slip),
@@ -365,7 +365,7 @@ def contact_conditions(
     distance = np.where(immovable, np.inf, np.where(bilateral, 0.0, np.maximum(-entered, 0.0)))
     pushing = np.where(immovable, np.abs(pressure), pressure)
     slipped = np.linalg.norm(xi, axis=1)
-    way = np.divide(xi, slipped[:, None], out=np.zeros_like(xi), where=(slipped > 0)[:, None])
+    way = quotient(xi, slipped[:, None])
     along = np.sum(shear * way, axis=1)
     astray = np.linalg.norm(shear - np.maximum(along, 0.0)[:, None] * way, axis=1)
     # What is along the normal, or across a plane of symmetry, is no friction.
