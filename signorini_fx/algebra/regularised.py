@@ -281,11 +281,7 @@ class RegularisedProblem:
         floors = self.groups.largest(self.round_off(x))
         # Where no group carries more than that, nothing is pressed, and only a change tells
         # round-off from convergence.
-        return (
-            np.asarray(np.maximum(scales, floors))
-            if np.any(scales > floors) or self.bonds_alone
-            else scales
-        )
+        return np.maximum(scales, floors) if np.any(scales > floors) or self.bonds_alone else scales
 
     @property
     def bonds_alone(self) -> bool:

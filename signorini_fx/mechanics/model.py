@@ -538,7 +538,7 @@ class Model:
         """The displacement of a reference motion, ghosts included, length, shape (dofs,)."""
         if resting.displacement is not None:
             return resting.displacement
-        return np.asarray(self.motions.displacement(resting.motion).ravel())
+        return self.motions.displacement(resting.motion).ravel()
 
     def function(self, x: PETSc.Vec) -> fem.Function:
         """The finite element function with the unknowns ``x``."""

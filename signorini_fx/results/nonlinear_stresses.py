@@ -70,7 +70,7 @@ class NonlinearForces(NodalForces):
         """
         self._move_to(displacement, step)
         forms = self._compiled("residual", lambda: [self._body.form])
-        return np.asarray((self._sum(forms) - self.external(step)).ravel())
+        return (self._sum(forms) - self.external(step)).ravel()
 
     def of_followers(self, displacement: fem.Function, step: float) -> list[NamedForces]:
         """Return the forces of loads that follow the body, with their names; collective."""

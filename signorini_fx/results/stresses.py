@@ -226,7 +226,7 @@ class StressFields:
 
     def _nodal(self) -> Array:
         """The tensor at the points of its function space on this rank, shape (n, 3, 3)."""
-        return np.asarray(self.tensor.x.array.reshape(-1, 3, 3), dtype=np.float64)
+        return self.tensor.x.array.reshape(-1, 3, 3)
 
     def _function(self, name: str, values: Array) -> fem.Function:
         """A field on the points of the tensor, which all spaces of one degree number alike."""

@@ -374,7 +374,7 @@ def _largest_increment(body: Model, normal: Array, motions: list[float]) -> floa
     """
     pressing = [0.0]
     total_normal = parallel.global_sum(body.comm, normal)
-    normal = np.asarray(total_normal / max(float(np.linalg.norm(total_normal)), NO_FORCE))
+    normal = total_normal / max(float(np.linalg.norm(total_normal)), NO_FORCE)
     _, total = _largest_loads(body)
     for step in range(len(body.path.times)):
         start, forces = (values @ normal for values in _loads_at(body, step))
@@ -793,7 +793,7 @@ def loose_in(body: Model, step: StepResult) -> list[int]:
     motions = body.at_contact
     if step.contact is None or not motions.count:
         return []
-    pressed = np.asarray(np.column_stack((step.contact.pressure, step.contact.shear)).any(axis=1))
+    pressed = np.column_stack((step.contact.pressure, step.contact.shear)).any(axis=1)
     return motions.untouched([number for number, _ in motions.assemblies], pressed)
 
 

@@ -141,7 +141,7 @@ def _critical(stiffness: Array, normal: int, beside: Ints, sizes: Array) -> tupl
     the normal one of each.
     """
     # In units of the stiffness, so that nodal compliance is of order one.
-    stiffness = np.asarray(stiffness / np.abs(stiffness).max(), dtype=np.float64)
+    stiffness = stiffness / np.abs(stiffness).max()
     values, vectors = np.linalg.eigh(stiffness)
     held = values > NOTHING_LEFT * values[-1]
     if np.abs(vectors[normal:, ~held]).max(initial=0.0) > NOTHING_LEFT**0.5:

@@ -122,7 +122,7 @@ class LocalStress:
             0, 2, 1
         )
         root *= np.sqrt(t.volume[chunk] / ((d + 1) ** 2 * (d + 2)))[:, None, None]
-        return np.asarray(root @ self._turn[chunk])
+        return root @ self._turn[chunk]
 
     def _weighted(self, root: Array, stress: Array) -> Array:
         """Vectors whose squares are the energy, (n, rows, k), of stresses of reference cells at
@@ -132,9 +132,9 @@ class LocalStress:
         n, _, _, k = stress.shape
         at = (root[:, None] @ stress).reshape(n, count, count, -1, k)
         # The root of the mass matrix 1 + ones.
-        return np.asarray(
-            at + (np.sqrt(1 + count) - 1) / count * at.sum(axis=2, keepdims=True)
-        ).reshape(n, -1, k)
+        return (at + (np.sqrt(1 + count) - 1) / count * at.sum(axis=2, keepdims=True)).reshape(
+            n, -1, k
+        )
 
     def alone(self, body: Array) -> Array:
         """Moments in balance with a body force where the vertices of the facets do not move, force,
@@ -144,7 +144,7 @@ class LocalStress:
         # The triangle between three similar ones is turned by half a turn, which changes no sign
         # here.
         moments = self._alone @ body.reshape(self._t.parts, len(self._alone), -1, 1)
-        return np.asarray(moments.reshape(len(body), -1))
+        return moments.reshape(len(body), -1)
 
     def stress(self, tractions: Array, body: Array) -> tuple[Array, Array]:
         """The stress on each part, opposite its corner, at the corners of the part, those of the
@@ -182,7 +182,7 @@ def turn_of(f: Array) -> Array:
     columns = COLUMNS[f.shape[1]]
     once = f[:, rows][:, :, rows] * f[:, columns][:, :, columns]
     twice = f[:, rows][:, :, columns] * f[:, columns][:, :, rows]
-    return np.asarray(once + np.where(rows == columns, 0.0, twice))
+    return once + np.where(rows == columns, 0.0, twice)
 
 
 def _resultants(arm: Array) -> Array:
@@ -303,7 +303,7 @@ def square(t: Simplices, stress: Array) -> Array:
     sums = (stress * strain).sum(axis=(1, 2, 3)) + (stress.sum(axis=2) * strain.sum(axis=2)).sum(
         axis=(1, 2)
     )
-    return np.asarray(t.volume / ((d + 1) ** 2 * (d + 2)) * sums).clip(min=0.0)
+    return (t.volume / ((d + 1) ** 2 * (d + 2)) * sums).clip(min=0.0)
 
 
 def energy(t: Simplices, strain: Array) -> Array:

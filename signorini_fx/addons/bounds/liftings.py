@@ -231,7 +231,7 @@ def _forms(facet: DividedFacet, corners: Array, moduli: Moduli) -> Array:
     full = system + scale[:, None, None] * (modes @ modes.transpose(0, 2, 1))
     solved = np.linalg.solve(full, np.broadcast_to(moments, (n, *moments.shape)))
     forms = moments.T @ solved * (_areas(corners) ** 2)[:, None, None]
-    return np.asarray(forms + forms.transpose(0, 2, 1)) / 2
+    return (forms + forms.transpose(0, 2, 1)) / 2
 
 
 def _reference_liftings(d: int) -> Array:

@@ -151,7 +151,7 @@ def _motion(shift: Array, turn: Array | None = None) -> _Motion:
     if not (size := float(np.linalg.norm(axis))) > 0:
         raise ValueError("the axis of the rotation has no length")
     matrix = turning(tuple(plain(turn[6] / size * axis)), 3)
-    return lambda x: np.asarray((x + shift - pivot) @ matrix.T + pivot)
+    return lambda x: (x + shift - pivot) @ matrix.T + pivot
 
 
 def _defined(block: DeckBlock) -> list[str]:

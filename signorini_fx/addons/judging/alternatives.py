@@ -63,7 +63,7 @@ def _values(
             u = on_mesh.with_entries(tried.entries(value))
         except (NotJudgedError, SceneError):  # there is none, or the scene contradicts itself
             return
-        off: Array = np.asarray(v - u)
+        off: Array = v - u
         distance = on_mesh.norm(off)
         yield OtherProblem(tried.text(value, 1 / value if value else np.inf), u, distance)
         slope: Array = np.asarray((u - u_before) / (value - before))

@@ -170,7 +170,7 @@ class SolutionOnMesh:
         return [self._at_nodes(step.displacement) for step in self.solution.shown_steps[:-1]]
 
     def _at_nodes(self, u: fem.Function) -> Array:
-        return np.asarray(u.x.array.reshape(-1, self.arrays.dim)[self.block], dtype=np.float64)
+        return u.x.array.reshape(-1, self.arrays.dim)[self.block]
 
     @cached_property
     def unknowns(self) -> Ints:
@@ -219,9 +219,7 @@ class SolutionOnMesh:
     @cached_property
     def held(self) -> Flags:
         """Which components supports prescribe, shape (n, d)."""
-        return np.asarray(
-            self.solution.model.fixed.reshape(-1, self.arrays.dim)[self.block], dtype=np.bool_
-        )
+        return self.solution.model.fixed.reshape(-1, self.arrays.dim)[self.block]
 
     @cached_property
     def points_of_contact(self) -> sp.csr_array:

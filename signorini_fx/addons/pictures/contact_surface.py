@@ -274,7 +274,7 @@ def _state_panel(axes: Axes, side: VisibleSide, low: Array, high: Array, heading
     )
     axes.add_collection(regions, autolim=False)
     axes.add_collection(_rim(side), autolim=False)
-    moving = side.shown & np.asarray(side.columns["friction"] == "slip")
+    moving = side.shown & (side.columns["friction"] == "slip")
     slip = side.flat("slip_")
     text = heading
     longest = float(np.linalg.norm(slip[moving], axis=1).max(initial=0.0))

@@ -143,7 +143,7 @@ def _fields_of(
     def mean(values: Array) -> Array:
         columns = values.reshape(len(values), -1)[at].T
         means = np.array([np.bincount(corner, column) / count for column in columns])
-        return np.asarray(means.T[on_surface])
+        return means.T[on_surface]
 
     displacement = mean(grid["displacement"])
     scalars = [

@@ -128,7 +128,7 @@ class Augmentation:
             times = np.maximum(1.0, np.fmin(beyond, self._stiffness / gamma))
             ahead = change * times
             remaining = quotient(ahead, size, otherwise=ahead)
-            missed = np.asarray(groups.largest(movement) / gamma, dtype=np.float64)
+            missed = groups.largest(movement) / gamma
             violation = np.maximum(floor, quotient(missed, length, otherwise=missed))
             far = np.maximum(remaining, violation) > self.tolerance
             slow.append(bool(np.any((share > 1 / GAMMA_GROWTH) & far)))

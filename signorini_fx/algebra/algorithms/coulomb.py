@@ -51,7 +51,7 @@ def coulomb_start(task: Task, data: RegularisedData) -> RegularisedData:
         # chooses no nodes.
         gap = np.abs(data.gap)
         largest = parallel.largest(task.motions.points.comm, gap)
-        touching = np.asarray(gap <= max(task.coordinate_error, CERTIFICATE_TOLERANCE * largest))
+        touching = gap <= max(task.coordinate_error, CERTIFICATE_TOLERANCE * largest)
         stick = touching if possible(touching) else everywhere
     return replace(data, bound=np.where(stick, np.inf, 0.0))
 

@@ -162,7 +162,7 @@ class Bond:
         (n,).
         """
         size = self._opened(traces).size
-        return np.asarray(0.5 * (1.0 - self.damaged(traces)) * self.stiffness * size**2)
+        return 0.5 * (1.0 - self.damaged(traces)) * self.stiffness * size**2
 
     def _opened(self, traces: tuple[Array, Array]) -> _Opened:
         """How far bonds have opened and slipped."""

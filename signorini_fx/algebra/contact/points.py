@@ -144,7 +144,7 @@ class ContactPoints:
         Neither is what the other one of the two, ``beside``, undoes.
         """
         alone = self._felt(values)
-        size = np.asarray(np.linalg.norm(alone, axis=1))
+        size = np.linalg.norm(alone, axis=1)
         return (
             size
             if beside is None

@@ -151,7 +151,7 @@ class SchurComplement:
             entries = sp.coo_array(beyond)
             dense[entries.row, entries.col] += entries.data
             return dense
-        matrix = np.asarray(beyond.toarray())
+        matrix = beyond.toarray()
         for members, part in self._parts(self._places, dense):
             matrix[np.ix_(members, members)] += part.reshape(members.size, members.size)
         return matrix

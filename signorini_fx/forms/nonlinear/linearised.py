@@ -714,7 +714,7 @@ class NonlinearBody(BodyOfForms):
         without what forces move, shape (n, d).
         """
         way = (self.places - self.begun_places)[boundary.nodes]
-        return way if before is None or before.moved is None else np.asarray(way - before.moved)
+        return way if before is None or before.moved is None else (way - before.moved)
 
     def _tangent(
         self,

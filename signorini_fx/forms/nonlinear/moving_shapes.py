@@ -107,7 +107,7 @@ class MovingShape:
         if self.motion is not None:
             moved = self.motion.linear_at(places) if linear else self.motion.at(self.x)
         signed, normal = self.shape.distance(places)
-        return np.asarray(signed - np.einsum("ni,ni->n", normal, u - moved)), -normal
+        return (signed - np.einsum("ni,ni->n", normal, u - moved)), -normal
 
 
 def hessians_at(

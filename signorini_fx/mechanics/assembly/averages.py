@@ -85,7 +85,7 @@ class Averages:
         """Return the vector from each node to the point where the force acts on its body, length,
         shape (n, d).
         """
-        return np.asarray(self.shares @ self.x) if self.centre is None else self.centre
+        return (self.shares @ self.x) if self.centre is None else self.centre
 
     @cached_property
     def point(self) -> Ints:
@@ -109,7 +109,7 @@ class Averages:
         from it by no more than what the values differ, notably, from the quadratic function of two
         coordinates that fits best may change it.
         """
-        gap = np.asarray(self.shares @ values)
+        gap = self.shares @ values
         for point in range(gap.size):
             entries = slice(*self.shares.indptr[point : point + 2])
             nodes = self.shares.indices[entries]

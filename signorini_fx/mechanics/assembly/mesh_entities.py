@@ -90,7 +90,7 @@ def heights(mesh: dmesh.Mesh, facets: Indices) -> Array:
     dim = mesh.topology.dim
     cells = facet_cells(mesh, facets)
     up = dmesh.compute_midpoints(mesh, dim, cells) - dmesh.compute_midpoints(mesh, dim - 1, facets)
-    return np.asarray(2 * np.linalg.norm(up, axis=1))
+    return 2 * np.linalg.norm(up, axis=1)
 
 
 def heights_at_nodes(space: fem.FunctionSpace, facets: Indices) -> Array:
@@ -104,7 +104,7 @@ def heights_at_nodes(space: fem.FunctionSpace, facets: Indices) -> Array:
     sums.scatter_reverse(la.InsertMode.add)
     sums.scatter_forward()
     total, count = sums.array.reshape(-1, 2).T
-    return np.asarray(quotient(total, count, otherwise=np.nan))
+    return quotient(total, count, otherwise=np.nan)
 
 
 def facet_vertices(mesh: dmesh.Mesh, facets: Indices) -> Array:

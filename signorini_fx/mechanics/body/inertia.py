@@ -272,7 +272,7 @@ class MidpointRule(StepEffect):
         contact = new.contact
         if contact is not None and not ended.augmented:
             # The law of the middle is twice as stiff.
-            elastic = np.asarray(2.0 * contact.elastic - ended.elastic)
+            elastic = 2.0 * contact.elastic - ended.elastic
             contact = replace(contact, elastic=elastic)
         new = replace(
             new,
@@ -426,7 +426,7 @@ def _aim(state: State, dt: float) -> Array:
     """Return the displacement to which the old velocity leads in half a step, length, shape
     (dofs,).
     """
-    return np.asarray(state.displacement + 0.5 * dt * state.fields["velocity"].values.ravel())
+    return state.displacement + 0.5 * dt * state.fields["velocity"].values.ravel()
 
 
 def _half_change(loads: Loads, state: State) -> Array:

@@ -217,7 +217,7 @@ def _in_line(x: Array) -> Array:
     in line.
     """
     extent = float(np.ptp(x, axis=0).max()) if len(x) > 1 else 0.0
-    return np.asarray(np.round(x / extent, 9)) if extent > 0 else np.zeros_like(x)
+    return np.round(x / extent, 9) if extent > 0 else np.zeros_like(x)
 
 
 def _chains(numbers: Ints, segments: Ints, x: Array) -> tuple[list[range], Ints, list[bool]]:

@@ -123,7 +123,7 @@ def _places(kind: Cell, corners: Array, lattice: Array) -> Ints:
     """
     nodes = straight(kind).shape(kind.places) @ corners
     places = cdist(nodes.reshape(-1, nodes.shape[-1]), lattice).argmin(axis=1)
-    return np.asarray(places.reshape(nodes.shape[:-1]), dtype=np.int64)
+    return places.reshape(nodes.shape[:-1])
 
 
 def _children(kind: Cell, corners: Array) -> Array:

@@ -152,7 +152,7 @@ def held_along(normal: Array, frames: Array, fixed: Flags) -> Flags:
     d), has any of it; shape (n,).
     """
     sizes = np.abs(rmatvec(frames, normal))
-    return np.asarray(np.where(fixed, 0.0, sizes).max(axis=1) <= ROOT_OF_EPS) & normal.any(axis=1)
+    return (np.where(fixed, 0.0, sizes).max(axis=1) <= ROOT_OF_EPS) & normal.any(axis=1)
 
 
 def mirrored(
@@ -605,7 +605,7 @@ class MovingPair:
         )
         translations = np.tile(np.eye(dim), (len(sides.x), 1))  # of the slave alone
         translations[on_slave:] = 0.0
-        pushing = np.asarray(coupling.normal_rows @ translations)[mine]
+        pushing = (coupling.normal_rows @ translations)[mine]
         points = sides.points_at(self.points[mine], coupling.weight[mine], normal, averages)
         free = points.free & coupling.frames.partnered[mine, None]
         self._known = (coupling, replace(points, free=free, pushing=pushing))
@@ -615,7 +615,7 @@ class MovingPair:
         """Slips along T_i of the points of all ranks, shape (n, d - 1), as vectors without what
         nothing slides along, at those of this rank, shape (n, d).
         """
-        return np.asarray(matvec(self._sliding, slip))[self.mine]
+        return matvec(self._sliding, slip)[self.mine]
 
     @property
     def slip(self) -> Array:
@@ -631,7 +631,7 @@ class MovingPair:
     def opening(self) -> Array:
         """The linearised gap of the points at the displacement, length, shape (n,)."""
         relative = self.coupling.normal_rows @ self.displacement.ravel()
-        return np.asarray(self.coupling.gap + relative)[self.mine]
+        return (self.coupling.gap + relative)[self.mine]
 
     @property
     def slip_origin(self) -> Array:
@@ -681,4 +681,4 @@ class MovingPair:
             )
             for tangents in (self.coupling.frames.tangents, self.begun.frames.tangents)
         )
-        return np.asarray(np.einsum("nik,njk->nij", frames, start))[self.mine]
+        return np.einsum("nik,njk->nij", frames, start)[self.mine]

@@ -95,7 +95,7 @@ class BodyCells:
         """Global numbers of the vertices of the cells, shape (c, v)."""
         local = self.nodes[:, : len(basix.topology(self.kind)[0])]
         numbers = self.space.dofmap.index_map.local_to_global(local.ravel())
-        return np.asarray(numbers.reshape(local.shape), dtype=np.int64)
+        return numbers.reshape(local.shape)
 
     def covering(self, places: Array, x: Array, cells: Ints | None = None) -> tuple[Ints, Ints]:
         """Return the numbers of points and of cells of this rank that cover them, one pair of

@@ -117,7 +117,7 @@ def _near(surface: PairSurface, facets: Flags, reach: float) -> Flags:
     if not facets.any():
         return facets
     near = cKDTree(middles[facets]).query(middles)[0] <= reach
-    return np.asarray(near & (2.0 * reach * surface.focus < 1.0))
+    return near & (2.0 * reach * surface.focus < 1.0)
 
 
 def _coarser(surface: PairSurface, side: Ints, patch: Ints) -> Flags:
@@ -127,4 +127,4 @@ def _coarser(surface: PairSurface, side: Ints, patch: Ints) -> Flags:
     sums = [np.bincount(patch, extent * (side == sign), count) for sign in (1, -1)]
     sizes = [np.bincount(patch, side == sign, count) for sign in (1, -1)]
     coarser = sums[0] * sizes[1] > COARSER_FACETS * sums[1] * sizes[0]
-    return np.asarray(coarser[patch])
+    return coarser[patch]

@@ -121,7 +121,7 @@ class Coupling:
         columns = np.tile(slave.points, len(values))
         met[rows, columns] = np.broadcast_to(values.ravel(), rows.shape)
         points = sp.csr_array(met.tocsc()[:, self.nodes])
-        diagonal = np.asarray((self.slave @ points).diagonal())
+        diagonal = (self.slave @ points).diagonal()
         return sp.csr_array(points @ sp.diags_array(1.0 / diagonal))
 
     @property
@@ -356,8 +356,8 @@ def couple(
         )
     # Facets apart from all points, of which all nodes are constrained: nobody takes over their
     # functions.
-    carried_nodes = np.asarray(shares.sum(axis=0)).ravel() > 0.0
-    nobody = np.asarray((fixed & ~carried_nodes)[slave.points].all(axis=1))
+    carried_nodes = shares.sum(axis=0).ravel() > 0.0
+    nobody = (fixed & ~carried_nodes)[slave.points].all(axis=1)
     tested = tested.chosen(~nobody[tested.overlap.slave])
     _refuse_bare(tested, shares)
     if mine is not None:
@@ -411,7 +411,7 @@ def coupled(
 def _refuse_bare(tested: Tested, shares: sp.csr_array) -> None:
     """Refuse facets that nobody carries: no point has any of their functions."""
     slave = tested.slave
-    carried_nodes = np.asarray(abs(shares).sum(axis=0)).ravel() > 0.0
+    carried_nodes = abs(shares).sum(axis=0).ravel() > 0.0
     area = np.where(carried_nodes[slave.points].any(axis=1), 0.0, tested.area)
     bare = np.flatnonzero(area)
     if area.sum() <= CERTIFICATE_TOLERANCE * tested.area.sum():  # slivers

@@ -156,7 +156,7 @@ def slide(
     tested = tested.moving
     whole = slave if whole is None else whole
     nodes, shares = carried_evenly(slave, tested.covered, tested.areas, tested.movable)
-    partnered = np.asarray(np.isin(points, nodes))
+    partnered = np.isin(points, nodes)
     dim = slave.dimension
     entries = np.zeros(points.size + 1, dtype=np.int64)
     entries[1:][partnered] = np.diff(shares.indptr)

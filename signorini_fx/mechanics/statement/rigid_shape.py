@@ -49,14 +49,14 @@ Placement = tuple[
 def unit(vector: Sequence[float]) -> Array:
     """The vector with the length one, shape (d,)."""
     components = np.array(vector)
-    return np.asarray(components / np.linalg.norm(components))
+    return components / np.linalg.norm(components)
 
 
 def across(axis: Array) -> Array:
     """Any unit vector perpendicular to a unit vector, shape (d,)."""
     coordinate_axis = np.eye(axis.size)[np.argmin(np.abs(axis))]
     perpendicular = coordinate_axis - (coordinate_axis @ axis) * axis
-    return np.asarray(perpendicular / np.linalg.norm(perpendicular))
+    return perpendicular / np.linalg.norm(perpendicular)
 
 
 def normalised(vectors: Array, otherwise: Array, least: float = 0.0) -> tuple[Array, Array]:
@@ -76,7 +76,7 @@ def turning(rotation: float | tuple[float, ...], dimension: int) -> Array:
     if isinstance(rotation, tuple):
         from scipy.spatial.transform import Rotation
 
-        return np.asarray(Rotation.from_rotvec(np.radians(rotation)).as_matrix())
+        return Rotation.from_rotvec(np.radians(rotation)).as_matrix()
     if rotation == 0.0:
         return np.eye(dimension)
     cosine = math.cos(math.radians(rotation))
@@ -114,12 +114,12 @@ class Placed(Table):
     def moved_back(self, x: Array) -> Array:
         """Return points before the shape was turned and moved, shape (n, d)."""
         moved, pivot = self._translations(x.shape[1])
-        return np.asarray((x - moved - pivot) @ self.turn_matrix(x.shape[1]) + pivot)
+        return (x - moved - pivot) @ self.turn_matrix(x.shape[1]) + pivot
 
     def moved_points(self, x: Array) -> Array:
         """Return points of the shape after its rotation and shift, shape (n, d)."""
         moved, pivot = self._translations(x.shape[1])
-        return np.asarray((x - pivot) @ self.turn_matrix(x.shape[1]).T + pivot + moved)
+        return (x - pivot) @ self.turn_matrix(x.shape[1]).T + pivot + moved
 
     def _translations(self, dimension: int) -> tuple[Array, Array]:
         """Return shift and pivot, shapes (d,)."""
@@ -295,7 +295,7 @@ class Shape(Placed, RigidMotion):
 
     def turned_from(self, earlier: Shape, dimension: int) -> Array:
         """The rotation since it was placed like ``earlier``, shape (d, d)."""
-        return np.asarray(self.turn_matrix(dimension) @ earlier.turn_matrix(dimension).T)
+        return self.turn_matrix(dimension) @ earlier.turn_matrix(dimension).T
 
     def on_way_from(self, earlier: Shape, share: float, dimension: int) -> Shape:
         """The shape after a share of the way from where ``earlier`` is: of the shift of its pivot,
