@@ -46,7 +46,7 @@ def extents(corners: Array) -> Array:
     """Return the lengths of the diagonals of the boxes around m times k corners of shape (m, k, d),
     shape (m,).
     """
-    sizes: Array = np.linalg.norm(np.ptp(corners, axis=1), axis=1)
+    sizes = np.linalg.norm(np.ptp(corners, axis=1), axis=1)
     return sizes
 
 

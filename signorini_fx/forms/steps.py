@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 from dolfinx import fem
 
@@ -152,7 +151,7 @@ def begun_path(
         raise FormError.at("path", f"must be times, or a LoadPath, not {kind_of(path)}", "run")
     path = path if isinstance(path, LoadPath) else LoadPath(tuple(path))
     scalar = isinstance(at, fem.Constant) and at.value.ndim == 0
-    clock: Any = partial(setattr, at, "value") if scalar else at
+    clock = partial(setattr, at, "value") if scalar else at
     if isinstance(clock, fem.Constant) or not callable(clock):
         raise FormError.at(
             "at", f"must be a function of the time or a Constant with one value, not {kind_of(at)}"

@@ -30,7 +30,7 @@ def shared_cells() -> Iterator[None]:
     basix makes a new one whenever an element is asked for its own, as UFL does hundreds of times
     for a form: 150 objects for a hexahedron.
     """
-    elements: Any = basix.ufl._ElementBase
+    elements = basix.ufl._ElementBase
     own = elements.cell
     elements.cell = property(lambda element: _cell(element._cellname))
     try:
@@ -80,7 +80,7 @@ def geometry_cells(domain: mesh.Mesh) -> Indices:
 
 def wrapped(holder: fem.FunctionSpace | mesh.Mesh | fem.Form | mesh.Geometry) -> Any:
     """The object of C++ that one of Python holds, which compiled forms and other releases know."""
-    inner: Any = holder
+    inner = holder
     return inner._cpp_object
 
 
@@ -88,7 +88,7 @@ def geometry_in_space(domain: mesh.Mesh) -> Any:
     """The geometry of a mesh, whose points get three coordinates, for a mesh of the same
     topology.
     """
-    geometry: Any = wrapped(domain.geometry)
+    geometry = wrapped(domain.geometry)
     x = np.array(geometry.x)
     indices = geometry.input_global_indices
     return type(geometry)(geometry.index_map(), geometry_cells(domain), _cmap(geometry), x, indices)
@@ -107,7 +107,7 @@ def topology(holder: mesh.Mesh | mesh.MeshTags) -> Any:
     """The topology of a mesh, or that of tags, which is wrapped for one of them only until 0.10,
     for comparison.
     """
-    wrapped: Any = holder.topology
+    wrapped = holder.topology
     return getattr(wrapped, "_cpp_object", wrapped)
 
 

@@ -159,7 +159,7 @@ class Model:
     @property
     def comm(self) -> MPI.Comm:
         """The ranks that share the body."""
-        comm: MPI.Comm = self.space.mesh.comm
+        comm = self.space.mesh.comm
         return comm
 
     @property
@@ -224,7 +224,7 @@ class Model:
         if self.boundary is not None:
             reached = parallel.gather_rows(self.comm, np.unique(self.boundary.averages.nodes))
             retained = self.dimension * int(np.unique(reached).size)
-            everywhere: Any = self.boundary.points.everywhere
+            everywhere = self.boundary.points.everywhere
             held = at_contact.held_by(everywhere, everywhere)
         if self.mixed is None:
             definite = self.definite
@@ -324,7 +324,7 @@ class Model:
         forces = np.zeros(self._held.size)
         np.add.at(forces[: self.fixed.size].reshape(-1, self.dimension), nodes, at_points @ driven)
         moved = displacement.reshape(-1, self.dimension)[nodes]
-        on_rigid: Array = parallel.global_sum(self.comm, np.einsum("nik,ni->k", at_points, moved))
+        on_rigid = parallel.global_sum(self.comm, np.einsum("nik,ni->k", at_points, moved))
         forces[self.fixed.size :] = (on_rigid + own @ driven)[: self._rigid]
         return forces, on_rigid
 
@@ -558,7 +558,7 @@ class Model:
         if self.boundary is None or self.boundary.moving is None:
             return np.zeros(0)
         local = np.array(x.getArray(readonly=True)[self.fixed.size : self._held.size])
-        unknowns: Array = self.comm.bcast(local, root=self.comm.size - 1)
+        unknowns = self.comm.bcast(local, root=self.comm.size - 1)
         if resting is not None:
             assert self.motions.foundations is not None
             unknowns = unknowns + self.motions.foundations @ resting.motion

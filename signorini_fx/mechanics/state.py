@@ -179,13 +179,11 @@ class State:
     def table(self, boundary: ContactBoundary, space: fem.FunctionSpace) -> dict[str, Any]:
         """What is stored of it, on the first rank; collective."""
         values = self.contact
-        rows: dict[str, Any] = (
-            {} if values is None else {name: getattr(values, name) for name in _OF_POINTS}
-        )
+        rows = {} if values is None else {name: getattr(values, name) for name in _OF_POINTS}
         moved = self.displacement.reshape(-1, boundary.x.shape[1])[boundary.nodes]
         rows |= {"part": boundary.part, "corner": boundary.number, "x": boundary.x, "y": moved}
         of_cells = {"displacement": self.displacement}
-        everywhere: dict[str, Any] = {"rigid": self.rigid, "found": self.found}
+        everywhere = {"rigid": self.rigid, "found": self.found}
         for name, entry in self.fields.items():
             place = {
                 "dofs": of_cells,
@@ -197,9 +195,7 @@ class State:
             place[entry.at][f"field {name}"] = entry.values
         comm = space.mesh.comm
         topology = space.mesh.topology
-        table: dict[str, Any] = {
-            name: parallel.rows_on_root(comm, column) for name, column in rows.items()
-        }
+        table = {name: parallel.rows_on_root(comm, column) for name, column in rows.items()}
         order = parallel.rows_on_root(
             comm, np.asarray(topology.original_cell_index[: _owned_cells(space)])
         )

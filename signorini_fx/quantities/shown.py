@@ -299,7 +299,7 @@ def error_of(summary: Mapping[str, Any], key: str) -> float | None:
         "contact_force": "force",
         "friction_force": "force",
     }
-    error: float | None = prices.get(of.get(key, ""))
+    error = prices.get(of.get(key, ""))
     if error is None or "force" not in key:
         return error
     # It is relative to all forces, so large where these nearly cancel, or where friction nearly

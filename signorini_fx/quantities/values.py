@@ -16,7 +16,7 @@ from signorini_fx.machine import parallel
 def of_results(solution: Any) -> dict[str, Any]:
     """Return the values of the keys that need the solution alone; collective."""
     contact = solution.contact
-    known: dict[str, Any] = {
+    known = {
         **({} if contact is None else _of_contact(solution)),
         "preloads": [section.model_dump() for section in solution.preloads] or None,
         "resultants": solution.resultants.as_rows(),
@@ -85,7 +85,7 @@ def of_fields(solution: Any) -> dict[str, Any]:
     stress = solution.known_stress
     if stress is None:
         return {}
-    known: dict[str, Any] = {
+    known = {
         "stress": stress.as_dict(),
         "plastic_strain": stress.plastic_extreme(),
         "utilisation": stress.utilisation(),

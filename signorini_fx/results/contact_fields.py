@@ -76,7 +76,7 @@ class ContactFields:
             "slip": matvec(cotangents, state.slip_length),
         }
         for name, point_values in values.items():
-            function: fem.Function = getattr(self, name)
+            function = getattr(self, name)
             nodes = function.function_space.dofmap.list
             numbering = np.zeros(node_positions(space).shape[0], dtype=np.int64)
             numbering[space.dofmap.list[:, : nodes.shape[1]]] = (
@@ -129,7 +129,7 @@ def boundary_fields(
     mesh, cells = compat.facet_mesh(space.mesh, wanted)
     made: dict[str, fem.Function] = {}
     for name in ("pressure", "shear", "gap", "slip"):
-        function: fem.Function = getattr(fields, name)
+        function = getattr(fields, name)
         parent = function.function_space
         size = function.function_space.dofmap.index_map_bs
         shape = (size,) if function.ufl_shape else ()

@@ -152,7 +152,7 @@ def write_surface(path: Path, table: ContactTable) -> None:
     def vector(begin: str) -> Array:
         return np.column_stack([c[f"{begin}{axis}"] for axis in "xyz"])
 
-    fields: dict[str, Array] = {
+    fields = {
         **{
             name: c[name]
             for name in ("pressure", "gap", "u_n", "bound", "shear", "slip", "u_t", "weight")

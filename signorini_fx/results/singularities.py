@@ -232,7 +232,7 @@ def _condition(
     ]
     paired = ["bonded" if effect.bonded else "contact" for effect, _ in contacts if effect.against]
     touching = [effect for effect, _ in contacts]
-    rows: list[Array] = [
+    rows = [
         normal for effect in (*supports, *touching) if getattr(effect, "normal", 0.0) is not None
     ]
     for effect in supports:

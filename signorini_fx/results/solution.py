@@ -493,7 +493,7 @@ class Solution:
             return "there is no solution"
         if reason := self.mechanics.no_bounds:
             return reason
-        interval: Interval | str = add_on("force_bounds")(
+        interval = add_on("force_bounds")(
             self.model, self.displacement, self.contact, boundary, direction, self._position
         )
         return interval
@@ -556,7 +556,7 @@ class Solution:
     @property
     def comm(self) -> MPI.Comm:
         """Return the ranks that share the solution."""
-        comm: MPI.Comm = self.model.tagged.mesh.comm
+        comm = self.model.tagged.mesh.comm
         return comm
 
 

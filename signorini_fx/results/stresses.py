@@ -68,7 +68,7 @@ class StressFields:
     @property
     def comm(self) -> MPI.Comm:
         """The ranks that share the body."""
-        comm: MPI.Comm = self.stress.displacement.function_space.mesh.comm
+        comm = self.stress.displacement.function_space.mesh.comm
         return comm
 
     @cached_property
@@ -405,7 +405,7 @@ class RawStresses(StressFields):
         more, and where, JSON-safe; None: no yield stress is known, and of nonlinear materials;
         collective.
         """
-        model: Model = self.mechanics.model
+        model = self.mechanics.model
         if not self.recovers or all(math.isinf(_limit(one)) for one in model.statement.material):
             return None
         if parallel.any_rank(self.comm, not np.isfinite(self.stress.displacement.x.array).all()):
@@ -425,8 +425,8 @@ class RawStresses(StressFields):
         """An extreme, with the part of several, and of a linear body why there is no limit;
         JSON-safe; collective.
         """
-        told: dict[str, Any] = {"value": extreme.value, "place": [*extreme.place]}
-        model: Model = self.mechanics.model
+        told = {"value": extreme.value, "place": [*extreme.place]}
+        model = self.mechanics.model
         regions = [*model.statement.bodies] or [entry.region for entry in model.statement.material]
         if len(regions) > 1:
             told["region"] = part_of(model, extreme.cell, regions)

@@ -40,7 +40,7 @@ from signorini_fx.tuned import ERROR_PATIENCE
 def summary_of(solution: Solution) -> dict[str, Any]:
     """All figures of a solve that stand, JSON-safe; collective, the same on every rank."""
     history = solution.history
-    summary: Summary = {
+    summary = {
         "schema_version": SCHEMA_VERSION,
         "title": solution.model.title,
         "incomplete": list(solution.statement.incomplete),
@@ -91,7 +91,7 @@ def _step_summary(
     a number.
     """
     result = solution.last_step
-    row: dict[str, Any] = {
+    row = {
         "step": result.step,
         "name": result.name,
         "time": result.time,

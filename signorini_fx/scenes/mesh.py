@@ -5,7 +5,6 @@ from __future__ import annotations
 from contextlib import nullcontext
 from functools import partial
 from itertools import pairwise
-from typing import Any
 
 from mpi4py import MPI
 
@@ -88,7 +87,7 @@ def _load_one(scene: Scene, number: int | None, comm: MPI.Comm, halvings: int = 
     """The mesh of one of several bodies, None: the only one; of a file with its sides halved that
     many times.
     """
-    source: Any = scene.mesh if number is None else scene.body[number].mesh
+    source = scene.mesh if number is None else scene.body[number].mesh
     sizes = contact_sizes(scene, number)
     match source:
         case TaggedMesh():

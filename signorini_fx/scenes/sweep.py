@@ -299,7 +299,7 @@ def row_of(change: Mapping[str, Any], solution: Solution) -> dict[str, Any]:
         solves = sum(step.linear_solves for step in solution.steps)
     else:
         solves = solution.history.linear_solves
-    outcome: dict[str, Any] = {
+    outcome = {
         **change,
         "status": solution.status.value,
         "linear_solves": solves,

@@ -75,7 +75,7 @@ class _ForEditors(GenerateJsonSchema):
 def scene_schema() -> dict[str, Any]:
     """The JSON schema of scene files, with the docstrings as descriptions."""
     model = described()
-    schema: dict[str, Any] = model.model_json_schema(schema_generator=_ForEditors)
+    schema = model.model_json_schema(schema_generator=_ForEditors)
     by_name = {table.__name__: table for table in tables(model)}
     for name, definition in schema["$defs"].items():
         _describe(definition, by_name[name])

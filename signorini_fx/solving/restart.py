@@ -270,7 +270,7 @@ def described_scene(scene: BaseModel | Mapping[str, Any]) -> dict[str, Any]:
     """The scene as JSON with all defaults, its files by content, without what changes no result:
     title, remarks.
     """
-    description: dict[str, Any] = json.loads(json.dumps(describe(scene, of_file=_with_content)))
+    description = json.loads(json.dumps(describe(scene, of_file=_with_content)))
     if isinstance(scene, BaseModel):
         for remark in ("title", "incomplete"):
             description.pop(remark, None)

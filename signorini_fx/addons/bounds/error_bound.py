@@ -135,7 +135,7 @@ class Bounded(PlainProblem):
         """
         t = self.t
         d = self.t.dimension
-        traction: Array = self.traction.copy()
+        traction = self.traction.copy()
         for surface in self.contacts:
             for side, sign in zip(surface.parts.sides, (1.0, -1.0), strict=False):
                 facets = surface.parts.facets[side]
@@ -295,7 +295,7 @@ class Bounded(PlainProblem):
         """
         t = self.t
         motions = free_motions(t, self.held)
-        modes: Array = motions.reshape(len(t.x), t.dimension, -1)
+        modes = motions.reshape(len(t.x), t.dimension, -1)
         if not modes.shape[2]:
             return
         if not self.contacts:

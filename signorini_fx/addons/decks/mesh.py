@@ -376,7 +376,7 @@ class _Reader:
         one that is added. Forces on several bodies are several groups.
         """
         names = {label: self._free(f"{label}_{{}}") for label in _LABELS.values()}
-        set_names: dict[frozenset[Any], str] = {
+        set_names = {
             **{
                 frozenset(plain(nodes)): name
                 for name, nodes in self.node_sets.items()
@@ -442,7 +442,7 @@ class _Reader:
         self.undefined[name] = int(np.count_nonzero(~on_body))
         rows = rows[on_body]
         listed = listed[on_body]
-        corners: Ints = np.full((len(rows), 4), -1)
+        corners = np.full((len(rows), 4), -1)
         for k, face in plain(
             np.unique(np.column_stack((elements.part[rows], listed[:, 1])), axis=0)
         ):

@@ -81,7 +81,7 @@ class DeckBlock:
                 "error"
             )  # numpy warns of an integer with a point, and of no numbers
             try:
-                values: Any = np.loadtxt(
+                values = np.loadtxt(
                     table, dtype=kind, delimiter=",", comments=None, ndmin=2
                 ).ravel()
             except (ValueError, Warning):

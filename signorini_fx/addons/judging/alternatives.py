@@ -63,10 +63,10 @@ def _values(
             u = on_mesh.with_entries(tried.entries(value))
         except (NotJudgedError, SceneError):  # there is none, or the scene contradicts itself
             return
-        off: Array = v - u
+        off = v - u
         distance = on_mesh.norm(off)
         yield OtherProblem(tried.text(value, 1 / value if value else np.inf), u, distance)
-        slope: Array = np.asarray((u - u_before) / (value - before))
+        slope = np.asarray((u - u_before) / (value - before))
         square = on_mesh.product(slope, slope)
         if distance <= enough or not square > 0:
             return
@@ -85,9 +85,7 @@ def _alternatives(scene: Scene, size: float) -> Iterator[Alternative]:
         if isinstance(entry, Load) and key != "displacement"
     ]
     trial = 1.0 + NOTABLE
-    text: Callable[..., str] = (
-        "its loads are {:.4g} times the problem's, or its moduli {:.4g} times".format
-    )
+    text = "its loads are {:.4g} times the problem's, or its moduli {:.4g} times".format
     if loads:
         yield Alternative(text, 1.0, trial, partial(_loaded, scene, loads))
     for load in loads if len(loads) > 1 else ():
@@ -113,7 +111,7 @@ def _alternatives(scene: Scene, size: float) -> Iterator[Alternative]:
 def _of_friction(scene: Scene, number: int, contact: Any) -> Iterator[Alternative]:
     """Yield another coefficient or bound of friction; without friction a coefficient."""
     friction = contact.friction
-    law: dict[str, Any] = friction.model_dump()
+    law = friction.model_dump()
     if isinstance(friction, NoFriction):
         law = {"law": "coulomb", "coefficient": 0.0}
     key = next((key for key in ("coefficient", "bound") if isinstance(law.get(key), float)), None)
@@ -166,12 +164,12 @@ def _softer(scene: Scene, number: int, compliance: float) -> dict[str, Any]:
     """Return the materials with a compliance, of which the displacement is nearly linear, that is
     so many times as large.
     """
-    material: Any = scene.material[number]
+    material = scene.material[number]
     return _changed(scene, "material", number, young=material.young / compliance)
 
 
 def _opened(scene: Scene, number: int, by: float) -> dict[str, Any]:
-    gap: Any = scene.contact[number].gap
+    gap = scene.contact[number].gap
     if isinstance(gap, float):
         gap += by
     elif isinstance(gap, Expression):

@@ -238,7 +238,7 @@ def panels_of(boundary: PlaneBoundary, side: str) -> list[Panel]:
         opposite = "the other body" if boundary.against else "rigid foundation"
         # The foundation is drawn where it is near, and its nearest point is always visible.
         nearest = float(np.abs(gap).min(initial=np.inf, where=np.isfinite(gap)))
-        lengths: list[Curve] = [
+        lengths = [
             (f"{moves}normal displacement", motion, MOTION),
             (opposite, gap, LIMIT),
         ]
@@ -248,17 +248,15 @@ def panels_of(boundary: PlaneBoundary, side: str) -> list[Panel]:
         ]
     bound = boundary.floats("bound")
     inside = " in the section" if boundary.out_of_section else ""
-    shears: list[Curve] = [(f"shear stress{inside}", boundary.along("shear"), MULTIPLIER)]
-    motions: list[Curve] = [
-        (f"{moves}tangential displacement{inside}", boundary.along("u_t"), MOTION)
-    ]
+    shears = [(f"shear stress{inside}", boundary.along("shear"), MULTIPLIER)]
+    motions = [(f"{moves}tangential displacement{inside}", boundary.along("u_t"), MOTION)]
     if boundary.out_of_section:
         shears.append(("around the axis", boundary.floats("shear_z"), AROUND))
         motions.append(("around the axis", boundary.floats("u_t_z"), AROUND))
     # A bound that is never reached, or that is practically infinite, should not flatten the shear;
     # a bond has none.
     reach = 10 * largest_of(*(values for _, values, _ in shears)) or math.inf
-    bounds: list[Curve] = (
+    bounds = (
         [("friction bound", bound, LIMIT), ("", -bound, LIMIT)] if np.isfinite(bound).any() else []
     )
     least = 1e-4 * largest_of(*(values for _, values, _ in motions), boundary.floats("u_n"))

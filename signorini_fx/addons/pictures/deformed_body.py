@@ -204,7 +204,7 @@ def _areas(corners: Array) -> Array:
     """Areas of polygons of shape (m, k, 2)."""
     x = corners[..., 0]
     y = corners[..., 1]
-    twice: Array = np.abs((x * np.roll(y, -1, axis=1) - y * np.roll(x, -1, axis=1)).sum(axis=1))
+    twice = np.abs((x * np.roll(y, -1, axis=1) - y * np.roll(x, -1, axis=1)).sum(axis=1))
     return 0.5 * twice
 
 

@@ -71,7 +71,7 @@ def _page(summary: dict[str, Any], folder: Path, only: Sequence[str]) -> str:
     )  # of what the figures of a chapter are
     # First what is asked first, then what was found, then why it may be trusted, last how it was
     # computed.
-    chapters: dict[str, Markup] = {
+    chapters = {
         "Outcome": sections.outcome(summary, folder),
         "Body": turning_body(summary, folder) if solved else Markup(""),
         "Figures": Markup("") if no_result else sections.figures(summary),

@@ -225,7 +225,7 @@ def _rest_of(
     it, or it rests.
     """
     values, vectors = np.linalg.eigh(normal_modes.T @ normal_modes)
-    resisted: Array = vectors[:, values > CERTIFICATE_TOLERANCE * values[-1]]
+    resisted = vectors[:, values > CERTIFICATE_TOLERANCE * values[-1]]
     work = resisted.T @ load
     size = float(np.abs(gap).max())
     largest = float(np.abs(work).max(initial=0.0))
@@ -253,5 +253,5 @@ def _furthest(rows: Array, gap: Array, work: Array) -> Array | None:
         return None
     # The programme is solved to its own tolerance; the gaps that it closes are closed exactly.
     closed = rows @ result.x >= gap - CERTIFICATE_TOLERANCE
-    coefficients: Array = np.linalg.lstsq(rows[closed], gap[closed], rcond=None)[0]
+    coefficients = np.linalg.lstsq(rows[closed], gap[closed], rcond=None)[0]
     return coefficients

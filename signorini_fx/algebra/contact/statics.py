@@ -385,7 +385,7 @@ def along_contact(contact: Reactions, motion: Array, pressed: Ints) -> Array:
     of it.
     """
     rows = contact.normal[pressed]
-    sliding: Array = (
+    sliding = (
         motion - np.linalg.lstsq(rows, rows @ motion, rcond=NO_FORCE)[0] if len(rows) else motion
     )
     return sliding if np.linalg.norm(sliding) > NO_FORCE * np.linalg.norm(motion) else motion

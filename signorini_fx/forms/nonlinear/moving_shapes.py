@@ -73,7 +73,7 @@ class MovingShape:
         about = home.reference(dim) - motion.reference
         shift = np.zeros(dim) if home.shift is None else np.array(home.shift, dtype=np.float64)
         moved = shift + motion.translation + (turn_of(turn) - np.eye(dim)) @ about
-        update: dict[str, Any] = {"shift": tuple(map(float, moved))}
+        update = {"shift": tuple(map(float, moved))}
         if turn.any() or self.shape.rotation is not None:
             if reason := self.turned_otherwise(turn):
                 raise FormError.at("contact", reason)

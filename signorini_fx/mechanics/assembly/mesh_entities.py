@@ -236,7 +236,7 @@ def parallelepipeds(mesh: dmesh.Mesh) -> bool:
         return False
     dim = mesh.topology.dim
     # Shape (d, corners of a cell, cells), corners in the order of basix: along x[0] first.
-    x: Array = np.ascontiguousarray(mesh.geometry.x.T[:dim], dtype=np.float64)
+    x = np.ascontiguousarray(mesh.geometry.x.T[:dim], dtype=np.float64)
     corners = x[:, compat.geometry_cells(mesh).T]
     relative = corners - corners[:, :1]
     edges = relative[:, 2 ** np.arange(dim)]

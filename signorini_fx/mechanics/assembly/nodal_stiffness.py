@@ -159,7 +159,7 @@ def block_stiffness(
     nodes = entries.index_map(1)
     owned = entries.index_map(0).size_local
     starts = np.asarray(entries.indptr[: owned + 1], dtype=np.int64)
-    data: Array = np.asarray(entries.data, dtype=np.float64)
+    data = np.asarray(entries.data, dtype=np.float64)
     columns = entries.indices[: starts[-1]]
     blocks = data.reshape(-1, size, size)[: starts[-1]]
     of_row = np.repeat(np.arange(owned, dtype=columns.dtype), np.diff(starts))
@@ -170,7 +170,7 @@ def block_stiffness(
     extended.array[: fixed.size] = fixed
     extended.scatter_forward()
     held = extended.array.reshape(-1, size) > 0
-    some: Flags = np.asarray(held.any(axis=1))
+    some = np.asarray(held.any(axis=1))
     block = np.flatnonzero(some[of_row] | some[columns])
     blocks[block] = np.where(
         held[of_row[block], :, None] | held[columns[block], None, :], 0.0, blocks[block]

@@ -155,7 +155,7 @@ def _pieces_of(mesh: dmesh.Mesh) -> BodyPieces:
     x = mesh.geometry.x[:, :dim].astype(np.float64)
     corners = compat.geometry_cells(mesh)
     numbers = np.empty(count, dtype=np.int64)
-    bounds: Array = np.empty((count, 2, dim))
+    bounds = np.empty((count, 2, dim))
     for piece in range(count):
         in_piece = of_cell == piece
         bounds[piece] = parallel.global_bounds(
@@ -218,7 +218,7 @@ def _refuse_hinges(mesh: dmesh.Mesh, of_cell: Ints) -> None:
     of_corner = np.repeat(of_cell, vertices.size // max(of_cell.size, 1))
     between = _disagreements(of_vertex, topology.index_map(0))[:, 0]
     shared = np.concatenate((vertices[of_vertex[vertices] != of_corner], between)).astype(np.int32)
-    nodes: Indices = np.empty(0, dtype=np.int32)
+    nodes = np.empty(0, dtype=np.int32)
     if shared.size:  # dolfinx divides by their number
         topology.create_connectivity(0, topology.dim)
         nodes = dmesh.entities_to_geometry(mesh, 0, shared).ravel()

@@ -315,7 +315,7 @@ def tangents_of(normal: Array) -> Array:
 def join(parts: list[ContactBoundary]) -> ContactBoundary:
     """Several contact boundaries as one list of nodes."""
     names = ("nodes", "x", "weight", "normal", "part", "free", "global_nodes", "axes")
-    joined_fields: dict[str, Any] = {
+    joined_fields = {
         name: np.concatenate([getattr(part, name) for part in parts]) for name in names
     }
     pushing = None

@@ -186,7 +186,7 @@ def contact_table(
         ["slip-", "stick", "slip+"] if boundary.x.shape[1] == 2 else ["", "stick", "slip"]
     )
     state = slipping[of["side"][:, 0].astype(int) + 1]
-    columns: dict[str, npt.NDArray[Any]] = {
+    columns = {
         **dict(zip("xyz", of["x"].T, strict=False)),
         **_components("gap", of["gap"]),
         **_components("u_n", of["u_n"]),

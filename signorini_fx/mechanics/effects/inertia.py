@@ -66,7 +66,7 @@ class InitialVelocity(Effect):
 
     def velocities(self, x: Array) -> Array:
         """Return velocities at points of shape (3, n), shape (3, n)."""
-        given: dict[str, Any] = {"x": self.x, "y": self.y, "z": self.z}
+        given = {"x": self.x, "y": self.y, "z": self.z}
         moved = Displacement(
             boundary="", **given, rotation=self.rotation, about=self.about, axis=self.axis
         )

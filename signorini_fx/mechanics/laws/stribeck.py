@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Literal, Self
 
 import numpy as np
 from pydantic import AfterValidator, Field, model_validator
@@ -140,7 +140,7 @@ class SpeedTable(SpeedLaw):
 
     def coefficient_at(self, speed: Array) -> tuple[Array, Array]:
         at = np.searchsorted(self.speeds, speed, side="right")
-        slopes: Any = np.diff(self.coefficients) / np.diff(self.speeds)
+        slopes = np.diff(self.coefficients) / np.diff(self.speeds)
         return np.interp(speed, self.speeds, self.coefficients), np.append(slopes, 0.0)[at - 1]
 
     def envelope(self, zero: Array) -> Envelope:

@@ -113,7 +113,7 @@ def conditions_on(
     for index, effect in enumerate(statement.displacement):
         if not effect.holding:
             continue
-        components: Sequence[Any] = effect.components
+        components = effect.components
         if effect.normal is not None:
             normal = flat_normal(effect, index, tagged)
             if np.abs(normal).max() < 1.0:

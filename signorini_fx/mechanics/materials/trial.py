@@ -146,7 +146,7 @@ def _fault_of_response(material: Any) -> str:
     drawn = np.random.default_rng(0)
     strain = drawn.standard_normal((64, 3, 3)) * np.geomspace(1e-5, 1e-1, 64)[:, None, None]
     strain = (strain + strain.swapaxes(1, 2)) / 2
-    state: Array = np.zeros((len(strain), material.state_size))
+    state = np.zeros((len(strain), material.state_size))
     for time, factor in ((1.0, 1.0), (2.0, 2.0), (4.0, -0.5)):
         material = material.at_time(time)
         tried = factor * strain

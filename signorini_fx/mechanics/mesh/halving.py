@@ -110,7 +110,7 @@ def _numbered(mesh: MeshArrays, degree: int) -> tuple[Ints, Array, Array]:
     element = basix.ufl.element("Lagrange", shape, degree, even)
     dofs = fem.functionspace(made, element).dofmap.list
     lattice = element.basix_element.points
-    number: Ints = np.empty(dofs.shape, dtype=np.int64)
+    number = np.empty(dofs.shape, dtype=np.int64)
     number[made.topology.original_cell_index] = dofs
     points = np.empty((int(number.max()) + 1, mesh.dim))
     points[number] = np.einsum("ln,cnd->cld", mesh.cell.shape(lattice), mesh.points[mesh.cells])

@@ -39,7 +39,7 @@ def mesh_info(file: MeshFile) -> dict[str, Any]:
     measure, of_facets = _MEASURES[mesh.dim]
 
     def facets(rows: Ints) -> dict[str, Any]:
-        figures: dict[str, Any] = {"facets": len(rows), of_facets: float(areas[rows].sum())}
+        figures = {"facets": len(rows), of_facets: float(areas[rows].sum())}
         return figures | (
             {"bounds": bounds(places[mesh.facet_corners[rows].ravel()])} if len(rows) else {}
         )

@@ -140,9 +140,7 @@ def cells_of_points(
             tree = geometry.bb_tree(
                 mesh, dim, entities=entities, padding=float(share * 2 ** (group + 1))
             )
-            near: Any = geometry.compute_collisions_points(
-                tree, np.ascontiguousarray(x[open_points])
-            )
+            near = geometry.compute_collisions_points(tree, np.ascontiguousarray(x[open_points]))
             point_numbers = np.repeat(open_points, np.diff(near.offsets))
             for begin in range(0, len(point_numbers), _PAIRS):
                 point = point_numbers[begin : begin + _PAIRS]

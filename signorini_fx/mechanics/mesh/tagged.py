@@ -296,7 +296,7 @@ def embed_in_3d(mesh: dmesh.Mesh) -> dmesh.Mesh:
         shape=(3,),
         dtype=mesh.geometry.x.dtype,
     )
-    made: Any = type(compat.wrapped(mesh))(
+    made = type(compat.wrapped(mesh))(
         mesh.comm, compat.topology(mesh), compat.geometry_in_space(mesh)
     )
     return dmesh.Mesh(made, ufl.Mesh(domain))
@@ -716,7 +716,7 @@ def _combined(
     holds = np.zeros((len(members), len(groups)), dtype=bool)
     for number, part in enumerate(groups.values()):
         holds[np.searchsorted(members, part), number] = True
-    combination: Ints = np.zeros(len(members), dtype=np.int64)
+    combination = np.zeros(len(members), dtype=np.int64)
     for held in holds.T:  # one column after the other, a hundred times as fast as all at once
         combination = np.unique(2 * combination + held, return_inverse=True)[1].reshape(-1)
     own = holds[np.unique(combination, return_index=True)[1]]

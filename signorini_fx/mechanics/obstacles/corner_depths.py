@@ -185,9 +185,7 @@ def facing_corners(foundation: PlacedShape, space: fem.FunctionSpace) -> tuple[A
     collective.
     """
     dim = space.mesh.topology.dim
-    corners: Corners | None = (
-        foundation.shape.corners(dim) if hasattr(foundation.shape, "corners") else None
-    )
+    corners = foundation.shape.corners(dim) if hasattr(foundation.shape, "corners") else None
     if corners is None or not corners.places.size:
         return None
     _, facets, normal = BodySurface.of(space).below(corners.places, node_positions(space)[:, :dim])

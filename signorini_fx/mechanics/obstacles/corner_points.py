@@ -157,7 +157,7 @@ class CornerFeet:
         beside = list[int]()
         on = list[int]()
         for k in range(count):
-            c: Array = corners.places[k]
+            c = corners.places[k]
             facet, near = line.nearest(c)
             xi = line.foot(facet, c, near)
             last = xi > 0.5
@@ -363,7 +363,7 @@ def _in_order(nodes: Ints, rows: Array) -> Sequence[int]:
     order = list[int]()
     seen = set[int]()
     for begin in begins:
-        facet: int | None = begin
+        facet = begin
         while facet is not None and facet not in seen:
             order.append(facet)
             seen.add(facet)

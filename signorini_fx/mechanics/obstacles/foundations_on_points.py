@@ -334,7 +334,7 @@ class Foundations:
                 axes = contact.friction.axes(
                     at, f"contact[{k}].friction", self._dimension, self._space.mesh.comm
                 )
-            along: Any = self._distances[k].direction if k in self._distances else contact.direction
+            along = self._distances[k].direction if k in self._distances else contact.direction
             if along is not None:
                 direction = at(along, f"contact[{k}].direction", self._dimension)
                 size = np.hypot.reduce(direction, axis=1, keepdims=True)
@@ -466,7 +466,7 @@ class Foundations:
             or not by_pressure
         ):
             return None
-        corners: Corners | None = shape.corners(2)
+        corners = shape.corners(2)
         if corners is None or not corners.places.size or self._on_pieces[number] > 1:
             return None
         return corners

@@ -46,9 +46,7 @@ def foundations_of(
     around = None if kinematics.uniform else kinematics.measure_at
     for number, (effect, on) in enumerate(zip(contacts, facets, strict=True)):
         friction = effect.friction if effect.friction.acts else None
-        gap: Any = (
-            effect.gap if isinstance(effect.gap, int | float) else partial(sample, effect.gap)
-        )
+        gap = effect.gap if isinstance(effect.gap, int | float) else partial(sample, effect.gap)
         if number in masters:
             same = ("distance", "kind", "adjust", "sliding")
             choice = {key: getattr(effect, key) for key in same}

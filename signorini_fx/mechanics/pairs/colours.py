@@ -73,7 +73,7 @@ def chosen_sides(surface: PairSurface, reach: float, before: Ints) -> Ints:
     by_distance = np.lexsort((np.abs(ahead), first))
     found, nearest = np.unique(first[by_distance], return_index=True)
     partner = second[by_distance][nearest]
-    has: Flags = np.isin(np.arange(count), found)
+    has = np.isin(np.arange(count), found)
     beside = surface.neighbours.tocoo()
     same = has[beside.row] & has[beside.col] & (beside.row < beside.col)
     opposite = has[partner]

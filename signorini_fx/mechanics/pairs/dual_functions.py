@@ -192,7 +192,7 @@ def _together(side: PairSurface, facets: Ints) -> tuple[Pairs, Flags]:
     """
     tests = side.points[facets]
     count = len(side.x)
-    tested_nodes: Flags = np.zeros(count, dtype=bool)
+    tested_nodes = np.zeros(count, dtype=bool)
     tested_nodes[tests] = True
     first, second = np.divmod(np.unique(tests[:, :, None] * count + tests[:, None]), count)
     others = first != second

@@ -306,7 +306,7 @@ def place_under(functions: Lagrange, corners: Array, ways: Array, x: Array) -> A
     along = places[:, 1:].sum(axis=1)
     # The misses are polynomials of the place: along the facet they fall or rise, as its normal is
     # on its right or left.
-    misses: Array = np.zeros((2 * places.shape[1] - 1, *x.shape[:2]))
+    misses = np.zeros((2 * places.shape[1] - 1, *x.shape[:2]))
     misses[: ways.shape[1]] = _cross((x - corners[:, :1])[:, None], ways).swapaxes(0, 1)
     for power in range(1, places.shape[1]):
         misses[power : power + ways.shape[1]] -= _cross(places[:, power, None], ways).swapaxes(0, 1)

@@ -187,7 +187,7 @@ class PairSurface:
         measure: Array | None = None,
     ) -> PairSurface:
         """A side that nothing holds."""
-        none: Flags = np.zeros(len(x), dtype=bool)
+        none = np.zeros(len(x), dtype=bool)
         return cls(nodes, x, functions, sign, np.zeros((*x.shape, x.shape[1])), none, none, measure)
 
     def displaced(self, displacement: Array) -> PairSurface:
@@ -530,7 +530,7 @@ def turning_of(
         r = r - sums[row] / total[row]
     turns = _crossing(r)
     moments = a[:, None, None] * _crossing(r)
-    inertia: Array = np.zeros((count, *turns.shape[1:2] * 2))
+    inertia = np.zeros((count, *turns.shape[1:2] * 2))
     np.add.at(inertia, row, moments @ turns.swapaxes(1, 2))
     inverse = quotient(1.0, inertia)
     if dim == 3:

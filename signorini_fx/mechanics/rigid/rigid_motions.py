@@ -156,7 +156,7 @@ class RigidMotions:
         (n, d).
         """
         coefficients = motion.reshape(-1, self.each)[self.piece[nodes]]
-        moved: Array = matvec(self.modes(nodes), coefficients)
+        moved = matvec(self.modes(nodes), coefficients)
         return moved
 
     def load_of(self, forces: Array, comm: MPI.Comm, driving: Array | None = None) -> RigidLoad:

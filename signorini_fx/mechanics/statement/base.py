@@ -218,7 +218,7 @@ def _problem(detail: Any, data: Mapping[str, Any], model: type[BaseModel]) -> tu
     labels.
     """
     path = ""
-    node: Any = data
+    node = data
     for part in detail["loc"]:
         if isinstance(part, int):
             path += f"[{part}]" if isinstance(node, Sequence) else ""

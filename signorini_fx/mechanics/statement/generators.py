@@ -34,9 +34,7 @@ def known_generators(name: str | None = None) -> dict[str, Callable[[], Any]]:
         module.name for module in pkgutil.iter_modules(folders) if not module.name.startswith("_")
     ]
     others = () if name in own_names else names_of(GENERATORS)
-    generators: dict[str, Callable[[], Any]] = {
-        key: partial(load, GENERATORS, key) for key in others
-    }
+    generators = {key: partial(load, GENERATORS, key) for key in others}
     generators |= {key: partial(_of_this_package, key) for key in own_names}
     return dict(sorted(generators.items()))
 
@@ -58,7 +56,7 @@ def found_generator(
         message = f"no generator {name!r}; there are: {', '.join(generators) or 'none'}"
         raise SceneError.at("mesh.generator", message)
     try:
-        generate: Callable[..., Any] = generators[name]()
+        generate = generators[name]()
         types_of(generate)
     except Exception as error:  # of the code of the user
         message = f"{name!r} cannot be imported: {type(error).__name__}: {error}"

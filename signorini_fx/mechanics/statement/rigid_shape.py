@@ -440,7 +440,7 @@ def shape_class(name: str) -> type[Shape]:
     if name not in _SHAPES:
         return load_class(SHAPES, name, Shape)
     file, kind = _SHAPES[name]
-    found: type[Shape] = getattr(import_module(f"signorini_fx.mechanics.shapes.{file}"), kind)
+    found = getattr(import_module(f"signorini_fx.mechanics.shapes.{file}"), kind)
     return found
 
 

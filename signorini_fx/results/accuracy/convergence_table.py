@@ -63,7 +63,7 @@ def convergence_table(
     rows = []
     for index, level in enumerate(levels):
         so_far = levels[: index + 1]
-        errors: dict[str, float | None] = {"pressure": level.pressure, "force": None, "peak": None}
+        errors = {"pressure": level.pressure, "force": None, "peak": None}
         if index > 0:
             # A single change was seen to mislead.
             known = index > 1 and level.pressure is not None

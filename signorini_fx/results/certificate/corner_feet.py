@@ -46,7 +46,7 @@ def judged_corners(
         counts = parallel.gather_rows(boundary.comm, np.array([[rows.size]]))
         if not counts.any():
             continue
-        corners: Corners = foundation.shape.corners(2)
+        corners = foundation.shape.corners(2)
         if counts.sum() != 2 * len(corners.places):
             gap[part] = np.nan  # not all corners have contact points: no certificate holds
             continue

@@ -111,7 +111,7 @@ class NodalForces:
                 self._of_forms[name] = [
                     term if isinstance(term, fem.Form) else fem.form(term) for term in stated
                 ]
-        forms: Sequence[fem.Form] = self._of_forms[name]
+        forms = self._of_forms[name]
         return forms
 
     @property

@@ -239,7 +239,7 @@ def new(options: argparse.Namespace) -> str | tuple[str, int]:
     """
     from signorini_fx.mechanics.statement.mesh_sources import MESH_FORMATS
 
-    file: Path = options.file
+    file = options.file
     if options.deck is None and file.suffix.lower() in MESH_FORMATS:
         return _new_of_mesh(options)
     if options.deck is None:

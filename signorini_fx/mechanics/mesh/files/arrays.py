@@ -37,7 +37,7 @@ def plain(values: npt.NDArray[Any]) -> Any:
 
 def bounds(points: Array) -> list[list[float]]:
     """The smallest and the largest coordinates."""
-    found: list[list[float]] = [plain(points.min(axis=0)), plain(points.max(axis=0))]
+    found = [plain(points.min(axis=0)), plain(points.max(axis=0))]
     return found
 
 
@@ -320,7 +320,7 @@ def _entities(
     """Return the entities that the elements of some blocks are, one block after the other."""
     firsts = np.cumsum([0, *(len(raw.blocks[n][1]) for n in blocks)])[:-1]
     placed = list(zip(blocks, firsts, strict=True))
-    none: Ints = np.empty(0, dtype=np.int64)
+    none = np.empty(0, dtype=np.int64)
     sets = {
         label: np.concatenate([none, *(at + rows[n] for n, at in placed)])
         for label, rows in raw.sets.items()
