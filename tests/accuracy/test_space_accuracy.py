@@ -113,7 +113,7 @@ def test_asked_for(fine, cell, of, target):
     smaller.
     """
     solution = asked(cell, target=target, of=of)
-    assert solution.status is Status.CONVERGED
+    assert solution.converged
     assert fine.errors(solution)[of] <= target
     assert solution.model.tagged.mesh.topology.cell_name() == cell
     assert solution.model.dofs < 12_000

@@ -13,7 +13,7 @@ from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from numpy.testing import assert_allclose, assert_array_equal
-from on_meshes import vector_space
+from on_meshes import trial_and_test, vector_space
 from scene_tables import circle_shape, fixed, plane_shape, rectangle_mesh
 from scenes import alone
 
@@ -468,7 +468,7 @@ def ball(count, velocity=-0.02, density=1.0, weight=0.0):
     """A disc above a floor, and the state that it begins with."""
     mesh = disc(count)
     space = vector_space(mesh)
-    u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
+    u, v = trial_and_test(space)
     strain = ufl.sym(ufl.grad(u))
     first, second = 0.3 / (1.3 * 0.4), 0.5 / 1.3
     a = ufl.inner(2 * second * strain, ufl.grad(v)) * ufl.dx

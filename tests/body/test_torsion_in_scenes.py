@@ -8,7 +8,7 @@ import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
-from on_meshes import at_coordinate, vector_space
+from on_meshes import at_coordinate, trial_and_test, vector_space
 from scene_tables import circle_shape, coulomb_friction, fixed, rectangle_mesh
 
 from signorini_fx import ContactProblem, ConvergenceError, Coulomb, Foundation, SceneError, Tresca
@@ -90,7 +90,7 @@ def by_forms(solution, torque, friction, algorithm):
     d = solution.model
     mesh, degree = d.tagged.mesh, d.statement.element.degree
     space = vector_space(mesh, degree, 3)
-    u, v, r = ufl.TrialFunction(space), ufl.TestFunction(space), ufl.SpatialCoordinate(mesh)[0]
+    u, v, r = trial_and_test(space), ufl.SpatialCoordinate(mesh)[0]
 
     def strain(y):
         return ufl.sym(

@@ -7,11 +7,10 @@ from typing import Literal
 
 import numpy as np
 import pytest
-import ufl
 from dolfinx import fem
 from forms import box, hooke, side
 from numpy.testing import assert_allclose
-from on_meshes import vector_space
+from on_meshes import no_load, trial_and_test, vector_space
 from scene_tables import box_mesh, plane_shape, rectangle_mesh
 
 import signorini_fx as sfx
@@ -114,11 +113,11 @@ def dragged(friction, **settings):
     """The same of a user's own forms: the top is dragged with the speed; u and the problem."""
     mesh = box((2.0, 1.0), (8, 4))
     V = vector_space(mesh)
-    u, v = ufl.TrialFunction(V), ufl.TestFunction(V)
+    u, v = trial_and_test(V)
     moved = fem.Function(V)
     top = fem.locate_dofs_topological(V, 1, side(mesh, 1, 1.0))
     contact = sfx.Foundation(side(mesh, 1, 0.0), friction=friction)
-    load = ufl.inner(fem.Constant(mesh, (0.0, 0.0)), v) * ufl.dx
+    load = no_load(mesh, v)
     bcs = [fem.dirichletbc(moved, top)]
     problem = sfx.ContactProblem(hooke(u, v), load, bcs, contact, **settings)
 

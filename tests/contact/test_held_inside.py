@@ -13,7 +13,6 @@ from certifying import certify
 from scene_tables import coulomb_friction, fixed, rectangle_mesh, tresca_friction
 from scenes import alone
 
-from signorini_fx.records import Status
 from signorini_fx.results.certificate.law_of_method import Tractions
 from signorini_fx.scenes.reading import parse_scene
 
@@ -59,7 +58,7 @@ def test_the_penalty_decides_about_nothing(solver):
     deep and where.
     """
     solution = alone(square(**solver))
-    assert solution.status is Status.CONVERGED
+    assert solution.converged
     force, friction = solution.contact.forces
     assert force[0] == pytest.approx(-FORCE, rel=1e-4)
     assert not friction.any()

@@ -7,7 +7,7 @@ from dolfinx import fem
 from dolfinx import mesh as dmesh
 from forms import box as plain_box
 from forms import hooke, side
-from on_meshes import vector_space
+from on_meshes import trial_and_test, vector_space
 from scene_tables import coulomb_friction, fixed, rectangle_mesh
 from sensitivities import COMM, COULOMB, TRESCA, agrees
 from spaces import box
@@ -189,7 +189,7 @@ def test_constants_of_forms(settings):
     young, friction, load, gap, moved = (
         fem.Constant(mesh, value) for value in (5000.0, 0.3, -20.0, 0.001, 0.002)
     )
-    y, z, x = ufl.TrialFunction(space), ufl.TestFunction(space), ufl.SpatialCoordinate(mesh)
+    y, z, x = trial_and_test(space), ufl.SpatialCoordinate(mesh)
     top = np.sort(side(mesh, 1, 1.0))
     ds = ufl.Measure(
         "ds", mesh, subdomain_data=dmesh.meshtags(mesh, 1, top, np.ones(top.size, dtype=np.int32))
@@ -236,7 +236,7 @@ def test_constants_that_enter_nonlinearly():
     mesh = plain_box((30.0, 1.0), (60, 2), dmesh.CellType.quadrilateral)
     space = vector_space(mesh, 2)
     poisson, share = (fem.Constant(mesh, value) for value in (0.3, 1.0))
-    y, z = ufl.TrialFunction(space), ufl.TestFunction(space)
+    y, z = trial_and_test(space)
     bcs = [
         fem.dirichletbc(
             np.zeros(2), fem.locate_dofs_topological(space, 1, side(mesh, 0, 0.0)), space
@@ -262,7 +262,7 @@ def test_bad_arguments_of_gradient():
     """One error each."""
     mesh = plain_box((1.0, 1.0), (2, 2), dmesh.CellType.quadrilateral)
     space = vector_space(mesh)
-    y, z = ufl.TrialFunction(space), ufl.TestFunction(space)
+    y, z = trial_and_test(space)
     load = fem.Constant(mesh, -1.0)
     problem = ContactProblem(
         hooke(y, z),
@@ -292,7 +292,7 @@ def test_after_advance():
     mesh = plain_box((2.0, 1.0), (8, 4), dmesh.CellType.quadrilateral)
     space = vector_space(mesh)
     friction, load, push = (fem.Constant(mesh, value) for value in (0.25, -4.0, 0.0))
-    y, z, top = ufl.TrialFunction(space), ufl.TestFunction(space), np.sort(side(mesh, 1, 1.0))
+    y, z, top = trial_and_test(space), np.sort(side(mesh, 1, 1.0))
     ds = ufl.Measure(
         "ds", mesh, subdomain_data=dmesh.meshtags(mesh, 1, top, np.ones(top.size, dtype=np.int32))
     )

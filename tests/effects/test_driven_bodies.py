@@ -10,7 +10,7 @@ from boxes import Box, boxes_mesh
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
-from on_meshes import at_coordinate
+from on_meshes import at_coordinate, trial_and_test
 from scene_tables import coulomb_friction, fixed, rectangle_mesh, tresca_friction
 
 from signorini_fx import (
@@ -437,7 +437,7 @@ def same_as(solution, law, **others):
     """The problem of a scene, by forms."""
     d, scene = solution.model, solution.statement
     space = fem.functionspace(d.tagged.mesh, ("Lagrange", scene.element.degree, (d.dimension,)))
-    u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
+    u, v = trial_and_test(space)
     bottom = np.unique(
         np.concatenate([d.tagged.facets(entry.boundary) for entry in scene.displacement])
     )

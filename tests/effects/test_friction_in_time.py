@@ -9,7 +9,7 @@ from spaces import box
 
 from signorini_fx import SceneError
 from signorini_fx.mechanics.body.discretisation import prepare
-from signorini_fx.records import Status, Timings
+from signorini_fx.records import Timings
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
@@ -47,7 +47,7 @@ def coulomb(coefficient):
 
 def pull(solution):
     """The friction forces of the load steps over the pressing force, along the drag."""
-    assert solution.status is Status.CONVERGED
+    assert solution.converged
     assert all(step.certificate.holds for step in solution.steps)
     return [-step.contact.forces[1][0] / (PRESS * AREA) for step in solution.steps]
 

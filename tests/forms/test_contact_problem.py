@@ -14,7 +14,7 @@ from dolfinx import fem
 from dolfinx import mesh as dmesh
 from forms import Block
 from mpi4py import MPI
-from on_meshes import vector_space
+from on_meshes import trial_and_test, vector_space
 from scene_tables import circle_shape, coulomb_friction
 
 from signorini_fx import (
@@ -95,7 +95,7 @@ def test_own_loop_is_factors(algorithm):
     solution = solve(scene, COMM)
     tagged = solution.model.tagged
     V = vector_space(tagged.mesh)
-    u, v = ufl.TrialFunction(V), ufl.TestFunction(V)
+    u, v = trial_and_test(V)
     aside, top = fem.Constant(tagged.mesh, 0.0), tagged.facets("top")
     bcs = [
         fem.dirichletbc(value, fem.locate_dofs_topological(V.sub(k), 1, top), V.sub(k))
@@ -360,7 +360,7 @@ def test_stresses_of_two_materials():
         (lame, mu), zip(*(one.lame for one in hooke), strict=True), strict=True
     ):
         function.x.array[Q.dofmap.list[:, 0]] = np.where(upper, values[1], values[0])
-    u, v = ufl.TrialFunction(V), ufl.TestFunction(V)
+    u, v = trial_and_test(V)
     e = ufl.sym(ufl.grad(u))
     inside = 2 * mu * e + lame * ufl.tr(e) * ufl.Identity(2)
     whole = ufl.as_matrix(
@@ -410,8 +410,8 @@ def bad(**changes):
         "negative form": -block.a,
         "infinite load": fem.Constant(block.mesh, np.inf) * v[0] * ufl.dx,
         "nowhere": [block.held(0, block.top, fem.Constant(block.mesh, np.nan))],
-        "scalar": ufl.inner(ufl.TrialFunction(scalar), ufl.TestFunction(scalar)) * ufl.dx,
-        "cubic": ufl.inner(ufl.TrialFunction(cubic), ufl.TestFunction(cubic)) * ufl.dx,
+        "scalar": ufl.inner(*trial_and_test(scalar)) * ufl.dx,
+        "cubic": ufl.inner(*trial_and_test(cubic)) * ufl.dx,
         "elsewhere": ufl.inner(ufl.as_vector((0.0, 1.0)), ufl.TestFunction(other)) * ufl.dx,
         "other": fem.dirichletbc(
             np.zeros(2), fem.locate_dofs_topological(other, 1, block.top), other
@@ -523,7 +523,7 @@ def nothing():
     """The forms of a block without a load."""
     mesh = forms.box((1.0, 1.0), (2, 2))
     V = vector_space(mesh)
-    u, v = ufl.TrialFunction(V), ufl.TestFunction(V)
+    u, v = trial_and_test(V)
     return forms.hooke(u, v), ufl.inner(fem.Constant(mesh, (0.0, 0.0)), v) * ufl.dx
 
 

@@ -12,7 +12,7 @@ import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 from numpy.testing import assert_allclose, assert_array_equal
-from on_meshes import at_coordinate, vector_space
+from on_meshes import at_coordinate, trial_and_test, vector_space
 from pushed_block import FRICTION, LIMIT, PRESSURE
 
 from signorini_fx import ContactProblem, Coulomb, FormError, Foundation, LoadPath
@@ -25,7 +25,7 @@ def block(mesh, pushing=0.0, young=5000.0, friction=FRICTION, floor=None, **sett
     side.
     """
     V = vector_space(mesh)
-    u, v = ufl.TrialFunction(V), ufl.TestFunction(V)
+    u, v = trial_and_test(V)
     facets = [forms.side(mesh, axis, at) for axis, at in ((0, 0.0), (1, 1.0), (1, 0.0))]
     numbers, marks = (
         np.concatenate(facets[:2]),

@@ -13,7 +13,7 @@ from dolfinx import mesh as dmesh
 from forms import block_on_a_floor, stress_of
 from hertz import POISSON, RADIUS, YOUNG, load
 from mpi4py import MPI
-from on_meshes import vector_space
+from on_meshes import trial_and_test, vector_space
 from scene_tables import fixed, rectangle_mesh, tresca_friction
 
 from signorini_fx import (
@@ -57,7 +57,7 @@ def hertz(degree=1, friction=0.0, **settings):
 
     def make(disk):
         V = vector_space(disk.mesh, degree)
-        u, v, x = ufl.TrialFunction(V), ufl.TestFunction(V), ufl.SpatialCoordinate(disk.mesh)
+        u, v, x = trial_and_test(V), ufl.SpatialCoordinate(disk.mesh)
         stress = stress_of(YOUNG, POISSON, 2)
         top, axis, arc = (disk.facets(name) for name in ("top", "symmetry", "arc"))
         ds = ufl.ds(

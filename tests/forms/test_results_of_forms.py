@@ -12,7 +12,7 @@ import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
-from on_meshes import vector_space
+from on_meshes import no_load, trial_and_test, vector_space
 from scene_tables import box_mesh, coulomb_friction, fixed, rectangle_mesh
 from scenes import example1
 from two_bodies import stress_of
@@ -33,7 +33,7 @@ def as_forms(statement, tagged, **arguments):
     """
     mesh, (material,), gdim = tagged.mesh, statement.material, tagged.dimension
     V = vector_space(mesh, statement.element.degree)
-    u, v, x = ufl.TrialFunction(V), ufl.TestFunction(V), ufl.SpatialCoordinate(mesh)
+    u, v, x = trial_and_test(V), ufl.SpatialCoordinate(mesh)
 
     def stress(y):
         sigma, lame = stress_of(y, material.young, material.poisson), 0.0
@@ -52,7 +52,7 @@ def as_forms(statement, tagged, **arguments):
 
     factor = fem.Constant(mesh, 1.0)
     a = ufl.inner(stress_of(u, material.young, material.poisson), ufl.sym(ufl.grad(v))) * ufl.dx
-    L = ufl.inner(fem.Constant(mesh, np.zeros(gdim)), v) * ufl.dx
+    L = no_load(mesh, v)
     for load in statement.effects["traction"]:
         ds = on(tagged, load.boundary)
         components = [

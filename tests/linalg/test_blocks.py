@@ -13,7 +13,7 @@ from dolfinx import default_scalar_type, fem, jit
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from numpy.testing import assert_allclose, assert_array_equal
-from on_meshes import vector_space
+from on_meshes import trial_and_test, vector_space
 from petsc4py import PETSc
 from ranks import same_on_all_ranks
 from scenes import alone, example1, same_answer
@@ -77,7 +77,7 @@ def two_matrices(dimension, comm):
     moduli = fem.Function(fem.functionspace(mesh, ("DG", 0)))
     moduli.x.array[:] = 1 + np.random.default_rng(comm.rank).random(moduli.x.array.size)
     moduli.x.scatter_forward()
-    y, z = ufl.TrialFunction(space), ufl.TestFunction(space)
+    y, z = trial_and_test(space)
     strain = moduli * ufl.inner(ufl.sym(ufl.grad(y)), ufl.sym(ufl.grad(z)))
     forms = [fem.form(strain * ufl.dx), fem.form(moduli * ufl.div(y) * ufl.div(z) * ufl.dx)]
     nodes = np.flatnonzero(space.tabulate_dof_coordinates()[:, 0] < 1e-9)

@@ -10,7 +10,7 @@ import pytest
 import ufl
 from dolfinx import fem
 from mpi4py import MPI
-from on_meshes import vector_space
+from on_meshes import trial_and_test, vector_space
 from petsc4py import PETSc
 from ranks import same_on_all_ranks
 from scenes import alone, example1, same_answer, table_of
@@ -297,7 +297,7 @@ def test_own_loops_try_again_after_a_failure(monkeypatch):
     monkeypatch.setattr(krylov, "enough_memory", lambda comm, needed: True)
     mesh = forms.box([1.0, 1.0], [8, 8], comm=MPI.COMM_SELF)
     space = vector_space(mesh)
-    u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
+    u, v = trial_and_test(space)
     top = fem.locate_dofs_topological(space, 1, forms.side(mesh, 1, 1.0))
     press = fem.Function(space)
     press.x.array[1::2] = -0.01

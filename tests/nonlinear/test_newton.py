@@ -6,7 +6,7 @@ import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
-from on_meshes import at_coordinate, vector_space
+from on_meshes import at_coordinate, trial_and_test, vector_space
 from scene_tables import circle_shape
 from support.nonlinear_bodies import MU, PLATE, held, neo_hooke, rectangle, residual
 
@@ -82,7 +82,7 @@ def test_a_wrong_tangent_goes_on_until_the_forces_balance():
     or says that its iterations have ended.
     """
     space, side = rectangle([1.0, 1.0], [1, 1], MPI.COMM_SELF)
-    u, trial, test = fem.Function(space), ufl.TrialFunction(space), ufl.TestFunction(space)
+    u, (trial, test) = fem.Function(space), trial_and_test(space)
     F = residual(u) - 1e-2 * MU * test[1] * ufl.ds
     J = (
         ufl.derivative(residual(u), u, trial)

@@ -9,7 +9,7 @@ from dolfinx import fem
 from mpi4py import MPI
 from support.nonlinear_bodies import held, neo_hooke, rectangle, residual
 
-from signorini_fx import Coulomb, Foundation, NonlinearContactProblem, Status
+from signorini_fx import Coulomb, Foundation, NonlinearContactProblem
 
 CIRCLE = {"shape": "circle", "centre": (0.8, 1.5), "radius": 0.5}
 
@@ -49,7 +49,7 @@ def test_load_steps():
         np.array_equal(step.displacement.x.array, u)
         for step, u in zip(solution.steps, seen, strict=True)
     )
-    assert solution.status is Status.CONVERGED
+    assert solution.converged
     assert solution.certificate is problem.certificate
     assert solution.statement.contact[0].foundation.shift == (0.2, -0.3)
     assert solution.at(solution.steps[1]).displacement is solution.steps[1].displacement

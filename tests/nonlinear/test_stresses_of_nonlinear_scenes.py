@@ -9,6 +9,7 @@ from dolfinx import fem
 from dolfinx.fem import petsc as fem_petsc
 from mpi4py import MPI
 from numpy.testing import assert_allclose
+from on_meshes import trial_and_test
 from petsc4py import PETSc
 from scene_tables import circle_shape, fixed
 from scenes import alone
@@ -224,7 +225,7 @@ def projected(solution):
     """
     mesh, degree = solution.model.tagged.mesh, solution.model.space.element.basix_element.degree
     space = fem.functionspace(mesh, ("DG", degree - 1, (3, 3)))
-    u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
+    u, v = trial_and_test(space)
     stress = solution.stress.stress.in_space
     dx = ufl.dx(metadata={"quadrature_degree": 2 * degree + 2})
     matrix = fem_petsc.assemble_matrix(fem.form(ufl.inner(u, v) * dx))

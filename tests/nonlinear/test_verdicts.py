@@ -8,7 +8,7 @@ import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
-from on_meshes import at_coordinate, vector_space
+from on_meshes import at_coordinate, trial_and_test, vector_space
 from support.nonlinear_bodies import LAME, MU, PLATE, held, rectangle, residual
 
 from signorini_fx import ConvergenceError, Coulomb, Foundation, NonlinearContactProblem, Status
@@ -19,7 +19,7 @@ HIGH = PLATE | {"point": (0.0, 8.0)}
 
 def initial_stiffness(space):
     """The tangent of the body at rest."""
-    w, z = ufl.TrialFunction(space), ufl.TestFunction(space)
+    w, z = trial_and_test(space)
     strain = ufl.sym(ufl.grad(w))
     return (
         ufl.inner(2 * MU * strain + LAME * ufl.tr(strain) * ufl.Identity(2), ufl.grad(z)) * ufl.dx

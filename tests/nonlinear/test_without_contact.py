@@ -57,7 +57,7 @@ def stretches(pull):
 
 def certified(solution):
     """It, if its certificate holds."""
-    assert solution.status is Status.CONVERGED
+    assert solution.converged
     assert solution.certificate.holds
     assert solution.contact is None
     return solution

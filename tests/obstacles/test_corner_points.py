@@ -12,7 +12,7 @@ import pytest
 import ufl
 from dolfinx import fem
 from mpi4py import MPI
-from on_meshes import vector_space
+from on_meshes import trial_and_test, vector_space
 from scene_tables import coulomb_friction, fixed, rectangle_mesh
 from test_corners import OVERLAP, block, edge
 
@@ -188,7 +188,7 @@ def test_forms_as_scenes():
     """``ContactProblem`` has the same points."""
     mesh = forms.box((2.0, 1.0), [20, 10], forms.CELLS[2][1])
     V = vector_space(mesh)
-    u, v = ufl.TrialFunction(V), ufl.TestFunction(V)
+    u, v = trial_and_test(V)
     given = fem.Function(V)
     given.x.array[1::2] = -OVERLAP
     held = fem.dirichletbc(given, fem.locate_dofs_topological(V, 1, forms.side(mesh, 1, 1.0)))

@@ -8,7 +8,7 @@ import pytest
 import ufl
 from dolfinx import fem
 from mpi4py import MPI
-from on_meshes import vector_space
+from on_meshes import trial_and_test, vector_space
 from scene_tables import box_mesh, fixed, rectangle_mesh, tresca_friction
 
 from signorini_fx import ContactProblem, ConvergenceError, Foundation, Tresca, solve
@@ -201,7 +201,7 @@ def test_forms_say_where():
     """The message of ``solve`` has the place; the block in the air over the edge comes first in a loop of one's own."""
     mesh = forms.box((2.0, 1.0), [20, 10])
     V = vector_space(mesh)
-    u, v = ufl.TrialFunction(V), ufl.TestFunction(V)
+    u, v = trial_and_test(V)
     pressed = fem.Constant(mesh, (0.0, 0.01))
     top = fem.locate_dofs_topological(V, 1, forms.side(mesh, 1, 1.0))
     given = fem.Function(V)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import ufl
 from mpi4py import MPI
-from on_meshes import at_coordinate, vector_space
+from on_meshes import at_coordinate, trial_and_test, vector_space
 from revolved import Bodies, Box, Touching
 from scene_tables import coulomb_friction, fixed, rectangle_mesh
 from two_bodies import facets, held
@@ -243,7 +243,7 @@ def test_forms_with_a_measure(measured):
     )
     tagged = bodies.mesh()
     space = vector_space(tagged.mesh)
-    u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
+    u, v = trial_and_test(space)
     around = 2 * ufl.pi * ufl.SpatialCoordinate(tagged.mesh)[0]
 
     def strain(y):

@@ -10,7 +10,7 @@ import pytest
 import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
-from on_meshes import vector_space
+from on_meshes import trial_and_test, vector_space
 from support.sliding_bodies import SlidingBodies, as_linear_bodies
 from two_bodies import assembled, facets, facets_of_cells, grid
 
@@ -112,7 +112,7 @@ def evenly_pressed(kind, degree, bodies, held, slave, sides=None):
         )
         dofs = fem.locate_dofs_topological(space.sub(axis), up, walls)
         bcs.append(fem.dirichletbc(fem.Constant(mesh, 0.0), dofs, space.sub(axis)))
-    u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
+    u, v = trial_and_test(space)
     a = (
         young * ufl.inner(ufl.sym(ufl.grad(u)), ufl.sym(ufl.grad(v))) * ufl.dx
         + lame * ufl.div(u) * ufl.div(v) * ufl.dx

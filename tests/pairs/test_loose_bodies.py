@@ -37,7 +37,7 @@ def test_lifted(below, above, solver):
     the first one.
     """
     solution = alone(stack_of_three(0.02, below, above, **solver), check=False)
-    if solution.status is Status.CONVERGED:
+    if solution.converged:
         np.testing.assert_allclose(forces(solution), 0.0, atol=1e-9)
         return
     assert solution.status is Status.OPEN

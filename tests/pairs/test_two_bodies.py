@@ -8,7 +8,7 @@ from dolfinx import mesh as dmesh
 from dolfinx.graph import adjacencylist
 from mpi4py import MPI
 from numpy.testing import assert_allclose
-from on_meshes import at_coordinate
+from on_meshes import at_coordinate, no_load
 from two_bodies import (
     KINDS,
     assembled,
@@ -19,7 +19,6 @@ from two_bodies import (
     forms,
     grid,
     held,
-    nothing,
     on,
     paraboloids,
     per_cell,
@@ -217,7 +216,7 @@ def test_what_is_refused():
 
     def refused(pair, match, **settings):
         with pytest.raises(FormError, match=match):
-            ContactProblem(a, nothing(mesh, v), bcs, contact=pair, **settings).solve()
+            ContactProblem(a, no_load(mesh, v), bcs, contact=pair, **settings).solve()
 
     refused(
         Pair(slave, slave), r"contact\[0\].against: is the side itself: a surface touches itself"
@@ -270,7 +269,7 @@ def test_bodies_in_the_wrong_place(shift, faces, match):
         )
     )
     with pytest.raises(FormError, match=match):
-        ContactProblem(a, nothing(mesh, v), contact=pair).solve()
+        ContactProblem(a, no_load(mesh, v), contact=pair).solve()
 
 
 def stack(kind, comm=MPI.COMM_SELF):
@@ -396,7 +395,7 @@ def test_bodies_that_do_not_touch(kind, pressed, friction, linear_algebra):
     bcs = [held(space, bottom, k) for k in range(dim)]
     bcs += [held(space, top, k, value) for k, value in enumerate((0.01, -0.02, 0.005)[:dim])]
     problem = ContactProblem(
-        a, nothing(mesh, v), bcs, contact=contact, linear_algebra=linear_algebra
+        a, no_load(mesh, v), bcs, contact=contact, linear_algebra=linear_algebra
     )
     problem.solve()
     state = problem.state

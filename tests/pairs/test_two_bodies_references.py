@@ -5,7 +5,7 @@ import pytest
 import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
-from on_meshes import at_coordinate
+from on_meshes import at_coordinate, no_load
 from two_bodies import (
     KINDS,
     assembled,
@@ -20,11 +20,6 @@ from two_bodies import (
 )
 
 from signorini_fx import ContactProblem, Coulomb, Pair
-
-
-def nothing(mesh, v):
-    """No load."""
-    return ufl.inner(fem.Constant(mesh, (0.0,) * mesh.geometry.dim), v) * ufl.dx
 
 
 def quarter(kind, counts, inner, outer):
@@ -222,7 +217,7 @@ def test_cattaneo_and_mindlin_of_two_balls():
     bcs += [held(space, ends[0], k, value) for k, value in ((0, 0.0036), (2, -0.016))]
     bcs += [held(space, ends[1], k) for k in (0, 2)]
     problem = ContactProblem(
-        a, nothing(mesh, v), bcs, contact=Pair(*sides, friction=Coulomb(coefficient))
+        a, no_load(mesh, v), bcs, contact=Pair(*sides, friction=Coulomb(coefficient))
     )
     problem.solve()
     state = problem.state

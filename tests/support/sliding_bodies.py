@@ -4,7 +4,7 @@ import numpy as np
 import ufl
 from dolfinx import fem
 from mpi4py import MPI
-from on_meshes import at_coordinate, vector_space
+from on_meshes import at_coordinate, trial_and_test, vector_space
 from scipy.spatial.transform import Rotation
 from support.nonlinear_bodies import neo_hooke
 from two_bodies import assembled, facets, facets_of_cells, grid, per_cell
@@ -301,7 +301,7 @@ def as_linear_bodies(scene, **settings):
     bodies.
     """
     space = scene.u.function_space
-    trial, test = ufl.TrialFunction(space), ufl.TestFunction(space)
+    trial, test = trial_and_test(space)
     a = ufl.replace(ufl.derivative(scene.form, scene.u, trial), {scene.u: fem.Function(space)})
     nothing = ufl.inner(fem.Constant(scene.mesh, np.zeros(len(scene.u))), test) * ufl.dx
     linear = ContactProblem(

@@ -6,7 +6,7 @@ import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
-from on_meshes import at_coordinate, vector_space
+from on_meshes import at_coordinate, no_load, trial_and_test, vector_space
 
 from signorini_fx import ContactProblem, Coulomb, Pair
 from signorini_fx.machine import compat
@@ -75,7 +75,7 @@ def per_cell(mesh, value):
 def forms(mesh, degree, young, poisson=0.3):
     """Space, a, and a function from loads (a density) to L."""
     space = vector_space(mesh, degree)
-    u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
+    u, v = trial_and_test(space)
     stress = stress_of(u, young, poisson)
     return space, ufl.inner(stress, ufl.sym(ufl.grad(v))) * ufl.dx, v
 
@@ -166,11 +166,6 @@ def blocks(kind, turn, counts=None):
     return mesh, both
 
 
-def nothing(mesh, v):
-    """No load."""
-    return ufl.inner(fem.Constant(mesh, (0.0,) * mesh.geometry.dim), v) * ufl.dx
-
-
 def paraboloids(kind, degree, counts, comm=MPI.COMM_SELF, **settings):
     """Two bodies with rounded faces pressed and sheared in 3D."""
 
@@ -195,7 +190,7 @@ def paraboloids(kind, degree, counts, comm=MPI.COMM_SELF, **settings):
     bcs = [held(space, top, k, value) for k, value in enumerate((0.004, 0.002, -0.02))]
     bcs += [held(space, bottom, k) for k in range(3)]
     problem = ContactProblem(
-        a, nothing(mesh, v), bcs, contact=Pair(*sides, friction=Coulomb(0.3)), **settings
+        a, no_load(mesh, v), bcs, contact=Pair(*sides, friction=Coulomb(0.3)), **settings
     )
     problem.solve()
     return problem

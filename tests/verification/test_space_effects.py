@@ -17,7 +17,6 @@ from spaces import block, box, friction_of, turned_tangents
 from signorini_fx.errors import SceneError
 from signorini_fx.mechanics.contact_points import contact_boundary
 from signorini_fx.mechanics.mesh.tagged import tag_boundaries
-from signorini_fx.records import Status
 from signorini_fx.scenes.reading import parse_scene
 
 OSCILLATING = "0.3 + 0.1 * sin(5 * x[0]) * cos(4 * x[1])"
@@ -166,7 +165,7 @@ def test_rigid_block_on_rough_ground(coefficient):
         }
     )
     solution = alone(scene)
-    assert solution.status is Status.CONVERGED
+    assert solution.converged
     assert set(solution.table.columns["state"]) <= {"stick", "open"}
 
 
