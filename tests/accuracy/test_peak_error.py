@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from dolfinx import mesh
 from mpi4py import MPI
+from parameters import slow
 from scene_tables import coulomb_friction, fixed, rectangle_mesh
 from scenes import alone
 
@@ -85,15 +86,7 @@ PROBLEMS = {
 }
 
 
-@pytest.mark.one_quick(
-    ("degree", "target"),
-    [
-        (1, 0.05),
-        (2, 0.01),
-        pytest.param(1, 0.01, marks=pytest.mark.slow),
-        pytest.param(2, 0.05, marks=pytest.mark.slow),
-    ],
-)
+@pytest.mark.one_quick(("degree", "target"), [(1, 0.05), (2, 0.01), slow(1, 0.01), slow(2, 0.05)])
 @pytest.mark.parametrize("name", PROBLEMS)
 @pytest.mark.parametrize("refinement", ["uniform", "adaptive"])
 def test_corners_in_contact(name, degree, target, refinement):

@@ -14,6 +14,7 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from numpy.testing import assert_allclose, assert_array_equal
 from on_meshes import trial_and_test, vector_space
+from parameters import slow
 from scene_tables import circle_shape, fixed, plane_shape, rectangle_mesh
 from scenes import alone
 
@@ -84,11 +85,11 @@ def bar(cells, ratio, **entries):
     ("cells", "ratio", "rms", "energy", "end"),
     [
         (50, 1.0, 2.8e-3, 0.023, 0.034),
-        pytest.param(100, 0.5, 1e-2, 0.008, 0.02, marks=pytest.mark.slow),
-        pytest.param(100, 1.0, 2e-3, 0.012, 0.04, marks=pytest.mark.slow),
-        pytest.param(100, 2.0, 2e-3, 0.020, 0.08, marks=pytest.mark.slow),
-        pytest.param(100, 4.0, 6e-3, 0.050, 0.12, marks=pytest.mark.slow),
-        pytest.param(200, 1.0, 2e-4, 0.0072, 0.014, marks=pytest.mark.slow),
+        slow(100, 0.5, 1e-2, 0.008, 0.02),
+        slow(100, 1.0, 2e-3, 0.012, 0.04),
+        slow(100, 2.0, 2e-3, 0.020, 0.08),
+        slow(100, 4.0, 6e-3, 0.050, 0.12),
+        slow(200, 1.0, 2e-4, 0.0072, 0.014),
     ],
 )
 def test_bar_on_a_wall(cells, ratio, rms, energy, end):
@@ -109,7 +110,7 @@ def test_bar_on_a_wall(cells, ratio, rms, energy, end):
     assert solution.history.linear_solves < 1.1 * len(solution.steps)
 
 
-@pytest.mark.parametrize("gamma", [1e3, pytest.param(1e6, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("gamma", [1e3, slow(1e6)])
 def test_the_penalty_is_no_dashpot(gamma):
     """The energy that contact takes does not depend on gamma."""
     figures = told(bar(50, 1.0, solver={"gamma_n": gamma}))[-1][1]
@@ -170,9 +171,7 @@ def test_results_are_those_of_the_end_of_a_step(monkeypatch):
     assert_allclose(abs(braked.body_force().force[0]), 0.15, rtol=1e-3)
 
 
-@pytest.mark.parametrize(
-    "tau", [0.1, *(pytest.param(tau, marks=pytest.mark.slow) for tau in (0.05, 0.025))]
-)
+@pytest.mark.parametrize("tau", [0.1, *(slow(tau) for tau in (0.05, 0.025))])
 def test_sliding_block(tau):
     """It stops after v^2 / (2 F g), within twice the error of the design."""
     solution = solve(changed(BLOCK, inertia={"time_step": tau, "start": "static"}))
@@ -246,10 +245,7 @@ def test_a_support_that_starts_to_move():
     assert solve(held).resultants.of("bottom").force[1] == pytest.approx(5.94e-4, rel=0.02)
 
 
-@pytest.mark.parametrize(
-    "below",
-    [1.0, pytest.param(2.0, marks=pytest.mark.slow), pytest.param(3.0, marks=pytest.mark.slow)],
-)
+@pytest.mark.parametrize("below", [1.0, slow(2.0), slow(3.0)])
 def test_two_bars_exchange_their_momentum(below):
     """A bar stops where it hits one at rest that is as long, or longer, and gives it its
     momentum.
@@ -426,10 +422,7 @@ IN_TIME = {
 }
 
 
-@pytest.mark.parametrize(
-    "name",
-    [name if name == "flight" else pytest.param(name, marks=pytest.mark.slow) for name in IN_TIME],
-)
+@pytest.mark.parametrize("name", [name if name == "flight" else slow(name) for name in IN_TIME])
 def test_errors_in_time(name):
     """Steps are as long as an accuracy allows; the estimate is right within a factor of four."""
     entries, accuracy, short = IN_TIME[name]
@@ -503,9 +496,9 @@ def bounced(count, ratio, **how):
     ("count", "ratio", "energy", "roughness", "force"),
     [
         (12, 2.0, 0.03, 0.3, 0.0296),
-        pytest.param(24, 1.0, 0.0048, 0.22, 0.0302, marks=pytest.mark.slow),
-        pytest.param(24, 2.0, 0.0084, 0.18, 0.0301, marks=pytest.mark.slow),
-        pytest.param(48, 2.0, 0.0040, 0.14, 0.0300, marks=pytest.mark.slow),
+        slow(24, 1.0, 0.0048, 0.22, 0.0302),
+        slow(24, 2.0, 0.0084, 0.18, 0.0301),
+        slow(48, 2.0, 0.0040, 0.14, 0.0300),
     ],
 )
 def test_bouncing_disc(count, ratio, energy, roughness, force):

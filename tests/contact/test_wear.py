@@ -14,6 +14,7 @@ from forms import Block
 from hertz import RADIUS, parabolic_block
 from mpi4py import MPI
 from numpy.testing import assert_allclose
+from parameters import slow
 from scene_tables import box_mesh, fixed, plane_shape, rectangle_mesh
 
 from signorini_fx import (
@@ -128,9 +129,9 @@ def flattened(steps, columns=48, *, revolution=False):
         (5, 48, False),
         (20, 48, False),
         (20, 48, True),
-        pytest.param(80, 48, False, marks=pytest.mark.slow),
-        pytest.param(80, 48, True, marks=pytest.mark.slow),
-        pytest.param(20, 64, False, marks=pytest.mark.slow),
+        slow(80, 48, False),
+        slow(80, 48, True),
+        slow(20, 64, False),
     ],
 )
 def test_worn_flat(steps, columns, revolution):
@@ -263,10 +264,7 @@ def halves(columns, push, shift, **wear):
     )
 
 
-@pytest.mark.parametrize(
-    ("columns", "push", "error"),
-    [(60, 0.02, 0.04), pytest.param(120, 0.04, 0.02, marks=pytest.mark.slow)],
-)
+@pytest.mark.parametrize(("columns", "push", "error"), [(60, 0.02, 0.04), slow(120, 0.04, 0.02)])
 def test_fretting(columns, push, error):
     """The energy of half a cycle before wear is that of Cattaneo (1938) and Mindlin (1949), as
     Mindlin and Deresiewicz (1953) go on from: beyond c = a (1 - T / (F P))^(1/2) surfaces slip

@@ -10,6 +10,7 @@ from forms import box, hooke, side
 from mpi4py import MPI
 from numpy.testing import assert_allclose
 from on_meshes import no_load, trial_and_test, vector_space
+from parameters import slow
 from scene_tables import rectangle_mesh
 
 import signorini_fx as sfx
@@ -145,10 +146,7 @@ def beam(opening, energy=0.3, young=70_000.0, height=1.5):
     return c * np.sqrt(8 * c / (young * height**3 * opening))
 
 
-@pytest.mark.parametrize(
-    ("facet", "steps", "within"),
-    [(2.0, 10, 0.03), pytest.param(0.5, 80, 4e-3, marks=pytest.mark.slow)],
-)
+@pytest.mark.parametrize(("facet", "steps", "within"), [(2.0, 10, 0.03), slow(0.5, 80, 4e-3)])
 def test_double_cantilever(facet, steps, within):
     """Its force is that of beam theory, and the energy to tear is that of the torn area."""
     solution = sfx.solve(cantilever(facet, steps, 10.0))

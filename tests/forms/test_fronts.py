@@ -5,6 +5,7 @@ from itertools import pairwise
 
 import pytest
 from mpi4py import MPI
+from parameters import slow
 
 from benchmarks.stability.fronts import RandomProblem, compared, iterations
 from signorini_fx import solve
@@ -12,9 +13,7 @@ from signorini_fx.scenes.reading import parse_scene
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize(
-    "seed", [7, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (18, 153, 2012))]
-)
+@pytest.mark.parametrize("seed", [7, *(slow(seed) for seed in (18, 153, 2012))])
 def test_fronts_agree(seed):
     """Status, load steps, sets, forces, displacements, pressures, states and estimated error."""
     _, found = compared(RandomProblem.drawn(seed), MPI.COMM_WORLD)

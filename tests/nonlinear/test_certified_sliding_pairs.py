@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from dolfinx.mesh import compute_midpoints
 from on_meshes import at_coordinate
+from parameters import slow
 from support.sliding_bodies import SlidingBodies, cylinders, wheel
 from two_bodies import grid
 
@@ -170,11 +171,7 @@ def test_tips_on_an_axis_are_in_the_plane_of_symmetry(slope, slave):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("dim", "kind", "upto"),
-    [
-        (2, "quadrilateral", 0.05),
-        (2, "triangle", 0.05),
-        pytest.param(3, "tetrahedron", -0.1, marks=pytest.mark.slow),
-    ],
+    [(2, "quadrilateral", 0.05), (2, "triangle", 0.05), slow(3, "tetrahedron", -0.1)],
 )
 def test_a_step_begins_with_what_supports_fix_there(dim, kind, upto):
     """Sides that are held over each other and slide: who meets whom as a step begins is known from

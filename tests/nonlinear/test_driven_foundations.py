@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from dolfinx import fem
 from mpi4py import MPI
+from parameters import slow
 from scene_tables import circle_shape, coulomb_friction, fixed, plane_shape, rectangle_mesh
 from support.nonlinear_bodies import neo_hooke, rectangle, residual
 from support.nonlinear_scenes import block, indented, material
@@ -35,9 +36,7 @@ def total(step):
     return np.sum(step.contact.forces, axis=0)
 
 
-@pytest.mark.parametrize(
-    "law", ["saint-venant-kirchhoff", pytest.param("j2", marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize("law", ["saint-venant-kirchhoff", slow("j2")])
 def test_linear_limit(law):
     """At small forces the tool moves as on the linear body: half the force, a quarter of the
     difference.
@@ -59,9 +58,7 @@ def test_linear_limit(law):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "kind", [pytest.param("plane strain", marks=pytest.mark.slow), "axisymmetric"]
-)
+@pytest.mark.parametrize("kind", [slow("plane strain"), "axisymmetric"])
 def test_a_block_under_a_plate(kind):
     """A block between plates, one pressed by a force: its height is that of the stretches; a spring
     takes its part.

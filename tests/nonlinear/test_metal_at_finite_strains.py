@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
+from parameters import slow
 from scene_tables import coulomb_friction, fixed, rectangle_mesh
 from scenes import alone
 from scipy.optimize import brentq
@@ -174,7 +175,7 @@ def test_a_bar_that_necks():
     assert forces[-1] < 70.0 < forces[1]
 
 
-@pytest.mark.parametrize("order", [1, pytest.param(-1, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("order", [1, slow(-1)])
 def test_rubber_on_metal(order):
     """A smooth disk of rubber is pressed onto one of metal, both of height 1, in one scene: the
     force is that at which both are as high together as asked, to a thousandth: the pressure on two

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from dolfinx import fem
 from mpi4py import MPI
+from parameters import slow
 from support.sliding_bodies import blocks, stacked, turn_of
 
 from signorini_fx import Coulomb, FormError, NonlinearContactProblem
@@ -44,10 +45,9 @@ def turned_as_a_whole(scene, way, angle, steps=4):
             (0.0, 0.1),
         ),
         (lambda: blocks(lower=(4, 2), upper=(3, 2), degree=2, slave=1, **KEPT), (0.0, -0.1)),
-        pytest.param(
+        slow(
             lambda: stacked("hexahedron", lower=(2, 2, 1), upper=(1, 1, 1), degree=2, **KEPT),
             (0.0, 0.0, -0.1),
-            marks=pytest.mark.slow,
         ),
     ],
     ids=["plane", "tied", "quadratic", "space"],

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from mpi4py import MPI
+from parameters import slow
 from scene_tables import circle_shape, coulomb_friction, fixed, plane_shape, rectangle_mesh
 from scenes import alone
 from scipy.integrate import solve_ivp
@@ -227,10 +228,7 @@ IN_TIME = {
 }
 
 
-@pytest.mark.parametrize(
-    "name",
-    [name if name == "creeps" else pytest.param(name, marks=pytest.mark.slow) for name in IN_TIME],
-)
+@pytest.mark.parametrize("name", [name if name == "creeps" else slow(name) for name in IN_TIME])
 def test_errors_in_time(name):
     """Load steps are divided as an accuracy asks for, and the error of displacement and tractions
     is estimated, within a factor of four.

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from dolfinx import fem
 from mpi4py import MPI
+from parameters import slow
 from scenes import alone
 from support.nonlinear_bodies import Killed, rectangle, residual
 from support.nonlinear_scenes import indented, material
@@ -108,9 +109,9 @@ def shared(tmp_path):
     [
         ("metal", "fp", 4),
         ("finite", "fp", 4),
-        pytest.param("metal", "driven", 4, marks=pytest.mark.slow),
-        pytest.param("rubber", "newton", 2, marks=pytest.mark.slow),
-        pytest.param("metal", "newton", 6, marks=pytest.mark.slow),
+        slow("metal", "driven", 4),
+        slow("rubber", "newton", 2),
+        slow("metal", "newton", 6),
     ],
 )
 def test_with_as_many_ranks(tmp_path, law, method, at):

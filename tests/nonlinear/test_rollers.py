@@ -7,6 +7,7 @@ import pytest
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
+from parameters import slow
 from scene_tables import box_mesh, coulomb_friction, fixed
 from scenes import alone
 from support.nonlinear_bodies import held, neo_hooke, rectangle, residual
@@ -63,7 +64,7 @@ def wrench(contact, u, pivot):
 
 @pytest.mark.slow
 @pytest.mark.mpi
-@pytest.mark.parametrize("law", ["rubber", pytest.param("metal", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("law", ["rubber", slow("metal")])
 def test_the_forces_of_a_way_give_the_way(law, tmp_path):
     """Pressed, and rolled by a prescribed way and turn; then the weight and the moment of these
     turn it as far.

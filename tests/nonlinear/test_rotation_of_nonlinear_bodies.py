@@ -7,6 +7,7 @@ from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from on_meshes import at_coordinate
+from parameters import slow
 from scene_tables import box_mesh, fixed
 from scenes import alone
 from scipy.integrate import solve_ivp
@@ -135,9 +136,7 @@ CALCULIX = {
 }
 
 
-@pytest.mark.parametrize(
-    "name", ["mooney-rivlin", pytest.param("neo-hooke, isochoric", marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize("name", ["mooney-rivlin", slow("neo-hooke, isochoric")])
 def test_a_blade_of_calculix(name):
     """A blade that bends as far as a sixth of its length: CalculiX 2.20, C3D8 with NLGEOM and
     CENTRIF, whose forces are those of the places where a step begins, in 22 steps with the same

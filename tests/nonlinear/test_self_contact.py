@@ -11,6 +11,7 @@ from dolfinx import fem
 from dolfinx.mesh import compute_midpoints
 from mpi4py import MPI
 from on_meshes import at_coordinate, vector_space
+from parameters import slow
 from scene_tables import coulomb_friction, plane_shape
 from support.nonlinear_bodies import Killed
 from support.sliding_bodies import roller
@@ -158,10 +159,7 @@ def itself(reach=None, friction=None):
 
 @pytest.mark.parametrize(
     ("cells", "exact", "error"),
-    [
-        ((64, 3), (7.33175, 5.48444), 2.1e-4),
-        pytest.param((128, 6), (7.21310, 5.87831), 6e-5, marks=pytest.mark.slow),
-    ],
+    [((64, 3), (7.33175, 5.48444), 2.1e-4), slow((128, 6), (7.21310, 5.87831), 6e-5)],
 )
 def test_a_crushed_ring_is_its_own_mirror_image(cells, exact, error):
     """Half of it above a wall has the same forces, but for the error of the mesh, and takes as many

@@ -10,6 +10,7 @@ import pytest
 from dolfinx import fem
 from mpi4py import MPI
 from on_meshes import at_coordinate
+from parameters import slow
 from scene_tables import fixed, plane_shape, rectangle_mesh
 from scenes import alone
 from support.nonlinear_bodies import stress_of_block
@@ -431,7 +432,7 @@ def at_the_rim(**settings):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("slave", [0, pytest.param(1, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("slave", [0, slow(1)])
 def test_points_that_come_and_go(slave):
     """Functions at the rim turn evenly into those beside them: there is equilibrium, with hardly
     another force where the way is longer by a thousandth.
@@ -461,7 +462,7 @@ class Sticky(FrictionLaw):
 @pytest.mark.parametrize(
     "friction", [Tresca(BOUND), Coulomb(0.1, cohesion=BOUND), Sticky(BOUND, 0.3)], ids=type
 )
-@pytest.mark.parametrize("algorithm", [pytest.param("ssn", marks=pytest.mark.slow), "alm"])
+@pytest.mark.parametrize("algorithm", [slow("ssn"), "alm"])
 def test_nothing_acts_where_there_is_no_other_side(friction, algorithm):
     """Bodies that part and meet: no force where none sees the other one, and no shear at points
     that do not; forces and moments balance where there is some.

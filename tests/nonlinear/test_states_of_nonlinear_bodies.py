@@ -8,6 +8,7 @@ import ufl
 from dolfinx import fem
 from mpi4py import MPI
 from numpy.testing import assert_allclose
+from parameters import slow
 from scene_tables import circle_shape, coulomb_friction
 from scenes import alone
 from step_effects import Counted, Wear
@@ -59,7 +60,7 @@ SCENES = {
     "bodies by newton": lambda: sliding_blocks(coulomb="newton"),
 }
 QUICK = ("metal", "roller", "bodies", "relaxing")
-NAMES = [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in SCENES]
+NAMES = [name if name in QUICK else slow(name) for name in SCENES]
 
 
 def sliding_blocks(**solver):

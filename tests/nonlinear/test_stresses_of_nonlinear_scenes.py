@@ -10,6 +10,7 @@ from dolfinx.fem import petsc as fem_petsc
 from mpi4py import MPI
 from numpy.testing import assert_allclose
 from on_meshes import trial_and_test
+from parameters import slow
 from petsc4py import PETSc
 from scene_tables import circle_shape, fixed
 from scenes import alone
@@ -53,11 +54,7 @@ def neo_hooke(high, free):
 
 
 @pytest.mark.parametrize(
-    "kind",
-    [
-        kind if kind == "plane strain" else pytest.param(kind, marks=pytest.mark.slow)
-        for kind in PRESSED_BLOCKS
-    ],
+    "kind", [kind if kind == "plane strain" else slow(kind) for kind in PRESSED_BLOCKS]
 )
 def test_a_block_of_rubber_between_plates(kind):
     """The same stress everywhere, at finite strains: neither the nominal one nor that of the
@@ -105,13 +102,7 @@ def confined(depths, young, poisson, yields, hardening):
 
 @pytest.mark.parametrize(
     "body",
-    [
-        "plane strain",
-        *(
-            pytest.param(body, marks=pytest.mark.slow)
-            for body in ("degree 2", "reduced", "axisymmetric", "space")
-        ),
-    ],
+    ["plane strain", *(slow(body) for body in ("degree 2", "reduced", "axisymmetric", "space"))],
 )
 def test_a_block_of_metal_between_walls(body):
     """Loaded, unloaded without flow, and loaded again; whichever load step is looked at first."""
@@ -163,14 +154,9 @@ def at_quadrature(solution, points, expression=None):
 
 LIMITS = [
     ("neo-hooke", {}, {}),
-    pytest.param("j2", {}, {"degree": 2}, marks=pytest.mark.slow),
-    pytest.param(
-        "saint-venant-kirchhoff",
-        {"hypothesis": "axisymmetric"},
-        {"degree": 2},
-        marks=pytest.mark.slow,
-    ),
-    pytest.param("j2", {"hypothesis": "axisymmetric"}, {}, marks=pytest.mark.slow),
+    slow("j2", {}, {"degree": 2}),
+    slow("saint-venant-kirchhoff", {"hypothesis": "axisymmetric"}, {"degree": 2}),
+    slow("j2", {"hypothesis": "axisymmetric"}, {}),
 ]
 
 

@@ -11,6 +11,7 @@ import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 from on_meshes import trial_and_test, vector_space
+from parameters import slow
 from support.sliding_bodies import SlidingBodies, as_linear_bodies
 from two_bodies import assembled, facets, facets_of_cells, grid
 
@@ -128,10 +129,7 @@ def evenly_pressed(kind, degree, bodies, held, slave, sides=None):
     ("kind", "degree"),
     [
         ("quadrilateral", 1),
-        *(
-            pytest.param(*case, marks=pytest.mark.slow)
-            for case in (("triangle", 2), ("hexahedron", 1), ("tetrahedron", 2))
-        ),
+        *(slow(*case) for case in (("triangle", 2), ("hexahedron", 1), ("tetrahedron", 2))),
     ],
 )
 def test_constant_stress_beside_a_region_in_which_both_sides_are_held(kind, degree, upto, slave):

@@ -4,6 +4,7 @@ integrals.
 
 import numpy as np
 import pytest
+from parameters import slow
 
 from benchmarks.stability.oracle.mortar import Side, points_of_moved
 from signorini_fx.mechanics.pairs.mortar_coupling import couple
@@ -114,9 +115,7 @@ def differences(kind, seed, *, slides):
     ]
 
 
-@pytest.mark.parametrize(
-    "seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2))]
-)
+@pytest.mark.parametrize("seed", [0, *(slow(seed) for seed in (1, 2))])
 @pytest.mark.parametrize("kind", BUT_SLOW)
 def test_sides_that_have_moved(kind, seed):
     """At X + u, with the areas of X."""
@@ -176,11 +175,7 @@ def test_shears_move_on_with_partners():
 
 
 @pytest.mark.parametrize(
-    "kind",
-    [
-        *BUT_SLOW,
-        *(pytest.param(kind, marks=pytest.mark.slow) for kind in PLACES if kind not in SLIDING),
-    ],
+    "kind", [*BUT_SLOW, *(slow(kind) for kind in PLACES if kind not in SLIDING)]
 )
 def test_undeformed_sides(kind):
     """Curved ones, which keep their partners."""

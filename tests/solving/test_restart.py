@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from numpy.testing import assert_allclose
+from parameters import slow
 from scenes import alone
 
 from signorini_fx.errors import SceneError
@@ -328,9 +329,7 @@ CASES = {
 @pytest.mark.parametrize(
     "name",
     [
-        name
-        if name in ("fp", "tool", "torn", "wear", "heated", "warming")
-        else pytest.param(name, marks=pytest.mark.slow)
+        name if name in ("fp", "tool", "torn", "wear", "heated", "warming") else slow(name)
         for name in CASES
     ],
 )

@@ -8,6 +8,7 @@ import pytest
 from forms import Block
 from mpi4py import MPI
 from numpy.testing import assert_allclose, assert_array_equal
+from parameters import slow
 from scenes import alone
 from step_effects import Counted, ErodedContact, ErodedContacts, ErodedFoundation, Erosion, Wear
 from test_restart import CASES, METHODS, MOVING, PUSHED, Killed, scene, until
@@ -99,7 +100,7 @@ QUICK = (
     "heated",
     "warming",
 )
-NAMES = [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in TEXTS]
+NAMES = [name if name in QUICK else slow(name) for name in TEXTS]
 
 
 def fresh(given, comm=MPI.COMM_WORLD):

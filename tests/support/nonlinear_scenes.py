@@ -2,10 +2,10 @@
 
 import basix.ufl
 import numpy as np
-import pytest
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from on_meshes import at_coordinate
+from parameters import slow
 from scene_tables import box_mesh, circle_shape, coulomb_friction, fixed, rectangle_mesh
 
 from signorini_fx.mechanics.mesh.tagged import tagged_mesh
@@ -29,7 +29,7 @@ def material(name, **further):
 
 def but_slow(names, *quick):
     """All names, of which a few are tried by `make test`."""
-    return [name if name in quick else pytest.param(name, marks=pytest.mark.slow) for name in names]
+    return [name if name in quick else slow(name) for name in names]
 
 
 def block(law, path, *, length=1.0, cells=(4, 4), unit=1.0, foundation=None, **further):

@@ -6,6 +6,7 @@ import shutil
 
 import numpy as np
 import pytest
+from parameters import slow
 
 from benchmarks.contactbench.adapters import adapter
 from benchmarks.contactbench.adapters.calculix_deck import deck
@@ -27,8 +28,7 @@ QUICK = [
 ]
 QUICK += ["press-fit-plane", "patch-slip-space", "ring"]
 each_problem = pytest.mark.parametrize(
-    "name",
-    [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in NAMES],
+    "name", [name if name in QUICK else slow(name) for name in NAMES]
 )
 
 
@@ -55,11 +55,7 @@ def test_the_package_meets_every_reference(name):
 
 
 @pytest.mark.parametrize(
-    ("program", "name"),
-    [
-        pytest.param("dolfinx", "smooth-edge-tresca", marks=pytest.mark.slow),
-        ("getfem", "patch-stick"),
-    ],
+    ("program", "name"), [slow("dolfinx", "smooth-edge-tresca"), ("getfem", "patch-stick")]
 )
 def test_other_programs(program, name):
     """A penalty by hand, and a brick, meet a reference as well."""

@@ -9,6 +9,7 @@ import pytest
 import ufl
 from dolfinx import fem
 from mpi4py import MPI
+from parameters import slow
 from scene_tables import box_mesh, coulomb_friction, fixed, plane_shape, rectangle_mesh
 from scenes import alone
 from scipy.spatial.transform import Rotation
@@ -56,19 +57,12 @@ NEO_HOOKE = {"law": "neo-hooke"}
         ((24, 36), {}, 1, {"distance": "nominal"}, False),
         ((24, 24), {}, 1, {}, False),
         ((12, 18), {"young": 1e6}, 2, {}, True),
-        pytest.param((18, 18), {"young": 1e6}, 2, {}, False, marks=pytest.mark.slow),
+        slow((18, 18), {"young": 1e6}, 2, {}, False),
         ((12, 18), J2, 1, {}, True),
-        pytest.param((12, 12), J2, 1, {}, False, marks=pytest.mark.slow),
+        slow((12, 12), J2, 1, {}, False),
         ((12, 18), NEO_HOOKE, 1, {}, True),
-        pytest.param((12, 18), NEO_HOOKE, 1, {"sliding": "small"}, True, marks=pytest.mark.slow),
-        pytest.param(
-            (12, 18),
-            NEO_HOOKE,
-            1,
-            {"sliding": "small", "distance": "nominal"},
-            False,
-            marks=pytest.mark.slow,
-        ),
+        slow((12, 18), NEO_HOOKE, 1, {"sliding": "small"}, True),
+        slow((12, 18), NEO_HOOKE, 1, {"sliding": "small", "distance": "nominal"}, False),
     ],
 )
 def test_chords_of_round_sides_that_change_the_pressure(

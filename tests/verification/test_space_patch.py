@@ -9,6 +9,7 @@ constant state turns into a rigid motion.
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from parameters import slow
 from space_patches import (
     CONFINED,
     ELEMENTS,
@@ -29,9 +30,7 @@ from space_patches import (
 from spaces import friction_of, rotation
 
 each_element = pytest.mark.parametrize("element", ELEMENTS)
-each_turn = pytest.mark.parametrize(
-    "turn", ["turned", pytest.param("upright", marks=pytest.mark.slow)]
-)
+each_turn = pytest.mark.parametrize("turn", ["turned", slow("upright")])
 
 
 LAWS = [{"bound": SHEAR / 0.9}, {"coefficient": SHEAR / 0.9 / PRESSURE}]
