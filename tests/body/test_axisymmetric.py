@@ -5,6 +5,7 @@ import pytest
 from certifying import certify
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
+from on_meshes import nodes
 from revolved import section
 from scene_tables import coulomb_friction, fixed, plane_shape, rectangle_mesh
 from scenes import alone
@@ -35,12 +36,6 @@ def scene(tagged, degree=1, material=None, **more):
     return parse_scene(
         {"mesh": tagged, "element": {"degree": degree}, "material": material, **more}
     )
-
-
-def nodes(solution):
-    """Positions and displacements of the nodes of this rank."""
-    x = solution.displacement.function_space.tabulate_dof_coordinates()
-    return x, solution.displacement.x.array.reshape(len(x), -1)
 
 
 # --- exact states ---------------------------------------------------------------------------------

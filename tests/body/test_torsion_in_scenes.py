@@ -8,7 +8,7 @@ import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
-from on_meshes import at_coordinate, trial_and_test, vector_space
+from on_meshes import at_coordinate, nodes, trial_and_test, vector_space
 from scene_tables import circle_shape, coulomb_friction, fixed, rectangle_mesh
 
 from signorini_fx import ContactProblem, ConvergenceError, Coulomb, Foundation, SceneError, Tresca
@@ -77,12 +77,6 @@ def pressed(tagged, torques, degree=1, friction=None, length=1.0, stress=1.0, **
         contact={"boundary": "bottom", "friction": friction or coulomb_friction(FRICTION)},
         **more,
     )
-
-
-def nodes(solution):
-    """Positions and displacements of the nodes of this rank."""
-    x = solution.displacement.function_space.tabulate_dof_coordinates()
-    return x, solution.displacement.x.array.reshape(len(x), -1)
 
 
 def by_forms(solution, torque, friction, algorithm):

@@ -2,8 +2,8 @@
 
 import pytest
 from mpi4py import MPI
+from pushed_block import DRAGGED_PRESSURE, dragged_block
 from scene_tables import rectangle_mesh
-from spaces import box
 
 from signorini_fx import SceneError
 from signorini_fx.records import Status
@@ -11,30 +11,13 @@ from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
 
 COMM = MPI.COMM_WORLD
-F, C, PRESS = 0.25, 1.5, 4.0
+F, C = 0.25, 1.5
 
 
-def dragged(dim=2, gap=0.0, comm=COMM, friction=None, **solver):
-    """A low block, 2 long and 1 wide, pressed on its foundation while its top is dragged along
-    it.
-    """
-    if dim == 2:
-        mesh = rectangle_mesh(10, 2, length=2.0, height=0.2)
-    else:
-        mesh = box("hexahedra", (4, 2, 2), size=(2.0, 1.0, 0.2), comm=comm)
-    up = "xyz"[dim - 1]
-    top = {"boundary": "top", "x": 0.05} | ({"y": 0.0} if dim == 3 else {})
+def dragged(dim=2, gap=0.0, friction=None, **solver):
+    """A low block that is pressed on its foundation with cohesion, and dragged along it."""
     friction = friction or {"law": "coulomb", "coefficient": F, "cohesion": C}
-    return parse_scene(
-        {
-            "mesh": mesh,
-            "material": {"young": 1000.0, "poisson": 0.0},
-            "displacement": [top],
-            "traction": [{"boundary": "top", up: -PRESS}],
-            "contact": {"boundary": "bottom", "gap": gap, "friction": friction},
-            "solver": solver,
-        }
-    )
+    return dragged_block({"gap": gap, "friction": friction}, dim, solver=solver)
 
 
 @pytest.mark.mpi
@@ -55,7 +38,7 @@ def test_a_block_that_slides(dim, solver):
     _, friction = solution.contact.forces
     assert solution.converged
     assert solution.certificate.holds
-    assert friction[0] == pytest.approx(-(C * 2.0 + F * PRESS * 2.0), rel=1e-8)
+    assert friction[0] == pytest.approx(-(C * 2.0 + F * DRAGGED_PRESSURE * 2.0), rel=1e-8)
 
 
 def test_open_contact_has_none():
@@ -67,8 +50,8 @@ def test_open_contact_has_none():
     assert solution.certificate.holds
     assert closed == pytest.approx(1.7)
     normal, friction = solution.contact.forces
-    assert normal[1] == pytest.approx(2.0 * PRESS)
-    assert friction[0] == pytest.approx(-(C * closed + F * 2.0 * PRESS), rel=1e-6)
+    assert normal[1] == pytest.approx(2.0 * DRAGGED_PRESSURE)
+    assert friction[0] == pytest.approx(-(C * closed + F * 2.0 * DRAGGED_PRESSURE), rel=1e-6)
     open_ = ~solution.contact.in_contact
     assert not solution.contact.bound[open_].any()
     assert not solution.contact.shear[open_].any()
@@ -77,12 +60,12 @@ def test_open_contact_has_none():
 @pytest.mark.parametrize("share", [0.98, 1.02])
 def test_what_pushes_a_block_away(share):
     """Body forces push a long block against c A + F N: it rests below that, and slides above."""
-    push = share * (C * 2.0 + F * PRESS * 2.0) / 2.0
+    push = share * (C * 2.0 + F * DRAGGED_PRESSURE * 2.0) / 2.0
     scene = parse_scene(
         {
             "mesh": rectangle_mesh(20, 2, length=2.0, height=0.2),
             "material": {"young": 1e5, "poisson": 0.0},
-            "body_force": {"x": push / 0.2, "y": -PRESS / 0.2},
+            "body_force": {"x": push / 0.2, "y": -DRAGGED_PRESSURE / 0.2},
             "contact": {
                 "boundary": "bottom",
                 "friction": {"law": "coulomb", "coefficient": F, "cohesion": C},

@@ -4,52 +4,29 @@ hand.
 
 import pytest
 from mpi4py import MPI
-from scene_tables import coulomb_friction, rectangle_mesh, tresca_friction
-from spaces import box
+from pushed_block import DRAGGED_PRESSURE, dragged_block
+from scene_tables import coulomb_friction, tresca_friction
 
 from signorini_fx import SceneError
 from signorini_fx.mechanics.body.discretisation import prepare
 from signorini_fx.records import Timings
 from signorini_fx.scenes.mesh import load_mesh
-from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
 
 COMM = MPI.COMM_WORLD
-PRESS, AREA = 4.0, 2.0
+AREA = 2.0
 
 
 def dragged(friction, factors=(1.0, 2.0, 3.0), dim=2, more=None, **solver):
-    """A low block, 2 long and 1 wide, pressed on its foundation while its top is dragged along
-    it.
-    """
-    if dim == 2:
-        mesh = rectangle_mesh(10, 2, length=2.0, height=0.2)
-    else:
-        mesh = box("hexahedra", (4, 2, 2), size=(2.0, 1.0, 0.2), comm=COMM)
-    up = "xyz"[dim - 1]
-    top = {"boundary": "top", "x": 0.05, "factors": factors} | ({"y": 0.0} if dim == 3 else {})
-    return parse_scene(
-        {
-            "mesh": mesh,
-            "material": {"young": 1000.0, "poisson": 0.0},
-            "displacement": [top],
-            "traction": [{"boundary": "top", up: -PRESS}],
-            "contact": {"boundary": "bottom", "friction": friction},
-            "solver": solver,
-        }
-        | (more or {})
-    )
-
-
-def coulomb(coefficient):
-    return coulomb_friction(coefficient)
+    """A low block that is pressed on its foundation, and dragged along it in load steps."""
+    return dragged_block({"friction": friction}, dim, factors, solver=solver, **more or {})
 
 
 def pull(solution):
     """The friction forces of the load steps over the pressing force, along the drag."""
     assert solution.converged
     assert all(step.certificate.holds for step in solution.steps)
-    return [-step.contact.forces[1][0] / (PRESS * AREA) for step in solution.steps]
+    return [-step.contact.forces[1][0] / (DRAGGED_PRESSURE * AREA) for step in solution.steps]
 
 
 @pytest.mark.mpi
@@ -67,7 +44,7 @@ def pull(solution):
 )
 def test_a_coefficient_that_grows_and_falls(dim, solver):
     """The block slides in every step, so that friction is F(t) times the pressing force."""
-    law = coulomb("0 if t < 1.5 else 0.6 - 0.1*t")
+    law = coulomb_friction("0 if t < 1.5 else 0.6 - 0.1*t")
     assert pull(solve(dragged(law, dim=dim, **solver), COMM)) == pytest.approx(
         [0.0, 0.4, 0.3], rel=1e-8, abs=1e-12
     )
@@ -77,7 +54,7 @@ def test_only_the_fall_makes_a_block_at_rest_slide():
     """The drag stays: a larger coefficient changes nothing, and a smaller one lets the body relax
     to its bound.
     """
-    law = coulomb("0.2 if t < 1.5 else 0.5 if t < 2.5 else 0.1")
+    law = coulomb_friction("0.2 if t < 1.5 else 0.5 if t < 2.5 else 0.1")
     assert pull(solve(dragged(law, (1.0, 1.0, 1.0)), COMM)) == pytest.approx(
         [0.2, 0.2, 0.1], rel=1e-6
     )
@@ -93,10 +70,12 @@ def test_a_nonlinear_body(law):
     while it is dragged, a fall that lets it relax, and steps between the times of the factors.
     """
     material = {"material": {"young": 1000.0, "poisson": 0.0} | law}
-    grows = dragged(coulomb("0.1 if t < 1.5 else 0.6 - 0.1*t"), more=material)
+    grows = dragged(coulomb_friction("0.1 if t < 1.5 else 0.6 - 0.1*t"), more=material)
     assert pull(solve(grows, COMM)) == pytest.approx([0.1, 0.4, 0.3], rel=1e-6)
     falls = dragged(
-        coulomb("0.2 if t < 1.5 else 0.5 if t < 2.5 else 0.1"), (1.0, 1.0, 1.0), more=material
+        coulomb_friction("0.2 if t < 1.5 else 0.5 if t < 2.5 else 0.1"),
+        (1.0, 1.0, 1.0),
+        more=material,
     )
     assert pull(solve(falls, COMM)) == pytest.approx([0.2, 0.2, 0.1], rel=1e-6)
     between = dragged(
@@ -105,7 +84,7 @@ def test_a_nonlinear_body(law):
         more=material | {"load_steps": {"steps": 2, "times": [1.0, 2.0]}},
     )
     assert pull(solve(between, COMM)) == pytest.approx(
-        [2.0 * t / (PRESS * AREA) for t in (1.0, 1.5, 2.0)], rel=1e-6
+        [2.0 * t / (DRAGGED_PRESSURE * AREA) for t in (1.0, 1.5, 2.0)], rel=1e-6
     )
 
 
@@ -113,21 +92,21 @@ def test_place_and_time():
     """Of a Tresca bound t x the integral over the length is 2 t, whatever the pressure."""
     law = tresca_friction("t*x[0]")
     assert pull(solve(dragged(law), COMM)) == pytest.approx(
-        [2.0 * t / (PRESS * AREA) for t in (1, 2, 3)], rel=1e-8
+        [2.0 * t / (DRAGGED_PRESSURE * AREA) for t in (1, 2, 3)], rel=1e-8
     )
 
 
 def test_a_ramp():
     """Times between the factors: friction alone depends on them."""
     more = {"load_steps": {"steps": 2, "times": [10.0, 20.0]}}
-    found = pull(solve(dragged(coulomb("0.01*t"), (1.0, 2.0), more=more), COMM))
+    found = pull(solve(dragged(coulomb_friction("0.01*t"), (1.0, 2.0), more=more), COMM))
     assert found == pytest.approx([0.1, 0.15, 0.2], rel=1e-8)
 
 
 def test_times_alone_make_load_steps():
     """Without factors there is a load step for each time."""
     more = {"load_steps": {"times": [1.0, 2.0]}}
-    assert pull(solve(dragged(coulomb("0.4/t"), None, more=more), COMM)) == pytest.approx(
+    assert pull(solve(dragged(coulomb_friction("0.4/t"), None, more=more), COMM)) == pytest.approx(
         [0.4, 0.2], rel=1e-6
     )
 
@@ -135,9 +114,9 @@ def test_times_alone_make_load_steps():
 @pytest.mark.parametrize(
     ("friction", "more", "message"),
     [
-        (coulomb("0.5 - 0.2*t"), {}, "friction.coefficient.*not negative"),
-        (coulomb("1/(t - 2)**2"), {}, "friction.coefficient: is inf"),
-        (coulomb(0.3) | {"cap": "2 - t"}, {}, "friction.cap.*not negative"),
+        (coulomb_friction("0.5 - 0.2*t"), {}, "friction.coefficient.*not negative"),
+        (coulomb_friction("1/(t - 2)**2"), {}, "friction.coefficient: is inf"),
+        (coulomb_friction(0.3) | {"cap": "2 - t"}, {}, "friction.cap.*not negative"),
     ],
 )
 def test_bad_values(friction, more, message):

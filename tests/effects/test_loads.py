@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from boxes import Box, boxes_mesh, scene_on
 from mpi4py import MPI
+from on_meshes import nodes
 from scene_tables import coulomb_friction, fixed
 from scenes import alone
 from steel_blocks import COMM, ELEMENTS, PLANE, SIZE, YOUNG, body, scene
@@ -20,12 +21,6 @@ SOFT = {"young": YOUNG, "poisson": 0.0}
 def upwards(cells):
     """The axis against gravity, by its number and letter."""
     return (1, "y") if cells in PLANE else (2, "z")
-
-
-def nodes(solution):
-    """Positions and displacements of the nodes of this rank."""
-    x = solution.displacement.function_space.tabulate_dof_coordinates()
-    return x, solution.displacement.x.array.reshape(len(x), -1)
 
 
 # --- exact states ---------------------------------------------------------------------------------

@@ -5,6 +5,7 @@ until it is loose.
 import numpy as np
 import pytest
 from mpi4py import MPI
+from on_meshes import nodes
 from revolved import section
 from scenes import alone
 from steel_blocks import ELEMENTS, PLANE, body
@@ -38,12 +39,6 @@ def sides(cells, *, held=False):
     names = list(axes.items())
     names += [(opposite[side], axis) for side, axis in axes.items() if held]
     return [{"boundary": side, axis: 0.0} for side, axis in names]
-
-
-def nodes(solution):
-    """Positions and displacements of the nodes of this rank."""
-    x = solution.displacement.function_space.tabulate_dof_coordinates()
-    return x, solution.displacement.x.array.reshape(len(x), -1)
 
 
 def extreme(function):

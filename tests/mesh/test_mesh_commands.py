@@ -3,8 +3,7 @@
 import json
 
 import pytest
-
-from signorini_fx.scenes import cli
+from commands import run
 
 SQUARES = """*NODE
 1, 0, 0
@@ -18,12 +17,6 @@ SQUARES = """*NODE
 1, 1, 2, 5, 4
 2, 10, 3, 6, 5
 """
-
-
-def run(capsys, *arguments):
-    """(exit code, output, errors) of a command."""
-    code = cli.main([str(argument) for argument in arguments])
-    return code, *capsys.readouterr()
 
 
 @pytest.fixture

@@ -7,6 +7,7 @@ import tomllib
 import gmsh
 import numpy as np
 import pytest
+from commands import run
 from mpi4py import MPI
 from scene_tables import coulomb_friction, fixed, rectangle_mesh
 
@@ -15,7 +16,6 @@ from signorini_fx.mechanics.mesh.files.formats import read_file
 from signorini_fx.mechanics.mesh.files.gmsh_reader import gmsh_session
 from signorini_fx.mechanics.mesh.proposals import proposed_contacts
 from signorini_fx.mechanics.statement.mesh_sources import MeshFile
-from signorini_fx.scenes import cli
 from signorini_fx.scenes.checks import check_scene
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene, read_scene
@@ -163,12 +163,6 @@ def test_pairs_of_an_assembly(drawn, assembly, fine):
         assert contact.shared == (assembly is bearing)  # of a roller and a ring both meet several
     assert not any(left.values()), (left, [(c.name, c.kind, c.gap) for c in found.contacts])
     assert found.unnamed == ()
-
-
-def run(capsys, *arguments):
-    """(exit code, output, errors) of a command."""
-    code = cli.main([str(argument) for argument in arguments])
-    return code, *capsys.readouterr()
 
 
 def filled_in(text):

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from commands import run
 from mpi4py import MPI
 from pressed_block import block, check, contact, coulomb, tresca
 from scene_tables import coulomb_friction, plane_shape, rectangle_mesh, tresca_friction
@@ -30,7 +31,7 @@ from signorini_fx.mechanics.statement.load_path import LoadSteps
 from signorini_fx.mechanics.statement.mesh_sources import MeshFile
 from signorini_fx.records import Status
 from signorini_fx.results.summary import lines_of, summary_of
-from signorini_fx.scenes import cli, scene, template
+from signorini_fx.scenes import scene, template
 from signorini_fx.scenes.checks import check_scene
 from signorini_fx.scenes.reading import parse_scene, read_scene
 
@@ -400,13 +401,6 @@ def test_warnings(changes, path, words):
 # --- the commands ---------------------------------------------------------------------------------
 
 EXAMPLE = DEMOS[[demo.stem for demo in DEMOS].index("example1_coulomb")]
-
-
-def run(capsys, *arguments):
-    """Exit code, standard output and standard error of a command."""
-    code = cli.main([str(argument) for argument in arguments])
-    captured = capsys.readouterr()
-    return code, captured.out, captured.err
 
 
 def written(folder, data):

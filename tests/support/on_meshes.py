@@ -23,3 +23,9 @@ def trial_and_test(space):
 def no_load(mesh, v):
     """The linear form of a body without loads."""
     return ufl.inner(fem.Constant(mesh, (0.0,) * mesh.geometry.dim), v) * ufl.dx
+
+
+def nodes(solution):
+    """Positions and displacements of the nodes of this rank."""
+    x = solution.displacement.function_space.tabulate_dof_coordinates()
+    return x, solution.displacement.x.array.reshape(len(x), -1)
