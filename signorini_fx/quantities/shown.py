@@ -317,6 +317,16 @@ def error_of(summary: Mapping[str, Any], key: str) -> float | None:
     )
 
 
+def _limit(summary: Summary) -> Lines:
+    """Return the loads that a ramp has reached, and how it has ended."""
+    limit = summary["limit"]
+    held = limit["loads"] or f"time {limit['time']:.6g}"
+    if full := limit.get("full_force"):
+        force, whole = (with_unit(figure(value), "force") for value in (limit["force"], full))
+        held = f"{force} ({limit['force'] / full:.4g} of {whole})"
+    return [f"{held}: {limit['reason']}"]
+
+
 def _corners(summary: Summary) -> Lines:
     """The forces of corners, and whether the mesh resolves their contact."""
     lines = Lines()
@@ -690,8 +700,11 @@ def short_answer(summary: Summary, folder: Path | None = None) -> list[TerminalL
     if (more := len(warnings) - _MOST_WARNINGS) > 0:
         rest = row("warning", f"{more} more with --verbose, and in summary.json", "warning")
         warnings = [*warnings[:_MOST_WARNINGS], rest]
-    answer = [*outcome_lines(summary), *effect_lines(summary), *brief_lines(summary)]
-    lines = [*warnings, *answer, *([row("results", f"{folder}/")] if folder else [])]
+    brief = brief_lines(summary)
+    first = int("limit" in summary)
+    answer = [*outcome_lines(summary), *effect_lines(summary), *brief[first:]]
+    lines = [*brief[:first], *warnings, *answer]
+    lines += [row("results", f"{folder}/")] if folder else []
     return [heading(summary), *(narrow for line in lines for narrow in _narrow(line))]
 
 
@@ -744,6 +757,7 @@ def warning_lines(summary: Summary) -> list[TerminalLine]:
 
 
 _TABLE = (
+    Shown("limit", "limit", _limit, brief=True),
     Shown("contact_force", "force", _forces, brief=True),
     Shown("rigid_bodies", "foundation", _rigid_bodies, brief=True),
     Shown("preloads", "preload", _preloads, brief=True),

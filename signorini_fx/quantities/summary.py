@@ -277,6 +277,16 @@ class LargestDeformation(Row):
     displacement: Number = described("Largest displacement, relative to the size of the body.")
 
 
+class LimitOfRamp(Row):
+    """The loads at which a ramp has ended."""
+
+    time: float = described("Of the last load step with a solution.")
+    force: Number = perhaps("Size of the resultant of the forces that grow, then.", "force")
+    full_force: Number = perhaps("The same where their factor is the next one.", "force")
+    loads: str = described("The factors of the loads that grow, then.")
+    reason: str = described("How it has ended.")
+
+
 class CertificateFigures(Row):
     """The figures of the certificate, each relative."""
 
@@ -434,6 +444,7 @@ class Summary(Run):
     """All of summary.json: of the run, and the results."""
 
     steps: list[RowOfSteps] = perhaps("The load steps, if there are several.")
+    limit: LimitOfRamp = perhaps("Of a ramp that has ended before its loads are whole.")
     friction_used: Number = perhaps(
         "Share of its friction that the loads use, with the friction bounds of this solution."
     )

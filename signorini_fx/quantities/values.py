@@ -18,6 +18,7 @@ def of_results(solution: Any) -> dict[str, Any]:
     contact = solution.contact
     known = {
         **({} if contact is None else _of_contact(solution)),
+        "limit": solution.limit and solution.limit.model_dump(exclude_none=True),
         "preloads": [section.model_dump() for section in solution.preloads] or None,
         "resultants": solution.resultants.as_rows(),
         "strain_energy": solution.last_step.strain_energy,

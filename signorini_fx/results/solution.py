@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
+from math import floor
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -48,6 +49,7 @@ from signorini_fx.results.contact_figures import (
     friction_used,
     section_forces,
 )
+from signorini_fx.results.limit import UNDECIDED, ended_by, limit_of_ramp
 from signorini_fx.results.mechanics import Mechanics, StatedMechanics, StepResult
 from signorini_fx.results.present_area import present_pressure
 from signorini_fx.results.resultants import Resultants
@@ -61,6 +63,7 @@ if TYPE_CHECKING:
         ContactFigures,
         CornerFigures,
         CostOfAccuracy,
+        LimitOfRamp,
         Price,
         SectionForce,
     )
@@ -68,13 +71,6 @@ if TYPE_CHECKING:
 
 # A body that moves away although nothing would let it do so without a load.
 _LEAVES = (Status.OPEN, Status.TIPS, Status.SLIDES)
-# Outcomes of methods that have found no solution, which does not mean that there is none.
-_UNDECIDED = (
-    Status.CYCLING,
-    Status.MAX_ITERATIONS,
-    Status.OUTER_MAX_ITERATIONS,
-    Status.SLIDES_AT_PRESSURES,
-)
 
 
 @dataclass(frozen=True, repr=False)
@@ -208,7 +204,7 @@ class Solution:
             between = f"{reached} at time {failed.time:.6g}; "
             why = next(named, self.status.advice).removeprefix(f"{self.status.value}: ")
             return between * ended_between + why
-        if self.status in _UNDECIDED and ended_between:
+        if self.status in UNDECIDED and ended_between:
             # What regularisation leaves of slip in each load step wedges a body between several
             # walls.
             wedged = (
@@ -226,7 +222,7 @@ class Solution:
                 f"{failed.time:.6g}; most likely a limit load is between them, though it is not "
                 f"proved{early * wedged}"
             )
-        if self.history.late and self.status in _UNDECIDED:
+        if self.history.late and self.status in UNDECIDED:
             return (
                 "the time ended before the first mesh was solved: raise accuracy.seconds, or "
                 "begin with a coarser mesh"
@@ -412,6 +408,21 @@ class Solution:
         last one; collective.
         """
         return [] if self.contact is None else corner_figures(self.model, self.contact)
+
+    @cached_property
+    def limit(self) -> LimitOfRamp | None:
+        """Return the loads at which a ramp has ended; None if it has not; collective."""
+        last = self.last_step
+        path = self.model.path
+        whole = last.place >= len(path.times) - 1
+        if path.steps is None or whole or self.certified or last.status is not Status.CONVERGED:
+            return None
+        failed = self.steps[-1]
+        told = [one for one in self.findings if one.level == "warning" and one.path == "load_steps"]
+        reasons = told if failed.reason is None else [failed.reason]
+        held = factors_held(self.statement, last.place, floor(last.place) + 1.0).strip(" ()")
+        reason = ended_by(self.model, self.status, reasons)
+        return limit_of_ramp(self.model, last.time, last.place, held, reason)
 
     @cached_property
     def contact_figures(self) -> list[ContactFigures]:

@@ -268,8 +268,8 @@ def row_of(change: Mapping[str, Any], solution: Solution) -> dict[str, Any]:
     ``FIGURES``: sizes of the contact and friction force (per thickness in 2D), between bodies the
     sum of those of all boundaries, areas in contact and of what sticks (in 2D lengths); not a
     number where there is no solution.  With several load steps they are those of the last one with
-    a solution, and ``solved_until`` is its time: where a ramp ends without one, its limit.  Figures
-    of effects, such as wear, follow.
+    a solution, and ``solved_until`` is its time: where a ramp ends without one, its limit, and
+    ``limit_force`` the force that it has reached.  Figures of effects, such as wear, follow.
     """
     energy = solution.last_step.strain_energy
     figures = {
@@ -307,6 +307,8 @@ def row_of(change: Mapping[str, Any], solution: Solution) -> dict[str, Any]:
     if solution.model.path.several:
         times = [step.time for step in solution.steps if step.status is Status.CONVERGED]
         outcome["solved_until"] = times[-1] if times else float("nan")
+        if solution.limit is not None and solution.limit.force is not None:
+            outcome["limit_force"] = solution.limit.force
     return {**outcome, "certificate_holds": solution.certificate.holds, **figures}
 
 
@@ -322,4 +324,6 @@ def line_of(paths: Sequence[str], row: dict[str, Any]) -> str:
     figures = [f"{row[name]:14.6g}" if name in row else f"{'-':>14s}" for name in FIGURES]
     unsolved = "solved_until" in row and row["status"] != Status.CONVERGED.value
     limit = f" after time {row['solved_until']:g}" if unsolved else ""
+    if "limit_force" in row:
+        limit = f": limit {row['limit_force']:.4g}"
     return "  ".join([*values, *figures, f"{row['status']}{limit}"])

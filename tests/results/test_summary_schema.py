@@ -8,6 +8,8 @@ from pathlib import Path
 
 import jsonschema
 import pytest
+from pushed_block import LIMIT, PRESSURE
+from pushed_block import block as pushed_block
 from quantities import markdown
 from scene_tables import coulomb_friction, fixed, plane_shape, rectangle_mesh
 from scenes import alone, example1
@@ -104,6 +106,14 @@ def preloaded():
     )
 
 
+def ramp():
+    """A block that is pushed beyond the limit of friction."""
+    push = {"boundary": "left", "x": 2 * LIMIT, "factors": [0.0, 1.0]}
+    steps = {"steps": 2, "times": [0.0, 1.0]}
+    pressed = {"boundary": "top", "y": -PRESSURE}
+    return pushed_block(3, {"traction": [pressed, push], "load_steps": steps})
+
+
 def cornered():
     """A block on the edge of a wedge, between two of its nodes."""
     wedge = {"shape": "polyline", "points": [[-0.6, -1.0], [0.4, 0.0], [1.4, -1.0]]}
@@ -168,6 +178,7 @@ SCENES = {
     "preload": preloaded,
     "corner": cornered,
     "metal": dented,
+    "ramp": ramp,
     "slides": lambda: standing(0.5, COULOMB),
     "rubber": lambda: parse_scene(
         {
@@ -198,7 +209,7 @@ def written(tmp_path_factory):
 def test_summaries(written, name):
     """They are valid, solved or not."""
     VALIDATOR.validate(written[name])
-    solved = name not in ("slides", "opens", "stopped")
+    solved = name not in ("slides", "opens", "stopped", "ramp")
     assert written[name]["converged"] == solved
 
 
@@ -217,7 +228,7 @@ def test_every_key_is_used(written):
     }
     for name, row in inner.items():
         assert keys_of(name) == set(row), name
-    for name, kind in (("certificate", "plane"), ("stress", "plane")):
+    for name, kind in (("certificate", "plane"), ("stress", "plane"), ("limit", "ramp")):
         assert keys_of(name) == set(written[kind][name]), name
 
 

@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 from pushed_block import LENGTH, LIMIT, PRESSURE, block, friction_force
-from scene_tables import fixed, rectangle_mesh, tresca_friction
+from scene_tables import coulomb_friction, fixed, rectangle_mesh, tresca_friction
 from scenes import alone
 
 from signorini_fx.errors import FormError, SceneError
 from signorini_fx.mechanics.statement.load_path import LoadPath
+from signorini_fx.quantities.shown import short_answer
 from signorini_fx.records import Status
 from signorini_fx.results.files import write_results
 from signorini_fx.scenes.reading import parse_scene
@@ -64,6 +65,9 @@ def test_limit_load(push, method):
     assert 0.99 / push <= last.time <= 1 / push < failed.time <= 1.01 / push
     assert friction_force(last.contact) == pytest.approx(last.time * push * LIMIT, rel=1e-8)
     assert solution.certificate.holds
+    assert solution.limit.force == pytest.approx(friction_force(last.contact), rel=1e-8)
+    assert solution.limit.full_force == pytest.approx(push * LIMIT, rel=1e-9)
+    assert solution.limit.reason == "the body slides"
     assert solution.displacement is last.displacement
     assert solution.contact is last.contact
     assert all(step.status is Status.CONVERGED for step in solution.steps[:-1])
@@ -152,6 +156,52 @@ def test_the_load_that_is_held_is_named(failed):
     assert f"({held:.4g} times traction[1])" in solution.advice
 
 
+def test_what_moves_on_what(failed):
+    """The first line has the force, its share of the whole one, and which body slides on which."""
+    _, summary, _ = failed
+    whole = 1.9 * LIMIT
+    held = summary["limit"]["force"]
+    line = f"  limit       {held:.4g} ({held / whole:.4g} of {whole:.4g}): the body slides"
+    assert str(short_answer(summary)[1]) == line
+    blocks = {
+        "body": [
+            {"name": "lower", "mesh": rectangle_mesh(6, 2, length=3.0)},
+            {"name": "upper", "mesh": rectangle_mesh(5, 2, length=2.0), "shift": [0.5, 1.0]},
+        ],
+        "material": {"young": 5000.0, "poisson": 0.3},
+        "displacement": [fixed("lower.bottom")],
+        "contact": {
+            "boundary": "upper.bottom",
+            "against": "lower.top",
+            "friction": coulomb_friction(0.25),
+        },
+        "traction": {"boundary": "upper.top", "y": -20.0},
+        "force": {"boundary": "upper.left", "x": 21.0, "factors": [0.0, 1.0]},
+        "load_steps": {"steps": 4, "times": [0.0, 1.0]},
+    }
+    limit = alone(parse_scene(blocks), check=False).limit
+    assert limit.reason == "upper slides on lower"
+    assert 0.99 * 10.0 <= limit.force <= 10.0
+    assert limit.full_force == pytest.approx(21.0)
+
+
+def test_a_ramp_of_rubber_names_its_limit():
+    """Friction of a coefficient 0.1 holds a tenth of the pressure."""
+    scene = {
+        "mesh": rectangle_mesh(6, 3, length=2.0),
+        "material": {"law": "neo-hooke", "young": 50.0, "poisson": 0.4},
+        "contact": {"boundary": "bottom", "friction": coulomb_friction(0.1)},
+        "traction": [
+            {"boundary": "top", "y": -1.0},
+            {"boundary": "top", "x": 0.3, "factors": [0.0, 1.0]},
+        ],
+        "load_steps": {"steps": 2, "times": [0.0, 1.0]},
+    }
+    limit = alone(parse_scene(scene), check=False).limit
+    assert 0.99 * 0.2 <= limit.force <= 0.2
+    assert limit.reason == "the body slides"
+
+
 def test_a_ramp_without_contact_says_where_it_ends():
     """At the load at which the deformation reaches its limit: it is proportional to the load; the
     history has the attempts beyond it, too.
@@ -170,6 +220,7 @@ def test_a_ramp_without_contact_says_where_it_ends():
     assert held.time <= limit < failed.time < 1.1 * limit
     expected = f"there is a solution at time {held.time:.6g}, and none at time {failed.time:.6g}"
     assert solution.history.events[-1].startswith(f"the ramp ends: {expected}")
+    assert solution.limit.reason == Status.TOO_LARGE.value
     assert {step.linear_solves for step in solution.steps} == {1}
     assert solution.history.linear_solves > len(solution.steps)
 

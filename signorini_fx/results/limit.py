@@ -1,0 +1,74 @@
+"""The limit of a ramp: the loads of its last load step with a solution, and how it ends."""
+
+from __future__ import annotations
+
+import re
+from math import floor
+
+import numpy as np
+
+from signorini_fx.arrays import Array
+from signorini_fx.machine import parallel
+from signorini_fx.mechanics.model import Model
+from signorini_fx.mechanics.statement.effect import ForceDensity
+from signorini_fx.quantities.summary import LimitOfRamp
+from signorini_fx.records import Finding, Status
+from signorini_fx.results.certificate.nodal_forces import NodalForces
+from signorini_fx.tuned import NEGLIGIBLE
+
+# Outcomes of methods that have found no solution, which does not mean that there is none.
+UNDECIDED = (
+    Status.CYCLING,
+    Status.MAX_ITERATIONS,
+    Status.OUTER_MAX_ITERATIONS,
+    Status.SLIDES_AT_PRESSURES,
+)
+_WAYS = {Status.SLIDES: "slides", Status.TIPS: "tips over", Status.OPEN: "lifts off"}
+
+
+def growing_force(model: Model, place: float) -> tuple[Array, Array]:
+    """Return the resultant of the forces that grow at a place on the path, there and at the next
+    factor, force, in 2D per thickness, shape (d,) each, of axisymmetric bodies along the axis;
+    nought where none grows; collective.
+    """
+    places = (place, floor(place) + 1.0)
+    along = slice(None) if model.kinematics.uniform else [1]
+    total = np.zeros((2, model.dimension))[:, along]
+    loads = model.statement.of(ForceDensity)
+    for load in loads:
+        at_nodes = [NodalForces.on(model).external(at, [load]) for at in places]
+        rows = np.array([forces.sum(axis=0)[along] for forces in at_nodes])
+        pair = parallel.global_sum(model.comm, rows)
+        if np.linalg.norm(pair[1] - pair[0]) > NEGLIGIBLE * np.linalg.norm(pair[1]):
+            total += pair
+    return total[0], total[1]
+
+
+def ended_by(model: Model, status: Status, told: list[Finding]) -> str:
+    """Return how a ramp has ended in a few words, such as: upper slides on lower.
+
+    Args:
+        model: the body.
+        status: of the load step without a solution.
+        told: what is known of that load step.
+    """
+    text = " ".join(found.message for found in told)
+    way = next((way for way in _WAYS if way.value in text), status)
+    if way not in _WAYS:
+        return f"{'most likely, ' * (status in UNDECIDED)}{status.value}"
+    names = list(dict.fromkeys(model.motions.pieces.bodies))
+    moving = [name for name in names if f"body {name!r} in" in text]
+    piece = re.search(r"the loads move (?:bodies that may touch by )?(piece .*?);", text)
+    who = " and ".join(moving) or (piece[1] if piece else "the body")
+    others = [name for name in names if name not in moving] if moving else []
+    on = f" on {' and '.join(others)}" if others and way is not Status.OPEN else ""
+    return f"{who} {_WAYS[way]}{on}"
+
+
+def limit_of_ramp(model: Model, time: float, place: float, loads: str, reason: str) -> LimitOfRamp:
+    """Return the limit of a ramp that has come to a place and a time on its path; ``loads``: what
+    it bears there, in words; ``reason``: see ``ended_by``; collective.
+    """
+    held, full = (float(np.linalg.norm(force)) for force in growing_force(model, place))
+    force = {"force": held, "full_force": full} if full > 0.0 else {}
+    return LimitOfRamp(time=time, loads=loads, reason=reason, **force)
